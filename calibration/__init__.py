@@ -1,0 +1,1 @@
+"""What turns raw numbers into true ones."""

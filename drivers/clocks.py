@@ -1,0 +1,37 @@
+"""Time as a device: the wall clock takes as long as it takes, the simulated one none at all."""
+
+import threading
+import time
+
+
+class WallClock:
+    """Monotonic seconds since the clock was made."""
+
+    def __init__(self) -> None:
+        self._zero = time.monotonic()
+
+    def now(self) -> float:
+        """Seconds since the clock was made; not moved by steps of the system's time."""
+        return time.monotonic() - self._zero
+
+    def sleep_until(self, time_s: float) -> None:
+        """Sleep until ``now() >= time_s``."""
+        while (left := time_s - self.now()) > 0:
+            time.sleep(left)
+
+
+class SimulatedClock:
+    """Time that passes only when someone sleeps; exactly repeatable."""
+
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._now = start_s
+        self._lock = threading.Lock()
+
+    def now(self) -> float:
+        """Seconds slept so far."""
+        return self._now
+
+    def sleep_until(self, time_s: float) -> None:
+        """Jump to ``time_s`` (never back)."""
+        with self._lock:
+            self._now = max(self._now, time_s)
