@@ -1,0 +1,206 @@
+"""One world: where the tip is, how the lumen beats, and what the tip therefore feels.
+
+The simulated stage moves in it and the simulated sensor feels it, so place, time and force agree.
+The answer for any time is computed from the trajectory, never stepped: reading in small or large
+pieces gives the same numbers.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from drivers import Clock
+from sim_backend.scene import Scene
+from sim_backend.section import section_at
+from sim_backend.trajectory import Leg, Point, Rest, Trajectory
+from sim_backend.waves import load_wave
+
+Array = NDArray[np.float64]
+Surface = Callable[[float, float], float]
+
+PRESSED_M = 0.25e-3  # resting shallower than this is a touch, not an indentation: no beat starts
+RELAXATION_STEP_S = 1e-3
+DRAG_GRID_M = 1e-3  # sideways under the surface, the sections of whole millimetres stand in
+PLACE_GRID_M = 1e-5
+
+
+class Response(Protocol):
+    """The section's answer at one place; both arguments broadcast, 0 in the air."""
+
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array: ...
+    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array: ...
+
+
+Respond = Callable[[Scene, float, float], Response]  # scene, x [m], greatest depth [m]
+
+
+class Phantom:
+    """A scene with a tip over it.
+
+    The rig frame is the scene's: x along the surface, y along the vessel (the scene's z), z up,
+    0 at the surface unless ``surface`` (height in m over x, y in m) says otherwise. ``respond``
+    gives the elastic answer of a section; ``depth_m`` is the depth it is first asked for.
+    ``seed`` sets the phase of a free-running pulse; ``folder`` is where a wave file lies.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        clock: Clock,
+        respond: Respond,
+        *,
+        seed: int = 0,
+        surface: Surface = lambda _x, _y: 0.0,
+        home: Point = (0.0, 0.0, 5e-3),
+        depth_m: float = 2.5e-3,
+        folder: Path | None = None,
+    ) -> None:
+        self.scene = scene
+        self.clock = clock
+        self.surface = surface
+        self.tip = Trajectory(home, clock.now())
+        self._respond = respond
+        self._depth_m = depth_m
+        self._wave = load_wave(scene.pulse, folder)
+        self._lead_s = np.random.default_rng(seed).uniform(0, self._wave.period_s)
+        self._responses: dict[tuple[float, float], tuple[float, Response]] = {}
+
+    def force_n(self, time_s: Array) -> Array:
+        """Normal force (n,) [N] on the whole indenter at ascending ``time_s`` (n,)."""
+        return self._felt(time_s, lambda r: r.force_n)
+
+    def von_mises_pa(self, time_s: Array) -> Array:
+        """Von Mises stress (n,) [Pa] at the surface under the finger, the paper's criterion."""
+        return self._felt(time_s, lambda r: r.von_mises_pa)
+
+    def depth_m(self, time_s: Array) -> Array:
+        """Indentation (n,) [m] at ascending ``time_s`` (n,), negative in the air."""
+        depth = np.empty(len(time_s))
+        for leg, _, span in self.tip.legs(time_s):
+            depth[span] = self._depth(leg.points(time_s[span]))
+        return depth
+
+    def pressure_pa(self, time_s: Array) -> Array:
+        """Pressure (n,) [Pa] in the lumen at ascending ``time_s`` (n,).
+
+        With ``pulse.start = "hold"`` the beat begins whenever the tip comes to rest under the
+        surface and runs on until it rests in the air; before, the lumen rests at the wave's
+        first value.
+        """
+        if self.scene.pulse.start == "free":
+            return self._wave.pressure_pa(time_s + self._lead_s)
+        since = np.zeros(len(time_s))
+        for leg, before, span in self.tip.legs(time_s):
+            t = time_s[span]
+            now = Rest(leg.end_s, leg.point(math.inf))
+            if self._pressed(before):
+                since[span] = t - before.time_s
+            since[span] = np.where(
+                t >= now.time_s, (t - now.time_s) if self._pressed(now) else 0.0, since[span]
+            )
+        return self._wave.pressure_pa(since)
+
+    def prepare(self, places: list[tuple[float, float]]) -> None:
+        """Solve the sections at ``places`` (x, y) [m] now, so that no reading waits for them."""
+        for x, y in places:
+            self._response(_snap(x, PLACE_GRID_M), _snap(y, PLACE_GRID_M), self._depth_m)
+
+    def _felt(self, time_s: Array, quantity: Callable[[Response], Callable[..., Array]]) -> Array:
+        values = np.zeros(len(time_s))
+        pressure = self.pressure_pa(time_s)
+        for leg, before, span in self.tip.legs(time_s):
+            t = time_s[span]
+            points = leg.points(t)
+            depth = self._depth(points)
+            if (depth <= 0).all():
+                continue
+            elastic = self._elastic(leg, points, depth, pressure[span], quantity)
+            if self.scene.tissue is not None and self.scene.tissue.relaxation:
+                elastic -= self._relaxed_away(t, before, quantity)
+            values[span] = np.maximum(elastic, 0.0)
+        return values
+
+    def _elastic(
+        self,
+        leg: Leg,
+        points: Array,
+        depth: Array,
+        pressure: Array,
+        quantity: Callable[[Response], Callable[..., Array]],
+    ) -> Array:
+        """The answer without relaxation: each place in contact by its own section."""
+        sideways = math.hypot(*leg.direction[:2]) > 1e-6  # less is rounding
+        places = np.round(points[:, :2] / (grid := DRAG_GRID_M if sideways else PLACE_GRID_M))
+        values = np.zeros(len(points))
+        touching = depth > 0
+        for x, y in np.unique(places[touching], axis=0):
+            here = touching & (places[:, 0] == x) & (places[:, 1] == y)
+            section = self._response(float(x * grid), float(y * grid), float(depth[here].max()))
+            values[here] = quantity(section)(depth[here], pressure[here])
+        return values
+
+    def _relaxed_away(
+        self, time_s: Array, before: Rest, quantity: Callable[[Response], Callable[..., Array]]
+    ) -> Array:
+        """What relaxation took off (n,), by quasi-linear viscoelasticity.
+
+        F = F_e - sum g_i (F_e - H_i), dH_i/dt = dF_e/dt - H_i/tau_i, with F_e the elastic answer
+        to the indentation at the resting pressure (Fung 1993, ch. 7; H by the exact step for a
+        piecewise linear F_e). The pulse is not relaxed: softening everything alike does not
+        change the load that a given pressure passes on.
+        """
+        assert self.scene.tissue is not None
+        start = math.floor(self._in_air_since(before) / RELAXATION_STEP_S)
+        stop = math.ceil(time_s[-1] / RELAXATION_STEP_S) + 1
+        grid = np.arange(start, stop + 1) * RELAXATION_STEP_S
+        elastic = np.zeros(len(grid))
+        resting = np.full(len(grid), self._wave.pressure_pa(np.zeros(1))[0])
+        for leg, _, span in self.tip.legs(grid):
+            points = leg.points(grid[span])
+            depth = self._depth(points)
+            elastic[span] = self._elastic(leg, points, depth, resting[span], quantity)
+        rise = np.diff(elastic, prepend=elastic[0])
+        taken = np.zeros(len(grid))
+        for g, tau_s in self.scene.tissue.relaxation:
+            decay = math.exp(-RELAXATION_STEP_S / tau_s)
+            gain = tau_s / RELAXATION_STEP_S * (1 - decay)
+            taken += g * (elastic - lfilter([gain], [1.0, -decay], rise))
+        return np.interp(time_s, grid, taken)
+
+    def _in_air_since(self, before: Rest) -> float:
+        """The last time known to be out of contact: where the relaxation's memory starts."""
+        while self._depth(np.array([before.point]))[0] > 0:
+            earlier = self.tip.rest_before(before.time_s)
+            if earlier.time_s >= before.time_s:
+                break
+            before = earlier
+        return before.time_s
+
+    def _depth(self, points: Array) -> Array:
+        places = np.unique(points[:, :2], axis=0)
+        if len(places) == 1:
+            height = np.float64(self.surface(*places[0].tolist()))
+            return np.asarray(height - points[:, 2])
+        heights = [self.surface(x, y) for x, y in points[:, :2].tolist()]
+        return np.asarray(np.array(heights) - points[:, 2])
+
+    def _pressed(self, rest: Rest) -> bool:
+        x, y, z = rest.point
+        return self.surface(x, y) - z > PRESSED_M
+
+    def _response(self, x: float, y: float, depth_m: float) -> Response:
+        known_m, response = self._responses.get((x, y), (0.0, None))
+        if response is None or depth_m > known_m:
+            known_m = max(self._depth_m, depth_m if response is None else 1.25 * depth_m)
+            response = self._respond(section_at(self.scene, 1e3 * y), x, known_m)
+            self._responses[x, y] = (known_m, response)
+        return response
+
+
+def _snap(value: float, grid: float) -> float:
+    return float(np.round(value / grid) * grid)
