@@ -121,6 +121,7 @@ class VirtualSensor:
         self._chunk = (-1, np.empty(0))
         self._tare_n = 0.0
         self._running = False
+        self._first = self._next = 1
         self._begin(clock.now())
 
     def connect(self) -> None:
@@ -137,9 +138,10 @@ class VirtualSensor:
         if self._follow is not None:
             self._phantom.tip.record(now, self._follow.pose()[:3])
         due = math.floor((now - self._start_s) * self.rate_hz + 1e-6) if self._running else 0
-        first, self._next = self._next, max(due + 1, self._next)
-        self._compute_to(self._next)
-        part = slice(first - self._first, self._next - self._first)
+        end = max(due + 1, self._next)
+        self._compute_to(end)
+        part = slice(self._next - self._first, end - self._first)
+        self._next = end
         values = self._values[part].copy()
         values[:, 0] -= self._tare_n
         return Block(self._times[part], values, self._saturated[part])
@@ -161,8 +163,8 @@ class VirtualSensor:
 
     def _begin(self, start_s: float) -> None:
         self._start_s = start_s
-        self._first: int = 1  # index of the first sample kept
-        self._next: int = 1  # index of the next sample to hand out
+        self._first = 1  # index of the first sample kept
+        self._next = 1  # index of the next sample to hand out
         self._revision = self._phantom.tip.revision
         self._times: Array = np.empty(0)
         self._values: Array = np.empty((0, 2))

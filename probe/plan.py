@@ -1,0 +1,108 @@
+"""Where to press: rows and serpentine grids over a surface, checked before anything moves.
+
+The scan frame is right-handed, z up, in metres; the surface's height is a function of x and y.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from drivers import ConfigError, Pose
+
+Surface = Callable[[float, float], float]
+Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+def flat(_x_m: float, _y_m: float) -> float:
+    """The surface z = 0."""
+    return 0.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """One station; ``index`` from 0 in scanning order."""
+
+    index: int
+    x_m: float
+    y_m: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All stations and one press, the same at each.
+
+    The tip travels ``clearance_m`` above the highest station, approaches at
+    ``approach_m_s``, then goes ``indentation_m`` down from the surface in ``ramp_s`` and stays
+    ``hold_s``. With ``touch_n`` the surface is not taken from ``surface`` but found: the approach
+    goes on, at most ``search_m`` deep, until the force reaches it. ``settle_s`` of rest in the
+    air precede each tare.
+    """
+
+    places: tuple[Place, ...]
+    indentation_m: float = 2.5e-3
+    ramp_s: float = 1.0
+    hold_s: float = 0.825
+    clearance_m: float = 2e-3
+    travel_m_s: float = 20e-3
+    approach_m_s: float = 10e-3
+    settle_s: float = 0.05
+    touch_n: float | None = None
+    search_m: float = 2e-3
+    surface: Surface = flat
+
+    @property
+    def travel_z_m(self) -> float:
+        """The height of all travel."""
+        return max(self.surface(p.x_m, p.y_m) for p in self.places) + self.clearance_m
+
+    @property
+    def deepest_m(self) -> float:
+        """How far below the nominal surface a press may go."""
+        return self.indentation_m + (self.search_m if self.touch_n is not None else 0.0)
+
+    def above(self, place: Place) -> Pose:
+        """The travelling pose over a station."""
+        return Pose(place.x_m, place.y_m, self.travel_z_m)
+
+    def at_surface(self, place: Place) -> Pose:
+        """The pose at which a press at a station begins."""
+        return Pose(place.x_m, place.y_m, self.surface(place.x_m, place.y_m))
+
+
+def row(start_m: float, pitch_m: float, stations: int, *, y_m: float = 0.0) -> tuple[Place, ...]:
+    """Stations along x."""
+    return grid((start_m, y_m), (pitch_m, 0.0), (stations, 1))
+
+
+def grid(
+    start_m: tuple[float, float], pitch_m: tuple[float, float], stations: tuple[int, int]
+) -> tuple[Place, ...]:
+    """Stations in rows along x, every other row backwards, so that no way is long."""
+    columns, rows = stations
+    order = [(i if j % 2 == 0 else columns - 1 - i, j) for j in range(rows) for i in range(columns)]
+    return tuple(
+        Place(n, start_m[0] + i * pitch_m[0], start_m[1] + j * pitch_m[1])
+        for n, (i, j) in enumerate(order)
+    )
+
+
+def repeated(places: Sequence[Place], repeats: int) -> tuple[Place, ...]:
+    """Each place pressed ``repeats`` times in a row, each press a station of its own."""
+    twice = [place for place in places for _ in range(repeats)]
+    return tuple(Place(n, place.x_m, place.y_m) for n, place in enumerate(twice))
+
+
+def check_reach(plan: Plan, workspace_m: Box) -> None:
+    """Raise `ConfigError` unless every pose of the plan lies in the workspace [m]."""
+    if not plan.places:
+        raise ConfigError("the plan has no stations")
+    for place in plan.places:
+        top, surface = plan.above(place), plan.at_surface(place)
+        deepest = surface._replace(z=surface.z - plan.deepest_m)
+        for pose in (top, deepest):
+            for axis, at, (low, high) in zip("xyz", pose[:3], workspace_m, strict=True):
+                if not low - 1e-9 <= at <= high + 1e-9:
+                    raise ConfigError(
+                        f"station {place.index} at x = {1e3 * place.x_m:g} mm, "
+                        f"y = {1e3 * place.y_m:g} mm needs {axis} = {1e3 * at:g} mm; "
+                        f"the workspace allows {1e3 * low:g} to {1e3 * high:g} mm"
+                    )
