@@ -1,0 +1,174 @@
+"""From a rig to open devices; a simulated stand-in only where the rig or the user says so."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from pydantic import ConfigDict, ValidationError, validate_call
+
+from drivers import (
+    Clock,
+    ConfigError,
+    DeviceAbsent,
+    Sensor,
+    SimulatedClock,
+    Stage,
+    find_driver,
+)
+from drivers.registry import Kind
+from probe.rig import Device, Fallback, Rig, RigError
+from sim_backend.phantom import Phantom, Respond
+from sim_backend.scene import Scene, explain, load_scene, scene_names
+
+VIRTUAL = Device(driver="virtual")
+
+
+@dataclass(frozen=True)
+class Devices:
+    """What a scan runs on; ``notes`` name every stand-in. Leaving the context closes all."""
+
+    stage: Stage
+    sensors: tuple[Sensor, ...]
+    phantom: Phantom | None
+    notes: tuple[str, ...]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self.stage.close()
+        for sensor in self.sensors:
+            sensor.close()
+
+
+def connect(
+    rig: Rig,
+    clock: Clock,
+    scene: Scene | None = None,
+    *,
+    seed: int = 0,
+    fallback: Fallback | None = None,
+    respond: Respond | None = None,
+) -> Devices:
+    """Open every device of the rig.
+
+    ``scene`` overrides the rig's. ``fallback`` allows stand-ins for all devices. With the wall
+    clock every station is solved here, so that no reading waits for the physics.
+    Raises `RigError`, `SceneError`, and `DeviceAbsent` where no stand-in is allowed.
+    """
+    notes: list[str] = []
+    world = _World(rig, clock, scene, seed, respond)
+    stage: Stage | None = None
+    sensors: list[Sensor] = []
+    try:
+        stage = _open("stages", "stage", rig.stage, fallback, world, {}, notes)
+        follow = {} if stage.name == "virtual" else {"follow": stage}
+        for n, device in enumerate(rig.sensor):
+            extra = {"seed": seed, **follow}
+            where = f"sensor[{n}]"
+            sensors.append(_open("sensors", where, device, fallback, world, extra, notes))
+        _check_names(sensors)
+        if world.phantom is not None and not isinstance(clock, SimulatedClock):
+            world.phantom.prepare([(p.x_m, p.y_m) for p in rig.plan.places])
+    except BaseException:
+        for sensor in sensors:
+            sensor.close()
+        if stage is not None:
+            stage.close()
+        raise
+    return Devices(stage, tuple(sensors), world.phantom, tuple(notes))
+
+
+class _World:
+    """The one phantom, made when the first simulated device asks for it."""
+
+    def __init__(
+        self, rig: Rig, clock: Clock, scene: Scene | None, seed: int, respond: Respond | None
+    ) -> None:
+        self.rig, self.clock, self.seed, self.respond = rig, clock, seed, respond
+        self.scene = scene
+        self.phantom: Phantom | None = None
+
+    def get(self) -> Phantom:
+        if self.phantom is not None:
+            return self.phantom
+        rig, folder = self.rig, Path()
+        if self.scene is None:
+            if rig.scene is None:
+                raise RigError(
+                    "scene.name is missing: a simulated device needs a scene; "
+                    f"built in: {', '.join(scene_names())}"
+                )
+            self.scene, folder = load_scene(rig.scene.name), Path(rig.scene.name).parent
+        if rig.scan.indentation_mm >= self.scene.surface_mm:
+            raise RigError(
+                f"scan.indentation_mm = {rig.scan.indentation_mm:g}: scene {self.scene.name} is "
+                f"only {self.scene.surface_mm:g} mm thick"
+            )
+        if self.respond is None:
+            from sim_backend.response import respond  # finite elements: only where simulated
+
+            self.respond = respond
+        plan = rig.plan
+        first = plan.places[0]
+        self.phantom = Phantom(
+            self.scene,
+            self.clock,
+            self.respond,
+            seed=self.seed,
+            surface=plan.surface,
+            home=(first.x_m, first.y_m, plan.travel_z_m),
+            depth_m=plan.indentation_m,
+            folder=folder,
+        )
+        return self.phantom
+
+
+def _open(
+    kind: Kind,
+    where: str,
+    device: Device,
+    fallback: Fallback | None,
+    world: _World,
+    extra: dict[str, Any],
+    notes: list[str],
+) -> Any:
+    """One device, connected, or its stand-in if it is absent and one is allowed."""
+    made = _make(kind, where, device, world, extra)
+    try:
+        made.connect()
+    except DeviceAbsent as absent:
+        if (device.fallback or fallback) is None:
+            raise
+        notes.append(f"{where}: {absent}; a simulated stand-in takes its place")
+        made = _make(kind, where, VIRTUAL, world, extra)
+        made.connect()
+    return made
+
+
+def _make(kind: Kind, where: str, device: Device, world: _World, extra: dict[str, Any]) -> Any:
+    settings = device.settings
+    try:
+        factory = find_driver(kind, device.driver)
+        if device.driver == "virtual":
+            settings = {**extra, **settings, "phantom": world.get()}
+        checked = validate_call(config=ConfigDict(arbitrary_types_allowed=True))(factory)
+        return checked(world.clock, **settings)
+    except ValidationError as error:
+        raise RigError("\n".join(f"{where}.{line}" for line in explain(error))) from None
+    except ConfigError as error:
+        raise RigError(f"{where}.{error}") from None
+
+
+def _check_names(sensors: Sequence[Sensor]) -> None:
+    names = [sensor.name for sensor in sensors]
+    for n, name in enumerate(names):
+        if name in names[:n] or name == "stage":
+            raise RigError(f"sensor[{n}].name = {name!r}: taken; give each sensor its own name")
