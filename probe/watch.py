@@ -8,7 +8,8 @@ simulated clock the engine calls `Watch.step` itself, at most two sensor samples
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -115,19 +116,19 @@ class Watch:
 
     def move(self, target: Pose, speed_m_s: float, *, retreat: bool = False) -> None:
         """Start a move, unless a guard has stopped the scan. Raises `DeviceFault`."""
-        with self._stage_lock:
+        with self._held():
             if self.trip is not None and not retreat:
                 raise DeviceFault(self.trip.device, self.trip.reason)
             self._stage.move(target, speed_m_s)
 
     def moving(self) -> bool:
         """True while the stage moves. Raises `DeviceFault`."""
-        with self._stage_lock:
+        with self._held():
             return self._stage.moving()
 
     def pose(self) -> Pose:
         """The stage's pose. Raises `DeviceFault`."""
-        with self._stage_lock:
+        with self._held():
             return self._stage.pose()
 
     def object(self, device: str, reason: str, *, can_retract: bool) -> None:
@@ -139,6 +140,16 @@ class Watch:
         self._stage.stop()
         if self._stage_lock.acquire(timeout=LOCK_S):
             self._stage.stop()
+            self._stage_lock.release()
+
+    @contextmanager
+    def _held(self) -> Iterator[None]:
+        """The stage to oneself. Raises `DeviceFault` if another call to it hangs."""
+        if not self._stage_lock.acquire(timeout=2 * self._limits.silence_s):
+            raise DeviceFault(self._stage.name, "does not answer")
+        try:
+            yield
+        finally:
             self._stage_lock.release()
 
     def _repeat(self, step: Callable[[], None], period_s: float) -> None:

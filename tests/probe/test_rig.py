@@ -1,0 +1,119 @@
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers import DeviceAbsent, SimulatedClock
+from probe import devices
+from probe.describe import run_config
+from probe.devices import connect
+from probe.rig import Rig, RigError, default_rig, load_rig
+from sim_backend.scene import load_scene
+
+VIRTUAL = '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n'
+SCENE = '[scene]\nname = "TI"\n'
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_example_is_the_default_rig() -> None:
+    example = load_rig(Path(__file__).resolve().parents[2] / "rigs" / "virtual.toml")
+    assert (example.scan, example.plan.places) == (default_rig().scan, default_rig().plan.places)
+    assert example.limits == default_rig().limits
+    assert example.scan.indentation_mm / example.scan.ramp_s == 2.5
+
+
+def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
+    (place,) = default_rig(load_scene("HAOT")).plan.places
+    assert place.x_m == pytest.approx(0.032)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[scan]\nstations = 30\n", "station 17 .* x = 72 mm"),
+        ("[scan]\nstations = 0\n", "scan.stations.* = 0: .*greater than or equal to 1"),
+        ("[scan]\nramp_s = -1\n", "scan.ramp_s = -1"),
+        ("[scan]\nramp_s = 0.01\n", "250 mm/s: must not exceed safety.max_speed_mm_s = 25"),
+        ("[scan]\nindent_mm = 2\n", "scan.indent_mm = 2: Extra inputs"),
+        ("[scan]\nhold_s = nan\n", "scan.hold_s = nan"),
+        ("[scan]\ntouch_n = 9\n", "scan.touch_n = 9: must be below safety.max_force_n = 5"),
+        ("[safety]\nmax_depth_mm = 1\n", "safety.max_depth_mm = 1: the scan goes 2.5 mm"),
+        ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
+        ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
+        ("[scan\n", "not TOML"),
+        ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),
+    ],
+)
+def test_wrong_rigs_name_file_key_and_value(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(RigError, match=said) as caught:
+        load_rig(write(tmp_path, VIRTUAL + text))
+    assert str(caught.value).startswith(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (VIRTUAL.replace("virtual", "warp", 1) + SCENE, "stage.driver = 'warp': .*known: .*ur"),
+        (VIRTUAL + "rate_hz = 'fast'\n" + SCENE, "sensor.0..rate_hz = 'fast'"),
+        (VIRTUAL + "rate_hz = 0\n" + SCENE, "sensor.0..rate_hz = 0: must be above 0"),
+        (VIRTUAL + "colour = 1\n" + SCENE, "sensor.0..colour = 1: Unexpected"),
+        (VIRTUAL, "scene.name is missing"),
+        (VIRTUAL + "name = 'stage'\n" + SCENE, "name = 'stage': taken"),
+        (VIRTUAL + "[[sensor]]\ndriver = 'virtual'\n" + SCENE, r"sensor\[1\].name = 'force'"),
+        (VIRTUAL + SCENE + "[scan]\nindentation_mm = 17\nramp_s = 9\n[safety.workspace_mm]\n"
+         "z = [-20, 20]\n", "only 16.83 mm thick"),
+    ],
+)  # fmt: skip
+def test_wrong_devices_name_key_and_value(
+    tmp_path: Path, winkler: Any, text: str, said: str
+) -> None:
+    with pytest.raises(RigError, match=said):
+        connect(load_rig(write(tmp_path, text)), SimulatedClock(), respond=winkler)
+
+
+def test_a_measured_surface_is_a_plane_through_three_points() -> None:
+    rig = Rig.model_validate({"scan": {"surface_mm": [[0, 0, 0], [60, 0, 3], [0, 5, 0]]}})
+    assert rig.plan.surface(0.030, 0.002) == pytest.approx(1.5e-3, abs=1e-6)
+
+
+class Absent:
+    """A device that is not there."""
+
+    name = "absent"
+
+    def connect(self) -> None:
+        raise DeviceAbsent("absent", "no answer at 10.0.0.9")
+
+    def close(self) -> None:
+        """Nothing was opened."""
+
+
+def test_a_stand_in_takes_over_only_where_it_is_allowed(
+    winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = devices.find_driver
+    monkeypatch.setattr(
+        devices,
+        "find_driver",
+        lambda kind, name: (lambda clock: Absent()) if name == "mine" else real(kind, name),  # noqa: ARG005
+    )
+    rig = Rig.model_validate({"stage": {"driver": "mine"}, "scene": {"name": "TI"}})
+    with pytest.raises(DeviceAbsent):
+        connect(rig, SimulatedClock(), respond=winkler)
+    with connect(rig, SimulatedClock(), fallback="virtual", respond=winkler) as opened:
+        assert opened.stage.simulated
+        assert "no answer at 10.0.0.9; a simulated stand-in" in opened.notes[0]
+
+
+def test_the_configuration_of_a_run_is_complete() -> None:
+    scene, rig = load_scene("TIHA"), default_rig()
+    config = run_config(rig, scene, rig.plan, seed=7)
+    assert config["face_mm2"] == 100.0
+    assert config["seed"] == 7
+    assert len(config["plan"]["stations"]) == 15
+    assert config["versions"]["palpate"]
