@@ -4,7 +4,6 @@ import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import IntEnum
-from threading import Event
 from types import FrameType
 
 
@@ -19,32 +18,35 @@ class Wish(IntEnum):
 
 
 class Control:
-    """The wish of whoever watches the scan. Every method may be called from any thread."""
+    """The wish of whoever watches the scan. Every method may be called from any thread.
+
+    Plain flags and no lock: a signal handler may interrupt any of these methods, itself included.
+    """
 
     def __init__(self) -> None:
-        self._asked = {wish: Event() for wish in Wish if wish is not Wish.GO_ON}
+        self._asked = dict.fromkeys(list(Wish)[1:], False)
 
     @property
     def wish(self) -> Wish:
         """The most urgent wish."""
-        return max((w for w, event in self._asked.items() if event.is_set()), default=Wish.GO_ON)
+        return max((w for w, asked in self._asked.items() if asked), default=Wish.GO_ON)
 
     def pause(self, *, now: bool = False) -> None:
         """Pause after this station, or ``now``: retract, and repeat the station on `resume`."""
-        self._asked[Wish.PAUSE_NOW if now else Wish.PAUSE_AFTER_STATION].set()
+        self._asked[Wish.PAUSE_NOW if now else Wish.PAUSE_AFTER_STATION] = True
 
     def resume(self) -> None:
         """Go on after a pause; an abort or a stop stays."""
-        self._asked[Wish.PAUSE_NOW].clear()
-        self._asked[Wish.PAUSE_AFTER_STATION].clear()
+        self._asked[Wish.PAUSE_NOW] = False
+        self._asked[Wish.PAUSE_AFTER_STATION] = False
 
     def abort(self) -> None:
         """Retract and end the run."""
-        self._asked[Wish.ABORT].set()
+        self._asked[Wish.ABORT] = True
 
     def stop(self) -> None:
         """Halt where the probe is and end the run."""
-        self._asked[Wish.STOP].set()
+        self._asked[Wish.STOP] = True
 
 
 @contextmanager

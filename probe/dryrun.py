@@ -1,0 +1,212 @@
+"""What can be known before anything moves: reach, limits, time, disk, calibration, visibility.
+
+Nothing is opened and nothing is sent to a device.
+"""
+
+import json
+import math
+import shutil
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from probe.plan import Plan
+from probe.rig import Device, Rig
+from sim_backend.phantom import Respond
+from sim_backend.scene import Scene
+from sim_backend.section import section_at
+from sim_backend.waves import load_wave
+
+CALIBRATION_DAYS = 180
+DISK_RESERVE = 2.0
+WEAK_PULSE_PA = 1300.0  # the 5 % weakest of measured radial pulses, peak to peak
+SIGMAS = 5.0
+# (rms noise N, rate Hz) of sensors whose rig settings do not say, from makers and measurements.
+KNOWN_NOISE = {"ft300": (0.1, 100.0), "ur": (0.5, 500.0), "netft": (6.25e-3, 1000.0)}
+VIRTUAL_NOISE = (0.5e-3, 500.0)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing looked at; a ``fault`` would stop the scan, a ``warning`` would spoil it."""
+
+    name: str
+    level: Literal["ok", "warning", "fault"]
+    text: str
+
+
+@dataclass(frozen=True)
+class DryRun:
+    """All checks, the scan's duration [s] and the run file's size [bytes]."""
+
+    checks: tuple[Check, ...]
+    seconds: float
+    size_bytes: float
+
+    @property
+    def can_scan(self) -> bool:
+        """No check found a fault."""
+        return all(check.level != "fault" for check in self.checks)
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON-able, with the checks in order."""
+        return asdict(self) | {"can_scan": self.can_scan}
+
+
+def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = None) -> DryRun:
+    """Check a rig file's scan against its limits, the disk of ``out`` and the sensors' noise.
+
+    With a ``scene`` and ``respond`` the expected pulse is solved for the station nearest to an
+    artery; without, the weakest measured radial pulses are taken.
+    """
+    plan = rig.plan
+    seconds = scan_seconds(plan)
+    rates = [_noise(device)[1] for device in rig.sensor]
+    size_bytes = 1.3 * seconds * (sum(24 * rate for rate in rates) + 32 * 125)
+    checks = [
+        _reach(rig),
+        Check("time", "ok", f"{len(plan.places)} presses in about {seconds:.0f} s"),
+        _disk(out, size_bytes),
+        *(_calibration(kind, Path(file)) for kind, file in rig.calibration.items()),
+    ]
+    if not rig.calibration:
+        checks.append(Check("calibration", "warning", "none named: forces are the sensors' own"))
+    pulse_n, source = _expected_pulse(rig, scene, respond)
+    checks += [_visibility(device, pulse_n, source, plan.hold_s) for device in rig.sensor]
+    return DryRun(tuple(checks), seconds, size_bytes)
+
+
+def scan_seconds(plan: Plan) -> float:
+    """How long the scan takes, without the stage's acceleration."""
+    height = plan.travel_z_m
+    drops = sum(height - plan.at_surface(place).z for place in plan.places)
+    ways = sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in pairwise(plan.places))
+    lifts = drops + len(plan.places) * plan.indentation_m
+    each_s = plan.settle_s + plan.ramp_s + plan.hold_s
+    moves_s = (ways + lifts) / plan.travel_m_s + drops / plan.approach_m_s
+    return moves_s + len(plan.places) * each_s
+
+
+def smallest_pulse_n(noise_n: float, rate_hz: float, hold_s: float) -> float:
+    """The peak-to-peak sinusoidal pulse that one hold shows at 5 sigma, known phase, white noise.
+
+    Least squares of a sine of amplitude a/2 on n samples: sigma_a = noise / sqrt(n / 8).
+    """
+    return SIGMAS * noise_n / math.sqrt(max(rate_hz * hold_s, 1.0) / 8)
+
+
+def draw_path(rig: Rig, file: Path) -> None:
+    """A picture of the tip's way: from the side and, for grids, from above."""
+    from matplotlib.figure import Figure  # only pictures need it
+
+    plan, box = rig.plan, rig.safety.workspace_mm
+    points = [
+        (1e3 * pose.x, 1e3 * pose.y, 1e3 * (pose.z - depth))
+        for place in plan.places
+        for pose, depth in (
+            (plan.above(place), 0.0),
+            (plan.at_surface(place), plan.indentation_m),
+            (plan.above(place), 0.0),
+        )
+    ]
+    x, y, z = np.array(points).T
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    side, top = figure.subplots(2, 1)
+    side.plot(x, z, lw=1, label="tip")
+    surface = [1e3 * plan.at_surface(place).z for place in plan.places]
+    side.plot([1e3 * p.x_m for p in plan.places], surface, "k.-", lw=0.5, label="surface")
+    side.set(xlabel="x [mm]", ylabel="z [mm]", title="from the side")
+    side.legend(loc="upper right")
+    top.plot(x, y, "o-", ms=3, lw=1)
+    top.set(xlabel="x [mm]", ylabel="y [mm]", title="from above, with the workspace")
+    top.plot(
+        [box.x[0], box.x[1], box.x[1], box.x[0], box.x[0]],
+        [box.y[0], box.y[0], box.y[1], box.y[1], box.y[0]],
+        "r--", lw=1,
+    )  # fmt: skip
+    figure.savefig(file, dpi=120)
+
+
+def _reach(rig: Rig) -> Check:
+    """The rig file was refused if a station were out of reach; here is what was allowed."""
+    limits = rig.limits
+    return Check(
+        "reach and limits",
+        "ok",
+        f"all stations in the workspace; at most {limits.max_force_n:g} N, "
+        f"{1e3 * limits.max_depth_m:g} mm deep, {1e3 * limits.max_speed_m_s:g} mm/s",
+    )
+
+
+def _disk(out: Path, size_bytes: float) -> Check:
+    folder = next(p for p in (out.resolve(), *out.resolve().parents) if p.exists())
+    free = shutil.disk_usage(folder).free
+    level: Literal["ok", "fault"] = "ok" if free > DISK_RESERVE * size_bytes else "fault"
+    return Check(
+        "disk", level, f"needs {size_bytes / 1e6:.1f} MB, {folder} has {free / 1e6:.0f} MB"
+    )
+
+
+def _calibration(kind: str, file: Path) -> Check:
+    """Age by the file's own ``made_utc``, or by when it was written."""
+    made = datetime.fromtimestamp(file.stat().st_mtime, UTC)
+    with suppress(ValueError, KeyError, TypeError):  # other formats carry no date of their own
+        made = datetime.fromisoformat(json.loads(file.read_text(encoding="utf-8"))["made_utc"])
+    days = (datetime.now(UTC) - made.replace(tzinfo=made.tzinfo or UTC)).days
+    level: Literal["ok", "warning"] = "ok" if days <= CALIBRATION_DAYS else "warning"
+    advice = "" if level == "ok" else f"; older than {CALIBRATION_DAYS} days: calibrate again"
+    return Check(f"calibration {kind}", level, f"{days} days old{advice}")
+
+
+def _expected_pulse(
+    rig: Rig, scene: Scene | None, respond: Respond | None
+) -> tuple[float | None, str]:
+    """Peak-to-peak force [N] of the pulse, and where the figure comes from."""
+    if scene is not None and respond is not None:
+        return _solved_pulse(rig.plan, scene, respond)
+    if rig.face_mm2 is None:
+        return None, "no scene and no face_mm2"
+    return 1e-6 * rig.face_mm2 * WEAK_PULSE_PA, "the weakest 5 % of radial pulses"
+
+
+def _solved_pulse(plan: Plan, scene: Scene, respond: Respond) -> tuple[float | None, str]:
+    if not scene.arteries:
+        return None, f"scene {scene.name} has no artery"
+    artery_m = 1e-3 * scene.arteries[0].x_mm
+    place = min(plan.places, key=lambda p: abs(p.x_m - artery_m))
+    wave = load_wave(scene.pulse)
+    beat = wave.pressure_pa(np.linspace(0, wave.period_s, 200))
+    section = respond(section_at(scene, 1e3 * place.y_m), place.x_m, plan.indentation_m)
+    depth = np.full(2, plan.indentation_m)
+    low, high = section.force_n(depth, np.array([beat.min(), beat.max()]))
+    return float(high - low), f"scene {scene.name} at x = {1e3 * place.x_m:g} mm"
+
+
+def _noise(device: Device) -> tuple[float, float]:
+    """Rms noise [N] (NaN if unknown) and rate [Hz] by the rig's settings or the known table."""
+    noise_n, rate_hz = KNOWN_NOISE.get(device.driver, (math.nan, 100.0))
+    if device.driver == "virtual":
+        noise_n, rate_hz = VIRTUAL_NOISE
+    noise_n = 1e-3 * device.settings.get("noise_mn", 1e3 * noise_n)
+    return float(noise_n), float(device.settings.get("rate_hz", rate_hz))
+
+
+def _visibility(device: Device, pulse_n: float | None, source: str, hold_s: float) -> Check:
+    name, (noise_n, rate_hz) = f"pulse on {device.driver}", _noise(device)
+    if pulse_n is None:
+        return Check(name, "ok", f"nothing to compare with: {source}")
+    if not math.isfinite(noise_n):
+        return Check(name, "warning", "this sensor's noise is not known; give noise_mn")
+    least_n = smallest_pulse_n(noise_n, rate_hz, hold_s)
+    visible = pulse_n >= least_n
+    return Check(
+        name,
+        "ok" if visible else "warning",
+        f"{1e3 * pulse_n:.3g} mN expected ({source}); one hold of {hold_s:g} s shows "
+        f"{1e3 * least_n:.3g} mN" + ("" if visible else ": hold longer or use a quieter sensor"),
+    )

@@ -1,0 +1,65 @@
+import json
+import os
+import shutil
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from probe.dryrun import draw_path, dry_run, scan_seconds, smallest_pulse_n
+from probe.rig import Rig, default_rig
+from sim_backend.scene import load_scene
+
+
+def levels(report: Any) -> dict[str, str]:
+    return {check.name: check.level for check in report.checks}
+
+
+def test_the_default_rig_can_scan_and_sees_the_pulse(tmp_path: Path, winkler: Any) -> None:
+    report = dry_run(default_rig(), load_scene("TIHA"), tmp_path, winkler)
+    assert report.can_scan
+    assert levels(report)["pulse on virtual"] == "ok"
+    assert report.seconds == pytest.approx(38, abs=1)
+    assert json.loads(json.dumps(report.as_json()))["can_scan"]
+
+
+@pytest.mark.parametrize(
+    ("noise_n", "rate_hz", "seen_n"), [(0.1, 100, 0.156), (0.2, 500, 0.139), (3.1e-3, 1000, 1.5e-3)]
+)
+def test_visibility_agrees_with_known_sensors(
+    noise_n: float, rate_hz: float, seen_n: float
+) -> None:
+    assert smallest_pulse_n(noise_n, rate_hz, 0.825) == pytest.approx(seen_n, rel=0.03)
+
+
+def test_a_noisy_sensor_is_warned_of(tmp_path: Path) -> None:
+    rig = Rig.model_validate({"sensor": [{"driver": "ft300"}], "face_mm2": 50})
+    report = dry_run(rig, None, tmp_path)
+    assert levels(report)["pulse on ft300"] == "warning"
+    assert report.can_scan
+
+
+def test_a_full_disk_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(10, 9, 1))
+    assert not dry_run(default_rig(), None, tmp_path / "not" / "yet").can_scan
+
+
+def test_an_old_calibration_is_warned_of(tmp_path: Path) -> None:
+    old, new = tmp_path / "force.json", tmp_path / "frame.json"
+    old.write_text("{}")
+    os.utime(old, (time.time() - 400 * 86400,) * 2)
+    new.write_text("{}")
+    rig = Rig.model_validate({"calibration": {"force": str(old), "frame": str(new)}})
+    found = levels(dry_run(rig, None, tmp_path))
+    assert (found["calibration force"], found["calibration frame"]) == ("warning", "ok")
+
+
+def test_the_time_of_a_row_is_its_moves_ramps_and_holds() -> None:
+    plan = Rig.model_validate({"scan": {"stations": 2}}).plan
+    assert scan_seconds(plan) == pytest.approx(2 * (0.05 + 1 + 0.825 + 0.2 + 0.225) + 0.2)
+
+
+def test_the_path_is_drawn(tmp_path: Path) -> None:
+    draw_path(default_rig(), tmp_path / "path.png")
+    assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
