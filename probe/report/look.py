@@ -1,0 +1,35 @@
+"""The one look of every picture and window: colours safe for colour-blind eyes, sizes, words.
+
+Hues are Okabe & Ito's (2008); heat maps use cividis (Nuñez, Anderton & Renslow 2018), whose
+lightness rises evenly and which looks alike with and without red-green vision.
+"""
+
+from collections.abc import Mapping
+
+INK = "#1b1f24"  # replaced by the page's own text colour in HTML
+BLUE = "#0072b2"
+ORANGE = "#d55e00"
+GREEN = "#009e73"
+PINK = "#cc79a7"
+SKY = "#56b4e9"
+YELLOW = "#e69f00"
+HEAT = "cividis"
+
+PHASE_COLOURS: Mapping[str, str] = {
+    "travelling": "#9aa4ad",
+    "taring": "#9aa4ad",
+    "approaching": SKY,
+    "indenting": YELLOW,
+    "holding": GREEN,
+    "retracting": PINK,
+    "paused": "#9aa4ad",
+    "stopping": ORANGE,
+}
+"""What shades a trace while the probe is in a phase; phases left out are not shaded."""
+
+PAPER_WIDTH_IN = 3.5  # one column of a journal page
+
+
+def simulated_words(simulated: tuple[str, ...]) -> str:
+    """What a reader must be told first; empty for a wholly real run."""
+    return f"SIMULATED: {', '.join(simulated)}" if simulated else ""

@@ -1,0 +1,107 @@
+"""Writes a run's report: the page and its figures as PNG, SVG and PDF."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from probe.events import RunStarted
+from probe.recording import Recording, Station
+from probe.report import figures
+from probe.report.page import Picture, page
+from sim_backend.scene import Scene
+
+DPI = 300
+
+
+def write_report(run_path: Path, out_dir: Path) -> Path:
+    """Write ``report.html`` and the figures into ``out_dir``; returns the page's path.
+
+    Raises `ValueError` if no station is complete: there is nothing to show then.
+    """
+    from probe.detect import detect  # here: reading and detecting are not needed to draw
+    from probe.run import open_run
+
+    run = open_run(run_path)
+    started = next(event for event in run.events() if isinstance(event, RunStarted))
+    recording = run.recording()
+    return report(recording, started, detect(recording).as_json(), run_path, out_dir)
+
+
+def report(
+    recording: Recording,
+    started: RunStarted,
+    finding: Mapping[str, Any],
+    run_path: Path,
+    out_dir: Path,
+) -> Path:
+    """As `write_report`, from what it reads."""
+    if not recording.stations:
+        raise ValueError(f"{run_path}: no station is complete; `palpate resume` can finish the run")
+    finding = {
+        "simulated": list(recording.simulated),
+        "finish": recording.finish,
+        **finding,
+    }
+    out_dir.mkdir(parents=True, exist_ok=True)
+    with figures.style():
+        pictures, remarks = _pictures(recording, started, finding)
+        title = f"Run {run_path.name}, {started.started_utc}"
+        text = page(title, finding, pictures, started.config, started.channels, remarks)
+        for one in pictures:
+            for ending in ("png", "svg", "pdf"):
+                one.figure.savefig(out_dir / f"{one.name}.{ending}", dpi=DPI, facecolor="white")
+    path = out_dir / "report.html"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def _pictures(
+    recording: Recording, started: RunStarted, finding: Mapping[str, Any]
+) -> tuple[list[Picture], list[str]]:
+    best = figures.best_station(recording, finding)
+    times = ", ".join(f"{t:g}" for t in figures.PAPER_TIMES_S)
+    grid = figures.is_grid(recording)
+    pictures, remarks = [], []
+    if np.isfinite([s.x_m for s in recording.stations]).all():
+        caption = f"Tactile map at {times} s after first contact."
+        pictures.append(Picture("tactile_map", caption, figures.tactile_map(recording), grid))
+        caption = (
+            "Pulse amplitude at each station; shaded: where the object lies, with 95 % limits."
+        )
+        pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording), grid))
+    caption = "Force against time at the station with the strongest pulse."
+    pictures.append(Picture("force", caption, figures.force_trace(best, recording.face_m2)))
+    scene = started.config.get("scene")
+    if scene is not None:
+        drawn = _section(Scene.model_validate(scene), best, started.config)
+        if isinstance(drawn, Picture):
+            pictures.append(drawn)
+        else:
+            remarks.append(drawn)
+    return pictures, remarks
+
+
+def _section(scene: Scene, best: Station, config: Mapping[str, Any]) -> Picture | str:
+    """The pressed section, or why there is none."""
+    from sim_backend.press import CannotSolve, press  # here: real runs need no finite elements
+
+    depth_mm = float(config["plan"]["indentation_mm"])
+    mmhg = scene.pulse.systolic_mmhg
+    try:
+        pressed = press(scene, 1e3 * best.x_m, depth_mm, (mmhg,) if scene.arteries else ())
+    except CannotSolve as limit:
+        return f"The section is not shown: {limit}"
+    state = pressed.states[0]
+    drawing = figures.section(
+        pressed.mesh.nodes,
+        state.displacement_m,
+        pressed.mesh.triangles,
+        pressed.mesh.von_mises(state),
+    )
+    caption = (
+        f"SIMULATED section of {scene.name}, pressed {depth_mm:g} mm at {1e3 * best.x_m:.1f} mm"
+        + (f", {mmhg:g} mmHg in the lumen." if scene.arteries else ".")
+    )
+    return Picture("section", caption, drawing, wide=True)
