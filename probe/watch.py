@@ -5,6 +5,7 @@ it acts also while the engine is blocked, and a stage that hangs does not hide t
 simulated clock the engine calls `Watch.step` itself, at most two sensor samples apart.
 """
 
+import sys
 import threading
 import time
 from collections import deque
@@ -23,6 +24,9 @@ STAGE_CHANNELS = tuple(Channel(axis, "m") for axis in "xyz")
 STAGE_PERIOD_S = 0.008
 ENGINE_SILENCE_S = 2.0
 LOCK_S = 0.25
+# A busy Python thread may keep the interpreter this long before a guard gets it. Python's own 5 ms
+# are 2.5 samples at 500 Hz (measured: benchmarks/guards.py).
+SWITCH_S = 0.2e-3
 
 
 class Watch:
@@ -67,9 +71,11 @@ class Watch:
         self._seen_s = dict.fromkeys((*self._blocks, STAGE), self._clock.now())
         if not self.threaded:
             return
+        self._switch_s = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_S)
         fastest_hz = max((s.rate_hz for s, _ in self._feelers), default=1 / STAGE_PERIOD_S)
         for name, step, period_s in (
-            ("sensors", self._step_sensors, max(1 / fastest_hz, 1e-3)),
+            ("sensors", self._step_sensors, max(0.5 / fastest_hz, 0.5e-3)),
             ("stage", self._step_stage, STAGE_PERIOD_S),
         ):
             thread = threading.Thread(
@@ -83,6 +89,8 @@ class Watch:
         self._end.set()
         for thread in self._threads:
             thread.join(timeout=1.0)
+        if self._threads:
+            sys.setswitchinterval(self._switch_s)
 
     def step(self) -> None:
         """Read and check everything once; only without threads."""

@@ -48,7 +48,7 @@ class FaultyStage:
             raise DeviceFault(self.name, "move refused")
         if self._now("stage deaf"):
             return
-        if self._now("stage runs on") and target.z < self._stage.pose().z:
+        if self._now("stage runs on") and target.z < -1e-3:
             target = target._replace(z=target.z - 2e-3)
         self._stage.move(target, speed_m_s)
 
