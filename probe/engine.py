@@ -29,7 +29,7 @@ from probe.events import (
     StationEnded,
     StationStarted,
 )
-from probe.guards import Limits
+from probe.guards import Limits, Trip
 from probe.plan import Place, Plan
 from probe.states import ALLOWED, follow
 from probe.watch import STAGE, STAGE_CHANNELS, Watch
@@ -42,6 +42,7 @@ EMIT_S = 0.05  # samples leave in blocks of about this length
 ARRIVED_M = 0.1e-3
 TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
 TOUCH_M_S = 1e-3
+STOPPED = "stopped by the user"
 
 
 class Interrupted(Exception):
@@ -108,6 +109,7 @@ class _Scan:
         self.observers = observers
         self.phase = Phase.IDLE
         self.leaving = False
+        self.heeded: Trip | None = None
         self.sink_error: str | None = None
         self.station: int | None = None
         self.attempt: int | None = None
@@ -188,10 +190,10 @@ class _Scan:
             raise self._leave(self._interruption(error)) from error
 
     def _leave(self, why: Interrupted) -> Interrupted:
-        """Stop, lift the probe if that is safe; why the run ends if that fails too."""
+        """Stop, and lift the probe if that is safe; the graver reason if that fails too."""
         level = "fault" if why.finish is Finish.FAULTED else "info"
         self._note(level, why.device, why.reason)
-        self.leaving = True
+        self.leaving, self.heeded = True, self.watch.trip
         try:
             self._enter(Phase.STOPPING)
             self._halt()
@@ -201,10 +203,11 @@ class _Scan:
                 up = here._replace(z=max(here.z, self.plan.travel_z_m))
                 self._go(up, self.plan.travel_m_s)
         except (Interrupted, DeviceFault) as error:
-            self.stage.stop()
             worse = self._interruption(error)
-            self._note("fault", worse.device, f"while stopping: {worse.reason}")
-            return why if why.finish is not None else worse
+            self.stage.stop()
+            if self.phase is Phase.RETRACTING:  # no second try from a standstill that failed
+                worse = self._leave(worse)
+            return worse if why.finish is not Finish.FAULTED else why
         finally:
             self.leaving = False
         return why
@@ -212,9 +215,10 @@ class _Scan:
     def _interruption(self, error: Interrupted | DeviceFault) -> Interrupted:
         if isinstance(error, Interrupted):
             return error
-        if (trip := self.watch.trip) is not None and not self.leaving:
-            reason = f"{trip.device}: {trip.reason}"
-            return Interrupted(Finish.FAULTED, reason, trip.device, retract=trip.can_retract)
+        if self.control.wish is Wish.STOP:
+            return Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
+        if (trip := self.watch.trip) is not None and trip is not self.heeded:
+            return _tripped(trip)
         trusted = error.device != self.stage.name
         return Interrupted(Finish.FAULTED, str(error), error.device, retract=trusted)
 
@@ -322,14 +326,16 @@ class _Scan:
         self._heed()
 
     def _heed(self) -> None:
+        """Raise `Interrupted` if a guard, the store or the user wants something else."""
+        if self.phase is Phase.STOPPING:
+            return
         wish, trip = self.control.wish, self.watch.trip
         if wish is Wish.STOP:
-            raise Interrupted(Finish.ABORTED, "stopped by the user", "user", retract=False)
+            raise Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
+        if trip is not None and trip is not self.heeded:
+            raise _tripped(trip)
         if self.leaving:
             return
-        if trip is not None:
-            reason = f"{trip.device}: {trip.reason}"
-            raise Interrupted(Finish.FAULTED, reason, trip.device, retract=trip.can_retract)
         if self.sink_error is not None:
             raise Interrupted(Finish.FAULTED, self.sink_error, "store", retract=True)
         if wish is Wish.ABORT:
@@ -392,6 +398,11 @@ class _Scan:
             except Exception as error:  # noqa: BLE001 - a viewer's bug must not end a scan
                 self.observers.remove(observer)
                 self._note("warning", "observer", f"{type(error).__name__}: {error}")
+
+
+def _tripped(trip: Trip) -> Interrupted:
+    reason = f"{trip.device}: {trip.reason}"
+    return Interrupted(Finish.FAULTED, reason, trip.device, retract=trip.can_retract)
 
 
 def _part(block: Block, first: int, end: int) -> Block:

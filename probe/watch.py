@@ -207,7 +207,7 @@ class Watch:
             silent_s = now - self._seen_s[STAGE]
             self.object(self._stage.name, f"silent for {silent_s:.2f} s", can_retract=False)
         if self._control.wish is Wish.STOP:
-            self._stage.stop()
+            self.object("user", "stopped by the user", can_retract=False)
         if self.trip is None and time.monotonic() - self._engine_s > ENGINE_SILENCE_S:
             self.object("engine", f"blocked for {ENGINE_SILENCE_S:g} s", can_retract=True)
             if self.retreat is not None:  # nobody else will lift the probe

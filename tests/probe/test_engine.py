@@ -279,3 +279,35 @@ def test_nothing_to_touch_is_a_fault(winkler: Any) -> None:
     ended, _, opened = scan(winkler, tables=tables)
     assert "no touch of 2 N down to 1 mm" in ended.reason
     assert opened.stage.pose().z == pytest.approx(2e-3)
+
+
+def test_stop_while_an_abort_retracts(winkler: Any) -> None:
+    def hook(event: Event, control: Control, _: Devices) -> None:
+        if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:
+            control.abort()
+        if isinstance(event, PhaseEntered) and event.phase is Phase.RETRACTING:
+            control.stop()
+
+    ended, events, opened = scan(winkler, hook=hook)
+    assert (ended.finish, ended.reason) == (Finish.ABORTED, "stopped by the user")
+    assert opened.stage.pose().z < -2e-3
+    assert not opened.stage.moving()
+    assert ends(events) == [(0, 1, False)]
+
+
+def test_a_guard_that_objects_to_a_retraction_is_heeded(winkler: Any) -> None:
+    """A wrong turn on the way up: the stage leaves sideways, is stopped, and lifts at last."""
+
+    def hook(event: Event, control: Control, opened: Devices) -> None:
+        if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:
+            control.abort()
+        if isinstance(event, PhaseEntered) and event.phase is Phase.RETRACTING and not turned:
+            turned.append(1)
+            opened.stage.move(Pose(0.028, 0.0, -9e-3), 5e-3)
+
+    turned: list[int] = []
+    ended, _, opened = scan(winkler, hook=hook)
+    assert ended.finish is Finish.FAULTED
+    assert "still moving" in ended.reason or "below the surface" in ended.reason
+    assert not opened.stage.moving()
+    assert opened.stage.pose().z > -3.1e-3
