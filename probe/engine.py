@@ -10,35 +10,28 @@ import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from itertools import pairwise
 from typing import Any
 
-import numpy as np
-
-from drivers import Block, Clock, DeviceFault, Pose, Sensor, SimulatedClock, Stage
+from drivers import Clock, DeviceFault, Pose, Sensor, SimulatedClock, Stage
 from probe.control import Control, Wish
 from probe.events import (
-    Event,
     Finish,
-    Note,
     Phase,
     PhaseEntered,
     RunEnded,
     RunStarted,
-    Samples,
     StationEnded,
     StationStarted,
 )
 from probe.guards import Limits, Trip
 from probe.plan import Place, Plan
 from probe.states import ALLOWED, follow
+from probe.tell import Emit, Teller
 from probe.watch import STAGE, STAGE_CHANNELS, Watch
-
-Emit = Callable[[Event], None]
 
 TICK_S = 0.005  # the engine's own pace with the wall clock
 FINE_S = 0.0005  # its pace around the expected end of a move, so that phases start on time
-EMIT_S = 0.05  # samples leave in blocks of about this length
+TELL_S = 0.05  # samples leave in blocks of about this length
 ARRIVED_M = 0.1e-3
 TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
 TOUCH_M_S = 1e-3
@@ -78,10 +71,11 @@ def run_scan(
     Devices are connected and stopped here, and closed by whoever opened them. A fault of the
     program itself (not of a device) stops the stage and is raised.
     """
-    watch_control = control or Control()
+    control = control or Control()
     threaded = not isinstance(clock, SimulatedClock)
-    watch = Watch(stage, sensors, clock, plan.surface, limits, watch_control, threaded=threaded)
-    scan = _Scan(plan, stage, sensors, clock, watch, watch_control, sink, list(observers))
+    watch = Watch(stage, sensors, clock, plan.surface, limits, control, threaded=threaded)
+    teller = Teller(clock, sink, observers)
+    scan = _Scan(plan, stage, sensors, clock, watch, control, teller)
     return scan.run(config or {}, completed, dict(attempts or {}))
 
 
@@ -96,8 +90,7 @@ class _Scan:
         clock: Clock,
         watch: Watch,
         control: Control,
-        sink: Emit,
-        observers: list[Emit],
+        teller: Teller,
     ) -> None:
         self.plan = plan
         self.stage = stage
@@ -105,17 +98,13 @@ class _Scan:
         self.clock = clock
         self.watch = watch
         self.control = control
-        self.sink: Emit | None = sink
-        self.observers = observers
+        self.teller = teller
         self.phase = Phase.IDLE
         self.leaving = False
         self.heeded: Trip | None = None
-        self.sink_error: str | None = None
         self.station: int | None = None
         self.attempt: int | None = None
-        # Which station samples belong to, from when on: readings arrive after the fact.
-        self.labels: list[tuple[float, int | None, int | None]] = [(-math.inf, None, None)]
-        self.emitted_s = clock.now()
+        self.told_s = clock.now()
         fastest_hz = max((s.rate_hz for s in sensors), default=1 / TICK_S)
         self.tick_s = TICK_S if watch.threaded else max(2 / fastest_hz, FINE_S)
 
@@ -147,7 +136,7 @@ class _Scan:
             replace(channel, simulated=self.stage.simulated) for channel in STAGE_CHANNELS
         )
         utc = datetime.now(UTC).isoformat(timespec="seconds")
-        self._emit(RunStarted(self.clock.now(), utc, config, channels))
+        self.teller.tell(RunStarted(self.clock.now(), utc, config, channels))
         self._enter(Phase.CONNECTING)
         try:
             self.stage.connect()
@@ -192,7 +181,7 @@ class _Scan:
     def _leave(self, why: Interrupted) -> Interrupted:
         """Stop, and lift the probe if that is safe; the graver reason if that fails too."""
         level = "fault" if why.finish is Finish.FAULTED else "info"
-        self._note(level, why.device, why.reason)
+        self.teller.note(level, why.device, why.reason)
         self.leaving, self.heeded = True, self.watch.trip
         try:
             self._enter(Phase.STOPPING)
@@ -226,14 +215,14 @@ class _Scan:
         self.watch.finish()
         for sensor in self.sensors:
             sensor.stop()
-        self._emit_samples()
+        self._tell_samples()
         if Phase.FINISHED not in ALLOWED[self.phase]:
             self._enter(Phase.STOPPING)
         self._enter(Phase.FINISHED)
-        if self.sink_error is not None:
-            finish, reason = Finish.FAULTED, self.sink_error
+        if self.teller.sink_error is not None:
+            finish, reason = Finish.FAULTED, self.teller.sink_error
         ended = RunEnded(self.clock.now(), finish, reason)
-        self._emit(ended)
+        self.teller.tell(ended)
         return ended
 
     def _press(self, place: Place) -> None:
@@ -246,8 +235,7 @@ class _Scan:
         self._go(above, plan.travel_m_s)
         self._enter(Phase.TARING)
         self._wait_until(self.clock.now() + plan.settle_s)
-        for sensor in self.sensors:
-            sensor.tare()
+        self.watch.tare()
         self._enter(Phase.APPROACHING)
         if plan.touch_n is None:
             self._go(surface, plan.approach_m_s)
@@ -321,8 +309,8 @@ class _Scan:
         if not self.watch.threaded:
             self.watch.step()
         self.watch.engine_lives()
-        if self.clock.now() - self.emitted_s >= EMIT_S:
-            self._emit_samples()
+        if self.clock.now() - self.told_s >= TELL_S:
+            self._tell_samples()
         self._heed()
 
     def _heed(self) -> None:
@@ -336,8 +324,8 @@ class _Scan:
             raise _tripped(trip)
         if self.leaving:
             return
-        if self.sink_error is not None:
-            raise Interrupted(Finish.FAULTED, self.sink_error, "store", retract=True)
+        if self.teller.sink_error is not None:
+            raise Interrupted(Finish.FAULTED, self.teller.sink_error, "store", retract=True)
         if wish is Wish.ABORT:
             raise Interrupted(Finish.ABORTED, "aborted by the user", "user", retract=True)
         if wish is Wish.PAUSE_NOW and self.phase is not Phase.PAUSED:
@@ -349,65 +337,33 @@ class _Scan:
         """Enter a phase; when that was."""
         self.phase = follow(self.phase, phase)
         now = self.clock.now()
-        self._emit(PhaseEntered(now, phase, self.station))
+        self.teller.tell(PhaseEntered(now, phase, self.station))
         return now
 
     def _begin_station(self, place: Place, attempt: int) -> None:
         now = self.clock.now()
         self.station, self.attempt = place.index, attempt
         self.watch.retreat = self.plan.above(place)
-        self.labels.append((now, place.index, attempt))
-        self._emit(StationStarted(now, place.index, attempt, place.x_m, place.y_m))
+        self.teller.label(now, place.index, attempt)
+        self.teller.tell(StationStarted(now, place.index, attempt, place.x_m, place.y_m))
 
     def _end_station(self, *, complete: bool) -> None:
         """Close the station; it is complete only once every sample of it has been told."""
         assert self.station is not None
         assert self.attempt is not None
         now = self.clock.now()
-        self.labels.append((now, None, None))
+        self.teller.label(now, None, None)
         while complete and self.watch.seen_s() < now:
             self._tick(math.inf)
-        self._emit_samples()
-        self._emit(StationEnded(now, self.station, self.attempt, complete))
+        self._tell_samples()
+        self.teller.tell(StationEnded(now, self.station, self.attempt, complete))
         self.station = self.attempt = None
 
-    def _emit_samples(self) -> None:
-        self.emitted_s = self.clock.now()
-        self.labels = self.labels[-4:]
-        starts = [from_s for from_s, _, _ in self.labels]
-        for device, block in self.watch.collect():
-            edges = [0, *np.searchsorted(block.time_s, starts[1:]).tolist(), len(block.time_s)]
-            for (_, station, attempt), (a, b) in zip(self.labels, pairwise(edges), strict=True):
-                if b > a:
-                    self._emit(Samples(device, _part(block, a, b), station, attempt))
-
-    def _note(self, level: str, device: str, text: str) -> None:
-        self._emit(Note(self.clock.now(), level, device, text))
-
-    def _emit(self, event: Event) -> None:
-        """Tell the sink, whose failure ends the scan, and the observers, whose failure does not."""
-        if self.sink is not None:
-            try:
-                self.sink(event)
-            except Exception as error:  # noqa: BLE001 - whatever broke, the probe must be lifted
-                self.sink = None
-                self.sink_error = f"the run can no longer be stored: {error}"
-        for observer in list(self.observers):
-            try:
-                observer(event)
-            except Exception as error:  # noqa: BLE001 - a viewer's bug must not end a scan
-                self.observers.remove(observer)
-                self._note("warning", "observer", f"{type(error).__name__}: {error}")
+    def _tell_samples(self) -> None:
+        self.told_s = self.clock.now()
+        self.teller.samples(self.watch.collect())
 
 
 def _tripped(trip: Trip) -> Interrupted:
     reason = f"{trip.device}: {trip.reason}"
     return Interrupted(Finish.FAULTED, reason, trip.device, retract=trip.can_retract)
-
-
-def _part(block: Block, first: int, end: int) -> Block:
-    if end - first == len(block.time_s):
-        return block
-    part = slice(first, end)
-    lost = block.lost if first == 0 else 0
-    return Block(block.time_s[part], block.values[part], block.saturated[part], lost)

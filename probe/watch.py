@@ -62,6 +62,7 @@ class Watch:
         self._seen_s: dict[str, float] = {}
         self._engine_s = time.monotonic()
         self._stage_lock = threading.Lock()
+        self._sensor_lock = threading.Lock()
         self._trip_lock = threading.Lock()
         self._end = threading.Event()
         self._threads: list[threading.Thread] = []
@@ -129,6 +130,12 @@ class Watch:
                 raise DeviceFault(self.trip.device, self.trip.reason)
             self._stage.move(target, speed_m_s)
 
+    def tare(self) -> None:
+        """Take the present load of every sensor as zero. Raises `DeviceFault`."""
+        with self._sensor_lock:
+            for sensor, _ in self._feelers:
+                sensor.tare()
+
     def moving(self) -> bool:
         """True while the stage moves. Raises `DeviceFault`."""
         with self._held():
@@ -174,7 +181,8 @@ class Watch:
             self._check_threads(now)
         for sensor, guard in self._feelers:
             try:
-                block = sensor.read()
+                with self._sensor_lock:
+                    block = sensor.read()
             except DeviceFault as fault:
                 self.object(fault.device, fault.reason, can_retract=True)
                 continue

@@ -295,19 +295,15 @@ def test_stop_while_an_abort_retracts(winkler: Any) -> None:
     assert ends(events) == [(0, 1, False)]
 
 
-def test_a_guard_that_objects_to_a_retraction_is_heeded(winkler: Any) -> None:
-    """A wrong turn on the way up: the stage leaves sideways, is stopped, and lifts at last."""
-
+def test_a_retraction_that_fails_ends_at_rest(winkler: Any) -> None:
     def hook(event: Event, control: Control, opened: Devices) -> None:
         if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:
             control.abort()
-        if isinstance(event, PhaseEntered) and event.phase is Phase.RETRACTING and not turned:
-            turned.append(1)
-            opened.stage.move(Pose(0.028, 0.0, -9e-3), 5e-3)
+        if isinstance(event, PhaseEntered) and event.phase is Phase.RETRACTING:
+            opened.stage.move(Pose(0.028, 0.0, -9e-3), 5e-3)  # someone else moves the stage
 
-    turned: list[int] = []
     ended, _, opened = scan(winkler, hook=hook)
     assert ended.finish is Finish.FAULTED
-    assert "still moving" in ended.reason or "below the surface" in ended.reason
+    assert "still moving" in ended.reason
     assert not opened.stage.moving()
-    assert opened.stage.pose().z > -3.1e-3
+    assert opened.stage.pose().z > -2.6e-3
