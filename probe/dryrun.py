@@ -15,6 +15,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from drivers import ConfigError, find_driver
+from drivers.registry import Kind
 from probe.plan import Plan
 from probe.rig import Device, Rig
 from sim_backend.phantom import Respond
@@ -70,6 +72,8 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     size_bytes = 1.3 * seconds * (sum(24 * rate for rate in rates) + 32 * 125)
     checks = [
         _reach(rig),
+        _driver("stages", "stage", rig.stage),
+        *(_driver("sensors", f"sensor[{n}]", one) for n, one in enumerate(rig.sensor)),
         Check("time", "ok", f"{len(plan.places)} presses in about {seconds:.0f} s"),
         _disk(out, size_bytes),
         *(_calibration(kind, Path(file)) for kind, file in rig.calibration.items()),
@@ -141,6 +145,15 @@ def _reach(rig: Rig) -> Check:
         f"all stations in the workspace; at most {limits.max_force_n:g} N, "
         f"{1e3 * limits.max_depth_m:g} mm deep, {1e3 * limits.max_speed_m_s:g} mm/s",
     )
+
+
+def _driver(kind: Kind, where: str, device: Device) -> Check:
+    """Is there such a driver, and its library? The device itself is left alone."""
+    try:
+        find_driver(kind, device.driver)
+    except (ConfigError, ImportError) as error:
+        return Check(where, "fault", str(error))
+    return Check(where, "ok", f"driver {device.driver} is installed")
 
 
 def _disk(out: Path, size_bytes: float) -> Check:

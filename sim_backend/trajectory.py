@@ -148,6 +148,10 @@ class Trajectory:
         ended = Rest(leg.end_s, leg.point(math.inf))
         return ended if leg.end_s < time_s else self._rest_before[n]
 
+    def all_legs(self) -> tuple[Leg, ...]:
+        """Every leg so far."""
+        return tuple(self._legs)
+
     def legs(self, time_s: Array) -> list[tuple[Leg, Rest, slice]]:
         """The legs under way at ascending ``time_s`` (n,), the rest before each, and its times."""
         with self._lock:

@@ -37,7 +37,13 @@ def test_a_noisy_sensor_is_warned_of(tmp_path: Path) -> None:
     rig = Rig.model_validate({"sensor": [{"driver": "ft300"}], "face_mm2": 50})
     report = dry_run(rig, None, tmp_path)
     assert levels(report)["pulse on ft300"] == "warning"
-    assert report.can_scan
+
+
+def test_an_unknown_driver_is_a_fault(tmp_path: Path) -> None:
+    rig = Rig.model_validate({"stage": {"driver": "warp"}})
+    report = dry_run(rig, None, tmp_path)
+    assert levels(report)["stage"] == "fault"
+    assert not report.can_scan
 
 
 def test_a_full_disk_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

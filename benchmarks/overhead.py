@@ -1,0 +1,68 @@
+"""What the scan engine costs: simulated scans per second, and real time against physical time.
+
+    python benchmarks/overhead.py [STATIONS]
+
+Physical time is what the moves (trapezoids of speed), rests before a tare and holds take; anything
+above it is the engine's. The tissue is a bed of springs, so that no finite elements are timed.
+"""
+
+import sys
+import time
+from itertools import pairwise
+
+from drivers import Array, Clock, SimulatedClock, WallClock
+from probe.devices import connect
+from probe.engine import run_scan
+from probe.events import Event, Phase, PhaseEntered
+from probe.rig import Rig
+from sim_backend.scene import Scene, load_scene
+
+
+class Springs:
+    """F = 400 N/m x depth."""
+
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
+        """Force [N], 0 in the air."""
+        force: Array = 400.0 * depth_m.clip(0.0) + 0.0 * pressure_pa
+        return force
+
+    von_mises_pa = force_n
+
+
+def scan(clock: Clock, stations: int) -> tuple[float, float, int]:
+    """Seconds spent, seconds the physics takes, and how many events were told."""
+    rig = Rig.model_validate({"scan": {"stations": stations}})
+    events: list[Event] = []
+
+    def respond(_scene: Scene, _x_m: float, _depth_m: float) -> Springs:
+        return Springs()
+
+    with connect(rig, clock, load_scene("TIHA"), respond=respond) as opened:
+        began = time.perf_counter()
+        ended = run_scan(rig.plan, opened.stage, opened.sensors, clock, events.append, rig.limits)
+        spent_s = time.perf_counter() - began
+        assert opened.phantom is not None
+        legs = opened.phantom.tip.all_legs()
+    assert ended.finish == "completed", ended.reason
+    entered = [(e.time_s, e.phase) for e in events if isinstance(e, PhaseEntered)]
+    taring = sum(b[0] - a[0] for a, b in pairwise(entered) if a[1] is Phase.TARING)
+    moving_s = sum(leg.end_s - leg.start_s for leg in legs)
+    rest_s = stations * (rig.scan.hold_s + rig.scan.settle_s)
+    assert taring >= stations * rig.scan.settle_s
+    return spent_s, moving_s + rest_s, len(events)
+
+
+def main() -> None:
+    """Print both figures."""
+    stations = int(sys.argv[1]) if len(sys.argv) > 1 else 5
+    spent_s, physical_s, told = scan(SimulatedClock(), 15)
+    print(f"simulated clock, 15 stations: {spent_s:.2f} s for {physical_s:.1f} s, {told} events")
+    spent_s, physical_s, _ = scan(WallClock(), stations)
+    over = 100 * (spent_s / physical_s - 1)
+    print(
+        f"wall clock, {stations} stations: {spent_s:.2f} s for {physical_s:.2f} s ({over:+.1f} %)"
+    )
+
+
+if __name__ == "__main__":
+    main()
