@@ -16,6 +16,7 @@ from probe.guards import Limits
 from probe.plan import Plan, Surface, check_reach, grid, repeated
 from sim_backend.scene import MAX_FILE_BYTES, Scene, explain, scene_names
 
+MAX_PRESSES = 100_000
 Positive = Annotated[float, Field(gt=0)]
 Pair = tuple[float, float]
 Fallback = Literal["virtual"]
@@ -65,7 +66,10 @@ class Scan(_Table):
     settle_s: Annotated[float, Field(ge=0, le=60)] = 0.05
     touch_n: Positive | None = None
     search_mm: Positive = 2.0
-    surface_mm: float | Annotated[tuple[tuple[float, float, float], ...], Field(min_length=3)] = 0.0
+    surface_mm: (
+        float
+        | Annotated[tuple[tuple[float, float, float], ...], Field(min_length=3, max_length=500)]
+    ) = 0.0
 
 
 class Workspace(_Table):
@@ -155,6 +159,12 @@ class Rig(_Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         scan, safety = self.scan, self.safety
+        columns, rows = _pair(scan.stations, 1)
+        if (presses := columns * rows * scan.repeats) > MAX_PRESSES:
+            raise ValueError(
+                f"scan.stations and scan.repeats make {presses:g} presses; "
+                f"at most {MAX_PRESSES} are allowed"
+            )
         speeds = {
             "scan.travel_mm_s": scan.travel_mm_s,
             "scan.approach_mm_s": scan.approach_mm_s,

@@ -154,12 +154,16 @@ class Trajectory:
 
     def legs(self, time_s: Array) -> list[tuple[Leg, Rest, slice]]:
         """The legs under way at ascending ``time_s`` (n,), the rest before each, and its times."""
+        if len(time_s) == 0:
+            return []
         with self._lock:
-            bounds = np.searchsorted(time_s, self._starts[1:]).tolist()
+            first = bisect_right(self._starts, time_s[0]) - 1
+            last = bisect_right(self._starts, time_s[-1])
+            bounds = np.searchsorted(time_s, self._starts[first + 1 : last]).tolist()
             edges = [0, *bounds, len(time_s)]
             return [
                 (self._legs[n], self._rest_before[n], slice(a, b))
-                for n, (a, b) in enumerate(pairwise(edges))
+                for n, (a, b) in enumerate(pairwise(edges), start=first)
                 if b > a
             ]
 

@@ -1,12 +1,17 @@
+import contextlib
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pydantic import ValidationError
 
 from drivers import DeviceAbsent, SimulatedClock
 from probe import devices
 from probe.describe import run_config
 from probe.devices import connect
+from probe.plan import check_reach
 from probe.rig import Rig, RigError, default_rig, load_rig
 from sim_backend.scene import load_scene
 
@@ -46,6 +51,7 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
         ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
         ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
         ("[scan\n", "not TOML"),
+        ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
         ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),
     ],
 )
@@ -117,3 +123,31 @@ def test_the_configuration_of_a_run_is_complete() -> None:
     assert config["seed"] == 7
     assert len(config["plan"]["stations"]) == 15
     assert config["versions"]["palpate"]
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.binary(max_size=200))
+def test_any_file_is_a_rig_or_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "any.toml"
+    path.write_bytes(content)
+    with contextlib.suppress(RigError):
+        load_rig(path)
+
+
+VALUES = st.one_of(
+    st.floats(), st.integers(-(2**40), 2**40), st.text(max_size=5), st.booleans(),
+    st.lists(st.floats(-1e6, 1e6), max_size=4),
+)  # fmt: skip
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(["scan", "safety", "scene", "stage", "calibration"]),
+    st.dictionaries(
+        st.sampled_from([*Rig().scan.model_dump(), *Rig().safety.model_dump()]), VALUES
+    ),
+)
+def test_any_setting_is_taken_or_refused_with_a_reason(table: str, keys: dict[str, Any]) -> None:
+    with contextlib.suppress(ValidationError):
+        rig = Rig.model_validate({table: keys})
+        check_reach(rig.plan, rig.limits.workspace_m)
