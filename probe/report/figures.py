@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
 from probe.recording import Recording, Station
@@ -19,7 +20,7 @@ from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PAPER_WIDTH_IN, PH
 Array = NDArray[np.float64]
 
 PAPER_TIMES_S = (1.1, 1.3, 1.4)  # after the ramp began, as in the paper's maps
-STYLE: Mapping[str, Any] = {
+STYLE: Any = {
     "font.size": 8,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -46,7 +47,8 @@ STYLE: Mapping[str, Any] = {
 @contextmanager
 def style() -> Iterator[None]:
     """The look of every figure; drawing and saving both belong inside."""
-    with mpl.rc_context(dict(STYLE)):
+    with mpl.rc_context():
+        mpl.rcParams.update(STYLE)
         yield
 
 
@@ -181,15 +183,19 @@ def section(
     figure = Figure(figsize=(2 * PAPER_WIDTH_IN, 2.6))
     axes = figure.add_subplot()
     place = 1e3 * (nodes_m + displacement_m)
-    picture = axes.tripcolor(
-        place[:, 0], place[:, 1], triangles, von_mises_pa / 1e3, cmap=HEAT, shading="gouraud"
-    )
+    mesh = Triangulation(place[:, 0], place[:, 1], triangles)
+    picture = axes.tripcolor(mesh, von_mises_pa / 1e3, cmap=HEAT, shading="gouraud")
     picture.set_clim(0, float(np.percentile(von_mises_pa, 99.5)) / 1e3)
     picture.set_rasterized(True)
     axes.set(aspect="equal")
     axes.grid(False)
     figure.colorbar(picture, ax=axes, label="von Mises [kPa]", shrink=0.8)
     return _labelled(figure, axes, "x [mm]", "height [mm]")
+
+
+def mark_simulated(figure: Figure) -> None:
+    """Say in the picture itself that what it shows was simulated."""
+    figure.suptitle("SIMULATED", fontsize=6, color=ORANGE, x=0.01, ha="left")
 
 
 def _number(value: float | None) -> float:

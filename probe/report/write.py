@@ -47,6 +47,9 @@ def report(
     out_dir.mkdir(parents=True, exist_ok=True)
     with figures.style():
         pictures, remarks = _pictures(recording, started, finding)
+        if recording.simulated:
+            for one in pictures:
+                figures.mark_simulated(one.figure)
         title = f"Run {run_path.name}, {started.started_utc}"
         text = page(title, finding, pictures, started.config, started.channels, remarks)
         for one in pictures:
@@ -70,7 +73,7 @@ def _pictures(
         caption = (
             "Pulse amplitude at each station; shaded: where the object lies, with 95 % limits."
         )
-        pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording), grid))
+        pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     caption = "Force against time at the station with the strongest pulse."
     pictures.append(Picture("force", caption, figures.force_trace(best, recording.face_m2)))
     scene = started.config.get("scene")

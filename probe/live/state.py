@@ -1,0 +1,246 @@
+"""What a window shows, as plain data: events in, numbers out, no Qt.
+
+`ViewState.update` takes one event at a time, from a running scan or a replay alike.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import Block, Channel
+from probe.events import (
+    Event,
+    Finish,
+    Note,
+    Phase,
+    PhaseEntered,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
+
+Array = NDArray[np.float64]
+
+TRACE_S = 12.0
+MIN_HOLD_SAMPLES = 8
+FOLD_BINS = 24
+STALE_S = 1.0
+PULSED_ROLES = ("force", "pressure", "taxel")
+
+
+@dataclass(frozen=True)
+class Place:
+    """A station of the plan, in mm."""
+
+    index: int
+    x_mm: float
+    y_mm: float
+
+
+@dataclass
+class Trace:
+    """The last `TRACE_S` seconds of one device: ``time_s`` (n,) and ``values`` (n, channels)."""
+
+    channels: tuple[Channel, ...]
+    blocks: deque[Block] = field(default_factory=deque)
+    lost: int = 0
+
+    def add(self, block: Block) -> None:
+        self.lost += block.lost
+        if not len(block.time_s):
+            return
+        self.blocks.append(block)
+        while self.blocks[0].time_s[-1] < block.time_s[-1] - TRACE_S:
+            self.blocks.popleft()
+
+    def arrays(self) -> tuple[Array, Array]:
+        if not self.blocks:
+            return np.empty(0), np.empty((0, len(self.channels)))
+        return (
+            np.concatenate([b.time_s for b in self.blocks]),
+            np.concatenate([b.values for b in self.blocks]),
+        )
+
+
+@dataclass
+class ViewState:
+    """A run as seen so far. ``now_s`` is the scan clock's latest time; NaN before the start."""
+
+    config: Mapping[str, Any] = field(default_factory=dict)
+    started_utc: str = ""
+    plan: tuple[Place, ...] = ()
+    traces: dict[str, Trace] = field(default_factory=dict)
+    phase: Phase = Phase.IDLE
+    phases: deque[tuple[float, Phase]] = field(default_factory=lambda: deque(maxlen=200))
+    station: int | None = None
+    maps: dict[int, tuple[float, float]] = field(default_factory=dict)  # baseline, pulse [Pa]
+    complete: set[int] = field(default_factory=set)
+    taxels_pa: Array = field(default_factory=lambda: np.empty(0))
+    notes: list[Note] = field(default_factory=list)
+    finish: Finish | None = None
+    reason: str = ""
+    now_s: float = float("nan")
+    _hold: list[tuple[Array, Array]] = field(default_factory=list)
+    _began_s: float = float("nan")
+    _durations_s: list[float] = field(default_factory=list)
+
+    def update(self, event: Event) -> None:
+        """Take in the next event."""
+        match event:
+            case RunStarted():
+                self._start(event)
+            case StationStarted(time_s, station):
+                self.station, self._began_s, self._hold = station, time_s, []
+                self._tick(time_s)
+            case PhaseEntered(time_s, phase, _):
+                if phase is Phase.HOLDING:
+                    self._hold = []
+                self.phase = phase
+                self.phases.append((time_s, phase))
+                self._tick(time_s)
+            case Samples():
+                self._samples(event)
+            case StationEnded(time_s, station, _, complete):
+                if complete:
+                    self.complete.add(station)
+                    self._durations_s.append(time_s - self._began_s)
+                self._tick(time_s)
+            case Note():
+                self.notes.append(event)
+                self._tick(event.time_s)
+            case RunEnded(time_s, finish, reason):
+                self.finish, self.reason, self.phase = finish, reason, Phase.FINISHED
+                self._tick(time_s)
+
+    def _tick(self, time_s: float) -> None:
+        self.now_s = time_s if np.isnan(self.now_s) else max(self.now_s, time_s)
+
+    def _start(self, event: RunStarted) -> None:
+        """A resumed run starts again: what was complete stays."""
+        self.config, self.started_utc = event.config, event.started_utc
+        places = event.config.get("plan", {}).get("stations", ())
+        self.plan = tuple(Place(int(i), float(x), float(y)) for i, x, y in places)
+        self.traces = {name: Trace(tuple(each)) for name, each in event.channels.items()}
+        self.finish, self.reason = None, ""
+        self.now_s = event.time_s
+
+    def _samples(self, event: Samples) -> None:
+        trace = self.traces.setdefault(event.device, Trace(()))
+        trace.add(event.block)
+        if not len(event.block.time_s):
+            return
+        self._tick(float(event.block.time_s[-1]))
+        if event.device != self.signal_device or event.station is None:
+            return
+        pressed = self.stress_pa(event.device, event.block.values)
+        if pressed.shape[1] > 1:
+            self.taxels_pa = pressed[-1]
+        if self.phase is Phase.HOLDING:
+            self._hold.append((event.block.time_s, pressed.mean(axis=1)))
+            self._map(event.station)
+
+    def _map(self, station: int) -> None:
+        time_s, stress_pa = self.hold()
+        if len(time_s) >= MIN_HOLD_SAMPLES:
+            _, beat = fold(time_s, stress_pa, self.period_s)
+            known = beat[np.isfinite(beat)]
+            self.maps[station] = float(stress_pa.mean()), float(np.ptp(known))
+
+    def hold(self) -> tuple[Array, Array]:
+        """Times (n,) and mean stress (n,) [Pa] of the current hold."""
+        if not self._hold:
+            return np.empty(0), np.empty(0)
+        times, stresses = zip(*self._hold, strict=True)
+        return np.concatenate(times), np.concatenate(stresses)
+
+    @property
+    def signal_device(self) -> str:
+        """The first device with a force, pressure or taxel channel; empty if there is none."""
+        for name, trace in self.traces.items():
+            if any(c.role in PULSED_ROLES for c in trace.channels):
+                return name
+        return ""
+
+    def stress_pa(self, device: str, values: Array) -> Array:
+        """The tactile channels (n, k) of ``values`` (n, channels) as contact stress [Pa]."""
+        channels = self.traces[device].channels
+        picked = [n for n, c in enumerate(channels) if c.role in PULSED_ROLES]
+        if any(channels[n].role == "force" for n in picked):
+            picked = [n for n in picked if channels[n].role == "force"]
+        face_mm2 = self.config.get("face_mm2")
+        scale = [1e6 / face_mm2 if channels[n].unit == "N" and face_mm2 else 1.0 for n in picked]
+        return values[:, picked] * np.array(scale)
+
+    @property
+    def period_s(self) -> float:
+        """One heartbeat: the scene's, or 60 beats a minute while nothing is known."""
+        pulse = (self.config.get("scene") or {}).get("pulse") or {}
+        return 60.0 / float(pulse.get("rate_bpm", 60.0))
+
+    @property
+    def simulated(self) -> tuple[str, ...]:
+        """Names of the simulated channels, ``device.channel``."""
+        return tuple(
+            f"{name}.{c.name}"
+            for name, trace in self.traces.items()
+            for c in trace.channels
+            if c.simulated
+        )
+
+    @property
+    def is_grid(self) -> bool:
+        return len({round(p.y_mm, 3) for p in self.plan}) > 1
+
+    def tip_m(self) -> tuple[float, float, float] | None:
+        """Where the probe is (x, y, z) [m], or None before the stage was read."""
+        stage = self.traces.get("stage")
+        if stage is None or not stage.blocks:
+            return None
+        x, y, z = stage.blocks[-1].values[-1, :3]
+        return float(x), float(y), float(z)
+
+    def time_left_s(self) -> float | None:
+        """From the mean of the stations so far; None before the first is complete."""
+        if self.finish is not None:
+            return 0.0
+        if not self._durations_s:
+            return None
+        running = 0.0 if self.station in self.complete else self.now_s - self._began_s
+        mean = float(np.mean(self._durations_s))
+        return max(0.0, mean * (len(self.plan) - len(self.complete)) - max(0.0, running))
+
+    def device_states(self) -> dict[str, str]:
+        """``ok``, ``silent N s``, ``lost``, ``waiting`` or ``closed``, for each device."""
+        faulted = {n.device for n in self.notes if n.level == "fault"}
+        states = {}
+        for name, trace in self.traces.items():
+            age = self.now_s - trace.blocks[-1].time_s[-1] if trace.blocks else float("inf")
+            if name in faulted:
+                states[name] = "lost"
+            elif self.finish is not None:
+                states[name] = "closed"
+            elif not trace.blocks:
+                states[name] = "waiting"
+            else:
+                states[name] = f"silent {age:.0f} s" if age > STALE_S else "ok"
+        return states
+
+
+def fold(time_s: Array, values: Array, period_s: float) -> tuple[Array, Array]:
+    """Means of ``values`` (n,) over `FOLD_BINS` equal parts of a beat: phase [s] and mean (bins,).
+
+    A part without samples is NaN. The beat starts at the first sample.
+    """
+    phase = np.mod(time_s - time_s[0], period_s)
+    part = np.minimum((phase / period_s * FOLD_BINS).astype(int), FOLD_BINS - 1)
+    count = np.bincount(part, minlength=FOLD_BINS)
+    total = np.bincount(part, weights=values, minlength=FOLD_BINS)
+    mean = np.full(FOLD_BINS, np.nan)
+    mean[count > 0] = total[count > 0] / count[count > 0]
+    return (np.arange(FOLD_BINS) + 0.5) * period_s / FOLD_BINS, mean
