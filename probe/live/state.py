@@ -175,7 +175,7 @@ class ViewState:
             picked = [n for n in picked if channels[n].role == "force"]
         face_mm2 = self.config.get("face_mm2")
         scale = [1e6 / face_mm2 if channels[n].unit == "N" and face_mm2 else 1.0 for n in picked]
-        return values[:, picked] * np.array(scale)
+        return np.asarray(values[:, picked] * np.array(scale))
 
     @property
     def period_s(self) -> float:

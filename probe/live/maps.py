@@ -1,0 +1,127 @@
+"""The tactile map while it grows: a line for a row, a heat map for a grid, an image for taxels."""
+
+import math
+
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtWidgets import QStackedWidget, QVBoxLayout, QWidget
+
+from probe.live.state import ViewState
+from probe.live.style import heat, plot
+from probe.report.look import BLUE, ORANGE
+
+Array = NDArray[np.float64]
+Levels = tuple[float, float]
+
+
+class LineMap(QWidget):
+    """Baseline above, pulse below, over one row of stations."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        self.base = plot("Tactile map", ("x", "mm"), ("baseline", "kPa"))
+        self.beat = plot("", ("x", "mm"), ("pulse", "Pa"))
+        self.beat.setXLink(self.base)
+        self.base_curve = self.base.plot(pen=pg.mkPen(BLUE, width=2), symbol="o", symbolBrush=BLUE)
+        self.beat_curve = self.beat.plot(
+            pen=pg.mkPen(ORANGE, width=2), symbol="s", symbolBrush=ORANGE
+        )
+        for each in (self.base, self.beat):
+            layout.addWidget(each)
+
+    def show_state(self, state: ViewState, levels: Levels | None) -> None:
+        rows = [(p.x_mm, *state.maps[p.index]) for p in state.plan if p.index in state.maps]
+        if state.plan:
+            ends = [p.x_mm for p in state.plan]
+            self.base.setXRange(min(ends), max(ends), padding=0.05)
+        x, base, beat = np.array(rows or np.empty((0, 3))).reshape(-1, 3).T
+        order = np.argsort(x)
+        self.base_curve.setData(x[order], base[order] / 1e3)
+        self.beat_curve.setData(x[order], beat[order])
+        if levels is not None:
+            self.base.setYRange(levels[0] / 1e3, levels[1] / 1e3)
+
+
+class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships no types
+    """An image in true proportions with a colour bar; ``y`` upwards."""
+
+    def __init__(self, title: str, unit: str) -> None:
+        super().__init__()
+        self.plot = self.addPlot(title=title)
+        self.plot.setAspectLocked(True)
+        self.plot.setMouseEnabled(x=False, y=False)
+        self.plot.setMenuEnabled(False)
+        self.plot.hideButtons()
+        self.image = pg.ImageItem(axisOrder="row-major")
+        self.plot.addItem(self.image)
+        self.bar = pg.ColorBarItem(colorMap=heat(), label=unit, interactive=False)
+        self.bar.setImageItem(self.image, insert_in=self.plot)
+
+    def show_table(
+        self, table: Array, box: tuple[float, float, float, float], levels: Levels | None = None
+    ) -> None:
+        """``table`` (rows, columns) over ``box`` (left, bottom, width, height); NaN is empty."""
+        known = table[np.isfinite(table)]
+        low, high = levels or ((known.min(), known.max()) if len(known) else (0.0, 1.0))
+        self.image.setImage(table, autoLevels=False)
+        self.bar.setLevels((low, high if high > low else low + 1e-9))
+        self.image.setRect(*box)
+
+
+class MapPanel(QStackedWidget):
+    """Whichever map fits the run."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.line = LineMap()
+        self.grid = HeatMap("Tactile map", "baseline [kPa]")
+        self.grid.plot.setLabels(bottom="x [mm]", left="y [mm]")
+        self.taxels = HeatMap("Taxels now", "stress [kPa]")
+        self.taxels.plot.setLabels(bottom="taxel column [number]", left="taxel row [number]")
+        for each in (self.line, self.grid, self.taxels):
+            self.addWidget(each)
+
+    def show_state(self, state: ViewState, levels: Levels | None = None) -> None:
+        """Draw the run so far; ``levels`` [Pa] fix the scale (for two runs side by side)."""
+        if state.is_grid:
+            self.setCurrentWidget(self.grid)
+            table, box = grid_table(state)
+            scale = None if levels is None else (levels[0] / 1e3, levels[1] / 1e3)
+            self.grid.show_table(table / 1e3, box, scale)
+        elif len(state.taxels_pa) > 1 and len(state.plan) < 2:
+            self.setCurrentWidget(self.taxels)
+            table = taxel_table(state.taxels_pa)
+            self.taxels.show_table(table / 1e3, (0, 0, table.shape[1], table.shape[0]))
+        else:
+            self.setCurrentWidget(self.line)
+            self.line.show_state(state, levels)
+
+
+def grid_table(state: ViewState) -> tuple[Array, tuple[float, float, float, float]]:
+    """Baselines (rows, columns) [Pa], NaN where not pressed yet, and their box in mm."""
+    xs = sorted({round(p.x_mm, 4) for p in state.plan})
+    ys = sorted({round(p.y_mm, 4) for p in state.plan})
+    column = {x: n for n, x in enumerate(xs)}
+    line = {y: n for n, y in enumerate(ys)}
+    table = np.full((len(ys), len(xs)), np.nan)
+    for p in state.plan:
+        if p.index in state.maps:
+            table[line[round(p.y_mm, 4)], column[round(p.x_mm, 4)]] = state.maps[p.index][0]
+    dx = (xs[-1] - xs[0]) / max(1, len(xs) - 1) or 1.0
+    dy = (ys[-1] - ys[0]) / max(1, len(ys) - 1) or 1.0
+    return table, (xs[0] - dx / 2, ys[0] - dy / 2, dx * len(xs), dy * len(ys))
+
+
+def taxel_table(values: Array) -> Array:
+    """Taxels (n,) as the most nearly square full table (rows >= columns), row by row."""
+    columns = max(d for d in range(1, math.isqrt(len(values)) + 1) if len(values) % d == 0)
+    return values.reshape(-1, columns)
+
+
+def common_levels(states: tuple[ViewState, ...]) -> Levels | None:
+    """One scale [Pa] for all the runs; None while there is nothing."""
+    known = [base for state in states for base, _ in state.maps.values()]
+    return (min(known), max(known)) if known else None

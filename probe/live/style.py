@@ -1,0 +1,57 @@
+"""The windows' one look: sizes readable at arm's length, plots like the report's figures."""
+
+import pyqtgraph as pg
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QApplication
+
+from probe.report.look import HEAT, INK
+
+SHEET = """
+* { font-size: 11pt; color: #1b1f24; }
+QWidget { background: #ffffff; }
+QLabel#finding { font-size: 17pt; font-weight: 600; }
+QLabel#simulated { color: #8a3b00; background: #fff1e3; font-weight: 600; padding: 4px;
+  border: 2px solid #8a3b00; border-radius: 4px; }
+QLabel#fault { color: #ffffff; background: #a40e26; font-weight: 600; padding: 6px;
+  border-radius: 4px; }
+QLabel#empty { font-size: 15pt; color: #57606a; }
+QPushButton { padding: 6px 12px; border: 1px solid #8c959f; border-radius: 4px;
+  background: #f4f6f8; }
+QPushButton:focus, QComboBox:focus, QSlider:focus { border: 2px solid #0072b2; }
+QPushButton:disabled { color: #8c959f; }
+QPushButton#stop { font-size: 20pt; font-weight: 700; color: #ffffff; background: #a40e26;
+  min-height: 64px; border: 3px solid #6d0919; }
+"""
+
+
+def application() -> QApplication:
+    """The one Qt application, with the look on."""
+    existing = QApplication.instance()
+    app = existing if isinstance(existing, QApplication) else QApplication(["palpate"])
+    app.setStyleSheet(SHEET)
+    pg.setConfigOptions(background="w", foreground=INK, antialias=True)
+    return app
+
+
+def heat() -> pg.ColorMap:
+    """The colour map of every heat map."""
+    return pg.colormap.get(HEAT)
+
+
+def plot(title: str, x: tuple[str, str], y: tuple[str, str]) -> pg.PlotWidget:
+    """An empty plot; ``x`` and ``y`` are (name, unit)."""
+    widget = pg.PlotWidget(title=title)
+    widget.setLabel("bottom", f"{x[0]} [{x[1]}]")
+    widget.setLabel("left", f"{y[0]} [{y[1]}]")
+    widget.showGrid(x=True, y=True, alpha=0.2)
+    widget.setMouseEnabled(x=False, y=False)
+    widget.hideButtons()
+    widget.setMenuEnabled(False)
+    return widget
+
+
+def shade(colour: str, alpha: int = 50) -> QColor:
+    """A colour for filling behind curves."""
+    tint = QColor(colour)
+    tint.setAlpha(alpha)
+    return tint

@@ -1,0 +1,74 @@
+"""Live force with its phases shaded, and the pulse folded at the heart rate."""
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+
+from probe.live.state import TRACE_S, ViewState, fold
+from probe.live.style import plot, shade
+from probe.report.look import BLUE, ORANGE, PHASE_COLOURS
+
+MAX_POINTS = 4000  # more than a 4K screen has columns
+SHADES = 40
+
+
+class TracePanel(QWidget):
+    """The last seconds of the tactile signal, and one mean beat of the current hold."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        self.trace = plot("Signal", ("scan time", "s"), ("contact stress", "kPa"))
+        self.curves: list[pg.PlotDataItem] = []
+        self.shades = [pg.LinearRegionItem(movable=False, pen=None) for _ in range(SHADES)]
+        for region in self.shades:
+            region.setZValue(-10)
+            region.hide()
+            self.trace.addItem(region, ignoreBounds=True)
+        self.beat = plot("Pulse, folded", ("time in the beat", "s"), ("change", "Pa"))
+        self.beat_curve = self.beat.plot(
+            pen=pg.mkPen(ORANGE, width=2), symbol="o", symbolSize=6, symbolBrush=ORANGE
+        )
+        layout.addWidget(self.trace, 3)
+        layout.addWidget(self.beat, 2)
+
+    def show_state(self, state: ViewState) -> None:
+        name = state.signal_device
+        if not name:
+            return
+        time_s, values = state.traces[name].arrays()
+        self.trace.setTitle(f"Signal of {name}: {state.phase}")
+        if len(time_s):
+            step = max(1, len(time_s) // MAX_POINTS)
+            stress = state.stress_pa(name, values[::step]) / 1e3
+            self._curves(stress.shape[1])
+            for curve, channel in zip(self.curves, stress.T, strict=True):
+                curve.setData(time_s[::step], channel)
+            self.trace.setXRange(state.now_s - TRACE_S, state.now_s, padding=0)
+        self._shade(state)
+        held_s, stress_pa = state.hold()
+        if len(held_s):
+            phase, mean = fold(held_s, stress_pa, state.period_s)
+            known = np.isfinite(mean)
+            self.beat_curve.setData(phase[known], mean[known] - mean[known].mean())
+
+    def _curves(self, count: int) -> None:
+        while len(self.curves) < count:
+            colour = BLUE if count == 1 else pg.intColor(len(self.curves), hues=count)
+            self.curves.append(self.trace.plot(pen=pg.mkPen(colour, width=1)))
+
+    def _shade(self, state: ViewState) -> None:
+        starts = list(state.phases)
+        ends = [t for t, _ in starts[1:]] + [state.now_s]
+        seen = [
+            (start, end, PHASE_COLOURS[phase])
+            for (start, phase), end in zip(starts, ends, strict=True)
+            if phase in PHASE_COLOURS and end > state.now_s - TRACE_S
+        ][-SHADES:]
+        for n, region in enumerate(self.shades):
+            region.setVisible(n < len(seen))
+            if n < len(seen):
+                start, end, colour = seen[n]
+                region.setRegion((start, end))
+                region.setBrush(shade(colour))
