@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from PySide6.QtCore import Qt
-from PySide6.QtGui import QKeySequence, QShortcut
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt
+from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
 from probe.events import Finish, Phase
@@ -14,6 +14,28 @@ from probe.report.look import GREEN, ORANGE, simulated_words
 
 Ask = Callable[[str], None]
 """Passes pause, resume, abort or stop to the scan; raises `NotRunning`."""
+
+
+class SpaceBar(QObject):
+    """Calls ``act`` on every press of the space bar, whatever has the focus.
+
+    A shortcut would not do: a focused button takes the space bar for itself.
+    """
+
+    def __init__(self, act: Callable[[], None], parent: QObject) -> None:
+        super().__init__(parent)
+        self._act = act
+        app = QCoreApplication.instance()
+        assert app is not None  # a widget cannot exist without one
+        app.installEventFilter(self)
+
+    def eventFilter(self, _watched: QObject, event: QEvent) -> bool:
+        if event.type() is not QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
+            return False
+        if event.key() != Qt.Key.Key_Space or event.isAutoRepeat():
+            return False
+        self._act()
+        return True
 
 
 class SidePanel(QWidget):
@@ -49,9 +71,7 @@ class SidePanel(QWidget):
             grid.addWidget(self.buttons[word], 0, column)
         self._button("stop", "STOP  (space bar)")
         grid.addWidget(self.buttons["stop"], 1, 0, 1, 3)
-        space = QShortcut(QKeySequence(Qt.Key.Key_Space), self)
-        space.setContext(Qt.ShortcutContext.ApplicationShortcut)
-        space.activated.connect(lambda: self.press("stop"))
+        self._space = SpaceBar(lambda: self.press("stop"), self)
         return grid
 
     def _button(self, word: str, text: str) -> None:

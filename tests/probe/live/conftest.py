@@ -3,13 +3,13 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
-from PySide6.QtWidgets import QWidget
 
 from drivers import Block, Channel
 from probe.events import (
@@ -83,15 +83,16 @@ def make_run() -> Callable[..., list[Event]]:
 
 
 @pytest.fixture
-def shoot() -> Callable[[QWidget, str, tuple[int, int]], None]:
+def shoot() -> Callable[..., None]:
     """Show a window at a size, keep its picture, and check that something is on it."""
     app = application()
 
-    def take(window: QWidget, name: str, size: tuple[int, int] = (1366, 768)) -> None:
+    def take(window: Any, name: str, size: tuple[int, int] = (1366, 768)) -> None:
         SCREENSHOTS.mkdir(exist_ok=True)
         window.resize(*size)
         window.show()
-        for _ in range(5):
+        for _ in range(3):
+            window.frame()
             app.processEvents()
         picture = window.grab()
         assert (picture.width(), picture.height()) == size, "the window does not fit the screen"
