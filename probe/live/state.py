@@ -87,6 +87,8 @@ class ViewState:
     reason: str = ""
     now_s: float = float("nan")
     _hold: list[tuple[Array, Array]] = field(default_factory=list)
+    _hold_from_s: float = float("inf")
+    _hold_to_s: float = float("inf")
     _began_s: float = float("nan")
     _durations_s: list[float] = field(default_factory=list)
 
@@ -97,10 +99,13 @@ class ViewState:
                 self._start(event)
             case StationStarted(time_s, station):
                 self.station, self._began_s, self._hold = station, time_s, []
+                self._hold_from_s, self._hold_to_s = np.inf, np.inf
                 self._tick(time_s)
             case PhaseEntered(time_s, phase, _):
                 if phase is Phase.HOLDING:
-                    self._hold = []
+                    self._hold, self._hold_from_s, self._hold_to_s = [], time_s, np.inf
+                elif self.phase is Phase.HOLDING:
+                    self._hold_to_s = time_s
                 self.phase = phase
                 self.phases.append((time_s, phase))
                 self._tick(time_s)
@@ -141,8 +146,11 @@ class ViewState:
         pressed = self.stress_pa(event.device, event.block.values)
         if pressed.shape[1] > 1:
             self.taxels_pa = pressed[-1]
-        if self.phase is Phase.HOLDING:
-            self._hold.append((event.block.time_s, pressed.mean(axis=1)))
+        # A block may reach over either end of the hold, and come after the phase has changed.
+        time_s = event.block.time_s
+        held = (time_s >= self._hold_from_s) & (time_s < self._hold_to_s)
+        if held.any():
+            self._hold.append((time_s[held], pressed[held].mean(axis=1)))
             self._map(event.station)
 
     def _map(self, station: int) -> None:

@@ -1,7 +1,9 @@
 """The windows' one look: sizes readable at arm's length, plots like the report's figures."""
 
+import re
+
 import pyqtgraph as pg
-from PySide6.QtGui import QColor
+from PySide6.QtGui import QColor, QFont
 from PySide6.QtWidgets import QApplication
 
 from probe.report.look import HEAT, INK
@@ -24,13 +26,26 @@ QPushButton#stop { font-size: 20pt; font-weight: 700; color: #ffffff; background
 """
 
 
-def application() -> QApplication:
-    """The one Qt application, with the look on."""
+def application(enlarge: float | None = None) -> QApplication:
+    """The one Qt application, with the look on.
+
+    Text grows with the screen: on a 4K screen that Qt does not scale itself it is doubled.
+    ``enlarge`` overrides that.
+    """
     existing = QApplication.instance()
     app = existing if isinstance(existing, QApplication) else QApplication(["palpate"])
-    app.setStyleSheet(SHEET)
+    fitting = max(1.0, app.primaryScreen().availableGeometry().height() / 1080)
+    app.setProperty("enlarge", enlarge or fitting)
+    sizes = re.compile(r"(\d+)(pt)")
+    app.setStyleSheet(sizes.sub(lambda m: f"{int(m[1]) * scale():.0f}{m[2]}", SHEET))
     pg.setConfigOptions(background="w", foreground=INK, antialias=True)
     return app
+
+
+def scale() -> float:
+    """How much larger than designed everything is drawn."""
+    app = QApplication.instance()
+    return 1.0 if app is None else float(app.property("enlarge") or 1.0)
 
 
 def heat() -> pg.ColorMap:
@@ -41,8 +56,12 @@ def heat() -> pg.ColorMap:
 def plot(title: str, x: tuple[str, str], y: tuple[str, str]) -> pg.PlotWidget:
     """An empty plot; ``x`` and ``y`` are (name, unit)."""
     widget = pg.PlotWidget(title=title)
-    widget.setLabel("bottom", f"{x[0]} [{x[1]}]")
-    widget.setLabel("left", f"{y[0]} [{y[1]}]")
+    for side in ("bottom", "left"):
+        axis = widget.getAxis(side)
+        axis.enableAutoSIPrefix(False)  # the unit in the label is the one that holds
+        axis.setTickFont(QFont(QApplication.font().family(), round(9 * scale())))
+    widget.setLabel("bottom", f"{x[0]} [{x[1]}]", **{"font-size": f"{10 * scale():.0f}pt"})
+    widget.setLabel("left", f"{y[0]} [{y[1]}]", **{"font-size": f"{10 * scale():.0f}pt"})
     widget.showGrid(x=True, y=True, alpha=0.2)
     widget.setMouseEnabled(x=False, y=False)
     widget.hideButtons()

@@ -21,7 +21,7 @@ class TracePanel(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         self.trace = plot("Signal", ("scan time", "s"), ("contact stress", "kPa"))
         self.curves: list[pg.PlotDataItem] = []
-        self.shades = [pg.LinearRegionItem(movable=False, pen=None) for _ in range(SHADES)]
+        self.shades = [pg.LinearRegionItem(movable=False, pen=(0, 0, 0, 0)) for _ in range(SHADES)]
         for region in self.shades:
             region.setZValue(-10)
             region.hide()

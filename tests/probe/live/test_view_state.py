@@ -106,3 +106,16 @@ def test_folding_averages_beats_and_leaves_unseen_parts_unknown() -> None:
     phase, mean = fold(t, np.sin(2 * np.pi * t / PERIOD_S) + noise, PERIOD_S)
     assert np.allclose(mean, np.sin(2 * np.pi * phase / PERIOD_S), atol=0.15)
     assert np.isnan(fold(t[:100], t[:100], PERIOD_S)[1]).sum() > 12
+
+
+def test_what_was_read_before_or_after_the_hold_is_no_pulse() -> None:
+    t = np.arange(0, 3, 0.01)
+    steps = np.where((t >= 1) & (t < 2), 1.0, 0.2)  # one block over ramp, hold and retraction
+    state = view(
+        started(),
+        StationStarted(0.0, 0, 1, 0.004, 0.0),
+        PhaseEntered(1.0, Phase.HOLDING, 0),
+        PhaseEntered(2.0, Phase.RETRACTING, 0),
+        block(t, steps),
+    )
+    assert state.maps[0] == pytest.approx((1e4, 0.0), abs=1e-6)

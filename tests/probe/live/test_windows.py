@@ -28,8 +28,12 @@ FINDING = {
 }
 
 
-def window_on(events: list[Event], asked: list[str] | None = None, **kwargs: Any) -> RunWindow:
+@pytest.fixture(autouse=True)
+def _plain_size() -> None:
     application()
+
+
+def window_on(events: list[Event], asked: list[str] | None = None, **kwargs: Any) -> RunWindow:
     state = ViewState()
     for event in events:
         state.update(event)
@@ -96,6 +100,7 @@ def test_a_lost_device_is_shown_in_words(make_run: Make, shoot: Shoot) -> None:
 def test_a_finished_grid_fits_small_and_large_screens(
     size: tuple[int, int], make_run: Make, shoot: Shoot
 ) -> None:
+    application(size[1] / 1080 if size[1] > 1080 else None)
     window = window_on(make_run(rows=6, columns=15))
     shoot(window, f"live_grid_{size[0]}", size)
     assert window.maps.currentWidget() is window.maps.grid
