@@ -63,7 +63,6 @@ def main() -> None:
         drawing = perf_counter()
         window.frame()
         app.processEvents()
-        window.grab()
         done = perf_counter()
         frames.append(done - drawing)
         latencies.append(done - began - follower.state.now_s)

@@ -10,7 +10,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent, QMouseEvent
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from probe.live.body import draw_scene, finger_outline
 from probe.live.maps import HeatMap
@@ -71,16 +71,26 @@ class FeelWindow(QWidget):
         self.contact = self.section.plot.plot([], [], pen=pg.mkPen(ORANGE, width=5))
         self.section.scene().installEventFilter(self)
         self.section.viewport().installEventFilter(self)
-        self.force = plot("", ("time", "s"), ("force", "N"))
+        self.force = plot("", ("time before now", "s"), ("force", "N"))
         self.force_curve = self.force.plot(pen=pg.mkPen(BLUE, width=2))
-        self.pulse = plot("", ("time", "s"), ("lumen pressure", "mmHg"))
+        self.pulse = plot("", ("time before now", "s"), ("lumen pressure", "mmHg"))
         self.pulse_curve = self.pulse.plot(pen=pg.mkPen(ORANGE, width=2))
+        self.force.setXRange(-HISTORY_S, 0, padding=0)
+        self.pulse.setXLink(self.force)
+        pulse = scene.pulse
+        self.pulse.setYRange(pulse.diastolic_mmhg, pulse.systolic_mmhg)
+        curves = QVBoxLayout()
+        curves.addWidget(self.force, 3)
+        curves.addWidget(self.pulse, 2)
+        middle = QHBoxLayout()
+        middle.addWidget(self.section, 3)
+        middle.addLayout(curves, 2)
         layout = QVBoxLayout(self)
-        for widget, stretch in (
-            (head, 0), (help_text, 0), (self.section, 5), (self.readout, 0), (self.status, 0),
-            (self.force, 3), (self.pulse, 2),
-        ):  # fmt: skip
-            layout.addWidget(widget, stretch)
+        layout.addWidget(head)
+        layout.addWidget(help_text)
+        layout.addLayout(middle, 1)
+        layout.addWidget(self.readout)
+        layout.addWidget(self.status)
 
     def touch(self, x_mm: float, depth_mm: float) -> None:
         """Put the probe over ``x_mm`` at ``depth_mm``, both held to what can be reached."""
@@ -142,8 +152,8 @@ class FeelWindow(QWidget):
         while self.history[0][0] < now_s - HISTORY_S:
             self.history.popleft()
         t, force, pressure = np.array(self.history).T
-        self.force_curve.setData(t, force)
-        self.pulse_curve.setData(t, pressure)
+        self.force_curve.setData(t - now_s, force)
+        self.pulse_curve.setData(t - now_s, pressure)
         self.readout.setText(
             f"x {self.x_mm:.0f} mm   depth {max(self.depth_mm, 0):.2f} mm   force {force_n:.3f} N"
             f"   stress {force_n / self.scene.face_mm2 * 1e3:.2f} kPa   contact {wide:.1f} mm"

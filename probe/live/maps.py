@@ -76,6 +76,8 @@ class MapPanel(QStackedWidget):
 
     def __init__(self) -> None:
         super().__init__()
+        self._made: tuple[Array, tuple[float, float, float, float]] | None = None
+        self._seen = (0, 0)
         self.line = LineMap()
         self.grid = HeatMap("Tactile map", "baseline [kPa]")
         self.grid.plot.setLabels(bottom="x [mm]", left="y [mm]")
@@ -88,7 +90,7 @@ class MapPanel(QStackedWidget):
         """Draw the run so far; ``levels`` [Pa] fix the scale (for two runs side by side)."""
         if state.is_grid:
             self.setCurrentWidget(self.grid)
-            table, box = grid_table(state)
+            table, box = self._grid_table(state)
             scale = None if levels is None else (levels[0] / 1e3, levels[1] / 1e3)
             self.grid.show_table(table / 1e3, box, scale)
         elif len(state.taxels_pa) > 1 and len(state.plan) < 2:
@@ -98,6 +100,13 @@ class MapPanel(QStackedWidget):
         else:
             self.setCurrentWidget(self.line)
             self.line.show_state(state, levels)
+
+    def _grid_table(self, state: ViewState) -> tuple[Array, tuple[float, float, float, float]]:
+        """As `grid_table`, remade only when a station was added: large grids take long."""
+        seen = (id(state.maps), len(state.maps))
+        if self._made is None or self._seen != seen:
+            self._made, self._seen = grid_table(state), seen
+        return self._made
 
 
 def grid_table(state: ViewState) -> tuple[Array, tuple[float, float, float, float]]:

@@ -75,6 +75,7 @@ class ViewState:
     config: Mapping[str, Any] = field(default_factory=dict)
     started_utc: str = ""
     plan: tuple[Place, ...] = ()
+    is_grid: bool = False
     traces: dict[str, Trace] = field(default_factory=dict)
     phase: Phase = Phase.IDLE
     phases: deque[tuple[float, Phase]] = field(default_factory=lambda: deque(maxlen=200))
@@ -90,7 +91,8 @@ class ViewState:
     _hold_from_s: float = float("inf")
     _hold_to_s: float = float("inf")
     _began_s: float = float("nan")
-    _durations_s: list[float] = field(default_factory=list)
+    _spent_s: float = 0.0
+    _timed: int = 0
 
     def update(self, event: Event) -> None:
         """Take in the next event."""
@@ -114,7 +116,8 @@ class ViewState:
             case StationEnded(time_s, station, _, complete):
                 if complete:
                     self.complete.add(station)
-                    self._durations_s.append(time_s - self._began_s)
+                    self._spent_s += time_s - self._began_s
+                    self._timed += 1
                 self._tick(time_s)
             case Note():
                 self.notes.append(event)
@@ -131,6 +134,7 @@ class ViewState:
         self.config, self.started_utc = event.config, event.started_utc
         places = event.config.get("plan", {}).get("stations", ())
         self.plan = tuple(Place(int(i), float(x), float(y)) for i, x, y in places)
+        self.is_grid = len({round(p.y_mm, 3) for p in self.plan}) > 1
         self.traces = {name: Trace(tuple(each)) for name, each in event.channels.items()}
         self.finish, self.reason = None, ""
         self.now_s = event.time_s
@@ -201,10 +205,6 @@ class ViewState:
             if c.simulated
         )
 
-    @property
-    def is_grid(self) -> bool:
-        return len({round(p.y_mm, 3) for p in self.plan}) > 1
-
     def tip_m(self) -> tuple[float, float, float] | None:
         """Where the probe is (x, y, z) [m], or None before the stage was read."""
         stage = self.traces.get("stage")
@@ -217,10 +217,10 @@ class ViewState:
         """From the mean of the stations so far; None before the first is complete."""
         if self.finish is not None:
             return 0.0
-        if not self._durations_s:
+        if not self._timed:
             return None
         running = 0.0 if self.station in self.complete else self.now_s - self._began_s
-        mean = float(np.mean(self._durations_s))
+        mean = self._spent_s / self._timed
         return max(0.0, mean * (len(self.plan) - len(self.complete)) - max(0.0, running))
 
     def device_states(self) -> dict[str, str]:

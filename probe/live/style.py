@@ -54,7 +54,10 @@ def heat() -> pg.ColorMap:
 
 
 def plot(title: str, x: tuple[str, str], y: tuple[str, str]) -> pg.PlotWidget:
-    """An empty plot; ``x`` and ``y`` are (name, unit)."""
+    """An empty plot; ``x`` and ``y`` are (name, unit).
+
+    No grid: pyqtgraph takes longer to draw one than everything else of a frame together.
+    """
     widget = pg.PlotWidget(title=title)
     for side in ("bottom", "left"):
         axis = widget.getAxis(side)
@@ -62,7 +65,6 @@ def plot(title: str, x: tuple[str, str], y: tuple[str, str]) -> pg.PlotWidget:
         axis.setTickFont(QFont(QApplication.font().family(), round(9 * scale())))
     widget.setLabel("bottom", f"{x[0]} [{x[1]}]", **{"font-size": f"{10 * scale():.0f}pt"})
     widget.setLabel("left", f"{y[0]} [{y[1]}]", **{"font-size": f"{10 * scale():.0f}pt"})
-    widget.showGrid(x=True, y=True, alpha=0.2)
     widget.setMouseEnabled(x=False, y=False)
     widget.hideButtons()
     widget.setMenuEnabled(False)

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 DEPTHS = 6
 FORCE_DEPTHS = 41
-CELL_MM = 0.35
+CELL_MM = 0.25
 PULLS = 4  # fixed-point steps of the pull-back; the error shrinks by |grad u| < 1 each
 
 

@@ -8,7 +8,8 @@ from probe.live.state import TRACE_S, ViewState, fold
 from probe.live.style import plot, shade
 from probe.report.look import BLUE, ORANGE, PHASE_COLOURS
 
-MAX_POINTS = 4000  # more than a 4K screen has columns
+MAX_POINTS = 3000
+MAX_CURVES = 4  # of more channels: the least, the mean and the greatest
 SHADES = 40
 
 
@@ -42,6 +43,8 @@ class TracePanel(QWidget):
         if len(time_s):
             step = max(1, len(time_s) // MAX_POINTS)
             stress = state.stress_pa(name, values[::step]) / 1e3
+            if stress.shape[1] > MAX_CURVES:  # the taxel image tells them apart, curves cannot
+                stress = np.column_stack([stress.min(1), stress.mean(1), stress.max(1)])
             self._curves(stress.shape[1])
             for curve, channel in zip(self.curves, stress.T, strict=True):
                 curve.setData(time_s[::step], channel)
@@ -56,7 +59,7 @@ class TracePanel(QWidget):
     def _curves(self, count: int) -> None:
         while len(self.curves) < count:
             colour = BLUE if count == 1 else pg.intColor(len(self.curves), hues=count)
-            self.curves.append(self.trace.plot(pen=pg.mkPen(colour, width=1)))
+            self.curves.append(self.trace.plot(pen=pg.mkPen(colour, width=1), antialias=False))
 
     def _shade(self, state: ViewState) -> None:
         starts = list(state.phases)

@@ -1,11 +1,12 @@
 """Pressing is interpolation in a solved table: exact where it must be, and quick to draw."""
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from time import perf_counter
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QPoint, Qt
+from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
 
 from probe.live.feel import LIFTED_MM, MAX_DEPTH_MM, FeelWindow
@@ -60,26 +61,20 @@ def test_the_picture_shows_the_dent_and_not_the_old_surface() -> None:
     assert one.y_mm[np.isfinite(picture[:, far])].max() == pytest.approx(HEIGHT_MM, abs=0.4)
 
 
-def test_the_mouse_presses_and_letting_go_lifts(shoot: object) -> None:
+def test_the_mouse_presses_and_letting_go_lifts(shoot: Callable[..., None]) -> None:
     application()
     window = FeelWindow(TIHA, solved)
-    shoot(window, "feel_lifted")  # type: ignore[operator]  # a fixture's function
+    shoot(window, "feel_lifted")
     area = window.section.viewport()
     vb = window.section.plot.vb
-    at = window.section.mapFromScene(vb.mapViewToScene(pg_point(40.0, HEIGHT_MM - 1.5)))
+    at = window.section.mapFromScene(vb.mapViewToScene(QPointF(40.0, HEIGHT_MM - 1.5)))
     QTest.mousePress(area, LEFT, pos=QPoint(at.x(), at.y()))
-    shoot(window, "feel_pressed")  # type: ignore[operator]
+    shoot(window, "feel_pressed")
     assert window.x_mm == 40
     assert window.depth_mm == pytest.approx(1.5, abs=0.2)
     assert window.history[-1][1] > 0.4
     QTest.mouseRelease(area, LEFT, pos=QPoint(at.x(), at.y()))
     assert window.depth_mm == LIFTED_MM
-
-
-def pg_point(x: float, y: float) -> object:
-    from PySide6.QtCore import QPointF
-
-    return QPointF(x, y)
 
 
 def test_the_arrow_keys_press_within_reach() -> None:
@@ -92,11 +87,11 @@ def test_the_arrow_keys_press_within_reach() -> None:
     assert window.depth_mm == MAX_DEPTH_MM
 
 
-def test_while_solving_and_when_it_fails_the_window_says_so(shoot: object) -> None:
+def test_while_solving_and_when_it_fails_the_window_says_so(shoot: Callable[..., None]) -> None:
     application()
     place: Future[Table] = Future()
     window = FeelWindow(TIHA, lambda _x: place)
-    shoot(window, "feel_solving")  # type: ignore[operator]
+    shoot(window, "feel_solving")
     assert "Solving x = 32 mm" in window.status.text()
     place.set_exception(RuntimeError("the mesh turned inside out"))
     window.frame()
