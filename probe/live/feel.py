@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from probe.live.body import draw_scene, finger_outline
 from probe.live.maps import HeatMap
-from probe.live.style import application, plot
+from probe.live.style import application, label, plot
 from probe.live.table import Table, solve
 from probe.report.look import BLUE, GREEN, ORANGE
 from sim_backend.scene import Scene
@@ -65,7 +65,7 @@ class FeelWindow(QWidget):
         self.readout, self.status = QLabel(), QLabel()
         self.readout.setObjectName("finding")
         self.section = HeatMap("", "von Mises [kPa]")
-        self.section.plot.setLabels(bottom="x [mm]", left="height [mm]")
+        label(self.section.plot, ("x", "mm"), ("height", "mm"))
         draw_scene(self.section.plot, scene)
         self.finger = self.section.plot.plot([], [], pen=pg.mkPen(GREEN, width=3))
         self.contact = self.section.plot.plot([], [], pen=pg.mkPen(ORANGE, width=5))

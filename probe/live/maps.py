@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from PySide6.QtWidgets import QStackedWidget, QVBoxLayout, QWidget
 
 from probe.live.state import ViewState
-from probe.live.style import heat, plot
+from probe.live.style import heat, label, plot
 from probe.report.look import BLUE, ORANGE
 
 Array = NDArray[np.float64]
@@ -80,9 +80,9 @@ class MapPanel(QStackedWidget):
         self._seen = (0, 0)
         self.line = LineMap()
         self.grid = HeatMap("Tactile map", "baseline [kPa]")
-        self.grid.plot.setLabels(bottom="x [mm]", left="y [mm]")
+        label(self.grid.plot, ("x", "mm"), ("y", "mm"))
         self.taxels = HeatMap("Taxels now", "stress [kPa]")
-        self.taxels.plot.setLabels(bottom="taxel column [number]", left="taxel row [number]")
+        label(self.taxels.plot, ("taxel column", "number"), ("taxel row", "number"))
         for each in (self.line, self.grid, self.taxels):
             self.addWidget(each)
 

@@ -59,16 +59,20 @@ def plot(title: str, x: tuple[str, str], y: tuple[str, str]) -> pg.PlotWidget:
     No grid: pyqtgraph takes longer to draw one than everything else of a frame together.
     """
     widget = pg.PlotWidget(title=title)
-    for side in ("bottom", "left"):
-        axis = widget.getAxis(side)
-        axis.enableAutoSIPrefix(False)  # the unit in the label is the one that holds
-        axis.setTickFont(QFont(QApplication.font().family(), round(9 * scale())))
-    widget.setLabel("bottom", f"{x[0]} [{x[1]}]", **{"font-size": f"{10 * scale():.0f}pt"})
-    widget.setLabel("left", f"{y[0]} [{y[1]}]", **{"font-size": f"{10 * scale():.0f}pt"})
+    label(widget.getPlotItem(), x, y)
     widget.setMouseEnabled(x=False, y=False)
     widget.hideButtons()
     widget.setMenuEnabled(False)
     return widget
+
+
+def label(area: pg.PlotItem, x: tuple[str, str], y: tuple[str, str]) -> None:
+    """Name the axes with their units, in sizes that fit the screen."""
+    for side, (name, unit) in (("bottom", x), ("left", y)):
+        axis = area.getAxis(side)
+        axis.enableAutoSIPrefix(False)  # the unit in the label is the one that holds
+        axis.setTickFont(QFont(QApplication.font().family(), round(9 * scale())))
+        axis.setLabel(f"{name} [{unit}]", **{"font-size": f"{10 * scale():.0f}pt"})
 
 
 def shade(colour: str, alpha: int = 50) -> QColor:

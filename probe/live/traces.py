@@ -6,10 +6,11 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from probe.live.state import TRACE_S, ViewState, fold
 from probe.live.style import plot, shade
-from probe.report.look import BLUE, ORANGE, PHASE_COLOURS
+from probe.report.look import BLUE, GREEN, ORANGE, PHASE_COLOURS, PINK, SKY
 
 MAX_POINTS = 3000
 MAX_CURVES = 4  # of more channels: the least, the mean and the greatest
+COLOURS = (SKY, BLUE, PINK, GREEN)
 SHADES = 40
 
 
@@ -58,7 +59,7 @@ class TracePanel(QWidget):
 
     def _curves(self, count: int) -> None:
         while len(self.curves) < count:
-            colour = BLUE if count == 1 else pg.intColor(len(self.curves), hues=count)
+            colour = BLUE if count == 1 else COLOURS[len(self.curves)]
             self.curves.append(self.trace.plot(pen=pg.mkPen(colour, width=1), antialias=False))
 
     def _shade(self, state: ViewState) -> None:
