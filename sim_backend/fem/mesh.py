@@ -1,0 +1,305 @@
+"""A mesh that follows circles: fine under the finger and at inclusions, coarse elsewhere.
+
+Vessel walls are meshed as structured rings, so that a thin wall has well-shaped quadratic
+elements through it; what lies around them is a Delaunay triangulation of graded points. All
+lengths are metres.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import Delaunay, cKDTree
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Size = Callable[[Array], Array]
+
+TISSUE = 0
+T6_EDGES = ((0, 3, 1), (1, 4, 2), (2, 5, 0))
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Concentric circles round ``centre`` with ``radii`` (k,) from the outside in.
+
+    The layer between ``radii[i]`` and ``radii[i + 1]`` is region ``regions[i]``; the innermost
+    circle bounds a lumen when ``hollow``, else it is filled with region ``regions[-1]``.
+    """
+
+    centre: tuple[float, float]
+    radii: tuple[float, ...]
+    regions: tuple[int, ...]
+    hollow: bool
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Six-node triangles.
+
+    ``nodes`` (n, 2) [m]; ``cells`` (m, 6), corners counter-clockwise then mid-sides 01, 12, 20;
+    ``region`` (m,) numbers the material. ``surface`` (s,) are the nodes a finger can touch, from
+    left to right; ``bottom`` (b,) rest on the support. ``lumens`` lists, for each lumen, the cells
+    whose side 0-3-1 lies on it (the lumen to their right when walking from 0 to 1).
+    """
+
+    nodes: Array
+    cells: Ints
+    region: Ints
+    surface: Ints
+    bottom: Ints
+    lumens: tuple[Ints, ...]
+
+
+def block_mesh(width: float, height: float, rings: list[Ring], size: Size) -> Mesh:
+    """Mesh a block [0, width] x [0, height] that holds ``rings``; ``size`` (n, 2) -> (n,) [m]."""
+    fixed = [_rectangle(width, height, size)]
+    ring_parts = []
+    for ring in rings:
+        count = _around(ring, size)
+        if ring.hollow:
+            ring_parts.append(_layers(ring, count))
+        fixed.append(_circle(ring.centre, ring.radii[0], count, _turn(ring, 0, count)))
+    anchors = np.vstack(fixed)
+    free = _fill(width, height, anchors, rings, size)
+    points = _relax(anchors, free, width, height, rings, size)
+    corners = _triangulate(points, width, height)
+    region = np.full(len(corners), TISSUE)
+    middle = points[corners].mean(axis=1)
+    keep = np.ones(len(corners), dtype=bool)
+    for ring in rings:
+        inside = np.hypot(*(middle - ring.centre).T) < ring.radii[0]
+        if ring.hollow:
+            keep &= ~inside
+        else:
+            region[inside] = ring.regions[-1]
+    return _finish(points, corners[keep], region[keep], ring_parts, rings, height)
+
+
+def ring_mesh(ring: Ring, size: Size) -> Mesh:
+    """Mesh a hollow ring that stands alone on the support y = 0."""
+    part = _layers(ring, _around(ring, size))
+    empty = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64)
+    return _finish(*empty, [part], [ring], 2 * ring.radii[0])
+
+
+def _rectangle(width: float, height: float, size: Size) -> Array:
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=float)
+    sides = [_graded(corners[i], corners[(i + 1) % 4], size)[:-1] for i in range(4)]
+    return np.vstack(sides)
+
+
+def _graded(start: Array, end: Array, size: Size) -> Array:
+    """Points from ``start`` to ``end`` (both included), spaced by ``size``."""
+    s = np.linspace(0, 1, 2001)[:, None]
+    line = start + s * (end - start)
+    density = 1 / size(line)
+    length = np.hypot(*(end - start))
+    count = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)]) * length / 2000
+    n = max(2, round(count[-1]))
+    at = np.interp(np.linspace(0, count[-1], n + 1), count, s[:, 0])
+    return np.asarray(start + at[:, None] * (end - start))
+
+
+def _around(ring: Ring, size: Size) -> int:
+    """How many elements go round a ring: even, so that it is symmetric."""
+    probe = _circle(ring.centre, ring.radii[0], 90, 0)
+    turn = float(np.mean(2 * np.pi * ring.radii[0] / size(probe)))
+    return 2 * max(6, round(turn / 2))
+
+
+def _turn(ring: Ring, layer: int, count: int) -> float:
+    """Angle of the first point; alternate circles are turned by half a step."""
+    return float(np.pi / 2 + layer * np.pi / count)
+
+
+def _circle(centre: tuple[float, float], radius: float, count: int, first: float) -> Array:
+    angle = first + 2 * np.pi * np.arange(count) / count
+    return np.column_stack(
+        [centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)]
+    )
+
+
+def _layers(ring: Ring, count: int) -> tuple[Array, Ints, Ints]:
+    """Points, corner triangles and regions of a ring's layers, each layer near-isotropic."""
+    radii, regions = [ring.radii[0]], []
+    for outer, inner, region in zip(ring.radii, ring.radii[1:], ring.regions, strict=False):
+        step = 2 * np.pi * outer / count
+        layers = max(1, round((outer - inner) / step))
+        radii += list(np.linspace(outer, inner, layers + 1)[1:])
+        regions += [region] * layers
+    points = np.vstack(
+        [_circle(ring.centre, r, count, _turn(ring, i, count)) for i, r in enumerate(radii)]
+    )
+    i = np.arange(count)
+    nxt = (i + 1) % count
+    corners, region_of = [], []
+    for layer, region in enumerate(regions):
+        a, b = layer * count, (layer + 1) * count
+        corners += [np.column_stack([a + i, a + nxt, b + i])]
+        corners += [np.column_stack([b + nxt, b + i, a + nxt])]
+        region_of += [np.full(2 * count, region)]
+    return points, np.vstack(corners).astype(np.int64), np.concatenate(region_of)
+
+
+def _fill(width: float, height: float, anchors: Array, rings: list[Ring], size: Size) -> Array:
+    """Interior points as the centres of a quadtree refined until its cells are ``size``."""
+    step = height / 2
+    nx = max(1, round(width / step))
+    x, y = (np.arange(nx) + 0.5) * width / nx, (np.arange(2) + 0.5) * step
+    cells = np.array([(a, b) for a in x for b in y])
+    edge = np.array([width / nx, step])
+    done = []
+    for _ in range(14):
+        large = edge.max() > 1.25 * size(cells)
+        done.append(cells[~large])
+        cells = cells[large]
+        if not len(cells):
+            break
+        edge = edge / 2
+        quarter = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) * edge / 2
+        cells = (cells[:, None, :] + quarter).reshape(-1, 2)
+    points = np.vstack(done)
+    distance, _ = cKDTree(anchors).query(points)
+    points = points[distance > 0.6 * size(points)]
+    for ring in rings:
+        if ring.hollow:
+            away = np.hypot(*(points - ring.centre).T) > ring.radii[0]
+            points = points[away]
+    return points
+
+
+def _relax(
+    anchors: Array, free: Array, width: float, height: float, rings: list[Ring], size: Size
+) -> Array:
+    """Even out the free points as a truss under pressure (Persson and Strang 2004, eq. 4)."""
+    points = np.vstack([anchors, free])
+    n = len(anchors)
+    step = 0.2
+    for sweep in range(16):
+        if sweep % 4 == 0:
+            corners = _triangulate(points, width, height)
+            bars = np.unique(
+                np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])),
+                axis=0,
+            )
+            wanted = size(points[bars].mean(axis=1))
+        span = points[bars[:, 0]] - points[bars[:, 1]]
+        length = np.hypot(*span.T)
+        scale = np.sqrt((length**2).sum() / (wanted**2).sum())
+        push = np.maximum(1.15 * scale * wanted - length, 0) / length
+        force = np.zeros_like(points)
+        for k, sign in ((0, 1.0), (1, -1.0)):
+            for axis in (0, 1):
+                force[:, axis] += np.bincount(
+                    bars[:, k], sign * push * span[:, axis], minlength=len(points)
+                )
+        moved = points[n:] + step * force[n:]
+        margin = 0.5 * size(moved)
+        moved[:, 0] = np.clip(moved[:, 0], margin, width - margin)
+        moved[:, 1] = np.clip(moved[:, 1], margin, height - margin)
+        for ring in rings:
+            moved = _keep_off(moved, points[n:], ring, margin)
+        points = np.vstack([anchors, moved])
+    return points
+
+
+def _keep_off(points: Array, before: Array, ring: Ring, margin: Array) -> Array:
+    """Hold points at ``margin`` from a ring's circle, on the side where they were."""
+    away = points - ring.centre
+    distance = np.maximum(np.hypot(*away.T), 1e-12)
+    outside = np.hypot(*(before - ring.centre).T) >= ring.radii[0]
+    low = np.where(outside, ring.radii[0] + 0.8 * margin, 0.0)
+    high = np.where(outside, np.inf, ring.radii[0] - 0.8 * margin)
+    kept = np.clip(distance, low, np.maximum(high, 1e-12))
+    return np.asarray(ring.centre + away * (kept / distance)[:, None])
+
+
+def _triangulate(points: Array, width: float, height: float) -> Ints:
+    corners = Delaunay(points).simplices.astype(np.int64)
+    a, b, c = (points[corners[:, k]] for k in range(3))
+    area = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    corners[area < 0] = corners[area < 0][:, [0, 2, 1]]
+    longest = np.max([np.hypot(*(a - b).T), np.hypot(*(b - c).T), np.hypot(*(c - a).T)], axis=0)
+    flat = np.abs(area) < 1e-6 * longest**2
+    on_side = np.zeros(len(corners), dtype=bool)
+    for axis, high in ((0, width), (1, height)):
+        for level in (0.0, high):
+            on_side |= np.all(np.abs(points[corners][:, :, axis] - level) < 1e-12, axis=1)
+    return corners[~(flat | on_side)]
+
+
+def _finish(
+    points: Array,
+    corners: Ints,
+    region: Ints,
+    parts: list[tuple[Array, Ints, Ints]],
+    rings: list[Ring],
+    height: float,
+) -> Mesh:
+    """Join the parts, add mid-side nodes on true circles, name the boundaries."""
+    points, corners, region = _join(points, corners, region, parts)
+    nodes, cells = _mid_sides(points, corners, rings)
+    lumens = tuple(_lumen_cells(nodes, cells, ring) for ring in rings if ring.hollow)
+    alone = not np.any(region == TISSUE)
+    if alone:
+        (ring,) = rings
+        on_outer = np.abs(np.hypot(*(nodes - ring.centre).T) - ring.radii[0]) < 1e-9
+        down = np.degrees(np.arctan2(nodes[:, 0] - ring.centre[0], ring.centre[1] - nodes[:, 1]))
+        bottom = np.flatnonzero(on_outer & (np.abs(down) <= 20))
+        surface = np.flatnonzero(on_outer & (nodes[:, 1] > ring.centre[1] - 0.3 * ring.radii[0]))
+        surface = surface[np.argsort(-np.arctan2(*(nodes[surface] - ring.centre).T[::-1]))]
+    else:
+        bottom = np.flatnonzero(np.abs(nodes[:, 1]) < 1e-9)
+        surface = np.flatnonzero(np.abs(nodes[:, 1] - height) < 1e-9)
+        surface = surface[np.argsort(nodes[surface, 0])]
+    return Mesh(nodes, cells, region, surface, bottom, lumens)
+
+
+def _join(
+    points: Array, corners: Ints, region: Ints, parts: list[tuple[Array, Ints, Ints]]
+) -> tuple[Array, Ints, Ints]:
+    for more, its_corners, its_region in parts:
+        corners = np.vstack([corners, its_corners + len(points)])
+        points = np.vstack([points, more])
+        region = np.concatenate([region, its_region])
+    _, first, merged = np.unique(
+        np.round(points, 9), axis=0, return_index=True, return_inverse=True
+    )
+    corners = merged.ravel()[corners]
+    used = np.zeros(len(first), dtype=bool)
+    used[corners] = True
+    number = np.cumsum(used) - 1
+    return points[first][used], number[corners], region
+
+
+def _mid_sides(points: Array, corners: Ints, rings: list[Ring]) -> tuple[Array, Ints]:
+    sides = np.sort(np.stack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]], axis=1))
+    unique, index = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
+    middle = points[unique].mean(axis=1)
+    for ring in rings:
+        away = points - np.asarray(ring.centre)
+        radius = np.hypot(*away.T)
+        within = radius[unique] <= ring.radii[0] * (1 + 1e-9)
+        smallest = ring.radii[-1] if ring.hollow else ring.radii[0]
+        curved = np.all(within & (radius[unique] >= smallest * (1 - 1e-9)), axis=1)
+        direction = middle[curved] - ring.centre
+        mean_radius = radius[unique[curved]].mean(axis=1)
+        middle[curved] = (
+            ring.centre + direction * (mean_radius / np.hypot(*direction.T))[:, None]
+        )
+    cells = np.hstack([corners, len(points) + index.reshape(-1, 3)])
+    return np.vstack([points, middle]), cells.astype(np.int64)
+
+
+def _lumen_cells(nodes: Array, cells: Ints, ring: Ring) -> Ints:
+    """Cells with a side on the lumen, renumbered in place so that it is side 0-3-1."""
+    on = np.abs(np.hypot(*(nodes - ring.centre).T) - ring.radii[-1]) < 1e-9
+    found = []
+    for turn, side in enumerate(T6_EDGES):
+        hit = np.flatnonzero(np.all(on[cells[:, side]], axis=1))
+        order = [(k + turn) % 3 for k in range(3)]
+        cells[hit] = cells[hit][:, order + [3 + k for k in order]]
+        found.append(hit)
+    return np.sort(np.concatenate(found))
