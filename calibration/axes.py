@@ -1,0 +1,68 @@
+"""Axis errors of a stage: scale, squareness and how it is turned against the scan frame.
+
+true = matrix @ read + shift,   matrix = rotation @ (upper triangular: scales and shears)
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
+
+ADVICE = "add points away from the line or plane through the others, across the whole travel"
+
+
+@dataclass(frozen=True)
+class AxesCalibration:
+    """``matrix`` (3, 3) and ``shift_m`` (3,) from what the stage reads to the scan frame."""
+
+    KIND: ClassVar[str] = "axes"
+    UNITS: ClassVar[dict[str, str]] = {"matrix": "1", "shift_m": "m"}
+    matrix: Array
+    shift_m: Array
+    fit: Fit = field(repr=False)
+
+    def true(self, read_m: Array) -> Array:
+        """Scan-frame points (..., 3) [m] from the stage's readings."""
+        return np.asarray(np.asarray(read_m) @ self.matrix.T + self.shift_m)
+
+    def command(self, target_m: Array) -> Array:
+        """What the stage must read (..., 3) [m] to be at ``target_m`` in the scan frame."""
+        return np.asarray(np.linalg.solve(self.matrix, (np.asarray(target_m) - self.shift_m).T).T)
+
+    @property
+    def scale_errors(self) -> Array:
+        """(3,): how much longer each axis is than it reads, as a fraction."""
+        return np.asarray(np.linalg.norm(self.matrix, axis=0) - 1)
+
+    @property
+    def squareness_rad(self) -> Array:
+        """(xy, yz, zx): by how much the angle between two axes falls short of a right one."""
+        unit = self.matrix / np.linalg.norm(self.matrix, axis=0)
+        cosines = [unit[:, a] @ unit[:, b] for a, b in ((0, 1), (1, 2), (2, 0))]
+        return np.arcsin(np.array(cosines))
+
+
+def fit_axes(read_m: Array, true_m: Array) -> AxesCalibration:
+    """Axis errors from points (n, 3) the stage read and where they were (a gauge, a tracker).
+
+    Raises `CalibrationError` for coplanar or too few points, or a mirrored frame.
+    """
+    read, true = as_columns(read_m, "read_m", 3), as_columns(true_m, "true_m", 3)
+    same_length(read_m=read, true_m=true)
+    mean = read.mean(axis=0)
+    spread = np.linalg.svd(read - mean, compute_uv=False)
+    if len(read) < 5 or spread[-1] < 0.01 * spread[0]:
+        raise CalibrationError(f"{len(read)} points, nearly in one plane or line; {ADVICE}")
+    design = np.column_stack([read - mean, np.ones(len(read))])
+    names = ("x", "y", "z", "shift")
+    fits = [linear_fit(design, axis, names, ADVICE, weakest=1e-4) for axis in true.T]
+    matrix = np.array([fit.values[:3] for fit in fits])
+    if np.linalg.det(matrix) <= 0:
+        raise CalibrationError(
+            "the stage's frame is mirrored against the scan frame; swap two axes or turn one round"
+        )
+    shift = np.array([fit.values[3] for fit in fits]) - matrix @ mean
+    return AxesCalibration(matrix, shift, stacked(fits))

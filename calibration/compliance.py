@@ -1,0 +1,101 @@
+"""How much the rig itself gives way: presses on a rigid block.
+
+The stage goes on after contact while the block does not, so force = k (travel - contact), and on
+tissue the true indentation is the commanded one less force / k.
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.fit import Array, Fit, as_columns, linear_fit, nonlinear_fit, same_length
+
+ADVICE = "press the rigid block further, in steps, up to the largest force of your scans"
+
+
+@dataclass(frozen=True)
+class ComplianceCalibration:
+    """``stiffness_n_m``; ``curvature`` is the relative bend of the curve over the loads used.
+
+    Beyond ``force_max_n`` the stiffness was not measured.
+    """
+
+    KIND: ClassVar[str] = "compliance"
+    UNITS: ClassVar[dict[str, str]] = {
+        "stiffness_n_m": "N/m",
+        "contact_m": "m",
+        "force_max_n": "N",
+        "curvature": "1",
+    }
+    stiffness_n_m: float
+    contact_m: float
+    force_max_n: float
+    curvature: float
+    fit: Fit = field(repr=False)
+
+    def true_depth(self, depth_m: Array, force_n: Array) -> Array:
+        """Indentation of the tissue [m] from the commanded one and the force on the tip."""
+        return np.asarray(np.asarray(depth_m) - np.asarray(force_n) / self.stiffness_n_m)
+
+    def command(self, depth_m: Array, force_n: Array) -> Array:
+        """The commanded depth [m] that gives ``depth_m`` while ``force_n`` acts."""
+        return np.asarray(np.asarray(depth_m) + np.asarray(force_n) / self.stiffness_n_m)
+
+
+def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
+    """Rig stiffness from travel (n,) [m, down positive] and force (n,) [N] on a rigid block.
+
+    The model is the hinge F = F0 + k max(d - d0, 0), so points in the air help and no point has
+    to be chosen by its own noisy force. Raises `CalibrationError` without load variation.
+    """
+    depth, force = as_columns(depth_m, "depth_m", 1)[:, 0], as_columns(force_n, "force_n", 1)[:, 0]
+    same_length(depth_m=depth, force_n=force)
+    order = np.argsort(depth, kind="stable")
+    depth, force = depth[order], force[order]
+    if len(depth) < 6 or np.ptp(depth) == 0:
+        raise CalibrationError(f"{len(depth)} readings at too few depths; {ADVICE}")
+    noise = 1.4826 * float(np.median(np.abs(np.diff(force, 2)))) / np.sqrt(6)
+    low, high = float(force.min()), float(force.max())
+    if high - low < 20 * noise or high == low:
+        raise CalibrationError(
+            f"the force varies by {high - low:.3g} N, no more than noise; {ADVICE}"
+        )
+    upper = force > low + 0.3 * (high - low)
+    if len(np.unique(depth[upper])) < 3:
+        raise CalibrationError(f"fewer than three loaded depths; {ADVICE}")
+    slope, level = np.polyfit(depth[upper], force[upper], 1)
+    contact = (low - level) / slope
+    air = bool((depth < contact).sum() >= 3)
+    if air:
+        fit = nonlinear_fit(
+            lambda p: p[2] + p[0] * np.maximum(depth - p[1], 0) - force,
+            np.array([slope, contact, float(np.median(force[depth < contact]))]),
+            ("stiffness", "contact", "zero"),
+            ADVICE,
+            jacobian=lambda p: np.column_stack(
+                [
+                    np.maximum(depth - p[1], 0),
+                    np.where(depth > p[1], -p[0], 0),
+                    np.ones(len(depth)),
+                ]
+            ),
+        )
+    else:  # all in contact: the zero must be trusted
+        middle = float(depth.mean())
+        line = linear_fit(
+            np.column_stack([depth - middle, np.ones(len(depth))]), force, ("k", "F"), ADVICE
+        )
+        k, f = line.values
+        fit = line.derived(
+            ("stiffness", "contact"),
+            np.array([k, middle - f / k]),
+            np.array([[1, 0], [f / k**2, -1 / k]]),
+        )
+    stiffness, contact = float(fit.values[0]), float(fit.values[1])
+    if stiffness <= 0:
+        raise CalibrationError("the force falls with depth: depth_m must grow downwards")
+    pressed = depth > contact
+    bend = np.polyfit((depth[pressed] - contact) / np.ptp(depth[pressed]), force[pressed], 2)
+    return ComplianceCalibration(stiffness, contact, high, float(bend[0] / abs(bend[1])), fit)

@@ -1,0 +1,5 @@
+"""What a calibration says when its data cannot give an answer."""
+
+
+class CalibrationError(ValueError):
+    """Data or a file that cannot be used; the text says why and what to add or change."""

@@ -1,0 +1,170 @@
+"""Least squares with honest intervals, shared by every calibration.
+
+All fits assume independent normal residuals of one unknown variance, estimated from the
+residuals; intervals are Student's t. Data that leave a parameter undetermined are refused.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import t as student
+
+from calibration.errors import CalibrationError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+WEAKEST = 0.01  # smallest singular value of the column-scaled design, relative to the largest
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Estimates ``values`` (p,) called ``names``, their ``covariance`` (p, p), ``residuals`` (n,).
+
+    ``dof`` = degrees of freedom left; infinite intervals never occur: such data are refused.
+    """
+
+    names: tuple[str, ...]
+    values: Array
+    covariance: Array
+    residuals: Array
+    dof: int
+
+    @property
+    def sigma(self) -> Array:
+        """Standard errors (p,)."""
+        return np.asarray(np.sqrt(np.diag(self.covariance)))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals."""
+        return float(np.sqrt(np.mean(self.residuals**2)))
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of one reading, estimated from the residuals."""
+        return float(np.sqrt(np.sum(self.residuals**2) / self.dof))
+
+    def interval(self, level: float = 0.95) -> Array:
+        """Confidence intervals (p, 2) of ``values``."""
+        half = student.ppf((1 + level) / 2, self.dof) * self.sigma
+        return np.column_stack([self.values - half, self.values + half])
+
+    def derived(self, names: Sequence[str], values: Array, jacobian: Array) -> "Fit":
+        """Functions of the estimates, by linear propagation; ``jacobian`` (q, p)."""
+        covariance = jacobian @ self.covariance @ jacobian.T
+        return Fit(tuple(names), np.asarray(values), covariance, self.residuals, self.dof)
+
+
+def as_columns(data: object, name: str, columns: int | None = None) -> Array:
+    """``data`` as (n, columns) of finite floats; one-dimensional data are one column.
+
+    Raises `CalibrationError` naming ``name`` and the first bad row.
+    """
+    array = np.asarray(data, dtype=float)
+    array = array[:, None] if array.ndim == 1 else array
+    if array.ndim != 2 or (columns is not None and array.shape[1] != columns):
+        wanted = f"(n, {columns})" if columns else "(n, channels)"
+        raise CalibrationError(f"{name}: shape {np.shape(data)}; expected {wanted}")
+    bad = ~np.isfinite(array).all(axis=1)
+    if bad.any():
+        raise CalibrationError(
+            f"{name}: row {int(np.argmax(bad))} is not finite; remove or repair it"
+        )
+    return array
+
+
+def same_length(**arrays: Array) -> int:
+    """The common number of rows. Raises `CalibrationError` if there is none."""
+    lengths = {name: len(array) for name, array in arrays.items()}
+    if len(set(lengths.values())) != 1:
+        told = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        raise CalibrationError(f"every column needs the same number of rows: {told}")
+    return next(iter(lengths.values()))
+
+
+def require_rank(
+    design: Array, names: Sequence[str], advice: str, weakest: float = WEAKEST
+) -> None:
+    """Raise `CalibrationError` unless ``design`` (n, p) determines every parameter."""
+    rows, unknowns = design.shape
+    if rows < unknowns + 1:
+        raise CalibrationError(
+            f"{rows} readings for {unknowns} unknowns ({', '.join(names)}): at least "
+            f"{unknowns + 1} are needed; {advice}"
+        )
+    norms = np.linalg.norm(design, axis=0)
+    if (norms == 0).any():
+        lost = [name for name, norm in zip(names, norms, strict=True) if norm == 0]
+        raise CalibrationError(f"the data say nothing of {', '.join(lost)}; {advice}")
+    _, singular, directions = np.linalg.svd(design / norms, full_matrices=False)
+    if singular[-1] < weakest * singular[0]:
+        direction = np.abs(directions[-1])
+        mixed = [
+            n for n, part in zip(names, direction, strict=True) if part > 0.1 * direction.max()
+        ]
+        raise CalibrationError(f"the data do not determine {', '.join(mixed)}; {advice}")
+
+
+def linear_fit(
+    design: Array, data: Array, names: Sequence[str], advice: str, weakest: float = WEAKEST
+) -> Fit:
+    """data (n,) = design (n, p) @ values (p,) + noise. Raises `CalibrationError`, see above."""
+    require_rank(design, names, advice, weakest)
+    q, r = np.linalg.qr(design)
+    values = np.linalg.solve(r, q.T @ data)
+    residuals = data - design @ values
+    dof = len(data) - len(values)
+    inverse = np.linalg.inv(r)
+    variance = float(residuals @ residuals) / dof
+    return Fit(tuple(names), values, variance * inverse @ inverse.T, residuals, dof)
+
+
+def nonlinear_fit(
+    misfit: Callable[[Array], Array],
+    start: Array,
+    names: Sequence[str],
+    advice: str,
+    *,
+    jacobian: Callable[[Array], Array] | None = None,
+    robust: bool = False,
+    weakest: float = 1e-4,
+) -> Fit:
+    """The values that minimise |misfit (n,)|^2, from ``start`` (p,).
+
+    ``robust`` first fits with a soft L1 loss, drops readings more than 4 robust standard
+    deviations off, and fits the rest. ``residuals`` are -misfit of the readings kept.
+    Raises `CalibrationError` where the values are not determined or nothing converges.
+    """
+    kept = np.ones(len(misfit(start)), dtype=bool)
+    if robust:
+        scale = max(1.4826 * float(np.median(np.abs(misfit(start)))), 1e-300)
+        for _ in range(3):  # the scale of the loss follows the fit
+            soft = least_squares(
+                misfit, start, jacobian or "2-point", loss="soft_l1", f_scale=scale
+            )
+            start = soft.x
+            scale = max(1.4826 * float(np.median(np.abs(misfit(start)))), 1e-300)
+        kept = np.abs(misfit(start)) <= 4 * scale
+    slopes = "2-point" if jacobian is None else lambda p: jacobian(p)[kept]
+    found = least_squares(lambda p: misfit(p)[kept], start, slopes, x_scale="jac", xtol=1e-12)
+    if not found.success:
+        raise CalibrationError(f"the fit did not converge ({found.message}); {advice}")
+    require_rank(found.jac, names, advice, weakest)
+    dof = int(kept.sum()) - len(start)
+    inverse = np.linalg.inv(np.linalg.qr(found.jac, mode="r"))
+    variance = 2 * float(found.cost) / dof
+    return Fit(tuple(names), found.x, variance * inverse @ inverse.T, -found.fun, dof)
+
+
+def stacked(fits: list[Fit]) -> Fit:
+    """Fits of independent channels as one, block-diagonal."""
+    size = len(fits[0].values)
+    covariance = np.zeros((size * len(fits), size * len(fits)))
+    for n, fit in enumerate(fits):
+        covariance[n * size : (n + 1) * size, n * size : (n + 1) * size] = fit.covariance
+    names = tuple(f"{name} of channel {n}" for n, fit in enumerate(fits) for name in fit.names)
+    residuals = np.concatenate([fit.residuals for fit in fits])
+    return Fit(names, np.concatenate([f.values for f in fits]), covariance, residuals, fits[0].dof)

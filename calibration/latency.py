@@ -1,0 +1,126 @@
+"""Delay and clock skew of a sensor against the stage, from a tap or a chirp both can see.
+
+A sample stamped t was taken at t - delay - skew (t - middle). The sensor's signal is modelled as
+a polynomial of the stage's, so a curved force-depth relation does no harm; creep and relaxation
+would look like a delay, so tap on something elastic (steel spring, rigid block), not on tissue.
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import correlate
+
+from calibration.errors import CalibrationError
+from calibration.fit import Array, Fit, as_columns, nonlinear_fit, same_length
+
+ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or more"
+MAX_DELAY_S = 0.25
+POWERS = 3  # of the stage's signal
+
+
+@dataclass(frozen=True)
+class LatencyCalibration:
+    """``delay_s`` at ``middle_s`` (stamp less truth) and ``skew`` (fraction the stamps gain)."""
+
+    KIND: ClassVar[str] = "latency"
+    UNITS: ClassVar[dict[str, str]] = {"delay_s": "s", "skew": "1", "middle_s": "s"}
+    delay_s: float
+    skew: float
+    middle_s: float
+    fit: Fit = field(repr=False)
+
+    def true_time(self, stamp_s: Array, *, skewed: bool = False) -> Array:
+        """When samples were taken [s], on the stage's clock.
+
+        Skew is applied only if asked: it runs from the calibration's ``middle_s``, so it holds
+        within one session of the sensor's clock.
+        """
+        stamp = np.asarray(stamp_s, dtype=float)
+        late = self.delay_s + (self.skew * (stamp - self.middle_s) if skewed else 0.0)
+        return np.asarray(stamp - late)
+
+
+def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) -> LatencyCalibration:
+    """Delay and skew from one movement seen by both.
+
+    ``stage`` (m,) at ``stage_s`` (m,), ``sensor`` (n,) at ``sensor_s`` (n,); any units. Delays up
+    to 0.25 s are searched. Raises `CalibrationError` when nothing moves, when the movement
+    repeats itself (the delay is then ambiguous) or when the two have nothing in common.
+    """
+    ts, s = as_columns(stage_s, "stage_s", 1)[:, 0], as_columns(stage, "stage", 1)[:, 0]
+    tf, f = as_columns(sensor_s, "sensor_s", 1)[:, 0], as_columns(sensor, "sensor", 1)[:, 0]
+    same_length(stage_s=ts, stage=s)
+    same_length(sensor_s=tf, sensor=f)
+    if len(ts) < 20 or len(tf) < 20 or np.ptp(s) == 0 or np.ptp(f) == 0:
+        raise CalibrationError(f"the stage or the sensor shows no movement; {ADVICE}")
+    if (np.diff(ts) <= 0).any() or (np.diff(tf) <= 0).any():
+        raise CalibrationError("times must increase: sort the samples and drop duplicates")
+    start = _coarse(ts, s, tf, f)
+    inside = (tf > ts[0] + MAX_DELAY_S) & (tf < ts[-1] - MAX_DELAY_S)
+    if inside.sum() < 20:
+        raise CalibrationError(f"less than a second in common; {ADVICE}")
+    t, y = tf[inside], f[inside] - f[inside].mean()
+    middle, span = float(t.mean()), float(np.ptp(t))
+    course = CubicSpline(ts, (s - s.mean()) / np.std(s))
+    rate = course.derivative()
+    size = float(np.std(y))
+
+    def delayed(p: Array) -> tuple[Array, Array]:
+        lag = t - start - p[0] - p[1] * (t - middle) / span
+        return np.vander(course(lag), POWERS + 1, increasing=True), rate(lag)
+
+    def misfit(p: Array) -> Array:
+        powers, _ = delayed(p)
+        return np.asarray(powers @ p[2:] - y / size)
+
+    def slopes(p: Array) -> Array:
+        powers, speed = delayed(p)
+        bent = powers[:, :-1] @ (p[3:] * np.arange(1, POWERS + 1))
+        return np.column_stack([-bent * speed, -bent * speed * (t - middle) / span, powers])
+
+    first, *_ = np.linalg.lstsq(delayed(np.zeros(2))[0], y / size)
+    names = ("delay", "skew", *(f"shape {n}" for n in range(POWERS + 1)))
+    fit = nonlinear_fit(
+        misfit, np.concatenate([np.zeros(2), first]), names, ADVICE, jacobian=slopes
+    )
+    if fit.rms > 0.9:
+        raise CalibrationError(
+            f"the sensor follows the stage in only {100 * (1 - fit.rms**2):.0f} % of its variance; "
+            "check that the probe stays in contact and that both columns are the right ones"
+        )
+    turn = np.zeros((2, len(fit.values)))
+    turn[0, 0], turn[1, 1] = 1, 1 / span
+    both = fit.derived(("delay", "skew"), turn @ fit.values + [start, 0.0], turn)
+    return LatencyCalibration(float(both.values[0]), float(both.values[1]), middle, both)
+
+
+def _coarse(ts: Array, s: Array, tf: Array, f: Array) -> float:
+    """The delay to within a sample, by cross-correlation of the rates of change."""
+    step = max(float(np.median(np.diff(ts))), float(np.median(np.diff(tf))))
+    begin, end = max(ts[0], tf[0]), min(ts[-1], tf[-1])
+    if end - begin < 4 * MAX_DELAY_S:
+        raise CalibrationError(
+            f"stage and sensor overlap for {max(end - begin, 0):.2f} s; {ADVICE}"
+        )
+    grid = np.arange(begin, end, step)
+    a, b = np.interp(grid, ts, s), np.interp(grid, tf, f)
+    a, b = (a - a.mean()) / np.std(a), (b - b.mean()) / np.std(b)
+    both = np.abs(correlate(b, a, mode="full")) / len(grid)
+    lags = (np.arange(len(both)) - len(grid) + 1) * step
+    near = np.abs(lags) <= MAX_DELAY_S
+    value, lags = both[near], lags[near]
+    best = int(np.argmax(value))
+    if value[best] < 0.2:
+        raise CalibrationError(
+            f"stage and sensor correlate by only {value[best]:.2f}; check the columns; {ADVICE}"
+        )
+    peaks = np.flatnonzero((value[1:-1] > value[:-2]) & (value[1:-1] >= value[2:])) + 1
+    rivals = [n for n in peaks if abs(lags[n] - lags[best]) > 3 * step]
+    if best in (0, len(value) - 1) or any(value[n] > 0.95 * value[best] for n in rivals):
+        raise CalibrationError(
+            f"the movement repeats itself or the delay exceeds {MAX_DELAY_S:g} s: several delays "
+            f"explain the data equally well; {ADVICE}"
+        )
+    return float(lags[best])

@@ -1,0 +1,207 @@
+"""The calibration file: values with units, covariance, residuals, date, device and raw data.
+
+JSON, one calibration per file. NaN (a dead taxel's gain) is null. A file made for another
+device is refused; an old one is used with a warning.
+"""
+
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from scipy.stats import f as fisher
+
+from calibration.axes import AxesCalibration
+from calibration.compliance import ComplianceCalibration
+from calibration.errors import CalibrationError
+from calibration.fit import Array, Fit
+from calibration.force import ForceCalibration
+from calibration.gravity import GravityCalibration
+from calibration.heart import HeartCalibration
+from calibration.latency import LatencyCalibration
+from calibration.surface import SurfaceCalibration
+from calibration.tare import TareCalibration
+from calibration.taxels import TaxelCalibration
+from calibration.tissue import TissueCalibration
+from calibration.tool import ToolCalibration
+
+Calibration = (
+    ForceCalibration
+    | TaxelCalibration
+    | GravityCalibration
+    | TareCalibration
+    | ToolCalibration
+    | AxesCalibration
+    | SurfaceCalibration
+    | LatencyCalibration
+    | ComplianceCalibration
+    | TissueCalibration
+    | HeartCalibration
+)
+KINDS: dict[str, type[Calibration]] = {kind.KIND: kind for kind in Calibration.__args__}
+VALID_DAYS = {"tare": 0.05, "surface": 1.0, "tissue": 1.0, "heart": 1.0}  # others: 90
+MAX_FILE_BYTES = 50_000_000
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, ser_json_inf_nan="null")
+
+
+class Quantity(_Table):
+    """A number, a list (of lists) of numbers, or words; ``unit`` as printed."""
+
+    value: Any
+    unit: str
+
+
+class Estimates(_Table):
+    """The fit: ``covariance`` (p, p) of ``values`` (p,), in the order of ``names``."""
+
+    names: tuple[str, ...]
+    values: tuple[float, ...]
+    covariance: tuple[tuple[float, ...], ...]
+    residuals: tuple[float, ...]
+    dof: int
+
+
+class Record(_Table):
+    """One calibration file."""
+
+    format: Literal[1] = 1
+    kind: str
+    device: str
+    date_utc: datetime
+    valid_days: float = Field(gt=0)
+    values: dict[str, Quantity]
+    estimates: Estimates
+    residual_rms: float
+    raw: dict[str, Any]
+    note: str = ""
+
+
+def record(
+    result: Calibration,
+    device: str,
+    raw: Mapping[str, Array],
+    *,
+    valid_days: float | None = None,
+    note: str = "",
+    now: datetime | None = None,
+) -> Record:
+    """A calibration ready to be written; ``raw`` names every column it was computed from."""
+    fit = result.fit
+    return Record(
+        kind=result.KIND,
+        device=device,
+        date_utc=now or datetime.now(UTC),
+        valid_days=valid_days or VALID_DAYS.get(result.KIND, 90.0),
+        values={
+            name: Quantity(value=_plain(getattr(result, name)), unit=unit)
+            for name, unit in result.UNITS.items()
+        },
+        estimates=Estimates(
+            names=fit.names,
+            values=tuple(fit.values.tolist()),
+            covariance=tuple(map(tuple, fit.covariance.tolist())),
+            residuals=tuple(fit.residuals.tolist()),
+            dof=fit.dof,
+        ),
+        residual_rms=fit.rms,
+        raw={name: _plain(np.asarray(column)) for name, column in raw.items()},
+        note=note,
+    )
+
+
+def save(one: Record, path: Path) -> None:
+    """Write a calibration file, whole or not at all."""
+    draft = path.with_suffix(path.suffix + ".part")
+    draft.write_text(one.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    draft.replace(path)
+
+
+def load(path: Path) -> Record:
+    """Read a calibration file. Raises `CalibrationError` naming file and key."""
+    if not path.is_file():
+        raise CalibrationError(f"{path}: no such file")
+    if path.stat().st_size > MAX_FILE_BYTES:
+        raise CalibrationError(f"{path}: larger than {MAX_FILE_BYTES} bytes; not a calibration")
+    try:
+        one = Record.model_validate_json(path.read_bytes())
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise CalibrationError(f"{path}: {key}: {first['msg']}; not a calibration file") from None
+    if one.kind not in KINDS:
+        raise CalibrationError(f"{path}: kind = {one.kind!r}: known are {', '.join(KINDS)}")
+    return one
+
+
+def restore(one: Record, source: str = "calibration") -> Calibration:
+    """The calibration a record holds, ready to be applied. Raises `CalibrationError`."""
+    kind, e = KINDS[one.kind], one.estimates
+    if missing := [name for name in kind.UNITS if name not in one.values]:
+        raise CalibrationError(f"{source}: values lack {', '.join(missing)}")
+    fit = Fit(e.names, np.array(e.values), np.array(e.covariance), np.array(e.residuals), e.dof)
+    values = {name: _typed(one.values[name].value) for name in kind.UNITS}
+    return kind(**values, fit=fit)
+
+
+def use(
+    path: Path, device: str, *, now: datetime | None = None
+) -> tuple[Calibration, tuple[str, ...]]:
+    """The calibration in ``path`` for ``device``, and warnings (stale).
+
+    Raises `CalibrationError` when the file belongs to another device.
+    """
+    one = load(path)
+    if one.device != device:
+        raise CalibrationError(
+            f"{path}: made for {one.device!r}, not for {device!r}; calibrate this device or give "
+            "its own file"
+        )
+    days = ((now or datetime.now(UTC)) - one.date_utc).total_seconds() / 86400
+    warnings = []
+    if days > one.valid_days:
+        warnings.append(
+            f"{path}: {one.kind} calibration is {days:.1f} days old; it was meant to last "
+            f"{one.valid_days:g} days: calibrate again"
+        )
+    if days < -1:
+        warnings.append(f"{path}: dated {one.date_utc:%Y-%m-%d}, in the future: check the clock")
+    return restore(one, str(path)), tuple(warnings)
+
+
+def worse_than(one: Record, residuals: Array) -> str | None:
+    """A warning if new ``residuals`` (n,) are larger than the calibration's allow.
+
+    An F test of the variances at the 0.1 % level.
+    """
+    old = one.residual_rms**2 * len(one.estimates.residuals) / one.estimates.dof
+    new = float(np.mean(np.square(residuals)))
+    if new <= old * fisher.ppf(0.999, len(residuals), one.estimates.dof):
+        return None
+    return (
+        f"{one.kind} calibration of {one.device}: readings now miss it by {np.sqrt(new):.3g} rms, "
+        f"{np.sqrt(new / old):.1f} times what its residuals allow: calibrate again"
+    )
+
+
+def _plain(value: Any) -> Any:
+    """JSON-able, NaN and infinity as None."""
+    if isinstance(value, np.ndarray | tuple | list):
+        return [
+            _plain(part) for part in (value.tolist() if isinstance(value, np.ndarray) else value)
+        ]
+    if isinstance(value, float):
+        return value if np.isfinite(value) else None
+    return value
+
+
+def _typed(value: Any) -> Any:
+    if isinstance(value, list):
+        if value and isinstance(value[0], str):
+            return tuple(value)
+        return np.array(value, dtype=float)
+    return float("nan") if value is None else value

@@ -1,0 +1,68 @@
+"""Tare: the reading at no load, and how fast it wanders."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+
+from calibration.errors import CalibrationError
+from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
+
+
+@dataclass(frozen=True)
+class TareCalibration:
+    """``bias`` (channels,) at ``at_s`` and ``drift`` (channels,) per second."""
+
+    KIND: ClassVar[str] = "tare"
+    UNITS: ClassVar[dict[str, str]] = {"at_s": "s", "bias": "raw", "drift": "raw/s"}
+    at_s: float
+    bias: Array
+    drift: Array
+    fit: Fit = field(repr=False)
+
+    def zeroed(self, values: Array, time_s: Array) -> Array:
+        """``values`` (n, channels) less bias and drift at ``time_s`` (n,)."""
+        since = np.asarray(time_s, dtype=float) - self.at_s
+        return np.asarray(values - self.bias - np.multiply.outer(since, self.drift))
+
+    def good_for_s(self, tolerance: float) -> float:
+        """Seconds until drift alone may exceed ``tolerance`` [the channels' unit].
+
+        The upper end of the drift's 95 % interval is taken, in the worst channel.
+        """
+        worst = float(np.abs(self.fit.interval()[1::2]).max())  # bias, drift, bias, drift, ...
+        return tolerance / worst if worst > 0 else float("inf")
+
+
+def fit_tare(time_s: Array, values: Array) -> TareCalibration:
+    """Bias and drift from readings without load; ``time_s`` (n,), ``values`` (n, channels).
+
+    Filtered sensors give correlated noise: the covariance is enlarged by (1 + r)/(1 - r), r the
+    lag-one correlation of the residuals (an AR(1) process). Raises `CalibrationError`.
+    """
+    time = as_columns(time_s, "time_s", 1)[:, 0]
+    values = as_columns(values, "values")
+    same_length(time_s=time, values=values)
+    if len(time) < 10 or (np.diff(time) <= 0).any():
+        raise CalibrationError(
+            "a tare needs at least 10 readings in the order taken; record a second or more"
+        )
+    at_s = float(time.mean())
+    design = np.column_stack([np.ones(len(time)), time - at_s])
+    fits = []
+    for channel in values.T:
+        fit = linear_fit(design, channel, ("bias", "drift"), "record longer")
+        fits.append(_correlated(fit))
+    bias = np.array([fit.values[0] for fit in fits])
+    drift = np.array([fit.values[1] for fit in fits])
+    return TareCalibration(at_s, bias, drift, stacked(fits))
+
+
+def _correlated(fit: Fit) -> Fit:
+    r = fit.residuals
+    power = float(r @ r)
+    lag = float(np.clip(r[1:] @ r[:-1] / power, 0.0, 0.99)) if power > 0 else 0.0
+    if lag <= 2 / np.sqrt(len(r)):  # what white noise may show by chance
+        return fit
+    wider = fit.covariance * (1 + lag) / (1 - lag)
+    return Fit(fit.names, fit.values, wider, r, fit.dof)

@@ -1,0 +1,86 @@
+"""Taxel arrays: a gain and an offset for each, and which of them are dead or saturated."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from scipy.stats import t as student
+
+from calibration.errors import CalibrationError
+from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
+
+DEAD_FRACTION = 0.05  # of the median sensitivity
+ADVICE = "press the whole array with at least three different known pressures"
+
+
+@dataclass(frozen=True)
+class TaxelCalibration:
+    """``gain`` (taxels,) [Pa/raw], ``offset`` (taxels,) [raw]; NaN where ``dead``.
+
+    ``ceiling`` (taxels,) [raw] is the reading at which a taxel clips; NaN if none was seen.
+    """
+
+    KIND: ClassVar[str] = "taxels"
+    UNITS: ClassVar[dict[str, str]] = {
+        "gain": "Pa/raw",
+        "offset": "raw",
+        "dead": "1",
+        "ceiling": "raw",
+    }
+    gain: Array
+    offset: Array
+    dead: Array
+    ceiling: Array
+    fit: Fit = field(repr=False)
+
+    def pressure(self, raw: Array) -> Array:
+        """Pressures (n, taxels) [Pa] from readings (n, taxels); NaN for dead taxels."""
+        return np.asarray((np.asarray(raw, dtype=float) - self.offset) * self.gain)
+
+    def saturated(self, raw: Array) -> Array:
+        """True (n, taxels) where a reading is at the ceiling: a bound, not a value."""
+        return np.asarray(np.asarray(raw) >= self.ceiling)
+
+
+def fit_taxels(raw: Array, pressure_pa: Array) -> TaxelCalibration:
+    """Each taxel's gain from uniform pressures (a bladder, or weights on a soft pad).
+
+    ``raw`` (n, taxels), ``pressure_pa`` (n,). A taxel is dead if its sensitivity is below
+    5 % of the median or not distinguishable from 0; it is saturated where its reading stands
+    still at its maximum while the pressure rises. Raises `CalibrationError`.
+    """
+    raw, pressure = as_columns(raw, "raw"), as_columns(pressure_pa, "pressure_pa", 1)[:, 0]
+    same_length(raw=raw, pressure_pa=pressure)
+    ceiling = np.array([_ceiling(channel, pressure) for channel in raw.T])
+    fits = []
+    for channel, limit in zip(raw.T, ceiling, strict=True):
+        below = channel < limit
+        if len(np.unique(pressure[below])) < 3:
+            below = np.ones(len(channel), dtype=bool)
+        design = np.column_stack([np.ones(int(below.sum())), pressure[below]])
+        fits.append(linear_fit(design, channel[below], ("offset", "sensitivity"), ADVICE))
+    slope = np.array([fit.values[1] for fit in fits])
+    sigma = np.array([fit.sigma[1] for fit in fits])
+    certain = np.array([student.ppf(0.9995, fit.dof) for fit in fits])
+    dead = (np.abs(slope) <= certain * sigma) | (
+        np.abs(slope) < DEAD_FRACTION * np.median(np.abs(slope))
+    )
+    if dead.all():
+        raise CalibrationError(f"no taxel answers the pressure; check the wiring, then {ADVICE}")
+    offset = np.array([fit.values[0] for fit in fits])
+    return TaxelCalibration(
+        gain=np.where(dead, np.nan, 1 / np.where(dead, 1.0, slope)),
+        offset=np.where(dead, np.nan, offset),
+        dead=dead.astype(float),
+        ceiling=np.where(dead | np.isinf(ceiling), np.nan, ceiling),
+        fit=stacked(fits),
+    )
+
+
+def _ceiling(channel: Array, pressure: Array) -> float:
+    """The maximum if the readings of the two highest pressures all stand at it."""
+    levels = np.unique(pressure)
+    if len(levels) < 4:
+        return float("inf")
+    top = channel[pressure >= levels[-2]]
+    return float(top[0]) if np.ptp(top) == 0 and top[0] == channel.max() else float("inf")
