@@ -40,7 +40,7 @@ class Mesh:
 
     ``nodes`` (n, 2) [m]; ``cells`` (m, 6), corners counter-clockwise then mid-sides 01, 12, 20;
     ``region`` (m,) numbers the material. ``surface`` (s,) are the nodes a finger can touch, from
-    left to right; ``bottom`` (b,) rest on the support. ``lumens`` lists, for each lumen, the cells
+    left to right; ``bottom`` (b,), left to right, rest on the support. ``lumens`` lists, for each lumen, the cells
     whose side 0-3-1 lies on it (the lumen to their right when walking from 0 to 1).
     """
 
@@ -254,6 +254,7 @@ def _finish(
         bottom = np.flatnonzero(np.abs(nodes[:, 1]) < 1e-9)
         surface = np.flatnonzero(np.abs(nodes[:, 1] - height) < 1e-9)
         surface = surface[np.argsort(nodes[surface, 0])]
+    bottom = bottom[np.argsort(nodes[bottom, 0])]
     return Mesh(nodes, cells, region, surface, bottom, lumens)
 
 

@@ -1,0 +1,56 @@
+"""A rigid finger on the surface: signed gaps, normals and their curvature.
+
+The finger is a flat of half width ``half_flat`` whose edges are rounded by ``radius`` (a cylinder
+has no flat); above the rounding its flanks rise straight. Contact is frictionless, at nodes; the
+multipliers are nodal forces, so nothing has to be integrated over the partly touched side.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backend.scene import Cylinder, Indenter
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Finger:
+    """Lowest point at (``x``, ``y``) [m]; ``bonded``: what it touches sticks to it."""
+
+    half_flat: float
+    radius: float
+    x: float
+    y: float
+    bonded: bool = False
+
+    def lowered_to(self, y: float) -> "Finger":
+        return Finger(self.half_flat, self.radius, self.x, y, self.bonded)
+
+    def gap(self, points: Array) -> tuple[Array, Array, Array]:
+        """Gap (n,) [m] to ``points`` (n, 2), normal (n, 2) out of the finger, curvature (n,) [1/m].
+
+        The curvature is the rate at which the normal turns as a point slides along the finger.
+        """
+        across = points[:, 0] - self.x
+        beyond = np.sign(across) * np.maximum(np.abs(across) - self.half_flat, 0.0)
+        below = np.minimum(points[:, 1] - (self.y + self.radius), 0.0)
+        distance = np.hypot(beyond, below)
+        safe = np.maximum(distance, 1e-12)
+        normal = np.stack([beyond / safe, below / safe], axis=1)
+        normal[distance < 1e-12] = [0.0, -1.0]
+        round_part = (np.abs(across) > self.half_flat) & (below < 0)
+        flat = ~round_part & (np.abs(across) <= self.half_flat)
+        gap = np.where(flat, self.y - points[:, 1], distance - self.radius)
+        normal[flat] = [0.0, -1.0]
+        return gap, normal, np.where(round_part, 1 / safe, 0.0)
+
+
+def finger_over(indenter: Indenter, x_m: float, surface_m: float) -> Finger:
+    """The scene's finger just touching the undeformed surface at ``x_m``."""
+    if isinstance(indenter, Cylinder):
+        return Finger(0.0, 1e-3 * indenter.radius_mm, x_m, surface_m, indenter.bonded)
+    edge = 1e-3 * indenter.edge_radius_mm
+    half_flat = 0.5e-3 * indenter.width_mm - edge
+    return Finger(half_flat, edge, x_m, surface_m, indenter.bonded)

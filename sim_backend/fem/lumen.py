@@ -1,0 +1,100 @@
+"""Pressure in a lumen, on the deformed wall and, in plane stress, on the thinned section.
+
+CalculiX lets the pressure act on the thinned area; without it the pulse is 8 % larger.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backend.fem.elements import Cells, gradients, operator, side_points
+from sim_backend.fem.material import plane_stress
+from sim_backend.fem.mesh import Mesh
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_GAUSS = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
+_WEIGHTS = np.array([5, 8, 5]) / 18
+# n ds = (-t_y, t_x) dt: from the wall's tangent to the force on it, walking with the wall left
+_QUARTER = np.array([[0.0, -1.0], [1.0, 0.0]])
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The sides of a lumen: their cells' ``dofs`` (s, 2k) and nodes' undeformed places.
+
+    ``value`` (q, k) shape functions and ``along`` (q, k) their derivative along the side;
+    ``operator`` (s, q, 4, 2k) as in `Cells`; ``shear``, ``bulk`` (s, 1) [Pa]; ``free`` thickness
+    in plane stress.
+    """
+
+    nodes: Ints
+    dofs: Ints
+    place: Array
+    value: Array
+    along: Array
+    operator: Array
+    shear: Array
+    bulk: Array
+    free: bool
+
+
+def lumen_sides(
+    mesh: Mesh, cells: Cells, shear: Array, bulk: Array, free: bool
+) -> tuple[Sides, ...]:
+    """One `Sides` per lumen; ``shear`` and ``bulk`` (m,) [Pa] of all cells."""
+    xi, direction = side_points(cells.shape, _GAUSS)
+    value, gradient = cells.shape(xi)
+    found = []
+    for side in mesh.lumens:
+        nodes = cells.nodes[side]
+        slope, _ = gradients(mesh.nodes, nodes, gradient)
+        found.append(
+            Sides(
+                nodes,
+                cells.dofs[side],
+                mesh.nodes[nodes],
+                value,
+                gradient @ direction,
+                operator(slope),
+                shear[side, None],
+                bulk[side, None],
+                free,
+            )
+        )
+    return tuple(found)
+
+
+def unit_pressure(sides: Sides, u: Array) -> tuple[Array, Array]:
+    """Force (s, 2k) [m] of 1 Pa at displacements ``u`` (n, 2) [m], and its tangent (s, 2k, 2k)."""
+    s, k = sides.nodes.shape
+    local = u[sides.nodes]
+    tangent = np.einsum("qk,ski->sqi", sides.along, sides.place + local)
+    normal = tangent @ _QUARTER.T
+    f = np.einsum("sqvd,sd->sqv", sides.operator, local.reshape(s, -1))
+    f = f + np.array([1.0, 0, 0, 1.0])
+    if sides.free:
+        solid = plane_stress(f, sides.shear, sides.bulk)
+        thickness, thinning = solid.thickness, solid.thinning
+    else:
+        thickness, thinning = np.ones(f.shape[:2]), np.zeros_like(f)
+    weighted = _WEIGHTS * thickness
+    force = np.einsum("sq,qk,sqi->ski", weighted, sides.value, normal)
+    turn = np.einsum("sq,qk,ql,ij->skilj", weighted, sides.value, sides.along, _QUARTER)
+    thin = np.einsum("sqv,sqvd->sqd", thinning, sides.operator)
+    slimmer = np.einsum("q,qk,sqi,sqd->skid", _WEIGHTS, sides.value, normal, thin)
+    stiffness = turn.reshape(s, 2 * k, 2 * k) + slimmer.reshape(s, 2 * k, 2 * k)
+    return force.reshape(s, 2 * k), stiffness
+
+
+def lumen_area_m2(sides: Sides, u: Array) -> float:
+    """Area [m2] inside the deformed lumen."""
+    place = sides.place + u[sides.nodes]
+    tangent = np.einsum("qk,ski->sqi", sides.along, place)
+    at = np.einsum("qk,ski->sqi", sides.value, place)
+    cross = at[..., 0] * tangent[..., 1] - at[..., 1] * tangent[..., 0]
+    return float(-0.5 * np.einsum("q,sq->", _WEIGHTS, cross))
+
+
