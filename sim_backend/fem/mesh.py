@@ -17,6 +17,8 @@ Ints = NDArray[np.int64]
 Size = Callable[[Array], Array]
 
 TISSUE = 0
+GLUED_DEG = 10.0
+"""Half of the arc by which a lone vessel is glued to its support, so that it cannot roll away."""
 T6_EDGES = ((0, 3, 1), (1, 4, 2), (2, 5, 0))
 
 
@@ -40,7 +42,8 @@ class Mesh:
 
     ``nodes`` (n, 2) [m]; ``cells`` (m, 6), corners counter-clockwise then mid-sides 01, 12, 20;
     ``region`` (m,) numbers the material. ``surface`` (s,) are the nodes a finger can touch, from
-    left to right; ``bottom`` (b,), left to right, rest on the support. ``lumens`` lists, for each lumen, the cells
+    left to right; ``bottom`` (b,), left to right, are held by the support;
+    ``resting`` (r,) may come to rest on it. ``lumens`` lists, for each lumen, the cells
     whose side 0-3-1 lies on it (the lumen to their right when walking from 0 to 1).
     """
 
@@ -49,6 +52,7 @@ class Mesh:
     region: Ints
     surface: Ints
     bottom: Ints
+    resting: Ints
     lumens: tuple[Ints, ...]
 
 
@@ -247,15 +251,17 @@ def _finish(
         (ring,) = rings
         on_outer = np.abs(np.hypot(*(nodes - ring.centre).T) - ring.radii[0]) < 1e-9
         down = np.degrees(np.arctan2(nodes[:, 0] - ring.centre[0], ring.centre[1] - nodes[:, 1]))
-        bottom = np.flatnonzero(on_outer & (np.abs(down) <= 20))
+        bottom = np.flatnonzero(on_outer & (np.abs(down) <= GLUED_DEG))
+        resting = np.flatnonzero(on_outer & (np.abs(down) <= 80) & (np.abs(down) > GLUED_DEG))
         surface = np.flatnonzero(on_outer & (nodes[:, 1] > ring.centre[1] - 0.3 * ring.radii[0]))
         surface = surface[np.argsort(-np.arctan2(*(nodes[surface] - ring.centre).T[::-1]))]
     else:
         bottom = np.flatnonzero(np.abs(nodes[:, 1]) < 1e-9)
+        resting = np.empty(0, dtype=np.int64)
         surface = np.flatnonzero(np.abs(nodes[:, 1] - height) < 1e-9)
         surface = surface[np.argsort(nodes[surface, 0])]
     bottom = bottom[np.argsort(nodes[bottom, 0])]
-    return Mesh(nodes, cells, region, surface, bottom, lumens)
+    return Mesh(nodes, cells, region, surface, bottom, resting, lumens)
 
 
 def _join(

@@ -7,7 +7,7 @@ physical limit is named.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,17 +58,19 @@ class Load:
 
 @dataclass(frozen=True)
 class Solution:
-    """Displacements (n, 2) [m] and contact forces (s, 2) [N/m] of the surface nodes on the body."""
+    """Displacements (n, 2) [m]; contact forces (t, 2) [N/m] on the nodes that may be touched, the
+    ``surface`` first of which can only be touched by the finger."""
 
     load: Load
     displacement: Array
     contact: Array
+    surface: int
     sweeps: int
 
     @property
     def force_n_per_m(self) -> float:
         """What the finger feels, per length across the section."""
-        return float(-self.contact[:, 1].sum())
+        return float(-self.contact[: self.surface, 1].sum())
 
 
 class _Failed(Exception):
@@ -77,8 +79,9 @@ class _Failed(Exception):
 
 def untouched(section: Section) -> Solution:
     """The finger just over the surface, the lumens without pressure."""
-    n = len(section.mesh.nodes)
-    return Solution(Load(0.0, 0.0), np.zeros((n, 2)), np.zeros((len(section.mesh.surface), 2)), 0)
+    still = np.zeros_like(section.mesh.nodes)
+    contact = np.zeros((len(section.touching), 2))
+    return Solution(Load(0.0, 0.0), still, contact, len(section.mesh.surface), 0)
 
 
 def march(section: Section, start: Solution, loads: Iterable[Load]) -> Iterator[Solution]:
@@ -124,35 +127,30 @@ def _guess(before: Solution, now: Solution, target: Load) -> Solution:
     off = ahead - ratio * moved
     if ratio <= 0 or ratio > 2.5 or float(off @ off) > 1e-6 * float(ahead @ ahead):
         return now
-    return Solution(
-        now.load,
-        now.displacement + ratio * (now.displacement - before.displacement),
-        now.contact,
-        0,
-    )
+    ahead_u = now.displacement + ratio * (now.displacement - before.displacement)
+    return replace(now, displacement=ahead_u)
 
 
 def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
-    surface = section.mesh.surface
+    touching = section.touching
     finger = section.finger.lowered_to(section.finger.y - load.depth_m)
     firm = FIRM * section.tissue_pa
     u = start.displacement.copy()
     push = np.hypot(*start.contact.T)  # multipliers (s,)
     was_active = push > 0
     for sweep in range(1, MAX_SWEEPS + 1):
-        gap, normal, curvature = finger.gap(section.mesh.nodes[surface] + u[surface])
+        gap, normal, curvature = section.gaps(finger, u)
         active = push > JUDGE * section.tissue_pa * gap
         trial = np.where(active, push - firm * gap, 0.0)
         residual, matrices = _body(section, u, load.pressure_pa)
-        gathered = gather(section.size, section.surface_dofs, trial[:, None] * normal)
-        residual -= gathered
+        residual -= gather(section.size, section.touching_dofs, trial[:, None] * normal)
         matrices.insert(1, _contact_blocks(normal, curvature, trial, active, firm))
         free = section.assembly.free
         scale = np.abs(trial).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
         error = float(np.abs(residual[free]).max())
         closed = np.abs(gap[active]).max(initial=0.0) < 1e-8
         if error < TOLERANCE * scale and closed and np.array_equal(active, was_active):
-            return Solution(load, u, trial[:, None] * normal, sweep)
+            return Solution(load, u, trial[:, None] * normal, start.surface, sweep)
         try:
             factors = section.assembly.factor(matrices)
         except RuntimeError:
@@ -162,7 +160,7 @@ def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
             raise _Failed("the tangent became singular")
         share = _uncrushed_share(section, u, change)
         u += share * change
-        slide = np.einsum("si,si->s", normal, share * change[surface])
+        slide = np.einsum("si,si->s", normal, share * change[touching])
         push = np.where(active, trial - firm * slide, 0.0)
         was_active = active
     raise _Failed("Newton's method did not converge")

@@ -42,14 +42,31 @@ class Section:
         return 2 * len(self.mesh.nodes)
 
     @cached_property
-    def surface_dofs(self) -> Ints:
-        """(s, 2)"""
-        return np.stack([2 * self.mesh.surface, 2 * self.mesh.surface + 1], axis=1)
+    def touching(self) -> Ints:
+        """(t,) nodes that the finger, and after them those that the support, may touch."""
+        return np.concatenate([self.mesh.surface, self.mesh.resting])
+
+    @cached_property
+    def touching_dofs(self) -> Ints:
+        """(t, 2)"""
+        return np.stack([2 * self.touching, 2 * self.touching + 1], axis=1)
+
+    def gaps(self, finger: Finger, u: Array) -> tuple[Array, Array, Array]:
+        """Gap (t,) [m], normal (t, 2) out of the rigid body and curvature (t,) [1/m]."""
+        place = self.mesh.nodes[self.touching] + u[self.touching]
+        top = len(self.mesh.surface)
+        gap, normal, curvature = finger.gap(place[:top])
+        rest = len(place) - top
+        return (
+            np.concatenate([gap, place[top:, 1]]),
+            np.vstack([normal, np.tile([0.0, 1.0], (rest, 1))]),
+            np.concatenate([curvature, np.zeros(rest)]),
+        )
 
     @cached_property
     def assembly(self) -> Assembly:
-        """Groups of blocks: cells, surface nodes, then each lumen's sides."""
-        groups = [self.cells.dofs, self.surface_dofs, *(s.dofs for s in self.lumens)]
+        """Groups of blocks: cells, touching nodes, then each lumen's sides."""
+        groups = [self.cells.dofs, self.touching_dofs, *(s.dofs for s in self.lumens)]
         return Assembly(self.size, groups, self.held)
 
 

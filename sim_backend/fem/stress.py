@@ -1,0 +1,71 @@
+"""What a solution says at the nodes: von Mises stress, and where the finger touches."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_backend.fem.elements import gradients, operator, q4, t6
+from sim_backend.fem.internal import deformation
+from sim_backend.fem.material import plane_stress, von_mises
+from sim_backend.fem.newton import Solution
+from sim_backend.fem.section import Section
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+_T6_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+_Q_NODES = np.array(
+    [[-1, -1], [1, -1], [1, 1], [-1, 1], [0, -1], [1, 0], [0, 1], [-1, 0]], dtype=float
+)
+
+
+def nodal_von_mises(section: Section, u: Array) -> Array:
+    """Von Mises stress (n,) [Pa]: at each node the mean over its cells of the cell's mean."""
+    nodes, weight = section.cells.nodes, section.cells.weight
+    every = np.arange(len(nodes))
+    stress = _von_mises(section, every, deformation(section, u))
+    mean = (stress * weight).sum(axis=1) / weight.sum(axis=1)
+    return _averaged(nodes, np.repeat(mean[:, None], nodes.shape[1], axis=1), len(u))
+
+
+def under_finger_pa(section: Section, u: Array) -> float:
+    """Von Mises stress [Pa] at the surface under the middle of the finger, from F at the nodes."""
+    surface, shape = section.mesh.surface, section.cells.shape
+    chosen = np.flatnonzero(np.isin(section.cells.nodes, surface).any(axis=1))
+    nodes = section.cells.nodes[chosen]
+    points = _T6_NODES if shape is t6 else _Q_NODES[: 4 if shape is q4 else 8]
+    slope, _ = gradients(section.mesh.nodes, nodes, shape(points)[1])
+    local = u[nodes].reshape(len(nodes), -1)
+    f = np.einsum("mqvd,md->mqv", operator(slope), local) + np.array([1.0, 0, 0, 1.0])
+    stress = _averaged(nodes, _von_mises(section, chosen, f), len(u))[surface]
+    x = section.mesh.nodes[surface, 0] + u[surface, 0]
+    order = np.argsort(x)
+    return float(np.interp(section.finger.x, x[order], stress[order]))
+
+
+def _von_mises(section: Section, chosen: Ints, f: Array) -> Array:
+    shear, bulk = section.shear[chosen, None], section.bulk[chosen, None]
+    free = section.plane_stress
+    thickness = plane_stress(f, shear, bulk).thickness if free else np.ones(f.shape[:2])
+    return von_mises(f, thickness, shear)
+
+
+def _averaged(nodes: Ints, values: Array, count: int) -> Array:
+    cells = np.bincount(nodes.ravel(), minlength=count)
+    total = np.bincount(nodes.ravel(), weights=values.ravel(), minlength=count)
+    return np.asarray(total / np.maximum(cells, 1))
+
+
+def contact_m(section: Section, solution: Solution) -> tuple[float, float]:
+    """Left and right end [m] of what the finger touches; twice its middle where nothing is.
+
+    An end lies half-way between the last node that is pressed and the next.
+    """
+    surface = section.mesh.surface
+    pressed = np.flatnonzero(solution.contact[: len(surface)].any(axis=1))
+    if not len(pressed):
+        return section.finger.x, section.finger.x
+    x = section.mesh.nodes[surface, 0] + solution.displacement[surface, 0]
+    first, last = pressed[0], pressed[-1]
+    left = (x[first] + x[max(first - 1, 0)]) / 2
+    right = (x[last] + x[min(last + 1, len(x) - 1)]) / 2
+    return float(left), float(right)
