@@ -27,6 +27,7 @@ PRESSED_M = 0.25e-3  # resting shallower than this is a touch, not an indentatio
 RELAXATION_STEP_S = 1e-3
 DRAG_GRID_M = 1e-3  # sideways under the surface, the sections of whole millimetres stand in
 PLACE_GRID_M = 1e-5
+BULGE_M = 0.7e-3  # a filled vessel lifts the surface by up to this: there the section is asked
 
 
 class Response(Protocol):
@@ -117,7 +118,7 @@ class Phantom:
             t = time_s[span]
             points = leg.points(t)
             depth = self._depth(points)
-            if (depth <= 0).all():
+            if (depth <= -BULGE_M).all():
                 continue
             elastic = self._elastic(leg, points, depth, pressure[span], quantity)
             if self.scene.tissue is not None and self.scene.tissue.relaxation:
@@ -137,7 +138,7 @@ class Phantom:
         sideways = math.hypot(*leg.direction[:2]) > 1e-6  # less is rounding
         places = np.round(points[:, :2] / (grid := DRAG_GRID_M if sideways else PLACE_GRID_M))
         values = np.zeros(len(points))
-        touching = depth > 0
+        touching = depth > -BULGE_M
         for x, y in np.unique(places[touching], axis=0):
             here = touching & (places[:, 0] == x) & (places[:, 1] == y)
             section = self._response(float(x * grid), float(y * grid), float(depth[here].max()))

@@ -36,9 +36,10 @@ class Assembly:
         key = place[column[kept]] * len(self.free) + place[row[kept]]
         unique, index = np.unique(key, return_inverse=True)
         n = len(self.free)
-        self._pattern = (unique % n).astype(np.int32), np.searchsorted(
-            unique // n, np.arange(n + 1)
-        ).astype(np.int32)
+        self._pattern = (
+            (unique % n).astype(np.int32),
+            np.searchsorted(unique // n, np.arange(n + 1)).astype(np.int32),
+        )
         self._index = np.full(len(row), len(unique))
         self._index[kept] = index.ravel()
 

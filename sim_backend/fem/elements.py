@@ -188,7 +188,9 @@ def _split_q4(mesh: Mesh) -> Mesh:
     nodes = np.vstack([mesh.nodes, middle])
     # side 0-3-1 of a lumen cell becomes sides 0-1 of its first two quadrilaterals
     lumens = tuple(np.concatenate([3 * cells, 3 * cells + 1]) for cells in mesh.lumens)
-    return Mesh(nodes, quads, np.repeat(mesh.region, 3), mesh.surface, mesh.bottom, mesh.resting, lumens)
+    return Mesh(
+        nodes, quads, np.repeat(mesh.region, 3), mesh.surface, mesh.bottom, mesh.resting, lumens
+    )
 
 
 def _split_q8(mesh: Mesh) -> Mesh:

@@ -50,7 +50,9 @@ def forces_and_tangents(section: Section, u: Array) -> tuple[Array, Array]:
     return force, tangent
 
 
-def _integrate(operator: Array, weight: Array, stress: Array, tangent: Array) -> tuple[Array, Array]:
+def _integrate(
+    operator: Array, weight: Array, stress: Array, tangent: Array
+) -> tuple[Array, Array]:
     m, q, _, d = operator.shape
     stacked = operator.reshape(m, q * 4, d)
     transposed = np.swapaxes(stacked, 1, 2)

@@ -96,5 +96,3 @@ def lumen_area_m2(sides: Sides, u: Array) -> float:
     at = np.einsum("qk,ski->sqi", sides.value, place)
     cross = at[..., 0] * tangent[..., 1] - at[..., 1] * tangent[..., 0]
     return float(-0.5 * np.einsum("q,sq->", _WEIGHTS, cross))
-
-

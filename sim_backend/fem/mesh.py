@@ -120,9 +120,7 @@ def _turn(ring: Ring, layer: int, count: int) -> float:
 
 def _circle(centre: tuple[float, float], radius: float, count: int, first: float) -> Array:
     angle = first + 2 * np.pi * np.arange(count) / count
-    return np.column_stack(
-        [centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)]
-    )
+    return np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)])
 
 
 def _layers(ring: Ring, count: int) -> tuple[Array, Ints, Ints]:
@@ -293,9 +291,7 @@ def _mid_sides(points: Array, corners: Ints, rings: list[Ring]) -> tuple[Array, 
         curved = np.all(within & (radius[unique] >= smallest * (1 - 1e-9)), axis=1)
         direction = middle[curved] - ring.centre
         mean_radius = radius[unique[curved]].mean(axis=1)
-        middle[curved] = (
-            ring.centre + direction * (mean_radius / np.hypot(*direction.T))[:, None]
-        )
+        middle[curved] = ring.centre + direction * (mean_radius / np.hypot(*direction.T))[:, None]
     cells = np.hstack([corners, len(points) + index.reshape(-1, 3)])
     return np.vstack([points, middle]), cells.astype(np.int64)
 

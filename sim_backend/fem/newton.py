@@ -166,6 +166,26 @@ def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
     raise _Failed("Newton's method did not converge")
 
 
+def pressure_slope(section: Section, solution: Solution) -> tuple[Array, float]:
+    """du/dp (n, 2) [m/Pa] and dF/dp [N/m/Pa] at a solution, the contact staying as it is."""
+    finger = section.finger.lowered_to(section.finger.y - solution.load.depth_m)
+    firm = FIRM * section.tissue_pa
+    push = np.hypot(*solution.contact.T)
+    _, normal, curvature = section.gaps(finger, solution.displacement)
+    _, matrices = _body(section, solution.displacement, solution.load.pressure_pa)
+    matrices.insert(1, _contact_blocks(normal, curvature, push, push > 0, firm))
+    load = np.zeros(section.size)
+    for sides in section.lumens:
+        load += gather(section.size, sides.dofs, unit_pressure(sides, solution.displacement)[0])
+    factors = section.assembly.factor(matrices)
+    slope = section.assembly.solve(factors, load).reshape(-1, 2)
+    moved = slope[section.touching]
+    along = np.einsum("ti,ti->t", normal, moved)[:, None] * normal
+    change = (-firm * along + (push * curvature)[:, None] * (moved - along))[push > 0]
+    top = np.flatnonzero(push > 0) < solution.surface
+    return slope, float(-change[top, 1].sum())
+
+
 def _body(section: Section, u: Array, pressure_pa: float) -> tuple[Array, list[Array]]:
     """Residual (2n,) of cells and lumens, and their tangent blocks."""
     force, tangent = forces_and_tangents(section, u)
@@ -197,9 +217,7 @@ def _uncrushed_share(section: Section, u: Array, change: Array) -> float:
     raise _Failed("elements were crushed")
 
 
-def _physical_limit(
-    section: Section, last: Solution, goal: Load, failure: _Failed
-) -> CannotSolve:
+def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Failed) -> CannotSolve:
     ratio, place = smallest_area_ratio(section, last.displacement)
     x_mm, y_mm = 1e3 * place
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322

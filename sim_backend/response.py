@@ -1,0 +1,171 @@
+"""A section's answer at one place, for any depth and lumen pressure: what the phantom feels.
+
+One ramp is solved at the resting pressure, with the exact slope by pressure along it; at the full
+depth a few pressures are solved as well. Between them
+    F(d, p) = F(d, rest) + dF/dp(d) g(p),   g(p) = (F(D, p) - F(D, rest)) / dF/dp(D),
+which is exact at the full depth D and to first order elsewhere. Time does not enter: relaxation
+and the beat are the phantom's.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import BarycentricInterpolator, PchipInterpolator
+
+from sim_backend.fem.contact import finger_over
+from sim_backend.fem.newton import Load, Solution, march, pressure_slope, untouched
+from sim_backend.fem.section import Section, build_section
+from sim_backend.fem.stress import under_finger_pa
+from sim_backend.scene import Scene
+from sim_backend.waves import PA_PER_MMHG
+
+Array = NDArray[np.float64]
+
+DEPTHS = np.array([0.04, 0.12, 0.25, 0.42, 0.6, 0.8, 1.0])
+"""Shares of the greatest depth that are solved."""
+PROBE_PA = 10.0
+"""Pressure step of the stress's slope, along the exact displacement slope."""
+RELATIVE_SIZE = 0.1
+"""Element size over the finger's half width: 0.3 % of force, 2 % of pulse on the paper's scenes."""
+
+
+@dataclass(frozen=True)
+class StationResponse:
+    """Answers at one place down to ``max_depth_m``.
+
+    ``bulge_m``: how far the resting pressure lifts the surface; contact begins there. ``share``
+    is F(d, rest) / (d + bulge) and its slope by pressure; both with the stress.
+    """
+
+    x_m: float
+    max_depth_m: float
+    length_m: float
+    bulge_m: float
+    force: "_Curve"
+    stress: "_Curve"
+
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
+        """Normal force [N] on the whole finger; both arguments broadcast, 0 out of contact.
+
+        Raises ValueError deeper than ``max_depth_m``.
+        """
+        return self.length_m * self._at(self.force, depth_m, pressure_pa)
+
+    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array:
+        """Von Mises stress [Pa] at the surface under the finger; arguments as `force_n`."""
+        return self._at(self.stress, depth_m, pressure_pa)
+
+    def _at(self, curve: "_Curve", depth_m: Array, pressure_pa: Array) -> Array:
+        depth = np.asarray(depth_m, dtype=float)
+        if np.any(depth > self.max_depth_m * (1 + 1e-9)):
+            raise ValueError(
+                f"depth {1e3 * depth.max():.4g} mm is beyond the {1e3 * self.max_depth_m:.4g} mm "
+                "that were solved"
+            )
+        sunk = np.maximum(depth + self.bulge_m, 0.0)
+        value = curve.rest(sunk) + curve.slope(sunk) * curve.gain(np.asarray(pressure_pa))
+        return np.asarray(np.where(sunk > 0, np.maximum(value, 0.0), 0.0))
+
+
+@dataclass(frozen=True)
+class _Curve:
+    """A quantity over sunk depth at rest, its slope by pressure, and the gain g(p)."""
+
+    rest: PchipInterpolator
+    slope: PchipInterpolator
+    pressures: Array
+    gains: Array
+
+    def gain(self, pressure_pa: Array) -> Array:
+        if len(self.pressures) == 1:
+            return np.zeros_like(pressure_pa)
+        return np.asarray(BarycentricInterpolator(self.pressures, self.gains)(pressure_pa))
+
+
+def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
+    """The answer of ``scene`` at ``x_m`` [m] down to ``max_depth_m`` [m].
+
+    A scene that is its own mirror image is solved on its left half only. Raises
+    `sim_backend.fem.newton.CannotSolve` where physics ends.
+    """
+    x_m = round(x_m, 9)
+    if scene.tissue is not None and mirrored(scene) == scene:
+        width = 1e-3 * scene.tissue.width_mm
+        x_m = round(min(x_m, width - x_m), 9)
+    return _respond(scene, x_m, round(max_depth_m, 9))
+
+
+def mirrored(scene: Scene) -> Scene:
+    """The scene seen from the other side; a block only."""
+    assert scene.tissue is not None
+    width = scene.tissue.width_mm
+    inclusion = tuple(
+        one.model_copy(update={"x_mm": round(width - one.x_mm, 9)}) for one in scene.inclusion
+    )
+    return scene.model_copy(update={"inclusion": inclusion})
+
+
+@lru_cache(maxsize=256)
+def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
+    finger = finger_over(scene.indenter, 0.0, 0.0)
+    size_m = RELATIVE_SIZE * (finger.half_flat + finger.radius)
+    section = build_section(scene, x_m, depth_m=max_depth_m, size_m=size_m)
+    beats = bool(section.lumens)
+    levels = _pressures(scene) if beats else np.zeros(1)
+    rest = float(levels[0])
+    loads = [Load(max_depth_m * share, rest) for share in DEPTHS]
+    start = untouched(section)
+    bulge = 0.0
+    if beats:
+        (start,) = march(section, start, [Load(-max_depth_m, rest)])
+        bulge = _surface_m(section, start)
+    ramp = list(march(section, start, loads))
+    deepest = list(march(section, ramp[-1], [Load(max_depth_m, p) for p in levels[1:]]))
+    sunk = np.concatenate([[0.0], max_depth_m * DEPTHS + bulge])
+    slopes = [pressure_slope(section, s) for s in ramp] if beats else []
+    force = _curve(
+        sunk,
+        [s.force_n_per_m for s in ramp],
+        [slope for _, slope in slopes],
+        levels,
+        [s.force_n_per_m for s in deepest],
+    )
+    stress = _curve(
+        sunk,
+        [under_finger_pa(section, s.displacement) for s in ramp],
+        [_stress_slope(section, s, du) for s, (du, _) in zip(ramp, slopes, strict=False)],
+        levels,
+        [under_finger_pa(section, s.displacement) for s in deepest],
+    )
+    length_m = 1e-3 * scene.indenter.length_mm
+    return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress)
+
+
+def _pressures(scene: Scene) -> Array:
+    """Resting pressure first, then the ends of the wave and none at all [Pa]."""
+    low, high = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
+    rest = low + 0.25 * (high - low)
+    return np.array([rest, low, high, 0.0]) * PA_PER_MMHG
+
+
+def _surface_m(section: Section, solution: Solution) -> float:
+    """How far the surface rises under the finger, on which it will first touch."""
+    gap, _, _ = section.gaps(section.finger, solution.displacement)
+    return float(-gap[: solution.surface].min())
+
+
+def _stress_slope(section: Section, solution: Solution, slope: Array) -> float:
+    ahead = under_finger_pa(section, solution.displacement + PROBE_PA * slope)
+    return (ahead - under_finger_pa(section, solution.displacement)) / PROBE_PA
+
+
+def _curve(
+    sunk: Array, values: list[float], slopes: list[float], levels: Array, deepest: list[float]
+) -> _Curve:
+    rest = PchipInterpolator(sunk, [0.0, *values])
+    if not slopes:
+        return _Curve(rest, PchipInterpolator(sunk, np.zeros_like(sunk)), levels, np.zeros(1))
+    gains = (np.array([values[-1], *deepest]) - values[-1]) / slopes[-1]
+    return _Curve(rest, PchipInterpolator(sunk, [0.0, *slopes]), levels, gains)
