@@ -1,0 +1,78 @@
+"""The command ``palpate``: one small file per group of commands.
+
+A group is a module with ``register(app)``. It imports at its top only what its options need;
+the work itself is imported by the command that does it, so that ``palpate --help`` is quick.
+"""
+
+import sys
+from collections.abc import Sequence
+from contextlib import nullcontext
+from importlib import import_module
+from importlib.util import find_spec
+from typing import Annotated
+
+import typer
+
+from probe.cli import say
+from probe.cli.errors import status_of
+
+GROUPS = (
+    "scan",
+    "runs",
+    "finding",
+    "scenes",
+    "rig",
+    "emulate",
+    "record",
+    "calibrate",
+    "studies",
+    "charts",
+)
+
+
+def build() -> typer.Typer:
+    """The whole command line."""
+    app = typer.Typer(
+        name="palpate",
+        help="Press a probe into soft tissue, on a rig or a phantom, and say what lies beneath.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        epilog="Exit status: 0 done, 2 bad input, 3 device or safety fault, 4 physics not solved.",
+    )
+    app.callback()(_version)
+    for name in GROUPS:
+        if find_spec(f"probe.cli.{name}") is not None:
+            import_module(f"probe.cli.{name}").register(app)
+    return app
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command; the exit status. Never shows a stack trace for what a user can mend."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    as_json = "--json" in given
+    with say.only_json() if as_json else nullcontext():
+        try:
+            status = typer.main.get_command(build()).main(
+                given, prog_name="palpate", standalone_mode=False
+            )
+        except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - the one place for all
+            status, text = status_of(error)
+            if text:
+                say.tell(text)
+                if as_json:
+                    say.answer_json({"error": text, "status": status})
+    return status if isinstance(status, int) else 0
+
+
+def _version(
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)
+    ] = False,
+) -> None:
+    if version:
+        from importlib.metadata import version as installed
+
+        say.answer(f"palpate {installed('palpate')}")
+        raise typer.Exit

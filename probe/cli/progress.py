@@ -1,0 +1,85 @@
+"""Where a scan is and how long it will take, told on standard error."""
+
+import sys
+import time
+from types import TracebackType
+from typing import Self
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn
+
+from probe.cli.say import tell
+from probe.events import Event, Note, Phase, PhaseEntered, StationEnded, StationStarted
+
+
+class ScanProgress:
+    """An observer of a scan: a bar in a terminal, one plain line per station elsewhere.
+
+    ``total`` stations, of which ``done`` are complete already; ``each_s`` is the best guess of a
+    station's duration until one has been measured (None: say nothing until then).
+    """
+
+    def __init__(self, total: int, done: int = 0, each_s: float | None = None) -> None:
+        self._total, self._done, self._each_s = total, done, each_s
+        self._measured = 0
+        self._began_s = time.monotonic()
+        self._bar: Progress | None = None
+        if sys.stderr.isatty():
+            self._bar = Progress(
+                TextColumn("{task.description}"),
+                BarColumn(),
+                TextColumn("{task.fields[phase]:<11} {task.fields[left]}"),
+                console=Console(stderr=True),
+                transient=True,
+            )
+            self._task = self._bar.add_task(
+                "starting", total=total, completed=done, phase="", left=""
+            )
+
+    def __enter__(self) -> Self:
+        if self._bar is not None:
+            self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        if self._bar is not None:
+            self._bar.stop()
+
+    def __call__(self, event: Event) -> None:
+        """Take one event of the scan."""
+        match event:
+            case StationStarted():
+                where = f"station {event.station + 1} of {self._total}"
+                at = f"x = {1e3 * event.x_m:.1f} mm"
+                self._show(f"{where}, {at}", self._left())
+            case StationEnded(complete=True):
+                self._done += 1
+                self._measured += 1
+                self._each_s = (time.monotonic() - self._began_s) / self._measured
+                if self._bar is not None:
+                    self._bar.update(self._task, completed=self._done, left=self._left())
+            case PhaseEntered() if self._bar is not None:
+                self._bar.update(self._task, phase=event.phase.value)
+                if event.phase is Phase.PAUSED:
+                    self._bar.update(self._task, left="paused")
+            case Note():
+                tell(f"{event.level}: {event.device}: {event.text}")
+
+    def _left(self) -> str:
+        if self._each_s is None:
+            return ""
+        left_s = round(self._each_s * (self._total - self._done))
+        return (
+            f"about {left_s // 60} min {left_s % 60} s left" if left_s > 99 else f"{left_s} s left"
+        )
+
+    def _show(self, text: str, left: str) -> None:
+        if self._bar is not None:
+            self._bar.update(self._task, description=text, left=left)
+        else:
+            tell(f"{text}, {left}" if left else text)

@@ -1,0 +1,72 @@
+"""Where output goes: the answer to standard output, everything else to standard error."""
+
+import json
+import math
+import os
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+Json = Annotated[
+    bool, typer.Option("--json", help="Print exactly one JSON object on standard output.")
+]
+_json_file: list[int] = []
+
+
+def tell(text: str) -> None:
+    """A line for the person at the terminal, never part of the answer."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def answer(text: str) -> None:
+    """A line of the answer that a person asked for."""
+    print(text, flush=True)
+
+
+def answer_json(values: Mapping[str, Any]) -> None:
+    """The one JSON object of ``--json``; not-a-number and infinity become null."""
+    text = json.dumps(plain(values), allow_nan=False, ensure_ascii=False) + "\n"
+    if _json_file:
+        with os.fdopen(os.dup(_json_file[-1]), "w", encoding="utf-8") as file:
+            file.write(text)
+    else:
+        print(text, end="", flush=True)
+
+
+def plain(value: Any) -> Any:
+    """``value`` as JSON knows it: no NaN, no numpy, no paths, no tuples."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(one) for key, one in value.items()}
+    if hasattr(value, "tolist"):  # arrays and numbers of numpy
+        return plain(value.tolist())
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [plain(one) for one in value]
+    return value
+
+
+@contextmanager
+def only_json() -> Iterator[None]:
+    """Within: whatever prints goes to standard error, libraries in C included.
+
+    Some clients of robots print to the process's standard output on their own; a JSON reader
+    must not see that.
+    """
+    sys.stdout.flush()
+    kept = os.dup(1)
+    _json_file.append(kept)
+    os.dup2(2, 1)
+    try:
+        yield
+    finally:
+        sys.stdout.flush()
+        os.dup2(kept, 1)
+        _json_file.remove(kept)
+        os.close(kept)

@@ -1,0 +1,134 @@
+"""``palpate scan`` and ``palpate resume``: the main job."""
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from probe.cli.errors import FAULT
+from probe.cli.say import Json, answer, answer_json, tell
+
+if TYPE_CHECKING:  # commands import what they need when they run
+    from probe.events import RunEnded
+
+
+RigFile = Annotated[
+    Path | None,
+    typer.Argument(metavar="[RIG.toml]", help="A rig file; without one, the simulated rig."),
+]
+SceneName = Annotated[
+    str | None, typer.Option(metavar="NAME|FILE", help="What simulated devices feel.")
+]
+Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the run file.")]
+Live = Annotated[bool, typer.Option("--live", help="Open a window; runs in real time.")]
+RealTime = Annotated[
+    bool, typer.Option("--real-time", help="Let a simulated rig take as long as a real one.")
+]
+Fallback = Annotated[
+    Literal["virtual"] | None,
+    typer.Option(help="Let simulated devices take the place of absent ones."),
+]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(scan)
+
+
+def scan(
+    rig: RigFile = None,
+    scene: SceneName = None,
+    out: Out = Path("runs"),
+    seed: Annotated[int, typer.Option(help="Of the simulated sensors' noise.", min=0)] = 0,
+    fallback: Fallback = None,
+    live: Live = False,
+    real_time: RealTime = False,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Check everything, move nothing.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Scan station by station, store every sample, and say what lies beneath.
+
+    Ctrl-C lifts the probe and ends the run; a second one stops where it is.
+    """
+    if dry_run:
+        from probe.cli.rig import show_dry_run
+
+        raise typer.Exit(show_dry_run(rig, scene, out, json))
+    from probe.cli.progress import ScanProgress
+    from probe.control import Control, ctrl_c
+    from probe.scan import chosen
+    from probe.scan import scan as scan_with
+
+    began_s = time.perf_counter()
+    whole, _ = chosen(rig, scene)
+    control = Control()
+    with keeping(live) as opened, ctrl_c(control), ScanProgress(len(whole.plan.places)) as progress:
+        scanned = scan_with(
+            whole,
+            out=out,
+            seed=seed,
+            fallback=fallback,
+            real_time=real_time or live,
+            control=control,
+            observers=[progress],
+            opened=opened,
+        )
+    raise typer.Exit(conclude(scanned.path, scanned.ended, began_s, json))
+
+
+@contextmanager
+def keeping(live: bool) -> Iterator[Callable[[Path, Sequence[str]], None]]:
+    """Yields what is to be called with the run file and the devices' notes when it is open.
+
+    It says where the data are if the scan ends with an error, and opens the window if ``live``.
+    """
+    files: list[Path] = []
+
+    def opened(path: Path, notes: Sequence[str]) -> None:
+        files.append(path)
+        for note in notes:
+            tell(f"note: {note}")
+        if live:
+            open_window(path)
+
+    try:
+        yield opened
+    except BaseException:
+        if files:
+            tell(f"What was read is kept in {files[-1]}")
+        raise
+
+
+def open_window(path: Path) -> None:
+    """Start ``palpate live`` as a process of its own: its end or crash is not the scan's.
+
+    In its own session, so that a Ctrl-C for the scan does not close the window.
+    """
+    command = [sys.executable, "-m", "probe.cli", "live", str(path)]
+    subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
+
+
+def conclude(path: Path, ended: "RunEnded", began_s: float, as_json: bool) -> int:
+    """Say what the run found and how it ended; the exit status."""
+    from probe.cli.finding import finding_json, show_finding
+    from probe.events import Finish
+    from probe.run import open_run
+
+    found = finding_json(path, open_run(path).recording(), began_s)
+    if as_json:
+        answer_json(found)
+    else:
+        show_finding(found)
+        answer(f"Run: {path}")
+        answer(f"For pictures: palpate report {path}")
+    if ended.finish is not Finish.COMPLETED:
+        tell(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
+        tell(f"To go on where it broke off: palpate resume {path}")
+    return FAULT if ended.finish is Finish.FAULTED else 0

@@ -1,0 +1,108 @@
+"""The phantom without a scan: press it once, feel it by hand, list its scenes."""
+
+from importlib import resources
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from probe.cli.say import Json, answer, answer_json, plain
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(press)
+    app.command()(scenes)
+    app.command()(feel)
+
+
+def press(
+    scene: Annotated[str, typer.Argument(help="A built-in scene or a scene file.")],
+    x: Annotated[float, typer.Option(metavar="MM", help="Where along the surface [mm].")],
+    depth: Annotated[float, typer.Option(metavar="MM", help="How deep [mm].")],
+    pressure: Annotated[
+        list[float] | None,
+        typer.Option(metavar="MMHG", help="Pressure in the lumen [mmHg]; may be given again."),
+    ] = None,
+    accuracy: Annotated[
+        float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
+    ] = 1.0,
+    model: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Model of the solid; chosen if not given.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Press once into a scene and print force, stress and contact."""
+    from sim_backend.press import press as press_once
+    from sim_backend.scene import load_scene
+
+    chosen = {} if model is None else {"model": model}
+    pressed = press_once(
+        load_scene(scene), x, depth, tuple(pressure or ()), accuracy_pct=accuracy, **chosen
+    )
+    told: dict[str, Any] = plain(pressed.as_json())
+    if json:
+        answer_json(told)
+        return
+    answer(
+        f"{told['scene']}, x = {told['x_mm']:g} mm, {told['depth_mm']:g} mm deep: {told['model']}, "
+        f"{told['dofs']} degrees of freedom, {told['seconds']:.2f} s, "
+        f"error about {told['error_estimate_pct']:.2g} %"
+    )
+    for state in told["states"]:
+        left, right = state["contact_mm"]
+        answer(
+            f"  {state['pressure_mmhg']:g} mmHg: {state['force_n_per_mm']:.5g} N/mm, "
+            f"von Mises {state['von_mises_pa']:.5g} Pa, contact {left:.3f} to {right:.3f} mm"
+        )
+
+
+def scenes(
+    name: Annotated[
+        str | None, typer.Argument(help="Print this scene's file, to start your own from.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """List the built-in scenes, or print one as a scene file."""
+    from sim_backend.scene import load_scene, scene_names
+
+    if name is not None:
+        scene = load_scene(name)
+        if json:
+            answer_json(scene.model_dump(mode="json"))
+        else:
+            built_in = resources.files("sim_backend") / "scenes" / f"{name}.toml"
+            file = built_in if name in scene_names() else Path(name)
+            answer(file.read_text(encoding="utf-8").rstrip())
+        return
+    found = {one: describe(load_scene(one)) for one in scene_names()}
+    if json:
+        answer_json({"scenes": found})
+        return
+    for one, text in found.items():
+        answer(f"{one:5} {text}")
+
+
+def feel(
+    scene: Annotated[str, typer.Option(help="A built-in scene or a scene file.")] = "TIHA",
+) -> None:
+    """Press the phantom by hand in a window: mouse or arrow keys."""
+    from probe.live.feel import run_feel
+    from sim_backend.scene import load_scene
+
+    raise typer.Exit(run_feel(load_scene(scene)))
+
+
+def describe(scene: Any) -> str:
+    """One line on what lies in a scene."""
+    parts = []
+    for one in scene.inclusion:
+        kind = one.kind
+        if kind == "artery" and one.stenosis is not None:
+            kind = f"artery with a {100 * one.stenosis.fraction:.0f} % stenosis"
+        where = f" at {one.x_mm:g} mm, {one.depth_mm:g} mm deep" if scene.tissue else ""
+        parts.append(f"{kind}, {2 * one.outer_radius_mm:g} mm across{where}")
+    inside = "; ".join(parts) or "nothing"
+    if scene.tissue is None:
+        return f"on a support: {inside}"
+    return f"in {scene.tissue.width_mm:g} x {scene.tissue.height_mm:g} mm of tissue: {inside}"
