@@ -42,6 +42,8 @@ def _known(error: BaseException) -> int | None:
     from drivers import ConfigError, DeviceFault
     from probe.live.remote import NotRunning
     from probe.rig import RigError
+    from probe.rows import RunFileError
+    from probe.store import StoreError
     from sim_backend.press import CannotSolve
     from sim_backend.scene import SceneError
 
@@ -51,6 +53,8 @@ def _known(error: BaseException) -> int | None:
         (NotRunning, FAULT),
         (RigError, BAD_INPUT),
         (SceneError, BAD_INPUT),
+        (RunFileError, BAD_INPUT),
+        (StoreError, BAD_INPUT),
         (ConfigError, BAD_INPUT),
         (OSError, BAD_INPUT),
     )

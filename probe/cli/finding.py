@@ -97,11 +97,11 @@ def show_finding(found: Mapping[str, Any]) -> None:
     answer(f"Finding: {found['finding']}")
     for one in found["objects"]:
         low, high = one.get("position_ci_mm") or (None, None)
+        between = f"{_number(low, '.2f')} to {_number(high, '.2f')}"
+        peak, pulse = _number(one["peak_pa"], ".0f"), _number(one["pulse_pa"], ".1f")
         answer(
-            f"  {one['kind']} at x = {_number(one['position_mm'], '.2f')} mm "
-            f"(95 %: {_number(low, '.2f')} to {_number(high, '.2f')}), "
-            f"peak {_number(one['peak_pa'], '.0f')} Pa, pulse {_number(one['pulse_pa'], '.1f')} Pa, "
-            f"confidence {_percent(one['confidence'])}"
+            f"  {one['kind']} at x = {_number(one['position_mm'], '.2f')} mm (95 %: {between}), "
+            f"peak {peak} Pa, pulse {pulse} Pa, confidence {_percent(one['confidence'])}"
         )
     if found.get("reason"):
         answer(f"  {found['reason']}")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from probe.cli.finding import RunFile
-from probe.cli.say import Json, answer, answer_json, tell
+from probe.cli.say import Json, answer, answer_json
 
 
 def register(app: typer.Typer) -> None:

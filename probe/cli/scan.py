@@ -14,7 +14,7 @@ from probe.cli.errors import FAULT
 from probe.cli.say import Json, answer, answer_json, tell
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from probe.events import RunEnded
+    from probe.scan import Scanned
 
 
 RigFile = Annotated[
@@ -51,6 +51,7 @@ def scan(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check everything, move nothing.")
     ] = False,
+    report: Annotated[bool, typer.Option("--report", help="Write the report too.")] = False,
     json: Json = False,
 ) -> None:
     """Scan station by station, store every sample, and say what lies beneath.
@@ -69,18 +70,20 @@ def scan(
     began_s = time.perf_counter()
     whole, _ = chosen(rig, scene)
     control = Control()
-    with keeping(live) as opened, ctrl_c(control), ScanProgress(len(whole.plan.places)) as progress:
-        scanned = scan_with(
-            whole,
-            out=out,
-            seed=seed,
-            fallback=fallback,
-            real_time=real_time or live,
-            control=control,
-            observers=[progress],
-            opened=opened,
-        )
-    raise typer.Exit(conclude(scanned.path, scanned.ended, began_s, json))
+    with keeping(live) as opened:
+        with ctrl_c(control), ScanProgress(len(whole.plan.places)) as progress:
+            scanned = scan_with(
+                whole,
+                out=out,
+                seed=seed,
+                fallback=fallback,
+                real_time=real_time or live,
+                control=control,
+                observers=[progress],
+                opened=opened,
+            )
+        status = conclude(scanned, began_s, report=report, as_json=json)
+    raise typer.Exit(status)
 
 
 @contextmanager
@@ -115,19 +118,25 @@ def open_window(path: Path) -> None:
     subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
 
 
-def conclude(path: Path, ended: "RunEnded", began_s: float, as_json: bool) -> int:
+def conclude(scanned: "Scanned", began_s: float, *, report: bool, as_json: bool) -> int:
     """Say what the run found and how it ended; the exit status."""
     from probe.cli.finding import finding_json, show_finding
     from probe.events import Finish
     from probe.run import open_run
 
-    found = finding_json(path, open_run(path).recording(), began_s)
+    path, ended = scanned.path, scanned.ended
+    recording = open_run(path).recording()
+    found = finding_json(path, recording, began_s)
+    if report and recording.stations:
+        from probe.report import write_report
+
+        found["report"] = str(write_report(path, path.with_name(f"{path.stem}-report")))
     if as_json:
         answer_json(found)
     else:
         show_finding(found)
         answer(f"Run: {path}")
-        answer(f"For pictures: palpate report {path}")
+        answer(f"Report: {found.get('report', f'palpate report {path}')}")
     if ended.finish is not Finish.COMPLETED:
         tell(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
         tell(f"To go on where it broke off: palpate resume {path}")
