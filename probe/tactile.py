@@ -1,0 +1,227 @@
+"""From a run's events to what detection works on: the tactile signal at each complete station."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import Block, Channel
+from probe.events import (
+    Event,
+    Phase,
+    PhaseEntered,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
+from probe.recording import Recording, Station
+from probe.rows import RunFileError
+
+Array = NDArray[np.float64]
+
+ROLES = ("force", "pressure", "taxel")
+PRESSURE_PA = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "hPa": 1e2}
+FORCE_N = {"N": 1.0, "mN": 1e-3}
+MAX_LEVELS = 20_000
+
+
+def tactile_device(channels: Mapping[str, tuple[Channel, ...]]) -> str:
+    """The device the signal is taken from: the first with a force, pressure or taxel channel.
+
+    Raises `RunFileError` if there is none.
+    """
+    for device, own in channels.items():
+        if any(channel.role in ROLES for channel in own):
+            return device
+    raise RunFileError("no force, pressure or taxel channel: nothing was felt")
+
+
+def simulated_channels(channels: Mapping[str, tuple[Channel, ...]]) -> tuple[str, ...]:
+    """``device.channel`` of every simulated channel."""
+    return tuple(f"{d}.{c.name}" for d, own in channels.items() for c in own if c.simulated)
+
+
+def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
+    """The recording of a run; ``face_mm2`` is the probe's face where the run does not say.
+
+    A run that has not ended (killed, or still going) counts as ``faulted``.
+    Raises `RunFileError` if the events do not make a run, or a force has no known face.
+    """
+    started: RunStarted | None = None
+    finish = "faulted"
+    presses: dict[tuple[int, int], _Press] = {}
+    complete: dict[int, _Press] = {}
+    for event in events:
+        match event:
+            case RunStarted():
+                started, finish = started or event, "faulted"
+            case RunEnded():
+                finish = str(event.finish)
+            case StationStarted(_, station, attempt, x_m, y_m):
+                presses = {(station, attempt): _Press(x_m, y_m)}
+            case PhaseEntered(time_s, phase, station) if station is not None:
+                for (at, _), press in presses.items():
+                    if at == station:
+                        press.phases[phase] = time_s
+            case Samples(device, block, station, attempt) if station is not None:
+                if (found := presses.get((station, attempt or 0))) is not None:
+                    found.blocks[device].append(block)
+            case StationEnded(_, station, attempt, True):
+                complete[station] = presses.pop((station, attempt), _Press(math.nan, math.nan))
+    if started is None:
+        raise RunFileError("the run has no beginning")
+    signal = _Signal(started, face_mm2)
+    stations = tuple(signal.station(n, complete[n]) for n in sorted(complete))
+    return Recording(
+        stations,
+        signal.names,
+        simulated_channels(started.channels),
+        signal.face_m2,
+        finish,
+        signal.quantum_pa(complete.values()),
+    )
+
+
+@dataclass
+class _Press:
+    """What was told of one attempt: blocks by device, and when each phase began."""
+
+    x_m: float
+    y_m: float
+    blocks: dict[str, list[Block]] = field(default_factory=lambda: defaultdict(list))
+    phases: dict[Phase, float] = field(default_factory=dict)
+
+
+class _Signal:
+    """Which channels make the tactile signal, and in which unit."""
+
+    def __init__(self, started: RunStarted, face_mm2: float | None) -> None:
+        self.channels = started.channels
+        self.device = tactile_device(self.channels)
+        own = self.channels[self.device]
+        roles = {channel.role for channel in own}
+        role = next(r for r in ROLES if r in roles)
+        self.picked = [n for n, channel in enumerate(own) if channel.role == role]
+        self.names = tuple(f"{self.device}.{own[n].name}" for n in self.picked)
+        config = started.config
+        face_mm2 = face_mm2 or config.get("face_mm2")
+        if face_mm2 is not None and not (isinstance(face_mm2, int | float) and face_mm2 > 0):
+            raise RunFileError(f"config.face_mm2 = {face_mm2!r}: must be above 0")
+        self.face_m2 = math.nan if face_mm2 is None else 1e-6 * face_mm2
+        self.gains = np.array([self._gain(own[n]) for n in self.picked])
+        self.surface_m = _surface(config)
+
+    def _gain(self, channel: Channel) -> float:
+        if channel.unit in PRESSURE_PA:
+            return PRESSURE_PA[channel.unit]
+        if channel.unit not in FORCE_N:
+            known = ", ".join((*FORCE_N, *PRESSURE_PA))
+            raise RunFileError(
+                f"channel {channel.name} is in {channel.unit!r}; a tactile signal is in {known}"
+            )
+        if math.isnan(self.face_m2):
+            raise RunFileError(
+                "the probe's face is not known, so a force is no stress; give face_mm2"
+            )
+        share = len(self.picked) if channel.role == "taxel" else 1
+        return FORCE_N[channel.unit] / (self.face_m2 / share)
+
+    def station(self, index: int, press: _Press) -> Station:
+        time_s, values, saturated = self._felt(press)
+        reference_s, reference = self._reference(press)
+        phase = press.phases
+        return Station(
+            index=index,
+            x_m=press.x_m,
+            y_m=press.y_m,
+            time_s=time_s,
+            signal_pa=values * self.gains,
+            saturated=saturated,
+            indent_s=phase.get(Phase.INDENTING, math.nan),
+            hold_s=phase.get(Phase.HOLDING, math.nan),
+            retract_s=phase.get(Phase.RETRACTING, math.nan),
+            depth_m=self._depth(index, press, time_s),
+            reference_s=reference_s,
+            reference=reference,
+        )
+
+    def quantum_pa(self, presses: Iterable[_Press]) -> float:
+        """The step of the readings; 0 if they are not multiples of one."""
+        for press in presses:
+            _, values, _ = self._felt(press)
+            if len(values):
+                return quantum(values[:, 0]) * float(self.gains[0])
+        return 0.0
+
+    def _felt(self, press: _Press) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """What the sensor read since its tare: readings before it have another zero."""
+        found = joined(press.blocks[self.device], len(self.picked), self.picked)
+        tared = found[0] >= press.phases.get(Phase.APPROACHING, -math.inf)
+        return found[0][tared], found[1][tared], found[2][tared]
+
+    def _depth(self, index: int, press: _Press, time_s: Array) -> Array:
+        """Below the surface: the plan's, or where a touch found it (where the ramp began)."""
+        poses_s, poses, _ = joined(press.blocks["stage"], 3, [0, 1, 2])
+        if not len(poses_s):
+            return np.full(len(time_s), math.nan)
+        z = np.interp(time_s, poses_s, poses[:, 2])
+        surface = self.surface_m.get(index, math.nan)
+        if math.isnan(surface) and Phase.INDENTING in press.phases:
+            surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 2]))
+        return surface - z
+
+    def _reference(self, press: _Press) -> tuple[Array, Array]:
+        for device, own in self.channels.items():
+            for n, channel in enumerate(own):
+                if channel.role == "reference":
+                    time_s, values, _ = joined(press.blocks[device], 1, [n])
+                    return time_s, values[:, 0]
+        return np.empty(0), np.empty(0)
+
+
+def joined(
+    blocks: Sequence[Block], channels: int, picked: Sequence[int]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Times (n,), values (n, channels) and saturation (n, channels) of the ``picked`` columns."""
+    if not blocks:
+        return np.empty(0), np.empty((0, channels)), np.empty((0, channels), bool)
+    if any(block.values.shape[1] <= max(picked) for block in blocks):
+        raise RunFileError("a block of samples has fewer channels than its device")
+    return (
+        np.concatenate([b.time_s for b in blocks]),
+        np.concatenate([b.values[:, picked] for b in blocks]),
+        np.concatenate([b.saturated[:, picked] for b in blocks]),
+    )
+
+
+def quantum(values: Array) -> float:
+    """The step that all differences between ``values`` (n,) are multiples of; 0 if there is none.
+
+    Rounding noise of the subtraction of a tare (1e-6 of a step) is allowed.
+    """
+    levels = np.unique(values[np.isfinite(values)])[:MAX_LEVELS]
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * np.abs(levels).max(initial=0.0)]
+    if not len(steps):
+        return 0.0
+    step = float(steps.min())
+    multiples = steps / step
+    return step if np.abs(multiples - np.round(multiples)).max() < 1e-3 else 0.0
+
+
+def _surface(config: Mapping[str, Any]) -> dict[int, float]:
+    """Height [m] of the planned surface by station; empty where it was to be found by touch."""
+    try:
+        if ((config.get("rig") or {}).get("scan") or {}).get("touch_n") is not None:
+            return {}
+        plan = config["plan"]
+        indices = [int(station[0]) for station in plan["stations"]]
+        return {n: 1e-3 * float(z) for n, z in zip(indices, plan["surface_mm"], strict=True)}
+    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        return {}
