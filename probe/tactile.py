@@ -162,7 +162,7 @@ class _Signal:
     def _felt(self, press: _Press) -> tuple[Array, Array, NDArray[np.bool_]]:
         """What the sensor read since its tare: readings before it have another zero."""
         found = joined(press.blocks[self.device], len(self.picked), self.picked)
-        tared = found[0] >= press.phases.get(Phase.APPROACHING, -math.inf)
+        tared = found[0] > press.phases.get(Phase.APPROACHING, -math.inf)
         return found[0][tared], found[1][tared], found[2][tared]
 
     def _depth(self, index: int, press: _Press, time_s: Array) -> Array:
