@@ -17,7 +17,7 @@ def register(app: typer.Typer) -> None:
 def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool) -> int:
     """Check a scan without touching a device; the exit status."""
     from probe.dryrun import draw_path, dry_run
-    from probe.scan import chosen
+    from probe.session import chosen
 
     rig, scene = chosen(rig_file, scene_name)
     if scene is not None:

@@ -14,7 +14,7 @@ from probe.cli.errors import FAULT
 from probe.cli.say import Json, answer, answer_json, tell
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from probe.scan import Scanned
+    from probe.session import Scanned
 
 
 RigFile = Annotated[
@@ -64,8 +64,8 @@ def scan(
         raise typer.Exit(show_dry_run(rig, scene, out, json))
     from probe.cli.progress import ScanProgress
     from probe.control import Control, ctrl_c
-    from probe.scan import chosen
-    from probe.scan import scan as scan_with
+    from probe.session import chosen
+    from probe.session import scan as scan_with
 
     began_s = time.perf_counter()
     whole, _ = chosen(rig, scene)

@@ -1,18 +1,19 @@
 """A scan from a rig to a run file: the one call behind ``palpate scan`` and notebooks."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
-from drivers import Clock, SimulatedClock, WallClock
+from drivers import Clock, Sensor, SimulatedClock, WallClock
 from probe.control import Control
 from probe.describe import run_config
 from probe.devices import connect
 from probe.engine import run_scan
 from probe.events import RunEnded
 from probe.live.remote import listening
-from probe.rig import Fallback, Rig, SceneChoice, default_rig, load_rig
+from probe.rig import Fallback, Rig, RigError, SceneChoice, default_rig, load_rig
 from probe.store import create_store
 from probe.tell import Emit
 from sim_backend.phantom import Respond
@@ -56,6 +57,8 @@ def scan(
     control = control or Control()
     with connect(rig, clock, seed=seed, fallback=fallback, respond=respond) as devices:
         felt = devices.phantom.scene if devices.phantom is not None else None
+        config = run_config(rig, felt, rig.plan, seed)
+        _check_face(config, devices.sensors)
         path = new_run_path(Path(out), felt.name if felt is not None else devices.stage.name)
         with create_store(path) as sink, listening(control, path):
             opened(path, devices.notes)
@@ -68,7 +71,7 @@ def scan(
                 rig.limits,
                 control=control,
                 observers=observers,
-                config=run_config(rig, felt, rig.plan, seed),
+                config=config,
             )
     return Scanned(path, ended, devices.notes)
 
@@ -87,6 +90,16 @@ def chosen(rig: Rig | str | Path | None, scene: str | Path | None) -> tuple[Rig,
     if scene is not None:
         rig = rig.model_copy(update={"scene": SceneChoice(name=str(scene))})
     return rig, None if rig.scene is None else load_scene(rig.scene.name)
+
+
+def _check_face(config: Mapping[str, Any], sensors: Sequence[Sensor]) -> None:
+    """Newtons become a stress, which detection works on, only over a known face."""
+    forces = [s.name for s in sensors if any(c.role == "force" for c in s.channels)]
+    if forces and config["face_mm2"] is None:
+        raise RigError(
+            f"face_mm2 is missing: sensor {forces[0]!r} reads a force, and without a simulated "
+            "scene only you know the area of the probe's face that presses; say face_mm2 = 100"
+        )
 
 
 def clock_for(rig: Rig, *, real_time: bool) -> Clock:
