@@ -152,8 +152,9 @@ def _pressures(scene: Scene) -> Array:
 
 def _surface_m(section: Section, solution: Solution) -> float:
     """How far the surface rises under the finger, on which it will first touch."""
-    gap, _, _ = section.gaps(section.finger, solution.displacement)
-    return float(-gap[: solution.surface].min())
+    surface = section.mesh.surface
+    gap, _, _ = section.finger.gap(section.mesh.nodes[surface] + solution.displacement[surface])
+    return float(-gap.min())
 
 
 def _stress_slope(section: Section, solution: Solution, slope: Array) -> float:

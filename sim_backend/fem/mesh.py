@@ -64,7 +64,7 @@ def block_mesh(width: float, height: float, rings: list[Ring], size: Size) -> Me
         count = _around(ring, size)
         if ring.hollow:
             ring_parts.append(_layers(ring, count))
-        fixed.append(_circle(ring.centre, ring.radii[0], count, _turn(ring, 0, count)))
+        fixed.append(_circle(ring.centre, ring.radii[0], count, _turn(0, count)))
     anchors = np.vstack(fixed)
     free = _fill(width, height, anchors, rings, size)
     points = _relax(anchors, free, width, height, rings, size)
@@ -113,7 +113,7 @@ def _around(ring: Ring, size: Size) -> int:
     return 2 * max(6, round(turn / 2))
 
 
-def _turn(ring: Ring, layer: int, count: int) -> float:
+def _turn(layer: int, count: int) -> float:
     """Angle of the first point; alternate circles are turned by half a step."""
     return float(np.pi / 2 + layer * np.pi / count)
 
@@ -132,7 +132,7 @@ def _layers(ring: Ring, count: int) -> tuple[Array, Ints, Ints]:
         radii += list(np.linspace(outer, inner, layers + 1)[1:])
         regions += [region] * layers
     points = np.vstack(
-        [_circle(ring.centre, r, count, _turn(ring, i, count)) for i, r in enumerate(radii)]
+        [_circle(ring.centre, r, count, _turn(i, count)) for i, r in enumerate(radii)]
     )
     i = np.arange(count)
     nxt = (i + 1) % count
@@ -229,7 +229,8 @@ def _triangulate(points: Array, width: float, height: float) -> Ints:
     for axis, high in ((0, width), (1, height)):
         for level in (0.0, high):
             on_side |= np.all(np.abs(points[corners][:, :, axis] - level) < 1e-12, axis=1)
-    return corners[~(flat | on_side)]
+    kept: Ints = corners[~(flat | on_side)]
+    return kept
 
 
 def _finish(

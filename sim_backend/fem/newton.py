@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.fem.assembly import gather
+from sim_backend.fem.contact import Finger
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.section import Section
+from sim_backend.fem.touch import touches, walls_cross
 
 Array = NDArray[np.float64]
 
@@ -25,8 +27,12 @@ JUDGE = 1.0
 """Weight of a gap against a multiplier, over the tissue's modulus, where contact is decided."""
 FIRM = 1e4
 """Contact stiffness over the tissue's modulus: each sweep leaves about 1 / FIRM of a gap."""
+CLOSED_M = 1e-8
+"""Largest gap left where contact is."""
 TOLERANCE = 1e-5
 """Residual over the sum of contact forces."""
+OPEN_TOUCHES = 2
+"""Kinds of contact while all lumens are open: finger and support."""
 CRUSHED = 0.02
 """Smallest det F accepted."""
 
@@ -58,19 +64,14 @@ class Load:
 
 @dataclass(frozen=True)
 class Solution:
-    """Displacements (n, 2) [m]; contact forces (t, 2) [N/m] on the nodes that may be touched, the
-    ``surface`` first of which can only be touched by the finger."""
+    """Displacements (n, 2) [m]; ``push`` [N/m], one array per `Touch`, of the pairs that may touch;
+    ``force_n_per_m`` is what the finger feels, per length across the section."""
 
     load: Load
     displacement: Array
-    contact: Array
-    surface: int
+    push: tuple[Array, ...]
+    force_n_per_m: float
     sweeps: int
-
-    @property
-    def force_n_per_m(self) -> float:
-        """What the finger feels, per length across the section."""
-        return float(-self.contact[: self.surface, 1].sum())
 
 
 class _Failed(Exception):
@@ -80,8 +81,8 @@ class _Failed(Exception):
 def untouched(section: Section) -> Solution:
     """The finger just over the surface, the lumens without pressure."""
     still = np.zeros_like(section.mesh.nodes)
-    contact = np.zeros((len(section.touching), 2))
-    return Solution(Load(0.0, 0.0), still, contact, len(section.mesh.surface), 0)
+    push = tuple(np.zeros(len(t.gap)) for t in touches(section, section.finger, still))
+    return Solution(Load(0.0, 0.0), still, push, 0.0, 0)
 
 
 def march(section: Section, start: Solution, loads: Iterable[Load]) -> Iterator[Solution]:
@@ -93,16 +94,26 @@ def march(section: Section, start: Solution, loads: Iterable[Load]) -> Iterator[
         yield now
 
 
+def as_solved(section: Section, solution: Solution) -> Section:
+    """The section that ``solution`` belongs to: its lumens may have been pressed shut."""
+    return section.closable if len(solution.push) > OPEN_TOUCHES else section
+
+
 def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> Solution:
     origin, share, step = now.load, 0.0, 1.0
     while share < 1.0:
         target = origin.between(goal, min(1.0, share + step))
         try:
-            reached = _equilibrium(section, _guess(before, now, target), target)
+            reached = _equilibrium(as_solved(section, now), _guess(before, now, target), target)
         except _Failed as failure:
             step /= 2
             if step < SMALLEST_STEP:
                 raise _physical_limit(section, now, target, failure) from None
+            continue
+        if as_solved(section, now) is section and walls_cross(section, reached.displacement):
+            walls = touches(section.closable, section.finger, now.displacement)[OPEN_TOUCHES:]
+            now = replace(now, push=(*now.push, *(np.zeros(len(t.gap)) for t in walls)))
+            before = now
             continue
         before, now = now, reached
         share += step
@@ -132,58 +143,75 @@ def _guess(before: Solution, now: Solution, target: Load) -> Solution:
 
 
 def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
-    touching = section.touching
-    finger = section.finger.lowered_to(section.finger.y - load.depth_m)
-    firm = FIRM * section.tissue_pa
-    u = start.displacement.copy()
-    push = np.hypot(*start.contact.T)  # multipliers (s,)
-    was_active = push > 0
+    finger = _lowered(section, load)
+    firm, judge = FIRM * section.tissue_pa, JUDGE * section.tissue_pa
+    u, push = start.displacement.copy(), list(start.push)
+    before: list[NDArray[np.bool_]] = []
     for sweep in range(1, MAX_SWEEPS + 1):
-        gap, normal, curvature = section.gaps(finger, u)
-        active = push > JUDGE * section.tissue_pa * gap
-        trial = np.where(active, push - firm * gap, 0.0)
+        pairs = touches(section, finger, u)
+        active = [m > judge * t.gap for t, m in zip(pairs, push, strict=True)]
+        push = [
+            np.where(a, m - firm * t.gap, 0.0) for t, m, a in zip(pairs, push, active, strict=True)
+        ]
         residual, matrices = _body(section, u, load.pressure_pa)
-        residual -= gather(section.size, section.touching_dofs, trial[:, None] * normal)
-        matrices.insert(1, _contact_blocks(normal, curvature, trial, active, firm))
-        free = section.assembly.free
-        scale = np.abs(trial).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
-        error = float(np.abs(residual[free]).max())
-        closed = np.abs(gap[active]).max(initial=0.0) < 1e-8
-        if error < TOLERANCE * scale and closed and np.array_equal(active, was_active):
-            return Solution(load, u, trial[:, None] * normal, start.surface, sweep)
-        try:
-            factors = section.assembly.factor(matrices)
-        except RuntimeError:
-            raise _Failed("the tangent became singular") from None
-        change = section.assembly.solve(factors, -residual).reshape(-1, 2)
-        if not np.all(np.isfinite(change)):
-            raise _Failed("the tangent became singular")
-        share = _uncrushed_share(section, u, change)
-        u += share * change
-        slide = np.einsum("si,si->s", normal, share * change[touching])
-        push = np.where(active, trial - firm * slide, 0.0)
-        was_active = active
+        for t, m in zip(pairs, push, strict=True):
+            residual -= t.force(m, section.size)
+        scale = np.abs(push[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
+        error = float(np.abs(residual[section.assembly.free]).max())
+        apart = max(
+            float(np.abs(t.gap[a]).max(initial=0.0)) for t, a in zip(pairs, active, strict=True)
+        )
+        same = bool(before) and all(map(np.array_equal, active, before))
+        if error < TOLERANCE * scale and apart < CLOSED_M and same:
+            force = -pairs[0].force(push[0], section.size)[1::2].sum()
+            return Solution(load, u, tuple(push), float(force), sweep)
+        matrices += [t.blocks(m, a, firm) for t, m, a in zip(pairs, push, active, strict=True)]
+        change = _newton_step(section, matrices, residual, u)
+        u += change
+        push = [
+            np.where(a, m - firm * t.closing(change), 0.0)
+            for t, m, a in zip(pairs, push, active, strict=True)
+        ]
+        before = active
     raise _Failed("Newton's method did not converge")
+
+
+def _lowered(section: Section, load: Load) -> Finger:
+    return section.finger.lowered_to(section.finger.y - load.depth_m)
+
+
+def _newton_step(section: Section, matrices: list[Array], residual: Array, u: Array) -> Array:
+    """The change (n, 2), shortened until it turns no element inside out."""
+    try:
+        factors = section.assembly.factor(matrices)
+    except RuntimeError:
+        raise _Failed("the tangent became singular") from None
+    change = section.assembly.solve(factors, -residual).reshape(-1, 2)
+    if not np.all(np.isfinite(change)):
+        raise _Failed("the tangent became singular")
+    for _ in range(6):
+        if smallest_area_ratio(section, u + change)[0] > CRUSHED:
+            return change
+        change = change / 2
+    raise _Failed("elements were crushed")
 
 
 def pressure_slope(section: Section, solution: Solution) -> tuple[Array, float]:
     """du/dp (n, 2) [m/Pa] and dF/dp [N/m/Pa] at a solution, the contact staying as it is."""
-    finger = section.finger.lowered_to(section.finger.y - solution.load.depth_m)
+    section = as_solved(section, solution)
     firm = FIRM * section.tissue_pa
-    push = np.hypot(*solution.contact.T)
-    _, normal, curvature = section.gaps(finger, solution.displacement)
+    pairs = touches(section, _lowered(section, solution.load), solution.displacement)
+    active = [m > 0 for m in solution.push]
     _, matrices = _body(section, solution.displacement, solution.load.pressure_pa)
-    matrices.insert(1, _contact_blocks(normal, curvature, push, push > 0, firm))
+    matrices += [t.blocks(m, a, firm) for t, m, a in zip(pairs, solution.push, active, strict=True)]
     load = np.zeros(section.size)
     for sides in section.lumens:
         load += gather(section.size, sides.dofs, unit_pressure(sides, solution.displacement)[0])
     factors = section.assembly.factor(matrices)
     slope = section.assembly.solve(factors, load).reshape(-1, 2)
-    moved = slope[section.touching]
-    along = np.einsum("ti,ti->t", normal, moved)[:, None] * normal
-    change = (-firm * along + (push * curvature)[:, None] * (moved - along))[push > 0]
-    top = np.flatnonzero(push > 0) < solution.surface
-    return slope, float(-change[top, 1].sum())
+    stiffness = pairs[0].blocks(solution.push[0], active[0], firm)
+    on_finger = np.einsum("kij,kj->ki", stiffness, slope[section.mesh.surface])
+    return slope, float(on_finger[:, 1].sum())
 
 
 def _body(section: Section, u: Array, pressure_pa: float) -> tuple[Array, list[Array]]:
@@ -196,25 +224,6 @@ def _body(section: Section, u: Array, pressure_pa: float) -> tuple[Array, list[A
         residual -= gather(section.size, sides.dofs, pressure_pa * unit)
         matrices.append(-pressure_pa * turning)
     return residual, matrices
-
-
-def _contact_blocks(
-    normal: Array, curvature: Array, trial: Array, active: Array, firm: float
-) -> Array:
-    along = normal[:, :, None] * normal[:, None, :]
-    across = np.eye(2) - along
-    blocks = firm * along - (trial * curvature)[:, None, None] * across
-    return np.asarray(np.where(active[:, None, None], blocks, 0.0))
-
-
-def _uncrushed_share(section: Section, u: Array, change: Array) -> float:
-    """The largest halving of a step that turns no element inside out."""
-    share = 1.0
-    for _ in range(6):
-        if smallest_area_ratio(section, u + share * change)[0] > CRUSHED:
-            return share
-        share /= 2
-    raise _Failed("elements were crushed")
 
 
 def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Failed) -> CannotSolve:

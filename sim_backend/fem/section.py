@@ -1,12 +1,13 @@
 """A scene's plane section as a meshed elastic body: materials, support, lumens, finger."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.fem.assembly import Assembly
+from sim_backend.fem.collapse import Walls, walls
 from sim_backend.fem.contact import Finger, finger_over
 from sim_backend.fem.elements import Cells, as_element
 from sim_backend.fem.lumen import Sides, lumen_sides
@@ -24,7 +25,8 @@ COARSEST_M = 2.4e-3
 class Section:
     """``shear`` and ``bulk`` (m,) [Pa] per cell; ``held`` displacement numbers are zero.
 
-    ``tissue_pa`` is the modulus that scales tolerances.
+    ``tissue_pa`` is the modulus that scales tolerances. Walls inside lumens touch only when
+    ``may_close``: looking for that costs time, and most presses leave lumens open.
     """
 
     mesh: Mesh
@@ -36,37 +38,32 @@ class Section:
     lumens: tuple[Sides, ...]
     finger: Finger
     tissue_pa: float
+    may_close: bool = False
 
     @property
     def size(self) -> int:
         return 2 * len(self.mesh.nodes)
 
     @cached_property
-    def touching(self) -> Ints:
-        """(t,) nodes that the finger, and after them those that the support, may touch."""
-        return np.concatenate([self.mesh.surface, self.mesh.resting])
+    def walls(self) -> tuple[Walls, ...]:
+        """The walls of each lumen, which meet when it is pressed shut."""
+        return tuple(walls(self.mesh, sides) for sides in self.lumens)
 
     @cached_property
-    def touching_dofs(self) -> Ints:
-        """(t, 2)"""
-        return np.stack([2 * self.touching, 2 * self.touching + 1], axis=1)
-
-    def gaps(self, finger: Finger, u: Array) -> tuple[Array, Array, Array]:
-        """Gap (t,) [m], normal (t, 2) out of the rigid body and curvature (t,) [1/m]."""
-        place = self.mesh.nodes[self.touching] + u[self.touching]
-        top = len(self.mesh.surface)
-        gap, normal, curvature = finger.gap(place[:top])
-        rest = len(place) - top
-        return (
-            np.concatenate([gap, place[top:, 1]]),
-            np.vstack([normal, np.tile([0.0, 1.0], (rest, 1))]),
-            np.concatenate([curvature, np.zeros(rest)]),
-        )
+    def closable(self) -> "Section":
+        """The same section, whose lumens' walls may touch."""
+        return replace(self, may_close=True)
 
     @cached_property
     def assembly(self) -> Assembly:
-        """Groups of blocks: cells, touching nodes, then each lumen's sides."""
-        groups = [self.cells.dofs, self.touching_dofs, *(s.dofs for s in self.lumens)]
+        """Groups of blocks: cells, each lumen's sides, then what may touch: the surface, what
+        rests on the support, the walls of lumens that may close."""
+        surface, resting = (
+            np.stack([2 * n, 2 * n + 1], axis=1) for n in (self.mesh.surface, self.mesh.resting)
+        )
+        sides = [s.dofs for s in self.lumens]
+        around = [w.dofs for w in self.walls] if self.may_close else []
+        groups = [self.cells.dofs, *sides, surface, resting, *around]
         return Assembly(self.size, groups, self.held)
 
 
@@ -146,7 +143,7 @@ def _half_contact(finger: Finger, depth_m: float) -> float:
 
 
 def _sizes(points: Array, finger: Finger, reach: float, rings: list[Ring], size_m: float) -> Array:
-    """Element size (n,) [m]: ``size_m`` in the contact and at inclusions, growing away from them."""
+    """Element size (n,) [m]: ``size_m`` in the contact and at inclusions, growing from there."""
     across = np.maximum(np.abs(points[:, 0] - finger.x) - reach, 0.0)
     away = np.hypot(across, points[:, 1] - finger.y)
     wanted = size_m + 0.35 * away

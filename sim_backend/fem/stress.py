@@ -61,7 +61,7 @@ def contact_m(section: Section, solution: Solution) -> tuple[float, float]:
     An end lies half-way between the last node that is pressed and the next.
     """
     surface = section.mesh.surface
-    pressed = np.flatnonzero(solution.contact[: len(surface)].any(axis=1))
+    pressed = np.flatnonzero(solution.push[0] > 0)
     if not len(pressed):
         return section.finger.x, section.finger.x
     x = section.mesh.nodes[surface, 0] + solution.displacement[surface, 0]
