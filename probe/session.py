@@ -6,7 +6,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from drivers import Clock, Sensor, SimulatedClock, WallClock
+from drivers import Clock, ConfigError, Sensor, SimulatedClock, WallClock
 from probe.control import Control
 from probe.describe import run_config
 from probe.devices import connect
@@ -49,9 +49,11 @@ def scan(
     ``scene``, a built-in name or a file, is what simulated devices feel. A rig of simulated
     devices only runs on simulated time, as fast as the machine allows, unless ``real_time``.
     ``opened`` is told the run file and the devices' notes before anything moves.
-    Raises `RigError`, `SceneError`, `drivers.DeviceFault` before the first station, and
-    `sim_backend.press.CannotSolve`; any later fault of a device is in ``ended``.
+    Raises `RigError`, `SceneError`, `drivers.ConfigError` and `drivers.DeviceFault` before
+    anything moves, and `sim_backend.press.CannotSolve`; any later fault is in ``ended``.
     """
+    if seed < 0:
+        raise ConfigError(f"seed = {seed}: must not be negative")
     rig, _ = chosen(rig, scene)
     clock = clock_for(rig, real_time=real_time)
     control = control or Control()

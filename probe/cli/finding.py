@@ -21,7 +21,7 @@ def register(app: typer.Typer) -> None:
 def detect(
     run: RunFile,
     false_alarm: Annotated[
-        float, typer.Option(help="Chance of a finding where nothing lies.", min=1e-6, max=0.5)
+        float, typer.Option(help="Allowed chance of a finding where nothing lies.")
     ] = 0.01,
     json: Json = False,
 ) -> None:

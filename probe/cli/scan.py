@@ -44,7 +44,7 @@ def scan(
     rig: RigFile = None,
     scene: SceneName = None,
     out: Out = Path("runs"),
-    seed: Annotated[int, typer.Option(help="Of the simulated sensors' noise.", min=0)] = 0,
+    seed: Annotated[int, typer.Option(help="Of the simulated sensors' noise.")] = 0,
     fallback: Fallback = None,
     live: Live = False,
     real_time: RealTime = False,

@@ -1,0 +1,54 @@
+"""The command line, run in this process; scans answer from springs unless a test says otherwise."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from probe.cli import main
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What one command did."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """Standard output as one strict JSON object."""
+
+        def refuse(word: str) -> None:
+            raise ValueError(f"{word} is not JSON")
+
+        value = json.loads(self.out, parse_constant=refuse)
+        assert isinstance(value, dict)
+        return value
+
+
+Palpate = Callable[..., Outcome]
+
+
+@pytest.fixture
+def palpate(capfd: pytest.CaptureFixture[str]) -> Palpate:
+    """Run one command."""
+
+    def run(*arguments: str | Path) -> Outcome:
+        capfd.readouterr()
+        given: Sequence[str] = [str(one) for one in arguments]
+        status = main(given)
+        out, err = capfd.readouterr()
+        return Outcome(status, out, err)
+
+    return run
+
+
+@pytest.fixture
+def springs(monkeypatch: pytest.MonkeyPatch, winkler: Callable[..., Any]) -> None:
+    """Tissue of springs in place of the finite elements: these tests are about the commands."""
+    monkeypatch.setattr("sim_backend.response.respond", winkler)

@@ -1,0 +1,145 @@
+"""A wrong rig or scene file: exit status 2, a message with key and value, no stack trace."""
+
+from pathlib import Path
+
+import pytest
+
+RIG = """
+[stage]
+driver = "virtual"
+[[sensor]]
+driver = "virtual"
+[scan]
+stations = 3
+[safety]
+max_force_n = 5.0
+[scene]
+name = "TIHA"
+"""
+
+SCENE = """
+name = "mine"
+[tissue]
+width_mm = 64.0
+height_mm = 16.83
+modulus_kpa = 50.0
+poisson = 0.49
+[[inclusion]]
+kind = "artery"
+x_mm = 32.0
+depth_mm = 12.66
+inner_diameter_mm = 3.76
+wall_mm = 1.0
+modulus_kpa = 400.0
+poisson = 0.49
+"""
+
+# (what is in the file, what is written instead, what the message must name)
+WRONG_RIGS = [
+    ("stations = 3", "stations = 0", ["scan.stations", "0", "greater than or equal to 1"]),
+    ("stations = 3", "stations = 30", ["station", "72 mm", "workspace"]),
+    ("stations = 3", "statons = 3", ["scan.statons", "3"]),
+    ("stations = 3", "indentation_mm = -1.0", ["scan.indentation_mm", "-1", "greater than 0"]),
+    ("stations = 3", "indentation_mm = 20.0\nramp_s = 2.0", ["20", "workspace"]),
+    ("stations = 3", "travel_mm_s = 80.0", ["scan.travel_mm_s", "80", "max_speed_mm_s"]),
+    ("stations = 3", "hold_s = nan", ["scan.hold_s", "nan", "finite"]),
+    ("max_force_n = 5.0", "max_force_n = 'five'", ["safety.max_force_n", "five", "number"]),
+    ("max_force_n = 5.0", "max_depth_mm = 1.0", ["safety.max_depth_mm", "1", "2.5 mm"]),
+    ('[stage]\ndriver = "virtual"', '[stage]\ndriver = "ur99"', ["stage", "ur99", "known"]),
+    (
+        '[[sensor]]\ndriver = "virtual"',
+        '[[sensor]]\ndriver = "virtual"\nrate_hz = -5',
+        ["sensor[0]", "rate_hz", "-5"],
+    ),
+    ('name = "TIHA"', 'name = "nowhere.toml"', ["nowhere.toml", "TIHA"]),
+    ('[scene]\nname = "TIHA"', "", ["scene.name", "missing", "TIHA"]),
+    (
+        "[safety]",
+        "[calibration]\nforce = 'gone.json'\n[safety]",
+        ["calibration.force", "gone.json"],
+    ),
+    ("[scan]", "[scan", ["not TOML"]),
+]
+WRONG_SCENES = [
+    ("poisson = 0.49\n[[", "poisson = 0.5\n[[", ["tissue.poisson", "0.5"]),
+    ("depth_mm = 12.66", "depth_mm = 2.0", ["depth_mm", "2", "breaks the surface"]),
+    ("depth_mm = 12.66", "depth_mm = 15.0", ["depth_mm", "15", "breaks the bottom"]),
+    ("x_mm = 32.0", "x_mm = 63.0", ["x_mm", "63", "breaks a side"]),
+    ("wall_mm = 1.0", "wall_mm = 0.0", ["wall_mm", "0"]),
+    ('kind = "artery"', 'kind = "nerve"', ["kind", "nerve", "tumour"]),
+    ("modulus_kpa = 50.0", "modulus_kpa = -50.0", ["tissue.modulus_kpa", "-50"]),
+    ('name = "mine"', 'name = "mine"\nplane = "shell"', ["plane", "shell", "strain"]),
+    ("height_mm = 16.83", "height_mm = 2.0", ["depth_mm", "12.66"]),
+    ('name = "mine"\n', 'name = "mine"\n[pulse]\nwave = "gone.csv"\n', ["gone.csv"]),
+]
+
+
+def wrong(text: str, old: str, new: str) -> str:
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def check(outcome: object, named: list[str]) -> None:
+    status, out, err = (getattr(outcome, one) for one in ("status", "out", "err"))
+    assert status == 2, err
+    assert out == ""
+    assert "Traceback" not in err
+    assert "mistake in palpate" not in err
+    for word in named:
+        assert word in err
+
+
+@pytest.mark.parametrize(("old", "new", "named"), WRONG_RIGS)
+def test_wrong_rig(palpate, springs, tmp_path: Path, old: str, new: str, named: list[str]) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(wrong(RIG, old, new))
+    check(palpate("scan", rig, "--out", tmp_path / "runs"), named)
+    assert not list(tmp_path.rglob("*.run")), "nothing may be begun with a wrong rig"
+
+
+@pytest.mark.parametrize(("old", "new", "named"), WRONG_SCENES)
+def test_wrong_scene(
+    palpate, springs, tmp_path: Path, old: str, new: str, named: list[str]
+) -> None:
+    scene = tmp_path / "scene.toml"
+    scene.write_text(wrong(SCENE, old, new))
+    check(palpate("scan", "--scene", scene, "--out", tmp_path / "runs"), named)
+    assert not list(tmp_path.rglob("*.run"))
+
+
+def test_a_right_rig_and_scene_are_taken(palpate, springs, tmp_path: Path) -> None:
+    """The files that the wrong ones are made of are right."""
+    (tmp_path / "rig.toml").write_text(RIG.replace("TIHA", "scene.toml"))
+    (tmp_path / "scene.toml").write_text(SCENE)
+    outcome = palpate("scan", tmp_path / "rig.toml", "--dry-run", "--out", tmp_path)
+    assert outcome.status == 0, outcome.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (["scan", "--scene", "TIXX"], ["TIXX", "TIHA"]),
+        (["scan", "none.toml"], ["none.toml", "no such file"]),
+        (["scan", "--seed", "-1"], ["seed", "-1"]),
+        (["scan", "--fallback", "real"], ["--fallback", "real", "virtual"]),
+        (["detect", "none.run"], ["none.run"]),
+        (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
+        (["press", "TI", "--x", "32"], ["--depth"]),
+        (["press", "TI", "--x", "32", "--depth", "1", "--model", "magic"], ["magic", "finite"]),
+        (["scann"], ["scann", "scan"]),
+    ],
+)
+def test_wrong_arguments(palpate, arguments: list[str], named: list[str]) -> None:
+    outcome = palpate(*arguments)
+    assert outcome.status == 2
+    assert "Traceback" not in outcome.err
+    for word in named:
+        assert word in outcome.err
+
+
+def test_json_tells_errors_too(palpate) -> None:
+    """A program that reads standard output gets one object also when the input is bad."""
+    outcome = palpate("scan", "--scene", "TIXX", "--json")
+    assert outcome.status == outcome.json["status"] == 2
+    assert "TIXX" in outcome.json["error"]
+    assert "TIXX" in outcome.err
