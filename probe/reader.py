@@ -49,27 +49,33 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
 def rows(
     connection: sqlite3.Connection, after: int = 0, limit: int = -1
 ) -> Iterator[tuple[int, Row]]:
-    """Numbers and rows behind number ``after``, each checked against its own checksum.
+    """Numbers and rows behind number ``after``. Raises `RunFileError` at the first bad one."""
+    for number, row, fault in judged_rows(connection, after, limit):
+        if fault:
+            raise RunFileError(fault)
+        yield number, row
 
-    Raises `RunFileError` at the first row that is damaged or missing.
-    """
+
+def judged_rows(
+    connection: sqlite3.Connection, after: int = 0, limit: int = -1
+) -> Iterator[tuple[int, Row, str]]:
+    """As `rows`, with what is wrong with each: its checksum, its place, or nothing (empty)."""
     chain = FIRST
     if after:
         found = connection.execute("SELECT chain FROM event WHERE id = ?", (after,)).fetchone()
         chain = found[0] if found else b""
     query = f"SELECT {COLUMNS} FROM event WHERE id > ? ORDER BY id LIMIT ?"
-    for expected, (number, *parts) in enumerate(
-        connection.execute(query, (after, limit)), start=after + 1
-    ):
-        row, (digest, stored) = Row(*parts[:5]), parts[5:]
-        if number != expected:
-            raise RunFileError(f"event {expected} is missing")
-        if not (isinstance(row.kind, str) and isinstance(row.body, str)):
-            raise RunFileError(f"event {number} is damaged")
-        chain = link(chain, row.sha256)
-        if digest != row.sha256 or stored != chain:
-            raise RunFileError(f"event {number} is damaged: its checksum is wrong")
-        yield number, row
+    expected = after + 1
+    for number, *parts, digest, stored in connection.execute(query, (after, limit)):
+        row, fault = Row(*parts), ""
+        if not all(isinstance(part, str) for part in row[:2]) or digest != row.sha256:
+            fault = f"event {number} is damaged: its checksum is wrong"
+        elif number != expected:
+            fault = f"event {expected} is missing"
+        elif stored != link(chain, digest):
+            fault = f"event {number} does not follow from the one before: something was replaced"
+        yield number, row, fault
+        expected, chain = number + 1, stored if isinstance(stored, bytes) else b""
 
 
 def _check(path: Path) -> None:

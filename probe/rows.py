@@ -88,8 +88,10 @@ def to_row(event: Event) -> Row:
 
 def from_row(row: Row) -> Event:
     """Raises `RunFileError` for anything `to_row` would not have written."""
+    if not (isinstance(row.kind, str) and isinstance(row.body, str)):
+        raise RunFileError("an event is not text")
     if row.kind != SAMPLES and row.kind not in _KINDS:
-        raise RunFileError(f"unknown kind of event {str(row.kind)[:40]!r}")
+        raise RunFileError(f"unknown kind of event {row.kind[:40]!r}")
     body = _loads(row.body)
     if row.kind == SAMPLES:
         return _row_to_samples(body, row)

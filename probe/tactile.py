@@ -215,13 +215,26 @@ def quantum(values: Array) -> float:
     return step if np.abs(multiples - np.round(multiples)).max() < 1e-3 else 0.0
 
 
+def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
+    """Where each station of the plan is: x, y [m], NaN where unknown; empty without a plan."""
+    try:
+        return {
+            int(n): (_metres(x_mm), _metres(y_mm)) for n, x_mm, y_mm in config["plan"]["stations"]
+        }
+    except (KeyError, TypeError, ValueError):
+        return {}
+
+
+def _metres(length_mm: float | None) -> float:
+    return math.nan if length_mm is None else 1e-3 * float(length_mm)
+
+
 def _surface(config: Mapping[str, Any]) -> dict[int, float]:
     """Height [m] of the planned surface by station; empty where it was to be found by touch."""
     try:
         if ((config.get("rig") or {}).get("scan") or {}).get("touch_n") is not None:
             return {}
-        plan = config["plan"]
-        indices = [int(station[0]) for station in plan["stations"]]
-        return {n: 1e-3 * float(z) for n, z in zip(indices, plan["surface_mm"], strict=True)}
-    except (KeyError, TypeError, ValueError, AttributeError, IndexError):
+        heights_mm = config["plan"]["surface_mm"]
+        return {n: 1e-3 * float(z) for n, z in zip(planned(config), heights_mm, strict=True)}
+    except (KeyError, TypeError, ValueError, AttributeError):
         return {}
