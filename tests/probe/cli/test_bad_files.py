@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.usefixtures("springs")
+
 RIG = """
 [stage]
 driver = "virtual"
@@ -90,7 +92,7 @@ def check(outcome: object, named: list[str]) -> None:
 
 
 @pytest.mark.parametrize(("old", "new", "named"), WRONG_RIGS)
-def test_wrong_rig(palpate, springs, tmp_path: Path, old: str, new: str, named: list[str]) -> None:
+def test_wrong_rig(palpate, tmp_path: Path, old: str, new: str, named: list[str]) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(wrong(RIG, old, new))
     check(palpate("scan", rig, "--out", tmp_path / "runs"), named)
@@ -98,16 +100,14 @@ def test_wrong_rig(palpate, springs, tmp_path: Path, old: str, new: str, named: 
 
 
 @pytest.mark.parametrize(("old", "new", "named"), WRONG_SCENES)
-def test_wrong_scene(
-    palpate, springs, tmp_path: Path, old: str, new: str, named: list[str]
-) -> None:
+def test_wrong_scene(palpate, tmp_path: Path, old: str, new: str, named: list[str]) -> None:
     scene = tmp_path / "scene.toml"
     scene.write_text(wrong(SCENE, old, new))
     check(palpate("scan", "--scene", scene, "--out", tmp_path / "runs"), named)
     assert not list(tmp_path.rglob("*.run"))
 
 
-def test_a_right_rig_and_scene_are_taken(palpate, springs, tmp_path: Path) -> None:
+def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
     """The files that the wrong ones are made of are right."""
     (tmp_path / "rig.toml").write_text(RIG.replace("TIHA", "scene.toml"))
     (tmp_path / "scene.toml").write_text(SCENE)
