@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from probe.cli.errors import BAD_INPUT
 from probe.cli.finding import RunFile
 from probe.cli.say import Json, answer, answer_json
 
@@ -14,6 +15,7 @@ def register(app: typer.Typer) -> None:
     app.command()(replay)
     app.command()(live)
     app.command()(report)
+    app.command()(verify)
 
 
 def replay(
@@ -57,3 +59,25 @@ def report(
         answer_json({"run": run, "report": page})
     else:
         answer(f"Report: {page}")
+
+
+def verify(run: RunFile, json: Json = False) -> None:
+    """Check that a run file is whole: every sample, checksum, order and label."""
+    from probe.verify import verify as check
+
+    found = check(run)
+    if json:
+        answer_json(found.as_json())
+    else:
+        for problem in found.problems:
+            answer(f"PROBLEM  {problem}")
+        samples = ", ".join(f"{n} of {device}" for device, n in found.samples.items())
+        answer(
+            f"{run}: {found.events} events, {found.stations_complete} of "
+            f"{found.stations_planned} stations complete, samples: {samples}"
+        )
+        for device, lost in found.lost.items():
+            if lost:
+                answer(f"{device}: {lost} samples are known to be lost")
+        answer("The file is sound." if found.ok else "The file is damaged.")
+    raise typer.Exit(0 if found.ok else BAD_INPUT)
