@@ -63,16 +63,15 @@ class Assembly:
 
 def gather(size: int, dofs: Ints, forces: Array) -> Array:
     """Sum element forces (m, d) into (size,)."""
-    return np.bincount(dofs.ravel(), weights=forces.ravel(), minlength=size)
+    total = np.bincount(dofs.ravel(), weights=forces.ravel(), minlength=size)
+    return total.astype(np.float64, copy=False)
 
 
 def _elimination_order(n: int, row: Ints, column: Ints) -> Ints:
     """The free unknowns in minimum-degree order, found by factoring a matrix of this pattern."""
     kept = (row >= 0) & (column >= 0)
-    pattern = csc_matrix((np.ones(kept.sum()), (row[kept], column[kept])), shape=(n, n))
-    pattern.data[:] = -1.0
-    heavy = np.asarray(np.abs(pattern).sum(axis=0)).ravel() * 2
-    pattern.setdiag(heavy)
+    pattern = csc_matrix((-np.ones(kept.sum()), (row[kept], column[kept])), shape=(n, n))
+    pattern.setdiag(-2 * np.asarray(pattern.sum(axis=0)).ravel())  # safely away from singular
     factors = splu(
         pattern.tocsc(),
         permc_spec="MMD_AT_PLUS_A",

@@ -80,4 +80,5 @@ def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
 def _normals(place: Array) -> Array:
     """At each node (l, 2) the mean normal of its two sides, into the lumen."""
     chord = np.roll(place, -1, axis=0) - np.roll(place, 1, axis=0)
-    return np.stack([chord[:, 1], -chord[:, 0]], axis=1) / np.hypot(*chord.T)[:, None]
+    across = np.stack([chord[:, 1], -chord[:, 0]], axis=1)
+    return np.asarray(across / np.hypot(*chord.T)[:, None])

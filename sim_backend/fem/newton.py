@@ -223,7 +223,8 @@ def _body(section: Section, u: Array, pressure_pa: float) -> tuple[Array, list[A
         unit, turning = unit_pressure(sides, u)
         residual -= gather(section.size, sides.dofs, pressure_pa * unit)
         matrices.append(-pressure_pa * turning)
-    return residual, matrices
+    residual += gather(section.size, section.sideways.dofs, section.sideways.force(u))
+    return residual, [*matrices, section.sideways.block]
 
 
 def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Failed) -> CannotSolve:

@@ -19,6 +19,32 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 COARSEST_M = 2.4e-3
+HELD_M = 2.4e-3
+"""Standard deviation of the stretch of bottom that is held sideways."""
+FIRMLY = 1e4
+"""Stiffness of that hold over the tissue's modulus."""
+
+
+@dataclass(frozen=True)
+class Sideways:
+    """A block can slide on its support; the middle of its bottom does not, on average.
+
+    ``dofs`` (1, k) with ``weight`` (k,) that sum to 1. A single held node would carry the finger's
+    sideways force at a point, and the answer would depend on the mesh (by 0.5 % near an edge).
+    """
+
+    dofs: Ints
+    weight: Array
+    stiffness_pa: float
+
+    @property
+    def block(self) -> Array:
+        return np.asarray(self.stiffness_pa * np.outer(self.weight, self.weight)[None])
+
+    def force(self, u: Array) -> Array:
+        """(1, k) [N/m] that the body must bear."""
+        mean = float(self.weight @ u.ravel()[self.dofs[0]])
+        return np.asarray((self.stiffness_pa * mean * self.weight)[None])
 
 
 @dataclass(frozen=True)
@@ -38,6 +64,7 @@ class Section:
     lumens: tuple[Sides, ...]
     finger: Finger
     tissue_pa: float
+    sideways: Sideways
     may_close: bool = False
 
     @property
@@ -56,29 +83,36 @@ class Section:
 
     @cached_property
     def assembly(self) -> Assembly:
-        """Groups of blocks: cells, each lumen's sides, then what may touch: the surface, what
-        rests on the support, the walls of lumens that may close."""
+        """Groups of blocks: cells, each lumen's sides, the sideways hold; then what may touch:
+        the surface, what rests on the support, the walls of lumens that may close."""
         surface, resting = (
             np.stack([2 * n, 2 * n + 1], axis=1) for n in (self.mesh.surface, self.mesh.resting)
         )
         sides = [s.dofs for s in self.lumens]
         around = [w.dofs for w in self.walls] if self.may_close else []
-        groups = [self.cells.dofs, *sides, surface, resting, *around]
+        groups = [self.cells.dofs, *sides, self.sideways.dofs, surface, resting, *around]
         return Assembly(self.size, groups, self.held)
 
 
 def build_section(
-    scene: Scene, x_m: float, *, depth_m: float, size_m: float, element: str = "T6"
+    scene: Scene,
+    x_m: float,
+    *,
+    depth_m: float,
+    size_m: float,
+    element: str = "T6",
+    along_surface: bool = False,
 ) -> Section:
     """Mesh ``scene`` for a press at ``x_m`` about ``depth_m`` deep.
 
     ``size_m`` is the element size under the finger and round inclusions; away from both it
-    grows. Raises ValueError for an unknown element.
+    grows; ``along_surface`` keeps it all along the surface. Raises ValueError for an unknown
+    element.
     """
     rings = [_ring(one, scene, n) for n, one in enumerate(scene.inclusion)]
     surface_m = 1e-3 * scene.surface_mm
     finger = finger_over(scene.indenter, x_m, surface_m)
-    reach = _half_contact(finger, depth_m)
+    reach = np.inf if along_surface else _half_contact(finger, depth_m)
 
     def size(points: Array) -> Array:
         return _sizes(points, finger, reach, rings, size_m)
@@ -92,8 +126,10 @@ def build_section(
     stress = scene.plane == "stress"
     modulus_kpa = (scene.tissue or scene.inclusion[0]).modulus_kpa
     sides = lumen_sides(mesh, cells, shear, bulk, stress)
-    held = _held(mesh, scene)
-    return Section(mesh, cells, shear, bulk, stress, held, sides, finger, 1e3 * modulus_kpa)
+    held, sideways = _held(mesh, scene), _sideways(mesh, scene)
+    return Section(
+        mesh, cells, shear, bulk, stress, held, sides, finger, 1e3 * modulus_kpa, sideways
+    )
 
 
 def homogeneous(scene: Scene) -> Scene:
@@ -128,12 +164,20 @@ def _materials(scene: Scene, rings: list[Ring], region: Ints) -> tuple[Array, Ar
 
 
 def _held(mesh: Mesh, scene: Scene) -> Ints:
-    """A block rests on its bottom and is pinned sideways at one node; a lone ring is glued."""
+    """A block rests on its bottom; a lone ring is glued."""
     if scene.tissue is None:
         return np.sort(np.concatenate([2 * mesh.bottom, 2 * mesh.bottom + 1]))
-    middle = np.median(mesh.nodes[mesh.bottom, 0])
-    pin = mesh.bottom[np.argmin(np.abs(mesh.nodes[mesh.bottom, 0] - middle))]
-    return np.sort(np.append(2 * mesh.bottom + 1, 2 * pin))
+    return 2 * mesh.bottom + 1
+
+
+def _sideways(mesh: Mesh, scene: Scene) -> Sideways:
+    x = mesh.nodes[mesh.bottom, 0]
+    if scene.tissue is None:
+        return Sideways(np.empty((1, 0), dtype=np.int64), np.empty(0), 0.0)
+    share = np.gradient(x) * np.exp(-0.5 * ((x - x.max() / 2) / HELD_M) ** 2)
+    near = share > 1e-3 * share.max()
+    stiffness = FIRMLY * 1e3 * scene.tissue.modulus_kpa
+    return Sideways(2 * mesh.bottom[near][None], share[near] / share[near].sum(), stiffness)
 
 
 def _half_contact(finger: Finger, depth_m: float) -> float:
