@@ -5,13 +5,13 @@ import time
 
 
 class WallClock:
-    """Monotonic seconds since the clock was made."""
+    """Monotonic seconds, ``start_s`` when the clock is made."""
 
-    def __init__(self) -> None:
-        self._zero = time.monotonic()
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._zero = time.monotonic() - start_s
 
     def now(self) -> float:
-        """Seconds since the clock was made; not moved by steps of the system's time."""
+        """Seconds on this clock; not moved by steps of the system's time."""
         return time.monotonic() - self._zero
 
     def sleep_until(self, time_s: float) -> None:

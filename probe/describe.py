@@ -1,13 +1,18 @@
 """Everything that is needed to know what a run's samples mean, as JSON-able values."""
 
 import platform
+from hashlib import sha256
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
+
+from pydantic_core import from_json
 
 from probe.plan import Plan
 from probe.rig import Rig
 from sim_backend.scene import Scene
 
+MAX_CONTENT_BYTES = 4 * 1024**2
 LIBRARIES = ("palpate", "numpy", "scipy")
 
 
@@ -19,7 +24,7 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
     face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
     return {
         "rig": rig.model_dump(mode="json"),
-        "scene": None if scene is None else scene.model_dump(mode="json"),
+        "scene": None if scene is None else _scene(rig, scene),
         "plan": {
             "stations": [[p.index, 1e3 * p.x_m, 1e3 * p.y_m] for p in plan.places],
             "columns": ["index", "x_mm", "y_mm"],
@@ -29,9 +34,32 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
             "ramp_s": plan.ramp_s,
             "hold_s": plan.hold_s,
         },
-        "calibration": dict(rig.calibration),
+        "calibration": {kind: _file(Path(name)) for kind, name in rig.calibration.items()},
         "versions": {name: version(name) for name in LIBRARIES}
         | {"python": platform.python_version()},
         "seed": seed,
         "face_mm2": face_mm2,
     }
+
+
+def _scene(rig: Rig, scene: Scene) -> dict[str, Any]:
+    """The scene, with a wave file by its full path: a run must not depend on where it is read."""
+    dumped = scene.model_dump(mode="json")
+    wave = dumped["pulse"]["wave"]
+    folder = Path() if rig.scene is None else Path(rig.scene.name).parent
+    if (folder / wave).is_file():
+        dumped["pulse"]["wave"] = str((folder / wave).resolve())
+    return dumped
+
+
+def _file(path: Path) -> dict[str, Any]:
+    """A file with what was in it, so that a run stays readable when the file has changed."""
+    content = path.read_bytes()
+    kept: Any = None
+    if len(content) <= MAX_CONTENT_BYTES:
+        text = content.decode("utf-8", errors="replace")
+        try:
+            kept = from_json(text, allow_inf_nan=False)
+        except ValueError:
+            kept = text
+    return {"file": str(path), "sha256": sha256(content).hexdigest(), "content": kept}

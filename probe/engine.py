@@ -223,6 +223,9 @@ class _Scan:
             finish, reason = Finish.FAULTED, self.teller.sink_error
         ended = RunEnded(self.clock.now(), finish, reason)
         self.teller.tell(ended)
+        if self.teller.sink_error not in (None, reason):  # not even this could be stored
+            reason = str(self.teller.sink_error)
+            ended = replace(ended, finish=Finish.FAULTED, reason=reason)
         return ended
 
     def _press(self, place: Place) -> None:

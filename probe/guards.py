@@ -66,15 +66,19 @@ class SensorGuard:
         self._limit_n = limits.max_force_n
         self._last_s = -math.inf
 
-    def check(self, block: Block, now_s: float) -> tuple[str, bool] | None:
-        """Why a block with samples breaks a limit, and whether retracting is safe."""
+    def check_times(self, block: Block, now_s: float) -> str | None:
+        """Why a block with samples cannot be placed in time."""
         first, last = float(block.time_s[0]), float(block.time_s[-1])
         if first <= self._last_s or last > now_s + FUTURE_S or (np.diff(block.time_s) <= 0).any():
             return (
-                f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s)",
-                True,
+                f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s); "
+                "such samples are not stored"
             )
         self._last_s = last
+        return None
+
+    def check(self, block: Block) -> tuple[str, bool] | None:
+        """Why a block with samples breaks a limit, and whether retracting is safe."""
         if not self.feels:
             return None
         if block.saturated[:, self._used].any():

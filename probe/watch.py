@@ -187,9 +187,12 @@ class Watch:
                 self.object(fault.device, fault.reason, can_retract=True)
                 continue
             if len(block.time_s):
+                if (jump := guard.check_times(block, self._clock.now())) is not None:
+                    self.object(sensor.name, jump, can_retract=True)
+                    continue
                 self._blocks[sensor.name].append(block)
                 self._seen_s[sensor.name] = float(block.time_s[-1])
-                if (why := guard.check(block, self._clock.now())) is not None:
+                if (why := guard.check(block)) is not None:
                     self.object(sensor.name, why[0], can_retract=why[1])
             silent_s = now - self._seen_s[sensor.name]
             if silent_s > max(self._limits.silence_s, 5 / sensor.rate_hz):
