@@ -1,7 +1,8 @@
-"""Shared by all tests: an answer of tissue that needs no finite elements."""
+"""Shared by all tests: an answer of tissue that needs no finite elements; whether Qt starts."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,25 @@ from numpy.typing import NDArray
 from sim_backend.scene import Scene
 
 Array = NDArray[np.float64]
+WINDOWS = Path(__file__).parent / "probe" / "live"
+
+try:
+    from PySide6 import QtWidgets as _QtWidgets  # noqa: F401 - is it there?
+
+    WHY_NO_QT = None
+except ImportError as missing:  # Qt's wheels leave libEGL and others to the system
+    WHY_NO_QT = f"Qt does not start ({missing}); `make test` as root installs what it needs"
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    """Without Qt the windows' tests cannot even be imported."""
+    return True if WHY_NO_QT and collection_path == WINDOWS else None
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say what was not tested."""
+    if WHY_NO_QT:
+        terminalreporter.write_line(f"SKIPPED {WINDOWS}: {WHY_NO_QT}", yellow=True)
 
 
 @dataclass(frozen=True)
