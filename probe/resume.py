@@ -1,0 +1,150 @@
+"""``palpate resume RUN``: go on with a scan that was killed, aborted or broke off.
+
+Stations that were complete stay as they are, byte for byte. The one that was interrupted is
+pressed again as a new attempt; nothing is renumbered. The scan's clock goes on after the last
+stored time, so that times stay unique within a run.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from drivers import Clock, SimulatedClock, WallClock
+from probe.control import Control
+from probe.describe import run_config
+from probe.devices import connect
+from probe.engine import run_scan
+from probe.events import Finish, RunStarted, Samples, StationEnded, StationStarted
+from probe.live.remote import listening
+from probe.rig import Fallback, Rig
+from probe.rows import RunFileError
+from probe.run import open_run
+from probe.session import Scanned, clock_for
+from probe.store import reopen_store
+from probe.tell import Emit
+from sim_backend.phantom import Respond
+from sim_backend.scene import Scene, explain
+
+PAUSE_S = 1.0  # between the last stored time and the resumed scan's first
+NOISE_STEP = 7919  # a resumed scan's simulated noise must not repeat that of the first
+
+
+@dataclass(frozen=True)
+class Unfinished:
+    """What a run still needs: all as stored in it.
+
+    ``attempts`` counts the presses begun at each station; ``start_s`` is where its clock goes on.
+    """
+
+    path: Path
+    rig: Rig
+    scene: Scene | None
+    seed: int
+    completed: frozenset[int]
+    attempts: dict[int, int]
+    start_s: float
+    calibration: Any
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """The stations that are not complete, in scanning order."""
+        return tuple(p.index for p in self.rig.plan.places if p.index not in self.completed)
+
+
+def unfinished(path: str | Path) -> Unfinished:
+    """Read what is left to do. Raises `RunFileError` for a damaged file or one without a rig."""
+    path = Path(path)
+    run = open_run(path)
+    try:
+        rig = Rig.model_validate(run.config["rig"])
+        scene = run.config.get("scene")
+        felt = None if scene is None else Scene.model_validate(scene)
+        seed = int(run.config["seed"])
+    except ValidationError as error:
+        raise RunFileError(f"{path}: " + "; ".join(explain(error))) from None
+    except (KeyError, TypeError, ValueError):
+        raise RunFileError(f"{path}: holds no rig to scan with; it was not scanned here") from None
+    completed: set[int] = set()
+    attempts: Counter[int] = Counter()
+    last_s, sessions = run.started.time_s, 0
+    for event in run.events():
+        match event:
+            case StationStarted(_, station):
+                attempts[station] += 1
+            case StationEnded(_, station, _, True):
+                completed.add(station)
+            case RunStarted():
+                sessions += 1
+        if not isinstance(event, Samples):
+            last_s = max(last_s, event.time_s)
+        elif len(event.block.time_s):
+            last_s = max(last_s, float(event.block.time_s[-1]))
+    return Unfinished(
+        path,
+        rig,
+        felt,
+        seed + NOISE_STEP * sessions,
+        frozenset(completed),
+        dict(attempts),
+        last_s + PAUSE_S,
+        run.config.get("calibration"),
+    )
+
+
+def resume(
+    path: str | Path,
+    *,
+    fallback: Fallback | None = None,
+    real_time: bool = False,
+    control: Control | None = None,
+    observers: Sequence[Emit] = (),
+    opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
+    respond: Respond | None = None,
+) -> Scanned:
+    """Scan the stations that a run lacks, with the rig, scene and plan stored in it.
+
+    Raises `RunFileError` if there is nothing to do or a calibration has changed since, and as
+    `probe.session.scan`.
+    """
+    left = unfinished(path)
+    if not left.missing and open_run(path).finish is Finish.COMPLETED:
+        raise RunFileError(f"{left.path}: all {len(left.completed)} stations are complete")
+    config = run_config(left.rig, left.scene, left.rig.plan, left.seed)
+    if config["calibration"] != left.calibration:
+        raise RunFileError(
+            f"{left.path}: a calibration file has changed since the scan began; restore it, or "
+            "begin a new run"
+        )
+    clock = _clock(left, real_time=real_time)
+    control = control or Control()
+    with (
+        connect(
+            left.rig, clock, left.scene, seed=left.seed, fallback=fallback, respond=respond
+        ) as devices,
+        reopen_store(left.path) as sink,
+        listening(control, left.path),
+    ):
+        opened(left.path, devices.notes)
+        ended = run_scan(
+            left.rig.plan,
+            devices.stage,
+            devices.sensors,
+            clock,
+            sink,
+            left.rig.limits,
+            control=control,
+            observers=observers,
+            config=config,
+            completed=left.completed,
+            attempts=left.attempts,
+        )
+    return Scanned(left.path, ended, devices.notes)
+
+
+def _clock(left: Unfinished, *, real_time: bool) -> Clock:
+    kind = type(clock_for(left.rig, real_time=real_time))
+    return SimulatedClock(left.start_s) if kind is SimulatedClock else WallClock(left.start_s)
