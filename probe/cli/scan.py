@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from probe.cli.errors import FAULT
+from probe.cli.finding import RunFile
 from probe.cli.say import Json, answer, answer_json, tell
 
 if TYPE_CHECKING:  # commands import what they need when they run
@@ -29,6 +30,7 @@ Live = Annotated[bool, typer.Option("--live", help="Open a window; runs in real 
 RealTime = Annotated[
     bool, typer.Option("--real-time", help="Let a simulated rig take as long as a real one.")
 ]
+Report = Annotated[bool, typer.Option("--report", help="Write the report too.")]
 Fallback = Annotated[
     Literal["virtual"] | None,
     typer.Option(help="Let simulated devices take the place of absent ones."),
@@ -38,6 +40,7 @@ Fallback = Annotated[
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(scan)
+    app.command()(resume)
 
 
 def scan(
@@ -51,7 +54,7 @@ def scan(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check everything, move nothing.")
     ] = False,
-    report: Annotated[bool, typer.Option("--report", help="Write the report too.")] = False,
+    report: Report = False,
     json: Json = False,
 ) -> None:
     """Scan station by station, store every sample, and say what lies beneath.
@@ -76,6 +79,37 @@ def scan(
                 whole,
                 out=out,
                 seed=seed,
+                fallback=fallback,
+                real_time=real_time or live,
+                control=control,
+                observers=[progress],
+                opened=opened,
+            )
+        status = conclude(scanned, began_s, report=report, as_json=json)
+    raise typer.Exit(status)
+
+
+def resume(
+    run: RunFile,
+    fallback: Fallback = None,
+    live: Live = False,
+    real_time: RealTime = False,
+    report: Report = False,
+    json: Json = False,
+) -> None:
+    """Go on with a run that was killed, aborted or broke off; complete stations stay."""
+    from probe.cli.progress import ScanProgress
+    from probe.control import Control, ctrl_c
+    from probe.resume import resume as go_on
+    from probe.resume import unfinished
+
+    began_s = time.perf_counter()
+    left, control = unfinished(run), Control()
+    total, done = len(left.rig.plan.places), len(left.completed)
+    with keeping(live) as opened:
+        with ctrl_c(control), ScanProgress(total, done) as progress:
+            scanned = go_on(
+                run,
                 fallback=fallback,
                 real_time=real_time or live,
                 control=control,
