@@ -26,6 +26,11 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
     return True if WHY_NO_QT and collection_path == WINDOWS else None
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """The slow ones first, so that no worker is left with one at the end."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Say what was not tested."""
     if WHY_NO_QT:

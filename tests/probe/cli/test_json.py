@@ -1,0 +1,232 @@
+"""What other programs rely on: the JSON objects and exit statuses of the commands."""
+
+import math
+import os
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers import DeviceFault
+from probe.cli import GROUPS, build, say
+from sim_backend.press import CannotSolve
+from sim_backend.virtual import VirtualStage
+
+pytestmark = pytest.mark.usefixtures("springs")
+
+FINDINGS = ("nothing", "tumour", "artery", "stenotic artery", "undecided")
+SCAN_KEYS = {"run", "finding", "objects", "stations", "finish", "simulated", "seconds"}
+OBJECT_KEYS = {"kind", "position_mm", "position_ci_mm", "peak_pa", "pulse_pa", "confidence"}
+STATION_KEYS = {"x_mm", "baseline_pa", "pulse_pa"}
+
+
+def samples(run: str | Path) -> list[tuple[Any, ...]]:
+    """Every block of samples of a run file, as bytes."""
+    with sqlite3.connect(run) as connection:
+        query = "SELECT device, times, readings, saturated FROM event WHERE kind = 'samples'"
+        return connection.execute(f"{query} ORDER BY id").fetchall()
+
+
+def scan_form(told: dict[str, Any]) -> None:
+    assert told.keys() >= SCAN_KEYS
+    assert told["finding"] in FINDINGS
+    assert told["finish"] in ("completed", "aborted", "faulted")
+    assert told["seconds"] > 0
+    for one in told["objects"]:
+        assert one.keys() >= OBJECT_KEYS
+    for one in told["stations"]:
+        assert one.keys() >= STATION_KEYS
+
+
+@pytest.fixture
+def run_file(palpate, tmp_path: Path) -> Path:
+    """A finished scan."""
+    outcome = palpate("scan", "--scene", "TIHA", "--seed", "1", "--out", tmp_path, "--json")
+    assert outcome.status == 0, outcome.err
+    return Path(outcome.json["run"])
+
+
+def test_scan(palpate, run_file: Path) -> None:
+    outcome = palpate("detect", run_file, "--json")
+    assert outcome.status == 0
+    scan_form(outcome.json)
+    assert outcome.json["run"] == str(run_file)
+    assert outcome.json["finish"] == "completed"
+    assert outcome.json["simulated"]
+    assert [one["x_mm"] for one in outcome.json["stations"]] == pytest.approx(range(4, 61, 4))
+
+
+def test_scan_says_the_same_as_detect(palpate, tmp_path: Path) -> None:
+    scanned = palpate("scan", "--scene", "TI", "--out", tmp_path, "--json").json
+    scan_form(scanned)
+    detected = palpate("detect", scanned["run"], "--json").json
+    assert {**scanned, "seconds": 0} == {**detected, "seconds": 0}
+
+
+def test_progress_and_notes_stay_off_standard_output(palpate, tmp_path: Path) -> None:
+    outcome = palpate("scan", "--scene", "TI", "--out", tmp_path, "--json")
+    assert outcome.out.count("\n") == 1
+    assert "station 15 of 15" in outcome.err
+    assert "left" in outcome.err
+
+
+def test_a_person_is_told_finding_run_and_what_next(palpate, tmp_path: Path) -> None:
+    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path)
+    assert outcome.status == 0
+    assert "Finding: " in outcome.out
+    assert "SIMULATED" in outcome.out
+    (run,) = tmp_path.glob("*.run")
+    assert str(run) in outcome.out
+    assert f"palpate report {run}" in outcome.out
+
+
+def test_one_seed_gives_the_same_bytes(palpate, tmp_path: Path) -> None:
+    def scanned(seed: str) -> list[tuple[Any, ...]]:
+        outcome = palpate("scan", "--scene", "TIHA", "--seed", seed, "--out", tmp_path, "--json")
+        return samples(outcome.json["run"])
+
+    first = scanned("1")
+    assert len(first) > 100
+    assert scanned("1") == first
+    assert scanned("2") != first
+
+
+def test_lone_arteries_are_one_station(palpate, tmp_path: Path) -> None:
+    runs = []
+    for scene in ("HAOT", "SAOT"):
+        told = palpate("scan", "--scene", scene, "--out", tmp_path, "--json").json
+        scan_form(told)
+        assert len(told["stations"]) == 1
+        runs.append(told["run"])
+    compared = palpate("compare", *runs, "--json")
+    assert compared.status == 0
+    assert {"diseased", "peak_ratio", "pulse_ratio", "confidence"} <= compared.json.keys()
+    assert compared.json["diseased"] in ("A", "B", "neither", "undecided")
+
+
+def test_a_fault_keeps_the_data(palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    move, made = VirtualStage.move, 0
+
+    def jam(self: VirtualStage, *arguments: Any) -> None:
+        nonlocal made
+        made += 1
+        if made == 12:
+            raise DeviceFault("virtual", "the motor is jammed")
+        move(self, *arguments)
+
+    monkeypatch.setattr(VirtualStage, "move", jam)
+    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path, "--json")
+    assert outcome.status == 3
+    assert outcome.json["finish"] == "faulted"
+    assert "the motor is jammed" in outcome.err
+    run = Path(outcome.json["run"])
+    assert str(run) in outcome.err
+    scan_form(outcome.json)
+    assert len(outcome.json["stations"]) == 2
+    monkeypatch.undo()
+
+
+def test_what_cannot_be_solved(
+    palpate, winkler: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def respond(scene: Any, x_m: float, depth_m: float) -> Any:
+        if x_m > 0.02:
+            raise CannotSolve("fold", "the surface folds at 2.1 mm")
+        return winkler(scene, x_m, depth_m)
+
+    monkeypatch.setattr("sim_backend.response.respond", respond)
+    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path, "--json")
+    assert outcome.status == outcome.json["status"] == 4
+    assert "the surface folds at 2.1 mm" in outcome.err
+    (run,) = tmp_path.glob("*.run")
+    assert str(run) in outcome.err
+    checked = palpate("verify", run, "--json").json
+    assert checked["ok"]
+    assert checked["stations_complete"] == 5
+
+
+def test_press(palpate) -> None:
+    command = ("press", "TI", "--x", "32", "--depth", "1", "--accuracy", "5")
+    outcome = palpate(*command, "--pressure", "80", "--pressure", "120", "--json")
+    assert outcome.status == 0, outcome.err
+    told = outcome.json
+    assert {"scene", "x_mm", "depth_mm", "model", "dofs", "seconds"} <= told.keys()
+    assert told["error_estimate_pct"] <= 5
+    assert [state["pressure_mmhg"] for state in told["states"]] == [80, 120]
+    for state in told["states"]:
+        assert state["force_n_per_mm"] > 0
+        assert state["contact_mm"][0] < 32 < state["contact_mm"][1]
+        assert {"von_mises_pa", "min_jacobian"} <= state.keys()
+
+
+def test_dry_run_moves_nothing(palpate, tmp_path: Path) -> None:
+    outcome = palpate("scan", "--scene", "TIHA", "--dry-run", "--out", tmp_path, "--json")
+    assert outcome.status == 0
+    assert outcome.json["can_scan"] is True
+    assert outcome.json["seconds"] > 30
+    assert Path(outcome.json["path_picture"]).stat().st_size > 1000
+    assert not list(tmp_path.glob("*.run"))
+
+
+def test_doctor(palpate) -> None:
+    outcome = palpate("doctor", "rigs/virtual.toml", "--json")
+    assert outcome.status == 0, outcome.err
+    force = outcome.json["noise"][0]
+    assert force["unit"] == "N"
+    assert force["std"] == pytest.approx(0.5e-3, rel=0.1)
+    assert force["step"] == pytest.approx(0.1e-3)
+    assert force["simulated"] is True
+
+
+def test_verify_and_replay(palpate, run_file: Path) -> None:
+    checked = palpate("verify", run_file, "--json")
+    assert checked.status == 0
+    assert checked.json["stations_complete"] == 15
+    replayed = palpate("replay", run_file)
+    assert replayed.status == 0
+    assert "station 15 complete" in replayed.out
+    assert "run completed" in replayed.out
+
+
+def test_verify_refuses_a_damaged_file(palpate, run_file: Path) -> None:
+    with sqlite3.connect(run_file) as connection:
+        connection.execute("UPDATE event SET readings = zeroblob(length(readings)) WHERE id = 20")
+    outcome = palpate("verify", run_file, "--json")
+    assert outcome.status == 2
+    assert outcome.json["problems"]
+
+
+def test_resume_of_a_whole_run_is_refused(palpate, run_file: Path) -> None:
+    outcome = palpate("resume", run_file)
+    assert outcome.status == 2
+    assert "all 15 stations are complete" in outcome.err
+
+
+def test_numbers_that_json_does_not_know_become_null() -> None:
+    assert say.plain({"a": math.nan, "b": [math.inf, 1.0], "c": (Path("x"),)}) == {
+        "a": None,
+        "b": [None, 1.0],
+        "c": ["x"],
+    }
+
+
+def test_libraries_that_print_do_not_spoil_json(capfd: pytest.CaptureFixture[str]) -> None:
+    """Robots' clients in C++ write to file descriptor 1 themselves."""
+    with say.only_json():
+        os.write(1, b"RTDE: connected\n")
+        print("from Python")
+        say.answer_json({"a": 1})
+    out, err = capfd.readouterr()
+    assert out == '{"a": 1}\n'
+    assert "RTDE: connected" in err
+    assert "from Python" in err
+
+
+def test_every_group_is_there_and_documented() -> None:
+    app = build()
+    assert GROUPS
+    for command in app.registered_commands:
+        assert command.callback is not None
+        assert command.callback.__doc__, f"{command.callback.__name__} has no help"
