@@ -19,6 +19,7 @@ from probe.cli.errors import status_of
 GROUPS = (
     "scan",
     "runs",
+    "exchange",
     "finding",
     "scenes",
     "rig",

@@ -40,6 +40,7 @@ def _known(error: BaseException) -> int | None:
     """The status of an error that a user, a device or the physics caused."""
     # Only now, when something failed anyway, are the modules worth their import.
     from drivers import ConfigError, DeviceFault
+    from probe.foreign import ForeignError
     from probe.live.remote import NotRunning
     from probe.rig import RigError
     from probe.rows import RunFileError
@@ -54,6 +55,7 @@ def _known(error: BaseException) -> int | None:
         (RigError, BAD_INPUT),
         (SceneError, BAD_INPUT),
         (RunFileError, BAD_INPUT),
+        (ForeignError, BAD_INPUT),
         (StoreError, BAD_INPUT),
         (ConfigError, BAD_INPUT),
         (OSError, BAD_INPUT),

@@ -1,0 +1,72 @@
+"""``palpate export`` and ``palpate import``: runs to and from other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from probe.cli.finding import RunFile
+from probe.cli.say import Json, answer, answer_json, tell
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command("export")(export_run)
+    app.command("import")(import_run)
+
+
+def export_run(
+    run: RunFile,
+    to: Annotated[str, typer.Option(metavar="LIST", help="Of csv, hdf5, netcdf.")] = "csv",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="By default where the run is.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Write a run as CSV, HDF5 or netCDF."""
+    from probe.export import WRITERS, export
+
+    formats = [name.strip() for name in to.split(",")]
+    if unknown := [name for name in formats if name not in WRITERS]:
+        allowed = ", ".join(WRITERS)
+        raise typer.BadParameter(f"--to {to}: {unknown[0]!r} is not known; allowed: {allowed}")
+    files = export(run, formats, out or run.parent)
+    if json:
+        answer_json({"run": run, "files": files})
+        return
+    for file in files:
+        answer(str(file))
+
+
+def import_run(
+    file: Annotated[Path, typer.Argument(metavar="FILE.csv", help="May be gzipped.")],
+    out: Annotated[Path, typer.Option(metavar="RUN", help="The run file to make.")],
+    face_mm2: Annotated[
+        float | None, typer.Option(help="Area of the probe's face [mm2], for forces.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Make a run of a recording from elsewhere, to detect in it, show and report it.
+
+    Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar; if known
+    x_mm, y_mm, station, reference.
+    """
+    from probe.foreign import import_csv
+
+    if face_mm2 is not None and not face_mm2 > 0:
+        raise typer.BadParameter(f"--face-mm2 {face_mm2:g}: must be above 0")
+    made = import_csv(file, out, face_mm2=face_mm2)
+    for note in made.notes:
+        tell(f"note: {note}")
+    if json:
+        answer_json(
+            {
+                "run": made.path,
+                "stations": made.stations,
+                "samples": made.samples,
+                "notes": made.notes,
+            }
+        )
+    else:
+        answer(f"Run: {made.path} ({made.stations} stations, {made.samples} samples)")
+        answer(f"What it means: palpate detect {made.path}")
