@@ -7,11 +7,13 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backend.choose import Choice, choose
 from sim_backend.fem.contact import finger_over
 from sim_backend.fem.finite import solve_finite
 from sim_backend.fem.internal import smallest_area_ratio
 from sim_backend.fem.newton import CannotSolve, Solution
 from sim_backend.fem.section import Section
+from sim_backend.fem.small import solve_small
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
 from sim_backend.scene import Scene, SceneError
 from sim_backend.waves import PA_PER_MMHG
@@ -21,7 +23,8 @@ Ints = NDArray[np.int64]
 
 __all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
 
-MODELS = ("finite",)
+SOLVERS = {"finite": solve_finite, "small": solve_small}
+MODELS = ("auto", *SOLVERS)
 SMALLEST_SIZE_M = 0.08e-3
 SHARE_LEFT = 0.5
 """What halving the size leaves of the change it made: the error falls at least linearly."""
@@ -105,39 +108,45 @@ def press(
     depth_mm: float,
     pressures_mmhg: Iterable[float] = (),
     *,
-    model: str = "finite",
+    model: str = "auto",
     accuracy_pct: float = 1.0,
 ) -> Press:
     """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg when none is given.
 
-    Meshes are refined by halves until force and pulse change by less than ``accuracy_pct``.
-    Raises `SceneError` for a press that cannot be meant and `CannotSolve` where physics ends.
+    Model and mesh are the cheapest that keep force and pulse within ``accuracy_pct``, unless
+    ``model`` names one, ``finite`` or ``small`` strain. Meshes are refined by halves until what
+    changes is small enough. Raises `SceneError` for a press that cannot be meant and `CannotSolve`
+    where physics ends; a mesh too fine to be solved ends the refinement instead.
     """
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()
+    choice = Choice(model, scene, 0.0)
+    if model == "auto":
+        choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct)
+    solve = SOLVERS[choice.model]
+    place = 1e-3 * x_mm, 1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures]
     size_m = _first_size_m(scene, accuracy_pct)
-    coarse = _solve(scene, x_mm, depth_mm, pressures, size_m)
-    while True:
+    section, solutions = solve(choice.scene, *place, size_m)
+    mesh_pct = np.inf
+    while choice.error_pct + mesh_pct > accuracy_pct and size_m / 2 >= SMALLEST_SIZE_M:
         size_m /= 2
-        fine = _solve(scene, x_mm, depth_mm, pressures, size_m)
-        error_pct = SHARE_LEFT * _change_pct(coarse[1], fine[1])
-        if error_pct <= accuracy_pct or size_m / 2 < SMALLEST_SIZE_M:
+        coarse = solutions
+        try:
+            section, solutions = solve(choice.scene, *place, size_m)
+        except CannotSolve:
+            if np.isinf(mesh_pct):
+                raise
+            mesh_pct /= SHARE_LEFT  # of the mesh before, whose answer is kept
             break
-        coarse = fine
-    section, solutions = fine
+        mesh_pct = SHARE_LEFT * _change_pct(coarse, solutions)
     states = tuple(_state(section, s, p) for s, p in zip(solutions, pressures, strict=True))
+    left_out = len(scene.inclusion) - len(choice.scene.inclusion)
+    name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")
     return Press(
-        scene, x_mm, depth_mm, model, len(section.assembly.free), perf_counter() - began,
-        error_pct, states, PressMesh(section),
+        scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
+        choice.error_pct + mesh_pct, states, PressMesh(section),
     )  # fmt: skip
-
-
-def _solve(
-    scene: Scene, x_mm: float, depth_mm: float, pressures: tuple[float, ...], size_m: float
-) -> tuple[Section, list[Solution]]:
-    pascals = [p * PA_PER_MMHG for p in pressures]
-    return solve_finite(scene, 1e-3 * x_mm, 1e-3 * depth_mm, pascals, size_m)
 
 
 def _first_size_m(scene: Scene, accuracy_pct: float) -> float:

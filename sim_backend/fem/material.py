@@ -77,16 +77,17 @@ def plane_stress(f: Array, shear: Array, bulk: Array) -> Stressed:
 def stress_free_thickness(f: Array, j: Array, shear: Array, bulk: Array) -> Array:
     """Stretch l3 (...) at which P33 = 0, by Newton from the incompressible 1 / det F."""
     plane = (f * f).sum(axis=-1)
-    l3: Array = 1 / j
+    l3 = 1 / j
     for _ in range(_THICKNESS_SWEEPS):
         i1 = plane + l3**2
         scale = shear * (j * l3) ** (-2 / 3)
         p33 = scale * (l3 - i1 / (3 * l3)) + bulk * (j * l3 - 1) * j
         change = p33 / _thickness_stiffness(i1, j, l3, scale, bulk)
-        l3 = np.asarray(np.maximum(l3 - change, 0.1 * l3))
+        l3 = np.maximum(l3 - change, 0.1 * l3)
         if np.all(np.abs(change) < 1e-13 * l3):
             break
-    return l3
+    thickness: Array = l3
+    return thickness
 
 
 def isochoric(f: Array, shear: Array) -> tuple[Array, Array, Array, Array]:

@@ -1,0 +1,59 @@
+"""No more model than the scene needs: what can be left out, and what leaving it out costs.
+
+The bounds were measured against finite strain on the whole scene (benchmarks/choice.py draws
+them); each is about twice the largest error seen.
+"""
+
+from dataclasses import dataclass
+from math import exp
+
+from sim_backend.scene import Artery, Inclusion, Scene
+
+SMALL_PCT, SMALL_POWER = 45.0, 1.35
+FAR_PCT, FAR_SHARE = 150.0, 0.121
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The ``model`` to solve, the ``scene`` that it must see, and the error of both [%]."""
+
+    model: str
+    scene: Scene
+    error_pct: float
+
+
+def choose(
+    scene: Scene, x_mm: float, depth_mm: float, pressures_mmhg: tuple[float, ...], budget_pct: float
+) -> Choice:
+    """Leave out what costs at most half of ``budget_pct``; the mesh may use the rest.
+
+    Inclusions too far away to be felt go first, then finite strain. A filled vessel is always
+    kept, at finite strain: its pressure is felt tens of millimetres away, and small strain misses
+    half of its pulse at any depth.
+    """
+    filled = any(p > 0 for p in pressures_mmhg)
+    near, far_pct = [], 0.0
+    for one in scene.inclusion:
+        pct = far_error_pct(scene, one, x_mm)
+        pulsing = filled and isinstance(one, Artery)
+        if scene.tissue is None or pulsing or far_pct + pct > budget_pct / 4:
+            near.append(one)
+        else:
+            far_pct += pct
+    kept = scene.model_copy(update={"inclusion": tuple(near)})
+    small_pct = small_strain_error_pct(scene, depth_mm)
+    stiff_only = not (filled and kept.arteries) and scene.tissue is not None
+    if stiff_only and small_pct <= budget_pct / 4:
+        return Choice("small", kept, far_pct + small_pct)
+    return Choice("finite", kept, far_pct)
+
+
+def small_strain_error_pct(scene: Scene, depth_mm: float) -> float:
+    """Of the force over a scene without pressure, by depth over the finger's half width."""
+    return float(SMALL_PCT * (2 * depth_mm / scene.indenter.width_mm_projected) ** SMALL_POWER)
+
+
+def far_error_pct(scene: Scene, one: Inclusion, x_mm: float) -> float:
+    """Of the force when an unfilled inclusion is left out: it fades with distance over height."""
+    apart = max(abs(one.x_mm - x_mm) - one.outer_radius_mm, 0.0)
+    return FAR_PCT * exp(-apart / (FAR_SHARE * scene.surface_mm))
