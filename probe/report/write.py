@@ -10,6 +10,7 @@ from probe.events import RunStarted
 from probe.recording import Recording, Station
 from probe.report import figures
 from probe.report.page import Picture, page
+from probe.rows import RunFileError
 from sim_backend.scene import Scene
 
 DPI = 300
@@ -18,7 +19,7 @@ DPI = 300
 def write_report(run_path: Path, out_dir: Path) -> Path:
     """Write ``report.html`` and the figures into ``out_dir``; returns the page's path.
 
-    Raises `ValueError` if no station is complete: there is nothing to show then.
+    Raises `RunFileError` if no station is complete: there is nothing to show then.
     """
     from probe.detect import detect  # here: reading and detecting are not needed to draw
     from probe.run import open_run
@@ -38,7 +39,7 @@ def report(
 ) -> Path:
     """As `write_report`, from what it reads."""
     if not recording.stations:
-        raise ValueError(f"{run_path}: no station is complete; `palpate resume` can finish the run")
+        raise RunFileError(f"{run_path}: no station is complete; `palpate resume` can finish the run")
     finding = {
         "simulated": list(recording.simulated),
         "finish": recording.finish,

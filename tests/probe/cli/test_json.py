@@ -4,6 +4,7 @@ import math
 import os
 import sqlite3
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from drivers import DeviceFault
 from probe.cli import GROUPS, build, say
+from probe.cli.errors import STATUSES
 from sim_backend.press import CannotSolve
 from sim_backend.virtual import VirtualStage
 
@@ -230,3 +232,9 @@ def test_every_group_is_there_and_documented() -> None:
     for command in app.registered_commands:
         assert command.callback is not None
         assert command.callback.__doc__, f"{command.callback.__name__} has no help"
+
+
+@pytest.mark.parametrize("place", STATUSES)
+def test_every_error_with_a_status_exists(place: str) -> None:
+    module, name = place.split(":")
+    assert issubclass(getattr(import_module(module), name), Exception)
