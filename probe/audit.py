@@ -133,8 +133,9 @@ class Audit:
         place = self.planned.get(event.station)
         if place is None:
             yield f"station {event.station} is not in the plan"
-        elif any(
-            abs(a - b) > POSITION_M for a, b in zip(place, (event.x_m, event.y_m), strict=True)
+        elif not all(
+            abs(a - b) <= POSITION_M or (math.isnan(a) and math.isnan(b))
+            for a, b in zip(place, (event.x_m, event.y_m), strict=True)
         ):
             yield f"station {event.station} is not where it was planned"
         self._open = key
@@ -153,7 +154,8 @@ class Audit:
         if not event.complete:
             return
         self.complete.add(event.station)
-        if missing := [phase for phase in PRESS if phase not in press.phases]:
+        scanned = self._started is not None and "imported" not in self._started.config
+        if scanned and (missing := [phase for phase in PRESS if phase not in press.phases]):
             yield f"station {event.station} is complete without {', '.join(missing)}"
         if press.felt_s < event.time_s - TAIL_S:
             yield f"station {event.station} is complete, but its last samples are not in"

@@ -35,11 +35,15 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
             "hold_s": plan.hold_s,
         },
         "calibration": {kind: _file(Path(name)) for kind, name in rig.calibration.items()},
-        "versions": {name: version(name) for name in LIBRARIES}
-        | {"python": platform.python_version()},
+        "versions": library_versions(),
         "seed": seed,
         "face_mm2": face_mm2,
     }
+
+
+def library_versions() -> dict[str, str]:
+    """What computed the numbers."""
+    return {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()}
 
 
 def _scene(rig: Rig, scene: Scene) -> dict[str, Any]:

@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 ROLES = ("force", "pressure", "taxel")
 PRESSURE_PA = {"Pa": 1.0, "kPa": 1e3, "mbar": 1e2, "hPa": 1e2}
 FORCE_N = {"N": 1.0, "mN": 1e-3}
-MAX_LEVELS = 20_000
+MAX_LEVELS, MAX_PARTS = 20_000, 16
 
 
 def tactile_device(channels: Mapping[str, tuple[Channel, ...]]) -> str:
@@ -210,9 +210,12 @@ def quantum(values: Array) -> float:
     steps = steps[steps > 1e-9 * np.abs(levels).max(initial=0.0)]
     if not len(steps):
         return 0.0
-    step = float(steps.min())
-    multiples = steps / step
-    return step if np.abs(multiples - np.round(multiples)).max() < 1e-3 else 0.0
+    for parts in range(1, MAX_PARTS if len(steps) >= MAX_PARTS else 2):
+        step = float(steps.min()) / parts  # perhaps no two readings were only one step apart
+        multiples = steps / step
+        if np.abs(multiples - np.round(multiples)).max() < 1e-3:
+            return step
+    return 0.0
 
 
 def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
