@@ -39,7 +39,7 @@ def report(
 ) -> Path:
     """As `write_report`, from what it reads."""
     if not recording.stations:
-        raise RunFileError(f"{run_path}: no station is complete; `palpate resume` can finish the run")
+        raise RunFileError(f"{run_path}: no station is complete; `palpate resume` finishes it")
     finding = {
         "simulated": list(recording.simulated),
         "finish": recording.finish,
