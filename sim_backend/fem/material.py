@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 _UNIT = np.eye(4)
 _EPSILON = np.array([[0.0, 1.0], [-1.0, 0.0]])
 # (i, J), (k, L) -> eps_ik eps_JL
-_TWIST = np.einsum("ik,jl->ijkl", _EPSILON, _EPSILON).reshape(4, 4)
+_TWIST: Array = np.einsum("ik,jl->ijkl", _EPSILON, _EPSILON).reshape(4, 4)
 _THICKNESS_SWEEPS = 40
 
 
