@@ -1,7 +1,7 @@
 """``palpate export RUN --to csv,hdf5,netcdf``: a run for other programs, with units.
 
-CSV: one file per device (``-simulated`` if it is), one of stations, the configuration as JSON. HDF5 and netCDF: one file
-with a group per device; units are attributes.
+CSV: one file per device (``-simulated`` if it is), one of stations, the configuration as JSON.
+HDF5 and netCDF: one file with a group per device; units are attributes.
 """
 
 import json

@@ -133,8 +133,8 @@ class ViewState:
         """A resumed run starts again: what was complete stays."""
         self.config, self.started_utc = event.config, event.started_utc
         places = event.config.get("plan", {}).get("stations", ())
-        self.plan = tuple(Place(int(i), float(x), float(y)) for i, x, y in places)
-        self.is_grid = len({round(p.y_mm, 3) for p in self.plan}) > 1
+        self.plan = tuple(Place(int(i), _known(x), _known(y)) for i, x, y in places)
+        self.is_grid = len({round(p.y_mm, 3) for p in self.plan if np.isfinite(p.y_mm)}) > 1
         self.traces = {name: Trace(tuple(each)) for name, each in event.channels.items()}
         self.finish, self.reason = None, ""
         self.now_s = event.time_s
@@ -238,6 +238,11 @@ class ViewState:
             else:
                 states[name] = f"silent {age:.0f} s" if age > STALE_S else "ok"
         return states
+
+
+def _known(length_mm: float | None) -> float:
+    """An imported recording may know no positions."""
+    return float("nan") if length_mm is None else float(length_mm)
 
 
 def fold(time_s: Array, values: Array, period_s: float) -> tuple[Array, Array]:
