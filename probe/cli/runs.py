@@ -8,6 +8,7 @@ import typer
 from probe.cli.errors import BAD_INPUT
 from probe.cli.finding import RunFile
 from probe.cli.say import Json, answer, answer_json
+from probe.cli.windows import need_windows
 
 
 def register(app: typer.Typer) -> None:
@@ -27,6 +28,7 @@ def replay(
 ) -> None:
     """Tell what happened in a run, event by event, or play it in a window."""
     if live or beside is not None:
+        need_windows()
         from probe.live.app import run_replay
 
         raise typer.Exit(run_replay(run, beside))
@@ -39,6 +41,7 @@ def replay(
 
 def live(run: RunFile) -> None:
     """Watch a run in a window while it is scanned; pause, resume, abort and stop it there."""
+    need_windows()
     from probe.live.app import run_live
 
     raise typer.Exit(run_live(run))

@@ -13,6 +13,7 @@ import typer
 from probe.cli.errors import FAULT
 from probe.cli.finding import RunFile
 from probe.cli.say import Json, answer, answer_json, tell
+from probe.cli.windows import need_windows
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.session import Scanned
@@ -126,6 +127,8 @@ def keeping(live: bool) -> Iterator[Callable[[Path, Sequence[str]], None]]:
 
     It says where the data are if the scan ends with an error, and opens the window if ``live``.
     """
+    if live:
+        need_windows()
     files: list[Path] = []
 
     def opened(path: Path, notes: Sequence[str]) -> None:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from probe.cli.say import Json, answer, answer_json, plain
+from probe.cli.windows import need_windows
 
 
 def register(app: typer.Typer) -> None:
@@ -87,6 +88,7 @@ def feel(
     scene: Annotated[str, typer.Option(help="A built-in scene or a scene file.")] = "TIHA",
 ) -> None:
     """Press the phantom by hand in a window: mouse or arrow keys."""
+    need_windows()
     from probe.live.feel import run_feel
     from sim_backend.scene import load_scene
 
