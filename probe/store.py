@@ -28,7 +28,9 @@ LATE_S = 5.0  # a disk that keeps the scan waiting longer has failed
 # File systems whose shared memory other machines do not see: a write-ahead log breaks on them.
 NETWORK = ("nfs", "cifs", "smb", "9p", "afs", "fuse.sshfs", "davfs", "glusterfs", "lustre", "ceph")
 COLUMNS = "kind, body, times, readings, saturated"
-ROWS = 200  # per statement: SQLite lets other threads run at each, and they may keep it waiting
+# Rows per commit, in one statement: SQLite lets other threads run at each, and these may keep it
+# waiting.
+ROWS = 200
 
 
 class StoreError(RuntimeError):
@@ -134,8 +136,8 @@ class Store:
                 self._change.wait_for(lambda: self._waiting or self._closing)
                 if not self._waiting:
                     return
-                self._change.wait_for(lambda: self._hurry or self._closing, timeout=COMMIT_S)
-                batch = [self._waiting[n] for n in range(len(self._waiting))]
+                self._change.wait_for(self._must_commit, timeout=COMMIT_S)
+                batch = [self._waiting[n] for n in range(min(len(self._waiting), ROWS))]
             try:
                 self._commit([event for _, event in batch])
             except (sqlite3.Error, OSError, ValueError) as error:
@@ -151,6 +153,9 @@ class Store:
                 self._written += len(batch)
                 self._change.notify_all()
 
+    def _must_commit(self) -> bool:
+        return self._hurry or self._closing or len(self._waiting) >= ROWS
+
     def _commit(self, events: list[Event]) -> None:
         number, chain = self._id, self._chain
         rows: list[tuple[object, ...]] = []
@@ -161,12 +166,11 @@ class Store:
             rows.append((number, *made, digest, chain))
         self._connection.execute("BEGIN IMMEDIATE")
         try:
-            for part in (rows[n : n + ROWS] for n in range(0, len(rows), ROWS)):
-                places = ", ".join(["(?, ?, ?, ?, ?, ?, ?, ?)"] * len(part))
-                self._connection.execute(
-                    f"INSERT INTO event (id, {COLUMNS}, sha256, chain) VALUES {places}",
-                    [value for row in part for value in row],
-                )
+            places = ", ".join(["(?, ?, ?, ?, ?, ?, ?, ?)"] * len(rows))
+            self._connection.execute(
+                f"INSERT INTO event (id, {COLUMNS}, sha256, chain) VALUES {places}",
+                [value for row in rows for value in row],
+            )
             self._connection.execute("COMMIT")
         except BaseException:
             if self._connection.in_transaction:
@@ -184,7 +188,11 @@ def create_store(path: Path) -> Store:
         raise StoreError(f"{path}: exists; a run is never overwritten") from None
     except OSError as error:
         raise StoreError(f"{path}: {_explain(error)}") from None
-    return _open(path, new=True)
+    try:
+        return _open(path, new=True)
+    except BaseException:
+        path.unlink()  # an empty file would only be in the way
+        raise
 
 
 def reopen_store(path: Path) -> Store:
