@@ -1,0 +1,86 @@
+"""Whole processes: Ctrl-C, kill -9 and resume, the finite elements behind the phantom included."""
+
+import json
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+RIG = """
+[stage]
+driver = "virtual"
+[[sensor]]
+driver = "virtual"
+[scan]
+start_mm = 28.0
+stations = 3
+[scene]
+name = "TIHA"
+"""
+PALPATE = (sys.executable, "-m", "probe.cli")
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    file = tmp_path / "rig.toml"
+    file.write_text(RIG)
+    return file
+
+
+@contextmanager
+def scanning(rig: Path, until: str) -> Iterator[subprocess.Popen[str]]:
+    """A scan in real time, as far as a line with ``until`` on its standard error."""
+    command = [*PALPATE, "scan", str(rig), "--out", str(rig.parent), "--real-time", "--json"]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            assert process.stderr is not None
+            for line in process.stderr:
+                if until in line:
+                    break
+            yield process
+        finally:
+            process.kill()
+
+
+def test_ctrl_c_lifts_the_probe_and_ends_the_run(rig: Path) -> None:
+    with scanning(rig, until="station 2 of 3") as process:
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    told = json.loads(out)
+    assert process.returncode == 0, err
+    assert told["finish"] == "aborted"
+    assert len(told["stations"]) == 1
+    assert f"palpate resume {told['run']}" in err
+    with sqlite3.connect(told["run"]) as connection:
+        query = "SELECT body FROM event WHERE kind = 'phase_entered' ORDER BY id"
+        phases = [json.loads(body)["phase"] for (body,) in connection.execute(query)]
+    assert phases[-2:] == ["retracting", "finished"]
+
+
+def test_kill_9_keeps_every_station_and_resume_goes_on(rig: Path) -> None:
+    with scanning(rig, until="station 2 of 3") as process:
+        time.sleep(0.5)  # twice the longest that a sample may wait to be committed
+        process.kill()
+    (run,) = rig.parent.glob("*.run")
+    with sqlite3.connect(run) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        query = "SELECT times, readings FROM event WHERE station = 0 AND kind = 'samples'"
+        before = connection.execute(query).fetchall()
+        assert len(before) > 20
+    resumed = subprocess.run(
+        [*PALPATE, "resume", str(run), "--json"], capture_output=True, text=True, check=False
+    )
+    assert resumed.returncode == 0, resumed.stderr
+    told = json.loads(resumed.stdout)
+    assert told["finish"] == "completed"
+    assert [one["x_mm"] for one in told["stations"]] == pytest.approx([28, 32, 36])
+    with sqlite3.connect(run) as connection:
+        assert connection.execute(query).fetchall() == before
