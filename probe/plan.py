@@ -102,7 +102,7 @@ def check_reach(plan: Plan, workspace_m: Box) -> None:
             for axis, at, (low, high) in zip("xyz", pose[:3], workspace_m, strict=True):
                 if not low - 1e-9 <= at <= high + 1e-9:
                     raise ConfigError(
-                        f"station {place.index} at x = {1e3 * place.x_m:g} mm, "
+                        f"station {place.index + 1} at x = {1e3 * place.x_m:g} mm, "
                         f"y = {1e3 * place.y_m:g} mm needs {axis} = {1e3 * at:g} mm; "
                         f"the workspace allows {1e3 * low:g} to {1e3 * high:g} mm"
                     )

@@ -40,7 +40,7 @@ def test_travel_clears_the_highest_station() -> None:
 @pytest.mark.parametrize(
     ("plan", "said"),
     [
-        (Plan(row(4e-3, 4e-3, 30)), "station 17 .* needs x = 72 mm"),
+        (Plan(row(4e-3, 4e-3, 30)), "station 18 .* needs x = 72 mm"),
         (Plan(row(4e-3, 4e-3, 2), indentation_m=4e-3), "needs z = -4 mm"),
         (Plan(row(4e-3, 4e-3, 2), clearance_m=20e-3), "needs z = 20 mm"),
         (Plan(row(4e-3, 4e-3, 2), touch_n=0.01), "needs z = -4.5 mm"),
