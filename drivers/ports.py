@@ -1,0 +1,58 @@
+"""Open a serial port, a pty or a TCP bridge to one, and say in words why that cannot be done."""
+
+from typing import Protocol, cast
+
+import serial
+from serial.tools import list_ports
+
+from drivers.errors import DeviceAbsent
+
+READ_S = 0.02  # a read returns after this long at the latest, so that its thread can be ended
+WRITE_S = 0.5
+
+
+class Port(Protocol):
+    """What is used of pyserial's ports, real or over TCP."""
+
+    @property
+    def in_waiting(self) -> int: ...
+    def read(self, size: int = 1, /) -> bytes: ...
+    def write(self, data: bytes, /) -> int | None: ...
+    def reset_input_buffer(self) -> None: ...
+    def close(self) -> None: ...
+
+
+def open_port(
+    device: str,
+    port: str,
+    baud: int,
+    *,
+    parity: str = "N",
+    stopbits: float = 1,
+) -> Port:
+    """The open port; ``port`` is a path, ``COM3`` or ``socket://host:port``, 8 data bits.
+
+    Raises `DeviceAbsent` for ``device`` with the reason and, if it helps, the ports there are.
+    """
+    try:
+        opened = serial.serial_for_url(
+            port, baud, parity=parity, stopbits=stopbits, timeout=READ_S, write_timeout=WRITE_S
+        )
+        return cast(Port, opened)  # its stubs leave out ``in_waiting``
+    except (serial.SerialException, OSError, ValueError) as error:
+        raise DeviceAbsent(device, f"port = {port!r}: {_why(error)}") from None
+
+
+def read_some(line: Port) -> bytes:
+    """What has arrived, after at most `READ_S`. Raises `OSError` if the line is gone."""
+    return line.read(max(1, line.in_waiting))
+
+
+def _why(error: Exception) -> str:
+    text = str(error)
+    if "Permission denied" in text:
+        return "no permission; add yourself to the group that owns it (`dialout` on Debian)"
+    if "No such file" in text or "could not open" in text:
+        there = ", ".join(sorted(found.device for found in list_ports.comports()))
+        return f"no such port; serial ports here: {there or 'none'}"
+    return text

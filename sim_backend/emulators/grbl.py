@@ -1,0 +1,357 @@
+"""A GRBL 1.1 board (as grblHAL answers) whose axes carry the phantom's tip.
+
+Machine frame = scan frame + ``origin_mm``, travel from minus $130..$132 to 0 as GRBL homes it.
+The probe input closes when the phantom pushes back with ``touch_n``.
+"""
+
+import re
+from collections import deque
+from contextlib import AbstractContextManager
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_backend.emulators.serving import Served, served
+from sim_backend.phantom import Phantom
+
+Point = tuple[float, float, float]
+ORIGIN_MM: Point = (-80.0, -20.0, -52.0)
+SETTINGS = {
+    10: 1.0, 13: 0.0, 20: 1.0, 21: 1.0, 22: 1.0, 25: 3000.0, 27: 1.0,
+    110: 6000.0, 111: 6000.0, 112: 3000.0, 120: 1000.0, 121: 1000.0, 122: 1000.0,
+    130: 100.0, 131: 40.0, 132: 60.0,
+}  # fmt: skip
+SWITCH_MM = 0.5  # the limit switches sit this far beyond the soft limits
+INCH_MM = 25.4
+BANNER = "\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n"
+WORD = re.compile(r"([A-Z])(-?\d*\.?\d+)")
+CRITICAL = (1, 2, 10)  # after these only a reset is listened to
+
+
+class Motion(NamedTuple):
+    kind: str  # Jog, Run, Probe, Home
+    target: Point
+    speed_mm_s: float
+
+
+class GrblBoard:
+    """Bytes in, bytes out; see `sim_backend.emulators.serving.Device`."""
+
+    faults = ("alarm", "limit", "restart")
+
+    def __init__(self, phantom: Phantom, origin_mm: Point, touch_n: float, homed: bool) -> None:
+        self._phantom = phantom
+        self._origin = np.array(origin_mm)
+        self._touch_n = touch_n
+        self._settings = dict(SETTINGS)
+        self._homed = homed
+        self._state = "Idle" if homed else "Alarm"
+        self._critical = False
+        self._text = ""
+        self._said = ""
+        self._queue: deque[Motion] = deque()
+        self._now: Motion | None = None
+        self._relative = False
+        self._inches = False
+        self._reports = 0
+
+    def received(self, data: bytes) -> bytes:
+        """Real-time bytes act at once, wherever they stand; lines when they are whole."""
+        for byte in data:
+            match byte:
+                case 0x3F:
+                    self._said += self._report()
+                case 0x21:
+                    self._hold()
+                case 0x7E:
+                    self._resume()
+                case 0x18:
+                    self._reset()
+                case 0x85:
+                    self._cancel_jog()
+                case 0x0A:
+                    line, self._text = self._text.strip().upper(), ""
+                    self._said += self._line(line)
+                case _ if byte < 0x80:
+                    self._text += chr(byte)
+        return self._take()
+
+    def due(self) -> bytes:
+        """Let the machine move on."""
+        moving = self._phantom.tip.moving(self._time())
+        if self._now is not None and self._now.kind == "Probe" and self._state == "Run":
+            self._feel()
+        if self._settings[21] and moving and self._beyond(self._place(), SWITCH_MM):
+            self._alarm(1)
+        if self._state == "Cancel" and not moving:
+            self._state = "Idle"
+        elif self._state in ("Jog", "Run", "Home") and not moving:
+            self._arrive()
+        return self._take()
+
+    def fail(self, fault: str) -> None:
+        """``alarm``: emergency stop; ``limit``: a limit switch; ``restart``: power glitch."""
+        match fault:
+            case "alarm":
+                self._alarm(10)
+            case "limit":
+                self._alarm(1)
+            case "restart":
+                self._halt(1e6)
+                self._queue.clear()
+                self._now, self._homed = None, False
+                self._state = "Alarm"
+                self._said += BANNER
+
+    # --- real time ---------------------------------------------------------------------------
+
+    def _report(self) -> str:
+        moving = self._phantom.tip.moving(self._time())
+        state = {"Cancel": "Jog", "Hold": "Hold:1" if moving else "Hold:0"}.get(
+            self._state, self._state
+        )
+        scale = INCH_MM if self._settings[13] else 1.0
+        place = ",".join(f"{v / scale:.3f}" for v in self._place())
+        pins = "P" if self._touching(self._time()) else ""
+        self._reports += 1
+        extra = (
+            f"|Pn:{pins}" if pins else "|WCO:0.000,0.000,0.000" if self._reports % 10 == 1 else ""
+        )
+        return f"<{state}|MPos:{place}|Bf:100,1023|FS:0,0{extra}>\r\n"
+
+    def _hold(self) -> None:
+        if self._state == "Jog":
+            self._cancel_jog()
+        elif self._state in ("Run", "Idle"):
+            self._halt(self._settings[120])
+            self._state = "Hold"
+
+    def _resume(self) -> None:
+        if self._state != "Hold":
+            return
+        self._state = "Idle"
+        if self._now is not None:
+            self._start(self._now)
+
+    def _reset(self) -> None:
+        if self._phantom.tip.moving(self._time()):
+            self._said += "ALARM:3\r\n"
+            self._state = "Alarm"
+            self._halt(1e6)
+        elif self._state != "Alarm":
+            self._state = "Idle"
+        self._critical = False
+        self._queue.clear()
+        self._now = None
+        self._relative = self._inches = False
+        self._text = ""
+        self._said += BANNER
+
+    def _cancel_jog(self) -> None:
+        if self._state == "Jog":
+            self._halt(self._settings[120])
+            self._queue.clear()
+            self._now = None
+            self._state = "Cancel"
+
+    # --- lines -------------------------------------------------------------------------------
+
+    def _line(self, line: str) -> str:
+        if self._critical:
+            return ""
+        if line == "":
+            return "ok\r\n"
+        if line == "$$":
+            return "".join(f"${n}={v:g}\r\n" for n, v in self._settings.items()) + "ok\r\n"
+        if line == "$I":
+            return "[VER:1.1f.20240101:]\r\n[OPT:VNMSL,100,1024,3,0]\r\nok\r\n"
+        if line == "$X":
+            if self._state == "Alarm":
+                self._state = "Idle"
+            return "ok\r\n"
+        if line == "$H":
+            return self._home()
+        if found := re.fullmatch(r"\$(\d+)=(-?[\d.]+)", line):
+            return self._set(int(found[1]), float(found[2]))
+        if line.startswith("$J="):
+            return self._jog(line[3:])
+        if line.startswith("$"):
+            return "error:3\r\n"
+        return self._program(line)
+
+    def _set(self, number: int, value: float) -> str:
+        if number == 20 and value and not self._settings[22]:
+            return "error:10\r\n"
+        if self._state not in ("Idle", "Alarm"):
+            return "error:8\r\n"
+        self._settings[number] = value
+        return "ok\r\n"
+
+    def _home(self) -> str:
+        if not self._settings[22]:
+            return "error:5\r\n"
+        if self._state not in ("Idle", "Alarm"):
+            return "error:8\r\n"
+        x, y, _ = self._place()
+        pulled = -self._settings[27]
+        speed = self._settings[25] / 60
+        self._queue.extend(
+            [Motion("Home", (x, y, pulled), speed), Motion("Home", (pulled,) * 3, speed)]
+        )
+        self._state = "Idle"
+        self._next()
+        return ""  # ``ok`` comes at the end of the cycle
+
+    def _jog(self, words: str) -> str:
+        if self._state not in ("Idle", "Jog"):
+            return "error:9\r\n"
+        pairs = WORD.findall(words)
+        if "".join(a + b for a, b in pairs) != words.replace(" ", ""):
+            return "error:16\r\n"
+        given = {letter: float(value) for letter, value in pairs if letter != "G"}
+        codes = [float(value) for letter, value in pairs if letter == "G"]
+        if given.get("F", 0) <= 0:
+            return "error:22\r\n"
+        inches = 20 in codes or (self._inches and 21 not in codes)
+        relative = 53 not in codes and (91 in codes or (self._relative and 90 not in codes))
+        target = self._target(given, inches, relative)
+        if self._settings[20] and self._homed and self._beyond(target, 0.0):
+            return "error:15\r\n"
+        self._queue.append(Motion("Jog", target, given["F"] * (INCH_MM if inches else 1) / 60))
+        self._next()
+        return "ok\r\n"
+
+    def _program(self, line: str) -> str:
+        if self._state not in ("Idle", "Run"):
+            return "error:9\r\n"
+        pairs = WORD.findall(line)
+        given = {letter: float(value) for letter, value in pairs if letter != "G"}
+        codes = [float(value) for letter, value in pairs if letter == "G"]
+        for code in codes:
+            if code in (20, 21):
+                self._inches = code == 20
+            elif code in (90, 91):
+                self._relative = code == 91
+            elif code not in (0, 1, 38.2, 53, 94):
+                return "error:20\r\n"
+        if not set(given) & set("XYZ"):
+            return "ok\r\n"
+        target = self._target(given, self._inches, self._relative)
+        speed = given.get("F", self._settings[110]) * (INCH_MM if self._inches else 1) / 60
+        if self._settings[20] and self._homed and self._beyond(target, 0.0):
+            self._alarm(2)
+            return self._taken("error:9\r\n")
+        if 38.2 in codes:
+            if self._touching(self._time()):
+                self._alarm(4)
+                return self._taken("ok\r\n")
+            self._queue.append(Motion("Probe", target, speed))
+            self._next()
+            return ""  # ``ok`` comes at the end of the probe
+        self._queue.append(Motion("Run", target, speed))
+        self._next()
+        return "ok\r\n"
+
+    # --- motion ------------------------------------------------------------------------------
+
+    def _next(self) -> None:
+        if self._now is None and self._queue:
+            self._start(self._queue.popleft())
+
+    def _start(self, motion: Motion) -> None:
+        self._now = motion
+        self._state = "Run" if motion.kind == "Probe" else motion.kind
+        target = 1e-3 * (np.array(motion.target) - self._origin)
+        here = np.array(self._place())
+        way = np.abs(np.array(motion.target) - here)
+        share = way / max(float(np.linalg.norm(way)), 1e-9)
+        rates = np.array([self._settings[n] / 60 for n in (110, 111, 112)])
+        fastest = float(np.min(rates / np.maximum(share, 1e-9)))
+        speed = 1e-3 * min(motion.speed_mm_s, fastest)
+        x, y, z = target.tolist()
+        self._phantom.tip.move(self._time(), (x, y, z), speed, 1e-3 * self._settings[120])
+
+    def _arrive(self) -> None:
+        done, self._now = self._now, None
+        self._state = "Idle"
+        if done is not None and done.kind == "Probe":
+            self._alarm(5)
+            self._said += self._probe_report(self._place(), hit=False) + "ok\r\n"
+        elif done is not None and done.kind == "Home" and not self._queue:
+            self._homed = True
+            self._said += "ok\r\n"
+        elif done is not None and done.kind == "Touched":
+            self._said += "ok\r\n"
+        self._next()
+
+    def _feel(self) -> None:
+        now = self._time()
+        if not self._touching(now):
+            return
+        self._said += self._probe_report(self._place(), hit=True)
+        self._halt(self._settings[122])
+        self._now = Motion("Touched", self._place(), 0.0)
+
+    def _probe_report(self, place: Point, *, hit: bool) -> str:
+        scale = INCH_MM if self._settings[13] else 1.0
+        return f"[PRB:{','.join(f'{v / scale:.3f}' for v in place)}:{int(hit)}]\r\n"
+
+    def _alarm(self, number: int) -> None:
+        if number in CRITICAL:
+            self._halt(1e6)
+            self._critical = True
+        self._queue.clear()
+        self._now = None
+        self._state = "Alarm"
+        self._said += f"ALARM:{number}\r\n"
+
+    def _halt(self, acceleration_mm_s2: float) -> None:
+        self._phantom.tip.halt(self._time(), 1e-3 * acceleration_mm_s2)
+
+    def _touching(self, time_s: float) -> bool:
+        return float(self._phantom.force_n(np.array([time_s]))[0]) >= self._touch_n
+
+    def _target(self, given: dict[str, float], inches: bool, relative: bool) -> Point:
+        scale = INCH_MM if inches else 1.0
+        last = self._queue[-1] if self._queue else self._now
+        start = self._place() if last is None else last.target
+        x, y, z = (
+            (here + scale * given[axis] if relative else scale * given[axis])
+            if axis in given
+            else here
+            for axis, here in zip("XYZ", start, strict=True)
+        )
+        return (x, y, z)
+
+    def _beyond(self, place: Point, slack_mm: float) -> bool:
+        travel = [self._settings[n] for n in (130, 131, 132)]
+        return any(
+            not -t - slack_mm - 1e-6 <= v <= slack_mm + 1e-6
+            for v, t in zip(place, travel, strict=True)
+        )
+
+    def _place(self) -> Point:
+        x, y, z = (1e3 * np.array(self._phantom.tip.point(self._time())) + self._origin).tolist()
+        return (x, y, z)
+
+    def _time(self) -> float:
+        return self._phantom.clock.now()
+
+    def _taken(self, more: str) -> str:
+        said, self._said = self._said, ""
+        return said + more
+
+    def _take(self) -> bytes:
+        return self._taken("").encode("ascii")
+
+
+def emulate(
+    phantom: Phantom,
+    *,
+    at: str = "pty",
+    origin_mm: Point = ORIGIN_MM,
+    touch_n: float = 0.05,
+    homed: bool = False,
+) -> AbstractContextManager[Served]:
+    """Serve a board; ``homed``: as if homed already, otherwise it starts locked."""
+    return served(GrblBoard(phantom, origin_mm, touch_n, homed), at, "grbl")

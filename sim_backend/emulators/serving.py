@@ -1,0 +1,213 @@
+"""Serve an emulated device on a pty or a loopback socket, with a line that fails on command."""
+
+import os
+import select
+import socket
+import threading
+import time
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Protocol
+
+import numpy as np
+
+TICK_S = 0.001
+LATE_S = 0.4
+LINE_FAULTS = ("silence", "drop", "garbage", "bad crc", "late")
+
+
+class Device(Protocol):
+    """An emulated device: bytes in, bytes out. Called by one thread."""
+
+    @property
+    def faults(self) -> tuple[str, ...]: ...
+
+    def received(self, data: bytes) -> bytes:
+        """The answer to bytes that came in."""
+        ...
+
+    def due(self) -> bytes:
+        """What the device has to say by itself now."""
+        ...
+
+    def fail(self, fault: str) -> None:
+        """Begin one of ``faults``."""
+        ...
+
+
+class Line(Protocol):
+    """One end of a line; ``read`` waits `TICK_S` at most."""
+
+    address: str
+
+    def read(self) -> bytes: ...
+    def write(self, data: bytes) -> None: ...
+    def drop(self) -> None: ...
+    def close(self) -> None: ...
+
+
+class PtyLine:
+    """A pseudo-terminal; ``at`` is a path for a link to it, or "pty" for none."""
+
+    def __init__(self, at: str) -> None:
+        self._link = None if at == "pty" else Path(at)
+        self._master = self._slave = -1
+        self._open()
+        self.address = str(self._link or self._name)
+
+    def read(self) -> bytes:
+        """What the client wrote."""
+        if self._master < 0:
+            self._open()
+        if select.select([self._master], [], [], TICK_S)[0]:
+            return os.read(self._master, 4096)
+        return b""
+
+    def write(self, data: bytes) -> None:
+        """A client that does not read loses what no longer fits, as on a wire."""
+        if self._master >= 0 and select.select([], [self._master], [], 0)[1]:
+            os.write(self._master, data)
+
+    def drop(self) -> None:
+        """Vanish, as if unplugged."""
+        for end in (self._master, self._slave):
+            if end >= 0:
+                os.close(end)
+        self._master = self._slave = -1
+
+    def close(self) -> None:
+        """Vanish for good."""
+        self.drop()
+        if self._link is not None:
+            self._link.unlink(missing_ok=True)
+
+    def _open(self) -> None:
+        # The slave end stays open here, so that a client may come and go.
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        self._name = os.ttyname(self._slave)
+        if self._link is not None:
+            if self._link.is_symlink():
+                self._link.unlink()
+            self._link.symlink_to(self._name)
+
+
+class TcpLine:
+    """A server on ``socket://127.0.0.1:port`` (0: any free port) for one client at a time."""
+
+    def __init__(self, at: str) -> None:
+        host, _, port = at.removeprefix("socket://").rpartition(":")
+        self._server = socket.create_server((host, int(port)))
+        self._client: socket.socket | None = None
+        self.address = f"socket://{host}:{self._server.getsockname()[1]}"
+
+    def read(self) -> bytes:
+        """What the client sent."""
+        if self._client is None:
+            if select.select([self._server], [], [], TICK_S)[0]:
+                self._client, _ = self._server.accept()
+                self._client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return b""
+        if not select.select([self._client], [], [], TICK_S)[0]:
+            return b""
+        try:
+            data = self._client.recv(4096)
+        except OSError:
+            data = b""
+        if not data:
+            self.drop()
+        return data
+
+    def write(self, data: bytes) -> None:
+        """Send, if there is a client."""
+        if self._client is not None:
+            try:
+                self._client.sendall(data)
+            except OSError:
+                self.drop()
+
+    def drop(self) -> None:
+        """Close the connection."""
+        if self._client is not None:
+            self._client.close()
+        self._client = None
+
+    def close(self) -> None:
+        """Close everything."""
+        self.drop()
+        self._server.close()
+
+
+class Served:
+    """A running emulator. ``address`` is what a rig file gives as ``port``."""
+
+    def __init__(self, device: Device, line: Line, name: str, seed: int = 0) -> None:
+        self.address = line.address
+        self.faults = (*LINE_FAULTS, *device.faults)
+        self._device = device
+        self._line = line
+        self._fault: str | None = None
+        self._held: list[tuple[float, bytes]] = []
+        self._rng = np.random.default_rng(seed)
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._run, name=f"emulated {name}", daemon=True)
+        self._thread.start()
+
+    def fail(self, fault: str | None) -> None:
+        """Begin a fault of ``faults``; None: mend the line. Raises `ValueError`."""
+        if fault is not None and fault not in self.faults:
+            raise ValueError(f"fault {fault!r}: known are {', '.join(self.faults)}")
+        if fault in self._device.faults:
+            self._device.fail(fault)
+        else:
+            self._fault = fault
+
+    def close(self) -> None:
+        """End the thread and the line."""
+        self._end.set()
+        self._thread.join(timeout=5.0)
+
+    def _run(self) -> None:
+        try:
+            while not self._end.is_set():
+                self._step()
+        finally:
+            self._line.close()
+
+    def _step(self) -> None:
+        if self._fault == "drop":
+            self._line.drop()
+            self._end.wait(0.01)
+            return
+        data = self._line.read()
+        answer = (self._device.received(data) if data else b"") + self._device.due()
+        now = time.monotonic()
+        if answer:
+            late_s = LATE_S if self._fault == "late" else 0.0
+            self._held.append((now + late_s, self._spoilt(answer)))
+        while self._held and self._held[0][0] <= now:
+            self._line.write(self._held.pop(0)[1])
+
+    def _spoilt(self, answer: bytes) -> bytes:
+        match self._fault:
+            case "silence":
+                return b""
+            case "garbage":
+                return self._rng.bytes(len(answer))
+            case "bad crc":
+                return answer[:-1] + bytes([answer[-1] ^ 0x55])
+        return answer
+
+
+@contextmanager
+def served(device: Device, at: str, name: str) -> Iterator[Served]:
+    """Serve a device on "pty", a path for a link to a pty, or ``socket://127.0.0.1:port``."""
+    line: Line = TcpLine(at) if at.startswith("socket://") else PtyLine(at)
+    running = Served(device, line, name)
+    try:
+        yield running
+    finally:
+        running.close()
