@@ -111,7 +111,7 @@ def test_a_fault_in_a_move_is_told_in_words(
         until(lambda: not phantom.tip.moving(clock.now()), 0.5)
 
 
-def test_probing_latches_where_the_contact_closed(stage: GrblStage, phantom: Phantom) -> None:
+def test_probing_latches_where_the_contact_closed(stage: GrblStage) -> None:
     touched = stage.probe(0.006, 0.004)
     depth_mm = -1e3 * touched.z
     assert depth_mm == pytest.approx(1e3 * 0.05 / 480, abs=0.03)  # 0.05 N on 480 N/m
@@ -168,7 +168,7 @@ def test_something_else_at_the_port_is_no_stage(board: Served, clock: WallClock)
     assert not [t for t in threading.enumerate() if t.name == "palpate grbl"]
 
 
-def test_unplugged_and_plugged_in_again(stage: GrblStage, board: Served, clock: WallClock) -> None:
+def test_unplugged_and_plugged_in_again(stage: GrblStage, board: Served) -> None:
     board.fail("drop")
     with pytest.raises(DeviceFault):
         until(lambda: stage.pose() is None)
