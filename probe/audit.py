@@ -40,6 +40,7 @@ class Attempt:
     end_s: float = math.inf
     phases: set[Phase] = field(default_factory=set)
     felt_s: float = -math.inf
+    last_s: float = -math.inf
 
 
 @dataclass
@@ -69,14 +70,14 @@ class Audit:
         self.problems += [f"event {self.events}: {problem}" for problem in self._judge(event)]
 
     def end(self) -> None:
-        """After the last event."""
-        self._open = None
-        self.problems += self._judge_unlabelled()
+        """After the last event; what concerns the whole run comes first."""
+        self._break_off()
+        whole = list(self._judge_unlabelled())
         if self._started is None:
-            self.problems.append("the run has no beginning")
-        missing = set(self.planned) - self.complete
-        if self.finish is Finish.COMPLETED and missing:
-            self.problems.append(f"ended as completed without stations {sorted(missing)}")
+            whole.append("the run has no beginning")
+        if self.finish is Finish.COMPLETED and (missing := set(self.planned) - self.complete):
+            whole.append(f"ended as completed without stations {sorted(missing)}")
+        self.problems[:0] = whole
 
     def _judge(self, event: Event) -> Iterator[str]:
         if not isinstance(event, Samples):
@@ -106,8 +107,7 @@ class Audit:
                 pass
 
     def _start(self, event: RunStarted) -> Iterator[str]:
-        if self._open is not None:  # the session before was killed
-            self._presses[self._open].end_s = event.time_s
+        self._break_off()
         yield from self._judge_unlabelled()
         if self._started is None:
             self._started = event
@@ -181,8 +181,17 @@ class Audit:
         press = self._presses.get((event.station, event.attempt))
         if press is None or not press.start_s <= first <= last < press.end_s:
             yield f"samples of {device} at {first:.4f} s do not belong to station {event.station}"
-        elif any(channel.role in ROLES for channel in channels):
+            return
+        press.last_s = max(press.last_s, last)
+        if any(channel.role in ROLES for channel in channels):
             press.felt_s = max(press.felt_s, last)
+
+    def _break_off(self) -> None:
+        """A scan that was killed has not said when its press ended: no later than it was felt."""
+        if self._open is not None:
+            press = self._presses[self._open]
+            press.end_s = max(press.start_s, press.last_s)
+            self._open = None
 
     def _judge_unlabelled(self) -> Iterator[str]:
         """Samples of no station must lie outside all; known only once the station has ended."""

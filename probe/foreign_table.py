@@ -95,22 +95,23 @@ def _table(content: bytes, notes: list[str]) -> pd.DataFrame:
     """The known columns as float64; NaN where the file has nothing."""
     try:
         text = pd.read_csv(
-            BytesIO(content),
+            BytesIO(content.rstrip()),
+            header=None,  # pandas would rename doubled columns and guess where one is missing
             dtype=str,
             keep_default_na=False,
             na_filter=False,
             encoding="utf-8-sig",
-            skipinitialspace=True,
-            index_col=False,
-            on_bad_lines="error",
+            skip_blank_lines=False,
         )
     except UnicodeDecodeError:
         raise ForeignError("not UTF-8 text") from None
-    except (ValueError, OverflowError) as error:  # pandas' parser and empty-file errors too
+    except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
         raise ForeignError(f"not a table of comma-separated values ({error})") from None
-    text.columns = [str(name).strip() for name in text.columns]
-    _check_columns(list(text.columns), notes)
-    known = {name: _numbers(text[name]) for name in text.columns if name in COLUMNS}
+    names = [str(name).strip() for name in text.iloc[0]]
+    _check_columns(names, notes)
+    text = text.iloc[1:].fillna("")
+    text.columns = names
+    known = {name: _numbers(text[name]) for name in names if name in COLUMNS}
     if not len(text):
         raise ForeignError("no rows below the column names")
     return pd.DataFrame(known)

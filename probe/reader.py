@@ -40,7 +40,7 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
             yield connection
     except RunFileError as error:
         raise type(error)(f"{path}: {error}") from None
-    except sqlite3.Error as error:
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         raise RunFileError(f"{path}: damaged or not a run file ({error})") from None
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read ({error.strerror})") from None

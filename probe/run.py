@@ -60,12 +60,11 @@ class Run:
     def finish(self) -> Finish | None:
         """How the run ended; None while it goes on and for one that was broken off."""
         with reading(self.path) as connection:
-            query = (
-                "SELECT kind, body, times, readings, saturated FROM event "
-                "WHERE kind IN ('run_started', 'run_ended') ORDER BY id DESC LIMIT 1"
-            )
-            last = from_row(Row(*connection.execute(query).fetchone()))
-        return last.finish if isinstance(last, RunEnded) else None
+            (number,) = connection.execute(
+                "SELECT max(id) FROM event WHERE kind IN ('run_started', 'run_ended')"
+            ).fetchone()
+            last = [_event(*found) for found in rows(connection, (number or 1) - 1, 1)]
+        return last[0].finish if last and isinstance(last[0], RunEnded) else None
 
     def events(self) -> Iterator[Event]:
         """Everything that was told, in order; what is committed at the first call."""

@@ -71,7 +71,7 @@ def verify(path: str | Path) -> Report:
         ]
         try:
             _audit(connection, audit, problems)
-        except sqlite3.DatabaseError as error:  # pages are gone: say so, and what came before
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # pages are gone: say so, and what came before
             problems.append(f"database: {error}")
     audit.end()
     problems += audit.problems

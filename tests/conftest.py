@@ -60,7 +60,7 @@ def respond_winkler(scene: Scene, x_m: float, _max_depth_m: float) -> Winkler:
     return Winkler(400.0 * (1 + 0.2 * near), 2e-6 * near if scene.arteries else 0.0)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def winkler() -> Callable[[Scene, float, float], Winkler]:
     """A quick stand-in for `sim_backend.response.respond`."""
     return respond_winkler
