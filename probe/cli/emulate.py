@@ -1,0 +1,108 @@
+"""``palpate emulate``: controllers that speak their real protocols and answer from the phantom."""
+
+import signal
+import sys
+import threading
+from collections.abc import Mapping
+from contextlib import ExitStack, suppress
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from probe.cli.say import answer, tell
+
+if TYPE_CHECKING:  # commands import what they need when they run
+    from sim_backend.emulators.serving import Served
+
+NOT_DEVICES = ("serving",)
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(emulate)
+
+
+def emulate(
+    devices: Annotated[
+        list[str], typer.Argument(metavar="DEVICE...", help="Such as ur, grbl, ft300, modbus.")
+    ],
+    scene: Annotated[
+        str, typer.Option(metavar="NAME|FILE", help="What they move in and feel.")
+    ] = "TIHA",
+    at: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="DEVICE=ADDRESS", help="Where to serve: a path for a pty, socket://HOST:PORT."
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the phantom.")] = 0,
+) -> None:
+    """Serve emulated devices, all in one phantom, until Ctrl-C.
+
+    Each address goes into a rig file. Type `DEVICE FAULT` to make one fail, `DEVICE ok` to mend it.
+    """
+    known = known_devices()
+    for name in devices:
+        if name not in known:
+            raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(known)}")
+    places = _addresses(at or [], devices)
+    from drivers import WallClock
+    from probe.rig import default_rig
+    from sim_backend.phantom import Phantom
+    from sim_backend.response import respond
+    from sim_backend.scene import load_scene
+
+    felt = load_scene(scene)
+    phantom = Phantom(felt, WallClock(), respond, seed=seed)
+    tell(f"Solving {felt.name}, so that no answer has to wait …")
+    phantom.prepare([(place.x_m, place.y_m) for place in default_rig(felt).plan.places])
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: take the links away
+    with ExitStack() as open_devices:
+        served: dict[str, Served] = {}
+        for name in devices:
+            module = import_module(f"sim_backend.emulators.{name}")
+            chosen = {"at": places[name]} if name in places else {}
+            served[name] = open_devices.enter_context(module.emulate(phantom, **chosen))
+            answer(f"{name}: {served[name].address}  faults: {', '.join(served[name].faults)}")
+        with suppress(KeyboardInterrupt):
+            obey(served)
+            threading.Event().wait()  # standard input has ended; serve on
+
+
+def known_devices() -> list[str]:
+    """The devices that can be emulated."""
+    from sim_backend import emulators
+
+    return [m.name for m in iter_modules(emulators.__path__) if m.name not in NOT_DEVICES]
+
+
+def obey(served: "Mapping[str, Served]") -> None:
+    """Do what is typed until standard input ends: ``DEVICE FAULT`` or ``DEVICE ok``."""
+    for line in sys.stdin:
+        name, _, fault = line.strip().partition(" ")
+        if not name:
+            continue
+        if name not in served:
+            tell(f"{name!r}: serving {', '.join(served)}")
+            continue
+        try:
+            served[name].fail(None if fault in ("", "ok") else fault)
+        except ValueError as error:
+            tell(str(error))
+        else:
+            tell(f"{name}: {fault or 'ok'}")
+
+
+def _addresses(given: list[str], devices: list[str]) -> dict[str, str]:
+    """The values of ``--at`` by device."""
+    places = {}
+    for text in given:
+        name, equals, address = text.partition("=")
+        if not equals and len(devices) == 1:
+            name, address = devices[0], text
+        elif name not in devices or not address:
+            raise typer.BadParameter(f"--at {text}: DEVICE=ADDRESS with one of {devices} is needed")
+        places[name] = address
+    return places
