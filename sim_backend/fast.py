@@ -32,7 +32,7 @@ SHALLOWEST_M = 0.25e-3
 DEPTH_NODES = 8
 FAR_STEP_M, NEAR_STEP_M, NEAR_M = 3e-3, 1.25e-3, 10e-3
 PRESSURE_MARGIN = 1.1
-SMALL_PULSE = 1e-3
+SMALL_PULSE = 1e-2
 HELD_BACK = 8
 SAFETY = 1.5
 """The stated error is this times the largest seen on states held back."""
@@ -43,7 +43,7 @@ class FastModel:
     """``x_m``, ``depth_m`` and ``pressure_pa`` are the (low, high) of what was solved.
 
     ``force_error_pct`` and ``pulse_error_pct`` bound what held-back states showed; a pulse is the
-    change of force between the ends of the wave, against 0.1 % of the force where it is smaller.
+    change of force between the ends of the wave, against 1 % of the force where it is smaller.
     """
 
     scene: Scene

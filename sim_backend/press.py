@@ -28,7 +28,7 @@ MODELS = ("auto", *SOLVERS)
 SMALLEST_SIZE_M = 0.08e-3
 SHARE_LEFT = 0.5
 """What halving the size leaves of the change it made: the error falls at least linearly."""
-SMALL_PULSE = 1e-3
+SMALL_PULSE = 1e-2
 """Pulses below this share of the force are judged against the force."""
 
 
