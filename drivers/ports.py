@@ -1,5 +1,7 @@
 """Open a serial port, a pty or a TCP bridge to one, and say in words why that cannot be done."""
 
+import select
+import socket
 from typing import Protocol, cast
 
 import serial
@@ -9,6 +11,8 @@ from drivers.errors import DeviceAbsent
 
 READ_S = 0.02  # a read returns after this long at the latest, so that its thread can be ended
 WRITE_S = 0.5
+SOCKET = "socket://"
+CHUNK = 4096
 
 
 class Port(Protocol):
@@ -20,6 +24,51 @@ class Port(Protocol):
     def write(self, data: bytes, /) -> int | None: ...
     def reset_input_buffer(self) -> None: ...
     def close(self) -> None: ...
+
+
+class TcpPort:
+    """``socket://host:port`` read and written like a serial port.
+
+    pyserial's own reads one byte at a time and leaves the socket of a lost line open.
+    """
+
+    def __init__(self, url: str) -> None:
+        self._socket = socket.create_connection(tcp_address(url), timeout=WRITE_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    @property
+    def in_waiting(self) -> int:
+        return CHUNK if select.select([self._socket], [], [], 0)[0] else 0
+
+    def read(self, size: int = 1, /) -> bytes:
+        """Up to ``size`` bytes, none after `READ_S`. Raises `OSError` when the peer has left."""
+        if not select.select([self._socket], [], [], READ_S)[0]:
+            return b""
+        if not (data := self._socket.recv(size)):
+            raise ConnectionResetError("closed by the other side")
+        return data
+
+    def write(self, data: bytes, /) -> int:
+        """Send all of it."""
+        self._socket.sendall(data)
+        return len(data)
+
+    def reset_input_buffer(self) -> None:
+        """Forget what has arrived."""
+        while self.in_waiting:
+            self.read(CHUNK)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._socket.close()
+
+
+def tcp_address(url: str) -> tuple[str, int]:
+    """Host and port of ``socket://host:port``. Raises `ValueError`."""
+    host, _, port = url.removeprefix(SOCKET).rpartition(":")
+    if not host or not port.isdigit():
+        raise ValueError("must be socket://host:port")
+    return host, int(port)
 
 
 def open_port(
@@ -35,6 +84,8 @@ def open_port(
     Raises `DeviceAbsent` for ``device`` with the reason and, if it helps, the ports there are.
     """
     try:
+        if port.startswith(SOCKET):
+            return TcpPort(port)
         opened = serial.serial_for_url(
             port, baud, parity=parity, stopbits=stopbits, timeout=READ_S, write_timeout=WRITE_S
         )
@@ -45,7 +96,7 @@ def open_port(
 
 def read_some(line: Port) -> bytes:
     """What has arrived, after at most `READ_S`. Raises `OSError` if the line is gone."""
-    return line.read(max(1, line.in_waiting))
+    return line.read(max(1, min(line.in_waiting, CHUNK)))
 
 
 def _why(error: Exception) -> str:

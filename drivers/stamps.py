@@ -6,10 +6,12 @@ of network time protocols). The offset follows a fall at once and a rise by `DRI
 crystals that run apart stay together.
 """
 
+import math
 from collections import deque
 
 DRIFT = 5e-4  # far more than crystals differ, far less than a line's jitter
-LATE_FRAMES = 5
+INSTANT_S = 1e-6
+LATE_READS = 5
 
 
 class DeviceTime:
@@ -21,26 +23,26 @@ class DeviceTime:
     def __init__(self, latency_s: float = 0.0) -> None:
         self._latency_s = latency_s
         self._offset_s: float | None = None
-        self._last_s = 0.0
+        self._device_s = math.inf
+        self._last_s = -math.inf
 
     def stamp(self, device_s: float, arrival_s: float) -> float:
-        """Scan time; ascending as long as ``device_s`` is."""
+        """Scan time, not after the arrival; ascending as long as ``device_s`` is."""
         seen_s = arrival_s - device_s
         if self._offset_s is None:
             self._offset_s = seen_s
-        else:
-            step_s = max(device_s - self._last_s, 0.0)
-            risen_s = min(seen_s, self._offset_s + DRIFT * step_s)
-            self._offset_s = max(risen_s, self._offset_s - 0.5 * step_s)  # time never turns back
-        self._last_s = device_s
-        return device_s + self._offset_s - self._latency_s
+        step_s = max(device_s - self._device_s, 0.0)
+        self._offset_s = min(seen_s, self._offset_s + DRIFT * step_s)
+        self._device_s = device_s
+        self._last_s = max(device_s + self._offset_s - self._latency_s, self._last_s + INSTANT_S)
+        return self._last_s
 
 
 class FrameTime:
     """Scan time of frames that come at a fixed rate and carry no time.
 
     A frame known to be lost is told by ``skipped``; frames that vanished unseen show as a lateness
-    that none of `LATE_FRAMES` frames makes up for.
+    that none of `LATE_READS` reads makes up for.
     """
 
     def __init__(self, period_s: float, latency_s: float = 0.0) -> None:
@@ -48,17 +50,27 @@ class FrameTime:
         self._time = DeviceTime(latency_s)
         self._latency_s = latency_s
         self._index = 0
-        self._late: deque[float] = deque(maxlen=LATE_FRAMES)
+        self._arrival_s = -math.inf
+        self._late: deque[float] = deque(maxlen=LATE_READS)
 
     def stamp(self, arrival_s: float, skipped: int = 0) -> tuple[float, int]:
-        """Scan time of the next frame, and how many frames are missing right before it."""
-        self._index += 1 + skipped
+        """Scan time of the next frame, and how many frames are missing right before it.
+
+        Frames that were read together have the same ``arrival_s``.
+        """
+        missing = skipped
+        if arrival_s != self._arrival_s:
+            missing += self._unseen()
+            self._arrival_s = arrival_s
+            self._late.append(math.inf)
+        self._index += 1 + missing
         time_s = self._time.stamp(self._index * self._period_s, arrival_s)
-        self._late.append(arrival_s - self._latency_s - time_s)
-        behind_s = min(self._late)
-        if len(self._late) < LATE_FRAMES or behind_s < 0.75 * self._period_s:
-            return time_s, skipped
-        unseen = round(behind_s / self._period_s)
+        self._late[-1] = arrival_s - self._latency_s - time_s  # of the read's freshest frame
+        return time_s, missing
+
+    def _unseen(self) -> int:
+        behind_s = min(self._late, default=0.0)
+        if len(self._late) < LATE_READS or behind_s < 0.75 * self._period_s:
+            return 0
         self._late.clear()
-        self._index += unseen
-        return self._time.stamp(self._index * self._period_s, arrival_s), skipped + unseen
+        return round(behind_s / self._period_s)

@@ -1,0 +1,150 @@
+"""Robotiq FT-300(-S): its stream of 100 frames a second, or polled by Modbus RTU.
+
+A frame is 16 bytes: ``20 4E``, six little-endian int16 (forces in 0.01 N, torques in 0.001 Nm)
+and the Modbus CRC16 of all before it, low byte first. The stream starts when 0x0200 is written to
+register 410 and ends with fifty 0xFF.
+"""
+
+import struct
+import time
+from contextlib import suppress
+from typing import Literal
+
+from pymodbus.framer import FramerRTU
+
+from drivers.modbus import ModbusSource, Register, connect_rtu
+from drivers.ports import Port, open_port, read_some
+from drivers.protocols import Channel, Clock
+from drivers.reader import LineSensor, Sample
+from drivers.stamps import FrameTime
+
+BAUD = 19200
+DEVICE_ID = 9
+STREAM_HZ = 100.0
+POLL_HZ = 50.0
+HEADER = b"\x20\x4e"
+FRAME_BYTES = 16
+START = bytes.fromhex("0910019A0001020200CDCA")
+STOP = b"\xff" * 50
+FULL_SCALE_N, FULL_SCALE_NM = 300.0, 30.0
+AXES = ("fx", "fy", "fz", "mx", "my", "mz")
+SCALES = (0.01, 0.01, 0.01, 0.001, 0.001, 0.001)
+FIRST_REGISTER = 180
+Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
+
+
+class Frames:
+    """Cuts a byte stream into frames; what is not one is skipped and counted."""
+
+    def __init__(self) -> None:
+        self._buffer = b""
+        self._skipped = 0
+
+    def feed(self, data: bytes) -> list[tuple[tuple[int, ...], int]]:
+        """Whole frames as six counts, each with the bytes skipped right before it."""
+        self._buffer += data
+        found: list[tuple[tuple[int, ...], int]] = []
+        while True:
+            start = self._buffer.find(HEADER)
+            if start < 0:  # the last byte may be half a header
+                start = max(len(self._buffer) - 1, 0)
+            self._skipped += start
+            self._buffer = self._buffer[start:]
+            if len(self._buffer) < FRAME_BYTES:
+                return found
+            body, crc = self._buffer[:14], self._buffer[14:16]
+            if FramerRTU.compute_CRC(body).to_bytes(2, "big") != crc:
+                self._skipped += 1  # these two bytes were not a header: look on behind the first
+                self._buffer = self._buffer[1:]
+                continue
+            found.append((struct.unpack("<6h", body[2:]), self._skipped))
+            self._skipped = 0
+            self._buffer = self._buffer[FRAME_BYTES:]
+
+
+class StreamSource:
+    """The stream; see `drivers.reader.Source`."""
+
+    def __init__(
+        self, clock: Clock, name: str, port: str, normal: Normal, latency_s: float
+    ) -> None:
+        self._clock = clock
+        self._line: Port = open_port(name, port, BAUD)
+        self._normal = normal
+        self._frames = Frames()
+        self._time = FrameTime(1 / STREAM_HZ, latency_s)
+        try:
+            self._line.write(STOP)  # a stream left on by someone else deafens the sensor
+            time.sleep(0.05)
+            self._line.reset_input_buffer()
+            self._line.write(START)
+        except OSError:
+            self._line.close()
+            raise
+
+    def read(self) -> list[Sample]:
+        """The frames that have arrived."""
+        data = read_some(self._line)
+        now = self._clock.now()
+        samples = []
+        for counts, skipped in self._frames.feed(data):
+            time_s, lost = self._time.stamp(now, round(skipped / FRAME_BYTES))
+            samples.append(Sample(time_s, _channels(counts, self._normal), lost))
+        return samples
+
+    def close(self) -> None:
+        """End the stream and close the line."""
+        with suppress(OSError):  # unplugged: nothing to end
+            self._line.write(STOP)
+        self._line.close()
+
+
+def _channels(counts: tuple[int, ...], normal: Normal) -> list[float]:
+    values = [scale * count for scale, count in zip(SCALES, counts, strict=True)]
+    sign = 1.0 if normal[0] == "+" else -1.0
+    return [sign * values[AXES.index(normal[1:])], *values]
+
+
+def open_sensor(
+    clock: Clock,
+    *,
+    port: str,
+    mode: Literal["stream", "poll"] = "stream",
+    normal: Normal = "-fz",
+    latency_ms: float = 0.0,
+    name: str = "ft300",
+) -> LineSensor:
+    """An FT-300 at a serial ``port`` (a path, ``COM3`` or ``socket://host:port``).
+
+    The channel ``force`` is the normal force, positive when pressed: ``normal`` says which of the
+    sensor's axes that is, ``-fz`` for a probe on its face, pressing along the sensor's +z.
+    """
+    channels = (
+        Channel("force", "N", "force", full_scale=FULL_SCALE_N),
+        *(Channel(axis, "N", full_scale=FULL_SCALE_N) for axis in AXES[:3]),
+        *(Channel(axis, "Nm", full_scale=FULL_SCALE_NM) for axis in AXES[3:]),
+    )
+    if mode == "stream":
+        return LineSensor(
+            clock,
+            name,
+            channels,
+            STREAM_HZ,
+            lambda: StreamSource(clock, name, port, normal, 1e-3 * latency_ms),
+        )
+    address = {axis: FIRST_REGISTER + n for n, axis in enumerate(AXES)}
+    pressed = 0.01 if normal[0] == "+" else -0.01
+    registers = [Register(name="force", address=address[normal[1:]], unit="N", scale=pressed)] + [
+        Register(name=axis, address=address[axis], unit=channel.unit, scale=scale)
+        for axis, scale, channel in zip(AXES, SCALES, channels[1:], strict=True)
+    ]
+    return LineSensor(
+        clock,
+        name,
+        channels,
+        POLL_HZ,
+        lambda: ModbusSource(
+            clock, name, connect_rtu(port, BAUD, "N", 1, 0.1), registers, DEVICE_ID, "holding",
+            "big", 1 / POLL_HZ, 1e-3 * latency_ms,
+        ),
+    )  # fmt: skip

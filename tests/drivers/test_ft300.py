@@ -1,0 +1,171 @@
+"""The FT-300 driver against an emulated sensor: stream, polling, broken frames, lost lines."""
+
+import struct
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymodbus.framer import FramerRTU
+
+from drivers import DeviceAbsent, DeviceFault, WallClock
+from drivers.ft300 import Frames, open_sensor
+from drivers.reader import LineSensor
+from sim_backend import load_scene
+from sim_backend.emulators import ft300
+from sim_backend.emulators.serving import Served
+from sim_backend.phantom import Phantom, Respond
+
+PRESSED = (0.032, 0.0, -0.0025)
+
+
+@pytest.fixture
+def clock() -> WallClock:
+    return WallClock()
+
+
+@pytest.fixture
+def phantom(clock: WallClock, winkler: Respond) -> Phantom:
+    return Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.002))
+
+
+@pytest.fixture(params=["pty", "socket://127.0.0.1:0"])
+def device(phantom: Phantom, request: pytest.FixtureRequest) -> Iterator[Served]:
+    with ft300.emulate(phantom, at=request.param, noise_n=0.0) as served:
+        yield served
+
+
+@pytest.fixture(params=["stream", "poll"])
+def sensor(
+    device: Served, clock: WallClock, request: pytest.FixtureRequest
+) -> Iterator[LineSensor]:
+    made = open_sensor(clock, port=device.address, mode=request.param)
+    made.connect()
+    made.start()
+    yield made
+    made.close()
+
+
+def gather(sensor: LineSensor, seconds: float) -> tuple[np.ndarray, np.ndarray, int]:
+    times, values, lost = [], [], 0
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        block = sensor.read()
+        times.append(block.time_s)
+        values.append(block.values)
+        lost += block.lost
+        time.sleep(0.005)
+    return np.concatenate(times), np.concatenate(values), lost
+
+
+def test_force_is_what_the_phantom_gives_when_it_gives_it(
+    sensor: LineSensor, phantom: Phantom, clock: WallClock
+) -> None:
+    phantom.tip.move(clock.now() + 0.1, PRESSED, 0.02, 1.0)
+    times, values, lost = gather(sensor, 0.7)
+    assert lost <= 1
+    assert len(times) >= 0.65 * sensor.rate_hz
+    assert (np.diff(times) > 0).all()
+    force = values[:, 0]
+    np.testing.assert_array_equal(force, -values[:, 3])
+    # the slope is 10 N/s: 0.1 N is 10 ms of a wrong time, plus the 0.01 N step
+    np.testing.assert_allclose(force, phantom.force_n(times), atol=0.13)
+    assert force[-1] == pytest.approx(phantom.force_n(times[-1:])[0], abs=0.011)
+
+
+def test_tare_and_saturation(
+    sensor: LineSensor, device: Served, phantom: Phantom, clock: WallClock
+) -> None:
+    phantom.tip.record(clock.now(), PRESSED)
+    gather(sensor, 0.3)
+    sensor.tare()
+    _, values, _ = gather(sensor, 0.2)
+    assert np.abs(values[:, 0]).max() < 0.05
+    device.fail("saturate")
+    time.sleep(0.1)
+    gather(sensor, 0.1)
+    time.sleep(0.1)
+    assert sensor.read().saturated[:, 0].all()
+
+
+def test_unplugged_and_plugged_in_again(sensor: LineSensor, device: Served) -> None:
+    device.fail("drop")
+    with pytest.raises(DeviceFault):
+        gather(sensor, 3.0)
+    sensor.close()
+    with pytest.raises(DeviceFault, match=r"not connected|lost|failed"):
+        sensor.read()
+    if device.address.startswith("/dev/pts"):
+        return  # a pty without a link comes back under another name
+    device.fail(None)
+    time.sleep(0.05)
+    sensor.connect()
+    sensor.start()
+    times, _, _ = gather(sensor, 0.3)
+    assert len(times) > 5
+
+
+@pytest.mark.parametrize("fault", ["silence", "garbage", "bad crc"])
+def test_a_bad_line_gives_no_number(sensor: LineSensor, device: Served, fault: str) -> None:
+    gather(sensor, 0.1)
+    device.fail(fault)
+    time.sleep(0.1)
+    while len(sensor.read().time_s):
+        pass
+    try:
+        times, _, _ = gather(sensor, 0.3)
+    except DeviceFault:
+        return  # polling says so itself; a silent stream is the guards' business
+    assert len(times) == 0
+
+
+def test_the_stream_comes_back_and_counts_what_was_lost(device: Served, clock: WallClock) -> None:
+    made = open_sensor(clock, port=device.address)
+    made.connect()
+    made.start()
+    before, _, _ = gather(made, 0.2)
+    device.fail("bad crc")
+    time.sleep(0.2)
+    device.fail(None)
+    after, _, lost = gather(made, 0.4)
+    made.close()
+    times = np.concatenate([before, after])
+    assert 15 <= lost <= 25
+    gap = float(np.diff(times).max())
+    assert gap == pytest.approx(0.01 * (lost + 1), abs=0.012)
+
+
+def test_silence_at_connection_is_absence(device: Served, clock: WallClock) -> None:
+    device.fail("silence")
+    with pytest.raises(DeviceAbsent, match=r"no reading within 1 s|polls in a row"):
+        open_sensor(clock, port=device.address).connect()
+
+
+def frame(counts: tuple[int, ...]) -> bytes:
+    body = b"\x20\x4e" + struct.pack("<6h", *counts)
+    return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
+
+
+Counts = st.tuples(*[st.integers(-32768, 32767)] * 6)
+
+
+@given(st.lists(Counts, max_size=8), st.integers(1, 40), st.binary(max_size=20))
+def test_frames_are_found_however_they_are_cut(
+    sent: list[tuple[int, ...]], piece: int, before: bytes
+) -> None:
+    data = before + b"".join(frame(c) for c in sent) + frame((0,) * 6)
+    cutter = Frames()
+    found = [f for k in range(0, len(data), piece) for f in cutter.feed(data[k : k + piece])]
+    assert [counts for counts, _ in found][-len(sent) - 1 :] == [*sent, (0,) * 6]
+    assert sum(skipped for _, skipped in found) == len(before)
+
+
+@given(st.lists(Counts, min_size=3, max_size=3), st.integers(0, 15), st.integers(1, 255))
+def test_one_wrong_byte_costs_one_frame(sent: list[tuple[int, ...]], place: int, flip: int) -> None:
+    first, spoilt, last = (bytearray(frame(c)) for c in sent)
+    spoilt[place] ^= flip
+    found = Frames().feed(bytes(first + spoilt + last))
+    values = [counts for counts, _ in found]
+    assert values == [sent[0], sent[2]]
