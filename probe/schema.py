@@ -10,7 +10,7 @@ from probe.rows import FIRST, Row, RunFileError, link
 
 APPLICATION_ID = 0x50414C50  # "PALP"
 VERSION = 2
-BUSY_S = 5.0
+BUSY_S = 1.5
 
 _EVENT = """CREATE TABLE event (
     id INTEGER PRIMARY KEY,

@@ -24,7 +24,7 @@ from probe.schema import BUSY_S, VERSION, create, migrate, version_of
 COMMIT_S = 0.05
 OLD_S = 0.15  # when an event waits this long, whoever tells more waits up to `YIELD_S`
 YIELD_S = 0.02
-LATE_S = 5.0  # a disk that keeps the scan waiting longer has failed
+LATE_S = 2.0  # a disk that keeps the scan waiting longer has failed
 # File systems whose shared memory other machines do not see: a write-ahead log breaks on them.
 NETWORK = ("nfs", "cifs", "smb", "9p", "afs", "fuse.sshfs", "davfs", "glusterfs", "lustre", "ceph")
 COLUMNS = "kind, body, times, readings, saturated"
@@ -40,11 +40,13 @@ class StoreError(RuntimeError):
 class Store:
     """A sink of the scan's events; made by `create_store` or `reopen_store`.
 
-    ``slowest_s`` is the longest time that an event has waited to be committed.
+    ``committed`` counts the events that are safe; ``slowest_s`` is the longest that one has waited
+    for that.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, lock: int) -> None:
         self.path = path
+        self.committed = 0
         self.slowest_s = 0.0
         self._connection = connection
         self._lock = lock
@@ -54,7 +56,7 @@ class Store:
         (self._last_s,) = connection.execute("SELECT max(time_s) FROM event").fetchone()
         self._channels = _channels(connection)
         self._waiting: deque[tuple[float, Event]] = deque()
-        self._told = self._written = 0
+        self._told = 0
         self._closing = self._hurry = False
         self._error: str | None = None
         self._change = threading.Condition()
@@ -86,7 +88,7 @@ class Store:
             wanted, self._hurry = self._told, True
             self._change.notify_all()
             in_time = self._change.wait_for(
-                lambda: self._error is not None or self._written >= wanted, timeout=LATE_S
+                lambda: self._error is not None or self.committed >= wanted, timeout=LATE_S
             )
             self._hurry = False
             self._fail()
@@ -94,16 +96,14 @@ class Store:
             raise StoreError(f"{self.path}: the disk has not taken anything for {LATE_S:g} s")
 
     def close(self) -> None:
-        """Commit what waits and release the file. Idempotent, never raises."""
+        """Commit what waits and release the file. Idempotent, never raises.
+
+        A disk that hangs is left to hang: the file is released when it comes back.
+        """
         with self._change:
-            if self._closing:
-                return
             self._closing = True
             self._change.notify_all()
-        self._thread.join(timeout=2 * LATE_S)
-        if not self._thread.is_alive():
-            self._connection.close()
-            os.close(self._lock)
+        self._thread.join(timeout=LATE_S)
 
     def __enter__(self) -> Self:
         return self
@@ -130,28 +130,36 @@ class Store:
             )
 
     def _run(self) -> None:
-        """The writing thread."""
-        while True:
+        """The writing thread; it alone uses the connection, and closes it."""
+        try:
+            while self._wait():
+                self._commit_waiting()
+        except (sqlite3.Error, OSError, ValueError) as error:
             with self._change:
-                self._change.wait_for(lambda: self._waiting or self._closing)
-                if not self._waiting:
-                    return
-                self._change.wait_for(self._must_commit, timeout=COMMIT_S)
-                batch = [self._waiting[n] for n in range(min(len(self._waiting), ROWS))]
-            try:
-                self._commit([event for _, event in batch])
-            except (sqlite3.Error, OSError, ValueError) as error:
-                with self._change:
-                    self._error = f"{self.path}: {_explain(error)}"
-                    self._waiting.clear()
-                    self._change.notify_all()
-                return
-            with self._change:
-                for _ in batch:
-                    self._waiting.popleft()
-                self.slowest_s = max(self.slowest_s, time.monotonic() - batch[0][0])
-                self._written += len(batch)
+                self._error = f"{self.path}: {_explain(error)}"
+                self._waiting.clear()
                 self._change.notify_all()
+        finally:
+            self._connection.close()
+            os.close(self._lock)
+
+    def _wait(self) -> bool:
+        """Wait for enough events, or for the first to be `COMMIT_S` old; False at the end."""
+        with self._change:
+            self._change.wait_for(lambda: self._waiting or self._closing)
+            self._change.wait_for(self._must_commit, timeout=COMMIT_S)
+            return bool(self._waiting)
+
+    def _commit_waiting(self) -> None:
+        with self._change:
+            batch = [self._waiting[n] for n in range(min(len(self._waiting), ROWS))]
+        self._commit([event for _, event in batch])
+        with self._change:
+            for _ in batch:
+                self._waiting.popleft()
+            self.slowest_s = max(self.slowest_s, time.monotonic() - batch[0][0])
+            self.committed += len(batch)
+            self._change.notify_all()
 
     def _must_commit(self) -> bool:
         return self._hurry or self._closing or len(self._waiting) >= ROWS
