@@ -12,6 +12,7 @@ from typing import Annotated, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 MAX_FILE_BYTES = 1_000_000
+WAVES = ("paper", "brachial")
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Poisson = Annotated[float, Field(ge=0, lt=0.5)]
 
@@ -227,7 +228,10 @@ def scene_names() -> list[str]:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """A built-in scene by name, or a scene file. Raises `SceneError`."""
+    """A built-in scene by name, or a scene file. Raises `SceneError`.
+
+    A wave file is looked for beside the scene file; the scene holds its full path.
+    """
     path = Path(name_or_path)
     if str(name_or_path) in scene_names():
         text = (resources.files("sim_backend") / "scenes" / f"{name_or_path}.toml").read_text()
@@ -239,9 +243,13 @@ def load_scene(name_or_path: str | Path) -> Scene:
     if path.stat().st_size > MAX_FILE_BYTES:
         raise SceneError(f"{path}: larger than {MAX_FILE_BYTES} bytes; not a scene file")
     try:
-        return scene_from_text(path.read_text(encoding="utf-8"), str(path))
+        scene = scene_from_text(path.read_text(encoding="utf-8"), str(path))
     except UnicodeDecodeError as error:
         raise SceneError(f"{path}: not UTF-8 text ({error.reason})") from None
+    if scene.pulse.wave in WAVES:
+        return scene
+    wave = str((path.parent / scene.pulse.wave).resolve())
+    return scene.model_copy(update={"pulse": scene.pulse.model_copy(update={"wave": wave})})
 
 
 def scene_from_text(text: str, source: str) -> Scene:

@@ -1,0 +1,69 @@
+"""Scene files of a user's own, with a wave file beside them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_backend.scene import load_scene
+from sim_backend.waves import PA_PER_MMHG, load_wave
+
+SCENE = """
+name = "mine"
+[tissue]
+width_mm = 64.0
+height_mm = 16.83
+modulus_kpa = 50.0
+poisson = 0.49
+[[inclusion]]
+kind = "artery"
+x_mm = 32.0
+depth_mm = 12.66
+inner_diameter_mm = 3.76
+wall_mm = 1.0
+modulus_kpa = 400.0
+poisson = 0.49
+[pulse]
+wave = "wave.csv"
+"""
+WAVE = "time_s,pressure_mmhg\n0,70\n0.2,130\n0.5,90\n0.8,70\n"
+
+
+@pytest.mark.usefixtures("springs")
+def test_a_wave_file_lies_beside_its_scene(
+    palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Wherever the command is called from, also by a dry run and by a scan."""
+    (tmp_path / "files").mkdir()
+    scene = tmp_path / "files" / "mine.toml"
+    scene.write_text(SCENE)
+    (tmp_path / "files" / "wave.csv").write_text(WAVE)
+    monkeypatch.chdir(tmp_path)
+    for more in (["--dry-run"], []):
+        outcome = palpate("scan", "--scene", "files/mine.toml", *more, "--out", "runs")
+        assert outcome.status == 0, outcome.err
+
+
+def test_the_wave_of_a_loaded_scene_can_be_read_from_anywhere(tmp_path: Path) -> None:
+    scene = tmp_path / "mine.toml"
+    scene.write_text(SCENE)
+    (tmp_path / "wave.csv").write_text(WAVE)
+    wave = load_wave(load_scene(scene).pulse)
+    phase = np.linspace(0, 1, 81)
+    pressure = wave.pressure_pa(phase * wave.period_s)
+    assert pressure.max() == pytest.approx(120 * PA_PER_MMHG, rel=0.01)
+    assert phase[pressure.argmax()] == pytest.approx(0.2 / 0.8)
+
+
+def test_scenes_prints_a_file_to_start_from(palpate, tmp_path: Path) -> None:
+    printed = palpate("scenes", "TISA")
+    assert printed.status == 0
+    scene = tmp_path / "mine.toml"
+    scene.write_text(printed.out)
+    assert load_scene(scene) == load_scene("TISA")
+
+
+def test_scenes_lists_all(palpate) -> None:
+    listed = palpate("scenes", "--json").json["scenes"]
+    assert sorted(listed) == ["HAOT", "SAOT", "TI", "TIHA", "TISA", "TIT"]
+    assert "stenosis" in listed["TISA"]
