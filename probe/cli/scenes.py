@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from probe.cli.say import Json, answer, answer_json, plain
+from probe.cli.say import Json, answer, answer_json, plain, tell
 from probe.cli.windows import need_windows
 
 
@@ -31,6 +31,10 @@ def press(
     model: Annotated[
         str | None, typer.Option(metavar="NAME", help="Model of the solid; chosen if not given.")
     ] = None,
+    deck: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.inp", help="Write it as an Abaqus or CalculiX deck too."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Press once into a scene and print force, stress and contact."""
@@ -41,6 +45,11 @@ def press(
     pressed = press_once(
         load_scene(scene), x, depth, tuple(pressure or ()), accuracy_pct=accuracy, **chosen
     )
+    if deck is not None:
+        from sim_backend.fem.deck import write_deck
+
+        write_deck(pressed.scene, x, depth, pressure or (0.0,), deck)
+        tell(f"deck: {deck}")
     told: dict[str, Any] = plain(pressed.as_json())
     if json:
         answer_json(told)
