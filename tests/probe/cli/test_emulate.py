@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+from itertools import takewhile
 from pathlib import Path
 
 import pytest
@@ -27,7 +28,7 @@ def test_serves_until_terminated_and_fails_on_command(tmp_path: Path) -> None:
         assert port.is_char_device()
         process.stdin.write("ft300 silence\nft300 nonsense\nft300 ok\n")
         process.stdin.flush()
-        said = [line for line in iter(process.stderr.readline, "ft300: ok\n")]
+        said = list(takewhile(lambda line: line != "ft300: ok\n", process.stderr))
         process.send_signal(signal.SIGTERM)
         process.wait(timeout=20)
     assert "ft300: silence\n" in said
