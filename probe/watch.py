@@ -5,6 +5,7 @@ it acts also while the engine is blocked, and a stage that hangs does not hide t
 simulated clock the engine calls `Watch.step` itself, at most two sensor samples apart.
 """
 
+import math
 import sys
 import threading
 import time
@@ -60,6 +61,7 @@ class Watch:
         self._blocks: dict[str, deque[Block]] = {s.name: deque() for s in sensors}
         self._poses: deque[tuple[float, float, float, float]] = deque()
         self._seen_s: dict[str, float] = {}
+        self._posed_s = -math.inf
         self._engine_s = time.monotonic()
         self._stage_lock = threading.Lock()
         self._sensor_lock = threading.Lock()
@@ -206,7 +208,9 @@ class Watch:
             return
         now = self._clock.now()
         self._seen_s[STAGE] = now
-        self._poses.append((now, pose.x, pose.y, pose.z))
+        if now > self._posed_s:  # a clock that was set back says nothing of when
+            self._posed_s = now
+            self._poses.append((now, pose.x, pose.y, pose.z))
         if (why := self._pose_guard.check(pose, now)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1])
 
