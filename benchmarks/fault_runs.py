@@ -40,7 +40,7 @@ from probe.events import (
 from probe.guards import POSE_SLACK_M
 from probe.resume import resume, unfinished
 from probe.rig import Rig
-from probe.run import open_run
+from probe.run import NotBegun, open_run
 from probe.store import Store, create_store
 from probe.verify import verify
 from sim_backend.faults import SENSOR_FAULTS, STAGE_FAULTS, FaultySensor, FaultyStage
@@ -125,11 +125,18 @@ def run_one(seed: int, kind: str) -> Outcome:
     with suppress(ArithmeticError):  # physics fails: re-raised after the stop
         struck.scan(WallClock() if real_time else SimulatedClock())
     wrong = struck.check()
-    complete = verify(path).stations_complete
-    finish = open_run(path).finish or "broken off"
-    wrong += check_file(path, struck.told, struck.committed)
+    finish, complete = "not begun", 0
     altered = kind in ("hard lump", "surface higher", "pause storm") or real_time
-    wrong += check_resumed(path, unchanged_s=0.0 if altered else at_s, compare=kind != "hard lump")
+    try:
+        finish = open_run(path).finish or "broken off"
+        complete = verify(path).stations_complete
+        wrong += check_file(path, struck.told, struck.committed)
+        wrong += check_resumed(
+            path, unchanged_s=0.0 if altered else at_s, compare=kind != "hard lump"
+        )
+    except NotBegun:
+        if struck.committed:
+            wrong.append("what was committed is gone")
     for file in path.parent.iterdir():
         file.unlink()
     path.parent.rmdir()
