@@ -1,0 +1,68 @@
+"""The main job on the paper's six scenes, finite elements included: what is found, and where."""
+
+import json
+import subprocess
+import sys
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+PALPATE = (sys.executable, "-m", "probe.cli")
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("six-scenes")
+
+
+@cache
+def scanned(scene: str, folder: Path) -> dict[str, Any]:
+    """What ``palpate scan --json`` says; scanned once."""
+    command = [*PALPATE, "scan", "--scene", scene, "--seed", "1", "--out", str(folder), "--json"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    told: dict[str, Any] = json.loads(done.stdout)
+    return told
+
+
+@pytest.mark.parametrize(
+    ("scene", "finding"),
+    [("TI", "nothing"), ("TIT", "tumour"), ("TIHA", "artery"), ("TISA", "stenotic artery")],
+)
+def test_finding_and_place(scene: str, finding: str, folder: Path) -> None:
+    told = scanned(scene, folder)
+    assert told["finding"] == finding
+    assert told["finish"] == "completed"
+    assert len(told["stations"]) == 15
+    if finding == "nothing":
+        assert told["objects"] == []
+        return
+    (found,) = told["objects"]
+    assert found["kind"] == finding
+    assert found["position_mm"] == pytest.approx(32, abs=0.5)
+    low, high = found["position_ci_mm"]
+    assert low < found["position_mm"] < high
+
+
+def test_the_stenotic_pulse_is_much_weaker(folder: Path) -> None:
+    """By the paper 22.6 Pa at 32 mm; ours between 5 and 45, a quarter of the healthy one's."""
+    healthy, stenotic = (
+        next(s["pulse_pa"] for s in scanned(scene, folder)["stations"] if abs(s["x_mm"] - 32) < 1)
+        for scene in ("TIHA", "TISA")
+    )
+    assert 5 <= stenotic <= 45
+    assert healthy >= 4 * stenotic
+
+
+def test_of_two_lone_arteries_the_stenotic_one_is_named(folder: Path) -> None:
+    runs = [scanned(scene, folder)["run"] for scene in ("HAOT", "SAOT")]
+    done = subprocess.run(
+        [*PALPATE, "compare", *runs, "--json"], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    compared = json.loads(done.stdout)
+    assert compared["diseased"] == "B"
+    assert compared["confidence"] > 0.9
