@@ -10,7 +10,7 @@ from pydantic_core import from_json
 
 from probe.plan import Plan
 from probe.rig import Rig
-from sim_backend.scene import Scene
+from sim_backend.scene import WAVES, Scene
 
 MAX_CONTENT_BYTES = 4 * 1024**2
 LIBRARIES = ("palpate", "numpy", "scipy")
@@ -24,7 +24,10 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
     face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
     return {
         "rig": rig.model_dump(mode="json"),
-        "scene": None if scene is None else _scene(rig, scene),
+        "scene": None if scene is None else scene.model_dump(mode="json"),
+        "wave": None
+        if scene is None or scene.pulse.wave in WAVES
+        else _file(Path(scene.pulse.wave)),
         "plan": {
             "stations": [[p.index, 1e3 * p.x_m, 1e3 * p.y_m] for p in plan.places],
             "columns": ["index", "x_mm", "y_mm"],
@@ -44,16 +47,6 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
 def library_versions() -> dict[str, str]:
     """What computed the numbers."""
     return {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()}
-
-
-def _scene(rig: Rig, scene: Scene) -> dict[str, Any]:
-    """The scene, with a wave file by its full path: a run must not depend on where it is read."""
-    dumped = scene.model_dump(mode="json")
-    wave = dumped["pulse"]["wave"]
-    folder = Path() if rig.scene is None else Path(rig.scene.name).parent
-    if (folder / wave).is_file():
-        dumped["pulse"]["wave"] = str((folder / wave).resolve())
-    return dumped
 
 
 def _file(path: Path) -> dict[str, Any]:

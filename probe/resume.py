@@ -6,7 +6,7 @@ stored time, so that times stay unique within a run.
 """
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -37,7 +37,8 @@ NOISE_STEP = 7919  # a resumed scan's simulated noise must not repeat that of th
 class Unfinished:
     """What a run still needs: all as stored in it.
 
-    ``attempts`` counts the presses begun at each station; ``start_s`` is where its clock goes on.
+    ``attempts`` counts the presses begun at each station; ``start_s`` is where its clock goes on;
+    ``files`` are the calibrations and the wave that it was scanned with.
     """
 
     path: Path
@@ -47,7 +48,7 @@ class Unfinished:
     completed: frozenset[int]
     attempts: dict[int, int]
     start_s: float
-    calibration: Any
+    files: tuple[Any, Any]
 
     @property
     def missing(self) -> tuple[int, ...]:
@@ -91,7 +92,7 @@ def unfinished(path: str | Path) -> Unfinished:
         frozenset(completed),
         dict(attempts),
         last_s + PAUSE_S,
-        run.config.get("calibration"),
+        _files(run.config),
     )
 
 
@@ -107,17 +108,17 @@ def resume(
 ) -> Scanned:
     """Scan the stations that a run lacks, with the rig, scene and plan stored in it.
 
-    Raises `RunFileError` if there is nothing to do or a calibration has changed since, and as
+    Raises `RunFileError` if there is nothing to do or a file has changed since, and as
     `probe.session.scan`.
     """
     left = unfinished(path)
     if not left.missing and open_run(path).finish is Finish.COMPLETED:
         raise RunFileError(f"{left.path}: all {len(left.completed)} stations are complete")
     config = run_config(left.rig, left.scene, left.rig.plan, left.seed)
-    if config["calibration"] != left.calibration:
+    if _files(config) != left.files:
         raise RunFileError(
-            f"{left.path}: a calibration file has changed since the scan began; restore it, or "
-            "begin a new run"
+            f"{left.path}: a calibration or wave file has changed since the scan began; restore "
+            "it, or begin a new run"
         )
     clock = _clock(left, real_time=real_time)
     control = control or Control()
@@ -148,3 +149,7 @@ def resume(
 def _clock(left: Unfinished, *, real_time: bool) -> Clock:
     kind = type(clock_for(left.rig, real_time=real_time))
     return SimulatedClock(left.start_s) if kind is SimulatedClock else WallClock(left.start_s)
+
+
+def _files(config: Mapping[str, Any]) -> tuple[Any, Any]:
+    return config.get("calibration"), config.get("wave")

@@ -160,7 +160,7 @@ def test_another_calibration_is_another_run(tmp_path: Path, winkler: Any) -> Non
     path = scan(rig, "TIHA", tmp_path, control=control, respond=winkler).path
     assert open_run(path).config["calibration"]["force"]["content"] == {"gain": 1.0}
     calibration.write_text('{"gain": 1.1}')
-    with pytest.raises(RunFileError, match="calibration file has changed"):
+    with pytest.raises(RunFileError, match="calibration or wave file has changed"):
         resume(path, respond=winkler)
     calibration.write_text('{"gain": 1.0}')
     assert resume(path, respond=winkler).ended.finish is Finish.COMPLETED
