@@ -20,6 +20,7 @@ from drivers.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.ports import SOCKET, tcp_address
 from drivers.protocols import Channel, Clock
 from drivers.reader import LineSensor, Sample
+from drivers.units import to_si
 
 MAX_REGISTERS = 125
 MAX_FAILED = 3
@@ -29,7 +30,10 @@ Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
 class Register(BaseModel):
-    """One channel: ``unit`` = ``scale`` x the register's number."""
+    """One channel: ``scale`` x the register's number is in ``unit``, and stored in SI.
+
+    ``full_scale`` is in ``unit`` too.
+    """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     name: str
@@ -126,7 +130,7 @@ class ModbusSource:
             word_order=self._word_order,
         )
         assert isinstance(number, int | float)
-        return register.scale * number
+        return register.scale * to_si(register.unit)[1] * number
 
     def _recover(self, why: str) -> None:
         """Let a late reply pass, then start afresh."""
@@ -137,6 +141,12 @@ class ModbusSource:
         time.sleep(0.05)
         if not self._client.connect():
             raise DeviceFault(self._name, f"connection lost ({why})")
+
+
+def _channel(register: Register) -> Channel:
+    unit, factor = to_si(register.unit)
+    full = None if register.full_scale is None else factor * register.full_scale
+    return Channel(register.name, unit, register.role, full_scale=full)
 
 
 def _close(client: Client) -> None:
@@ -189,7 +199,7 @@ def open_sensor(
         )
     if not rate_hz > 0 or not timeout_ms > 0:
         raise ConfigError(f"rate_hz = {rate_hz:g}, timeout_ms = {timeout_ms:g}: must be above 0")
-    channels = tuple(Channel(r.name, r.unit, r.role, full_scale=r.full_scale) for r in register)
+    channels = tuple(_channel(r) for r in register)
 
     def open_source() -> ModbusSource:
         timeout_s = 1e-3 * timeout_ms

@@ -10,8 +10,12 @@ import math
 from collections import deque
 
 DRIFT = 5e-4  # far more than crystals differ, far less than a line's jitter
+FRAME_DRIFT = 2e-3  # while a device's period is still being learnt
 INSTANT_S = 1e-6
 LATE_READS = 5
+PERIOD_SLACK = 0.03
+WINDOW_FRAMES = 10
+WINDOWS = 80
 
 
 class DeviceTime:
@@ -20,19 +24,21 @@ class DeviceTime:
     ``latency_s`` is what passes between the touch and the earliest possible arrival.
     """
 
-    def __init__(self, latency_s: float = 0.0) -> None:
+    def __init__(self, latency_s: float = 0.0, drift: float = DRIFT) -> None:
         self._latency_s = latency_s
-        self._offset_s: float | None = None
+        self._drift = drift
+        self._offset_s = 0.0
         self._device_s = math.inf
         self._last_s = -math.inf
 
     def stamp(self, device_s: float, arrival_s: float) -> float:
         """Scan time, not after the arrival; ascending as long as ``device_s`` is."""
         seen_s = arrival_s - device_s
-        if self._offset_s is None:
+        if device_s < self._device_s:  # the first sample, or a device that started anew
             self._offset_s = seen_s
-        step_s = max(device_s - self._device_s, 0.0)
-        self._offset_s = min(seen_s, self._offset_s + DRIFT * step_s)
+        else:
+            risen_s = self._offset_s + self._drift * (device_s - self._device_s)
+            self._offset_s = min(seen_s, risen_s)
         self._device_s = device_s
         self._last_s = max(device_s + self._offset_s - self._latency_s, self._last_s + INSTANT_S)
         return self._last_s
@@ -41,17 +47,21 @@ class DeviceTime:
 class FrameTime:
     """Scan time of frames that come at a fixed rate and carry no time.
 
-    A frame known to be lost is told by ``skipped``; frames that vanished unseen show as a lateness
+    Their true period, within `PERIOD_SLACK` of the nominal one, is learnt from the arrivals. A
+    frame known to be lost is told by ``skipped``; frames that vanished unseen show as a lateness
     that none of `LATE_READS` reads makes up for.
     """
 
     def __init__(self, period_s: float, latency_s: float = 0.0) -> None:
-        self._period_s = period_s
-        self._time = DeviceTime(latency_s)
+        self._nominal_s = self._period_s = period_s
+        self._time = DeviceTime(latency_s, FRAME_DRIFT)
         self._latency_s = latency_s
         self._index = 0
+        self._device_s = 0.0
         self._arrival_s = -math.inf
         self._late: deque[float] = deque(maxlen=LATE_READS)
+        self._least_s = math.inf
+        self._earliest: deque[tuple[int, float]] = deque(maxlen=WINDOWS)
 
     def stamp(self, arrival_s: float, skipped: int = 0) -> tuple[float, int]:
         """Scan time of the next frame, and how many frames are missing right before it.
@@ -64,8 +74,10 @@ class FrameTime:
             self._arrival_s = arrival_s
             self._late.append(math.inf)
         self._index += 1 + missing
-        time_s = self._time.stamp(self._index * self._period_s, arrival_s)
+        self._device_s += (1 + missing) * self._period_s
+        time_s = self._time.stamp(self._device_s, arrival_s)
         self._late[-1] = arrival_s - self._latency_s - time_s  # of the read's freshest frame
+        self._learn(arrival_s)
         return time_s, missing
 
     def _unseen(self) -> int:
@@ -74,3 +86,17 @@ class FrameTime:
             return 0
         self._late.clear()
         return round(behind_s / self._period_s)
+
+    def _learn(self, arrival_s: float) -> None:
+        """The slope of the earliest arrivals of each window is the period's error."""
+        self._least_s = min(self._least_s, arrival_s - self._index * self._nominal_s)
+        first = self._earliest[-1][0] if self._earliest else 0
+        if self._index - first < WINDOW_FRAMES:
+            return
+        self._earliest.append((self._index, self._least_s))
+        self._least_s = math.inf
+        (a, then_s), (b, now_s) = self._earliest[0], self._earliest[-1]
+        if b > a:
+            slack_s = PERIOD_SLACK * self._nominal_s
+            slope_s = (now_s - then_s) / (b - a)
+            self._period_s = self._nominal_s + min(max(slope_s, -slack_s), slack_s)

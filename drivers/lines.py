@@ -1,0 +1,169 @@
+r"""Sensors that print lines of text on a serial port or a socket: load cells, force gauges.
+
+There is no standard, so the rig file gives a pattern (a regular expression with one named group
+per channel) and units. A group ``time`` is the device's own clock. Lines that do not match are
+counted as lost.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from drivers.errors import ConfigError
+from drivers.ports import open_port, read_some
+from drivers.protocols import Channel, Clock
+from drivers.reader import LineSensor, Sample
+from drivers.stamps import INSTANT_S, DeviceTime
+from drivers.units import to_si
+
+LINE_MAX = 1024
+GAP = 1.5  # periods of device time between two lines: one is missing
+TIME = "time"
+Role = Literal["force", "pressure", "taxel", "reference", "other"]
+
+
+class TextChannel(BaseModel):
+    """A named group of the pattern: ``scale`` x the number is in ``unit``, stored in SI."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    name: Annotated[str, Field(pattern="^[A-Za-z_][A-Za-z0-9_]*$")]
+    unit: str
+    role: Role = "other"
+    scale: float = 1.0
+    full_scale: float | None = None
+
+
+class LineSource:
+    """An open line; see `drivers.reader.Source`."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        name: str,
+        port: str,
+        baud: int,
+        pattern: re.Pattern[bytes],
+        channels: Sequence[TextChannel],
+        ask: bytes,
+        period_s: float,
+        time_unit_s: float,
+        latency_s: float,
+    ) -> None:
+        self._clock = clock
+        self._line = open_port(name, port, baud)
+        self._pattern = pattern
+        self._factors = [(c.name, c.scale * to_si(c.unit)[1]) for c in channels]
+        self._timed = TIME in pattern.groupindex
+        self._ask = ask
+        self._ask_s = -math.inf
+        self._period_s = period_s
+        self._time_unit_s = time_unit_s
+        self._latency_s = latency_s
+        self._device = DeviceTime(latency_s)
+        self._device_s: float | None = None
+        self._last_s = -math.inf
+        self._partial = b""
+        self._started = False  # the first line is half a line
+        self._lost = 0
+
+    def read(self) -> list[Sample]:
+        """The whole lines that have arrived."""
+        now = self._clock.now()
+        if self._ask and now - self._ask_s >= self._period_s:
+            self._ask_s = now
+            self._line.write(self._ask)
+        data = read_some(self._line)
+        arrival_s = self._clock.now()
+        *lines, self._partial = re.split(rb"[\r\n]+", self._partial + data)
+        if len(self._partial) > LINE_MAX:
+            self._partial, self._lost = b"", self._lost + 1
+        if lines and not self._started and not self._ask:
+            self._started, lines = True, lines[1:]
+        return [s for line in lines if line and (s := self._sample(line, arrival_s)) is not None]
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _sample(self, line: bytes, arrival_s: float) -> Sample | None:
+        numbers = self._numbers(line)
+        if numbers is None:
+            self._lost += 1
+            return None
+        values, device_s = numbers
+        lost, self._lost = self._lost, 0
+        if device_s is None:
+            time_s = max(arrival_s - self._latency_s, self._last_s + INSTANT_S)
+        else:
+            time_s = self._device.stamp(device_s, arrival_s)
+            if self._device_s is not None and device_s - self._device_s > GAP * self._period_s:
+                lost = max(lost, round((device_s - self._device_s) / self._period_s) - 1)
+            self._device_s = device_s
+        self._last_s = time_s
+        return Sample(time_s, values, lost)
+
+    def _numbers(self, line: bytes) -> tuple[list[float], float | None] | None:
+        """The channels' values and the device's time, or None if the line is not one."""
+        found = self._pattern.fullmatch(line.strip())
+        if found is None:
+            return None
+        try:
+            values = [factor * float(found[name]) for name, factor in self._factors]
+            time_s = self._time_unit_s * float(found[TIME]) if self._timed else 0.0
+        except (TypeError, ValueError):  # an optional group left out, or one that is no number
+            return None
+        if not all(math.isfinite(v) for v in (*values, time_s)):
+            return None
+        return values, time_s if self._timed else None
+
+
+def open_sensor(
+    clock: Clock,
+    *,
+    port: str,
+    pattern: str,
+    channel: list[TextChannel],
+    rate_hz: float,
+    baud: int = 9600,
+    ask: str = "",
+    time_unit_s: float = 1.0,
+    latency_ms: float = 0.0,
+    name: str = "lines",
+) -> LineSensor:
+    r"""A sensor that prints lines at ``port`` (a path, ``COM3`` or ``socket://host:port``).
+
+    ``pattern`` must match a whole line, ends stripped; a float is ``[-+0-9.eE]+``. ``ask`` is sent
+    before every reading if the device speaks only when asked (``"?\r"``). ``rate_hz``: how often
+    lines come; without a group ``time`` a line counts as taken when it arrived, less
+    ``latency_ms``. Raises `ConfigError`.
+    """
+    try:
+        compiled = re.compile(pattern.encode())
+    except re.error as error:
+        raise ConfigError(f"pattern = {pattern!r}: {error}") from None
+    groups = sorted(set(compiled.groupindex) - {TIME})
+    if not channel or sorted(c.name for c in channel) != groups:
+        raise ConfigError(
+            f"pattern = {pattern!r}: has groups {groups}; there must be one [[sensor.channel]] "
+            "with the same name for each, and at least one"
+        )
+    for key, value in (("rate_hz", rate_hz), ("time_unit_s", time_unit_s), ("baud", baud)):
+        if not (math.isfinite(value) and value > 0):
+            raise ConfigError(f"{key} = {value:g}: must be above 0")
+
+    def open_source() -> LineSource:
+        return LineSource(
+            clock, name, port, baud, compiled, channel, ask.encode(), 1 / rate_hz, time_unit_s,
+            1e-3 * latency_ms,
+        )  # fmt: skip
+
+    return LineSensor(clock, name, tuple(_channel(c) for c in channel), rate_hz, open_source)
+
+
+def _channel(text: TextChannel) -> Channel:
+    unit, factor = to_si(text.unit)
+    full = None if text.full_scale is None else factor * text.full_scale
+    return Channel(text.name, unit, text.role, full_scale=full)

@@ -1,0 +1,144 @@
+"""ATI Net F/T over Ethernet by ``pynetft``, which reads the box's own calibration by HTTP.
+
+Records carry a sequence number: it counts what the network lost and is the device's time, at the
+box's RDT output rate, which the rig file must tell (``rate_hz``) and the driver checks.
+"""
+
+import time
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Literal
+
+from drivers.errors import DeviceAbsent, DeviceFault, MissingExtra
+from drivers.protocols import Channel, Clock
+from drivers.reader import LineSensor, Sample
+from drivers.stamps import DeviceTime
+
+if TYPE_CHECKING:
+    import pynetft
+
+CHECK_S = 1.0
+RATE_SLACK = 0.03
+QUEUE = 20_000  # in the library, before our thread gets them
+NEWTONS = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
+NEWTON_METRES = {
+    "N-m": 1.0,
+    "N-mm": 1e-3,
+    "kN-m": 1e3,
+    "lbf-in": 0.1129848290276167,
+    "lbf-ft": 1.3558179483314,
+    "kgf-cm": 0.0980665,
+}
+AXES = ("fx", "fy", "fz", "mx", "my", "mz")
+Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
+
+
+class RdtSource:
+    """A running client; see `drivers.reader.Source`."""
+
+    def __init__(
+        self,
+        clock: Clock,
+        name: str,
+        client: "pynetft.Client",
+        rate_hz: float,
+        normal: Normal,
+        latency_s: float,
+    ) -> None:
+        self._clock = clock
+        self._name = name
+        self._client = client
+        self._rate_hz = rate_hz
+        self._sign = 1.0 if normal[0] == "+" else -1.0
+        self._axis = AXES.index(normal[1:])
+        self._time = DeviceTime(latency_s)
+        self._samples: Iterator[pynetft.Sample] = client.samples(timeout=0.05)
+        self._last: int | None = None
+        self._count = 0
+        self._since: tuple[float, int] | None = None
+
+    def read(self) -> list[Sample]:
+        """The next record. Raises `DeviceFault` on the box's own faults."""
+        import pynetft
+
+        try:
+            got = next(self._samples)
+        except TimeoutError:
+            self._samples = self._client.samples(timeout=0.05)
+            return []
+        except StopIteration:
+            raise DeviceFault(self._name, "the stream has ended") from None
+        except pynetft.NetFTError as error:
+            raise DeviceFault(self._name, str(error)) from None
+        step = 1 if self._last is None else (got.rdt_sequence - self._last) % 2**32
+        self._last = got.rdt_sequence
+        if not 0 < step < 2**31:  # repeated or out of order
+            return []
+        self._count += step
+        received_s = 1e-9 * (time.monotonic_ns() - got.received_at_ns)
+        arrival_s = self._clock.now() - received_s
+        self._check_rate(arrival_s)
+        time_s = self._time.stamp(self._count / self._rate_hz, arrival_s)
+        force, torque = NEWTONS[got.force_unit.value], NEWTON_METRES[got.torque_unit.value]
+        values = [force * v for v in got.force] + [torque * v for v in got.torque]
+        return [Sample(time_s, [self._sign * values[self._axis], *values], step - 1)]
+
+    def close(self) -> None:
+        """End the stream."""
+        self._client.stop()
+
+    def _check_rate(self, arrival_s: float) -> None:
+        if self._since is None:
+            self._since = (arrival_s, self._count)
+            return
+        if (passed_s := arrival_s - self._since[0]) < CHECK_S:
+            return
+        rate_hz = (self._count - self._since[1]) / passed_s
+        self._since = (arrival_s, self._count)
+        if abs(rate_hz / self._rate_hz - 1) > RATE_SLACK:
+            raise DeviceFault(
+                self._name, f"sends {rate_hz:.0f} records a second; rate_hz = {self._rate_hz:g}"
+            )
+
+
+def open_sensor(
+    clock: Clock,
+    *,
+    host: str = "192.168.1.1",
+    rate_hz: float = 1000.0,
+    normal: Normal = "-fz",
+    latency_ms: float = 0.0,
+    rdt_port: int = 49152,
+    http_port: int = 80,
+    name: str = "netft",
+) -> LineSensor:
+    """A Net F/T box at ``host`` that sends ``rate_hz`` records a second (RDT output rate).
+
+    The channel ``force`` is the axis ``normal``, positive when pressed. Raises `MissingExtra`.
+    """
+    try:
+        import pynetft
+    except ImportError:
+        raise MissingExtra(
+            'driver = "netft": its library is not installed; pip install "palpate[netft]"'
+        ) from None
+    channels = (
+        Channel("force", "N", "force"),
+        *(Channel(axis, "N") for axis in AXES[:3]),
+        *(Channel(axis, "Nm") for axis in AXES[3:]),
+    )
+
+    def open_source() -> RdtSource:
+        config = pynetft.Config(
+            sensor_host=host,
+            rdt_port=rdt_port,
+            http_port=http_port,
+            recovery_policy=pynetft.RecoveryPolicy.FAIL_STOP,
+        )
+        client = pynetft.Client(config, queue_size=QUEUE)
+        try:
+            client.start()
+        except (pynetft.NetFTError, OSError) as error:
+            raise DeviceAbsent(name, f"no Net F/T box at {host}: {error}") from None
+        return RdtSource(clock, name, client, rate_hz, normal, 1e-3 * latency_ms)
+
+    return LineSensor(clock, name, channels, rate_hz, open_source)

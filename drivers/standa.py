@@ -1,0 +1,224 @@
+"""Standa axes (8SMC4/8SMC5 controllers) by their maker's ``libximc``, one controller per axis.
+
+``xi-emu:///file`` is the library's own virtual axis. Positions are full steps and microsteps;
+an axis that the rig leaves out stands still at 0.
+"""
+
+import math
+import threading
+from collections.abc import Mapping
+from typing import Any
+
+from drivers.errors import ConfigError, DeviceAbsent, DeviceFault, MissingExtra
+from drivers.protocols import Clock, Pose
+
+AXES = "xyz"
+STILL_MM = 1e-6
+Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+class StandaStage:
+    """Up to three axes; each move gives them speeds so that they arrive together."""
+
+    simulated = False
+
+    def __init__(
+        self,
+        name: str,
+        uris: Mapping[str, str],
+        steps_per_mm: Mapping[str, float],
+        origin_mm: Mapping[str, float],
+        limits_mm: Limits | None,
+        max_speed_mm_s: float,
+        acceleration_mm_s2: float,
+    ) -> None:
+        self.name = name
+        self._uris = uris
+        self._steps_per_mm = steps_per_mm
+        self._origin_mm = origin_mm
+        self._limits_mm = limits_mm
+        self._max_speed_mm_s = max_speed_mm_s
+        self._acceleration_mm_s2 = acceleration_mm_s2
+        self._open: dict[str, Any] = {}
+        self._microsteps: dict[str, int] = {}
+        self._opening = threading.Lock()
+        self._stops = 0
+
+    def connect(self) -> None:
+        """Open every axis and set its acceleration. Raises `DeviceAbsent`."""
+        import libximc.highlevel as ximc
+
+        with self._opening:
+            if self._open:
+                return
+            for axis, uri in self._uris.items():
+                device = ximc.Axis(uri)
+                try:
+                    device.open_device()
+                    self._open[axis] = device
+                    mode = int(device.get_engine_settings().MicrostepMode)
+                    self._microsteps[axis] = 2 ** (mode - 1)
+                    self._set_speed(axis, self._max_speed_mm_s)
+                except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+                    self._release()
+                    raise DeviceAbsent(
+                        self.name, f"{axis}_uri = {uri!r}: {str(error).splitlines()[0]}"
+                    ) from None
+
+    def pose(self) -> Pose:
+        """Where the controllers are."""
+        here = dict.fromkeys(AXES, 0.0)
+        for axis in self._uris:
+            here[axis] = 1e-3 * self._position_mm(axis)
+        return Pose(**here)
+
+    def move(self, target: Pose, speed_m_s: float) -> None:
+        """Set off. Raises `DeviceFault` if out of bounds, too fast, or still moving."""
+        if self.moving():
+            raise DeviceFault(self.name, "still moving; wait or stop before the next move")
+        speed = 1e3 * speed_m_s
+        if not 0 < speed <= self._max_speed_mm_s * (1 + 1e-9):
+            allowed = f"up to {self._max_speed_mm_s:g} mm/s"
+            raise DeviceFault(self.name, f"speed {speed:g} mm/s; allowed: {allowed}")
+        stops = self._stops
+        here = self.pose()
+        self._check_target(here, target)
+        way = {axis: 1e3 * (b - a) for axis, a, b in zip(AXES, here, target, strict=False)}
+        length = math.hypot(*way.values())
+        for axis, distance in way.items():
+            if abs(distance) > STILL_MM:
+                self._set_speed(axis, speed * abs(distance) / length)
+        for axis, distance in way.items():
+            if abs(distance) > STILL_MM:
+                steps, micro = self._steps(axis, 1e3 * getattr(target, axis))
+                self._ask(axis, "command_move", steps, micro)
+        if stops != self._stops:  # stopped while the axes were being told
+            self.stop()
+
+    def moving(self) -> bool:
+        """True until every axis rests. Raises `DeviceFault` on an alarm or a failed move."""
+        moves = [self._axis_moves(axis) for axis in self._uris]  # an alarm of any axis counts
+        return any(moves)
+
+    def stop(self) -> None:
+        """Slow every axis down at its acceleration."""
+        self._stops += 1
+        for device in list(self._open.values()):
+            try:
+                device.command_sstp()
+            except (ConnectionError, OSError, RuntimeError, ValueError):
+                continue  # a lost axis shows in `moving`; the others must still be stopped
+
+    def close(self) -> None:
+        """Stop and release every axis."""
+        with self._opening:
+            self.stop()
+            self._release()
+
+    def _release(self) -> None:
+        for device in self._open.values():
+            try:
+                device.close_device()
+            except (ConnectionError, OSError, RuntimeError, ValueError):
+                continue  # unplugged: there is nothing to release
+        self._open = {}
+
+    def _ask(self, axis: str, call: str, *arguments: Any) -> Any:
+        device = self._open.get(axis)
+        if device is None:
+            raise DeviceFault(self.name, "not connected")
+        try:
+            return getattr(device, call)(*arguments)
+        except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+            raise DeviceFault(self.name, f"axis {axis}: {error}") from None
+
+    def _axis_moves(self, axis: str) -> bool:
+        from libximc.highlevel import MvcmdStatus, StateFlags
+
+        status = self._ask(axis, "get_status")
+        if status.Flags & StateFlags.STATE_ALARM:
+            raise DeviceFault(self.name, f"axis {axis}: alarm (overheat, overcurrent or a switch)")
+        if status.MvCmdSts & MvcmdStatus.MVCMD_ERROR:
+            raise DeviceFault(self.name, f"axis {axis}: the move failed")
+        return bool(status.MvCmdSts & MvcmdStatus.MVCMD_RUNNING)
+
+    def _set_speed(self, axis: str, speed_mm_s: float) -> None:
+        per_mm, microsteps = self._steps_per_mm[axis], self._microsteps[axis]
+        steps, micro = divmod(round(speed_mm_s * per_mm * microsteps), microsteps)
+        settings = self._ask(axis, "get_move_settings")
+        settings.Speed, settings.uSpeed = steps, max(micro, 1 if steps == 0 else 0)
+        settings.Accel = settings.Decel = max(round(self._acceleration_mm_s2 * per_mm), 1)
+        self._ask(axis, "set_move_settings", settings)
+
+    def _position_mm(self, axis: str) -> float:
+        at = self._ask(axis, "get_position")
+        steps = at.Position + at.uPosition / self._microsteps[axis]
+        return float(steps / self._steps_per_mm[axis] - self._origin_mm[axis])
+
+    def _steps(self, axis: str, scan_mm: float) -> tuple[int, int]:
+        microsteps = self._microsteps[axis]
+        exact = (scan_mm + self._origin_mm[axis]) * self._steps_per_mm[axis]
+        steps, micro = divmod(round(exact * microsteps), microsteps)
+        return steps, micro
+
+    def _check_target(self, here: Pose, target: Pose) -> None:
+        if any(target[3:]):
+            raise DeviceFault(self.name, "has no axes to tilt the probe")
+        for n, axis in enumerate(AXES):
+            at_mm = 1e3 * target[n]
+            if axis not in self._uris and abs(target[n] - here[n]) > 1e-3 * STILL_MM:
+                raise DeviceFault(self.name, f"{axis} = {at_mm:g} mm: there is no {axis} axis")
+            if self._limits_mm is not None:
+                low, high = self._limits_mm[n]
+                if not low <= at_mm <= high:
+                    raise DeviceFault(
+                        self.name, f"{axis} = {at_mm:g} mm; allowed: {low:g} to {high:g} mm"
+                    )
+
+
+def open_stage(
+    _clock: Clock,
+    *,
+    x_uri: str | None = None,
+    y_uri: str | None = None,
+    z_uri: str | None = None,
+    steps_per_mm: float | tuple[float, float, float] = 400.0,
+    origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    limits_mm: Limits | None = None,
+    max_speed_mm_s: float = 10.0,
+    acceleration_mm_s2: float = 100.0,
+    name: str = "standa",
+) -> StandaStage:
+    """Standa axes at addresses such as ``xi-com:/dev/ttyACM0`` or ``xi-emu:///tmp/x.bin``.
+
+    ``steps_per_mm``: full steps, one number or one per axis (200 steps over a 0.5 mm pitch are
+    400). ``origin_mm``: where the scan's (0, 0, 0) lies in the controllers' positions. z up.
+    Raises `ConfigError`, `MissingExtra`.
+    """
+    try:
+        import libximc.highlevel  # noqa: F401 - is it there?
+    except ImportError:
+        raise MissingExtra(
+            'driver = "standa": its library is not installed; pip install "palpate[standa]"'
+        ) from None
+    given = {"x": x_uri, "y": y_uri, "z": z_uri}
+    uris = {axis: uri for axis, uri in given.items() if uri is not None}
+    if not uris:
+        raise ConfigError("x_uri, y_uri or z_uri: name at least one axis")
+    per_mm = steps_per_mm if isinstance(steps_per_mm, tuple) else (steps_per_mm,) * 3
+    for key, value in (
+        ("steps_per_mm", min(per_mm)),
+        ("max_speed_mm_s", max_speed_mm_s),
+        ("acceleration_mm_s2", acceleration_mm_s2),
+    ):
+        if not (math.isfinite(value) and value > 0):
+            raise ConfigError(f"{key} = {value:g}: must be above 0")
+    return StandaStage(
+        name,
+        uris,
+        dict(zip(AXES, per_mm, strict=True)),
+        dict(zip(AXES, origin_mm, strict=True)),
+        limits_mm,
+        max_speed_mm_s,
+        acceleration_mm_s2,
+    )

@@ -1,0 +1,156 @@
+"""An ATI Net F/T box on loopback: RDT records over UDP and its calibration page over HTTP."""
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import numpy as np
+
+from sim_backend.phantom import Phantom
+
+COUNTS_PER_N = 1_000_000
+COUNTS_PER_NM = 1_000_000
+HEADER = 0x1234
+STOP, STREAM, BIAS = 0, 2, 0x42
+PAGE = f"""<?xml version="1.0" encoding="UTF-8"?>
+<netft><prodname>Ethernet F/T</prodname><cfgcpf>{COUNTS_PER_N}</cfgcpf>
+<cfgcpt>{COUNTS_PER_NM}</cfgcpt><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu></netft>
+"""
+SATURATED = 0x00020000
+
+
+class NetFtBox:
+    """A running box. ``host``, ``rdt_port`` and ``http_port`` are what a rig file gives."""
+
+    faults = ("silence", "drop", "garbage", "lossy", "late")
+
+    def __init__(
+        self, phantom: Phantom, host: str, ports: tuple[int, int], rate_hz: float, noise_n: float
+    ) -> None:
+        self._phantom = phantom
+        self._rate_hz = rate_hz
+        self._noise_n = noise_n
+        self._rng = np.random.default_rng(0)
+        self._fault: str | None = None
+        self._client: tuple[str, int] | None = None
+        self._bias_n = 0.0
+        self._sequence = 0
+        self._page = ThreadingHTTPServer((host, ports[1]), _Page)
+        self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._udp.bind((host, ports[0]))
+        self._udp.settimeout(0.001)
+        self.host = host
+        self.rdt_port: int = self._udp.getsockname()[1]
+        self.http_port: int = self._page.server_address[1]
+        self.address = f"host = {host!r}, rdt_port = {self.rdt_port}, http_port = {self.http_port}"
+        self._end = threading.Event()
+        self._threads = [
+            threading.Thread(target=self._run, name="emulated netft", daemon=True),
+            threading.Thread(
+                target=self._page.serve_forever,
+                args=(0.05,),
+                name="emulated netft page",
+                daemon=True,
+            ),
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def fail(self, fault: str | None) -> None:
+        """Begin a fault of ``faults``; None: mend. ``lossy`` drops one record in five."""
+        if fault is not None and fault not in self.faults:
+            raise ValueError(f"fault {fault!r}: known are {', '.join(self.faults)}")
+        self._fault = fault
+
+    def close(self) -> None:
+        """End it."""
+        self._end.set()
+        self._page.shutdown()
+        for thread in self._threads:
+            thread.join(timeout=5.0)
+        self._page.server_close()
+        self._udp.close()
+
+    def _run(self) -> None:
+        next_s = time.monotonic()
+        while not self._end.is_set():
+            self._listen()
+            while next_s <= time.monotonic():
+                next_s += 1 / self._rate_hz
+                self._sequence = (self._sequence + 1) % 2**32
+                if self._client is not None and self._fault not in ("silence", "drop"):
+                    self._send(self._record(), self._client)
+
+    def _listen(self) -> None:
+        try:
+            request, sender = self._udp.recvfrom(64)
+        except (TimeoutError, ConnectionError):
+            return
+        if len(request) < 8 or self._fault == "drop":
+            return
+        header, command, _ = struct.unpack(">HHI", request[:8])
+        if header != HEADER:
+            return
+        if command == STREAM:
+            self._client = sender
+        elif command == STOP:
+            self._client = None
+        elif command == BIAS:
+            self._bias_n = self._force_n()
+
+    def _record(self) -> bytes:
+        felt = -(self._force_n() - self._bias_n) + self._noise_n * self._rng.standard_normal()
+        counts = round(COUNTS_PER_N * felt)
+        return struct.pack(
+            ">3I6i", self._sequence, 7 * self._sequence % 2**32, 0, 0, 0, counts, 0, 0, 0
+        )
+
+    def _send(self, record: bytes, client: tuple[str, int]) -> None:
+        if self._fault == "lossy" and self._sequence % 5 == 0:
+            return
+        if self._fault == "garbage":
+            record = self._rng.bytes(int(self._rng.integers(1, 35)))
+        if self._fault == "late":
+            time.sleep(0.2)
+        try:
+            self._udp.sendto(record, client)
+        except ConnectionError:
+            self._client = None
+
+    def _force_n(self) -> float:
+        return float(self._phantom.force_n(np.array([self._phantom.clock.now()]))[0])
+
+
+class _Page(BaseHTTPRequestHandler):
+    def do_GET(self) -> None:
+        body = PAGE.encode()
+        self.send_response(200)
+        self.send_header("Content-Type", "text/xml")
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, format: str, *args: object) -> None:
+        """Say nothing."""
+
+
+@contextmanager
+def emulate(
+    phantom: Phantom,
+    *,
+    at: str = "127.0.0.1",
+    rdt_port: int = 49152,
+    http_port: int = 8049,
+    rate_hz: float = 1000.0,
+    noise_n: float = 0.001,
+) -> Iterator[NetFtBox]:
+    """Serve a box on the address ``at``; port 0: any free one."""
+    box = NetFtBox(phantom, at, (rdt_port, http_port), rate_hz, noise_n)
+    try:
+        yield box
+    finally:
+        box.close()
