@@ -40,7 +40,7 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("[scan]\nstations = 30\n", "station 17 .* x = 72 mm"),
+        ("[scan]\nstations = 30\n", "station 18 .* x = 72 mm"),
         ("[scan]\nstations = 0\n", "scan.stations.* = 0: .*greater than or equal to 1"),
         ("[scan]\nramp_s = -1\n", "scan.ramp_s = -1"),
         ("[scan]\nramp_s = 0.01\n", "250 mm/s: must not exceed safety.max_speed_mm_s = 25"),
