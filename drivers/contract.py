@@ -23,6 +23,7 @@ from drivers.clocks import WallClock
 from drivers.protocols import Sensor, Stage
 from drivers.registry import Kind, available, find_driver
 
+pytest.register_assert_rewrite("drivers.contract_tests")
 TESTS = Path(__file__).with_name("contract_tests.py")
 
 
@@ -40,7 +41,7 @@ class Bench:
     unplug: Callable[[], None] | None = None
     replug: Callable[[], None] | None = None
     travel_mm: float = 4.0
-    speed_mm_s: float = 5.0
+    speed_mm_s: float = 8.0
     connected: bool = True
     clock: WallClock = field(default_factory=WallClock)
 

@@ -93,10 +93,12 @@ def test_stage_stops_from_another_thread_however_often(stage: Stage, palpate_ben
     here, there, speed = _way(stage, palpate_bench)
     stage.move(there, speed)
     time.sleep(0.3 * (there.z - here.z) / speed)
-    other = threading.Thread(target=lambda: [stage.stop() for _ in range(3)])
-    other.start()
-    other.join(timeout=PROMPT_S)
-    assert not other.is_alive(), "stop blocks"
+    others = [threading.Thread(target=stage.stop) for _ in range(3)]
+    for other in others:
+        other.start()
+    for other in others:
+        other.join(timeout=PROMPT_S)
+        assert not other.is_alive(), "stop blocks"
     _until(lambda: not stage.moving(), 1.0)
     rested = stage.pose()
     assert here.z - ARRIVED_M <= rested.z < there.z - ARRIVED_M

@@ -1,6 +1,7 @@
 """Device time mapped to scan time: the delay of a line must not become jitter of the samples."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -52,6 +53,23 @@ def test_frames_that_vanish_unseen_are_counted() -> None:
     assert sum(lost) == 3
     time_s, _ = frames.stamp(1.5)
     assert abs(time_s - 1.5) < 1e-3
+
+
+@pytest.mark.parametrize("error", [-0.02, 0.02])
+def test_a_device_that_is_not_quite_as_fast_as_its_data_sheet_loses_nothing(error: float) -> None:
+    rng = np.random.default_rng(2)
+    frames, true = FrameTime(0.01), 0.01 * (1 + error) * np.arange(1000)
+    stamped = [frames.stamp(t + rng.exponential(0.001)) for t in true]
+    assert sum(lost for _, lost in stamped) == 0
+    assert np.abs(np.array([t for t, _ in stamped]) - true)[200:].max() < 2e-3
+
+
+def test_a_device_that_starts_anew_is_followed_from_there() -> None:
+    time = DeviceTime()
+    before = [time.stamp(k * 0.1, 50 + k * 0.1) for k in range(10)]
+    after = [time.stamp(k * 0.1, 52 + k * 0.1) for k in range(10)]
+    np.testing.assert_allclose(after, 52 + 0.1 * np.arange(10), atol=1e-3)
+    assert before[-1] < after[0]
 
 
 def test_a_burst_after_a_pause_is_late_not_lost() -> None:
