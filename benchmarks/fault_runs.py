@@ -277,7 +277,7 @@ class Struck:
                 slow_s = float(self.rng.uniform(0.02, 0.5))
                 self._over.wait(4.0 if self.kind == "disk hangs" else slow_s)
                 other.execute("ROLLBACK")
-            self._over.wait(0.005)
+            self._over.wait(0.15)
         other.close()
 
     def _hear(self) -> None:

@@ -355,9 +355,13 @@ class _Scan:
         assert self.station is not None
         assert self.attempt is not None
         now = self.clock.now()
+        self.told_s = math.inf  # hold back: what is read now may still belong to this station
+        try:
+            while complete and self.watch.seen_s() < now:
+                self._tick(math.inf)
+        finally:
+            self.told_s = now
         self.teller.label(now, None, None)
-        while complete and self.watch.seen_s() < now:
-            self._tick(math.inf)
         self._tell_samples()
         self.teller.tell(StationEnded(now, self.station, self.attempt, complete))
         self.station = self.attempt = None
