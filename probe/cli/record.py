@@ -1,0 +1,54 @@
+"""``palpate record``: what a live device is sent and answers, as a file that a test can replay."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from probe.cli.say import answer, tell
+
+if TYPE_CHECKING:  # commands import what they need when they run
+    from drivers.registry import Kind
+    from probe.rig import Device
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(record)
+
+
+def record(
+    rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="The rig with the devices.")],
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where the files go.")] = Path(),
+    device: Annotated[
+        str, typer.Option(metavar="TEXT", help="What the device is: maker, model, firmware.")
+    ] = "",
+    seconds: Annotated[float, typer.Option(min=0.1, max=60, help="How long sensors are read.")] = 2,
+    move_mm: Annotated[
+        float, typer.Option(min=0, max=20, help="Move the stage up by this and back. 0: do not.")
+    ] = 0,
+) -> None:
+    """Record every device of a rig that hangs on a serial line or a TCP port, byte by byte.
+
+    The files go into `tests/drivers/exchanges`: from then on the driver is tested against your
+    device without it.
+    """
+    from drivers.exchange import save
+    from drivers.record import record as listen
+    from probe.rig import RigError, load_rig
+
+    loaded = load_rig(rig)
+    found: list[tuple[Kind, Device]] = [("stages", loaded.stage)]
+    found += [("sensors", sensor) for sensor in loaded.sensor]
+    wanted = [(kind, one) for kind, one in found if {"port", "host"} & set(one.settings)]
+    if not wanted:
+        raise RigError(f"{rig}: no device with a port or a host to record")
+    out.mkdir(parents=True, exist_ok=True)
+    for kind, one in wanted:
+        tell(f"Recording {one.driver} …")
+        exchange = listen(
+            kind, one.driver, one.settings, seconds=seconds, move_mm=move_mm, device=device
+        )
+        path = out / f"{one.settings.get('name', one.driver)}.toml"
+        save(exchange, path)
+        answer(f"{path}: {len(exchange.pairs)} exchanges, {len(exchange.rows)} readings")
