@@ -5,7 +5,6 @@ commits, so that a slow disk does not hold up the scan; it commits within `COMMI
 event that waits, and the engine tells its samples every 50 ms.
 """
 
-import fcntl
 import os
 import sqlite3
 import threading
@@ -17,24 +16,20 @@ from types import TracebackType
 from typing import Self
 
 from drivers import Channel
+from probe.disk import StoreError, explain, open_safely
 from probe.events import Event, RunEnded, RunStarted
 from probe.rows import FIRST, Row, RunFileError, from_row, link, to_row
-from probe.schema import BUSY_S, VERSION, create, migrate, version_of
+
+__all__ = ["Store", "StoreError", "create_store", "reopen_store"]
 
 COMMIT_S = 0.05
 OLD_S = 0.15  # when an event waits this long, whoever tells more waits up to `YIELD_S`
 YIELD_S = 0.02
 LATE_S = 2.0  # a disk that keeps the scan waiting longer has failed
-# File systems whose shared memory other machines do not see: a write-ahead log breaks on them.
-NETWORK = ("nfs", "cifs", "smb", "9p", "afs", "fuse.sshfs", "davfs", "glusterfs", "lustre", "ceph")
-COLUMNS = "kind, body, times, readings, saturated"
 # Rows per commit, in one statement: SQLite lets other threads run at each, and these may keep it
 # waiting.
 ROWS = 200
-
-
-class StoreError(RuntimeError):
-    """The run cannot be stored (any longer); what was committed before stays readable."""
+COLUMNS = "kind, body, times, readings, saturated"
 
 
 class Store:
@@ -136,7 +131,7 @@ class Store:
                 self._commit_waiting()
         except (sqlite3.Error, OSError, ValueError) as error:
             with self._change:
-                self._error = f"{self.path}: {_explain(error)}"
+                self._error = f"{self.path}: {explain(error)}"
                 self._waiting.clear()
                 self._change.notify_all()
         finally:
@@ -195,9 +190,9 @@ def create_store(path: Path) -> Store:
     except FileExistsError:
         raise StoreError(f"{path}: exists; a run is never overwritten") from None
     except OSError as error:
-        raise StoreError(f"{path}: {_explain(error)}") from None
+        raise StoreError(f"{path}: {explain(error)}") from None
     try:
-        return _open(path, new=True)
+        return Store(path, *open_safely(path, new=True))
     except BaseException:
         path.unlink()  # an empty file would only be in the way
         raise
@@ -207,76 +202,13 @@ def reopen_store(path: Path) -> Store:
     """An existing run file, to add to. Raises `StoreError`, and `RunFileError` if it is none."""
     if not path.is_file():
         raise RunFileError(f"{path}: no such run file")
-    return _open(path, new=False)
-
-
-def _open(path: Path, *, new: bool) -> Store:
-    kind = file_system(path)
-    if any(kind.startswith(name) for name in NETWORK):
-        raise StoreError(
-            f"{path}: lies on a network file system ({kind}), where a run is not safe; "
-            f"store it on a local disk and copy it afterwards"
-        )
-    lock = _lock(path)
+    connection, lock = open_safely(path, new=False)
     try:
-        connection = sqlite3.connect(
-            path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
-        )
-        _make_safe(connection, path)
-        if new:
-            create(connection)
-        elif version_of(connection) != VERSION:
-            migrate(connection)
         return Store(path, connection, lock)
-    except sqlite3.Error as error:
+    except (sqlite3.Error, RunFileError) as error:
+        connection.close()
         os.close(lock)
-        raise StoreError(f"{path}: {_explain(error)}") from None
-    except BaseException:
-        os.close(lock)
-        raise
-
-
-def _make_safe(connection: sqlite3.Connection, path: Path) -> None:
-    """Switch the safe modes on and read them back: SQLite keeps silent about those it refuses."""
-    (mode,) = connection.execute("PRAGMA journal_mode = WAL").fetchone()
-    if mode != "wal":
-        raise StoreError(
-            f"{path}: this file system allows no write-ahead log (journal mode is {mode}); "
-            f"store the run on a local disk"
-        )
-    connection.execute("PRAGMA synchronous = FULL")
-    (level,) = connection.execute("PRAGMA synchronous").fetchone()
-    if level != 2:
-        raise StoreError(f"{path}: SQLite does not write synchronously (level {level}, not FULL)")
-
-
-def _lock(path: Path) -> int:
-    """Only one writer; the lock goes with the process, however that ends.
-
-    The descriptor is closed after SQLite's own: closing it drops SQLite's locks on the file.
-    """
-    try:
-        lock = os.open(path, os.O_RDWR)
-    except OSError as error:
-        raise StoreError(f"{path}: {_explain(error)}") from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(lock)
-        raise StoreError(f"{path}: another scan is writing this run") from None
-    return lock
-
-
-def file_system(path: Path) -> str:
-    """The type of the file system that ``path`` is on; empty where that is not known."""
-    try:
-        lines = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
-    except OSError:
-        return ""
-    where = path.resolve()
-    mounts = [line.split()[1:3] for line in lines]
-    inside = [(len(m), kind) for m, kind in mounts if where.is_relative_to(m)]
-    return max(inside, default=(0, ""))[1]
+        raise RunFileError(f"{path}: damaged ({error}); `palpate verify` says where") from None
 
 
 def _channels(connection: sqlite3.Connection) -> Mapping[str, tuple[Channel, ...]] | None:
@@ -287,10 +219,3 @@ def _channels(connection: sqlite3.Connection) -> Mapping[str, tuple[Channel, ...
     event = from_row(Row(*found))
     assert isinstance(event, RunStarted)
     return event.channels
-
-
-def _explain(error: Exception) -> str:
-    text = str(error)
-    if "full" in text or "No space" in text:
-        return f"the disk is full ({text}); everything committed before is kept"
-    return text

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import probe.disk
 import probe.store
 from drivers import Block, Channel
 from probe.events import (
@@ -133,19 +134,19 @@ def test_safe_modes_are_on_and_said_in_the_file(tmp_path: Path) -> None:
 def test_network_file_systems_are_refused(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(probe.store, "file_system", lambda _path: kind)
+    monkeypatch.setattr(probe.disk, "file_system", lambda _path: kind)
     with pytest.raises(StoreError, match=rf"network file system \({kind}\).*local disk"):
         create_store(tmp_path / "a.run")
     assert not (tmp_path / "a.run").exists()
 
 
 def test_the_file_system_of_a_path_is_known() -> None:
-    assert probe.store.file_system(Path("/proc/self")) == "proc"
+    assert probe.disk.file_system(Path("/proc/self")) == "proc"
 
 
 def test_a_file_system_without_a_log_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="journal mode is memory"):
-        probe.store._make_safe(sqlite3.connect(":memory:"), tmp_path / "a.run")
+        probe.disk.make_safe(sqlite3.connect(":memory:"), tmp_path / "a.run")
 
 
 def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
@@ -298,3 +299,14 @@ def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: A
         assert one(one_, "PRAGMA user_version") == VERSION
         for query in ("SELECT chain FROM event", "SELECT sql FROM sqlite_schema ORDER BY sql"):
             assert one_.execute(query).fetchall() == two.execute(query).fetchall()
+
+
+def test_a_damaged_file_is_not_added_to(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+    with sqlite3.connect(tmp_path / "a.run", isolation_level=None) as other:
+        other.execute("UPDATE event SET body = '{}' WHERE id = 1")
+    other.close()
+    for _ in range(2):  # the lock is given back
+        with pytest.raises(RunFileError, match=r"damaged.*palpate verify"):
+            reopen_store(tmp_path / "a.run")
