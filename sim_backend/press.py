@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.choose import Choice, choose
-from sim_backend.fem.contact import finger_over
 from sim_backend.fem.finite import solve_finite
 from sim_backend.fem.internal import smallest_area_ratio
 from sim_backend.fem.newton import CannotSolve, Solution
@@ -25,7 +24,8 @@ __all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
 
 SOLVERS = {"finite": solve_finite, "small": solve_small}
 MODELS = ("auto", *SOLVERS)
-SMALLEST_SIZE_M = 0.08e-3
+SMALLEST_SHARE = 0.01
+"""Smallest element size over the finger's half width."""
 SHARE_LEFT = 0.5
 """What halving the size leaves of the change it made: the error falls at least linearly."""
 SMALL_PULSE = 1e-2
@@ -127,9 +127,10 @@ def press(
     solve = SOLVERS[choice.model]
     place = 1e-3 * x_mm, 1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures]
     size_m = _first_size_m(scene, accuracy_pct)
+    smallest_m = SMALLEST_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
     section, solutions = solve(choice.scene, *place, size_m)
     mesh_pct = np.inf
-    while choice.error_pct + mesh_pct > accuracy_pct and size_m / 2 >= SMALLEST_SIZE_M:
+    while choice.error_pct + mesh_pct > accuracy_pct and size_m / 2 >= smallest_m:
         size_m /= 2
         coarse = solutions
         try:
@@ -152,8 +153,7 @@ def press(
 def _first_size_m(scene: Scene, accuracy_pct: float) -> float:
     """Where refinement begins: the error goes as the size squared, 1 % being near 0.9 mm for a
     finger of 5 mm radius, and a small finger or thin contact scales with it."""
-    finger = finger_over(scene.indenter, 0.0, 0.0)
-    span = finger.half_flat + finger.radius
+    span = 0.5e-3 * scene.indenter.width_mm_projected
     return float(np.clip(0.18 * span * np.sqrt(accuracy_pct), 0.04 * span, 0.25 * span))
 
 

@@ -26,19 +26,6 @@ Shape = Callable[[Array], tuple[Array, Array]]
 
 _G2 = 1 / np.sqrt(3)
 _TRIANGLE = np.array([[1 / 6, 1 / 6], [2 / 3, 1 / 6], [1 / 6, 2 / 3]]), np.full(3, 1 / 6)
-_TRIANGLE_6 = (
-    np.array(
-        [
-            [0.445948490915965, 0.445948490915965],
-            [0.108103018168070, 0.445948490915965],
-            [0.445948490915965, 0.108103018168070],
-            [0.091576213509771, 0.091576213509771],
-            [0.816847572980459, 0.091576213509771],
-            [0.091576213509771, 0.816847572980459],
-        ]
-    ),
-    np.array([0.223381589678011] * 3 + [0.109951743655322] * 3) / 2,
-)
 _FOUR = np.array([[a, b] for a in (-_G2, _G2) for b in (-_G2, _G2)]), np.ones(4)
 _ONE = np.zeros((1, 2)), np.full(1, 4.0)
 
@@ -115,8 +102,7 @@ def side_points(shape: Shape, t: Array) -> tuple[Array, Array]:
 def as_element(mesh: Mesh, element: str) -> tuple[Mesh, Cells]:
     """The mesh with ``element``'s nodes, and its cells ready to integrate."""
     if element in ("T6", "T6M"):
-        points = _TRIANGLE_6 if element == "T6M" else _TRIANGLE
-        return mesh, _cells(mesh, mesh.cells, t6, points, element == "T6M")
+        return mesh, _cells(mesh, mesh.cells, t6, _TRIANGLE, element == "T6M")
     split = _split_q8(mesh) if element == "Q8R" else _split_q4(mesh)
     if element == "Q8R":
         return split, _cells(split, split.cells, q8, _FOUR, False)

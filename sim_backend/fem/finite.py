@@ -8,6 +8,7 @@ from sim_backend.fem.section import Section, build_section
 from sim_backend.scene import Scene
 
 RAMP_STEP_M = 0.6e-3
+FIRST_TOUCH = (0.2, 0.55)
 
 
 def solve_finite(
@@ -16,7 +17,7 @@ def solve_finite(
     depth_m: float,
     pressures_pa: Sequence[float],
     size_m: float,
-    element: str = "T6",
+    element: str | None = None,
 ) -> tuple[Section, list[Solution]]:
     """One solution per lumen pressure, ``depth_m`` deep at ``x_m``. Raises `CannotSolve`.
 
@@ -25,8 +26,7 @@ def solve_finite(
     first meets a limit, pressing first is tried.
     """
     section = build_section(scene, x_m, depth_m=depth_m, size_m=size_m, element=element)
-    steps = max(1, ceil(depth_m / RAMP_STEP_M))
-    depths = [depth_m * (k + 1) / steps for k in range(steps)]
+    depths = _ramp(scene, depth_m)
     first = pressures_pa[0] if section.lumens else 0.0
     ramp = [Load(d, first) for d in depths]
     if first:
@@ -41,3 +41,12 @@ def solve_finite(
         rest = [Load(depth_m, p) for p in pressures_pa]
         solutions = list(march(section, untouched(section), [*ramp, *rest]))
     return section, solutions[-len(pressures_pa) :]
+
+
+def _ramp(scene: Scene, depth_m: float) -> list[float]:
+    """Depths on the way down; nearly incompressible plane strain must be touched gently, or the
+    first contact presses single nodes and steps are halved again and again."""
+    steps = max(1, ceil(depth_m / RAMP_STEP_M))
+    depths = [depth_m * (k + 1) / steps for k in range(steps)]
+    gentle = [s * depths[0] for s in FIRST_TOUCH] if scene.plane == "strain" else []
+    return [*gentle, *depths]

@@ -15,6 +15,8 @@ from sim_backend.fem.section import Section
 
 Array = NDArray[np.float64]
 
+_AT_REST = np.array([1.0, 0.0, 0.0, 1.0])
+
 
 def deformation(section: Section, u: Array) -> Array:
     """F (m, q, 4) at the quadrature points for displacements ``u`` (n, 2) [m]."""
@@ -34,17 +36,31 @@ def smallest_area_ratio(section: Section, u: Array) -> tuple[float, Array]:
     return float(j[worst]), section.mesh.nodes[section.cells.nodes[worst]].mean(axis=0)
 
 
-def forces_and_tangents(section: Section, u: Array) -> tuple[Array, Array]:
-    """Element forces (m, d) [N/m] and tangents (m, d, d) [Pa]."""
+def forces_and_tangents(
+    section: Section, u: Array, change: Array | None = None
+) -> tuple[Array, Array]:
+    """Element forces (m, d) [N/m] and tangents (m, d, d) [Pa].
+
+    ``change`` (n, 2) is the step that led to ``u``. In plane strain the pressure that turns with
+    the body then enters the tangent as the step foresaw it, without the step's quadratic part
+    det(dF): that part times the bulk modulus can be far larger than any true pressure and sends
+    Newton astray (the mixed point of Magisano, Leonetti and Garcea 2017). Forces are unaffected,
+    and at convergence the tangent is exact.
+    """
     cells = section.cells
     f = deformation(section, u)
     shear, bulk = section.shear[:, None], section.bulk[:, None]
-    if cells.dilatation and not section.plane_stress:
-        force, tangent = _one_dilatation(section, f)
-    else:
-        law = plane_stress if section.plane_stress else plane_strain
-        solid = law(f, shear, bulk)
+    if section.plane_stress:
+        solid = plane_stress(f, shear, bulk)
         force, tangent = _integrate(cells.operator, cells.weight, solid.stress, solid.tangent)
+    else:
+        moved = deformation(section, change) - _AT_REST if change is not None else 0 * f
+        lag = area_ratio(moved)
+        if cells.dilatation:
+            force, tangent = _one_dilatation(section, f, lag)
+        else:
+            solid = plane_strain(f, shear, bulk, lag)
+            force, tangent = _integrate(cells.operator, cells.weight, solid.stress, solid.tangent)
     if cells.hourglass is not None:
         _hold_hourglass(section, u, force, tangent)
     return force, tangent
@@ -62,7 +78,7 @@ def _integrate(
     return force, transposed @ moved
 
 
-def _one_dilatation(section: Section, f: Array) -> tuple[Array, Array]:
+def _one_dilatation(section: Section, f: Array, lag: Array) -> tuple[Array, Array]:
     """K/2 (mean J - 1)^2 on the element's mean volume change (Nagtegaal et al. 1974; the mean
     dilatation method of Simo, Taylor and Pister 1985 with a constant pressure)."""
     cells = section.cells
@@ -71,7 +87,8 @@ def _one_dilatation(section: Section, f: Array) -> tuple[Array, Array]:
     mean = (j * cells.weight).sum(axis=1) / area
     pressure = section.bulk * (mean - 1)
     stress = stress + pressure[:, None, None] * cofactor
-    tangent = tangent + pressure[:, None, None, None] * cofactor_tangent()
+    foreseen = pressure - section.bulk * (lag * cells.weight).sum(axis=1) / area
+    tangent = tangent + foreseen[:, None, None, None] * cofactor_tangent()
     force, stiffness = _integrate(cells.operator, cells.weight, stress, tangent)
     swell = np.einsum("mq,mqv,mqvd->md", cells.weight, cofactor, cells.operator, optimize=True)
     stiffness += (section.bulk / area)[:, None, None] * swell[:, :, None] * swell[:, None, :]

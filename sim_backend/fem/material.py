@@ -46,12 +46,17 @@ def area_ratio(f: Array) -> Array:
     return np.asarray(f[..., 0] * f[..., 3] - f[..., 1] * f[..., 2])
 
 
-def plane_strain(f: Array, shear: Array, bulk: Array) -> Stressed:
-    """``f`` (..., 4), ``shear`` and ``bulk`` (...) [Pa]."""
-    j = area_ratio(f)
-    one = np.ones_like(j)
-    stress, tangent = _in_plane(f, j, one, shear, bulk)
-    return Stressed(stress, tangent, one, np.zeros_like(f))
+def plane_strain(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) -> Stressed:
+    """``f`` (..., 4), ``shear`` and ``bulk`` (...) [Pa].
+
+    ``lag`` (...) is taken off J where the pressure turns the tangent, and only there: see
+    `sim_backend.fem.internal.forces_and_tangents`.
+    """
+    stress, tangent, j, cofactor = isochoric(f, shear)
+    stress = stress + (bulk * (j - 1))[..., None] * cofactor
+    tangent = tangent + bulk[..., None, None] * cofactor[..., :, None] * cofactor[..., None, :]
+    tangent = tangent + (bulk * (j - 1 - lag))[..., None, None] * _TWIST
+    return Stressed(stress, tangent, np.ones_like(j), np.zeros_like(f))
 
 
 def plane_stress(f: Array, shear: Array, bulk: Array) -> Stressed:

@@ -104,7 +104,9 @@ def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> S
     while share < 1.0:
         target = origin.between(goal, min(1.0, share + step))
         try:
-            reached = _equilibrium(as_solved(section, now), _guess(before, now, target), target)
+            reached = _equilibrium(
+                as_solved(section, now), _guess(section, before, now, target), target
+            )
         except _Failed as failure:
             step /= 2
             if step < SMALLEST_STEP:
@@ -121,8 +123,14 @@ def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> S
     return now
 
 
-def _guess(before: Solution, now: Solution, target: Load) -> Solution:
-    """Go on along the last step where the load does."""
+def _guess(section: Section, before: Solution, now: Solution, target: Load) -> Solution:
+    """Go on along the last step where the load does.
+
+    Not with elements for nearly incompressible strain: the extrapolated change of volume times the
+    bulk modulus is worse than no guess (with nu = 0.4999 it took four times as many sweeps).
+    """
+    if section.cells.dilatation and not section.plane_stress:
+        return now
     moved = np.array([1e3, 1e-5]) * [
         now.load.depth_m - before.load.depth_m,
         now.load.pressure_pa - before.load.pressure_pa,
@@ -147,13 +155,17 @@ def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
     firm, judge = FIRM * section.tissue_pa, JUDGE * section.tissue_pa
     u, push = start.displacement.copy(), list(start.push)
     before: list[NDArray[np.bool_]] = []
+    change: Array | None = None
     for sweep in range(1, MAX_SWEEPS + 1):
         pairs = touches(section, finger, u)
         active = [m > judge * t.gap for t, m in zip(pairs, push, strict=True)]
         push = [
             np.where(a, m - firm * t.gap, 0.0) for t, m, a in zip(pairs, push, active, strict=True)
         ]
-        residual, matrices = _body(section, u, load.pressure_pa)
+        with np.errstate(invalid="ignore", over="ignore"):
+            residual, matrices = _body(section, u, load.pressure_pa, change)
+        if not np.all(np.isfinite(residual)):
+            raise _Failed("elements were crushed")
         for t, m in zip(pairs, push, strict=True):
             residual -= t.force(m, section.size)
         scale = np.abs(push[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
@@ -214,9 +226,11 @@ def pressure_slope(section: Section, solution: Solution) -> tuple[Array, float]:
     return slope, float(on_finger[:, 1].sum())
 
 
-def _body(section: Section, u: Array, pressure_pa: float) -> tuple[Array, list[Array]]:
+def _body(
+    section: Section, u: Array, pressure_pa: float, change: Array | None = None
+) -> tuple[Array, list[Array]]:
     """Residual (2n,) of cells and lumens, and their tangent blocks."""
-    force, tangent = forces_and_tangents(section, u)
+    force, tangent = forces_and_tangents(section, u, change)
     residual = gather(section.size, section.cells.dofs, force)
     matrices = [tangent]
     for sides in section.lumens:

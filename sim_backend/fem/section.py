@@ -18,6 +18,7 @@ from sim_backend.scene import Artery, Inclusion, Scene
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
+LOCKING_POISSON = 0.495
 COARSEST_M = 2.4e-3
 CONTACT_SHARE, GROWTH = 0.4, 0.45
 """Nodes that enter the contact one by one make the force jump; a finer surface keeps the jumps
@@ -103,7 +104,7 @@ def build_section(
     *,
     depth_m: float,
     size_m: float,
-    element: str = "T6",
+    element: str | None = None,
     along_surface: bool = False,
 ) -> Section:
     """Mesh ``scene`` for a press at ``x_m`` about ``depth_m`` deep.
@@ -124,7 +125,7 @@ def build_section(
         plain = ring_mesh(rings[0], lambda p: np.full(len(p), size_m / 1.5))
     else:
         plain = block_mesh(1e-3 * scene.tissue.width_mm, surface_m, rings, size)
-    mesh, cells = as_element(plain, element)
+    mesh, cells = as_element(plain, element or best_element(scene))
     shear, bulk = _materials(scene, rings, mesh.region)
     stress = scene.plane == "stress"
     modulus_kpa = (scene.tissue or scene.inclusion[0]).modulus_kpa
@@ -135,9 +136,15 @@ def build_section(
     )
 
 
-def homogeneous(scene: Scene) -> Scene:
-    """The scene with nothing in it."""
-    return scene.model_copy(update={"inclusion": ()})
+def best_element(scene: Scene) -> str:
+    """``T6``, but ``T6M`` where nearly incompressible plane strain would make that lock.
+
+    Up to nu = 0.49 the plain triangle is the more accurate of the two (0.2 against 0.6 % of force
+    at 0.5 mm); at 0.499 it is not, and needs five times as many sweeps.
+    """
+    solids = [one for one in (scene.tissue, *scene.inclusion) if one is not None]
+    locking = scene.plane == "strain" and max(one.poisson for one in solids) > LOCKING_POISSON
+    return "T6M" if locking else "T6"
 
 
 def _ring(one: Inclusion, scene: Scene, n: int) -> Ring:

@@ -108,7 +108,7 @@ def solve_small(
     depth_m: float,
     pressures_pa: Sequence[float],
     size_m: float,
-    element: str = "T6",
+    element: str | None = None,
 ) -> tuple[Section, list[Solution]]:
     """As `solve_finite`, at small strain."""
     section = build_section(scene, x_m, depth_m=depth_m, size_m=size_m, element=element)
