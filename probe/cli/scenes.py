@@ -35,6 +35,9 @@ def press(
         Path | None,
         typer.Option(metavar="FILE.inp", help="Write it as an Abaqus or CalculiX deck too."),
     ] = None,
+    vtu: Annotated[
+        Path | None, typer.Option(metavar="FILE.vtu", help="Write the answer for ParaView too.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Press once into a scene and print force, stress and contact."""
@@ -50,6 +53,11 @@ def press(
 
         write_deck(pressed.scene, x, depth, pressure or (0.0,), deck)
         tell(f"deck: {deck}")
+    if vtu is not None:
+        from sim_backend.fem.vtu import write_vtu
+
+        for path in write_vtu(pressed, vtu):
+            tell(f"VTU: {path}")
     told: dict[str, Any] = plain(pressed.as_json())
     if json:
         answer_json(told)

@@ -41,7 +41,7 @@ def by_differences(function, u, dofs, step):
         ahead, behind = u.copy().ravel(), u.copy().ravel()
         ahead[d] += step
         behind[d] -= step
-        columns.append((function(ahead.reshape(-1, 2)) - function(behind.reshape(-1, 2))))
+        columns.append(function(ahead.reshape(-1, 2)) - function(behind.reshape(-1, 2)))
     return np.stack(columns, axis=-1) / (2 * step)
 
 

@@ -1,0 +1,70 @@
+"""Decks for CalculiX: complete, and answered as by our own solver."""
+
+import os
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+
+from sim_backend.fem.deck import ccx_forces_n_per_mm, write_deck
+from sim_backend.fem.finite import solve_finite
+from sim_backend.scene import load_scene
+from sim_backend.waves import PA_PER_MMHG
+
+needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not here")
+
+
+def run(deck):
+    ran = subprocess.run(
+        ["ccx", "-i", deck.stem],
+        cwd=deck.parent,
+        capture_output=True,
+        text=True,
+        timeout=100,
+        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stdout[-2000:]
+    return ccx_forces_n_per_mm(deck)
+
+
+@needs_ccx
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_calculix_agrees(plane, tmp_path):
+    """A lone vessel, filled and pressed: bending, follower pressure, both contacts."""
+    scene = load_scene("HAOT").model_copy(update={"plane": plane})
+    deck = write_deck(scene, 32.0, 0.4, [80.0], tmp_path / "haot.inp", size_mm=1.2)
+    (theirs,) = run(deck)
+    _, (ours,) = solve_finite(scene, 0.032, 0.4e-3, [80 * PA_PER_MMHG], 1.2e-3)
+    assert 1e-3 * ours.force_n_per_m == pytest.approx(theirs, rel=0.01)
+
+
+def test_a_deck_holds_the_scene(tmp_path):
+    deck = write_deck(load_scene("TISA"), 30.0, 2.0, (0.0, 80.0), tmp_path / "tisa.inp")
+    text = deck.read_text()
+    assert text.count("*STEP") == text.count("*END STEP") == 2
+    assert text.count("*HYPERELASTIC, NEO HOOKE") == 3  # tissue, wall, stenosis
+    assert "TYPE=CPS6" in text
+    shear_mpa = 0.050 / (2 * 1.49)
+    assert any(line.startswith(f"{shear_mpa / 2:.6e}"[:6]) for line in text.splitlines()), (
+        "C10 = G/2 of the tissue"
+    )
+    loads = [float(v.split(",")[2]) for v in text.splitlines() if ", P1, " in v]
+    assert max(loads) == pytest.approx(80 * PA_PER_MMHG * 1e-6)
+    assert min(loads) == 0.0
+
+
+def test_every_tissue_element_has_one_material(tmp_path):
+    deck = write_deck(load_scene("TIT"), 32.0, 2.0, (), tmp_path / "tit.inp")
+    lines = deck.read_text().splitlines()
+    start = next(i for i, s in enumerate(lines) if s.startswith("*ELEMENT, TYPE=CPS6"))
+    stop = next(i for i in range(start + 1, len(lines)) if lines[i].startswith("*"))
+    elements = {int(s.split(",")[0]) for s in lines[start + 1 : stop]}
+    given = []
+    for i, line in enumerate(lines):
+        if line.startswith("*ELSET, ELSET=E"):
+            stop = next(j for j in range(i + 1, len(lines)) if lines[j].startswith("*"))
+            given += [int(s) for s in lines[i + 1 : stop]]
+    assert sorted(given) == sorted(elements)
+    assert len(np.unique(given)) == len(given)
