@@ -65,6 +65,7 @@ class LineSource:
         self._device = DeviceTime(latency_s)
         self._device_s: float | None = None
         self._last_s = -math.inf
+        self._arrival_s = clock.now()
         self._partial = b""
         self._started = False  # the first line is half a line
         self._lost = 0
@@ -99,11 +100,17 @@ class LineSource:
             time_s = max(arrival_s - self._latency_s, self._last_s + INSTANT_S)
         else:
             time_s = self._device.stamp(device_s, arrival_s)
-            if self._device_s is not None and device_s - self._device_s > GAP * self._period_s:
-                lost = max(lost, round((device_s - self._device_s) / self._period_s) - 1)
+            lost = max(lost, self._missing(device_s, arrival_s))
             self._device_s = device_s
-        self._last_s = time_s
+        self._last_s, self._arrival_s = time_s, arrival_s
         return Sample(time_s, values, lost)
+
+    def _missing(self, device_s: float, arrival_s: float) -> int:
+        """Lines that the device's clock says are missing, if they can have been sent since."""
+        if self._device_s is None or device_s - self._device_s < GAP * self._period_s:
+            return 0
+        said = round((device_s - self._device_s) / self._period_s) - 1
+        return min(said, round((arrival_s - self._arrival_s) / self._period_s) + 1)
 
     def _numbers(self, line: bytes) -> tuple[list[float], float | None] | None:
         """The channels' values and the device's time, or None if the line is not one."""

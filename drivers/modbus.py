@@ -5,6 +5,7 @@ retries: a reply that comes late would be taken for the answer to the next reque
 failed one the line is closed, left quiet and opened again.
 """
 
+import logging
 import math
 import time
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from drivers.protocols import Channel, Clock
 from drivers.reader import LineSensor, Sample
 from drivers.units import to_si
 
+logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # what matters, faults tell
 MAX_REGISTERS = 125
 MAX_FAILED = 3
 Client = ModbusTcpClient | ModbusSerialClient

@@ -15,7 +15,7 @@ import numpy as np
 
 TICK_S = 0.001
 LATE_S = 0.4
-LINE_FAULTS = ("silence", "drop", "garbage", "bad crc", "late")
+LINE_FAULTS = ("silence", "drop", "garbage", "bad crc", "noise", "late")
 
 
 class Device(Protocol):
@@ -142,10 +142,14 @@ class TcpLine:
 
 
 class Served:
-    """A running emulator. ``address`` is what a rig file gives as ``port``."""
+    """A running emulator. ``address`` is what a rig file gives as ``port``.
+
+    ``spoilt`` counts the answers that the fault ``noise`` has damaged.
+    """
 
     def __init__(self, device: Device, line: Line, name: str, seed: int = 0) -> None:
         self.address = line.address
+        self.spoilt = 0
         self.faults = (*LINE_FAULTS, *device.faults)
         self._device = device
         self._line = line
@@ -199,7 +203,29 @@ class Served:
                 return self._rng.bytes(len(answer))
             case "bad crc":
                 return answer[:-1] + bytes([answer[-1] ^ 0x55])
+            case "noise":
+                self.spoilt += 1
+                return damaged(answer, self._rng)
         return answer
+
+
+def damaged(data: bytes, rng: np.random.Generator) -> bytes:
+    """``data`` with one random damage: a byte changed, lost, added, doubled, or a burst."""
+    at = int(rng.integers(len(data)))
+    match rng.integers(6):
+        case 0:
+            return data[:at] + bytes([data[at] ^ int(rng.integers(1, 256))]) + data[at + 1 :]
+        case 1:
+            return data[:at] + data[at + 1 :]
+        case 2:
+            return data[:at] + rng.bytes(1) + data[at:]
+        case 3:
+            return data[: at + 1] + data[at:]
+        case 4:
+            return data[:at] + data[at + int(rng.integers(1, 8)) :]
+        case _:
+            burst = rng.bytes(int(rng.integers(1, 5)))
+            return data[:at] + burst + data[at + len(burst) :]
 
 
 @contextmanager
