@@ -114,7 +114,7 @@ def test_a_fault_keeps_the_data(palpate, tmp_path: Path, monkeypatch: pytest.Mon
     def jam(self: VirtualStage, *arguments: Any) -> None:
         nonlocal made
         made += 1
-        if made == 12:
+        if made == 14:  # setting out to indent at the fourth station
             raise DeviceFault("virtual", "the motor is jammed")
         move(self, *arguments)
 
@@ -126,7 +126,7 @@ def test_a_fault_keeps_the_data(palpate, tmp_path: Path, monkeypatch: pytest.Mon
     run = Path(outcome.json["run"])
     assert str(run) in outcome.err
     scan_form(outcome.json)
-    assert len(outcome.json["stations"]) == 2
+    assert len(outcome.json["stations"]) == 3
     monkeypatch.undo()
 
 
