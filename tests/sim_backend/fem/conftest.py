@@ -119,7 +119,7 @@ class Body:
             residual = self.residual(u, pressure_pa) - load
             change = assembly.solve(assembly.factor([tangent, *turning]), -residual)
             u += change.reshape(-1, 2)
-            if np.abs(change).max() < 1e-12 * (np.abs(u).max() + 1e-9):
+            if np.abs(change).max() < 1e-9 * np.abs(u).max():
                 return u
         raise AssertionError("Newton's method did not converge")
 
