@@ -1,8 +1,9 @@
 """Any Modbus sensor whose registers the rig file names: RTU over a serial line, or TCP.
 
 All registers are read in one request, so that one sample's values belong together. There are no
-retries: a reply that comes late would be taken for the answer to the next request, so after a
-failed one the line is closed, left quiet and opened again.
+retries: on a serial line a reply that comes late would be taken for the answer to the next
+request. So after a request that nothing answered the line is left alone for `LATE_S`, and after
+every failed one it is opened anew.
 """
 
 import logging
@@ -26,6 +27,7 @@ from drivers.units import to_si
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # what matters, faults tell
 MAX_REGISTERS = 125
 MAX_FAILED = 3
+LATE_S = 0.5
 Client = ModbusTcpClient | ModbusSerialClient
 Kind = Literal["int16", "uint16", "int32", "uint32", "float32"]
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
@@ -69,6 +71,8 @@ class ModbusSource:
         self._clock = clock
         self._name = name
         self._client = client
+        self._heard = 0
+        client.transaction.trace_packet = self._trace
         self._registers = registers
         self._device_id = device_id
         self._word_order = word_order
@@ -91,6 +95,7 @@ class ModbusSource:
             time.sleep(min(wait_s, 0.1))
             if wait_s > 0.1:
                 return []
+        self._heard = 0
         asked_s = self._clock.now()
         missed = max(math.floor((asked_s - self._due_s) / self._period_s), 0)
         self._due_s += (1 + missed) * self._period_s
@@ -110,6 +115,12 @@ class ModbusSource:
     def close(self) -> None:
         """Close the line."""
         _close(self._client)
+
+    def _trace(self, sending: bool, data: bytes) -> bytes:
+        """Hook of pymodbus: what passes on the line."""
+        if not sending:
+            self._heard += len(data)
+        return data
 
     def _wrong(self, reply: ModbusPDU) -> str | None:
         if reply.isError():
@@ -135,12 +146,13 @@ class ModbusSource:
         return register.scale * to_si(register.unit)[1] * number
 
     def _recover(self, why: str) -> None:
-        """Let a late reply pass, then start afresh."""
+        """Let a reply that may still come pass, then start afresh."""
         self._failed += 1
         if self._failed >= MAX_FAILED:
             raise DeviceFault(self._name, f"{MAX_FAILED} polls in a row failed: {why}")
+        if not self._heard:
+            time.sleep(LATE_S)
         _close(self._client)
-        time.sleep(0.05)
         if not self._client.connect():
             raise DeviceFault(self._name, f"connection lost ({why})")
 

@@ -1,0 +1,166 @@
+"""Load cells that print lines: patterns, units, their own clock, and text that is no reading."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers import Block, ConfigError, DeviceFault, WallClock
+from drivers.lines import TextChannel, open_sensor
+from drivers.reader import LineSensor
+from sim_backend import load_scene
+from sim_backend.emulators import lines
+from sim_backend.emulators.serving import Served, served
+from sim_backend.phantom import Phantom, Respond
+
+FORCE = TextChannel(name="force", unit="N", role="force")
+STAMPED = r"(?P<time>[0-9]+) (?P<force>[-+0-9.eE]+|nan) N"
+
+
+class Says:
+    """Prints what the test says."""
+
+    faults = ()
+
+    def __init__(self) -> None:
+        self.text = b""
+        self.asked = b""
+
+    def received(self, data: bytes) -> bytes:
+        self.asked += data
+        return b"Load: -12.5 g; 3.0 V\r\n" * data.count(b"\r")
+
+    def due(self) -> bytes:
+        text, self.text = self.text, b""
+        return text
+
+    def fail(self, _fault: str) -> None: ...
+
+
+@pytest.fixture
+def clock() -> WallClock:
+    return WallClock()
+
+
+@pytest.fixture
+def cell(clock: WallClock, winkler: Respond, tmp_path: Path) -> Iterator[tuple[Served, Phantom]]:
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.002))
+    with lines.emulate(phantom, at=str(tmp_path / "cell"), noise_n=0.0) as device:
+        yield device, phantom
+
+
+def gather(sensor: LineSensor, seconds: float) -> Block:
+    time.sleep(seconds)
+    return sensor.read()
+
+
+def test_force_and_time_are_the_devices(cell: tuple[Served, Phantom], clock: WallClock) -> None:
+    device, phantom = cell
+    sensor = open_sensor(
+        clock, port=device.address, pattern=STAMPED, channel=[FORCE], rate_hz=80, time_unit_s=1e-3
+    )
+    sensor.connect()
+    sensor.start()
+    phantom.tip.move(clock.now() + 0.1, (0.032, 0.0, -0.002), 0.02, 1.0)
+    block = gather(sensor, 0.6)
+    sensor.close()
+    # 10 N/s: 0.05 N is 5 ms
+    np.testing.assert_allclose(block.values[:, 0], phantom.force_n(block.time_s), atol=0.05)
+    steps = np.diff(block.time_s)
+    assert steps.min() > 0.010
+    assert steps.max() < 0.016
+
+
+def test_missing_lines_and_a_restarted_clock_are_seen(
+    cell: tuple[Served, Phantom], clock: WallClock
+) -> None:
+    device, _ = cell
+    sensor = open_sensor(
+        clock, port=device.address, pattern=STAMPED, channel=[FORCE], rate_hz=80, time_unit_s=1e-3
+    )
+    sensor.connect()
+    sensor.start()
+    gather(sensor, 0.1)
+    device.fail("silence")
+    time.sleep(0.2)
+    device.fail(None)
+    block = gather(sensor, 0.2)
+    assert block.lost == pytest.approx(16, abs=3)
+    device.fail("restart")
+    again = gather(sensor, 0.2)
+    assert len(again.time_s) > 10
+    assert again.time_s[0] > block.time_s[-1]
+    assert (np.diff(again.time_s) > 0).all()
+    device.fail("nan")
+    time.sleep(0.05)
+    sensor.read()
+    assert len(gather(sensor, 0.1).time_s) == 0  # not a number is not a reading
+    sensor.close()
+
+
+def test_a_gauge_that_speaks_when_asked_in_grams(clock: WallClock, tmp_path: Path) -> None:
+    says = Says()
+    with served(says, str(tmp_path / "gauge"), "gauge") as device:
+        sensor = open_sensor(
+            clock,
+            port=device.address,
+            pattern=r"Load: (?P<load>[-+0-9.]+) g; (?P<battery>[0-9.]+) V",
+            channel=[
+                TextChannel(name="load", unit="g", role="force", scale=-1.0),
+                TextChannel(name="battery", unit="V"),
+            ],
+            rate_hz=50,
+            ask="?\r",
+        )
+        assert [c.unit for c in sensor.channels] == ["N", "V"]
+        sensor.connect()
+        sensor.start()
+        block = gather(sensor, 0.4)
+        sensor.close()
+    assert says.asked.startswith(b"?\r?\r")
+    assert len(block.time_s) == pytest.approx(18, abs=6)
+    assert block.values[0] == pytest.approx([12.5 * 9.80665e-3, 3.0])
+
+
+def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
+    clock: WallClock, tmp_path: Path
+) -> None:
+    says = Says()
+    with served(says, str(tmp_path / "cell"), "cell") as device:
+        sensor = open_sensor(
+            clock, port=device.address, pattern="(?P<force>[-0-9.]+)", channel=[FORCE], rate_hz=10
+        )
+        says.text = b"7.7\n1.0\n"  # the first may be half a line
+        sensor.connect()
+        sensor.start()
+        says.text = b"2.0\r\n-3."
+        assert gather(sensor, 0.1).values.tolist() == [[2.0]]
+        says.text = b"5\n"
+        assert gather(sensor, 0.1).values.tolist() == [[-3.5]]
+        says.text = b"HX711 ready\n\xff\xfe\n" + b"x" * 5000 + b"\n4.0\n"
+        block = gather(sensor, 0.2)
+        assert block.values.tolist() == [[4.0]]
+        assert block.lost >= 3
+        device.fail("drop")
+        with pytest.raises(DeviceFault, match="connection lost"):
+            while True:
+                gather(sensor, 0.01)
+        sensor.close()
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"pattern": "("}, "pattern = '\\('"),
+        ({"pattern": "(?P<f>.*)"}, r"has groups \['f'\]"),
+        ({"rate_hz": 0.0}, "rate_hz = 0: must be above 0"),
+        ({"time_unit_s": -1.0}, "time_unit_s"),
+    ],
+)
+def test_wrong_keys_are_named(clock: WallClock, keys: dict[str, Any], words: str) -> None:
+    good = {"port": "x", "pattern": "(?P<force>.*)", "channel": [FORCE], "rate_hz": 10.0}
+    with pytest.raises(ConfigError, match=words):
+        open_sensor(clock, **(good | keys))  # type: ignore[arg-type]

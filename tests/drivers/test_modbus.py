@@ -1,0 +1,147 @@
+"""The Modbus driver against pymodbus' own server, an independent peer, and an emulated device."""
+
+import asyncio
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+from pymodbus.server import ModbusTcpServer
+from pymodbus.simulator import DataType, SimData, SimDevice
+
+from drivers import ConfigError, DeviceAbsent, DeviceFault, WallClock
+from drivers.modbus import Register, open_sensor
+from drivers.reader import LineSensor
+from sim_backend.emulators.modbus import ModbusSlave
+from sim_backend.emulators.serving import served
+
+FLOAT = struct.unpack(">HH", struct.pack(">f", 2.5))
+
+
+@pytest.fixture(scope="module")
+def server_port() -> Iterator[int]:
+    """A server of pymodbus in a thread; holding registers 100 to 106 of device 7."""
+    started: list[Any] = []
+    ready = threading.Event()
+
+    async def serve() -> None:
+        words = [123, 65531, 0, 40000, 0xFFFF, 0xFFFE, *FLOAT]
+        data = SimData(100, values=words, datatype=DataType.REGISTERS)
+        server = ModbusTcpServer(SimDevice(7, simdata=[data]), address=("127.0.0.1", 0))
+        await server.listen()
+        started.append((asyncio.get_running_loop(), server))
+        ready.set()
+        await server.serving
+
+    def run() -> None:
+        try:
+            asyncio.run(serve())
+        except asyncio.CancelledError:
+            return  # the end of a server of pymodbus
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    assert ready.wait(5)
+    loop, server = started[0]
+    yield server.transport.sockets[0].getsockname()[1]
+    asyncio.run_coroutine_threadsafe(server.shutdown(), loop)
+    thread.join(timeout=5)
+
+
+REGISTERS = [
+    Register(name="a", address=100, unit="mN", scale=10.0, role="force", full_scale=2000.0),
+    Register(name="b", address=101, unit="V"),
+    Register(name="c", address=102, unit="kPa", type="uint32", scale=0.001, role="pressure"),
+    Register(name="d", address=104, unit="N", type="int32"),
+    Register(name="e", address=106, unit="K", type="float32"),
+]
+
+
+def first_row(sensor: LineSensor) -> list[float]:
+    sensor.connect()
+    sensor.start()
+    try:
+        while True:
+            block = sensor.read()
+            if len(block.time_s):
+                return [float(v) for v in block.values[0]]
+    finally:
+        sensor.close()
+
+
+def test_every_type_and_unit_of_an_independent_server(server_port: int) -> None:
+    sensor = open_sensor(
+        WallClock(), host="127.0.0.1", tcp_port=server_port, device_id=7, register=REGISTERS
+    )
+    assert [c.unit for c in sensor.channels] == ["N", "V", "Pa", "N", "K"]
+    assert sensor.channels[0].full_scale == 2.0
+    assert first_row(sensor) == pytest.approx([1.23, -5.0, 40000.0, -2.0, 2.5])
+
+
+def test_word_order(server_port: int) -> None:
+    sensor = open_sensor(
+        WallClock(), host="127.0.0.1", tcp_port=server_port, device_id=7, word_order="little",
+        register=[Register(name="c", address=102, unit="Pa", type="uint32")],
+    )  # fmt: skip
+    assert first_row(sensor) == [40000 * 65536.0]
+
+
+def test_a_register_that_is_not_there_is_named(server_port: int) -> None:
+    sensor = open_sensor(
+        WallClock(), host="127.0.0.1", tcp_port=server_port, device_id=7,
+        register=[Register(name="x", address=5000, unit="N")],
+    )  # fmt: skip
+    with pytest.raises(DeviceAbsent, match=r"refuses registers 5000 to 5000 \(Modbus exception 2"):
+        sensor.connect()
+
+
+def test_nobody_there_is_absence() -> None:
+    sensor = open_sensor(WallClock(), host="127.0.0.1", tcp_port=1, register=REGISTERS)
+    with pytest.raises(DeviceAbsent, match="nothing to connect to at 127"):
+        sensor.connect()
+
+
+def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
+    """Each answer counts up: one that is read late would show a number too small for its time."""
+    count = [0]
+
+    def counted() -> int:
+        count[0] += 1
+        return count[0]
+
+    slave = ModbusSlave({0: counted}, 1, "rtu")
+    with served(slave, "socket://127.0.0.1:0", "modbus") as device:
+        sensor = open_sensor(
+            WallClock(), port=device.address, register=[Register(name="n", address=0, unit="-")]
+        )
+        sensor.connect()
+        sensor.start()
+        device.fail("late")
+        time.sleep(0.05)  # what was already on its way
+        sensor.read()
+        with pytest.raises(DeviceFault, match="3 polls in a row failed"):
+            while True:
+                block = sensor.read()
+                assert len(block.time_s) == 0, "a late reply was accepted"
+                time.sleep(0.01)
+        sensor.close()
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"register": REGISTERS}, "port or host"),
+        ({"host": "a", "port": "b", "register": REGISTERS}, "port or host"),
+        ({"host": "a", "register": []}, "name at least one"),
+        ({"host": "a", "register": REGISTERS, "rate_hz": 0.0}, "must be above 0"),
+        (
+            {"host": "a", "register": [*REGISTERS, Register(name="z", address=900, unit="N")]},
+            "span 801",
+        ),
+    ],
+)
+def test_wrong_keys_are_named(keys: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        open_sensor(WallClock(), **keys)
