@@ -23,8 +23,8 @@ from probe.session import scan
 from probe.verify import verify
 
 KILLS = ("kill -9", "kill -9, and again while resuming", "signal storm", "viewer killed")
-PACE_S = 0.5e-3  # per event: a scan then takes a second or so
-LAST_S = 0.8
+PACE_S = 2e-3  # per event: a scan then takes one and a half seconds or so
+LAST_S = 1.4
 
 
 def kill_one(seed: int, kind: str) -> Outcome:

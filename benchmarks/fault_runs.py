@@ -290,7 +290,9 @@ class Struck:
         t = np.arange(0.0, end_s + 0.1, 1e-3)
         legs = self._phantom.tip.legs(t)
         self.depth_m = -min(float(leg.points(t[span])[:, 2].min()) for leg, _, span in legs)
-        if self.kind != "physics fails":
+        if self.kind == "physics fails":
+            self.force_n = float("nan")  # there is no force where nothing could be solved
+        else:
             self.force_n = float(self._phantom.force_n(t).max())
 
 

@@ -44,12 +44,12 @@ def table(outcomes: Sequence[Outcome]) -> str:
             ends = Counter(str(one.finish) for one in found)
             force = max(one.force_n for one in found)
             depth = max(one.depth_m for one in found)
-            truth = ["-", "-"] if np.isnan(force) else [f"{force:.3f}", f"{1e3 * depth:.3f}"]
+            truth = [f"{force:.3f}", f"{1e3 * depth:.3f}"]
             cells = [
                 kind,
                 str(len(found)),
                 *[str(ends[end]) for end in ENDS],
-                *truth,
+                *["-" if cell == "nan" else cell for cell in truth],
                 f"{max(one.hang_s for one in found):.2f}",
                 str(sum(bool(one.wrong) for one in found)),
             ]
