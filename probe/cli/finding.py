@@ -1,7 +1,7 @@
 """``palpate detect`` and ``palpate compare``: what a stored run means."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,6 +9,7 @@ import typer
 
 from probe.cli.say import Json, answer, answer_json, plain
 
+MOST_LINES = 40
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
 
 
@@ -78,20 +79,10 @@ def finding_json(
 
 def show_finding(found: Mapping[str, Any]) -> None:
     """The stations as a compact table, then what lies beneath."""
-    from rich.box import SIMPLE_HEAD
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for head in ("x mm", "baseline Pa", "pulse Pa"):
-        table.add_column(head, justify="right")
-    for one in found["stations"]:
-        table.add_row(
-            _number(one["x_mm"], ".1f"),
-            _number(one["baseline_pa"], ".0f"),
-            _number(one["pulse_pa"], ".1f"),
-        )
-    Console(width=80).print(table)
+    if len(found["stations"]) <= MOST_LINES:
+        show_stations(found["stations"])
+    else:
+        answer(f"{len(found['stations'])} stations: the report shows them as a map")
     if found["simulated"]:
         answer(f"SIMULATED: {', '.join(found['simulated'])}")
     answer(f"Finding: {found['finding']}")
@@ -105,6 +96,24 @@ def show_finding(found: Mapping[str, Any]) -> None:
         )
     if found.get("reason"):
         answer(f"  {found['reason']}")
+
+
+def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
+    """A table with a line per station."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for head in ("x mm", "baseline Pa", "pulse Pa"):
+        table.add_column(head, justify="right")
+    for one in stations:
+        table.add_row(
+            _number(one["x_mm"], ".1f"),
+            _number(one["baseline_pa"], ".0f"),
+            _number(one["pulse_pa"], ".1f"),
+        )
+    Console(width=80).print(table)
 
 
 def _number(value: float | None, form: str) -> str:
