@@ -1,0 +1,102 @@
+"""Inf-sup values, and hourglass patterns in a real press."""
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from sim_backend.fem import internal
+from sim_backend.fem.elements import HOURGLASS
+from sim_backend.fem.finite import solve_finite
+from sim_backend.scene import load_scene
+
+
+def inf_sup(shop, element, n):
+    """Smallest non-zero inf-sup value of the unit square, its outline held (Chapelle and Bathe
+    1993, eq. 24): eigenvalues of B S^-1 B^T, S the H1 norm of displacements, B the volume change
+    that each independent pressure sees.
+    """
+    body = shop.body(shop.grid(n, n, lambda p: p, wild=0.05), element)
+    cells = body.section.cells
+    size = body.section.size
+    norm, swell = np.zeros((size, size)), []
+    for dofs, b, w in zip(cells.dofs, cells.operator, cells.weight, strict=True):
+        norm[np.ix_(dofs, dofs)] += np.einsum("q,qvd,qve->de", w, b, b)
+        opening = w[:, None] * (b[:, 0] + b[:, 3])
+        rows = opening.sum(axis=0, keepdims=True) if cells.dilatation else opening
+        volumes = [w.sum()] if cells.dilatation else w
+        for row, volume in zip(rows, volumes, strict=True):
+            full = np.zeros(size)
+            full[dofs] = row / np.sqrt(volume)
+            swell.append(full)
+    if cells.hourglass is not None:  # patterns that one point cannot see must cost something
+        for dofs, gamma in zip(cells.dofs, cells.hourglass, strict=True):
+            for axis in (0, 1):
+                norm[np.ix_(dofs[axis::2], dofs[axis::2])] += np.outer(gamma, gamma)
+    free = np.setdiff1d(np.arange(size), shop.dofs(shop.outline(body.section.mesh)))
+    s, b = norm[np.ix_(free, free)], np.array(swell)[:, free]
+    values = eigh(b @ np.linalg.solve(s, b.T), eigvals_only=True)
+    assert values[0] > -1e-10
+    return np.sqrt(values[values > 1e-8][0])
+
+
+@pytest.mark.parametrize("element", ["T6M", "Q4M", "Q4R"])
+def test_inf_sup_stays_away_from_zero(shop, element):
+    values = [inf_sup(shop, element, n) for n in (2, 4, 8)]
+    assert min(values) > 0.2
+    assert values[2] > 0.85 * values[1]
+
+
+@pytest.mark.parametrize("element", ["T6", "Q4"])
+def test_inf_sup_of_full_pressures_falls(shop, element):
+    """As many pressures as points: why plane strain needs the elements above near nu = 0.5."""
+    values = [inf_sup(shop, element, n) for n in (2, 4, 8)]
+    assert values[2] < 0.05
+    assert values[2] < 0.2 * values[0]
+
+
+def amplitudes_mm(plane):
+    """Size of the hourglass patterns in Q4R under a finger."""
+    scene = load_scene("TI").model_copy(update={"plane": plane})
+    section, (solved,) = solve_finite(scene, 0.032, 2.0e-3, [0.0], 1e-3, "Q4R")
+    gamma = section.cells.hourglass
+    assert gamma is not None
+    pattern = np.einsum("mk,mki->mi", gamma, solved.displacement[section.cells.nodes])
+    return 1e3 * np.hypot(*pattern.T), solved.force_n_per_m
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_hourglass_patterns_are_held(plane, monkeypatch):
+    """The force would not reveal them (0.1 %), so look at the patterns themselves.
+
+    What is left is the field's own bending: five times the control does not lessen it.
+    """
+    pattern, force = amplitudes_mm(plane)
+    assert np.median(pattern) < 3e-3
+    monkeypatch.setattr(internal, "HOURGLASS", 5 * HOURGLASS)
+    firmer, _ = amplitudes_mm(plane)
+    assert np.median(firmer) > 0.8 * np.median(pattern)
+    monkeypatch.setattr(internal, "HOURGLASS", 1e-3 * HOURGLASS)
+    loose, loose_force = amplitudes_mm(plane)
+    assert np.median(loose) > 3 * np.median(pattern)
+    assert loose_force == pytest.approx(force, rel=0.003)
+
+
+def forces(poisson, *elements):
+    scene = load_scene("TI")
+    tissue = scene.tissue.model_copy(update={"poisson": poisson})
+    scene = scene.model_copy(update={"plane": "strain", "tissue": tissue})
+    return [
+        solve_finite(scene, 0.032, 0.5e-3, [0.0], 1e-3, e)[1][0].force_n_per_m for e in elements
+    ]
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.49, 0.4999])
+def test_a_press_does_not_lock(poisson):
+    """Force under a finger in plane strain, against reduced quadratics on a finer mesh."""
+    judge, *found = forces(poisson, "Q8R", "T6", "T6M", "Q4R", "Q4M")
+    np.testing.assert_allclose(found, judge, rtol=0.025)
+
+
+def test_full_integration_locks_under_a_finger():
+    q4, free = forces(0.4999, "Q4", "Q4M")
+    assert q4 > 1.2 * free
