@@ -40,6 +40,7 @@ class GrblStage:
         limits_mm: Limits | None,
         max_speed_mm_s: float,
         home: bool,
+        park_mm: Point | None,
         period_s: float,
     ) -> None:
         self.name = name
@@ -49,6 +50,7 @@ class GrblStage:
         self._limits_mm = limits_mm
         self._max_speed_mm_s = max_speed_mm_s
         self._home = home
+        self._park_mm = park_mm
         self._period_s = period_s
         self._talk: Conversation | None = None
         self._rates_mm_s: tuple[float, ...] = ()
@@ -83,6 +85,7 @@ class GrblStage:
         try:
             if self._home:
                 self.home()
+                self._park()
             elif status.state == "Alarm":
                 why = talk.alarm or "locked"
                 raise DeviceFault(
@@ -150,6 +153,19 @@ class GrblStage:
         talk.alarm = None
         talk.command("$H", HOME_S)
         self._moved_after = talk.asked
+
+    def _park(self) -> None:
+        """From the switches to where the scan's workspace begins."""
+        if self._park_mm is None:
+            return
+        here, target = self.pose(), Pose(*(1e-3 * v for v in self._park_mm))
+        speed_m_s = 1e-3 * self._max_speed_mm_s
+        self.move(target, speed_m_s)
+        end = time.monotonic() + 2 * math.dist(here[:3], target[:3]) / speed_m_s + 2.0
+        while self.moving():
+            if time.monotonic() > end:
+                raise DeviceFault(self.name, "has not reached park_mm")
+            time.sleep(self._period_s)
 
     def moving(self) -> bool:
         """True until the last move has ended. Raises `DeviceFault` on an alarm or a lost line."""
@@ -253,13 +269,14 @@ def open_stage(
     limits_mm: Limits | None = None,
     max_speed_mm_s: float = 25.0,
     home: bool = False,
+    park_mm: Point | None = None,
     status_hz: float = 50.0,
 ) -> GrblStage:
     """A GRBL or grblHAL board at ``port`` (a path, ``COM3`` or ``socket://host:port``).
 
     ``origin_mm``: where the scan's (0, 0, 0) lies in machine coordinates. ``home`` moves the
-    machine to its switches at connection. ``limits_mm`` bounds the targets in the scan frame.
-    Raises `ConfigError`.
+    machine to its switches at connection, and then to ``park_mm`` in the scan frame, where
+    ``limits_mm`` bounds the targets too. Raises `ConfigError`.
     """
     for key, value in (
         ("baud", baud),
@@ -268,4 +285,6 @@ def open_stage(
     ):
         if not (math.isfinite(value) and value > 0):
             raise ConfigError(f"{key} = {value:g}: must be above 0")
-    return GrblStage(name, port, baud, origin_mm, limits_mm, max_speed_mm_s, home, 1 / status_hz)
+    return GrblStage(
+        name, port, baud, origin_mm, limits_mm, max_speed_mm_s, home, park_mm, 1 / status_hz
+    )

@@ -67,8 +67,8 @@ class RdtSource:
             return []
         except StopIteration:
             raise DeviceFault(self._name, "the stream has ended") from None
-        except pynetft.NetFTError as error:
-            raise DeviceFault(self._name, str(error)) from None
+        except pynetft.SensorFaultError as error:
+            raise DeviceFault(self._name, _in_words(error)) from None
         step = 1 if self._last is None else (got.rdt_sequence - self._last) % 2**32
         self._last = got.rdt_sequence
         if not 0 < step < 2**31:  # repeated or out of order
@@ -98,6 +98,11 @@ class RdtSource:
             raise DeviceFault(
                 self._name, f"sends {rate_hz:.0f} records a second; rate_hz = {self._rate_hz:g}"
             )
+
+
+def _in_words(fault: "pynetft.SensorFaultError") -> str:
+    words = fault.fault_code.value.replace("_", " ")
+    return f"{words} ({fault.health.last_error})" if fault.health.last_error else words
 
 
 def open_sensor(

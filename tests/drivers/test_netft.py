@@ -1,0 +1,100 @@
+"""The Net F/T driver: pynetft itself against an emulated box on loopback."""
+
+import sys
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from drivers import DeviceAbsent, DeviceFault, MissingExtra, WallClock
+from drivers.netft import open_sensor
+from drivers.reader import LineSensor
+from sim_backend import load_scene
+from sim_backend.emulators import netft
+from sim_backend.phantom import Phantom, Respond
+
+
+@pytest.fixture
+def clock() -> WallClock:
+    return WallClock()
+
+
+@pytest.fixture
+def phantom(clock: WallClock, winkler: Respond) -> Phantom:
+    return Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.002))
+
+
+@pytest.fixture
+def box(phantom: Phantom) -> Iterator[netft.NetFtBox]:
+    pytest.importorskip("pynetft")
+    with netft.emulate(phantom, rdt_port=0, http_port=0, noise_n=0.0) as running:
+        yield running
+
+
+def opened(box: netft.NetFtBox, clock: WallClock, rate_hz: float = 1000.0) -> LineSensor:
+    sensor = open_sensor(
+        clock, host=box.host, rdt_port=box.rdt_port, http_port=box.http_port, rate_hz=rate_hz
+    )
+    sensor.connect()
+    sensor.start()
+    return sensor
+
+
+def test_a_thousand_readings_a_second_in_newtons_and_in_time(
+    box: netft.NetFtBox, phantom: Phantom, clock: WallClock
+) -> None:
+    sensor = opened(box, clock)
+    phantom.tip.move(clock.now() + 0.1, (0.032, 0.0, -0.0025), 0.02, 1.0)
+    time.sleep(0.7)
+    block = sensor.read()
+    sensor.close()
+    assert len(block.time_s) + block.lost > 600
+    np.testing.assert_array_equal(block.values[:, 0], -block.values[:, 3])
+    # 10 N/s: 0.1 N is 10 ms
+    np.testing.assert_allclose(block.values[:, 0], phantom.force_n(block.time_s), atol=0.1)
+
+
+def test_records_that_the_network_loses_are_counted(box: netft.NetFtBox, clock: WallClock) -> None:
+    sensor = opened(box, clock)
+    time.sleep(0.1)
+    sensor.read()
+    box.fail("lossy")
+    time.sleep(0.5)
+    block = sensor.read()
+    sensor.close()
+    assert block.lost == pytest.approx(len(block.time_s) / 4, rel=0.2)
+    assert (np.diff(block.time_s) > 0.5e-3).all()
+
+
+def test_a_silent_box_is_a_fault(box: netft.NetFtBox, clock: WallClock) -> None:
+    sensor = opened(box, clock)
+    box.fail("silence")
+    with pytest.raises(DeviceFault, match="netft: timeout"):
+        for _ in range(200):
+            sensor.read()
+            time.sleep(0.01)
+    sensor.close()
+
+
+def test_a_rate_other_than_the_rig_says_is_told(box: netft.NetFtBox, clock: WallClock) -> None:
+    sensor = opened(box, clock, rate_hz=500.0)
+    with pytest.raises(DeviceFault, match="records a second; rate_hz = 500"):
+        for _ in range(200):
+            sensor.read()
+            time.sleep(0.01)
+    sensor.close()
+
+
+def test_no_box_is_absence(clock: WallClock) -> None:
+    pytest.importorskip("pynetft")
+    with pytest.raises(DeviceAbsent, match="sensor configuration"):
+        open_sensor(clock, host="127.0.0.1", http_port=1).connect()
+
+
+def test_a_missing_library_gives_the_line_to_type(
+    clock: WallClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "pynetft", None)
+    with pytest.raises(MissingExtra, match=r'pip install "palpate\[netft\]"'):
+        open_sensor(clock)

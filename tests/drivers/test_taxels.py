@@ -1,0 +1,90 @@
+"""A taxel array over serial: shares of the stress, lost frames by their counter, wrong keys."""
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers import ConfigError, WallClock
+from drivers.taxels import open_sensor
+from sim_backend import load_scene
+from sim_backend.emulators import taxels
+from sim_backend.emulators.serving import Served
+from sim_backend.phantom import Phantom, Respond
+
+ARRAY: dict[str, Any] = {
+    "rows": 4, "columns": 7, "header": "AA55", "rate_hz": 100.0, "counter": True,
+    "check": "crc16-modbus", "scale": 10.0,
+}  # fmt: skip
+
+
+@pytest.fixture
+def clock() -> WallClock:
+    return WallClock()
+
+
+@pytest.fixture
+def array(clock: WallClock, winkler: Respond, tmp_path: Path) -> Iterator[tuple[Served, Phantom]]:
+    phantom = Phantom(load_scene("TI"), clock, winkler, home=(0.032, 0.0, -0.0025))
+    with taxels.emulate(phantom, at=str(tmp_path / "array"), noise_pa=0.0) as device:
+        yield device, phantom
+
+
+def test_the_taxels_share_the_contact_stress(
+    array: tuple[Served, Phantom], clock: WallClock
+) -> None:
+    device, phantom = array
+    sensor = open_sensor(clock, port=device.address, **ARRAY, full_scale=1e5)
+    sensor.connect()
+    sensor.start()
+    time.sleep(0.3)
+    block = sensor.read()
+    sensor.close()
+    assert [c.name for c in sensor.channels[6:8]] == ["r0c6", "r1c0"]
+    force = float(phantom.force_n(np.array([clock.now()]))[0])
+    mean_pa = force / (1e-6 * phantom.scene.face_mm2)
+    assert block.values.mean() == pytest.approx(mean_pa, rel=0.01)
+    rows = block.values[0].reshape(4, 7)
+    assert (rows == rows[0]).all()
+    assert rows[0].argmax() == 3  # most in the middle
+    assert len(block.time_s) == pytest.approx(30, abs=5)
+
+
+def test_lost_frames_are_counted_by_the_counter(
+    array: tuple[Served, Phantom], clock: WallClock
+) -> None:
+    device, _ = array
+    sensor = open_sensor(clock, port=device.address, **ARRAY)
+    sensor.connect()
+    sensor.start()
+    time.sleep(0.1)
+    before = sensor.read()
+    device.fail("silence")
+    time.sleep(0.25)
+    device.fail(None)
+    time.sleep(0.2)
+    block = sensor.read()
+    sensor.close()
+    assert before.lost == 0
+    assert block.lost == pytest.approx(25, abs=3)
+    times = np.concatenate([before.time_s, block.time_s])
+    gap = float(np.diff(times).max())
+    assert gap == pytest.approx(0.01 * (block.lost + 1), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"header": "xyz"}, "header = 'xyz': must be hexadecimal"),
+        ({"header": ""}, "header = ''"),
+        ({"rows": 0}, "rows = 0"),
+        ({"rate_hz": -1.0}, "rate_hz = -1"),
+        ({"unit": "N"}, "taxels feel a pressure"),
+    ],
+)
+def test_wrong_keys_are_named(clock: WallClock, keys: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        open_sensor(clock, port="x", **(ARRAY | keys))
