@@ -1,0 +1,131 @@
+"""One joint fit of a hold: relaxation, drift and a periodic pulse, in coloured noise.
+
+Relaxation is a sum of exponentials with weights >= 0 over a grid of times: any completely monotone
+decay, and nothing that could oscillate. So no filter is needed, though the fastest relaxation and
+the pulse share a band. Noise is autoregressive, its level unknown.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from probe.detect.hold import Hold
+
+Array = NDArray[np.float64]
+
+DECAYS = 10
+MOST_COLOUR = 0.98
+ORDER = 4
+WHITE = np.zeros(ORDER)
+
+
+@dataclass(frozen=True)
+class Design:
+    """Columns over the hold's samples: ``drift`` (n, 2), ``decays`` (n, d) with weights >= 0."""
+
+    time_s: Array
+    drift: Array
+    decays: Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """``coefficients`` of the free columns with their ``covariance``; ``rest_pa`` (n,) is all but
+    the pulse, ``noise_pa`` the innovation's standard deviation, ``dof`` what is left to judge by,
+    ``decays`` which decays have weight.
+    """
+
+    coefficients: Array
+    covariance: Array
+    rest_pa: Array
+    residual_pa: Array
+    rss: float
+    dof: int
+    colour: Array
+    decays: NDArray[np.int64]
+
+    @property
+    def noise_pa(self) -> float:
+        return float(np.sqrt(self.rss / max(self.dof, 1)))
+
+
+def design_of(hold: Hold) -> Design:
+    """Drift and decays for a hold."""
+    t = hold.time_s
+    span = max(hold.span_s, 1e-9)
+    step = span / max(len(t) - 1, 1)
+    taus = np.geomspace(max(2 * step, 0.03), 3 * span, DECAYS)
+    drift = np.column_stack([np.ones_like(t), (t - t.mean()) / span])
+    return Design(t, drift, np.exp(-(t[:, None] - t[0]) / taus))
+
+
+def harmonics(time_s: Array, rate_hz: float, count: int) -> Array:
+    """(n, 2 count): cosines and sines of the rate's multiples."""
+    phase = 2 * np.pi * rate_hz * time_s[:, None] * np.arange(1, count + 1)
+    return np.hstack([np.cos(phase), np.sin(phase)])
+
+
+def fit(hold: Hold, design: Design, pulse: Array, colour: Array) -> Fit:
+    """Least squares of the whole hold with ``pulse`` columns (n, k), k = 0 for none."""
+    free = np.hstack([design.drift, pulse])
+    scale = np.sqrt(hold.weight)
+    y, a, b = (whiten(scale_rows(v, scale), colour) for v in (hold.signal_pa, free, design.decays))
+    q, r = np.linalg.qr(a)
+    decay_left = b - q @ (q.T @ b)
+    weight, _ = nnls(decay_left, y - q @ (q.T @ y))
+    residual = y - b @ weight
+    coefficients = np.linalg.solve(r, q.T @ residual)
+    residual = residual - a @ coefficients
+    used = np.flatnonzero(weight > 0)
+    dof = max(len(y) - a.shape[1] - len(used), 1)
+    rss = float(residual @ residual)
+    whole = np.hstack([a, b[:, used]])
+    information = np.linalg.pinv(whole.T @ whole)[: a.shape[1], : a.shape[1]]
+    rest = design.drift @ coefficients[:2] + design.decays @ weight
+    plain = hold.signal_pa - rest - pulse @ coefficients[2:]
+    return Fit(coefficients, information * rss / dof, rest, plain, rss, dof, colour, used)
+
+
+def colour_of(residual: Array, lost: int) -> Array:
+    """Reflection coefficients (ORDER,) of the residual's autoregression (Burg 1975).
+
+    Fitting ``lost`` columns takes slow power out, so that white noise looks blue; half a column
+    per sample is given back at lag one.
+    """
+    n = len(residual)
+    forward = backward = residual - residual.mean()
+    reflections = np.zeros(ORDER)
+    for order in range(min(ORDER, n // 8)):
+        f, b = forward[1:], backward[:-1]
+        power = float(f @ f + b @ b)
+        k = 2 * float(f @ b) / power if power > 0 else 0.0
+        if order == 0:
+            k += (1 + 0.5 * lost) / n
+        k = float(np.clip(k, -MOST_COLOUR, MOST_COLOUR))
+        reflections[order] = k
+        forward, backward = f - k * b, b - k * f
+    return reflections
+
+
+def whiten(columns: Array, colour: Array) -> Array:
+    """Innovations (n, ...) of the autoregression with reflection coefficients ``colour``.
+
+    A lattice (Makhoul 1977): the first samples are predicted by shorter autoregressions and scaled
+    to the same variance, so that none is lost.
+    """
+    forward = columns.astype(float, copy=True)
+    backward = forward.copy()
+    for order, k in enumerate(colour, start=1):
+        new_forward, new_backward = forward.copy(), backward.copy()
+        new_forward[order:] = forward[order:] - k * backward[order - 1 : -1]
+        new_backward[order:] = backward[order - 1 : -1] - k * forward[order:]
+        shrink = np.sqrt(1 - k**2)
+        new_forward[:order] *= shrink
+        forward, backward = new_forward, new_backward
+    return forward
+
+
+def scale_rows(columns: Array, scale: Array) -> Array:
+    return np.asarray(columns * (scale if columns.ndim == 1 else scale[:, None]))
