@@ -1,16 +1,22 @@
 """Processes of a scan killed at random instants; the file checked, resumed, and checked again.
 
-Each scan is a process of its own, forked, so that it can be killed without warning.
+Each scan is a process of its own, forked from a server that has imported everything, so that it
+begins at once and can be killed without warning.
 """
 
+import multiprocessing
 import os
 import signal
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
+from multiprocessing import forkserver
+from multiprocessing.process import BaseProcess
+from multiprocessing.synchronize import Event as EventClass
 from pathlib import Path
 from tempfile import mkdtemp
+from unittest.mock import patch
 
 import numpy as np
 from fault_runs import HANG_S, RIG, SEED, Outcome, bed, check_file, check_resumed
@@ -25,6 +31,8 @@ from probe.verify import verify
 KILLS = ("kill -9", "kill -9, and again while resuming", "signal storm", "viewer killed")
 PACE_S = 2e-3  # per event: a scan then takes one and a half seconds or so
 LAST_S = 1.4
+PROCESSES = multiprocessing.get_context("forkserver")
+PROCESSES.set_forkserver_preload(["fault_kills"])
 
 
 def kill_one(seed: int, kind: str) -> Outcome:
@@ -33,19 +41,18 @@ def kill_one(seed: int, kind: str) -> Outcome:
     folder = Path(mkdtemp(prefix="palpate-kill-"))
     at_s = float(rng.uniform(0.0, LAST_S))
     wrong: list[str] = []
-    scanning = forked(lambda: _scan(folder))
-    viewer = forked(lambda: _view(folder)) if kind == "viewer killed" else None
+    viewer = begun(_view, folder) if kind == "viewer killed" else None
+    scanning = begun(_scan, folder)
     time.sleep(at_s)
-    committed = _committed(folder)
-    hang_s = 0.0
+    committed, hang_s = _committed(folder), 0.0
     if kind.startswith("kill"):
-        os.kill(scanning, signal.SIGKILL)
+        _kill(scanning)
     elif viewer is not None:
-        os.kill(viewer, signal.SIGKILL)
-        os.waitpid(viewer, 0)
+        _kill(viewer)
     else:
         hang_s = _storm(scanning, rng)
-    if not _ended(scanning, 10.0):
+    scanning.join(10.0)
+    if scanning.is_alive():
         wrong.append("the scan's process did not end")
     path = next(folder.glob("*.run"), None)
     finish, complete = "not begun", 0
@@ -55,11 +62,10 @@ def kill_one(seed: int, kind: str) -> Outcome:
             complete = verify(path).stations_complete
             wrong += check_file(path, None, committed)
             if kind.endswith("resuming"):
-                again = forked(lambda: resume(path, respond=bed, observers=[_paced]))
+                again = begun(_resume, path)
                 time.sleep(float(rng.uniform(0.0, LAST_S)))
                 committed = _committed(folder)
-                os.kill(again, signal.SIGKILL)
-                os.waitpid(again, 0)
+                _kill(again)
                 wrong += check_file(path, None, committed)
             if open_run(path).finish != "completed":
                 wrong += check_resumed(path, unchanged_s=np.inf if kind == "kill -9" else 0.0)
@@ -75,22 +81,41 @@ def kill_one(seed: int, kind: str) -> Outcome:
     return Outcome(kind, at_s, finish, complete, nan, nan, hang_s, nan, tuple(wrong))
 
 
-def forked(work: Callable[[], object]) -> int:
-    """Run ``work`` in a process of its own; its number."""
-    sys.stdout.flush()
-    number = os.fork()
-    if number:
-        return number
-    try:
-        work()
-    finally:
-        os._exit(0)
+def begun(work: Callable[[Path], None], path: Path) -> BaseProcess:
+    """A process that does ``work``, once it has begun to."""
+    _serve()
+    ready = PROCESSES.Event()
+    process = PROCESSES.Process(target=_work, args=(work, path, ready), daemon=True)
+    process.start()
+    ready.wait(20.0)
+    return process
+
+
+def _serve() -> None:
+    """Start the server of processes; it finds what it shall import only by the environment."""
+    with patch.dict(os.environ, PYTHONPATH=os.pathsep.join(sys.path)):
+        forkserver.ensure_running()
+
+
+def _work(work: Callable[[Path], None], path: Path, ready: EventClass) -> None:
+    ready.set()
+    with suppress(RunFileError):  # a resume may find nothing to do
+        work(path)
+
+
+def _kill(process: BaseProcess) -> None:
+    process.kill()
+    process.join()
 
 
 def _scan(folder: Path) -> None:
     control = Control()
     with ctrl_c(control):
         scan(RIG, "TIHA", folder, seed=SEED, respond=bed, control=control, observers=[_paced])
+
+
+def _resume(path: Path) -> None:
+    resume(path, respond=bed, observers=[_paced])
 
 
 def _paced(_event: Event) -> None:
@@ -111,27 +136,14 @@ def _committed(folder: Path) -> int:
     return 0
 
 
-def _storm(scanning: int, rng: np.random.Generator) -> float:
+def _storm(scanning: BaseProcess, rng: np.random.Generator) -> float:
     """Ctrl-C and SIGTERM in quick succession; how long the scan took to end [s]."""
     began_s = time.perf_counter()
-    signals: Sequence[int] = (signal.SIGINT, signal.SIGTERM)
+    signals = (signal.SIGINT, signal.SIGTERM)
     for _ in range(20):
-        if _ended(scanning, float(rng.uniform(0, 0.005))):
+        scanning.join(float(rng.uniform(0, 0.005)))
+        if not scanning.is_alive() or scanning.pid is None:
             break
-        os.kill(scanning, int(rng.choice(signals)))
-    _ended(scanning, 2 * HANG_S)
+        os.kill(scanning.pid, int(rng.choice(signals)))
+    scanning.join(2 * HANG_S)
     return time.perf_counter() - began_s
-
-
-def _ended(process: int, timeout_s: float) -> bool:
-    """Wait for a child; True once it has ended."""
-    until_s = time.perf_counter() + timeout_s
-    while True:
-        try:
-            if os.waitpid(process, os.WNOHANG)[0]:
-                return True
-        except ChildProcessError:  # it was waited for before
-            return True
-        if time.perf_counter() > until_s:
-            return False
-        time.sleep(0.001)
