@@ -15,7 +15,7 @@ from pymodbus.framer import FramerRTU
 from drivers.modbus import ModbusSource, Register, connect_rtu
 from drivers.ports import Port, open_port, read_some
 from drivers.protocols import Channel, Clock
-from drivers.reader import LineSensor, Sample
+from drivers.reader import LineSensor, Sample, Source
 from drivers.stamps import FrameTime
 
 BAUD = 19200
@@ -29,7 +29,9 @@ STOP = b"\xff" * 50
 FULL_SCALE_N, FULL_SCALE_NM = 300.0, 30.0
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 SCALES = (0.01, 0.01, 0.01, 0.001, 0.001, 0.001)
+UNITS = ("N", "N", "N", "Nm", "Nm", "Nm")
 FIRST_REGISTER = 180
+POLL_TIMEOUT_S = 0.1
 Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
 
@@ -113,38 +115,40 @@ def open_sensor(
     normal: Normal = "-fz",
     latency_ms: float = 0.0,
     name: str = "ft300",
+    simulated: bool = False,
 ) -> LineSensor:
     """An FT-300 at a serial ``port`` (a path, ``COM3`` or ``socket://host:port``).
 
     The channel ``force`` is the normal force, positive when pressed: ``normal`` says which of the
     sensor's axes that is, ``-fz`` for a probe on its face, pressing along the sensor's +z.
+    ``simulated``: an emulated sensor is at the other end.
     """
+    full = {"N": FULL_SCALE_N, "Nm": FULL_SCALE_NM}
+    axes = zip(AXES, UNITS, strict=True)
     channels = (
         Channel("force", "N", "force", full_scale=FULL_SCALE_N),
-        *(Channel(axis, "N", full_scale=FULL_SCALE_N) for axis in AXES[:3]),
-        *(Channel(axis, "Nm", full_scale=FULL_SCALE_NM) for axis in AXES[3:]),
+        *(Channel(axis, unit, full_scale=full[unit]) for axis, unit in axes),
     )
-    if mode == "stream":
-        return LineSensor(
-            clock,
-            name,
-            channels,
-            STREAM_HZ,
-            lambda: StreamSource(clock, name, port, normal, 1e-3 * latency_ms),
+    latency_s = 1e-3 * latency_ms
+    rate_hz = STREAM_HZ if mode == "stream" else POLL_HZ
+
+    def open_source() -> Source:
+        if mode == "stream":
+            return StreamSource(clock, name, port, normal, latency_s)
+        client = connect_rtu(port, BAUD, "N", 1, POLL_TIMEOUT_S)
+        registers = _registers(normal)
+        return ModbusSource(
+            clock, name, client, registers, DEVICE_ID, "holding", "big", 1 / POLL_HZ, latency_s
         )
+
+    return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)
+
+
+def _registers(normal: Normal) -> list[Register]:
     address = {axis: FIRST_REGISTER + n for n, axis in enumerate(AXES)}
-    pressed = 0.01 if normal[0] == "+" else -0.01
-    registers = [Register(name="force", address=address[normal[1:]], unit="N", scale=pressed)] + [
-        Register(name=axis, address=address[axis], unit=channel.unit, scale=scale)
-        for axis, scale, channel in zip(AXES, SCALES, channels[1:], strict=True)
+    pressed = SCALES[0] if normal[0] == "+" else -SCALES[0]
+    force = Register(name="force", address=address[normal[1:]], unit="N", scale=pressed)
+    return [force] + [
+        Register(name=axis, address=address[axis], unit=unit, scale=scale)
+        for axis, scale, unit in zip(AXES, SCALES, UNITS, strict=True)
     ]
-    return LineSensor(
-        clock,
-        name,
-        channels,
-        POLL_HZ,
-        lambda: ModbusSource(
-            clock, name, connect_rtu(port, BAUD, "N", 1, 0.1), registers, DEVICE_ID, "holding",
-            "big", 1 / POLL_HZ, 1e-3 * latency_ms,
-        ),
-    )  # fmt: skip

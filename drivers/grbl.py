@@ -29,8 +29,6 @@ Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 class GrblStage:
     """A stage on a GRBL board."""
 
-    simulated = False
-
     def __init__(
         self,
         name: str,
@@ -42,8 +40,10 @@ class GrblStage:
         home: bool,
         park_mm: Point | None,
         period_s: float,
+        simulated: bool,
     ) -> None:
         self.name = name
+        self.simulated = simulated
         self._port = port
         self._baud = baud
         self._origin_mm = origin_mm
@@ -265,6 +265,7 @@ def open_stage(
     port: str,
     baud: int = 115200,
     name: str = "grbl",
+    simulated: bool = False,
     origin_mm: Point = (0.0, 0.0, 0.0),
     limits_mm: Limits | None = None,
     max_speed_mm_s: float = 25.0,
@@ -276,7 +277,8 @@ def open_stage(
 
     ``origin_mm``: where the scan's (0, 0, 0) lies in machine coordinates. ``home`` moves the
     machine to its switches at connection, and then to ``park_mm`` in the scan frame, where
-    ``limits_mm`` bounds the targets too. Raises `ConfigError`.
+    ``limits_mm`` bounds the targets too. ``simulated``: an emulated board is at the other end.
+    Raises `ConfigError`.
     """
     for key, value in (
         ("baud", baud),
@@ -286,5 +288,14 @@ def open_stage(
         if not (math.isfinite(value) and value > 0):
             raise ConfigError(f"{key} = {value:g}: must be above 0")
     return GrblStage(
-        name, port, baud, origin_mm, limits_mm, max_speed_mm_s, home, park_mm, 1 / status_hz
+        name,
+        port,
+        baud,
+        origin_mm,
+        limits_mm,
+        max_speed_mm_s,
+        home,
+        park_mm,
+        1 / status_hz,
+        simulated,
     )

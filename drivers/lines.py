@@ -139,6 +139,7 @@ def open_sensor(
     time_unit_s: float = 1.0,
     latency_ms: float = 0.0,
     name: str = "lines",
+    simulated: bool = False,
 ) -> LineSensor:
     r"""A sensor that prints lines at ``port`` (a path, ``COM3`` or ``socket://host:port``).
 
@@ -167,7 +168,9 @@ def open_sensor(
             1e-3 * latency_ms,
         )  # fmt: skip
 
-    return LineSensor(clock, name, tuple(_channel(c) for c in channel), rate_hz, open_source)
+    return LineSensor(
+        clock, name, tuple(_channel(c) for c in channel), rate_hz, open_source, simulated=simulated
+    )
 
 
 def _channel(text: TextChannel) -> Channel:

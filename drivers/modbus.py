@@ -196,6 +196,7 @@ def open_sensor(
     timeout_ms: float = 100.0,
     latency_ms: float = 0.0,
     name: str = "modbus",
+    simulated: bool = False,
 ) -> LineSensor:
     """A Modbus sensor at a serial ``port`` (RTU) or a ``host`` (TCP).
 
@@ -228,4 +229,4 @@ def open_sensor(
             1e-3 * latency_ms,
         )  # fmt: skip
 
-    return LineSensor(clock, name, channels, rate_hz, open_source)
+    return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)

@@ -115,6 +115,7 @@ def open_sensor(
     rdt_port: int = 49152,
     http_port: int = 80,
     name: str = "netft",
+    simulated: bool = False,
 ) -> LineSensor:
     """A Net F/T box at ``host`` that sends ``rate_hz`` records a second (RDT output rate).
 
@@ -146,4 +147,4 @@ def open_sensor(
             raise DeviceAbsent(name, f"no Net F/T box at {host}: {error}") from None
         return RdtSource(clock, name, client, rate_hz, normal, 1e-3 * latency_ms)
 
-    return LineSensor(clock, name, channels, rate_hz, open_source)
+    return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)

@@ -7,6 +7,7 @@ saturation are the same for all and done here.
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -47,7 +48,8 @@ class LineSensor:
     """A `Sensor` over a `Source`; ``open_source`` raises `DeviceAbsent` if there is none.
 
     ``full_scale`` of a channel is compared with the raw reading. Samples beyond `BUFFER_S` unread
-    ones push out the oldest, which count as lost.
+    ones push out the oldest, which count as lost. ``simulated`` marks every channel: an emulator
+    stands at the other end.
     """
 
     def __init__(
@@ -57,9 +59,11 @@ class LineSensor:
         channels: tuple[Channel, ...],
         rate_hz: float,
         open_source: Callable[[], Source],
+        *,
+        simulated: bool = False,
     ) -> None:
         self.name = name
-        self.channels = channels
+        self.channels = tuple(replace(channel, simulated=simulated) for channel in channels)
         self.rate_hz = rate_hz
         self._clock = clock
         self._open = open_source

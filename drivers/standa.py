@@ -20,8 +20,6 @@ Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 class StandaStage:
     """Up to three axes; each move gives them speeds so that they arrive together."""
 
-    simulated = False
-
     def __init__(
         self,
         name: str,
@@ -33,6 +31,7 @@ class StandaStage:
         acceleration_mm_s2: float,
     ) -> None:
         self.name = name
+        self.simulated = any(uri.startswith("xi-emu:") for uri in uris.values())
         self._uris = uris
         self._steps_per_mm = steps_per_mm
         self._origin_mm = origin_mm

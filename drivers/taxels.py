@@ -154,6 +154,7 @@ def open_sensor(
     full_scale: float | None = None,
     latency_ms: float = 0.0,
     name: str = "taxels",
+    simulated: bool = False,
 ) -> LineSensor:
     """An array of ``rows`` x ``columns`` taxels at a serial ``port``.
 
@@ -189,4 +190,4 @@ def open_sensor(
             1 / rate_hz, 1e-3 * latency_ms,
         )  # fmt: skip
 
-    return LineSensor(clock, name, channels, rate_hz, open_source)
+    return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)

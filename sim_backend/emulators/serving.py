@@ -202,7 +202,10 @@ class Served:
             case "garbage":
                 return self._rng.bytes(len(answer))
             case "bad crc":
-                return answer[:-1] + bytes([answer[-1] ^ 0x55])
+                last = len(answer) - 1
+                return bytes(
+                    b ^ 0x55 if n % 8 == 7 or n == last else b for n, b in enumerate(answer)
+                )
             case "noise":
                 self.spoilt += 1
                 return damaged(answer, self._rng)
