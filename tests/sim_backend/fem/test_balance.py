@@ -1,0 +1,155 @@
+"""What no press may break: work against energy, symmetry, reversal, complementarity."""
+
+import numpy as np
+import pytest
+
+from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.internal import deformation
+from sim_backend.fem.lumen import lumen_area_m2
+from sim_backend.fem.material import energy_density, plane_stress
+from sim_backend.fem.newton import Load, march, untouched
+from sim_backend.fem.section import build_section
+from sim_backend.fem.touch import touches
+from sim_backend.response import mirrored
+from sim_backend.scene import load_scene, scene_from_text
+from sim_backend.waves import PA_PER_MMHG
+
+DEPTH_M = 2.0e-3
+P = 100 * PA_PER_MMHG
+
+
+def scene_in(plane, name="TIHA"):
+    return load_scene(name).model_copy(update={"plane": plane})
+
+
+def energy_j_per_m(section, u):
+    f = deformation(section, u)
+    g, k = section.shear[:, None], section.bulk[:, None]
+    l3 = plane_stress(f, g, k).thickness if section.plane_stress else np.ones(f.shape[:2])
+    return float((energy_density(f, l3, g, k) * section.cells.weight).sum())
+
+
+def marched(section, loads):
+    return list(march(section, untouched(section), loads))
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_work_of_the_finger_is_stored(plane):
+    """The integral of F over depth is the energy, to the error of the trapezium rule."""
+    section = build_section(scene_in(plane), 0.030, depth_m=DEPTH_M, size_m=1e-3)
+    errors = []
+    for steps in (8, 16):
+        depths = DEPTH_M * np.arange(1, steps + 1) / steps
+        solved = marched(section, [Load(d, 0.0) for d in depths])
+        force = [0.0, *(s.force_n_per_m for s in solved)]
+        work = np.trapezoid(force, np.append(0.0, depths))
+        errors.append(abs(work / energy_j_per_m(section, solved[-1].displacement) - 1))
+    assert errors[1] < 0.35 * errors[0]  # second order
+    assert errors[1] < 0.005
+
+
+def test_work_of_the_pressure_is_stored():
+    """In plane strain the lumen's pressure does p dA of work; the finger stands still."""
+    section = build_section(scene_in("strain"), 0.030, depth_m=DEPTH_M, size_m=1e-3)
+    (sides,) = section.lumens
+    down = [Load(DEPTH_M / 2, 0.0), Load(DEPTH_M, 0.0)]
+    solved = marched(section, [*down, *(Load(DEPTH_M, P * k / 10) for k in range(1, 11))])[1:]
+    area = [lumen_area_m2(sides, s.displacement) for s in solved]
+    work = np.trapezoid([s.load.pressure_pa for s in solved], area)
+    stored = [energy_j_per_m(section, solved[i].displacement) for i in (-1, 0)]
+    assert work == pytest.approx(stored[0] - stored[1], rel=0.003)
+    assert work > 0
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_press_lift_press(plane):
+    """Nothing is lost on the way: loads reached along other paths give the same."""
+    section = build_section(scene_in(plane), 0.033, depth_m=DEPTH_M, size_m=1e-3)
+    half, full, lifted = Load(DEPTH_M / 2, P), Load(DEPTH_M, P), Load(-DEPTH_M, P)
+    first, second, _, again, third = marched(section, [half, full, lifted, half, Load(DEPTH_M, 0)])
+    (direct,) = march(section, third, [full])
+    assert again.force_n_per_m == pytest.approx(first.force_n_per_m, rel=1e-4)
+    assert direct.force_n_per_m == pytest.approx(second.force_n_per_m, rel=1e-4)
+    np.testing.assert_allclose(direct.displacement, second.displacement, atol=2e-7)
+
+
+def test_one_step_is_as_good_as_many():
+    section = build_section(scene_in("stress"), 0.032, depth_m=DEPTH_M, size_m=1e-3)
+    (once,) = marched(section, [Load(DEPTH_M, P)])
+    *_, many = marched(section, [Load(DEPTH_M * k / 9, P * k / 9) for k in range(1, 10)])
+    assert once.force_n_per_m == pytest.approx(many.force_n_per_m, rel=1e-4)
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_contact_is_complementary(plane):
+    """Where the finger pushes there is no gap; where there is a gap nothing pushes or pulls."""
+    section = build_section(scene_in(plane), 0.032, depth_m=DEPTH_M, size_m=0.8e-3)
+    *_, solved = marched(section, [Load(DEPTH_M / 2, P), Load(DEPTH_M, P)])
+    finger = section.finger.lowered_to(section.finger.y - DEPTH_M)
+    pair = touches(section, finger, solved.displacement)[0]
+    push = solved.push[0]
+    on = push > 0
+    assert push.min() >= 0
+    assert np.abs(pair.gap[on]).max() < 1e-7
+    assert pair.gap[~on].min() > -1e-7
+    assert 4 < on.sum() < len(on)
+
+
+def test_a_scene_and_its_mirror():
+    scene = scene_from_text(
+        """name = "two"
+        tissue = {width_mm = 64.0, height_mm = 16.83, modulus_kpa = 50.0, poisson = 0.49}
+        indenter = {shape = "flat", width_mm = 6.0, edge_radius_mm = 1.0}
+        [[inclusion]]
+        kind = "tumour"
+        x_mm = 24.0
+        depth_mm = 6.0
+        diameter_mm = 5.0
+        modulus_kpa = 1000.0
+        poisson = 0.49
+        [[inclusion]]
+        kind = "artery"
+        x_mm = 36.0
+        depth_mm = 9.0
+        inner_diameter_mm = 4.5
+        wall_mm = 0.63
+        modulus_kpa = 400.0
+        poisson = 0.49""",
+        "test",
+    )
+    (_, here), (_, there) = (
+        solve_finite(s, x, DEPTH_M, [0.0, P], 0.6e-3)
+        for s, x in ((scene, 0.030), (mirrored(scene), 0.034))
+    )
+    forces = [[s.force_n_per_m for s in each] for each in (here, there)]
+    np.testing.assert_allclose(forces[0], forces[1], rtol=0.003)  # the meshes are not mirrored
+
+
+def test_moving_the_vessels_away_leaves_the_block():
+    """A vessel far off changes nothing, and a tumour as soft as the tissue is none."""
+    block = load_scene("TI")
+    tumour = load_scene("TIT").inclusion[0].model_copy(update={"modulus_kpa": 50.0})
+    hidden = block.model_copy(update={"inclusion": (tumour,)})
+    forces = [
+        solve_finite(s, 0.032, DEPTH_M, [0.0], 0.8e-3)[1][0].force_n_per_m for s in (block, hidden)
+    ]
+    assert forces[1] == pytest.approx(forces[0], rel=0.002)
+
+
+@pytest.mark.parametrize("scale", [0.1, 10.0])
+def test_stiffer_tissue_pushes_back_in_proportion(scale):
+    """Without pressure the force goes as the moduli, all else equal: no hidden absolute number."""
+    scene = load_scene("TIT")
+    assert scene.tissue is not None
+    other = scene.model_copy(
+        update={
+            "tissue": scene.tissue.model_copy(update={"modulus_kpa": 50.0 * scale}),
+            "inclusion": tuple(
+                i.model_copy(update={"modulus_kpa": i.modulus_kpa * scale}) for i in scene.inclusion
+            ),
+        }
+    )
+    forces = [
+        solve_finite(s, 0.030, DEPTH_M, [0.0], 1e-3)[1][0].force_n_per_m for s in (scene, other)
+    ]
+    assert forces[1] == pytest.approx(scale * forces[0], rel=1e-4)
