@@ -148,6 +148,8 @@ def _open(
         if (device.fallback or fallback) is None:
             raise
         notes.append(f"{where}: {absent}; a simulated stand-in takes its place")
+        if kind == "sensors":  # under its own name, so that several may be absent
+            extra = {**extra, "name": made.name}
         made = _make(kind, where, VIRTUAL, world, extra)
         made.connect()
     return made

@@ -54,18 +54,18 @@ def test_without_leave_an_absent_device_is_an_error(
 
 
 @pytest.mark.parametrize(
-    ("stage_key", "sensor_key", "asked", "simulated"),
+    ("stage_key", "sensor_key", "asked", "leave"),
     [
-        ('fallback = "virtual"', 'fallback = "virtual"', None, {"stage", "force"}),
-        ("", "", "virtual", {"stage", "force"}),
-        ('fallback = "virtual"', "", None, None),  # the sensor has no leave
+        ('fallback = "virtual"', 'fallback = "virtual"', None, True),
+        ("", "", "virtual", True),
+        ('fallback = "virtual"', "", None, False),  # the sensor has none
     ],
 )
 def test_with_leave_it_is_replaced_and_named(
     stage_key: str,
     sensor_key: str,
     asked: Any,
-    simulated: set[str] | None,
+    leave: bool,
     winkler: Respond,
     tmp_path: Path,
 ) -> None:
@@ -76,7 +76,7 @@ def test_with_leave_it_is_replaced_and_named(
             f'driver = "ft300"\n{ABSENT}\n{sensor_key}',
         )
     )
-    if simulated is None:
+    if not leave:
         with pytest.raises(DeviceAbsent):
             connect(rig, WallClock(), fallback=asked, respond=winkler)
         return
@@ -84,6 +84,7 @@ def test_with_leave_it_is_replaced_and_named(
         assert len(opened.notes) == 2
         assert all("a simulated stand-in takes its place" in note for note in opened.notes)
         assert opened.stage.simulated
+        assert [sensor.name for sensor in opened.sensors] == ["ft300"]
         assert all(channel.simulated for s in opened.sensors for channel in s.channels)
 
 
@@ -125,9 +126,9 @@ def test_a_real_stage_with_a_virtual_sensor_rehearses_a_scan(
         )
         events = scanned(path, winkler, lambda _event: None)
     assert events[-1].finish is Finish.COMPLETED
-    assert marks(events) == {"stage": False, "force": True}
+    assert marks(events) == {"stage": False, "ft300": True}
     felt = [
-        e.block.values[:, 0].max() for e in events if isinstance(e, Samples) and e.device == "force"
+        e.block.values[:, 0].max() for e in events if isinstance(e, Samples) and e.device == "ft300"
     ]
     # the virtual sensor feels where the real stage is: 1 mm into 480 N/m
     assert max(felt) == pytest.approx(0.48, abs=0.05)
