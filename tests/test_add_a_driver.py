@@ -1,0 +1,53 @@
+"""The driver in docs/add-a-driver.md, as it is written there, keeps the contract."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+DOC = Path(__file__).resolve().parents[1] / "docs" / "add-a-driver.md"
+FENCE = re.compile(r"^```(?:python|toml)\n# (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Path:
+    """A folder with the files of the document, as if the package were installed."""
+    files = dict(FENCE.findall(DOC.read_text("utf-8")))
+    assert set(files) == {"acme_gauge.py", "pyproject.toml", "rig.toml", "acme_bench.py"}
+    for name, text in files.items():
+        (tmp_path / name).write_text(text, "utf-8")
+    groups = tomllib.loads(files["pyproject.toml"])["project"]["entry-points"]
+    info = tmp_path / "acme-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: acme\nVersion: 1.0\n")
+    lines = [
+        f"[{group}]\n" + "".join(f"{name} = {place}\n" for name, place in points.items())
+        for group, points in groups.items()
+    ]
+    (info / "entry_points.txt").write_text("\n".join(lines))
+    return tmp_path
+
+
+def test_it_takes_less_than_sixty_lines(package: Path) -> None:
+    code = [line for line in (package / "acme_gauge.py").read_text("utf-8").splitlines() if line]
+    assert len(code) < 60
+
+
+def test_it_keeps_the_contract(package: Path) -> None:
+    ran = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider",
+         "--palpate-driver=acme", "--palpate-bench=acme_bench:bench"],
+        cwd=package, env=os.environ | {"PYTHONPATH": str(package)},
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert ran.returncode == 0, ran.stdout
+    assert re.search(r"7 passed, 6 skipped", ran.stdout), ran.stdout  # the six are of stages
+
+
+def test_its_rig_file_names_it(package: Path) -> None:
+    table = tomllib.loads((package / "rig.toml").read_text("utf-8"))
+    assert table["sensor"][0]["driver"] == "acme"
