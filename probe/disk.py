@@ -5,6 +5,7 @@ import os
 import sqlite3
 from pathlib import Path
 
+from probe.rows import RunFileError
 from probe.schema import BUSY_S, VERSION, create, migrate, version_of
 
 # File systems whose shared memory other machines do not see: a write-ahead log breaks on them.
@@ -12,6 +13,7 @@ NETWORK = (
     "9p", "afs", "ceph", "cifs", "davfs", "glusterfs", "lustre", "nfs", "smb", "vboxsf",
     "fuse.davfs", "fuse.gvfs", "fuse.glusterfs", "fuse.rclone", "fuse.s3fs", "fuse.sshfs",
 )  # fmt: skip
+LOG_PAGES = 100  # moved into the file often: little is missing if someone copies it without its log
 
 
 class StoreError(RuntimeError):
@@ -38,14 +40,20 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
             make_safe(connection, path)
             if new:
                 create(connection)
-            elif version_of(connection) != VERSION:
+            elif (version := version_of(connection)) == 0:
+                raise RunFileError("nothing has been stored in it yet; begin a new scan")
+            elif version < VERSION:
                 migrate(connection)
         except BaseException:
             connection.close()
             raise
-    except sqlite3.Error as error:
+    except (sqlite3.OperationalError, RunFileError) as error:
         os.close(lock)
-        raise StoreError(f"{path}: {explain(error)}") from None
+        kind_of = RunFileError if isinstance(error, RunFileError) else StoreError
+        raise kind_of(f"{path}: {explain(error)}") from None
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        os.close(lock)
+        raise RunFileError(f"{path}: damaged or not a run file ({error})") from None
     except BaseException:
         os.close(lock)
         raise
@@ -64,6 +72,7 @@ def make_safe(connection: sqlite3.Connection, path: Path) -> None:
     (level,) = connection.execute("PRAGMA synchronous").fetchone()
     if level != 2:
         raise StoreError(f"{path}: SQLite does not write synchronously (level {level}, not FULL)")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
 
 
 def file_system(path: Path) -> str:

@@ -205,7 +205,7 @@ def reopen_store(path: Path) -> Store:
     connection, lock = open_safely(path, new=False)
     try:
         return Store(path, connection, lock)
-    except (sqlite3.Error, RunFileError) as error:
+    except (sqlite3.Error, UnicodeDecodeError, RunFileError) as error:
         connection.close()
         os.close(lock)
         raise RunFileError(f"{path}: damaged ({error}); `palpate verify` says where") from None

@@ -62,16 +62,16 @@ def verify(path: str | Path) -> Report:
     marked complete are. Raises `RunFileError` only for a file that is no run at all.
     """
     path = Path(path)
-    audit = Audit()
+    audit, problems = Audit(), list[str]()
     with reading(path) as connection:
-        problems = [
-            f"database: {text}"
-            for (text,) in connection.execute(f"PRAGMA integrity_check({MAX_PROBLEMS})")
-            if text != "ok"
-        ]
         try:
+            problems += [
+                f"database: {text}"
+                for (text,) in connection.execute(f"PRAGMA integrity_check({MAX_PROBLEMS})")
+                if text != "ok"
+            ]
             _audit(connection, audit, problems)
-        except (sqlite3.Error, UnicodeDecodeError) as error:  # pages are gone: say so, and what came before
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # say so, and what came before
             problems.append(f"database: {error}")
     audit.end()
     problems += audit.problems

@@ -310,3 +310,9 @@ def test_a_damaged_file_is_not_added_to(tmp_path: Path) -> None:
     for _ in range(2):  # the lock is given back
         with pytest.raises(RunFileError, match=r"damaged.*palpate verify"):
             reopen_store(tmp_path / "a.run")
+
+
+def test_an_empty_file_is_not_added_to(tmp_path: Path) -> None:
+    (tmp_path / "a.run").touch()
+    with pytest.raises(RunFileError, match="begin a new scan"):
+        reopen_store(tmp_path / "a.run")
