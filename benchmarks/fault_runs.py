@@ -62,6 +62,8 @@ KINDS = (
 STIFFNESS_N_M, HARD = 400.0, 30.0
 SENSOR_RATE_HZ, NOISE_N, ACCELERATION = 500.0, 0.5e-3, 1.0
 HANG_S = 5.0
+BIN_S = 0.02  # ten samples
+ALIKE_N = 6 * NOISE_N * (2 / 10) ** 0.5  # six times the noise of the difference of two bins
 SEED = 7  # of every scan's noise: one undisturbed run serves all comparisons
 RIG = Rig.model_validate(
     {
@@ -344,19 +346,19 @@ def check_resumed(path: Path, *, unchanged_s: float, compare: bool = True) -> li
     if any(stored_bytes(path, n) != before[n] for n in before):
         wrong.append("a complete station was changed by the resume")
     repeated = STATIONS if compare else STATIONS - left.completed
-    levels = held_levels(path)
-    if any(abs(levels[n] - undisturbed()[1][n]) > NOISE_N for n in repeated):
+    force_n = held_force(path)
+    if any(np.abs(force_n[n] - undisturbed()[1][n]).max() > ALIKE_N for n in repeated):
         wrong.append("a station's force differs from the undisturbed scan's")
     return wrong
 
 
 @cache
-def undisturbed() -> tuple[dict[int, list[bytes]], dict[int, float]]:
+def undisturbed() -> tuple[dict[int, list[bytes]], dict[int, Array]]:
     """Bytes and held force of every station, when nothing strikes."""
     path = Path(mkdtemp(prefix="palpate-fault-")) / "calm.run"
     struck = Struck("none", 0.0, np.random.default_rng(0), path)
     struck.scan(SimulatedClock())
-    found = {n: stored_bytes(path, n) for n in STATIONS}, held_levels(path)
+    found = {n: stored_bytes(path, n) for n in STATIONS}, held_force(path)
     path.unlink()
     path.parent.rmdir()
     return found
@@ -371,14 +373,16 @@ def stored_bytes(path: Path, station: int) -> list[bytes]:
     return found
 
 
-def held_levels(path: Path) -> dict[int, float]:
-    """The mean force [N] of the last attempt's hold at each station."""
+def held_force(path: Path) -> dict[int, Array]:
+    """The force [N] in each `BIN_S` of every station's hold: its level and its beat."""
     recording = open_run(path).recording()
-    levels = {}
+    edges = np.arange(0.02, 0.8, BIN_S)
+    found = {}
     for one in recording.stations:
-        held = (one.time_s > one.hold_s + 0.01) & (one.time_s < one.hold_s + 0.8)
-        levels[one.index] = float(one.signal_pa[held].mean()) * recording.face_m2
-    return levels
+        part = np.digitize(one.time_s - one.hold_s, edges)
+        means = [one.signal_pa[part == n].mean() for n in range(1, len(edges))]
+        found[one.index] = np.array(means) * recording.face_m2
+    return found
 
 
 def same(a: Event, b: Event) -> bool:
