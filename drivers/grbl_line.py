@@ -25,8 +25,9 @@ LINE_MAX = 4096
 Point = tuple[float, float, float]
 _FIELD = re.compile(r"(MPos|WPos|WCO|Pn):([^|>]*)")
 _STATE = re.compile(r"<([A-Za-z]+)(?::(\d+))?((?:\|[^|>]*)*)>")
-_PROBE = re.compile(r"\[PRB:(-?[\d.]+),(-?[\d.]+),(-?[\d.]+)(?:,-?[\d.]+)*:([01])\]")
-_SETTING = re.compile(r"\$(\d+)=(-?[\d.]+)")
+_NUMBER = r"(-?\d+(?:\.\d+)?)"
+_PROBE = re.compile(rf"\[PRB:{_NUMBER},{_NUMBER},{_NUMBER}(?:,[-\d.]+)*:([01])\]")
+_SETTING = re.compile(r"\$(\d+)=(-?\d+(?:\.\d+)?)(?: .*)?")  # grblHAL also has text settings
 
 
 @dataclass(frozen=True)
@@ -170,7 +171,7 @@ class Conversation:
             elif found := _PROBE.fullmatch(text):
                 x, y, z = (float(v) for v in found.groups()[:3])
                 self.probed = ((x, y, z), found[4] == "1")
-            elif found := _SETTING.match(text):
+            elif found := _SETTING.fullmatch(text):
                 self.settings[int(found[1])] = float(found[2])
             self.arrived.notify_all()
 

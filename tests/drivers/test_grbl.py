@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -26,9 +27,9 @@ def phantom(clock: WallClock, winkler: Respond) -> Phantom:
     return Phantom(load_scene("TIHA"), clock, winkler, home=HOME)
 
 
-@pytest.fixture(params=["pty", "socket://127.0.0.1:0"])
-def board(phantom: Phantom, request: pytest.FixtureRequest) -> Iterator[Served]:
-    with grbl.emulate(phantom, at=request.param, homed=True) as served:
+@pytest.fixture
+def board(phantom: Phantom, tmp_path: Path) -> Iterator[Served]:
+    with grbl.emulate(phantom, at=str(tmp_path / "tty"), homed=True) as served:
         yield served
 
 
@@ -176,8 +177,39 @@ def test_unplugged_and_plugged_in_again(stage: GrblStage, board: Served) -> None
     with pytest.raises(DeviceFault, match="not connected"):
         stage.pose()
     board.fail(None)
-    if board.address.startswith("/dev/pts"):
-        pytest.skip("a pty without a link comes back under another name")
     time.sleep(0.05)
     stage.connect()
     assert stage.pose()[:3] == pytest.approx(HOME, abs=1e-6)
+
+
+def test_settings_of_any_kind_are_read(board: Served, clock: WallClock) -> None:
+    """grblHAL lists addresses, names and floats among its numbers."""
+    made = open_stage(clock, port=board.address)
+    made.connect()
+    talk = made._line()
+    for line in ("$302=192.168.5.1", "$300=grbl.local", "$110=6000.000", "$5=", "$N0=G54"):
+        talk._understand(line)
+    assert talk.settings[110] == 6000.0
+    assert not {5, 300, 302} & set(talk.settings)
+    assert talk.gone is None
+    made.close()
+
+
+def test_a_slow_axis_is_told_at_connection(
+    board: Served, clock: WallClock, caplog: pytest.LogCaptureFixture
+) -> None:
+    made = open_stage(clock, port=board.address, max_speed_mm_s=60.0)
+    made.connect()
+    made.close()
+    assert "the board moves z at 50 mm/s at most ($112)" in caplog.text
+    assert "moves x" not in caplog.text
+
+
+def test_after_an_alarm_the_board_can_be_unlocked(stage: GrblStage) -> None:
+    with pytest.raises(DeviceFault, match="alarm 5"):
+        stage.probe(0.001, 0.02)
+    with pytest.raises(DeviceFault, match="alarm 5"):
+        stage.move(Pose(0.031, 0.0, 0.004), 0.02)
+    stage.unlock()
+    stage.move(Pose(0.031, 0.0, 0.004), 0.02)
+    until(lambda: not stage.moving())
