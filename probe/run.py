@@ -6,7 +6,6 @@ run.samples()             # labelled arrays with units
 run.recording()           # what detection works on
 """
 
-import time
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -127,19 +126,6 @@ def follow(path: str | Path) -> Iterator[Event | None]:
         for number, row in found:
             last = number
             yield _event(number, row)
-
-
-def wait_for_run(path: str | Path, timeout_s: float) -> Run:
-    """`open_run`, once a scan has begun to write. Raises `RunFileError` after ``timeout_s``."""
-    until_s = time.monotonic() + timeout_s
-    while True:
-        try:
-            return open_run(path)
-        except RunFileError as error:
-            early = isinstance(error, NotBegun) or not Path(path).exists()
-            if not early or time.monotonic() > until_s:
-                raise
-        time.sleep(0.02)
 
 
 def _event(number: int, row: Row) -> Event:

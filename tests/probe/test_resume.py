@@ -14,7 +14,7 @@ from probe.control import Control
 from probe.events import Event, Finish, Phase, PhaseEntered
 from probe.resume import resume, unfinished
 from probe.rig import Rig
-from probe.run import RunFileError, open_run, wait_for_run
+from probe.run import RunFileError, follow, open_run
 from probe.session import Scanned, scan
 from probe.store import StoreError, reopen_store
 from probe.verify import verify
@@ -178,10 +178,12 @@ def test_kill_9_loses_nothing_that_was_committed(
         env={"PYTHONPATH": f"{TESTS.parent}"},
     )
     try:
-        until_s = time.monotonic() + 20
-        while not (found := list(tmp_path.glob("*.run"))) and time.monotonic() < until_s:
+        while not (found := list(tmp_path.glob("*.run"))):
             time.sleep(0.01)
-        run = wait_for_run(found[0], 5.0)
+        seen = follow(found[0])
+        while next(seen) is None:
+            time.sleep(0.01)
+        run = open_run(found[0])
         time.sleep(after_s)
         committed = len(list(run.events()))
     finally:
