@@ -1,6 +1,6 @@
 """A stored run, in one call: ``open_run(path)``.
 
-run = open_run("run.palpate")
+run = open_run("runs/TIHA-20260101-120000.run")
 run.stations()            # a table, one press per row
 run.samples()             # labelled arrays with units
 run.recording()           # what detection works on
