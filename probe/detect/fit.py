@@ -15,9 +15,9 @@ from probe.detect.hold import Hold
 
 Array = NDArray[np.float64]
 
-DECAYS = 10
+DECAYS = 16
 MOST_COLOUR = 0.98
-ORDER = 4
+ORDER = 2
 WHITE = np.zeros(ORDER)
 
 
@@ -89,10 +89,11 @@ def fit(hold: Hold, design: Design, pulse: Array, colour: Array) -> Fit:
 
 
 def colour_of(residual: Array, lost: int) -> Array:
-    """Reflection coefficients (ORDER,) of the residual's autoregression (Burg 1975).
+    """Reflection coefficients (ORDER,) of the residual's autoregression (Burg 1975), or `WHITE`
+    where its correlation is not significant at two standard errors, or negative.
 
     Fitting ``lost`` columns takes slow power out, so that white noise looks blue; half a column
-    per sample is given back at lag one.
+    per sample is given back at lag one. Blue noise taken for white only makes a test careful.
     """
     n = len(residual)
     forward = backward = residual - residual.mean()
@@ -103,6 +104,8 @@ def colour_of(residual: Array, lost: int) -> Array:
         k = 2 * float(f @ b) / power if power > 0 else 0.0
         if order == 0:
             k += (1 + 0.5 * lost) / n
+            if k < 2 / np.sqrt(n):
+                return WHITE
         k = float(np.clip(k, -MOST_COLOUR, MOST_COLOUR))
         reflections[order] = k
         forward, backward = f - k * b, b - k * f
