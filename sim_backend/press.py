@@ -28,6 +28,7 @@ SMALLEST_SHARE = 0.01
 """Smallest element size over the finger's half width."""
 SHARE_LEFT = 0.5
 """What halving the size leaves of the change it made: the error falls at least linearly."""
+HALVES = ([0, 1, 2], [0, 2, 3])
 SMALL_PULSE = 1e-2
 """Pulses below this share of the force are judged against the force."""
 
@@ -56,9 +57,10 @@ class PressMesh:
 
     @property
     def triangles(self) -> Ints:
-        """Each six-node cell as four triangles."""
+        """Each six-node cell as four triangles, each quadrilateral as two."""
         cells = self.section.mesh.cells
-        return np.vstack([cells[:, c] for c in ([0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5])])
+        four = ([0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5])
+        return np.vstack([cells[:, c] for c in (four if cells.shape[1] == 6 else HALVES)])
 
     def von_mises(self, state: State) -> Array:
         """Von Mises stress (n,) [Pa] at the nodes."""

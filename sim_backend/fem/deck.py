@@ -49,7 +49,9 @@ def write_deck(
     """
     finger = finger_over(scene.indenter, 0.0, 0.0)
     size_m = 1e-3 * size_mm if size_mm else 0.06 * (finger.half_flat + finger.radius)
-    section = build_section(scene, 1e-3 * x_mm, depth_m=1e-3 * depth_mm, size_m=size_m)
+    section = build_section(
+        scene, 1e-3 * x_mm, depth_m=1e-3 * depth_mm, size_m=size_m, element="T6"
+    )
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     path = Path(path)
     path.write_text("\n".join(_deck(scene, section, depth_mm, pressures)) + "\n")

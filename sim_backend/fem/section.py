@@ -137,14 +137,14 @@ def build_section(
 
 
 def best_element(scene: Scene) -> str:
-    """``T6``, but ``T6M`` where nearly incompressible plane strain would make that lock.
+    """``T6``, but ``Q4M`` where nearly incompressible plane strain would make that lock.
 
-    Up to nu = 0.49 the plain triangle is the more accurate of the two (0.2 against 0.6 % of force
-    at 0.5 mm); at 0.499 it is not, and needs five times as many sweeps.
+    At nu = 0.499 and 0.25 mm over a vessel Q4M misses 0.2 % of the force and 0.4 % of the pulse,
+    T6M 0.7 and 1.6 %, T6 0.2 and 0.8 % in five times as many sweeps.
     """
     solids = [one for one in (scene.tissue, *scene.inclusion) if one is not None]
     locking = scene.plane == "strain" and max(one.poisson for one in solids) > LOCKING_POISSON
-    return "T6M" if locking else "T6"
+    return "Q4M" if locking else "T6"
 
 
 def _ring(one: Inclusion, scene: Scene, n: int) -> Ring:
