@@ -101,8 +101,14 @@ class PoseGuard:
         self._limits = limits
         self._recent: deque[tuple[float, Pose]] = deque()
 
-    def check(self, pose: Pose, now_s: float) -> tuple[str, bool] | None:
-        """Why a pose breaks a limit, and whether retracting is safe."""
+    def check(
+        self, pose: Pose, now_s: float, asked_s: float | None = None
+    ) -> tuple[str, bool] | None:
+        """Why a pose breaks a limit, and whether retracting is safe.
+
+        It was measured some time between ``asked_s`` (by default ``now_s``) and ``now_s``: only a
+        speed that holds for any such time is believed.
+        """
         x, y, z = pose[:3]
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
             return "the pose is not a number", False
@@ -114,11 +120,11 @@ class PoseGuard:
             if not low - POSE_SLACK_M <= at <= high + POSE_SLACK_M:
                 allowed = f"{1e3 * low:g} to {1e3 * high:g} mm"
                 return f"{axis} = {1e3 * at:.3f} mm; the workspace is {allowed}", False
-        return self._check_speed(pose, now_s)
+        return self._check_speed(pose, now_s, now_s if asked_s is None else asked_s)
 
-    def _check_speed(self, pose: Pose, now_s: float) -> tuple[str, bool] | None:
+    def _check_speed(self, pose: Pose, now_s: float, asked_s: float) -> tuple[str, bool] | None:
         recent = self._recent
-        recent.append((now_s, pose))
+        recent.append((asked_s, pose))
         while len(recent) > 2 and recent[1][0] <= now_s - SPEED_WINDOW_S:
             recent.popleft()
         then_s, then = recent[0]

@@ -201,6 +201,7 @@ class Watch:
                 self.object(sensor.name, f"silent for {silent_s:.2f} s", can_retract=True)
 
     def _step_stage(self) -> None:
+        asked_s = self._clock.now()
         try:
             pose = self.pose()
         except DeviceFault as fault:
@@ -211,7 +212,7 @@ class Watch:
         if now > self._posed_s:  # a clock that was set back says nothing of when
             self._posed_s = now
             self._poses.append((now, pose.x, pose.y, pose.z))
-        if (why := self._pose_guard.check(pose, now)) is not None:
+        if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1])
 
     def _check_threads(self, now: float) -> None:
