@@ -67,11 +67,19 @@ def harmonics(time_s: Array, rate_hz: float, count: int) -> Array:
     return np.hstack([np.cos(phase), np.sin(phase)])
 
 
-def fit(hold: Hold, design: Design, pulse: Array, colour: Array) -> Fit:
-    """Least squares of the whole hold with ``pulse`` columns (n, k), k = 0 for none."""
+def fit(hold: Hold, design: Design, pulse: Array, colour: Array, ridge: Array | None = None) -> Fit:
+    """Least squares of the whole hold with ``pulse`` columns (n, k), k = 0 for none.
+
+    ``ridge`` (k,): noise over the standard deviation that a coefficient has beforehand; its share
+    in the sum of squares counts in ``rss``.
+    """
     free = np.hstack([design.drift, pulse])
     scale = np.sqrt(hold.weight)
     y, a, b = (whiten(scale_rows(v, scale), colour) for v in (hold.signal_pa, free, design.decays))
+    if ridge is not None:
+        held = np.hstack([np.zeros((len(ridge), design.drift.shape[1])), np.diag(ridge)])
+        y = np.concatenate([y, np.zeros(len(ridge))])
+        a, b = np.vstack([a, held]), np.vstack([b, np.zeros((len(ridge), b.shape[1]))])
     q, r = np.linalg.qr(a)
     decay_left = b - q @ (q.T @ b)
     weight, _ = nnls(decay_left, y - q @ (q.T @ y))

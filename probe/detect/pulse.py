@@ -31,12 +31,22 @@ WAVE_RAD = np.array([-1.727, -2.203, -2.906])
 """The brachial wave's first harmonics (mean of 8 subjects, repat8/cam-bpw-sim-pub): what a pulse
 looks like to the test. Knowing the shape leaves two unknowns, size and phase, instead of four."""
 PHASES = 24
-MOST = 6
-"""Harmonics that describe one."""
+SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038])
+"""Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
+SWALLOWED = 3.0
+"""How much larger a pulse may be than what a fit of relaxation and drift leaves of it."""
 FINEST = 0.4
 """Harmonics above this share of the sampling rate are not looked at: mains hum folds there."""
 SHORT = 20
 """Samples below which only the fundamental is looked for."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How large a pulse may be, trough to crest, and the noise of a sample."""
+
+    swing_pa: float
+    noise_pa: float
 
 
 @dataclass(frozen=True)
@@ -54,7 +64,9 @@ class Pulse:
     baseline_pa: float
     baseline_sd_pa: float
     noise_pa: float
+    scale: Scale
     fit: Fit
+    by_reference: bool = False
 
 
 def rates_hz(span_s: float) -> Array:
@@ -95,11 +107,17 @@ def _lost(one: Fit) -> int:
     return len(one.residual_pa) - one.dof
 
 
-def pulse_at(hold: Hold, rate_hz: float, colour: Array, p_value: float, count: int) -> Pulse:
-    """The pulse at a known rate with ``count`` harmonics."""
-    design = design_of(hold)
-    columns = harmonics(hold.time_s, rate_hz, count)
-    found = fit(hold, design, columns, colour)
+def pulse_at(
+    hold: Hold, rate_hz: float, colour: Array, p_value: float, scale: Scale,
+    beating_s: Array | None = None,
+) -> Pulse:  # fmt: skip
+    """The pulse at a known rate.
+
+    Harmonics are shrunk towards the sizes that arterial waves have: a hold shorter than a beat, or
+    a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel.
+    ``beating_s`` (n,) where time is counted in another way for them.
+    """
+    found, columns = described(hold, rate_hz, colour, scale, beating_s)
     wave = columns @ found.coefficients[2:]
     high, low = int(np.argmax(wave)), int(np.argmin(wave))
     slope = columns[high] - columns[low]
@@ -107,8 +125,28 @@ def pulse_at(hold: Hold, rate_hz: float, colour: Array, p_value: float, count: i
     baseline_sd = float(np.sqrt(max(found.covariance[0, 0], 0.0)))
     return Pulse(
         rate_hz, float(wave[high] - wave[low]), size_sd, p_value,
-        float(found.rest_pa.mean()), baseline_sd, found.noise_pa, found,
+        float(found.rest_pa.mean()), baseline_sd, found.noise_pa, scale, found,
     )  # fmt: skip
+
+
+def described(
+    hold: Hold, rate_hz: float, colour: Array, scale: Scale, beating_s: Array | None = None
+) -> tuple[Fit, Array]:
+    """The fit of a whole wave at a rate, and its columns (n, 2 harmonics)."""
+    finest = FINEST * len(hold.time_s) / max(hold.span_s, 1e-9)
+    count = int(np.clip(finest // rate_hz, 1, len(SHARES)))
+    columns = harmonics(hold.time_s if beating_s is None else beating_s, rate_hz, count)
+    ridge = scale.noise_pa / (np.tile(SHARES[:count], 2) * max(scale.swing_pa, 1e-12))
+    return fit(hold, design_of(hold), columns, colour, ridge), columns
+
+
+def scale_of(null: Fit, known: Fit) -> Scale:
+    """From the fits without a pulse and with its first harmonics.
+
+    What relaxation and drift cannot explain is at least a third of the pulse.
+    """
+    left = null.residual_pa
+    return Scale(float(SWALLOWED * np.ptp(np.percentile(left, [2, 98]))), known.noise_pa)
 
 
 def find_pulse(hold: Hold) -> Pulse:
@@ -129,7 +167,7 @@ def find_pulse(hold: Hold) -> Pulse:
     known = fit(hold, design, harmonics(hold.time_s, rate, TESTED), null.colour)
     colour = colour_of(known.residual_pa, _lost(known))
     p_value = min(1.0, 2 * min(chances))
-    return pulse_at(hold, rate, colour, p_value, described(hold, rate, colour))
+    return pulse_at(hold, rate, colour, p_value, scale_of(null, known))
 
 
 def chance(gain: float, columns: int, dof: int, n: int, span_s: float) -> float:
@@ -143,20 +181,6 @@ def chance(gain: float, columns: int, dof: int, n: int, span_s: float) -> float:
     independent = 1 + 2 * (FASTEST_HZ - SLOWEST_HZ) * span_s
     one = min(float(f_distribution.sf(ratio, columns, dof)), 1 - 1e-16)
     return float(-np.expm1(independent * np.log1p(-one)))
-
-
-def described(hold: Hold, rate_hz: float, colour: Array) -> int:
-    """Harmonics worth their cost by the Bayesian information criterion (Schwarz 1978)."""
-    design = design_of(hold)
-    n = len(hold.time_s)
-    finest = FINEST * n / max(hold.span_s, 1e-9)
-    scores = []
-    for count in range(1, MOST + 1):
-        if count > 1 and count * rate_hz > finest:
-            break
-        one = fit(hold, design, harmonics(hold.time_s, rate_hz, count), colour)
-        scores.append(n * np.log(max(one.rss, 1e-300) / n) + 2 * count * np.log(n))
-    return 1 + int(np.argmin(scores))
 
 
 def _gains(hold: Hold, design: Design, null: Fit, rates: Array) -> tuple[Array, Array]:
