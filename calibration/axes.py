@@ -42,7 +42,7 @@ class AxesCalibration:
         """(xy, yz, zx): by how much the angle between two axes falls short of a right one."""
         unit = self.matrix / np.linalg.norm(self.matrix, axis=0)
         cosines = [unit[:, a] @ unit[:, b] for a, b in ((0, 1), (1, 2), (2, 0))]
-        return np.arcsin(np.array(cosines))
+        return np.asarray(np.arcsin(np.array(cosines)))
 
 
 def fit_axes(read_m: Array, true_m: Array) -> AxesCalibration:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import approx_fprime, least_squares
 from scipy.stats import t as student
 
 from calibration.errors import CalibrationError
@@ -148,13 +148,20 @@ def nonlinear_fit(
             start = soft.x
             scale = max(1.4826 * float(np.median(np.abs(misfit(start)))), 1e-300)
         kept = np.abs(misfit(start)) <= 4 * scale
-    slopes = "2-point" if jacobian is None else lambda p: jacobian(p)[kept]
-    found = least_squares(lambda p: misfit(p)[kept], start, slopes, x_scale="jac", xtol=1e-12)
+
+    def left(p: Array) -> Array:
+        return misfit(p)[kept]
+
+    def slopes(p: Array) -> Array:
+        return np.asarray(jacobian(p)[kept] if jacobian else approx_fprime(p, left))
+
+    found = least_squares(left, start, slopes, x_scale="jac", xtol=1e-12)
     if not found.success:
         raise CalibrationError(f"the fit did not converge ({found.message}); {advice}")
-    require_rank(found.jac, names, advice, weakest)
+    slope = np.asarray(found.jac, dtype=float)
+    require_rank(slope, names, advice, weakest)
     dof = int(kept.sum()) - len(start)
-    inverse = np.linalg.inv(np.linalg.qr(found.jac, mode="r"))
+    inverse = np.linalg.inv(np.linalg.qr(slope, mode="r"))
     variance = 2 * float(found.cost) / dof
     return Fit(tuple(names), found.x, variance * inverse @ inverse.T, -found.fun, dof)
 

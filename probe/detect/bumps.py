@@ -67,7 +67,7 @@ def find_bumps(x_m: Array, value: Array, sd: Array, false_alarm: float) -> Row:
         known.append(place)
         chances.append(p_value)
         known = _refined(x_m, value, sd, pitch, base, known)
-    return _row(x_m, value, sd, pitch, base, known, chances)
+    return _row(x_m, value, sd, base, known, chances)
 
 
 def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> Row:
@@ -76,7 +76,7 @@ def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> R
         return Row((), np.full(len(x_m), np.median(value)), float(np.median(sd)))
     pitch = float(np.median(np.diff(x_m)))
     known = [(one.x_m, one.half_width_m) for one in bumps]
-    return _row(x_m, value, sd, pitch, _background(x_m, pitch), known, [1.0] * len(known))
+    return _row(x_m, value, sd, _background(x_m, pitch), known, [1.0] * len(known))
 
 
 def shape(x_m: Array, centre: float, half_width: float) -> Array:
@@ -97,9 +97,10 @@ def _weighted(
     """Coefficients, their unscaled covariance, the columns and the weighted residual square."""
     columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
     a, b = columns / sd[:, None], value / sd
-    coefficients, *_ = np.linalg.lstsq(a, b, rcond=None)
+    coefficients = np.asarray(np.linalg.lstsq(a, b, rcond=None)[0])
     residual = b - a @ coefficients
-    return coefficients, np.linalg.pinv(a.T @ a), columns, float(residual @ residual)
+    information = np.asarray(np.linalg.pinv(a.T @ a))
+    return coefficients, information, np.asarray(columns), float(residual @ residual)
 
 
 def _next(
@@ -147,7 +148,7 @@ def _refined(
 
 
 def _row(
-    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
+    x_m: Array, value: Array, sd: Array, base: Array,
     known: list[tuple[float, float]], chances: list[float],
 ) -> Row:  # fmt: skip
     coefficients, covariance, columns, rss = _weighted(x_m, value, sd, base, known)

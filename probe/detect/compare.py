@@ -22,16 +22,18 @@ def compare(a: Recording, b: Recording) -> Comparison:
     one, other = _clearest(a), _clearest(b)
     if one is None or other is None:
         which = "A" if one is None else "B"
-        return Comparison("undecided", float("nan"), float("nan"), 0.0,
-                          f"scan {which} has no press that can be judged")  # fmt: skip
+        return _unknown(f"scan {which} has no press that can be judged")
     if min(_chance(one), _chance(other)) * 2 > FALSE_ALARM:
-        return Comparison("undecided", one.level_pa / other.level_pa, float("nan"), 0.0,
-                          "neither scan has a pulse: hold for more beats, or press deeper")  # fmt: skip
+        return _unknown("neither scan has a pulse: hold for more beats, or press deeper")
     stiffer = _above(one.level_pa, one.level_sd_pa, other.level_pa, other.level_sd_pa)
     weaker = _above(other.size_pa, _size_sd(other), one.size_pa, _size_sd(one))
     diseased, confidence, reason = _judge(stiffer, weaker)
-    return Comparison(diseased, one.level_pa / other.level_pa, one.size_pa / other.size_pa,
-                      confidence, reason)  # fmt: skip
+    peak_ratio, pulse_ratio = one.level_pa / other.level_pa, one.size_pa / other.size_pa
+    return Comparison(diseased, peak_ratio, pulse_ratio, confidence, reason)
+
+
+def _unknown(reason: str) -> Comparison:
+    return Comparison("undecided", float("nan"), float("nan"), 0.0, reason)
 
 
 def _judge(stiffer: float, weaker: float) -> tuple[Diseased, float, str]:
@@ -42,21 +44,13 @@ def _judge(stiffer: float, weaker: float) -> tuple[Diseased, float, str]:
         return "B", (1 - stiffer) * (1 - weaker), "B is stiffer and its pulse is weaker"
     certain = [p for p in (stiffer, weaker) if not 1 - SURE < p < SURE]
     if not certain:
-        return (
-            "neither",
-            1 - abs(stiffer - 0.5) - abs(weaker - 0.5),
-            ("stiffness and pulse are equal within what the two scans can tell"),
-        )
+        even = 1 - abs(stiffer - 0.5) - abs(weaker - 0.5)
+        return "neither", even, "stiffness and pulse are equal within what the two scans can tell"
     if len(certain) == 2:
         return "undecided", 0.5, "the stiffer one has the stronger pulse: not what stenosis does"
     which = "pulse" if 1 - SURE < weaker < SURE else "stiffness"
-    return (
-        "undecided",
-        max(certain[0], 1 - certain[0]),
-        (
-            f"only one of the two differs; the {which} is equal within its doubt: hold for more beats"
-        ),
-    )
+    reason = f"only one of the two differs, the {which} is equal within its doubt: hold longer"
+    return "undecided", max(certain[0], 1 - certain[0]), reason
 
 
 def _above(x: float, x_sd: float, y: float, y_sd: float) -> float:

@@ -1,4 +1,4 @@
-"""Objects of neighbouring rows that are one: a vessel's course over a grid, and where it is sick."""
+"""Objects of neighbouring rows that are one: a vessel's course, and where it is stenosed."""
 
 from dataclasses import replace
 

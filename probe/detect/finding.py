@@ -1,7 +1,7 @@
 """What detection says: the finding of a scan, and of two scans compared."""
 
 from dataclasses import dataclass
-from math import isfinite
+from math import isfinite, nan
 from typing import Any, Literal
 
 Kind = Literal["nothing", "tumour", "artery", "stenotic artery", "undecided"]
@@ -19,14 +19,14 @@ class StationFinding:
     index: int
     x_m: float
     y_m: float
-    baseline_pa: float
-    baseline_sd_pa: float
-    pulse_pa: float
-    pulse_sd_pa: float
-    rate_hz: float
-    p_value: float
     clipped: float
     note: str = ""
+    baseline_pa: float = nan
+    baseline_sd_pa: float = nan
+    pulse_pa: float = nan
+    pulse_sd_pa: float = nan
+    rate_hz: float = nan
+    p_value: float = 1.0
 
 
 @dataclass(frozen=True)

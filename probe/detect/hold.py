@@ -29,12 +29,14 @@ class NoHold(ValueError):
 @dataclass(frozen=True)
 class Hold:
     """``signal_pa`` (n,) at ``time_s`` (n,) since the hold began; ``weight`` (n,) is how many
-    samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation."""
+    samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation,
+    ``start_s`` when the hold began on the recording's clock."""
 
     time_s: Array
     signal_pa: Array
     weight: Array
     clipped: float
+    start_s: float
 
     @property
     def span_s(self) -> float:
@@ -60,13 +62,13 @@ def hold_of(station: Station) -> Hold:
     there = count > 0
     mean = [np.bincount(bins, weights=v)[there] / count[there] for v in (time_s, signal)]
     weight = count[there] / count[there].mean()
-    start = station.hold_s if np.isfinite(station.hold_s) else time_s[0]
-    return Hold(mean[0] - start, mean[1], weight, clipped)
+    start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])
+    return Hold(mean[0] - start, mean[1], weight, clipped, start)
 
 
 def _between(station: Station) -> tuple[Array, Array, float]:
     """Times, channel means and the clipped share of the hold."""
-    clipped = station.saturated.any(axis=1)
+    clipped = np.asarray(station.saturated.any(axis=1))
     whole = np.isfinite(station.signal_pa).all(axis=1) & np.isfinite(station.time_s)
     mean = np.where(whole, station.signal_pa.mean(axis=1), np.nan)
     begin, end = _limits(station, mean, whole)

@@ -6,6 +6,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from probe.detect.finding import Kind
 from probe.detect.prior import KINDS, samples
 
 Array = NDArray[np.float64]
@@ -36,7 +37,7 @@ class Judged:
     """The kind with its share among all kinds; ``reason`` says why it is undecided, and what would
     decide it."""
 
-    kind: str
+    kind: Kind
     confidence: float
     reason: str
 
@@ -59,13 +60,13 @@ def judge(seen: Seen) -> Judged:
     return Judged("undecided", share[best], f"between {told}; {advice}")
 
 
-def shares(seen: Seen) -> dict[str, float]:
+def shares(seen: Seen) -> dict[Kind, float]:
     """How well each kind's solved samples explain what was seen, normalised over the kinds.
 
     A lump has no pulse: it is judged by whether as little was seen; vessels by the likelihood of
     their pulses, where one was found as its measured size, else as any size that could hide.
     """
-    likelihood = {}
+    likelihood: dict[Kind, float] = {}
     for kind, (contrast, pulse) in _population().items():
         peak = _normal(seen.contrast - contrast, np.hypot(seen.contrast_sd, CONTRAST_BLUR))
         if seen.pulsing:
@@ -93,7 +94,7 @@ def _hidden(seen: float, pulse: Array, sd: float) -> Array:
 
 
 @lru_cache(maxsize=1)
-def _population() -> dict[str, tuple[Array, Array]]:
+def _population() -> dict[Kind, tuple[Array, Array]]:
     return {kind: (values[:, 0], values[:, 1]) for kind, values in samples().items()}
 
 

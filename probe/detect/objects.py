@@ -1,4 +1,4 @@
-"""What lies under one row of stations: bumps of its level map and of its pulse map, put together."""
+"""What lies under one row of stations: the bumps of its level and pulse maps, put together."""
 
 from dataclasses import dataclass, replace
 
@@ -48,7 +48,8 @@ def line_of(presses: tuple[Press, ...]) -> Line:
         if p.pulse is not None
     ]
     table = np.array(columns).reshape(-1, 5)
-    return Line(*(table if len(table) < 2 else _merged(table)).T)
+    x_m, level, level_sd, pulse, pulse_sd = (table if len(table) < 2 else _merged(table)).T
+    return Line(x_m, level, level_sd, pulse, pulse_sd)
 
 
 def _merged(table: Array) -> Array:
@@ -61,7 +62,7 @@ def _merged(table: Array) -> Array:
 
 def _mean_of(rows: Array) -> Array:
     if len(rows) == 1:
-        return rows[0]
+        return np.asarray(rows[0])
     mean = [rows[:, 0].mean()]
     for value, sd in ((rows[:, 1], rows[:, 2]), (rows[:, 3], rows[:, 4])):
         weight = 1 / np.maximum(sd, 1e-12) ** 2

@@ -77,16 +77,11 @@ def _own(station: Station) -> tuple[Hold | None, Pulse | None, str]:
     except NoHold as error:
         return None, None, str(error)
     if len(station.reference):
-        pulse = find_pulse_by(hold, station.reference_s - _start_s(station), station.reference)
+        pulse = find_pulse_by(hold, station.reference_s - hold.start_s, station.reference)
         if pulse is not None:
             return hold, pulse, ""
         return hold, find_pulse(hold), "its reference has no beats: judged without it"
     return hold, find_pulse(hold), ""
-
-
-def _start_s(station: Station) -> float:
-    """When the hold's own time is 0, as `hold_of` counts."""
-    return station.hold_s if np.isfinite(station.hold_s) else 0.0
 
 
 def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | None:

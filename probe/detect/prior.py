@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from probe.detect.finding import Kind
+
 Array = NDArray[np.float64]
 
-KINDS = ("tumour", "artery", "stenotic artery")
+KINDS: tuple[Kind, ...] = ("tumour", "artery", "stenotic artery")
 EACH = 250
 SEED = 20
 DRAWS: dict[str, tuple[float, float]] = {
@@ -34,17 +36,17 @@ DRAWS: dict[str, tuple[float, float]] = {
 """Ranges, drawn evenly in the logarithm."""
 
 
-def samples() -> dict[str, Array]:
+def samples() -> dict[Kind, Array]:
     """By kind: (n, 2) contrast and pulse."""
     with (resources.files("probe.detect") / "prior.npz").open("rb") as file:
         table = np.load(file, allow_pickle=False)
         return {kind: table[kind.replace(" ", "_")] for kind in KINDS}
 
 
-def solve(each: int = EACH) -> dict[str, Array]:
+def solve(each: int = EACH) -> dict[Kind, Array]:
     """Draw and solve ``each`` scenes of every kind; those that cannot be are drawn again."""
     rng = np.random.default_rng(SEED)
-    found: dict[str, list[tuple[float, float]]] = {kind: [] for kind in KINDS}
+    found: dict[Kind, list[tuple[float, float]]] = {kind: [] for kind in KINDS}
     for kind in KINDS:
         while len(found[kind]) < each:
             answer = _one(kind, {k: _between(rng, *v) for k, v in DRAWS.items()}, rng.uniform())

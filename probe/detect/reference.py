@@ -65,4 +65,4 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
 def _in_beats(time_s: Array, beats: Array, period: float) -> Array:
     """Time as a number of beats (n,), continued at the usual rate before the first and last."""
     ends = np.concatenate([[beats[0] - period], beats, [beats[-1] + period]])
-    return np.interp(time_s, ends, np.arange(-1.0, len(beats) + 1))
+    return np.asarray(np.interp(time_s, ends, np.arange(-1.0, len(beats) + 1)))

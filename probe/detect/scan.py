@@ -1,5 +1,7 @@
 """From a recording to its finding: presses, rows, objects, and over a grid a vessel's course."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from probe.detect.bumps import FEWEST
@@ -114,10 +116,16 @@ def _reason(objects: list[ObjectFinding], presses: tuple[Press, ...], row_of_sta
 
 
 def _station(press: Press) -> StationFinding:
-    unknown = float("nan")
     s, p = press.station, press.pulse
+    found = StationFinding(s.index, s.x_m, s.y_m, press.clipped, press.note)
     if p is None:
-        return StationFinding(s.index, s.x_m, s.y_m, unknown, unknown, unknown, unknown, unknown,
-                              1.0, press.clipped, press.note)  # fmt: skip
-    return StationFinding(s.index, s.x_m, s.y_m, p.baseline_pa, p.baseline_sd_pa, p.size_pa,
-                          p.size_sd_pa, p.rate_hz, p.p_value, press.clipped, press.note)  # fmt: skip
+        return found
+    return replace(
+        found,
+        baseline_pa=p.baseline_pa,
+        baseline_sd_pa=p.baseline_sd_pa,
+        pulse_pa=p.size_pa,
+        pulse_sd_pa=p.size_sd_pa,
+        rate_hz=p.rate_hz,
+        p_value=p.p_value,
+    )
