@@ -67,7 +67,7 @@ def as_columns(data: object, name: str, columns: int | None = None) -> Array:
     array = array[:, None] if array.ndim == 1 else array
     if array.ndim != 2 or (columns is not None and array.shape[1] != columns):
         wanted = f"(n, {columns})" if columns else "(n, channels)"
-        raise CalibrationError(f"{name}: shape {np.shape(data)}; expected {wanted}")
+        raise CalibrationError(f"{name}: shape {np.asarray(data).shape}; expected {wanted}")
     bad = ~np.isfinite(array).all(axis=1)
     if bad.any():
         raise CalibrationError(

@@ -43,7 +43,9 @@ def draw_pulses(axes: Axes, folder: Path) -> None:
             axes.axvspan(*one["position_ci_mm"], color=PINK, alpha=0.15, lw=0)
     axes.set(xlabel="station [mm]", ylabel="pulse [Pa]")
     axes.set_title("Pulse at each of 15 stations, and the finding", loc="left", fontsize=9)
-    axes.legend(frameon=False, fontsize=8)
+    axes.set_yscale("symlog", linthresh=10)
+    axes.set(ylim=(0, 3000), yticks=[0, 10, 100, 1000], yticklabels=["0", "10", "100", "1000"])
+    axes.legend(frameon=False, fontsize=8, ncols=2, loc="upper left")
 
 
 def main() -> None:

@@ -33,13 +33,14 @@ class Design:
 @dataclass(frozen=True)
 class Fit:
     """``coefficients`` of the free columns with their ``covariance``; ``rest_pa`` (n,) is all but
-    the pulse, ``noise_pa`` the innovation's standard deviation, ``dof`` what is left to judge by,
-    ``decays`` which decays have weight.
+    the pulse and ``rest_mean_sd_pa`` the doubt of its mean; ``noise_pa`` is the innovation's
+    standard deviation, ``dof`` what is left to judge by, ``decays`` which decays have weight.
     """
 
     coefficients: Array
     covariance: Array
     rest_pa: Array
+    rest_mean_sd_pa: float
     residual_pa: Array
     rss: float
     dof: int
@@ -90,10 +91,16 @@ def fit(hold: Hold, design: Design, pulse: Array, colour: Array, ridge: Array | 
     dof = max(len(y) - a.shape[1] - len(used), 1)
     rss = float(residual @ residual)
     whole = np.hstack([a, b[:, used]])
-    information = np.linalg.pinv(whole.T @ whole)[: a.shape[1], : a.shape[1]]
+    information = np.linalg.pinv(whole.T @ whole)
+    mean = np.concatenate([free.mean(axis=0), design.decays[:, used].mean(axis=0)])
+    mean[2 : a.shape[1]] = 0.0
+    mean_sd = np.sqrt(max(mean @ information @ mean * rss / dof, 0.0))
+    information = information[: a.shape[1], : a.shape[1]]
     rest = design.drift @ coefficients[:2] + design.decays @ weight
     plain = hold.signal_pa - rest - pulse @ coefficients[2:]
-    return Fit(coefficients, information * rss / dof, rest, plain, rss, dof, colour, used)
+    return Fit(
+        coefficients, information * rss / dof, rest, float(mean_sd), plain, rss, dof, colour, used
+    )
 
 
 def colour_of(residual: Array, lost: int) -> Array:

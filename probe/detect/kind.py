@@ -5,6 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import ncx2
 
 from probe.detect.finding import Kind
 from probe.detect.prior import KINDS, samples
@@ -13,6 +14,8 @@ Array = NDArray[np.float64]
 
 SURE = 0.8
 """Least share of one kind to name it."""
+HIDDEN = 5.0
+"""Standard deviations of its size up to which a pulse can stay hidden."""
 PULSE_FLOOR = 3e-4
 """Pulses (over the force) below this are taken as this: the logarithm needs an end."""
 CONTRAST_BLUR, PULSE_BLUR = 0.04, 0.25
@@ -23,13 +26,16 @@ leave out (layers, bones, oblique vessels)."""
 @dataclass(frozen=True)
 class Seen:
     """Contrast (force over its surroundings, less 1) and pulse over force, each with its standard
-    deviation; ``pulsing``: the pulse passed its test."""
+    deviation; ``pulsing``: the pulse passed its test, whose chance was ``chance`` in ``tries``
+    rates."""
 
     contrast: float
     contrast_sd: float
     pulse: float
     pulse_sd: float
     pulsing: bool
+    chance: float
+    tries: float
 
 
 @dataclass(frozen=True)
@@ -52,7 +58,7 @@ def judge(seen: Seen) -> Judged:
     if seen.pulsing:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
     else:
-        limit = 100 * (seen.pulse + 2 * seen.pulse_sd)
+        limit = 100 * HIDDEN * seen.pulse_sd
         advice = (
             f"a pulse of up to {limit:.2g} % of the force could be hidden: hold for more beats, "
             "repeat, or take a quieter sensor"
@@ -75,8 +81,7 @@ def shares(seen: Seen) -> dict[Kind, float]:
             beat = _normal(np.log(size) - np.log(np.maximum(pulse, PULSE_FLOOR)), blur)
             beat = beat if kind != "tumour" else 1e-6 * beat
         else:
-            sd = max(seen.pulse_sd, 1e-6)
-            beat = _hidden(seen.pulse, pulse, sd)
+            beat = _hidden(seen, pulse)
         likelihood[kind] = float(np.mean(peak * beat))
     total = sum(likelihood.values())
     if total <= 0:
@@ -84,13 +89,19 @@ def shares(seen: Seen) -> dict[Kind, float]:
     return {kind: value / total for kind, value in likelihood.items()}
 
 
-def _hidden(seen: float, pulse: Array, sd: float) -> Array:
-    """Likelihood of an insignificant pulse estimate where the true one is ``pulse``.
+def _hidden(seen: Seen, pulse: Array) -> Array:
+    """Likelihood of what the search for a pulse found, if the true one were ``pulse`` (n,).
 
-    An estimate from trough to crest of pure noise is about two standard deviations, not 0.
+    The search's statistic is the largest of ``tries`` chi-squares of two degrees; at the true rate
+    it is a noncentral one.
     """
-    expected = np.hypot(pulse, 2 * sd)
-    return _normal(max(seen, 2 * sd) - expected, sd)
+    one = -np.expm1(np.log1p(-min(seen.chance, 1 - 1e-9)) / seen.tries)
+    statistic = -2 * np.log(max(one, 1e-300))
+    shift = np.minimum((pulse / max(seen.pulse_sd, 1e-9)) ** 2, 1e4)
+    rest, at = (1 - one) ** (seen.tries - 1), (statistic, 2)
+    here = ncx2.pdf(*at, shift) * rest
+    elsewhere = (seen.tries - 1) * 0.5 * one * rest / max(1 - one, 1e-9) * ncx2.cdf(*at, shift)
+    return np.asarray(here + elsewhere)
 
 
 @lru_cache(maxsize=1)

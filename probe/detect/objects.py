@@ -24,6 +24,8 @@ class Line:
     level_sd_pa: Array
     pulse_pa: Array
     pulse_sd_pa: Array
+    chance: Array
+    tries: Array
 
 
 @dataclass(frozen=True)
@@ -43,13 +45,20 @@ def line_of(presses: tuple[Press, ...]) -> Line:
     judged = [p for p in presses if p.pulse is not None and np.isfinite(p.station.x_m)]
     judged.sort(key=lambda p: p.station.x_m)
     columns = [
-        (p.station.x_m, p.level_pa, p.level_sd_pa, p.pulse.size_pa, p.pulse.size_sd_pa)
+        (
+            p.station.x_m,
+            p.level_pa,
+            p.level_sd_pa,
+            p.pulse.size_pa,
+            p.pulse.size_sd_pa,
+            p.pulse.p_value,
+            p.pulse.tries,
+        )
         for p in judged
         if p.pulse is not None
     ]
-    table = np.array(columns).reshape(-1, 5)
-    x_m, level, level_sd, pulse, pulse_sd = (table if len(table) < 2 else _merged(table)).T
-    return Line(x_m, level, level_sd, pulse, pulse_sd)
+    table = np.array(columns).reshape(-1, 7)
+    return Line(*(table if len(table) < 2 else _merged(table)).T)
 
 
 def _merged(table: Array) -> Array:
@@ -67,7 +76,7 @@ def _mean_of(rows: Array) -> Array:
     for value, sd in ((rows[:, 1], rows[:, 2]), (rows[:, 3], rows[:, 4])):
         weight = 1 / np.maximum(sd, 1e-12) ** 2
         mean += [float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)]
-    return np.array(mean)
+    return np.array([*mean, min(1.0, rows[:, 5].min() * len(rows)), rows[:, 6].max()])
 
 
 def objects_in(line: Line, pulsing: bool, false_alarm: float) -> list[ObjectFinding]:
@@ -142,7 +151,7 @@ def _object(place: Place, line: Line, pulsing: bool) -> ObjectFinding:
         pulse, pulse_sd = 0.0, max(pulse_sd, 0.1 * pulse)
     whole = max(float(line.level_pa[at]), 1e-9)
     seen = Seen(height / ground, height_sd / ground, pulse / whole, pulse_sd / whole,
-                place.pulse is not None)  # fmt: skip
+                place.pulse is not None, float(line.chance[at]), float(line.tries[at]))  # fmt: skip
     said = judge(seen)
     return _finding(place, height, pulse, said)
 

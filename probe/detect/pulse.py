@@ -31,7 +31,7 @@ WAVE_RAD = np.array([-1.727, -2.203, -2.906])
 """The brachial wave's first harmonics (mean of 8 subjects, repat8/cam-bpw-sim-pub): what a pulse
 looks like to the test. Knowing the shape leaves two unknowns, size and phase, instead of four."""
 PHASES = 24
-SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038])
+SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
 """Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
 SWALLOWED = 3.0
 """How much larger a pulse may be than what a fit of relaxation and drift leaves of it."""
@@ -54,7 +54,8 @@ class Pulse:
     """A station's pulse at ``rate_hz``: ``size_pa`` from trough to crest as fitted, its standard
     deviation, and ``p_value`` of one at least as clear in a hold without any, at any rate.
 
-    ``baseline_pa`` is the mean over the hold of all but the pulse, with its standard deviation.
+    ``baseline_pa`` is the mean over the hold of all but the pulse, with its standard deviation;
+    ``tries`` how many rates the search could choose among.
     """
 
     rate_hz: float
@@ -65,6 +66,7 @@ class Pulse:
     baseline_sd_pa: float
     noise_pa: float
     scale: Scale
+    tries: float
     fit: Fit
     by_reference: bool = False
 
@@ -122,10 +124,10 @@ def pulse_at(
     high, low = int(np.argmax(wave)), int(np.argmin(wave))
     slope = columns[high] - columns[low]
     size_sd = float(np.sqrt(max(slope @ found.covariance[2:, 2:] @ slope, 0.0)))
-    baseline_sd = float(np.sqrt(max(found.covariance[0, 0], 0.0)))
     return Pulse(
         rate_hz, float(wave[high] - wave[low]), size_sd, p_value,
-        float(found.rest_pa.mean()), baseline_sd, found.noise_pa, scale, found,
+        float(found.rest_pa.mean()), found.rest_mean_sd_pa, found.noise_pa, scale,
+        independent_rates(hold.span_s), found,
     )  # fmt: skip
 
 
@@ -178,9 +180,13 @@ def chance(gain: float, columns: int, dof: int, n: int, span_s: float) -> float:
     """
     dof = max(dof, 1)
     ratio = np.expm1(2 * gain / n) * dof / columns
-    independent = 1 + 2 * (FASTEST_HZ - SLOWEST_HZ) * span_s
     one = min(float(f_distribution.sf(ratio, columns, dof)), 1 - 1e-16)
-    return float(-np.expm1(independent * np.log1p(-one)))
+    return float(-np.expm1(independent_rates(span_s) * np.log1p(-one)))
+
+
+def independent_rates(span_s: float) -> float:
+    """Rates that a hold of ``span_s`` tells apart."""
+    return 1 + 2 * (FASTEST_HZ - SLOWEST_HZ) * span_s
 
 
 def _gains(hold: Hold, design: Design, null: Fit, rates: Array) -> tuple[Array, Array]:

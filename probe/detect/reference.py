@@ -59,7 +59,7 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
     p_value = float(f_distribution.sf(ratio, free, max(with_.dof, 1)))
     found = pulse_at(hold, rate, colour, p_value, scale_of(without, with_), warped.time_s)
-    return replace(found, by_reference=True)
+    return replace(found, by_reference=True, tries=1.0)
 
 
 def _in_beats(time_s: Array, beats: Array, period: float) -> Array:
