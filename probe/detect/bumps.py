@@ -61,12 +61,15 @@ def find_bumps(x_m: Array, value: Array, sd: Array, false_alarm: float) -> Row:
     chances: list[float] = []
     base = _background(x_m, pitch)
     while len(known) < MOST_OBJECTS and n - base.shape[1] - 3 * len(known) > 3:
-        place, p_value = _next(x_m, value, sd, pitch, base, known)
+        found, p_value = _next(x_m, value, sd, pitch, base, known)
+        new = [found]
+        if p_value > false_alarm and n - base.shape[1] - 3 * len(known) > 6:
+            # two that are equally clear hide each other: each looks like the other's scatter
+            new, p_value = _next_two(x_m, value, sd, pitch, base, known, found)
         if p_value > false_alarm:
             break
-        known.append(place)
-        chances.append(p_value)
-        known = _refined(x_m, value, sd, pitch, base, known)
+        known = _refined(x_m, value, sd, pitch, base, [*known, *new])
+        chances += [p_value] * len(new)
     return _row(x_m, value, sd, base, known, chances)
 
 
@@ -119,13 +122,31 @@ def _next(
     if not tried:
         return (float(x_m.mean()), pitch), 1.0
     after, best = min(tried)
-    dof = len(x_m) - base.shape[1] - 3 * (len(known) + 1)
+    return best, _chance(before, after, 3, len(x_m) - base.shape[1] - 3 * len(known), len(free))
+
+
+def _next_two(
+    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
+    known: list[tuple[float, float]], first: tuple[float, float],
+) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
+    """``first`` with the bump that is clearest beside it, and the chance of the two together."""
+    second, _ = _next(x_m, value, sd, pitch, base, [*known, first])
+    both = _refined(x_m, value, sd, pitch, base, [*known, first, second])
+    *_, before = _weighted(x_m, value, sd, base, known)
+    *_, after = _weighted(x_m, value, sd, base, both)
+    places = PLACES_PER_PITCH * len(x_m)
+    dof = len(x_m) - base.shape[1] - 3 * len(known)
+    return [first, second], _chance(before, after, 6, dof, places**2 // PLACES_PER_PITCH)
+
+
+def _chance(before: float, after: float, unknowns: int, dof: int, places: int) -> float:
+    """How often bumps with ``unknowns`` explain as much in a row of nothing, anywhere tried."""
     # the scatter is what is left, but never less than what the stations themselves have
-    scatter = max(after / dof, 1.0)
-    ratio = max(before - after, 0.0) / 3 / scatter
-    independent = 2 * max(len(free) / PLACES_PER_PITCH, 1.0)
-    one = min(float(f_distribution.sf(ratio, 3, dof)), 1 - 1e-16)
-    return best, float(-np.expm1(independent * np.log1p(-one)))
+    scatter = max(after / max(dof - unknowns, 1), 1.0)
+    ratio = max(before - after, 0.0) / unknowns / scatter
+    one = min(float(f_distribution.sf(ratio, unknowns, max(dof - unknowns, 1))), 1 - 1e-16)
+    independent = 2 * max(places / PLACES_PER_PITCH, 1.0)
+    return float(-np.expm1(independent * np.log1p(-one)))
 
 
 def _refined(

@@ -44,12 +44,14 @@ class Fit:
     residual_pa: Array
     rss: float
     dof: int
+    noise_pa: float
     colour: Array
     decays: NDArray[np.int64]
 
     @property
-    def noise_pa(self) -> float:
-        return float(np.sqrt(self.rss / max(self.dof, 1)))
+    def lost(self) -> int:
+        """Samples' worth of freedom that the fit has used up."""
+        return len(self.residual_pa) - self.dof
 
 
 def design_of(hold: Hold) -> Design:
@@ -88,19 +90,24 @@ def fit(hold: Hold, design: Design, pulse: Array, colour: Array, ridge: Array | 
     coefficients = np.linalg.solve(r, q.T @ residual)
     residual = residual - a @ coefficients
     used = np.flatnonzero(weight > 0)
-    dof = max(len(y) - a.shape[1] - len(used), 1)
     rss = float(residual @ residual)
     whole = np.hstack([a, b[:, used]])
     information = np.linalg.pinv(whole.T @ whole)
+    held_back = 0.0 if ridge is None else float(ridge**2 @ np.diag(information)[2 : a.shape[1]])
+    penalty = 0.0 if ridge is None else float(((ridge * coefficients[2:]) ** 2).sum())
+    n = len(hold.time_s)
+    dof = max(round(n - a.shape[1] + held_back - len(used)), 1)
+    variance = max(rss - penalty, 0.0) / dof
     mean = np.concatenate([free.mean(axis=0), design.decays[:, used].mean(axis=0)])
     mean[2 : a.shape[1]] = 0.0
-    mean_sd = np.sqrt(max(mean @ information @ mean * rss / dof, 0.0))
+    mean_sd = np.sqrt(max(mean @ information @ mean * variance, 0.0))
     information = information[: a.shape[1], : a.shape[1]]
     rest = design.drift @ coefficients[:2] + design.decays @ weight
     plain = hold.signal_pa - rest - pulse @ coefficients[2:]
     return Fit(
-        coefficients, information * rss / dof, rest, float(mean_sd), plain, rss, dof, colour, used
-    )
+        coefficients, information * variance, rest, float(mean_sd), plain, rss, dof,
+        float(np.sqrt(variance)), colour, used,
+    )  # fmt: skip
 
 
 def colour_of(residual: Array, lost: int) -> Array:

@@ -89,7 +89,9 @@ def objects_in(line: Line, pulsing: bool, false_alarm: float) -> list[ObjectFind
     levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, false_alarm / 2)
     beats = Row((), np.zeros(len(line.x_m)), 1.0)
     if pulsing:
-        found = find_bumps(line.x_m, line.pulse_pa, line.pulse_sd_pa, false_alarm / 2)
+        # presses count alike: what a hold shorter than a beat says of its own doubt is doubtful
+        even = np.full(len(line.x_m), np.median(line.pulse_sd_pa))
+        found = find_bumps(line.x_m, line.pulse_pa, even, false_alarm / 2)
         beats = replace(found, bumps=tuple(b for b in found.bumps if b.height > 0))
     places = _together(levels.bumps, beats.bumps, float(np.median(np.diff(line.x_m))))
     if pulsing and not any(place.pulse for place in places):
@@ -129,7 +131,7 @@ def _joined(level: Bump, pulse: Bump) -> Place:
 def _with_strongest(places: list[Place], line: Line) -> list[Place]:
     """A pulse without a bump of its own is at the strongest station, within a pitch."""
     pitch = float(np.median(np.diff(line.x_m)))
-    x_m = float(line.x_m[int(np.argmax(line.pulse_pa / line.pulse_sd_pa))])
+    x_m = float(line.x_m[int(np.argmax(line.pulse_pa))])
     height = float(line.pulse_pa.max())
     beat = Bump(x_m, x_m - pitch, x_m + pitch, height, float(line.pulse_sd_pa.max()), pitch, 0.0)
     near = [p for p in places if p.low_m - pitch <= x_m <= p.high_m + pitch]
@@ -146,12 +148,13 @@ def _object(place: Place, line: Line, pulsing: bool) -> ObjectFinding:
     height, height_sd = level.bumps[0].height, level.bumps[0].height_sd
     ground = max(float(level.background[at]), 1e-9)
     pulse, pulse_sd = float(line.pulse_pa[at]), float(line.pulse_sd_pa[at])
+    chance = float(line.chance[at])
     if place.pulse is None and pulsing:
         # a neighbour's pulse is felt here too: only what rises above it is this object's
-        pulse, pulse_sd = 0.0, max(pulse_sd, 0.1 * pulse)
+        pulse, pulse_sd, chance = 0.0, max(pulse_sd, 0.1 * pulse), 0.5
     whole = max(float(line.level_pa[at]), 1e-9)
     seen = Seen(height / ground, height_sd / ground, pulse / whole, pulse_sd / whole,
-                place.pulse is not None, float(line.chance[at]), float(line.tries[at]))  # fmt: skip
+                place.pulse is not None, chance, float(line.tries[at]))  # fmt: skip
     said = judge(seen)
     return _finding(place, height, pulse, said)
 

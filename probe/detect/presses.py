@@ -87,7 +87,7 @@ def _own(station: Station) -> tuple[Hold | None, Pulse | None, str]:
 def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | None:
     if hold is None or own is None or rate_hz is None or own.by_reference:
         return own
-    return pulse_at(hold, rate_hz, own.fit.colour, own.p_value, own.scale)
+    return pulse_at(hold, rate_hz, own.p_value, own.scale)
 
 
 def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
@@ -100,7 +100,7 @@ def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
 
     best = int(np.argmin([unlikely(rate) for rate in rates.tolist()]))
     low, high = rates[max(best - 1, 0)], rates[min(best + 1, len(rates) - 1)]
-    found = minimize_scalar(unlikely, bounds=(low, high), method="bounded", options={"maxiter": 12})
+    found = minimize_scalar(unlikely, bounds=(low, high), method="bounded", options={"maxiter": 25})
     return float(found.x)
 
 

@@ -33,6 +33,8 @@ looks like to the test. Knowing the shape leaves two unknowns, size and phase, i
 PHASES = 24
 SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
 """Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
+MISFIT = 0.008
+"""How far a beat strays from ten harmonics at one rate, over the largest pulse there may be."""
 SWALLOWED = 3.0
 """How much larger a pulse may be than what a fit of relaxation and drift leaves of it."""
 FINEST = 0.4
@@ -91,9 +93,9 @@ def evidence(hold: Hold, design: Design) -> tuple[Array, tuple[Array, Array], Fi
     gains = _gains(hold, design, null, rates)
     clearest = float(rates[int(np.argmax(gains[1]))])
     best = fit(hold, design, _unsteady(hold, clearest), WHITE)
-    if colour_of(best.residual_pa, _lost(best)).any():
+    if colour_of(best.residual_pa, best.lost).any():
         for _ in range(2):
-            null = fit(hold, design, none, colour_of(null.residual_pa, _lost(null)))
+            null = fit(hold, design, none, colour_of(null.residual_pa, null.lost))
         gains = _gains(hold, design, null, rates)
     return rates, gains, null
 
@@ -105,29 +107,29 @@ def _unsteady(hold: Hold, rate_hz: float) -> Array:
     return np.hstack([steady, drift * steady]) if len(hold.time_s) >= 2 * SHORT else steady
 
 
-def _lost(one: Fit) -> int:
-    return len(one.residual_pa) - one.dof
-
-
 def pulse_at(
-    hold: Hold, rate_hz: float, colour: Array, p_value: float, scale: Scale,
-    beating_s: Array | None = None,
-) -> Pulse:  # fmt: skip
+    hold: Hold, rate_hz: float, p_value: float, scale: Scale, beating_s: Array | None = None
+) -> Pulse:
     """The pulse at a known rate.
 
     Harmonics are shrunk towards the sizes that arterial waves have: a hold shorter than a beat, or
-    a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel.
-    ``beating_s`` (n,) where time is counted in another way for them.
+    a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel. The
+    noise's level and colour are what the whole wave leaves.
+    ``beating_s`` (n,) where time is counted in another way for the harmonics.
     """
+    first, _ = described(hold, rate_hz, WHITE, scale, beating_s)
+    colour = colour_of(first.residual_pa, first.lost)
+    scale = Scale(scale.swing_pa, max(first.noise_pa, MISFIT * scale.swing_pa))
     found, columns = described(hold, rate_hz, colour, scale, beating_s)
     wave = columns @ found.coefficients[2:]
     high, low = int(np.argmax(wave)), int(np.argmin(wave))
     slope = columns[high] - columns[low]
     size_sd = float(np.sqrt(max(slope @ found.covariance[2:, 2:] @ slope, 0.0)))
+    unmodelled = max(1.0, scale.noise_pa / max(found.noise_pa, 1e-12))
     return Pulse(
-        rate_hz, float(wave[high] - wave[low]), size_sd, p_value,
-        float(found.rest_pa.mean()), found.rest_mean_sd_pa, found.noise_pa, scale,
-        independent_rates(hold.span_s), found,
+        rate_hz, float(wave[high] - wave[low]), unmodelled * size_sd, p_value,
+        float(found.rest_pa.mean()), unmodelled * found.rest_mean_sd_pa, found.noise_pa,
+        scale, independent_rates(hold.span_s), found,
     )  # fmt: skip
 
 
@@ -167,9 +169,8 @@ def find_pulse(hold: Hold) -> Pulse:
     gain = shaped if chances[0] <= chances[1] else free
     rate = float(rates[int(np.argmax(gain))])
     known = fit(hold, design, harmonics(hold.time_s, rate, TESTED), null.colour)
-    colour = colour_of(known.residual_pa, _lost(known))
     p_value = min(1.0, 2 * min(chances))
-    return pulse_at(hold, rate, colour, p_value, scale_of(null, known))
+    return pulse_at(hold, rate, p_value, scale_of(null, known))
 
 
 def chance(gain: float, columns: int, dof: int, n: int, span_s: float) -> float:

@@ -53,12 +53,12 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
     design, none = design_of(hold), np.empty((len(hold.time_s), 0))
     columns = harmonics(warped.time_s, rate, TESTED)
     known = fit(hold, design, columns, WHITE)
-    colour = colour_of(known.residual_pa, len(known.residual_pa) - known.dof)
+    colour = colour_of(known.residual_pa, known.lost)
     without, with_ = fit(hold, design, none, colour), fit(hold, design, columns, colour)
     free = columns.shape[1]
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
     p_value = float(f_distribution.sf(ratio, free, max(with_.dof, 1)))
-    found = pulse_at(hold, rate, colour, p_value, scale_of(without, with_), warped.time_s)
+    found = pulse_at(hold, rate, p_value, scale_of(without, with_), warped.time_s)
     return replace(found, by_reference=True, tries=1.0)
 
 
