@@ -1,0 +1,224 @@
+"""A UR controller on loopback: RTDE, script port and dashboard, moving the phantom's tip.
+
+``ur-rtde`` connects to it unmodified. Its ports are fixed by the library, so that each robot
+needs an address of its own: 127.0.0.1, 127.0.0.2, ….
+"""
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+import numpy as np
+
+from sim_backend.emulators.ur import wire
+from sim_backend.emulators.ur.robot import EMERGENCY_BIT, PROTECTIVE_BIT, Robot
+from sim_backend.phantom import Phantom
+
+RTDE_PORT, DASHBOARD_PORT = 30004, 29999
+SCRIPT_PORTS = (30001, 30002, 30003)
+PERIOD_S = 0.002
+LATE_S = 0.2
+BANNER = b"Connected: Universal Robots Dashboard Server\n"
+DASHBOARD = {
+    "PolyscopeVersion": "URSoftware 5.11.0.108249 (Dec 01 2021)",
+    "get serial number": "20215500000",
+    "is in remote control": "true",
+    "robotmode": "Robotmode: RUNNING",
+    "safetystatus": "Safetystatus: NORMAL",
+    "get robot model": "UR5",
+}
+
+
+class UrController:
+    """A running controller; ``address`` is what a rig file gives as ``host``."""
+
+    faults = ("protective stop", "emergency stop", "lost program", "silence", "drop", "garbage",
+              "late", "mute")  # fmt: skip
+
+    def __init__(self, robot: Robot, host: str, rate_hz: float) -> None:
+        self.address = host
+        self._robot = robot
+        self._period_s = 1 / rate_hz
+        self._fault: str | None = None
+        self._rng = np.random.default_rng(0)
+        self._end = threading.Event()
+        self._open: set[socket.socket] = set()
+        self._threads: list[threading.Thread] = []
+        self._servers = [
+            self._serve(RTDE_PORT, self._rtde),
+            self._serve(DASHBOARD_PORT, self._dashboard),
+            *(self._serve(port, self._script) for port in SCRIPT_PORTS),
+        ]
+
+    def fail(self, fault: str | None) -> None:
+        """Begin a fault of ``faults``; None mends everything. Raises `ValueError`."""
+        if fault is not None and fault not in self.faults:
+            raise ValueError(f"fault {fault!r}: known are {', '.join(self.faults)}")
+        match fault:
+            case "protective stop":
+                self._robot.protect(PROTECTIVE_BIT)
+            case "emergency stop":
+                self._robot.protect(EMERGENCY_BIT)
+            case "lost program":
+                self._robot.end_program()
+            case None:
+                self._robot.clear()
+        self._fault = fault
+        if fault == "drop":
+            for client in list(self._open):
+                with suppress(OSError):
+                    client.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """End all."""
+        self._end.set()
+        for thread in self._threads:
+            thread.join(timeout=2.0)
+        for server in self._servers:
+            server.close()
+
+    def _serve(self, port: int, talk: Callable[[socket.socket], None]) -> socket.socket:
+        server = socket.create_server((self.address, port))
+        server.settimeout(0.05)
+
+        def accept() -> None:
+            while not self._end.is_set():
+                try:
+                    client, _ = server.accept()
+                except OSError:
+                    continue
+                if self._fault == "drop":
+                    client.close()
+                    continue
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                self._start(lambda c=client: self._session(c, talk), f"emulated ur {port}")
+
+        self._start(accept, f"emulated ur {port} accept")
+        return server
+
+    def _start(self, work: Callable[[], None], name: str) -> None:
+        thread = threading.Thread(target=work, name=name, daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _session(self, client: socket.socket, talk: Callable[[socket.socket], None]) -> None:
+        self._open.add(client)
+        try:
+            while self._fault == "mute" and not self._end.wait(0.05):
+                pass
+            talk(client)
+        except (OSError, struct.error):
+            pass  # the client went away, or sent what no package is
+        finally:
+            self._open.discard(client)
+            client.close()
+
+    def _rtde(self, client: socket.socket) -> None:
+        client.settimeout(0.0005)
+        buffer = bytearray()
+        inputs: dict[int, wire.Recipe] = {}
+        output: wire.Recipe | None = None
+        every_s = self._period_s
+        streaming = False
+        due_s = time.monotonic()
+        while not self._end.is_set():
+            buffer += _received(client)
+            for kind, payload in wire.packages(buffer):
+                if kind == wire.DATA:
+                    recipe = inputs.get(payload[0])
+                    if recipe is not None:
+                        self._robot.written(recipe.unpack(payload[1:]))
+                elif kind == wire.OUTPUTS:
+                    (wanted_hz,) = struct.unpack_from(">d", payload)
+                    every_s = max(self._period_s, 1 / wanted_hz)
+                    output = wire.Recipe(1, _names(payload[8:]))
+                    self._send(client, wire.OUTPUTS, output.answer())
+                elif kind == wire.INPUTS:
+                    recipe = wire.Recipe(len(inputs) + 1, _names(payload))
+                    inputs[recipe.number] = recipe
+                    self._send(client, wire.INPUTS, recipe.answer())
+                elif kind == wire.VERSION:
+                    self._send(client, kind, b"\x01")
+                elif kind == wire.CONTROLLER:
+                    self._send(client, kind, struct.pack(">4I", 5, 11, 0, 108249))
+                elif kind in (wire.START, wire.PAUSE):
+                    streaming = kind == wire.START
+                    self._send(client, kind, b"\x01")
+                    due_s = time.monotonic()
+            if streaming and output is not None and time.monotonic() >= due_s:
+                due_s += every_s
+                if self._fault != "silence":
+                    self._send(client, wire.DATA, output.pack(self._robot.outputs()))
+
+    def _send(self, client: socket.socket, kind: int, payload: bytes) -> None:
+        if self._fault == "late":
+            time.sleep(LATE_S)
+        data = wire.package(kind, payload)
+        if self._fault == "garbage":
+            data = self._rng.bytes(len(data))
+        client.sendall(data)
+
+    def _dashboard(self, client: socket.socket) -> None:
+        client.settimeout(0.05)
+        client.sendall(BANNER)
+        text = ""
+        while not self._end.is_set():
+            text += _received(client).decode("ascii", "replace")
+            while "\n" in text:
+                line, _, text = text.partition("\n")
+                client.sendall(self._dashboard_answer(line.strip()).encode() + b"\n")
+
+    def _dashboard_answer(self, line: str) -> str:
+        if line == "stop":
+            self._robot.end_program()
+            return "Stopped"
+        if line == "running":
+            return f"Program running: {str(self._robot.playing).lower()}"
+        return DASHBOARD.get(line, f"could not understand: '{line}'")
+
+    def _script(self, client: socket.socket) -> None:
+        client.settimeout(0.05)
+        text = ""
+        while not self._end.is_set():
+            text += _received(client).decode("ascii", "replace")
+            if text.startswith("def ") and "\nend" in text[-8:]:
+                self._robot.upload()
+                text = ""
+
+
+def _received(client: socket.socket) -> bytes:
+    """What has arrived within the socket's timeout. Raises `ConnectionError` at its end."""
+    try:
+        data = client.recv(65536)
+    except TimeoutError:
+        return b""
+    if not data:
+        raise ConnectionError
+    return data
+
+
+def _names(payload: bytes) -> list[str]:
+    return [name for name in payload.decode("ascii", "replace").split(",") if name]
+
+
+@contextmanager
+def emulate(
+    phantom: Phantom,
+    *,
+    at: str = "127.0.0.1",
+    rate_hz: float = 500.0,
+    noise_n: float = 0.0005,
+    origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    seed: int = 0,
+) -> Iterator[UrController]:
+    """Serve a controller on the address ``at``."""
+    x, y, z = origin_mm
+    robot = Robot(phantom, (1e-3 * x, 1e-3 * y, 1e-3 * z), noise_n, seed)
+    controller = UrController(robot, at, rate_hz)
+    try:
+        yield controller
+    finally:
+        controller.close()
