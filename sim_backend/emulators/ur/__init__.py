@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 
 import numpy as np
 
@@ -94,7 +95,7 @@ class UrController:
                     client.close()
                     continue
                 client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._start(lambda c=client: self._session(c, talk), f"emulated ur {port}")
+                self._start(partial(self._session, client, talk), f"emulated ur {port}")
 
         self._start(accept, f"emulated ur {port} accept")
         return server
