@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -106,13 +107,13 @@ def strike(device: str, fault: str, phase: Phase) -> Outcome:
         )  # fmt: skip
 
 
-def table(outcomes: list[Outcome]) -> str:
+def table(outcomes: list[Outcome], faults_of: Mapping[str, tuple[str, ...]] = FAULTS) -> str:
     """One row per fault, one cell per phase: seconds until the run ended / the tip was at rest."""
     lines = [
         "| device | fault | " + " | ".join(PHASES) + " | reason |",
         "|---" * (len(PHASES) + 3) + "|",
     ]
-    for device, faults in FAULTS.items():
+    for device, faults in faults_of.items():
         for fault in faults:
             found = {o.phase: o for o in outcomes if (o.device, o.fault) == (device, fault)}
             cells = [

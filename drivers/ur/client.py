@@ -5,6 +5,7 @@ minutes where one vanishes in a move, and has crashed on dropped connections; so
 runs where the engine runs.
 """
 
+import os
 import threading
 import time
 from collections.abc import Callable
@@ -16,6 +17,8 @@ READ_S = 2e-4
 SEND_S = 0.004
 WATCHDOG_HZ = 5.0  # the robot's program stops itself if it hears less often from us
 KICK_S = 0.05
+UNABLE = 0b111_1111_1100
+"""Safety bits other than normal and reduced."""
 VARIABLES = [
     "timestamp", "actual_TCP_pose", "actual_TCP_force", "robot_mode", "safety_status_bits",
     "robot_status_bits", "runtime_state",
@@ -52,10 +55,19 @@ def serve(setup: Setup, states: Connection, commands: Connection) -> None:
     """Body of the process: stream states, obey commands, until the other end closes."""
     import rtde_receive
 
-    receive = rtde_receive.RTDEReceiveInterface(setup.host, setup.frequency_hz, VARIABLES)
-    control = _control(setup) if setup.control else None
-    end = threading.Event()
-    threading.Thread(target=_stream, args=(receive, states, end), daemon=True).start()
+    _silence()
+    control, end = None, threading.Event()
+    try:
+        receive = rtde_receive.RTDEReceiveInterface(setup.host, setup.frequency_hz, VARIABLES)
+        threading.Thread(target=_stream, args=(receive, states, end), daemon=True).start()
+        if setup.control and receive.getSafetyStatusBits() & UNABLE:
+            time.sleep(10 * SEND_S)  # the state goes first, it says which
+            commands.send((READY, False, "its safety system does not let it move"))
+            return
+        control = _control(setup) if setup.control else None
+    except RuntimeError as error:
+        commands.send((READY, False, str(error)))
+        return
     commands.send((READY, True, ""))
     try:
         _obey(control, commands, end)
@@ -65,6 +77,13 @@ def serve(setup: Setup, states: Connection, commands: Connection) -> None:
         end.set()
         if control is not None:
             control.stopScript()
+
+
+def _silence() -> None:
+    """The library talks to standard output and error, which belong to the scan."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
 
 
 def _control(setup: Setup) -> Any:

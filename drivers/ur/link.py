@@ -92,8 +92,7 @@ class Link:
         self._thread.start()
         ready, why = self._answer(READY, CONNECT_S)
         if not ready or not self._first():
-            self.close()
-            raise DeviceAbsent(name, f"no connection to {setup.host}: {why or 'no data'}")
+            self._fail(why or "no data")
 
     def state(self) -> State:
         """The newest. Raises `DeviceFault` when it is old, or the robot is not able to work."""
@@ -151,6 +150,13 @@ class Link:
             self._process.kill()
             self._process.join(timeout=1.0)
         self._thread.join(timeout=1.0)
+
+    def _fail(self, why: str) -> None:
+        """Give up connecting, in the robot's words if it has any."""
+        state = self._state
+        bits = [] if state is None else [w for b, w in SAFETY.items() if state.safety_bits >> b & 1]
+        self.close()
+        raise DeviceAbsent(self.name, f"no connection to {self.setup.host}: {(*bits, why)[0]}")
 
     def _send(self, name: str, arguments: tuple[Any, ...]) -> int:
         with self._lock:

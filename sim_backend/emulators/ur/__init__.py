@@ -37,7 +37,7 @@ class UrController:
     """A running controller; ``address`` is what a rig file gives as ``host``."""
 
     faults = ("protective stop", "emergency stop", "lost program", "silence", "drop", "garbage",
-              "late", "mute")  # fmt: skip
+              "late", "mute", "blink", "no start")  # fmt: skip
 
     def __init__(self, robot: Robot, host: str, rate_hz: float) -> None:
         self.address = host
@@ -67,8 +67,9 @@ class UrController:
                 self._robot.end_program()
             case None:
                 self._robot.clear()
+        self._robot.stuck = fault == "no start"
         self._fault = fault
-        if fault == "drop":
+        if fault in ("drop", "blink"):
             for client in list(self._open):
                 with suppress(OSError):
                     client.shutdown(socket.SHUT_RDWR)

@@ -44,11 +44,14 @@ class Robot:
         self._wants_watchdog = False
         self._kicked_s = 0.0
         self._safety = NORMAL_BIT
+        self.stuck = False
+        """Programs do not start."""
 
     def upload(self) -> None:
         """A program has arrived: it starts, if safety lets it."""
         with self._lock:
-            if self._safety == NORMAL_BIT:
+            self._halt()  # it replaces the one that was running
+            if self._safety == NORMAL_BIT and not self.stuck:
                 self._playing = True
                 self._blocked = self._wants_watchdog = False
                 self._said["output_int_register_0"] = READY

@@ -1,0 +1,185 @@
+"""The UR driver: the real ur-rtde client against an emulated controller."""
+
+import os
+import threading
+import time
+from collections.abc import Iterator
+from itertools import count
+
+import numpy as np
+import pytest
+
+from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
+from drivers.errors import ConfigError
+from drivers.ur.sensor import UrForce, open_sensor
+from drivers.ur.stage import UrStage, open_stage
+from sim_backend import load_scene
+from sim_backend.emulators import ur
+from sim_backend.phantom import Phantom, Respond
+
+ORIGIN_MM = (400.0, -20.0, 150.0)
+_numbers = count(1)
+
+
+class Rig:
+    """A robot in a phantom, and the drivers for it."""
+
+    def __init__(self, respond: Respond, host: str) -> None:
+        self.clock = WallClock()
+        self.host = host
+        self.phantom = Phantom(load_scene("TIHA"), self.clock, respond, home=(0.03, 0.0, 0.004))
+        self.stage: UrStage = open_stage(self.clock, host=host, origin_mm=ORIGIN_MM)
+        self.sensor: UrForce = open_sensor(self.clock, host=host)
+
+    def arrive(self, timeout_s: float = 3.0) -> None:
+        end = self.clock.now() + timeout_s
+        while self.stage.moving():
+            assert self.clock.now() < end
+            time.sleep(0.003)
+
+
+@pytest.fixture
+def host() -> str:
+    """An address that no other test process uses."""
+    return f"127.{1 + os.getpid() % 250}.{os.getpid() // 250 % 250}.{next(_numbers)}"
+
+
+@pytest.fixture
+def rig(winkler: Respond, host: str) -> Iterator[tuple[Rig, ur.UrController]]:
+    made = Rig(winkler, host)
+    with ur.emulate(made.phantom, at=host, origin_mm=ORIGIN_MM, noise_n=0.001) as robot:
+        try:
+            made.stage.connect()
+            made.sensor.connect()
+            yield made, robot
+        finally:
+            made.sensor.close()
+            made.stage.close()
+
+
+def test_moves_in_the_scan_frame_and_feels_there(rig: tuple[Rig, ur.UrController]) -> None:
+    made, _ = rig
+    made.sensor.tare()
+    made.sensor.start()
+    made.stage.move(Pose(0.032, 0.0, -0.002), 0.02)
+    made.arrive()
+    assert made.stage.pose()[:3] == pytest.approx((0.032, 0.0, -0.002), abs=1e-4)
+    assert made.stage.pose()[3:] == pytest.approx((0, 0, 0), abs=1e-6)
+    began_s = made.clock.now()
+    time.sleep(0.5)
+    block = made.sensor.read()
+    felt = block.values[block.time_s > began_s, 0]
+    assert felt.mean() == pytest.approx(made.phantom.force_n(np.array([began_s]))[0], rel=0.02)
+    assert felt.mean() > 0.1
+    held = block.time_s[block.time_s > began_s]
+    assert len(held) >= 0.98 * 500 * 0.5 - 5
+    assert (np.diff(block.time_s) > 0).all()
+    assert np.percentile(np.diff(held), 99) < 5e-3
+    assert block.time_s[-1] <= made.clock.now()
+
+
+def test_the_same_time_and_force_belong_together(rig: tuple[Rig, ur.UrController]) -> None:
+    """On a steady ramp force is a function of time: a torn pair would be off by 2 ms of it."""
+    made, _ = rig
+    made.stage.move(Pose(0.03, 0.0, 0.0), 0.02)
+    made.arrive()
+    made.sensor.start()
+    made.stage.move(Pose(0.03, 0.0, -0.002), 0.002)
+    made.arrive()
+    block = made.sensor.read()
+    middle = (block.values[:, 0] > 0.1) & (block.values[:, 0] < block.values[-1, 0] - 0.1)
+    t, force = block.time_s[middle], block.values[middle, 0]
+    off = force - np.polyval(np.polyfit(t, force, 3), t)
+    assert np.abs(off).max() < 0.006  # noise 1 mN rms
+
+
+def test_stop_halts_within_100_ms_from_another_thread(rig: tuple[Rig, ur.UrController]) -> None:
+    made, _ = rig
+    made.stage.move(Pose(0.06, 0.0, 0.004), 0.02)
+    time.sleep(0.3)
+    began_s = made.clock.now()
+    threads = [threading.Thread(target=made.stage.stop) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    while made.phantom.tip.moving(made.clock.now()):
+        time.sleep(0.001)
+    assert made.phantom.tip.all_legs()[-1].end_s - began_s < 0.1
+    assert made.phantom.tip.point(made.clock.now())[0] < 0.055
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("protective stop", "protective stop"),
+        ("emergency stop", "emergency stop"),
+        ("lost program", "control program has stopped"),
+        ("silence", "sent nothing"),
+        ("drop", "sent nothing|connection lost"),
+    ],
+)
+def test_faults_are_seen_soon_in_the_robots_words(
+    rig: tuple[Rig, ur.UrController], fault: str, words: str
+) -> None:
+    made, robot = rig
+    made.stage.move(Pose(0.05, 0.0, 0.004), 0.01)
+    time.sleep(0.1)
+    began_s = made.clock.now()
+    robot.fail(fault)
+    with pytest.raises(DeviceFault, match=words):
+        while made.clock.now() < began_s + 2:
+            made.stage.pose()
+            time.sleep(0.002)
+    took_s = made.clock.now() - began_s
+    assert took_s < (0.05 if "stop" in fault or "lost" in fault else 0.3)
+    made.stage.stop()
+    assert made.clock.now() - began_s < 1.0
+
+
+def test_connects_again_after_a_protective_stop_was_cleared(
+    rig: tuple[Rig, ur.UrController],
+) -> None:
+    made, robot = rig
+    robot.fail("protective stop")
+    time.sleep(0.05)
+    made.sensor.close()
+    made.stage.close()
+    with pytest.raises(DeviceAbsent, match="protective stop"):
+        made.stage.connect()
+    robot.fail(None)
+    made.stage.connect()
+    made.stage.move(Pose(0.031, 0.0, 0.004), 0.02)
+    made.arrive()
+
+
+def test_nobody_there(winkler: Respond, host: str) -> None:
+    made = Rig(winkler, host)
+    began = time.monotonic()
+    with pytest.raises(DeviceAbsent, match=r"30004.*refused"):
+        made.stage.connect()
+    with pytest.raises(DeviceAbsent, match=r"30004.*refused"):
+        made.sensor.connect()
+    with ur.emulate(made.phantom, at=host) as robot:
+        robot.fail("mute")
+        with pytest.raises(DeviceAbsent, match="does not answer within 1 s"):
+            made.stage.connect()
+    assert time.monotonic() - began < 4
+    with pytest.raises(DeviceFault, match="not connected"):
+        made.stage.pose()
+    made.stage.stop()
+    made.stage.close()
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("frequency_hz", 1000.0), ("frequency_hz", 0.0), ("max_speed_mm_s", -1.0)]
+)
+def test_wrong_settings_are_named(key: str, value: float) -> None:
+    with pytest.raises(ConfigError, match=key):
+        open_stage(WallClock(), **{key: value})
+
+
+def test_too_fast_is_refused(rig: tuple[Rig, ur.UrController]) -> None:
+    made, _ = rig
+    with pytest.raises(ConfigError, match="max_speed_mm_s"):
+        made.stage.move(Pose(0.05, 0.0, 0.004), 0.5)
