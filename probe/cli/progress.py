@@ -2,11 +2,13 @@
 
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import TracebackType
 from typing import Self
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from probe.cli.say import tell
 from probe.events import Event, Note, Phase, PhaseEntered, StationEnded, StationStarted
@@ -83,3 +85,16 @@ class ScanProgress:
             self._bar.update(self._task, description=text, left=left)
         else:
             tell(f"{text}, {left}" if left else text)
+
+
+@contextmanager
+def counting(what: str) -> Iterator[Callable[[int, int], None]]:
+    """A bar for ``done`` of ``total`` things, with the time left; in a terminal only."""
+    columns = (TextColumn("{task.completed:.0f} of {task.total:.0f} " + what), BarColumn(),
+               TimeRemainingColumn())  # fmt: skip
+    bar = Progress(
+        *columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()
+    )
+    task = bar.add_task(what)
+    with bar:
+        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -1,0 +1,100 @@
+"""``palpate sweep`` and ``palpate paper``: many presses, and the paper's figures."""
+
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from probe.cli.say import Json, answer, answer_json, plain, tell
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command()(sweep)
+    app.command()(paper)
+
+
+def sweep(
+    scene: Annotated[str, typer.Argument(help="A built-in scene or a scene file.")],
+    vary: Annotated[
+        list[str],
+        typer.Option(metavar="KEY=VALUES", help="10,12,14 or 10..14:5 or 10..14 (random)."),
+    ],
+    design: Annotated[
+        Literal["full", "zip", "lhs", "sobol"], typer.Option(help="How values are combined.")
+    ] = "full",
+    count: Annotated[int, typer.Option(help="Points of a random design.")] = 0,
+    seed: Annotated[int, typer.Option(help="Of a random design.")] = 0,
+    x: Annotated[
+        float | None, typer.Option(metavar="MM", help="Where [mm]; default: over the inclusion.")
+    ] = None,
+    depth: Annotated[float, typer.Option(metavar="MM", help="Indentation [mm].")] = 2.5,
+    accuracy: Annotated[float, typer.Option(metavar="PCT", help="Of force and pulse [%].")] = 1.0,
+    model: Annotated[Literal["auto", "finite", "small"], typer.Option(help="Model.")] = "auto",
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")] = Path(
+        "sweep.parquet"
+    ),
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: one per processor.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler: many machines.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Press many variants of a scene; an interrupted sweep goes on where it stopped."""
+    from probe.cli.progress import counting
+    from probe.studies.sweep import sweep as run
+    from probe.studies.vary import parse, points
+    from sim_backend.scene import load_scene
+
+    loaded = load_scene(scene)
+    made = points([parse(text, loaded) for text in vary], design, count, seed)
+    began_s = time.perf_counter()
+    with counting("points") as progress:
+        table = run(
+            loaded, made, out, x_mm=x, indentation_mm=depth, model=model, accuracy_pct=accuracy,
+            workers=workers, scheduler=scheduler, progress=progress,
+        )  # fmt: skip
+    failed = table[table["reason"] != ""]
+    told = {
+        "table": out,
+        "points": len(table),
+        "failed": len(failed),
+        "seconds": time.perf_counter() - began_s,
+    }
+    for _, row in failed.head(5).iterrows():
+        tell(f"point {row['point']}: {row['reason']}")
+    if json:
+        answer_json(plain(told))
+        return
+    answer(f"{len(table)} points, {len(failed)} without an answer: {out}")
+
+
+def paper(
+    out: Annotated[Path, typer.Option(metavar="DIR", help="Where pictures and table go.")] = Path(
+        "paper"
+    ),
+    json: Json = False,
+) -> None:
+    """Redo the paper: its figures, and each of its statements beside our numbers."""
+    from probe.studies.paper import paper as redo
+
+    began_s = time.perf_counter()
+    statements = redo(out, tell)
+    if json:
+        answer_json(
+            plain(
+                {
+                    "out": out,
+                    "statements": [one.as_json() for one in statements],
+                    "seconds": time.perf_counter() - began_s,
+                }
+            )
+        )
+        return
+    for one in statements:
+        answer(f"{one.verdict}: {one.text}\n    {one.ours}")
+    print(f"Pictures and tables: {out}", file=sys.stderr)

@@ -1,0 +1,1 @@
+"""Studies: many presses at once, and the paper's figures."""

@@ -1,0 +1,141 @@
+"""What a sweep varies, and the points that it makes: ``KEY=VALUES`` over a scene or its scan.
+
+Values are a list ``10,12,14``, a range ``10..14:5`` (five, evenly; ``:5log`` in the logarithm), or
+an interval ``10..14`` (``10..14:log``) that a random design draws from.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import numpy as np
+from scipy.stats import qmc
+
+from drivers import ConfigError
+from sim_backend.scene import Scene
+
+Design = Literal["full", "zip", "lhs", "sobol"]
+Value = float | str
+Point = dict[str, Value]
+
+SCAN_KEYS = ("x_mm", "indentation_mm")
+SYNTAX = "say KEY=10,12,14 or KEY=10..14:5 or, for a random design, KEY=10..14"
+
+
+@dataclass(frozen=True)
+class Varied:
+    """A ``key`` with its ``values``, or an interval ``low`` to ``high`` (``log``: evenly in its
+    logarithm)."""
+
+    key: str
+    values: tuple[Value, ...] = ()
+    low: float = 0.0
+    high: float = 0.0
+    log: bool = False
+
+    def at(self, share: float) -> Value:
+        """The value at ``share`` of the way, 0 to 1."""
+        if self.values:
+            return self.values[min(int(share * len(self.values)), len(self.values) - 1)]
+        if self.log:
+            return float(self.low * (self.high / self.low) ** share)
+        return float(self.low + share * (self.high - self.low))
+
+
+def parse(text: str, scene: Scene) -> Varied:
+    """One ``--vary``. Raises `ConfigError` naming the key or value."""
+    key, equals, values = text.partition("=")
+    if not equals or not values:
+        raise ConfigError(f"--vary {text}: {SYNTAX}")
+    key = full_key(key.strip(), scene)
+    if ".." not in values:
+        return Varied(key, tuple(_value(v) for v in values.split(",")))
+    interval, _, rest = values.partition(":")
+    try:
+        low, high = (float(end) for end in interval.split(".."))
+        log = rest.endswith("log")
+        number = rest.removesuffix("log")
+        count = int(number) if number else 0
+    except ValueError:
+        raise ConfigError(f"--vary {text}: {SYNTAX}") from None
+    if log and min(low, high) <= 0:
+        raise ConfigError(f"--vary {text}: a logarithmic range must be above 0")
+    if not count:
+        return Varied(key, low=low, high=high, log=log)
+    space = np.geomspace if log else np.linspace
+    return Varied(key, tuple(float(v) for v in space(low, high, count)))
+
+
+def full_key(key: str, scene: Scene) -> str:
+    """``wall_mm`` as ``inclusion.0.wall_mm``. Raises `ConfigError` if none or several match."""
+    if key in SCAN_KEYS:
+        return key
+    known = list(_paths(scene.model_dump(mode="json")))
+    matches = [k for k in known if k == key] or [k for k in known if k.endswith("." + key)]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise ConfigError(f"--vary {key}: which of {', '.join(matches)}?")
+    raise ConfigError(f"--vary {key}: no such key; known are {', '.join((*SCAN_KEYS, *known))}")
+
+
+def points(varied: Sequence[Varied], design: Design, count: int, seed: int) -> list[Point]:
+    """All points, in a fixed order. Raises `ConfigError` for what a design cannot do."""
+    keys = [v.key for v in varied]
+    if len(set(keys)) < len(keys):
+        raise ConfigError(f"--vary: a key is given twice ({', '.join(keys)})")
+    if design in ("full", "zip"):
+        for one in varied:
+            if not one.values:
+                raise ConfigError(
+                    f"--vary {one.key}={one.low:g}..{one.high:g}: how many? {one.low:g}.."
+                    f"{one.high:g}:5, or --design lhs"
+                )
+        lists = [v.values for v in varied]
+        if design == "zip" and len({len(v) for v in lists}) > 1:
+            raise ConfigError("--design zip: every key needs as many values as the others")
+        rows = zip(*lists, strict=True) if design == "zip" else product(*lists)
+        return [dict(zip(keys, row, strict=True)) for row in rows]
+    if count < 1:
+        raise ConfigError(f"--design {design}: how many points? --count 100")
+    make = qmc.LatinHypercube if design == "lhs" else qmc.Sobol
+    sampler: Any = make(d=len(varied), rng=seed)
+    if design == "sobol":  # drawn by powers of two, as the sequence is balanced
+        shares = sampler.random_base2(int(np.ceil(np.log2(count))))[:count]
+    else:
+        shares = sampler.random(count)
+    return [{v.key: v.at(float(s)) for v, s in zip(varied, row, strict=True)} for row in shares]
+
+
+def applied(scene: Scene, point: Point) -> Scene:
+    """The scene with a point's values. Raises `SceneError` or a validation error."""
+    raw = scene.model_dump(mode="json")
+    for key, value in point.items():
+        if key in SCAN_KEYS:
+            continue
+        *path, last = key.split(".")
+        table: Any = raw
+        for part in path:
+            table = table[int(part)] if part.isdigit() else table[part]
+        table[last] = value
+    return Scene.model_validate(raw)
+
+
+def _paths(raw: Any, prefix: str = "") -> list[str]:
+    found: list[str] = []
+    items = raw.items() if isinstance(raw, dict) else enumerate(raw)
+    for key, value in items:
+        if isinstance(value, dict) or (isinstance(value, list) and value
+                                       and isinstance(value[0], dict)):  # fmt: skip
+            found += _paths(value, f"{prefix}{key}.")
+        elif not isinstance(value, list) and key != "name":
+            found.append(f"{prefix}{key}")
+    return found
+
+
+def _value(text: str) -> Value:
+    try:
+        return float(text)
+    except ValueError:
+        return text.strip()

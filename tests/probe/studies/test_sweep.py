@@ -1,0 +1,93 @@
+"""Sweeps: shared work, failures, interruptions, a cluster."""
+
+import json
+import os
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from drivers import ConfigError
+from probe.studies.solve import jobs, solve
+from probe.studies.sweep import sweep
+from probe.studies.vary import parse, points
+from sim_backend import load_scene
+
+TIHA = load_scene("TIHA")
+FAST = {"model": "small", "accuracy_pct": 20.0}
+
+
+def made(*texts: str) -> list[dict[str, float | str]]:
+    return points([parse(text, TIHA) for text in texts], "full", 0, 0)
+
+
+def without_time(table: pd.DataFrame) -> pd.DataFrame:
+    return table.drop(columns="seconds").reset_index(drop=True)
+
+
+def test_pressures_share_one_solution() -> None:
+    some = jobs(TIHA, enumerate(made("wall_mm=0.5,0.6", "systolic_mmhg=100,120,140")), None, 2.5,
+                "small", 20.0)  # fmt: skip
+    assert [len(job.points) for job in some] == [3, 3]
+    rows = solve(some[0])
+    pulses = [row["pulse_n"] for row in rows]
+    assert pulses == sorted(pulses)
+    assert len({row["seconds"] for row in rows}) == 1  # solved once
+
+
+def test_a_failed_point_is_a_row_with_its_reason(tmp_path: Path) -> None:
+    table = sweep(TIHA, made("wall_mm=0.63,99"), tmp_path / "t.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    assert table["reason"].iloc[0] == ""
+    assert table["reason"].iloc[1].startswith("inclusion[0] (artery): depth_mm = 12.66 breaks")
+    assert table["force_n"].iloc[0] > 0
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])
+def test_an_interrupted_sweep_goes_on(tmp_path: Path, ending: str) -> None:
+    wanted, out = made("wall_mm=0.5,0.55,0.6"), tmp_path / f"t.{ending}"
+    whole = sweep(TIHA, wanted, tmp_path / "whole.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    log = tmp_path / "whole.rows.jsonl"
+    first_two = log.read_text().splitlines(keepends=True)[:3]
+    out.with_suffix(".rows.jsonl").write_text("".join(first_two) + '{"point": 2, "wa')
+    counted: list[int] = []
+    again = sweep(TIHA, wanted, out, workers=1, progress=lambda d, _: counted.append(d), **FAST)  # type: ignore[arg-type]
+    assert counted[0] == 2
+    pd.testing.assert_frame_equal(without_time(whole), without_time(again))
+    assert out.stat().st_size > 0
+    with pytest.raises(ConfigError, match="another sweep"):
+        sweep(TIHA, made("wall_mm=0.4"), out, workers=1, **FAST)  # type: ignore[arg-type]
+
+
+def test_unknown_ending(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"must end in \.parquet"):
+        sweep(TIHA, made("wall_mm=0.5"), tmp_path / "t.xlsx")
+
+
+def test_nobody_at_the_scheduler(tmp_path: Path) -> None:
+    pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    with pytest.raises(ConfigError, match="no scheduler answers"):
+        sweep(TIHA, made("wall_mm=0.5"), tmp_path / "t.csv", scheduler="nonsense://x")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # what Dask warns of while a worker is killed
+def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> None:
+    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
+    wanted = made("wall_mm=0.4..0.8:12", "systolic_mmhg=120")
+    alone = sweep(TIHA, wanted, tmp_path / "alone.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    killed: list[int] = []
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    ) as cluster:
+
+        def kill_one(done: int, _total: int) -> None:
+            if done >= 3 and not killed:
+                killed.append(next(iter(cluster.workers.values())).process.pid)
+                os.kill(killed[0], 9)
+
+        there = sweep(TIHA, wanted, tmp_path / "there.csv", progress=kill_one,
+                      scheduler=cluster.scheduler_address, **FAST)  # type: ignore[arg-type]  # fmt: skip
+    assert killed
+    pd.testing.assert_frame_equal(without_time(alone), without_time(there))
+    rows = (tmp_path / "there.rows.jsonl").read_text().splitlines()[1:]
+    assert len({json.loads(row)["point"] for row in rows}) == len(wanted)

@@ -1,0 +1,75 @@
+"""What is varied, and the points it makes."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import ConfigError
+from probe.studies.vary import Varied, applied, full_key, parse, points
+from sim_backend import load_scene
+
+TIHA = load_scene("TIHA")
+
+
+@pytest.mark.parametrize(
+    ("text", "key", "values"),
+    [
+        ("wall_mm=0.4,0.63", "inclusion.0.wall_mm", (0.4, 0.63)),
+        ("tissue.modulus_kpa=10..50:5", "tissue.modulus_kpa", (10.0, 20.0, 30.0, 40.0, 50.0)),
+        ("tissue.modulus_kpa=1..100:3log", "tissue.modulus_kpa", (1.0, 10.0, 100.0)),
+        ("plane=stress,strain", "plane", ("stress", "strain")),
+        ("indentation_mm=1,2", "indentation_mm", (1.0, 2.0)),
+    ],
+)
+def test_values(text: str, key: str, values: tuple[float | str, ...]) -> None:
+    one = parse(text, TIHA)
+    assert one.key == key
+    if isinstance(values[0], str):
+        assert one.values == values
+    else:
+        assert one.values == pytest.approx(values)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("wal_mm=1", "no such key"),
+        ("modulus_kpa=1", "which of"),
+        ("wall_mm", "say KEY="),
+        ("wall_mm=1..x", "say KEY="),
+        ("wall_mm=0..1:log", "above 0"),
+    ],
+)
+def test_wrong_ones_are_explained(text: str, told: str) -> None:
+    with pytest.raises(ConfigError, match=told):
+        parse(text, TIHA)
+
+
+def test_full_and_zipped() -> None:
+    a, b = Varied("a", (1.0, 2.0)), Varied("b", (3.0, 4.0))
+    assert len(points([a, b], "full", 0, 0)) == 4
+    assert points([a, b], "zip", 0, 0) == [{"a": 1.0, "b": 3.0}, {"a": 2.0, "b": 4.0}]
+    with pytest.raises(ConfigError, match="as many values"):
+        points([a, Varied("b", (3.0,))], "zip", 0, 0)
+    with pytest.raises(ConfigError, match="how many"):
+        points([Varied("a", low=1, high=2)], "full", 0, 0)
+
+
+@given(st.integers(2, 40), st.integers(0, 99), st.sampled_from(["lhs", "sobol"]))
+def test_random_designs_fill_each_interval(count: int, seed: int, design: str) -> None:
+    varied = [Varied("a", low=1, high=3), Varied("b", low=1, high=100, log=True)]
+    made = points(varied, design, count, seed)  # type: ignore[arg-type]  # sampled text
+    assert len(made) == count
+    assert made == points(varied, design, count, seed)  # type: ignore[arg-type]
+    a = np.array([p["a"] for p in made], dtype=float)
+    assert ((a >= 1) & (a <= 3)).all()
+    if design == "lhs":  # one in each of `count` equal parts
+        assert len(set(((a - 1) / 2 * count).astype(int).clip(max=count - 1))) == count
+
+
+def test_applied_to_the_scene_and_nothing_else() -> None:
+    key = full_key("inner_diameter_mm", TIHA)
+    changed = applied(TIHA, {key: 3.0, "indentation_mm": 2.0})
+    assert changed.arteries[0].inner_diameter_mm == 3.0
+    assert applied(changed, {key: 4.5}) == TIHA
