@@ -47,7 +47,7 @@ def solve(job: Job) -> list[Row]:
         try:
             scenes[number] = applied(job.scene, point)
         except (SceneError, ValidationError) as error:
-            rows.append(_row(number, point) | {"reason": _first_line(error)})
+            rows.append(_row(number, point) | {"reason": first_line(error)})
     if not scenes:
         return rows
     first = next(iter(scenes.values()))
@@ -60,7 +60,7 @@ def solve(job: Job) -> list[Row]:
             first, x_mm, depth_mm, levels, model=job.model, accuracy_pct=job.accuracy_pct
         )
     except (CannotSolve, SceneError) as error:
-        failed = {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": _first_line(error)}
+        failed = {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": first_line(error)}
         return rows + [_row(n, p) | failed for n, p in job.points if n in scenes]
     return rows + [
         _row(n, p) | _answer(pressed, scenes[n], levels) for n, p in job.points if n in scenes
@@ -110,7 +110,8 @@ def _x_mm(scene: Scene) -> float:
     return 0.5 * scene.tissue.width_mm if scene.tissue else 0.0
 
 
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """What was wrong, in one line."""
     if isinstance(error, ValidationError):
         one = error.errors()[0]
         where = ".".join(str(part) for part in one["loc"])

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from sim_backend.fem.assembly import gather
 from sim_backend.fem.contact import Finger
-from sim_backend.fem.internal import forces_and_tangents
+from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
-from sim_backend.fem.newton import CannotSolve, Load, Solution
+from sim_backend.fem.newton import CRUSHED, CannotSolve, Load, Solution
 from sim_backend.fem.section import Section, build_section
 from sim_backend.scene import Scene
 
@@ -113,7 +113,22 @@ def solve_small(
     """As `solve_finite`, at small strain."""
     section = build_section(scene, x_m, depth_m=depth_m, size_m=size_m, element=element)
     body = condense(section, near(section, x_m, depth_m))
-    return section, [settle(body, section.finger, Load(depth_m, p)) for p in pressures_pa]
+    solutions = [settle(body, section.finger, Load(depth_m, p)) for p in pressures_pa]
+    for one in solutions:
+        _refuse_nonsense(section, one)
+    return section, solutions
+
+
+def _refuse_nonsense(section: Section, solution: Solution) -> None:
+    """Small strain has an answer to everything; not every one is a body. Raises `CannotSolve`."""
+    ratio, _ = smallest_area_ratio(section, solution.displacement)
+    if ratio > CRUSHED and (solution.force_n_per_m > 0 or solution.load.depth_m <= 0):
+        return
+    raise CannotSolve(
+        "small strain",
+        f"small strain turns tissue inside out {1e3 * solution.load.depth_m:.3g} mm deep (det F = "
+        f"{ratio:.2g}). Press less deep or take the finite-strain model.",
+    )
 
 
 def near(section: Section, x_m: float, depth_m: float) -> Ints:

@@ -1,0 +1,1 @@
+"""Charts of the finite-element backend: speed against accuracy, and where each model breaks."""

@@ -1,0 +1,174 @@
+"""The stability atlas: presses where methods fail, each solved, refused with a reason, or wrong.
+
+Every answer is compared with an independent one, of another element on another mesh. A cell is
+``wrong`` when the two differ by more than `TOLERANCE_PCT` and three times the stated error, and
+``hangs`` after `LIMIT_S`. Rows of single elements show where each breaks; there the independent
+answer is that of the element that is chosen by itself, and a large error is ``breaks``, not
+``wrong``, since nobody is given it.
+"""
+
+import signal
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+
+from probe.charts.cells import Cell, cells
+from probe.studies.solve import first_line
+from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.newton import Load, march, untouched
+from sim_backend.fem.section import best_element, build_section
+from sim_backend.press import CannotSolve, press
+from sim_backend.scene import Scene, SceneError
+from sim_backend.waves import PA_PER_MMHG
+
+TOLERANCE_PCT = 5.0
+LIMIT_S = 120.0
+SMALL_PULSE = 0.01
+"""Pulses below this share of the force are judged against the force."""
+CHECK_SHARE = 0.08
+"""Element size of the independent solution over the finger's half width."""
+
+Forces = tuple[float, ...]
+
+
+def chart(out: Path, quick: bool = False, tell: Callable[[str], None] = print,
+          workers: int = 2) -> pd.DataFrame:  # fmt: skip
+    """Judge all cells, write ``stability.csv`` and ``.png`` into ``out``; the table."""
+    chosen = cells()[:: 5 if quick else 1]
+    rows = []
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for number, row in enumerate(pool.map(judge, chosen), start=1):
+            rows.append(row)
+            if number % 20 == 0:
+                tell(f"{number} of {len(chosen)} cells")
+    table = pd.DataFrame(rows)
+    out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(out / "stability.csv", index=False, float_format="%.5g")
+    draw(table).savefig(out / "stability.png", dpi=150, facecolor="white")
+    return table
+
+
+def judge(cell: Cell) -> dict[str, Any]:
+    """One cell's row."""
+    row: dict[str, Any] = {
+        "family": cell.family, "row": cell.row, "value": cell.value, "how": cell.how,
+        "verdict": "solved", "error_pct": np.nan, "estimate_pct": np.nan, "reason": "",
+    }  # fmt: skip
+    signal.signal(signal.SIGALRM, _too_long)
+    signal.alarm(round(LIMIT_S))
+    began = perf_counter()
+    try:
+        scene = Scene.model_validate(cell.scene)
+        forces, estimate = _answer(cell, scene)
+        row |= {"force_n_per_m": forces[0], "estimate_pct": estimate}
+        row |= _checked(cell, scene, forces, estimate)
+    except (CannotSolve, SceneError, ValueError) as error:
+        row |= {"verdict": "refused", "reason": first_line(error)[:200]}
+    except TimeoutError:
+        row |= {"verdict": "hangs", "reason": f"more than {LIMIT_S:g} s"}
+    finally:
+        signal.alarm(0)
+    return row | {"seconds": perf_counter() - began}
+
+
+def _answer(cell: Cell, scene: Scene) -> tuple[Forces, float]:
+    """Forces [N/m] at each level by what the cell tries, and their stated error."""
+    levels = [p * PA_PER_MMHG for p in cell.levels_mmhg]
+    x, depth = 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm
+    if cell.how in ("auto", "finite", "small"):
+        pressed = press(scene, cell.x_mm, cell.depth_mm, cell.levels_mmhg, model=cell.how)
+        return tuple(1e3 * s.force_n_per_mm for s in pressed.states), pressed.error_estimate_pct
+    size = 0.1 * 0.5e-3 * scene.indenter.width_mm_projected
+    if cell.how in ("one step", "reversal"):
+        section = build_section(scene, x, depth_m=depth, size_m=size)
+        down = Load(depth, levels[0])
+        path = [down] if cell.how == "one step" else [down, Load(0.0, levels[0]), down]
+        found = list(march(section, untouched(section), path))
+        return (found[-1].force_n_per_m,), 1.0
+    _, solutions = solve_finite(scene, x, depth, levels, size, cell.how)
+    return tuple(s.force_n_per_m for s in solutions), 1.0
+
+
+def _checked(cell: Cell, scene: Scene, forces: Forces, estimate: float) -> dict[str, Any]:
+    """The verdict on an answer."""
+    if not np.isfinite(forces).all():
+        return {"verdict": "wrong", "reason": "not a number"}
+    element = best_element(scene) if cell.single_element else _another(scene)
+    try:
+        _, found = solve_finite(scene, 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm,
+                                [p * PA_PER_MMHG for p in cell.levels_mmhg], _size_m(scene),
+                                element)  # fmt: skip
+    except CannotSolve as error:
+        return {"verdict": "solved, unchecked", "error_pct": estimate,
+                "reason": f"the check: {error}"[:200]}  # fmt: skip
+    apart = _apart_pct(forces, tuple(s.force_n_per_m for s in found))
+    # small strain's own error is shown, not judged: `auto` never takes it where it matters
+    shown_only = cell.single_element or cell.how == "small"
+    good = apart <= max(TOLERANCE_PCT, 0.0 if shown_only else 3 * estimate)
+    bad = "breaks" if shown_only else "wrong"
+    return {"error_pct": apart, "verdict": "solved" if good else bad}
+
+
+def _apart_pct(forces: Forces, other: Forces) -> float:
+    a, b = np.array(forces), np.array(other)
+    largest = float(np.abs(b).max())
+    if largest < 1e-9:
+        return 100.0 * float(np.abs(a).max() > 1e-6)
+    apart = float(np.abs(a - b).max()) / largest
+    if len(b) > 1:
+        span = max(float(np.ptp(b)), SMALL_PULSE * largest)
+        apart = max(apart, float(abs(np.ptp(a) - np.ptp(b))) / span)
+    return 100 * apart
+
+
+def _another(scene: Scene) -> str:
+    if scene.plane == "stress":
+        return "Q8R"
+    return "T6M" if best_element(scene) == "Q4M" else "Q4M"
+
+
+def _size_m(scene: Scene) -> float:
+    return CHECK_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
+
+
+def _too_long(_signal: int, _frame: object) -> None:
+    raise TimeoutError
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """A strip per row of cells: colour is the error, signs are refusals."""
+    from probe.report.look import INK, PINK
+
+    strips = list(table.groupby(["family", "row"], sort=False))
+    figure = Figure(figsize=(11, 0.3 * len(strips) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    shown = None
+    for y, (_, some) in enumerate(strips):
+        solved = some.verdict.isin(["solved", "breaks", "solved, unchecked"])
+        x = np.arange(len(some))
+        shown = axes.scatter(
+            x[solved], np.full(solved.sum(), y), c=some.error_pct[solved].clip(1e-2, 100),
+            norm=LogNorm(1e-2, 100), cmap="cividis", marker="s", s=130,
+        )  # fmt: skip
+        for verdict, sign, colour in (("refused", "x", INK), ("wrong", "o", PINK),
+                                      ("hangs", "^", PINK)):  # fmt: skip
+            those = (some.verdict == verdict).to_numpy()
+            axes.scatter(x[those], np.full(those.sum(), y), marker=sign, color=colour, s=60)
+        for at, value in zip(x, some.value, strict=True):
+            axes.text(float(at), y + 0.42, value, fontsize=5, ha="center", va="center", color=INK)
+    axes.set_yticks(range(len(strips)), [f"{family}: {row}" for (family, row), _ in strips])
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set(xticks=[], ylim=(len(strips) - 0.2, -0.8))
+    axes.set_title("■ solved (colour: difference from an independent solution)    × refused with "
+                   "its physical reason    ○ wrong    △ hangs", loc="left", fontsize=9)  # fmt: skip
+    if shown is not None:
+        figure.colorbar(shown, ax=axes, label="difference [%]", shrink=0.5)
+    return figure

@@ -1,0 +1,57 @@
+"""``palpate chart``: what the finite elements cost and where they end, measured on this machine."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from probe.cli.say import Json, answer, answer_json, plain, tell
+
+Out = Annotated[Path, typer.Option(metavar="DIR", help="Where the picture and its table go.")]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    group = typer.Typer(no_args_is_help=True, help="Chart the models: cost, error, limits.")
+    group.command()(speed_accuracy)
+    group.command()(stability)
+    app.add_typer(group, name="chart")
+
+
+def speed_accuracy(
+    out: Out = Path("charts"),
+    scene: Annotated[str, typer.Option(metavar="NAME|FILE", help="Which scene.")] = "TIHA",
+    repeats: Annotated[int, typer.Option(min=1, help="Times are medians of this many.")] = 3,
+    json: Json = False,
+) -> None:
+    """Error against time for every model, element and mesh, CalculiX too if it is there."""
+    from probe.charts.speed_accuracy import chart
+
+    table = chart(out, scene, repeats, tell)
+    shown = table[table.reason == ""].sort_values("seconds")
+    if json:
+        answer_json(plain({"out": out, "rows": table.fillna("").to_dict("records")}))
+        return
+    for row in shown.itertuples():
+        answer(f"{row.solver:24} {row.element:22} {row.size_mm:4.2f} mm {row.seconds:7.3f} s "
+               f"force {row.force_error_pct:7.3f} % pulse {row.pulse_error_pct:8.2f} %")  # fmt: skip
+    answer(f"{out / 'speed-accuracy.png'}")
+
+
+def stability(
+    out: Out = Path("charts"),
+    quick: Annotated[bool, typer.Option("--quick", help="Every fifth cell only.")] = False,
+    json: Json = False,
+) -> None:
+    """Go where methods fail, and draw what is solved, what is refused, and why."""
+    from probe.charts.stability import chart
+
+    table = chart(out, quick, tell)
+    counts = table.verdict.value_counts().to_dict()
+    if json:
+        answer_json(plain({"out": out, "cells": len(table), **counts}))
+        return
+    for row in table[table.verdict == "refused"].itertuples():
+        tell(f"{row.family} {row.value}: {row.reason}")
+    answer(", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+           + f" of {len(table)} cells: {out / 'stability.png'}")  # fmt: skip
