@@ -18,6 +18,7 @@ from drivers import (
     find_driver,
 )
 from drivers.registry import Kind
+from probe.calibrated import calibrated
 from probe.rig import Device, Fallback, Rig, RigError
 from sim_backend.phantom import Phantom, Respond
 from sim_backend.scene import Scene, explain, load_scene, scene_names
@@ -75,6 +76,8 @@ def connect(
             where = f"sensor[{n}]"
             sensors.append(_open("sensors", where, device, fallback, world, extra, notes))
         _check_names(sensors)
+        true, told = calibrated(tuple(sensors), rig.calibration)
+        notes += told
         if world.phantom is not None and not isinstance(clock, SimulatedClock):
             world.phantom.prepare([(p.x_m, p.y_m) for p in rig.plan.places])
     except BaseException:
@@ -83,7 +86,7 @@ def connect(
         if stage is not None:
             stage.close()
         raise
-    return Devices(stage, tuple(sensors), world.phantom, tuple(notes))
+    return Devices(stage, true, world.phantom, tuple(notes))
 
 
 class _World:

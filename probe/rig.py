@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from scipy.interpolate import RBFInterpolator
 
+from probe.calibrated import surface_of
 from probe.guards import Limits
 from probe.plan import Plan, Surface, check_reach, grid, repeated
 from sim_backend.scene import MAX_FILE_BYTES, Scene, explain, scene_names
@@ -137,7 +138,11 @@ class Rig(_Table):
             settle_s=scan.settle_s,
             touch_n=scan.touch_n,
             search_m=1e-3 * scan.search_mm,
-            surface=_surface(scan.surface_mm),
+            surface=(
+                surface_of(self.calibration["surface"])
+                if "surface" in self.calibration
+                else _surface(scan.surface_mm)
+            ),
         )
 
     @property
@@ -195,21 +200,32 @@ def load_rig(path: str | Path) -> Rig:
     if path.stat().st_size > MAX_FILE_BYTES:
         raise RigError(f"{path}: larger than {MAX_FILE_BYTES} bytes; not a rig file")
     try:
-        rig = Rig.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        raw = tomllib.loads(path.read_text(encoding="utf-8"))
+        _find_calibrations(raw, path)
+        rig = Rig.model_validate(raw)
     except UnicodeDecodeError as error:
         raise RigError(f"{path}: not UTF-8 text ({error.reason})") from None
     except tomllib.TOMLDecodeError as error:
         raise RigError(f"{path}: not TOML: {error}") from None
     except ValidationError as error:
         raise RigError("\n".join(f"{path}: {line}" for line in explain(error))) from None
-    files = {kind: path.parent / name for kind, name in rig.calibration.items()}
-    for kind, file in files.items():
-        if not file.is_file():
-            raise RigError(f"{path}: calibration.{kind} = {str(file)!r}: no such file")
-    update: dict[str, Any] = {"calibration": {kind: str(file) for kind, file in files.items()}}
+    update: dict[str, Any] = {}
     if rig.scene is not None and rig.scene.name not in scene_names():
         update["scene"] = SceneChoice(name=str(path.parent / rig.scene.name))
     return rig.model_copy(update=update)
+
+
+def _find_calibrations(raw: dict[str, Any], path: Path) -> None:
+    """Make the paths of calibrations relative to the rig file's folder, in place."""
+    files = raw.get("calibration")
+    if not isinstance(files, dict):
+        return  # validation says what is wrong
+    for kind, name in files.items():
+        if isinstance(name, str):
+            file = path.parent / name
+            if not file.is_file():
+                raise RigError(f"{path}: calibration.{kind} = {str(file)!r}: no such file")
+            files[kind] = str(file)
 
 
 def default_rig(scene: Scene | None = None) -> Rig:

@@ -116,6 +116,7 @@ class _Signal:
         self.face_m2 = math.nan if face_mm2 is None else 1e-6 * face_mm2
         self.gains = np.array([self._gain(own[n]) for n in self.picked])
         self.surface_m = _surface(config)
+        self.give_m_per_n = _give_m_per_n(config)
 
     def _gain(self, channel: Channel) -> float:
         if channel.unit in PRESSURE_PA:
@@ -174,7 +175,11 @@ class _Signal:
         surface = self.surface_m.get(index, math.nan)
         if math.isnan(surface) and Phase.INDENTING in press.phases:
             surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 2]))
-        return surface - z
+        depth = surface - z
+        if self.give_m_per_n and FORCE_N.keys() & {self.channels[self.device][self.picked[0]].unit}:
+            felt_s, felt, _ = self._felt(press)
+            depth = depth - self.give_m_per_n * np.interp(time_s, felt_s, felt.sum(axis=1))
+        return depth
 
     def _reference(self, press: _Press) -> tuple[Array, Array]:
         for device, own in self.channels.items():
@@ -230,6 +235,15 @@ def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
 
 def _metres(length_mm: float | None) -> float:
     return math.nan if length_mm is None else 1e-3 * float(length_mm)
+
+
+def _give_m_per_n(config: Mapping[str, Any]) -> float:
+    """How far the rig itself bends: 0 where its compliance was not calibrated."""
+    one = config.get("calibration", {}).get("compliance")
+    try:
+        return 0.0 if one is None else 1 / float(one["content"]["values"]["stiffness_n_m"]["value"])
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        raise RunFileError("config.calibration.compliance: no stiffness_n_m in it") from None
 
 
 def _surface(config: Mapping[str, Any]) -> dict[int, float]:

@@ -33,8 +33,9 @@ def speed_accuracy(
         answer_json(plain({"out": out, "rows": table.fillna("").to_dict("records")}))
         return
     for row in shown.itertuples():
-        answer(f"{row.solver:24} {row.element:22} {row.size_mm:4.2f} mm {row.seconds:7.3f} s "
-               f"force {row.force_error_pct:7.3f} % pulse {row.pulse_error_pct:8.2f} %")  # fmt: skip
+        errors = f"force {row.force_error_pct:.3f} %, pulse {row.pulse_error_pct:.2f} %"
+        mesh = f"{row.element:22} {row.size_mm:4.2f} mm"
+        answer(f"{row.solver:24} {mesh} {row.seconds:8.3f} s: {errors}")
     answer(f"{out / 'speed-accuracy.png'}")
 
 

@@ -1,0 +1,158 @@
+"""Every calibration against a known truth and the noise of real sensors."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calibration import (
+    fit_axes,
+    fit_compliance,
+    fit_force,
+    fit_gravity,
+    fit_latency,
+    fit_surface,
+    fit_tare,
+    fit_taxels,
+    fit_tissue,
+    fit_tool,
+)
+from calibration.errors import CalibrationError
+
+NOISE_N = 0.02  # a tenth of a second's mean of a Robotiq FT300-S
+
+
+def cross(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Three axes loaded one by one, both ways, in steps."""
+    steps = np.linspace(-20, 20, 9)
+    loads = np.concatenate([np.outer(steps, axis) for axis in np.eye(3)])
+    truth = np.array([[1.05, 0.03, -0.02], [0.01, 0.94, 0.02], [-0.03, 0.015, 1.1]])
+    return loads, truth, loads @ truth.T + [0.4, -0.2, 1.3] + NOISE_N * rng.standard_normal((27, 3))
+
+
+def test_force_and_crosstalk() -> None:
+    loads, truth, raw = cross(np.random.default_rng(1))
+    found = fit_force(raw, loads)
+    assert np.abs(found.load(raw) - loads).max() < 0.005 * 40
+    wanted = truth / np.diag(truth)[:, None]
+    assert np.abs(found.crosstalk - wanted).max() < 0.002
+
+
+def test_intervals_of_force_cover() -> None:
+    """95 % intervals hold the truth in 95 % of 300 x 12 cases: 93 to 97 %."""
+    inside = []
+    for seed in range(300):
+        _, truth, raw = cross(np.random.default_rng(seed))
+        found = fit_force(raw, cross(np.random.default_rng(0))[0])
+        low, high = found.fit.interval().T
+        wanted = np.column_stack([[0.4, -0.2, 1.3], truth]).ravel()
+        inside += list((low <= wanted) & (wanted <= high))
+    assert 0.93 <= np.mean(inside) <= 0.97
+
+
+def test_taxels_dead_ones_too() -> None:
+    rng = np.random.default_rng(2)
+    pressure = np.repeat(np.linspace(0, 40e3, 8), 5)
+    gains = rng.uniform(0.8, 1.2, 28) * 0.05
+    gains[3] = 0.0
+    raw = 100 + np.outer(pressure, gains) + 2 * rng.standard_normal((40, 28))
+    found = fit_taxels(raw, pressure)
+    good = np.arange(28) != 3
+    error = found.pressure(raw)[:, good] - pressure[:, None]
+    assert np.sqrt(np.nanmean(error**2)) < 0.005 * 40e3
+    assert np.isnan(found.pressure(raw)[:, 3]).all()
+
+
+def test_tool_by_pivoting() -> None:
+    rng = np.random.default_rng(3)
+    tip, pivot = np.array([0.002, -0.001, 0.12]), np.array([0.4, 0.1, 0.05])
+    turns = Rotation.from_rotvec(rng.uniform(-0.5, 0.5, (12, 3))).as_matrix()
+    flange = pivot - turns @ tip + 50e-6 * rng.standard_normal((12, 3))
+    assert np.linalg.norm(fit_tool(flange, turns).fit.values[:3] - tip) < 1e-4
+    with pytest.raises(CalibrationError):
+        fit_tool(flange, np.broadcast_to(turns[0], turns.shape))
+
+
+def test_surface_despite_outliers() -> None:
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        xy = rng.uniform(0, 0.06, (12, 2))
+        z = 0.002 + 0.05 * xy[:, 0] - 0.02 * xy[:, 1] + 20e-6 * rng.standard_normal(12)
+        z[rng.choice(12, 2, replace=False)] += rng.choice([-1, 1], 2) * rng.uniform(1e-3, 5e-3, 2)
+        found = fit_surface(np.column_stack([xy, z]))
+        at = rng.uniform(0, 0.06, (200, 2))
+        truth = 0.002 + 0.05 * at[:, 0] - 0.02 * at[:, 1]
+        assert np.sqrt(np.mean((found.heights(*at.T) - truth) ** 2)) < 50e-6
+    line = np.column_stack([np.linspace(0, 0.06, 12), np.zeros(12), np.zeros(12)])
+    with pytest.raises(CalibrationError):
+        fit_surface(line)
+
+
+@pytest.mark.parametrize("delay_s", [0.008, -0.0031, 0.0405])
+def test_latency_to_a_fraction_of_a_sample(delay_s: float) -> None:
+    rng = np.random.default_rng(5)
+    t = np.arange(0, 12, 0.002)
+    chirp = 1e-3 * np.sin(2 * np.pi * (1 * t + 0.5 * t**2 * 0.8))
+    stamps = t + rng.uniform(0, 1e-4)
+    moved = 1e-3 * np.sin(2 * np.pi * ((stamps - delay_s) + 0.4 * (stamps - delay_s) ** 2))
+    force = 0.5 + 400 * moved + 0.02 * rng.standard_normal(len(t))
+    found = fit_latency(t, chirp, stamps, force)
+    assert found.delay_s == pytest.approx(delay_s, abs=2e-4)
+
+
+def test_stiffness_of_the_rig() -> None:
+    rng = np.random.default_rng(6)
+    depth = np.linspace(-1e-4, 8e-4, 60)
+    force = 25e3 * np.maximum(depth - 3e-5, 0) + NOISE_N * rng.standard_normal(60)
+    found = fit_compliance(depth, force)
+    assert found.stiffness_n_m == pytest.approx(25e3, rel=0.01)
+    assert found.true_depth(np.array([2e-3]), np.array([5.0]))[0] == pytest.approx(1.8e-3, rel=0.01)
+    with pytest.raises(CalibrationError, match="force varies"):
+        fit_compliance(depth, NOISE_N * rng.standard_normal(60))
+
+
+def test_modulus_by_inverting_a_model() -> None:
+    rng = np.random.default_rng(7)
+    inside = []
+    for _ in range(100):
+        depth = np.linspace(0, 2.5e-3, 60)
+        force = 48e3 * 4e-2 * np.maximum(depth - 1e-4, 0) ** 1.1 + 0.002 * rng.standard_normal(60)
+
+        def forward(moduli: np.ndarray, d: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            unit = 4e-2 * np.maximum(d, 0) ** 1.1
+            return moduli[0] * unit, unit[:, None]
+
+        found = fit_tissue(depth, force, forward, [30e3])
+        assert found.modulus_pa[0] == pytest.approx(48e3, rel=0.02)
+        low, high = found.modulus_interval_pa()[0]
+        inside.append(low <= 48e3 <= high)
+    assert 0.88 <= np.mean(inside) <= 1.0
+
+
+def test_gravity() -> None:
+    rng = np.random.default_rng(8)
+    turns = Rotation.random(10, random_state=rng).as_matrix()
+    weight = np.swapaxes(turns, 1, 2) @ np.array([0, 0, -9.80665]) * 0.35
+    wrench = np.hstack([weight, np.cross([0.001, 0.0, 0.04], weight)])
+    wrench = wrench + [0.5, -1.0, 2.0, 0.01, 0.02, -0.01]
+    found = fit_gravity(wrench + 1e-3 * rng.standard_normal((10, 6)), turns)
+    assert np.abs(found.load(wrench, turns)).max() < 0.01
+    with pytest.raises(CalibrationError):
+        fit_gravity(wrench, np.broadcast_to(turns[0], turns.shape))
+
+
+def test_axes_and_tare() -> None:
+    rng = np.random.default_rng(9)
+    read = rng.uniform(0, 0.1, (20, 3))
+    matrix = np.array([[1.002, 0.001, 0], [0, 0.999, 0.002], [0, 0, 1.001]])
+    axes = fit_axes(read, read @ matrix.T + 0.01)
+    assert np.abs(axes.true(axes.command(read)) - read).max() < 1e-9
+    assert np.abs(axes.scale_errors - [0.002, -0.001, 0.001]).max() < 1e-4
+    t = np.arange(0, 20, 0.01)
+    values = 0.3 + 0.01 * t + 0.02 * rng.standard_normal(len(t))
+    tare = fit_tare(t, values)
+    assert np.abs(tare.zeroed(values[:, None], t)).mean() < 0.02
+
+
+def test_no_variation_of_load_is_refused() -> None:
+    with pytest.raises(CalibrationError, match="add readings"):
+        fit_force(np.ones((10, 1)), np.full((10, 1), 5.0))
