@@ -133,7 +133,7 @@ def test_gravity() -> None:
     turns = Rotation.random(10, random_state=rng).as_matrix()
     weight = np.swapaxes(turns, 1, 2) @ np.array([0, 0, -9.80665]) * 0.35
     wrench = np.hstack([weight, np.cross([0.001, 0.0, 0.04], weight)])
-    wrench = wrench + [0.5, -1.0, 2.0, 0.01, 0.02, -0.01]
+    wrench += np.array([0.5, -1.0, 2.0, 0.01, 0.02, -0.01])
     found = fit_gravity(wrench + 1e-3 * rng.standard_normal((10, 6)), turns)
     assert np.abs(found.load(wrench, turns)).max() < 0.01
     with pytest.raises(CalibrationError):

@@ -89,16 +89,15 @@ def test_a_rig_file_brings_them_in(tmp_path: Path, winkler: Respond) -> None:
         assert isinstance(sensor, CalibratedSensor)
 
 
-def test_calibrate_force_from_a_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_calibrate_force_from_a_table(tmp_path: Path) -> None:
     table = tmp_path / "t.csv"
     rows = [f"{1.3 * load + 0.2 + 1e-3 * (n % 3 - 1)},{load}" for n, load in enumerate(range(12))]
     table.write_text("raw,load_n\n" + "\n".join(rows))
     out = tmp_path / "c.json"
-    assert main(["calibrate", "force", str(table), "--device", "cell", "--out", str(out),
-                 "--json"]) == 0  # fmt: skip
-    told = json.loads(capsys.readouterr().out)
+    assert main(["calibrate", "force", str(table), "--device", "cell", "--out", str(out)]) == 0
+    told = json.loads(out.read_text())
+    assert told["device"] == "cell"
     assert told["values"]["sensitivity"]["value"][0][0] == pytest.approx(1.3, rel=1e-3)
-    assert out.exists()
 
 
 @pytest.mark.parametrize(
