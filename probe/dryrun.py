@@ -19,6 +19,7 @@ from drivers import ConfigError, find_driver
 from drivers.registry import Kind
 from probe.plan import Plan
 from probe.rig import Device, Rig
+from probe.visible import in_words, visibility
 from sim_backend.phantom import Respond
 from sim_backend.scene import Scene
 from sim_backend.section import section_at
@@ -26,8 +27,8 @@ from sim_backend.waves import load_wave
 
 CALIBRATION_DAYS = 180
 DISK_RESERVE = 2.0
+USUAL_BEAT_HZ = 1.2
 WEAK_PULSE_PA = 1300.0  # the 5 % weakest of measured radial pulses, peak to peak
-SIGMAS = 5.0
 # (rms noise N, rate Hz) of sensors whose rig settings do not say, from makers and measurements.
 KNOWN_NOISE = {"ft300": (0.1, 100.0), "ur": (0.5, 500.0), "netft": (6.25e-3, 1000.0)}
 VIRTUAL_NOISE = (0.5e-3, 500.0)
@@ -68,7 +69,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     """
     plan = rig.plan
     seconds = scan_seconds(plan)
-    rates = [_noise(device)[1] for device in rig.sensor]
+    rates = [known_noise(device)[1] for device in rig.sensor]
     size_bytes = 1.3 * seconds * (sum(24 * rate for rate in rates) + 32 * 125)
     checks = [
         _reach(rig),
@@ -80,8 +81,13 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     ]
     if not rig.calibration:
         checks.append(Check("calibration", "warning", "none named: forces are the sensors' own"))
-    pulse_n, source = _expected_pulse(rig, scene, respond)
-    checks += [_visibility(device, pulse_n, source, plan.hold_s) for device in rig.sensor]
+    pulse_n, source = expected_pulse(rig, scene, respond)
+    beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
+    checks += [
+        pulse_check(f"pulse on {device.driver}", *known_noise(device), plan.hold_s, beat_hz,
+                    pulse_n, source)
+        for device in rig.sensor
+    ]  # fmt: skip
     return DryRun(tuple(checks), seconds, size_bytes)
 
 
@@ -94,14 +100,6 @@ def scan_seconds(plan: Plan) -> float:
     each_s = plan.settle_s + plan.ramp_s + plan.hold_s
     moves_s = (ways + lifts) / plan.travel_m_s + drops / plan.approach_m_s
     return moves_s + len(plan.places) * each_s
-
-
-def smallest_pulse_n(noise_n: float, rate_hz: float, hold_s: float) -> float:
-    """The peak-to-peak sinusoidal pulse that one hold shows at 5 sigma, known phase, white noise.
-
-    Least squares of a sine of amplitude a/2 on n samples: sigma_a = noise / sqrt(n / 8).
-    """
-    return SIGMAS * noise_n / math.sqrt(max(rate_hz * hold_s, 1.0) / 8)
 
 
 def draw_path(rig: Rig, file: Path) -> None:
@@ -166,17 +164,17 @@ def _disk(out: Path, size_bytes: float) -> Check:
 
 
 def _calibration(kind: str, file: Path) -> Check:
-    """Age by the file's own ``made_utc``, or by when it was written."""
+    """Age by the file's own ``date_utc``, or by when it was written."""
     made = datetime.fromtimestamp(file.stat().st_mtime, UTC)
     with suppress(ValueError, KeyError, TypeError):  # other formats carry no date of their own
-        made = datetime.fromisoformat(json.loads(file.read_text(encoding="utf-8"))["made_utc"])
+        made = datetime.fromisoformat(json.loads(file.read_text(encoding="utf-8"))["date_utc"])
     days = (datetime.now(UTC) - made.replace(tzinfo=made.tzinfo or UTC)).days
     level: Literal["ok", "warning"] = "ok" if days <= CALIBRATION_DAYS else "warning"
     advice = "" if level == "ok" else f"; older than {CALIBRATION_DAYS} days: calibrate again"
     return Check(f"calibration {kind}", level, f"{days} days old{advice}")
 
 
-def _expected_pulse(
+def expected_pulse(
     rig: Rig, scene: Scene | None, respond: Respond | None
 ) -> tuple[float | None, str]:
     """Peak-to-peak force [N] of the pulse, and where the figure comes from."""
@@ -200,7 +198,7 @@ def _solved_pulse(plan: Plan, scene: Scene, respond: Respond) -> tuple[float | N
     return float(high - low), f"scene {scene.name} at x = {1e3 * place.x_m:g} mm"
 
 
-def _noise(device: Device) -> tuple[float, float]:
+def known_noise(device: Device) -> tuple[float, float]:
     """Rms noise [N] (NaN if unknown) and rate [Hz] by the rig's settings or the known table."""
     noise_n, rate_hz = KNOWN_NOISE.get(device.driver, (math.nan, 100.0))
     if device.driver == "virtual":
@@ -209,17 +207,14 @@ def _noise(device: Device) -> tuple[float, float]:
     return float(noise_n), float(device.settings.get("rate_hz", rate_hz))
 
 
-def _visibility(device: Device, pulse_n: float | None, source: str, hold_s: float) -> Check:
-    name, (noise_n, rate_hz) = f"pulse on {device.driver}", _noise(device)
+def pulse_check(
+    name: str, noise_n: float, rate_hz: float, hold_s: float, beat_hz: float,
+    pulse_n: float | None, source: str, face_m2: float | None = None,
+) -> Check:  # fmt: skip
+    """Whether a sensor sees the expected pulse in one hold."""
     if pulse_n is None:
         return Check(name, "ok", f"nothing to compare with: {source}")
     if not math.isfinite(noise_n):
         return Check(name, "warning", "this sensor's noise is not known; give noise_mn")
-    least_n = smallest_pulse_n(noise_n, rate_hz, hold_s)
-    visible = pulse_n >= least_n
-    return Check(
-        name,
-        "ok" if visible else "warning",
-        f"{1e3 * pulse_n:.3g} mN expected ({source}); one hold of {hold_s:g} s shows "
-        f"{1e3 * least_n:.3g} mN" + ("" if visible else ": hold longer or use a quieter sensor"),
-    )
+    seen = visibility(noise_n, rate_hz, hold_s, pulse_n, beat_hz)
+    return Check(name, "ok" if seen.visible else "warning", f"{in_words(seen, face_m2)} ({source})")

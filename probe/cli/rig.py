@@ -13,6 +13,7 @@ from probe.cli.say import Json, answer, answer_json
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.doctor import Noise
     from probe.dryrun import Check
+    from probe.rig import Rig
 
 MARKS = {"ok": "ok     ", "warning": "warning", "fault": "FAULT  "}
 
@@ -20,6 +21,7 @@ MARKS = {"ok": "ok     ", "warning": "warning", "fault": "FAULT  "}
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(doctor)
+    app.command()(plan)
 
 
 def doctor(
@@ -53,12 +55,75 @@ def doctor(
                     noises.append(found)
                 else:
                     checks.append(found)
+        checks += _sees(whole, scene, noises)
     if json:
         answer_json({"checks": [asdict(c) for c in checks], "noise": [asdict(n) for n in noises]})
     else:
         show_checks(checks)
         show_noise(noises)
     raise typer.Exit(FAULT if any(check.level == "fault" for check in checks) else 0)
+
+
+def _sees(rig: "Rig", scene_name: str | None, noises: "list[Noise]") -> "list[Check]":
+    """Whether the noise just measured lets the pulse through."""
+    from probe.dryrun import USUAL_BEAT_HZ, expected_pulse, pulse_check
+    from sim_backend.response import respond
+    from sim_backend.scene import load_scene
+
+    name = scene_name or (rig.scene.name if rig.scene is not None else None)
+    scene = load_scene(name) if name is not None else None
+    pulse_n, source = expected_pulse(rig, scene, respond)
+    beat_hz = USUAL_BEAT_HZ if scene is None else scene.pulse.rate_bpm / 60
+    return [
+        pulse_check(f"pulse on {n.sensor}.{n.channel}", n.std, n.rate_hz, rig.scan.hold_s, beat_hz,
+                    pulse_n, source)
+        for n in noises
+        if n.role == "force" and n.unit == "N"
+    ]  # fmt: skip
+
+
+def plan(
+    rig: Annotated[
+        Path | None, typer.Argument(metavar="[RIG.toml]", help="A rig; default: simulated.")
+    ] = None,
+    scene: Annotated[
+        str | None, typer.Option(metavar="NAME|FILE", help="What may lie beneath.")
+    ] = None,
+    can_i_see: Annotated[
+        bool, typer.Option("--can-i-see", help="Say whether each sensor sees the scene's pulse.")
+    ] = False,
+    noise_mn: Annotated[
+        float | None, typer.Option(metavar="MN", help="A sensor's rms noise [mN], if known better.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Where a scan would go and how long it takes; with --can-i-see, what its sensors can see."""
+    from probe.dryrun import dry_run, expected_pulse, known_noise, pulse_check
+    from probe.session import chosen
+    from sim_backend.response import respond
+
+    whole, felt = chosen(rig, scene)
+    places, press = whole.plan.places, whole.plan
+    if not can_i_see:
+        checks = list(dry_run(whole, felt, Path(), respond).checks)
+    else:
+        pulse_n, source = expected_pulse(whole, felt, respond)
+        beat_hz = felt.pulse.rate_bpm / 60 if felt is not None else 1.2
+        face_m2 = 1e-6 * (whole.face_mm2 or (felt.face_mm2 if felt is not None else 0.0))
+        checks = []
+        for device in whole.sensor:
+            known_n, rate_hz = known_noise(device)
+            noise_n = known_n if noise_mn is None else 1e-3 * noise_mn
+            checks.append(pulse_check(device.driver, noise_n, rate_hz, press.hold_s, beat_hz,
+                                      pulse_n, source, face_m2 or None))  # fmt: skip
+    if json:
+        stations = [[1e3 * p.x_m, 1e3 * p.y_m] for p in places]
+        answer_json({"stations_mm": stations, "checks": [asdict(c) for c in checks]})
+        return
+    first, last = (1e3 * p.x_m for p in (places[0], places[-1]))
+    how = f"{1e3 * press.indentation_m:g} mm in {press.ramp_s:g} s, held {press.hold_s:g} s"
+    answer(f"{len(places)} stations, {first:g} to {last:g} mm; {how}")
+    show_checks(checks)
 
 
 def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool) -> int:
