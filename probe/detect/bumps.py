@@ -13,8 +13,12 @@ Array = NDArray[np.float64]
 WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
 """Half widths that are tried, in station distances."""
 PLACES_PER_PITCH = 4
-EDGE_PITCHES = 0.8
+EDGE_PITCHES = 0.45
 """How far the free sides of a block are felt inwards, in station distances (an exponential)."""
+CURVATURE, EDGE = 0.2, 0.3
+"""Prior standard deviations over the level: of the square over the row's length, and of an edge."""
+TRUSTED = 5
+"""How many stations' worth the stated scatter is believed against the one that is seen."""
 APART = 1.5
 """Least distance between two objects, in station distances."""
 MOST_OBJECTS = 4
@@ -100,6 +104,9 @@ def _weighted(
     """Coefficients, their unscaled covariance, the columns and the weighted residual square."""
     columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
     a, b = columns / sd[:, None], value / sd
+    held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
+    prior = np.diag(np.append(held, np.zeros(len(known)))) / max(float(np.median(value)), 1e-300)
+    a, b = np.vstack([a, prior]), np.append(b, np.zeros(len(prior)))
     coefficients = np.asarray(np.linalg.lstsq(a, b, rcond=None)[0])
     residual = b - a @ coefficients
     information = np.asarray(np.linalg.pinv(a.T @ a))
@@ -142,9 +149,10 @@ def _next_two(
 def _chance(before: float, after: float, unknowns: int, dof: int, places: int) -> float:
     """How often bumps with ``unknowns`` explain as much in a row of nothing, anywhere tried."""
     # the scatter is what is left, but never less than what the stations themselves have
-    scatter = max(after / max(dof - unknowns, 1), 1.0)
+    left = max(dof - unknowns, 1) + TRUSTED
+    scatter = max((after + TRUSTED) / left, 1.0)
     ratio = max(before - after, 0.0) / unknowns / scatter
-    one = min(float(f_distribution.sf(ratio, unknowns, max(dof - unknowns, 1))), 1 - 1e-16)
+    one = min(float(f_distribution.sf(ratio, unknowns, left)), 1 - 1e-16)
     independent = 2 * max(places / PLACES_PER_PITCH, 1.0)
     return float(-np.expm1(independent * np.log1p(-one)))
 
