@@ -105,7 +105,8 @@ class Link:
         for bit, words in SAFETY.items():
             if state.safety_bits >> bit & 1:
                 raise DeviceFault(self.name, words)
-        if state.robot_mode != RUNNING:
+        # A playing program implies a running robot; the mode only tells why none plays.
+        if state.runtime_state != PLAYING and state.robot_mode != RUNNING:
             told = MODES.get(state.robot_mode, str(state.robot_mode))
             raise DeviceFault(self.name, f"the robot is not running ({told})")
         if self.setup.control and state.runtime_state != PLAYING:
