@@ -172,5 +172,6 @@ def draw(table: pd.DataFrame, scene: str) -> Figure:
                  ylabel=f"error of the {quantity} [%]")  # fmt: skip
         axes.set_title(f"{scene}: {quantity}", loc="left")
         axes.grid(alpha=0.25)
-    panels[0].legend(frameon=False, fontsize=7, loc="lower left")
+    figure.legend(*panels[0].get_legend_handles_labels(), frameon=False, fontsize=7, ncols=4,
+                  loc="outside lower center")  # fmt: skip
     return figure

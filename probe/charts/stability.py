@@ -130,9 +130,7 @@ def _apart_pct(forces: Forces, other: Forces) -> float:
 
 
 def _another(scene: Scene) -> str:
-    if scene.plane == "stress":
-        return "Q8R"
-    return "T6M" if best_element(scene) == "Q4M" else "Q4M"
+    return "T6M" if best_element(scene) == "Q4M" else "Q8R"
 
 
 def _size_m(scene: Scene) -> float:

@@ -23,6 +23,8 @@ COARSEST_M = 2.4e-3
 CONTACT_SHARE, GROWTH = 0.4, 0.45
 """Nodes that enter the contact one by one make the force jump; a finer surface keeps the jumps
 below 0.03 % of it, and growing faster from there costs no more unknowns."""
+FINEST_WALL = 0.03
+"""Smallest element size at an inclusion over its radius."""
 HELD_M = 2.4e-3
 """Standard deviation of the stretch of bottom that is held sideways."""
 FIRMLY = 1e4
@@ -203,6 +205,7 @@ def _sizes(points: Array, finger: Finger, reach: float, rings: list[Ring], size_
     wanted = CONTACT_SHARE * size_m + GROWTH * away
     for ring in rings:
         gap = np.abs(np.hypot(*(points - ring.centre).T) - ring.radii[0])
-        at_wall = min(1.2 * size_m, 0.5 * ring.radii[0])
+        # a finger that is tiny beside a vessel does not need the vessel any finer
+        at_wall = float(np.clip(1.2 * size_m, FINEST_WALL * ring.radii[0], 0.5 * ring.radii[0]))
         wanted = np.minimum(wanted, at_wall + GROWTH * gap)
     return np.minimum(wanted, COARSEST_M)
