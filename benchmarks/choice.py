@@ -1,0 +1,150 @@
+"""Is `press` by itself honest and cheap? Random scenes against converged answers and hand-picking.
+
+    python benchmarks/choice.py [SCENES] [SEED]
+
+For each scene and budget: the true error of force and pulse beside the stated one, and the time
+beside that of the cheapest setting (model x element x size) a hand could have picked that meets
+the same budget. The hand knows the truth beforehand and solves once; nobody has that in practice,
+so a ratio of 2 is what knowing one's own error costs. Times are the least of two.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from time import perf_counter
+
+import numpy as np
+import pandas as pd
+
+from sim_backend.choose import choose
+from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.newton import CannotSolve
+from sim_backend.fem.small import solve_small
+from sim_backend.press import press
+from sim_backend.scene import Scene
+from sim_backend.waves import PA_PER_MMHG
+
+BUDGETS_PCT = (0.5, 1.0, 2.0, 5.0)
+HAND = [
+    (model, element, share)
+    for model in ("small", "finite")
+    for element in ("T6", "Q4R")
+    for share in (0.25, 0.18, 0.1, 0.06)
+]
+"""What a hand may pick; element sizes are shares of the finger's half width."""
+TRUTH_SHARE = 0.025
+SMALL_PULSE = 1e-2
+"""As `press`: pulses below this share of the force are judged against the force."""
+
+
+def random_case(rng: np.random.Generator) -> tuple[Scene, float, float, tuple[float, ...]]:
+    """A scene, x [mm], depth [mm] and pressures [mmHg]."""
+    nu = float(rng.choice([0.3, 0.45, 0.49]))
+    raw: dict[str, object] = {
+        "name": "random",
+        "plane": str(rng.choice(["stress", "strain"])),
+        "tissue": {"width_mm": 64.0, "height_mm": float(rng.uniform(14, 24)),
+                   "modulus_kpa": float(rng.uniform(10, 100)), "poisson": nu},
+        "indenter": {"shape": "cylinder", "radius_mm": float(rng.uniform(3, 9)), "length_mm": 10.0},
+        "pulse": {"wave": "brachial", "rate_bpm": 72.0},
+    }  # fmt: skip
+    x = float(rng.uniform(12, 52))
+    modulus = 50.0 * float(10 ** rng.uniform(0.5, 1.5))
+    kind = rng.choice(["nothing", "tumour", "artery"])
+    if kind == "tumour":
+        raw["inclusion"] = [{"kind": "tumour", "x_mm": 32.0, "depth_mm": float(rng.uniform(5, 9)),
+                             "diameter_mm": float(rng.uniform(2, 6)), "modulus_kpa": modulus,
+                             "poisson": nu}]  # fmt: skip
+    elif kind == "artery":
+        raw["inclusion"] = [{"kind": "artery", "x_mm": 32.0, "depth_mm": float(rng.uniform(6, 9)),
+                             "inner_diameter_mm": float(rng.uniform(2, 5)),
+                             "wall_mm": float(rng.uniform(0.4, 1.0)), "modulus_kpa": modulus + 150,
+                             "poisson": nu}]  # fmt: skip
+    pressures = (80.0, 120.0) if kind == "artery" else (0.0,)
+    return Scene.model_validate(raw), x, float(rng.uniform(0.1, 3.0)), pressures
+
+
+def off_pct(forces: Sequence[float], truth: Sequence[float]) -> float:
+    """Largest error of force and of the span over the pressures [%]."""
+    a, b = np.array(forces), np.array(truth)
+    off = float(np.abs(a / b - 1).max())
+    if len(b) > 1:
+        floor = max(float(np.ptp(b)), SMALL_PULSE * float(b.max()))
+        off = max(off, float(abs(np.ptp(a) - np.ptp(b))) / floor)
+    return 100 * off
+
+
+def least_of_two(solve: Callable[[], list[float]]) -> tuple[float, list[float]]:
+    """Seconds and forces [N/mm]."""
+    taken = []
+    forces: list[float] = []
+    for _ in range(2):
+        began = perf_counter()
+        forces = solve()
+        taken.append(perf_counter() - began)
+    return min(taken), forces
+
+
+def judge(rng: np.random.Generator, budget_pct: float) -> dict[str, object]:
+    """One scene's row; raises `CannotSolve` where nothing can be compared."""
+    scene, x, depth, pressures = random_case(rng)
+    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    levels = [p * PA_PER_MMHG for p in pressures]
+
+    def by_hand(model: str, element: str | None, share: float) -> list[float]:
+        solve = solve_small if model == "small" else solve_finite
+        _, found = solve(scene, 1e-3 * x, 1e-3 * depth, levels, share * half_m, element)
+        return [1e-3 * one.force_n_per_m for one in found]
+
+    truth = by_hand("finite", None, TRUTH_SHARE)
+    pressed = press(scene, x, depth, pressures, accuracy_pct=budget_pct)
+    seconds, forces = least_of_two(
+        lambda: [s.force_n_per_mm
+                 for s in press(scene, x, depth, pressures, accuracy_pct=budget_pct).states]
+    )  # fmt: skip
+    hand: list[tuple[float, str]] = []
+    for model, element, share in HAND:
+        try:
+            took, found = least_of_two(partial(by_hand, model, element, share))
+        except CannotSolve:
+            continue
+        if off_pct(found, truth) <= budget_pct:
+            hand.append((took, f"{model}, {element}, {share:g}"))
+    cheapest, setting = min(hand, default=(np.nan, "none"))
+    return {
+        "scene": scene.inclusion[0].kind if scene.inclusion else "nothing",
+        "plane": scene.plane,
+        "depth_mm": depth,
+        "budget_pct": budget_pct,
+        "model": choose(scene, x, depth, pressures, budget_pct).model,
+        "true_pct": off_pct(forces, truth),
+        "stated_pct": pressed.error_estimate_pct,
+        "seconds": seconds,
+        "by_hand_s": cheapest,
+        "by_hand": setting,
+    }
+
+
+def main() -> None:
+    """Print the rows and how often the statement and the budget hold."""
+    scenes = int(sys.argv[1]) if len(sys.argv) > 1 else 40
+    rng = np.random.default_rng(int(sys.argv[2]) if len(sys.argv) > 2 else 0)
+    rows = []
+    for n in range(scenes):
+        try:
+            rows.append(judge(rng, BUDGETS_PCT[n % len(BUDGETS_PCT)]))
+        except CannotSolve as error:
+            print(f"scene {n} is refused: {error}")
+    table = pd.DataFrame(rows)
+    print(table.to_string(index=False, float_format=lambda v: f"{v:.3g}"))
+    ratio = (table.seconds / table.by_hand_s).dropna()
+    honest, kept = table.true_pct <= 2 * table.stated_pct, table.true_pct <= table.budget_pct
+    print(f"\ntrue error within 2 x stated: {100 * honest.mean():.0f} % of {len(table)} scenes")
+    print(f"true error within the budget: {100 * kept.mean():.0f} %")
+    print(f"time over the cheapest by hand: median {ratio.median():.2f}, 95 % "
+          f"{ratio.quantile(0.95):.2f}, largest {ratio.max():.2f}; within 3: "
+          f"{100 * (ratio <= 3).mean():.0f} % of {len(ratio)}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
