@@ -7,10 +7,10 @@ device is refused; an old one is used with a warning.
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 from scipy.stats import f as fisher
 
 from calibration.axes import AxesCalibration
@@ -43,6 +43,18 @@ Calibration = (
 KINDS: dict[str, type[Calibration]] = {kind.KIND: kind for kind in Calibration.__args__}
 VALID_DAYS = {"tare": 0.05, "surface": 1.0, "tissue": 1.0, "heart": 1.0}  # others: 90
 MAX_FILE_BYTES = 50_000_000
+# Lengths that must agree within a file have one letter; values without a shape are one.
+SHAPES: dict[str, dict[str, str]] = {
+    "force": {"sensitivity": "ca", "offset": "c", "temperature": "c"},
+    "taxels": {"gain": "t", "offset": "t", "dead": "t", "ceiling": "t"},
+    "gravity": {"centre_m": "3", "bias": "6", "gravity_m_s2": "3"},
+    "tare": {"bias": "c", "drift": "c"},
+    "tool": {"tip_m": "3", "pivot_m": "3"},
+    "axes": {"matrix": "33", "shift_m": "3"},
+    "surface": {"centre_m": "2", "coefficients": "k", "touches_m": "n3", "rejected_m": "m3"},
+    "tissue": {"modulus_pa": "q", "relaxation_g": "p", "relaxation_tau_s": "p"},
+    "heart": {"wave_mmhg": "n"},
+}
 
 
 class _Table(BaseModel):
@@ -72,7 +84,7 @@ class Record(_Table):
     format: Literal[1] = 1
     kind: str
     device: str
-    date_utc: datetime
+    date_utc: AwareDatetime
     valid_days: float = Field(gt=0)
     values: dict[str, Quantity]
     estimates: Estimates
@@ -143,8 +155,28 @@ def restore(one: Record, source: str = "calibration") -> Calibration:
     kind, e = KINDS[one.kind], one.estimates
     if missing := [name for name in kind.UNITS if name not in one.values]:
         raise CalibrationError(f"{source}: values lack {', '.join(missing)}")
+    hints, shapes = get_type_hints(kind), SHAPES.get(one.kind, {})
+    values: dict[str, Any] = {}
+    lengths: dict[str, int] = {}
+    for name in kind.UNITS:
+        written = one.values[name].value
+        try:
+            if name in shapes:
+                values[name] = _array(written, shapes[name], lengths)
+            else:
+                values[name] = TypeAdapter(hints[name]).validate_python(written)
+            if one.kind != "taxels" and (
+                name in shapes or hints[name] is float
+            ):  # dead taxels are NaN
+                np.asarray_chkfinite(values[name])
+        except (ValueError, TypeError, OverflowError):
+            told = repr(written)
+            told = told if len(told) <= 60 else told[:57] + "..."
+            raise CalibrationError(
+                f"{source}: values.{name} = {told} cannot be one of a calibration of {one.kind}; "
+                "calibrate again, or restore the file"
+            ) from None
     fit = Fit(e.names, np.array(e.values), np.array(e.covariance), np.array(e.residuals), e.dof)
-    values = {name: _typed(one.values[name].value) for name in kind.UNITS}
     return kind(**values, fit=fit)
 
 
@@ -199,9 +231,15 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _typed(value: Any) -> Any:
-    if isinstance(value, list):
-        if value and isinstance(value[0], str):
-            return tuple(value)
-        return np.array(value, dtype=float)
-    return float("nan") if value is None else value
+def _array(written: Any, shape: str, lengths: dict[str, int]) -> Array:
+    """``written`` in the shape that letters and digits say. Raises `ValueError`, `TypeError`."""
+    array = np.array(written, dtype=float)
+    if array.size == 0 and len(shape) > 1:
+        array = array.reshape(0, *(int(n) for n in shape[1:]))
+    wanted = tuple(int(n) if n.isdigit() else n for n in shape)
+    if array.ndim != len(wanted) or any(
+        (lengths.setdefault(n, length) if isinstance(n, str) else n) != length
+        for n, length in zip(wanted, array.shape, strict=True)
+    ):
+        raise ValueError(f"shape {array.shape}")
+    return array

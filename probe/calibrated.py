@@ -125,4 +125,8 @@ def surface_of(file: str) -> Surface:
     one = restore(load(Path(file)), file)
     if not isinstance(one, SurfaceCalibration):
         raise CalibrationError(f"{file}: a calibration of {one.KIND}, not of the surface")
+    try:
+        np.asarray_chkfinite(one.height(0.0, 0.0))
+    except (ValueError, np.linalg.LinAlgError) as error:
+        raise CalibrationError(f"{file}: its surface has no height: {error}") from None
     return one.height

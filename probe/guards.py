@@ -69,7 +69,8 @@ class SensorGuard:
     def check_times(self, block: Block, now_s: float) -> str | None:
         """Why a block with samples cannot be placed in time."""
         first, last = float(block.time_s[0]), float(block.time_s[-1])
-        if first <= self._last_s or last > now_s + FUTURE_S or (np.diff(block.time_s) <= 0).any():
+        onward = first > self._last_s and bool((np.diff(block.time_s) > 0).all())
+        if not (onward and last <= now_s + FUTURE_S):  # also true for not-a-number
             return (
                 f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s); "
                 "such samples are not stored"
@@ -113,7 +114,7 @@ class PoseGuard:
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
             return "the pose is not a number", False
         depth = self._surface(x, y) - z
-        if depth > self._limits.max_depth_m + POSE_SLACK_M:
+        if not depth <= self._limits.max_depth_m + POSE_SLACK_M:  # also true for not-a-number
             limit_mm = 1e3 * self._limits.max_depth_m
             return f"{1e3 * depth:.3f} mm below the surface; the limit is {limit_mm:g} mm", True
         for axis, at, (low, high) in zip("xyz", pose, self._limits.workspace_m, strict=False):

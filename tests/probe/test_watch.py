@@ -150,6 +150,7 @@ def block(*force_n: float, start_s: float = 1.0, clipped: bool = False) -> Block
         (block(0.5, clipped=True), "saturated"),
         (block(0.1, start_s=0.4), "sample times jump"),
         (block(0.1, start_s=3.0), "sample times jump"),
+        (block(0.1, start_s=float("nan")), "sample times jump"),
     ],
 )
 def test_what_a_sensor_guard_objects_to(reading: Block, said: str | None) -> None:
@@ -180,6 +181,13 @@ def test_pressure_is_guarded_as_force_on_the_face() -> None:
 def test_what_a_pose_guard_objects_to(pose: Pose, said: str | None) -> None:
     why = PoseGuard(flat, LIMITS).check(pose, 1.0)
     assert why is None if said is None else why is not None and said in why[0]
+
+
+def test_where_the_surface_is_not_known_nothing_may_press() -> None:
+    guard = PoseGuard(lambda _x, _y: float("nan"), LIMITS)
+    why = guard.check(Pose(0.05, 0.0, 0.0), 1.0)
+    assert why is not None
+    assert "below the surface" in why[0]
 
 
 def test_speed_is_taken_from_reported_poses() -> None:
