@@ -3,10 +3,8 @@
 Nothing is opened and nothing is sent to a device.
 """
 
-import json
 import math
 import shutil
-from contextlib import suppress
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
@@ -15,6 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from calibration import load, use
+from calibration.errors import CalibrationError
 from drivers import ConfigError, find_driver
 from drivers.registry import Kind
 from probe.plan import Plan
@@ -25,7 +25,6 @@ from sim_backend.scene import Scene
 from sim_backend.section import section_at
 from sim_backend.waves import load_wave
 
-CALIBRATION_DAYS = 180
 DISK_RESERVE = 2.0
 USUAL_BEAT_HZ = 1.2
 WEAK_PULSE_PA = 1300.0  # the 5 % weakest of measured radial pulses, peak to peak
@@ -164,14 +163,17 @@ def _disk(out: Path, size_bytes: float) -> Check:
 
 
 def _calibration(kind: str, file: Path) -> Check:
-    """Age by the file's own ``date_utc``, or by when it was written."""
-    made = datetime.fromtimestamp(file.stat().st_mtime, UTC)
-    with suppress(ValueError, KeyError, TypeError):  # other formats carry no date of their own
-        made = datetime.fromisoformat(json.loads(file.read_text(encoding="utf-8"))["date_utc"])
-    days = (datetime.now(UTC) - made.replace(tzinfo=made.tzinfo or UTC)).days
-    level: Literal["ok", "warning"] = "ok" if days <= CALIBRATION_DAYS else "warning"
-    advice = "" if level == "ok" else f"; older than {CALIBRATION_DAYS} days: calibrate again"
-    return Check(f"calibration {kind}", level, f"{days} days old{advice}")
+    """Whether a calibration can be used, and its age by its own date."""
+    name = f"calibration {kind}"
+    try:
+        one = load(file)
+        _, warnings = use(file, one.device)
+    except CalibrationError as error:
+        return Check(name, "fault", str(error))
+    if warnings:
+        return Check(name, "warning", "; ".join(warnings))
+    days = (datetime.now(UTC) - one.date_utc).total_seconds() / 86400
+    return Check(name, "ok", f"of {one.device}, {days:.1f} of {one.valid_days:g} days old")
 
 
 def expected_pulse(

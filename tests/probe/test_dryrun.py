@@ -1,12 +1,13 @@
 import json
-import os
 import shutil
-import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from calibration import fit_tare, record, save
 from probe.dryrun import draw_path, dry_run, scan_seconds
 from probe.rig import Rig, default_rig
 from sim_backend.scene import load_scene
@@ -42,14 +43,20 @@ def test_a_full_disk_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     assert not dry_run(default_rig(), None, tmp_path / "not" / "yet").can_scan
 
 
-def test_an_old_calibration_is_warned_of(tmp_path: Path) -> None:
-    old, new = tmp_path / "force.json", tmp_path / "frame.json"
-    old.write_text("{}")
-    os.utime(old, (time.time() - 400 * 86400,) * 2)
-    new.write_text("{}")
-    rig = Rig.model_validate({"calibration": {"force": str(old), "frame": str(new)}})
-    found = levels(dry_run(rig, None, tmp_path))
-    assert (found["calibration force"], found["calibration frame"]) == ("warning", "ok")
+def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
+    made = fit_tare(np.arange(20.0), np.sin(np.arange(20.0)))
+    now = datetime.now(UTC)
+    files = {name: tmp_path / f"{name}.json" for name in ("new", "old", "bad")}
+    save(record(made, "cell", {}, valid_days=2.0, now=now), files["new"])
+    save(record(made, "cell", {}, valid_days=2.0, now=now - timedelta(days=3)), files["old"])
+    files["bad"].write_text("{}")
+    rig = Rig.model_validate({"calibration": {name: str(file) for name, file in files.items()}})
+    report = dry_run(rig, None, tmp_path)
+    found = levels(report)
+    assert found["calibration new"] == "ok"
+    assert found["calibration old"] == "warning"
+    assert found["calibration bad"] == "fault"
+    assert not report.can_scan
 
 
 def test_the_time_of_a_row_is_its_moves_ramps_and_holds() -> None:
