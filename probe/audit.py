@@ -172,7 +172,7 @@ class Audit:
             return
         first, last = float(block.time_s[0]), float(block.time_s[-1])
         before = self._sampled_s.get(device, -math.inf)
-        if not first > before or (np.diff(block.time_s) <= 0).any():
+        if not (first > before and (np.diff(block.time_s) > 0).all()):  # nor is not-a-number
             yield f"samples of {device} twice or out of order at {first:.4f} s"
         self._sampled_s[device] = last
         if event.station is None or event.attempt is None:

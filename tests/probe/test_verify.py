@@ -143,6 +143,15 @@ def other_channels(events: list[Event]) -> list[Event]:
     return [*events[:at], replace(one, block=wide), *events[at + 1 :]]
 
 
+def timeless(events: list[Event]) -> list[Event]:
+    at = samples_of(events, 1)[3]
+    one = events[at]
+    assert isinstance(one, Samples)
+    time_s = one.block.time_s.copy()
+    time_s[len(time_s) // 2] = np.nan
+    return [*events[:at], replace(one, block=replace(one.block, time_s=time_s)), *events[at + 1 :]]
+
+
 def no_beginning(events: list[Event]) -> list[Event]:
     return [e for e in events if not isinstance(e, RunStarted)]
 
@@ -164,6 +173,7 @@ def no_beginning(events: list[Event]) -> list[Event]:
         (back_in_time, "at 0.1000 s, after one at"),
         (after_the_end, "outside of a run"),
         (other_channels, "does not fit the channels"),
+        (timeless, "out of order"),
         (no_beginning, "the run has no beginning"),
     ],
 )
