@@ -1,4 +1,4 @@
-"""Error against time: every model, element and mesh, and CalculiX where it is installed.
+"""Error against time: every model, element and mesh, and CalculiX and FElupe where installed.
 
 One press of TIHA at two pressures. Errors are those of the force and of the pulse against a
 converged finite-strain solution (six-node triangles, a quarter of the finest size charted).
@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from probe.charts.peers import felupe_forces, has_felupe
 from sim_backend.fem.deck import ccx_forces_n_per_mm, write_deck
 from sim_backend.fem.finite import solve_finite
 from sim_backend.fem.newton import CannotSolve
@@ -34,17 +35,27 @@ NAMES = {
     ("T6", "stress"): "CPS6", ("Q4R", "strain"): "CPE4R", ("Q4M", "strain"): "CPE4 mean dilatation",
     ("Q8R", "strain"): "CPE8R", ("T6", "strain"): "CPE6", ("T6M", "strain"): "CPE6 mixed",
 }  # fmt: skip
-CCX_SIZES_MM = (1.4, 0.7)
+PEER_SIZES_MM = (1.4, 0.7)
 CCX_LIMIT_S = 300.0
 
 Answer = tuple[float, float, int]
 """Force at the first level and pulse [N/m], degrees of freedom."""
 
 
-def chart(out: Path, scene_name: str = "TIHA", repeats: int = 3,
-          tell: Callable[[str], None] = print) -> pd.DataFrame:  # fmt: skip
-    """Run all, write ``speed-accuracy.csv`` and ``.png`` into ``out``; the table."""
+def chart(
+    out: Path,
+    scene_name: str = "TIHA",
+    repeats: int = 3,
+    tell: Callable[[str], None] = print,
+    plane: str | None = None,
+) -> pd.DataFrame:
+    """Run all, write ``speed-accuracy.csv`` and ``.png`` into ``out``; the table.
+
+    ``plane`` overrides the scene's; FElupe is compared in plane strain only.
+    """
     scene = load_scene(scene_name)
+    if plane is not None:
+        scene = scene.model_copy(update={"plane": plane})
     tell("Solving the reference …")
     force, pulse, _ = _ours(scene, "finite", "T6", REFERENCE_MM)
     rows: list[dict[str, Any]] = []
@@ -83,7 +94,7 @@ def chart(out: Path, scene_name: str = "TIHA", repeats: int = 3,
             repeats,
         )
     if shutil.which("ccx"):
-        for size in CCX_SIZES_MM:
+        for size in PEER_SIZES_MM:
             tell(f"CalculiX, {size} mm")
             add(
                 "CalculiX",
@@ -92,6 +103,10 @@ def chart(out: Path, scene_name: str = "TIHA", repeats: int = 3,
                 partial(_calculix, scene, size),
                 1,
             )
+    if scene.plane == "strain" and has_felupe():
+        for size in PEER_SIZES_MM:
+            tell(f"FElupe, {size} mm")
+            add("FElupe", NAMES["Q4M", "strain"], size, partial(_felupe, scene, size), 1)
     table = pd.DataFrame(rows)
     out.mkdir(parents=True, exist_ok=True)
     table.to_csv(out / "speed-accuracy.csv", index=False, float_format="%.5g")
@@ -140,6 +155,12 @@ def _calculix(scene: Scene, size_mm: float) -> Answer:
     return 1e3 * forces[0], 1e3 * (forces[1] - forces[0]), nodes
 
 
+def _felupe(scene: Scene, size_mm: float) -> Answer:
+    levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
+    (low, high), dofs = felupe_forces(scene, 1e-3 * X_MM, 1e-3 * DEPTH_MM, levels, 1e-3 * size_mm)
+    return low, high - low, dofs
+
+
 def pareto(table: pd.DataFrame, error: str) -> pd.DataFrame:
     """The rows that no other beats in both time and error, fastest first."""
     solved = table.dropna(subset=[error]).sort_values(["seconds", error])
@@ -148,9 +169,10 @@ def pareto(table: pd.DataFrame, error: str) -> pd.DataFrame:
 
 def draw(table: pd.DataFrame, scene: str) -> Figure:
     """Two panels, force and pulse, log-log."""
-    from probe.report.look import BLUE, GREEN, INK, ORANGE, PINK
+    from probe.report.look import BLUE, GREEN, INK, ORANGE, PINK, SKY
 
-    colours = {"finite strain": ORANGE, "small strain": BLUE, "CalculiX": GREEN}
+    colours = {"finite strain": ORANGE, "small strain": BLUE, "CalculiX": GREEN,
+               "FElupe": SKY}  # fmt: skip
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
     solved = table[table.reason == ""]

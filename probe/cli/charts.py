@@ -1,7 +1,7 @@
 """``palpate chart``: what the finite elements cost and where they end, measured on this machine."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -21,13 +21,16 @@ def register(app: typer.Typer) -> None:
 def speed_accuracy(
     out: Out = Path("charts"),
     scene: Annotated[str, typer.Option(metavar="NAME|FILE", help="Which scene.")] = "TIHA",
+    plane: Annotated[
+        Literal["stress", "strain"] | None, typer.Option(help="Instead of the scene's own.")
+    ] = None,
     repeats: Annotated[int, typer.Option(min=1, help="Times are medians of this many.")] = 3,
     json: Json = False,
 ) -> None:
-    """Error against time for every model, element and mesh, CalculiX too if it is there."""
+    """Error against time for every model, element and mesh, beside CalculiX and FElupe."""
     from probe.charts.speed_accuracy import chart
 
-    table = chart(out, scene, repeats, tell)
+    table = chart(out, scene, repeats, tell, plane)
     shown = table[table.reason == ""].sort_values("seconds")
     if json:
         answer_json(plain({"out": out, "rows": table.fillna("").to_dict("records")}))
