@@ -100,7 +100,7 @@ def chart(
                 "CalculiX",
                 "CPS6" if scene.plane == "stress" else "CPE6",
                 size,
-                partial(_calculix, scene, size),
+                partial(calculix, scene, size),
                 1,
             )
     if scene.plane == "strain" and has_felupe():
@@ -139,7 +139,8 @@ def _by_itself(scene: Scene, accuracy_pct: float) -> Answer:
     return low, high - low, pressed.dofs
 
 
-def _calculix(scene: Scene, size_mm: float) -> Answer:
+def calculix(scene: Scene, size_mm: float) -> Answer:
+    """The press by CalculiX on our mesh. Raises `CannotSolve` where it stops."""
     with tempfile.TemporaryDirectory() as folder:
         deck = write_deck(scene, X_MM, DEPTH_MM, LEVELS_MMHG, Path(folder) / "press.inp",
                           size_mm=size_mm)  # fmt: skip

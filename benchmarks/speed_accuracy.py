@@ -1,0 +1,186 @@
+"""The headline figures in one run: a whole scan, a whole small-strain scan, peers, cost by size.
+
+    python benchmarks/speed_accuracy.py [--ccx]
+
+Each part runs in processes of its own, from nothing, and its time is the least of three, since the
+machine may be doing other work. Errors are against solutions on elements of a third the size.
+``--ccx`` adds CalculiX (minutes). `palpate chart speed-accuracy` draws one press by every model.
+"""
+
+import resource
+import sys
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from probe.charts.peers import felupe_forces, has_felupe
+from probe.charts.speed_accuracy import DEPTH_MM, LEVELS_MMHG, X_MM, calculix
+from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.small import scan_small
+from sim_backend.response import element_size_m, respond
+from sim_backend.scene import Scene, load_scene
+from sim_backend.waves import PA_PER_MMHG, load_wave
+
+STATIONS_M = 1e-3 * 4.0 * np.arange(1, 16)
+DEPTH_M = 1e-3 * DEPTH_MM
+RAMP = np.linspace(0.0, DEPTH_M, 501)[1:]
+REPEATS = 3
+
+
+def station(place: tuple[Scene, float]) -> np.ndarray:
+    """The force [N] over the ramp and one beat at 500 Hz, at one place [m]."""
+    scene, x = place
+    response = respond(scene, x, DEPTH_M)
+    wave = load_wave(scene.pulse)
+    beat = np.arange(0.0, wave.period_s, 1 / 500)
+    rest = np.full_like(RAMP, float(wave.pressure_pa(np.zeros(1))[0]))
+    down = response.force_n(RAMP, rest)
+    return np.concatenate([down, response.force_n(np.full_like(beat, DEPTH_M),
+                                                  wave.pressure_pa(beat))])  # fmt: skip
+
+
+def whole_scan(scene: Scene, workers: int) -> list[np.ndarray]:
+    """Fifteen stations; those that mirror each other are solved once, by whoever meets them."""
+    half = len(STATIONS_M) // 2 + 1
+    places = [(scene, float(x)) for x in STATIONS_M[:half]]
+    if workers == 1:
+        found = [station(one) for one in places]
+    else:
+        with ProcessPoolExecutor(workers, mp_context=get_context("forkserver")) as pool:
+            found = list(pool.map(station, places))
+    return [*found, *found[-2::-1]]
+
+
+def small_scan(scene: Scene, coarser: float) -> np.ndarray:
+    """Forces (stations, 1, 2) [N/m] at small strain, on elements so many times the usual size."""
+    levels = np.array(LEVELS_MMHG) * PA_PER_MMHG
+    return scan_small(
+        scene, STATIONS_M, np.array([DEPTH_M]), levels, coarser * element_size_m(scene)
+    )
+
+
+def one_press(scene: Scene, size_m: float) -> tuple[list[float], int]:
+    """Forces [N/m] at both levels, and degrees of freedom."""
+    levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
+    section, found = solve_finite(scene, 1e-3 * X_MM, DEPTH_M, levels, size_m)
+    return [one.force_n_per_m for one in found], len(section.assembly.free)
+
+
+def by_felupe(scene: Scene, size_m: float) -> tuple[list[float], int]:
+    """As `one_press`, by FElupe."""
+    levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
+    return felupe_forces(scene, 1e-3 * X_MM, DEPTH_M, levels, size_m)
+
+
+def by_calculix(scene: Scene, size_m: float) -> tuple[list[float], int]:
+    """As `one_press`, by CalculiX."""
+    low, pulse, size = calculix(scene, 1e3 * size_m)
+    return [low, low + pulse], size
+
+
+def _timed(solve: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[float, Any, float]:
+    began = perf_counter()
+    answer = solve(*arguments)
+    seconds = perf_counter() - began
+    return seconds, answer, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def fresh(
+    solve: Callable[..., Any], *arguments: Any, repeats: int = REPEATS
+) -> tuple[float, Any, float]:
+    """Least seconds, the answer, and peak memory [MB], each time in a new process."""
+    found = []
+    for _ in range(repeats):
+        with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+            found.append(pool.submit(_timed, solve, arguments).result())
+    return min(one[0] for one in found), found[-1][1], max(one[2] for one in found)
+
+
+def off_pct(forces: Sequence[float], truth: Sequence[float]) -> str:
+    """Errors of force and pulse."""
+    (a, b), (c, d) = forces, truth
+    return f"force {100 * (a / c - 1):+.3f} %, pulse {100 * ((b - a) / (d - c) - 1):+.2f} %"
+
+
+def scans(scene: Scene) -> None:
+    """Whole scans at finite and at small strain."""
+    levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
+    for workers in (1, 2):
+        seconds, _, peak = fresh(whole_scan, scene, workers)
+        print(f"finite strain, 15 stations, ramp and beat, {workers} processes: {seconds:.2f} s, "
+              f"{peak:.0f} MB in the first")  # fmt: skip
+    length_m = 1e-3 * scene.indenter.length_mm
+    for x in (16e-3, 24e-3, 32e-3):
+        ours = respond(scene, x, DEPTH_M).force_n(np.full(2, DEPTH_M), np.array(levels))
+        _, found = solve_finite(scene, x, DEPTH_M, levels, element_size_m(scene) / 3)
+        truth = [length_m * one.force_n_per_m for one in found]
+        print(f"    at {1e3 * x:g} mm against converged: {off_pct(list(ours), truth)}")
+    seconds, small, _ = fresh(small_scan, scene, 2.0)
+    _, finer, _ = fresh(small_scan, scene, 0.7, repeats=1)
+    off = 100 * np.abs(small / finer - 1).max()
+    print(f"small strain, 15 stations: {seconds:.2f} s, force within {off:.2f} % of converged")
+
+
+def peers(scene: Scene, names: Sequence[str]) -> None:
+    """One press by ours and by others, in plane strain."""
+    truth, _ = one_press(scene, 0.2e-3)
+    solvers = {"ours": one_press, "FElupe": by_felupe, "CalculiX": by_calculix}
+    ours_s = np.nan
+    for name in names:
+        for size_m in (1.4e-3, 0.7e-3) if name == "ours" else (1.4e-3,):
+            repeats = REPEATS if name == "ours" else 1
+            seconds, (forces, _), _ = fresh(solvers[name], scene, size_m, repeats=repeats)
+            ours_s = np.nanmin([ours_s, seconds]) if name == "ours" else ours_s
+            print(f"one press, plane strain, {name} at {1e3 * size_m:g} mm: {seconds:.2f} s "
+                  f"({seconds / ours_s:.1f} x our fastest), {off_pct(forces, truth)}")  # fmt: skip
+
+
+def by_size(scene: Scene) -> None:
+    """Fitted exponents of time by degrees of freedom, stations and inclusions."""
+    sizes = np.array([1.4e-3, 0.7e-3, 0.35e-3, 0.2e-3])
+    found = [fresh(one_press, scene, float(size)) for size in sizes]
+    exponent("degrees of freedom", [one[1][1] for one in found], [one[0] for one in found])
+    counts = (1, 2, 4, 8)
+    exponent("stations", counts, [fresh(stations, scene, n)[0] for n in counts])
+    exponent("inclusions", counts[:3], [fresh(one_press, row_of(scene, n), 0.7e-3)[0]
+                                        for n in counts[:3]])  # fmt: skip
+
+
+def stations(scene: Scene, count: int) -> None:
+    """The first ``count`` stations."""
+    for x in STATIONS_M[:count]:
+        respond(scene, float(x), DEPTH_M)
+
+
+def row_of(scene: Scene, count: int) -> Scene:
+    """Vessels side by side."""
+    first = scene.inclusion[0]
+    row = [
+        first.model_copy(update={"x_mm": 32.0 + 8 * (k - (count - 1) / 2)}) for k in range(count)
+    ]
+    return scene.model_copy(update={"inclusion": tuple(row)})
+
+
+def exponent(what: str, sizes: Sequence[int], seconds: Sequence[float]) -> None:
+    """Print time = a size^b."""
+    b, _ = np.polyfit(np.log(sizes), np.log(seconds), 1)
+    table = ", ".join(f"{n}: {t:.2f} s" for n, t in zip(sizes, seconds, strict=True))
+    print(f"time by {what}: power {b:.2f} ({table})")
+
+
+def main() -> None:
+    """Print all parts."""
+    scene = load_scene("TIHA")
+    strain = scene.model_copy(update={"plane": "strain"})
+    scans(scene)
+    names = ["ours", *(["FElupe"] if has_felupe() else [])]
+    peers(strain, [*names, *(["CalculiX"] if "--ccx" in sys.argv else [])])
+    by_size(scene)
+
+
+if __name__ == "__main__":
+    main()
