@@ -151,6 +151,7 @@ class GrblStage:
             self._reset(talk)
             asked = self._restarts
             talk.wait(lambda: talk.restarts >= asked, HELLO_S, "no greeting after a reset")
+            talk.fresh(HELLO_S)  # grblHAL tells ALARM:11, homing required, after its greeting
         talk.alarm = None
         talk.command("$H", HOME_S)
         self._moved_after = talk.asked

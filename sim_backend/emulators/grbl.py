@@ -23,6 +23,7 @@ SETTINGS = {
 }  # fmt: skip
 SWITCH_MM = 0.5  # the limit switches sit this far beyond the soft limits
 INCH_MM = 25.4
+BOOT_S = 0.01
 BANNER = "\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n"
 WORD = re.compile(r"([A-Z])(-?\d*\.?\d+)")
 CRITICAL = (1, 2, 10)  # after these only a reset is listened to
@@ -54,9 +55,12 @@ class GrblBoard:
         self._relative = False
         self._inches = False
         self._reports = 0
+        self._locks_s = np.inf  # when a board that was reset will have asked to be homed
 
     def received(self, data: bytes) -> bytes:
         """Real-time bytes act at once, wherever they stand; lines when they are whole."""
+        if np.isfinite(self._locks_s):  # whatever comes waits until the board is up
+            self._lock()
         for byte in data:
             match byte:
                 case 0x3F:
@@ -78,6 +82,8 @@ class GrblBoard:
 
     def due(self) -> bytes:
         """Let the machine move on."""
+        if self._time() >= self._locks_s:
+            self._lock()
         moving = self._phantom.tip.moving(self._time())
         if self._now is not None and self._now.kind == "Probe" and self._state == "Run":
             self._feel()
@@ -146,6 +152,13 @@ class GrblBoard:
         self._relative = self._inches = False
         self._text = ""
         self._said += BANNER
+        if self._settings[22] and not self._homed:
+            self._locks_s = self._time() + BOOT_S
+
+    def _lock(self) -> None:
+        """As grblHAL does a moment after its greeting."""
+        self._locks_s = np.inf
+        self._alarm(11)
 
     def _cancel_jog(self) -> None:
         if self._state == "Jog":
