@@ -2,8 +2,9 @@
 
     python benchmarks/speed_accuracy.py [--ccx]
 
-Each part runs in processes of its own, from nothing, and its time is the least of three, since the
-machine may be doing other work. Errors are against solutions on elements of a third the size.
+Each part runs in processes of its own, from nothing, and its times are the least of three. Where
+the machine does other work, the seconds of processors say more than those of the clock. Errors are
+against solutions on elements of a third the size.
 ``--ccx`` adds CalculiX (minutes). `palpate chart speed-accuracy` draws one press by every model.
 """
 
@@ -11,6 +12,7 @@ import resource
 import sys
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from time import perf_counter
 from typing import Any
@@ -50,7 +52,7 @@ def whole_scan(scene: Scene, workers: int) -> list[np.ndarray]:
     if workers == 1:
         found = [station(one) for one in places]
     else:
-        with ProcessPoolExecutor(workers, mp_context=get_context("forkserver")) as pool:
+        with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
             found = list(pool.map(station, places))
     return [*found, *found[-2::-1]]
 
@@ -82,22 +84,39 @@ def by_calculix(scene: Scene, size_m: float) -> tuple[list[float], int]:
     return [low, low + pulse], size
 
 
-def _timed(solve: Callable[..., Any], arguments: tuple[Any, ...]) -> tuple[float, Any, float]:
-    began = perf_counter()
+@dataclass(frozen=True)
+class Timed:
+    """Seconds by the clock and of processors, with children's, and peak memory."""
+
+    answer: Any
+    seconds: float
+    cpu_s: float
+    peak_mb: float
+
+    def __str__(self) -> str:
+        return f"{self.seconds:.2f} s by the clock, {self.cpu_s:.2f} s of processors"
+
+
+def _cpu_s() -> float:
+    both = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in both)
+
+
+def _timed(solve: Callable[..., Any], arguments: tuple[Any, ...]) -> Timed:
+    began, spent = perf_counter(), _cpu_s()
     answer = solve(*arguments)
-    seconds = perf_counter() - began
-    return seconds, answer, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    return Timed(answer, perf_counter() - began, _cpu_s() - spent, peak_mb)
 
 
-def fresh(
-    solve: Callable[..., Any], *arguments: Any, repeats: int = REPEATS
-) -> tuple[float, Any, float]:
-    """Least seconds, the answer, and peak memory [MB], each time in a new process."""
+def fresh(solve: Callable[..., Any], *arguments: Any, repeats: int = REPEATS) -> Timed:
+    """The least of ``repeats``, each in a new process."""
     found = []
     for _ in range(repeats):
         with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
             found.append(pool.submit(_timed, solve, arguments).result())
-    return min(one[0] for one in found), found[-1][1], max(one[2] for one in found)
+    least = min(found, key=lambda one: one.seconds)
+    return replace(least, cpu_s=min(one.cpu_s for one in found))
 
 
 def off_pct(forces: Sequence[float], truth: Sequence[float]) -> str:
@@ -110,43 +129,43 @@ def scans(scene: Scene) -> None:
     """Whole scans at finite and at small strain."""
     levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
     for workers in (1, 2):
-        seconds, _, peak = fresh(whole_scan, scene, workers)
-        print(f"finite strain, 15 stations, ramp and beat, {workers} processes: {seconds:.2f} s, "
-              f"{peak:.0f} MB in the first")  # fmt: skip
+        scan = fresh(whole_scan, scene, workers)
+        print(f"finite strain, 15 stations, ramp and beat, {workers} processes: {scan}; "
+              f"{scan.peak_mb:.0f} MB")  # fmt: skip
     length_m = 1e-3 * scene.indenter.length_mm
     for x in (16e-3, 24e-3, 32e-3):
         ours = respond(scene, x, DEPTH_M).force_n(np.full(2, DEPTH_M), np.array(levels))
         _, found = solve_finite(scene, x, DEPTH_M, levels, element_size_m(scene) / 3)
         truth = [length_m * one.force_n_per_m for one in found]
         print(f"    at {1e3 * x:g} mm against converged: {off_pct(list(ours), truth)}")
-    seconds, small, _ = fresh(small_scan, scene, 2.0)
-    _, finer, _ = fresh(small_scan, scene, 0.7, repeats=1)
-    off = 100 * np.abs(small / finer - 1).max()
-    print(f"small strain, 15 stations: {seconds:.2f} s, force within {off:.2f} % of converged")
+    small = fresh(small_scan, scene, 2.0)
+    finer = fresh(small_scan, scene, 0.7, repeats=1)
+    off = 100 * np.abs(small.answer / finer.answer - 1).max()
+    print(f"small strain, 15 stations: {small}; force within {off:.2f} % of converged")
 
 
 def peers(scene: Scene, names: Sequence[str]) -> None:
     """One press by ours and by others, in plane strain."""
     truth, _ = one_press(scene, 0.2e-3)
     solvers = {"ours": one_press, "FElupe": by_felupe, "CalculiX": by_calculix}
-    ours_s = np.nan
+    ours_s = np.inf
     for name in names:
         for size_m in (1.4e-3, 0.7e-3) if name == "ours" else (1.4e-3,):
-            repeats = REPEATS if name == "ours" else 1
-            seconds, (forces, _), _ = fresh(solvers[name], scene, size_m, repeats=repeats)
-            ours_s = np.nanmin([ours_s, seconds]) if name == "ours" else ours_s
-            print(f"one press, plane strain, {name} at {1e3 * size_m:g} mm: {seconds:.2f} s "
-                  f"({seconds / ours_s:.1f} x our fastest), {off_pct(forces, truth)}")  # fmt: skip
+            one = fresh(solvers[name], scene, size_m, repeats=REPEATS if name == "ours" else 1)
+            ours_s = min(ours_s, one.cpu_s)
+            print(f"one press, plane strain, {name} at {1e3 * size_m:g} mm: {one} "
+                  f"({one.cpu_s / ours_s:.1f} x our least), "
+                  f"{off_pct(one.answer[0], truth)}")  # fmt: skip
 
 
 def by_size(scene: Scene) -> None:
     """Fitted exponents of time by degrees of freedom, stations and inclusions."""
     sizes = np.array([1.4e-3, 0.7e-3, 0.35e-3, 0.2e-3])
     found = [fresh(one_press, scene, float(size)) for size in sizes]
-    exponent("degrees of freedom", [one[1][1] for one in found], [one[0] for one in found])
+    exponent("degrees of freedom", [one.answer[1] for one in found], [one.cpu_s for one in found])
     counts = (1, 2, 4, 8)
-    exponent("stations", counts, [fresh(stations, scene, n)[0] for n in counts])
-    exponent("inclusions", counts[:3], [fresh(one_press, row_of(scene, n), 0.7e-3)[0]
+    exponent("stations", counts, [fresh(stations, scene, n).cpu_s for n in counts])
+    exponent("inclusions", counts[:3], [fresh(one_press, row_of(scene, n), 0.7e-3).cpu_s
                                         for n in counts[:3]])  # fmt: skip
 
 
@@ -166,7 +185,7 @@ def row_of(scene: Scene, count: int) -> Scene:
 
 
 def exponent(what: str, sizes: Sequence[int], seconds: Sequence[float]) -> None:
-    """Print time = a size^b."""
+    """Print processors' time = a size^b."""
     b, _ = np.polyfit(np.log(sizes), np.log(seconds), 1)
     table = ", ".join(f"{n}: {t:.2f} s" for n, t in zip(sizes, seconds, strict=True))
     print(f"time by {what}: power {b:.2f} ({table})")
