@@ -1,5 +1,6 @@
 """A scan that was killed or broke off goes on, and nothing that was complete changes."""
 
+import json
 import sqlite3
 import subprocess
 import sys
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calibration import Record, fit_force, record, save
 from probe.control import Control
 from probe.events import Event, Finish, Phase, PhaseEntered
 from probe.resume import resume, unfinished
@@ -153,18 +155,25 @@ def test_a_run_is_not_resumed_while_it_is_scanned(tmp_path: Path, winkler: Any) 
         resume(path, respond=winkler)
 
 
+def force_calibration(gain: float) -> Record:
+    loads = np.linspace(0, 5, 6)[:, None]
+    noise = 1e-4 * np.array([[1.0], [-1.0], [1.0], [-1.0], [1.0], [-1.0]])
+    return record(fit_force(gain * loads + noise, loads), "force", {})
+
+
 def test_another_calibration_is_another_run(tmp_path: Path, winkler: Any) -> None:
     calibration = tmp_path / "force.json"
-    calibration.write_text('{"gain": 1.0}')
+    save(force_calibration(1.0), calibration)
+    first = calibration.read_bytes()
     rig = Rig.model_validate(FIVE | {"calibration": {"force": str(calibration)}})
     control = Control()
     control.abort()
     path = scan(rig, "TIHA", tmp_path, control=control, respond=winkler).path
-    assert open_run(path).config["calibration"]["force"]["content"] == {"gain": 1.0}
-    calibration.write_text('{"gain": 1.1}')
+    assert open_run(path).config["calibration"]["force"]["content"] == json.loads(first)
+    save(force_calibration(1.1), calibration)
     with pytest.raises(RunFileError, match="calibration or wave file has changed"):
         resume(path, respond=winkler)
-    calibration.write_text('{"gain": 1.0}')
+    calibration.write_bytes(first)
     assert resume(path, respond=winkler).ended.finish is Finish.COMPLETED
 
 
