@@ -9,7 +9,7 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,14 +19,20 @@ from sim_backend.press import CannotSolve, press
 from sim_backend.scene import Scene, load_scene
 
 Array = NDArray[np.float64]
-Verdict = Literal["holds", "does not hold", "holds in part"]
 
 TIMES_S = (1.1, 1.3, 1.4)
-LEVELS_MMHG = (120.0, 93.333, 80.0)
-"""The wave's values at those times (1.3 s lies two thirds down from systole to diastole)."""
+LEVELS_MMHG = (120.0, 90.0, 80.0)
+"""The documented wave's values at those times; the beat starts at 1 s."""
 STATIONS_MM = tuple(4.0 * n for n in range(1, 16))
 PAPER_PULSE_PA = 22.6
 ACCURACY_PCT = 2.0
+PULSE_ACCURACY_PCT = 0.5
+"""TISA's pulse is 0.3 % of the force, against which a press judges its error: at 2 % it was off by
+2.5 % of itself."""
+FLAT_PCT = 2.0
+AGREES_PCT = 10.0
+"""A reading gives the paper's figure if it comes this near: its only quoted digits are three, but
+the finite-element model behind them is one of first order."""
 FIGURES: dict[str, tuple[str, tuple[float, ...], str]] = {
     "6": ("inclusion.0.depth_mm", (4.5, 6.5, 8.5, 10.5, 12.66), "falls"),
     "7": ("indentation_mm", (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.5, 7.0, 8.5), "rises"),
@@ -52,11 +58,13 @@ class Task:
     """One press: a scene with changed values, at three pressures."""
 
     scene: str
-    changes: tuple[tuple[str, float | str], ...]
+    changes: tuple[tuple[str, Any], ...]
     x_mm: float
     indentation_mm: float
     model: str
     levels: tuple[float, ...] = LEVELS_MMHG
+    reading: str = ""
+    accuracy_pct: float = ACCURACY_PCT
 
 
 def answer(task: Task) -> dict[str, Any]:
@@ -64,21 +72,25 @@ def answer(task: Task) -> dict[str, Any]:
     scene = changed(load_scene(task.scene), task.changes)
     row: dict[str, Any] = {
         "scene": task.scene, "x_mm": task.x_mm, "indentation_mm": task.indentation_mm,
-        "model": task.model, "plane": scene.plane, **dict(task.changes), "reason": "",
+        "model": task.model, "plane": scene.plane, "reading": task.reading, "reason": "",
+        **{key: value for key, value in task.changes if not isinstance(value, dict)},
     }  # fmt: skip
     try:
         pressed = press(scene, task.x_mm, task.indentation_mm, task.levels, model=task.model,
-                        accuracy_pct=ACCURACY_PCT)  # fmt: skip
+                        accuracy_pct=task.accuracy_pct)  # fmt: skip
     except CannotSolve as error:
         return row | {"reason": str(error)}
     face_mm2 = scene.indenter.width_mm_projected
     for level, state in zip(task.levels, pressed.states, strict=True):
         row[f"contact_pa_{level:.0f}"] = 1e6 * state.force_n_per_mm / face_mm2
         row[f"von_mises_pa_{level:.0f}"] = state.von_mises_pa
+    first, last = pressed.states[0], pressed.states[-1]
+    row["pulse_pa"] = 1e6 * (first.force_n_per_mm - last.force_n_per_mm) / face_mm2
+    row["von_mises_pulse_pa"] = first.von_mises_pa - last.von_mises_pa
     return row | {"error_estimate_pct": pressed.error_estimate_pct}
 
 
-def changed(scene: Scene, changes: Sequence[tuple[str, float | str]]) -> Scene:
+def changed(scene: Scene, changes: Sequence[tuple[str, Any]]) -> Scene:
     """The scene with values at dotted keys."""
     from probe.studies.vary import applied
 
@@ -103,23 +115,31 @@ def tasks() -> dict[str, list[Task]]:
                     for v in values
                 )  # fmt: skip
     found["readings"] = [
-        Task("TISA", changes, 32.0, 2.5, model, (120.0, 80.0))
+        Task("TISA", changes, 32.0, 2.5, model, levels, name, PULSE_ACCURACY_PCT)
         for model in ("finite", "small")
-        for changes in READINGS.values()
+        for name, (changes, levels) in READINGS.items()
     ]
     return found
 
 
-READINGS: dict[str, tuple[tuple[str, float | str], ...]] = {
-    "as documented": (),
-    "plane strain": (("plane", "strain"),),
-    "finger radius 3 mm": (("indenter.radius_mm", 3.0),),
-    "finger radius 8 mm": (("indenter.radius_mm", 8.0),),
-    "stenosis 20 %": (("inclusion.0.stenosis.fraction", 0.2),),
-    "stenosis 40 %": (("inclusion.0.stenosis.fraction", 0.4),),
-    "tissue nu 0.3": (("tissue.poisson", 0.3),),
+BEAT = (120.0, 80.0)
+FLAT = {"shape": "flat", "width_mm": 10.0, "edge_radius_mm": 2.0}
+READINGS: dict[str, tuple[tuple[tuple[str, Any], ...], tuple[float, float]]] = {
+    "as documented": ((), BEAT),
+    "plane strain": ((("plane", "strain"),), BEAT),
+    "finger: radius 3 mm": ((("indenter.radius_mm", 3.0),), BEAT),
+    "finger: radius 8 mm": ((("indenter.radius_mm", 8.0),), BEAT),
+    "finger: flat, 10 mm wide, edges 2 mm": ((("indenter", FLAT),), BEAT),
+    "wave: 110/90 mmHg": ((), (110.0, 90.0)),
+    "wave: 130/70 mmHg": ((), (130.0, 70.0)),
+    "wave: 120/0 mmHg": ((), (120.0, 0.0)),
+    "stenosis: 20 % of the diameter": ((("inclusion.0.stenosis.fraction", 0.2),), BEAT),
+    "stenosis: 30 % of the area": ((("inclusion.0.stenosis.fraction", 1 - 0.7**0.5),), BEAT),
+    "stenosis: 40 % of the diameter": ((("inclusion.0.stenosis.fraction", 0.4),), BEAT),
+    "stenosis: as soft as the wall": ((("inclusion.0.stenosis.modulus_kpa", 400.0),), BEAT),
 }
-"""What the paper leaves open, one at a time."""
+"""What the paper leaves open, one at a time, with systole and diastole; where the stress is read is
+two columns of each."""
 
 
 def paper(out: Path, tell: Callable[[str], None] = print, workers: int = 2) -> list[Statement]:
@@ -134,6 +154,7 @@ def paper(out: Path, tell: Callable[[str], None] = print, workers: int = 2) -> l
         rows = list(pool.map(answer, [task for _, task in flat], chunksize=2))
     table = pd.DataFrame([{"figure": f, **row} for (f, _), row in zip(flat, rows, strict=True)])
     table.to_csv(out / "paper.csv", index=False)
+    sensitivity(table).to_csv(out / "sensitivity.csv", index=False)
     found = statements(table)
     pd.DataFrame([one.as_json() for one in found]).to_csv(out / "statements.csv", index=False)
     draw(table, out)
@@ -157,10 +178,12 @@ def _map(table: pd.DataFrame, scene: str, level: float) -> pd.Series:
 def _flat(table: pd.DataFrame) -> Statement:
     stress = _map(table, "TI", 80.0).loc[12:]
     spread = 100 * float(np.ptp(stress) / stress.mean())
+    edge = 100 * abs(_map(table, "TI", 80.0).loc[4] / stress.mean() - 1)
+    verdict = "holds" if edge <= FLAT_PCT else "holds from 12 to 52 mm"
     return Statement("Fig. 3a: the map of TI is flat", f"within {spread:.1f} % from 12 to 52 mm; "
                      "at 4 mm the free side makes it "
                      f"{100 * (1 - _map(table, 'TI', 80.0).loc[4] / stress.mean()):.0f} % lower",
-                     "holds" if spread <= 2 else "does not hold")  # fmt: skip
+                     verdict if spread <= FLAT_PCT else "does not hold")  # fmt: skip
 
 
 def _tumour(table: pd.DataFrame) -> Statement:
@@ -180,20 +203,36 @@ def _unequal(table: pd.DataFrame, scene: str) -> Statement:
                      "holds" if at[0] > at[1] > at[2] else "does not hold")  # fmt: skip
 
 
+def sensitivity(table: pd.DataFrame) -> pd.DataFrame:
+    """TISA's pulse by reading: how far each is from the paper's 22.6 Pa, by where it is read."""
+    rows = table[table.figure == "readings"]
+    found = rows[["reading", "model", "pulse_pa", "von_mises_pulse_pa", "reason"]].copy()
+    for column in ("pulse_pa", "von_mises_pulse_pa"):
+        found[f"{column}_off_pct"] = 100 * (found[column] / PAPER_PULSE_PA - 1)
+    return found.reset_index(drop=True)
+
+
 def _pulse_of_tisa(table: pd.DataFrame) -> Statement:
-    rows = table[(table.figure == "readings") & (table.reason == "")]
+    """It holds in part where only some readings agree: then the paper does not fix the figure."""
+    rows = sensitivity(table)
+    solved = rows[(rows.reason == "")]
+    near = solved[["pulse_pa_off_pct", "von_mises_pulse_pa_off_pct"]].abs() <= AGREES_PCT
     told = []
-    for model, some in rows.groupby("model", sort=False):
-        contact = some.contact_pa_120 - some.contact_pa_80
-        mises = some.von_mises_pa_120 - some.von_mises_pa_80
-        told.append(f"{model} strain {contact.iloc[0]:.1f} Pa of contact stress, "
-                    f"{mises.iloc[0]:.1f} Pa von Mises (readings of what the paper leaves open: "
-                    f"{mises.min():.1f} to {mises.max():.1f})")  # fmt: skip
-    first = rows.iloc[0]
-    ours = float(first.von_mises_pa_120 - first.von_mises_pa_80)
-    close = 5 <= ours <= 45
+    for model, some in solved.groupby("model", sort=False):
+        first = some.iloc[0]
+        told.append(f"{model} strain {first.pulse_pa:.1f} Pa of contact stress, "
+                    f"{first.von_mises_pulse_pa:.1f} Pa von Mises as documented, "
+                    f"{some.von_mises_pulse_pa.min():.1f} to {some.von_mises_pulse_pa.max():.1f} "
+                    "by reading")  # fmt: skip
+    agree = solved[near.von_mises_pulse_pa_off_pct]
+    names = ", ".join(f"{one.reading} ({one.model})" for one in agree.itertuples())
+    told.append(f"von Mises within {AGREES_PCT:g} %: {names or 'none'}")
+    told += [f"unsolved: {one.reading} ({one.model}): {one.reason}"
+             for one in rows[rows.reason != ""].itertuples()]  # fmt: skip
+    share = float(near.to_numpy().mean())
+    verdict = "holds" if share == 1 else "holds in part" if len(agree) else "does not hold"
     return Statement(f"Fig. 4b: the pulse of TISA at 32 mm is {PAPER_PULSE_PA} Pa",
-                     "; ".join(told), "holds" if close else "does not hold")  # fmt: skip
+                     "; ".join(told), verdict)  # fmt: skip
 
 
 def _lone(table: pd.DataFrame) -> list[Statement]:
@@ -211,24 +250,26 @@ def _lone(table: pd.DataFrame) -> list[Statement]:
 
 
 def _trend(table: pd.DataFrame, figure: str, name: str) -> Statement:
-    key, _, wanted = FIGURES[figure]
+    """Judged at finite strain; where some press has no answer, only up to the last that has."""
+    key, values, wanted = FIGURES[figure]
     sign = 1.0 if wanted == "rises" else -1.0
-    told, verdicts = [], []
-    rows = table[(table.figure == figure) & (table.reason == "")]
-    for (model, plane), some in rows.groupby(["model", "plane"], sort=False):
+    told, reached = [], []
+    rows = table[table.figure == figure]
+    for (model, plane), every in rows.groupby(["model", "plane"], sort=False):
+        some = every[every.reason == ""]
         x = some[key].to_numpy(float)
         pulse = (some.contact_pa_120 - some.contact_pa_80).to_numpy(float)
         wrong = np.flatnonzero(sign * np.diff(pulse) <= 0)
-        upto = x[-1] if not len(wrong) else x[wrong[0]]
+        upto = x[wrong[0]] if len(wrong) else x[-1]
         told.append(f"{model} strain, plane {plane}: {pulse[0]:.0f} to {pulse[-1]:.0f} Pa"
-                    + (f", {wanted} only up to {upto:g}" if len(wrong) else ""))  # fmt: skip
-        verdicts.append((model, not len(wrong), upto))
-    finite = [v for v in verdicts if v[0] == "finite"]
-    if all(ok for _, ok, _ in finite):
-        verdict = "holds"
-    elif min(up for _, _, up in finite) <= FIGURES[figure][1][0]:
+                    + (f", {wanted} only up to {upto:g}" if len(wrong) else "")
+                    + "".join(f", no answer at {one:g}" for one in every[every.reason != ""][key])
+                    )  # fmt: skip
+        if model == "finite":
+            reached.append(upto)
+    if min(reached) <= values[0]:
         verdict = "does not hold"
     else:
-        verdict = f"holds up to {min(up for _, _, up in finite):g}"
+        verdict = "holds" if min(reached) >= values[-1] else f"holds up to {min(reached):g}"
     return Statement(f"Fig. {figure}: the pulse of TIHA {wanted} with the {name}",
                      "; ".join(told), verdict)  # fmt: skip

@@ -1,17 +1,31 @@
 """The paper's statements, judged."""
 
+import numpy as np
 import pandas as pd
 import pytest
 
-from probe.studies.paper import READINGS, Task, _trend, answer, changed, tasks
+from probe.studies.paper import (
+    FIGURES,
+    LEVELS_MMHG,
+    READINGS,
+    TIMES_S,
+    Task,
+    _pulse_of_tisa,
+    _trend,
+    answer,
+    changed,
+    tasks,
+)
 from sim_backend import load_scene
+from sim_backend.waves import PA_PER_MMHG, load_wave
 
 
 def trend(pulses: list[float]) -> str:
+    at = (*FIGURES["7"][1][:2], 2.0, FIGURES["7"][1][-1])
     rows = [
         {"figure": "7", "model": "finite", "plane": "stress", "reason": "", "indentation_mm": d,
          "contact_pa_120": 1000 + pulse, "contact_pa_80": 1000.0}
-        for d, pulse in zip((0.5, 1.0, 2.0, 3.0), pulses, strict=True)
+        for d, pulse in zip(at, pulses, strict=True)
     ]  # fmt: skip
     return _trend(pd.DataFrame(rows), "7", "indentation").verdict
 
@@ -24,8 +38,29 @@ def test_trends_hold_or_not_or_up_to_where() -> None:
 
 def test_every_figure_has_its_presses() -> None:
     assert set(tasks()) == {"3", "4", "5", "6", "7", "8", "9", "readings"}
-    for changes in READINGS.values():
+    for changes, _ in READINGS.values():
         changed(load_scene("TISA"), changes)
+
+
+def test_levels_are_the_waves_at_the_papers_times() -> None:
+    wave = load_wave(load_scene("TIHA").pulse)
+    mmhg = wave.pressure_pa(np.array(TIMES_S) - 1.0) / PA_PER_MMHG
+    np.testing.assert_allclose(mmhg, LEVELS_MMHG, atol=1e-3)
+
+
+def pulse_of_tisa(pulses: list[float]) -> str:
+    rows = [
+        {"figure": "readings", "reading": str(n), "model": "finite", "reason": "",
+         "pulse_pa": pulse, "von_mises_pulse_pa": pulse}
+        for n, pulse in enumerate(pulses)
+    ]  # fmt: skip
+    return _pulse_of_tisa(pd.DataFrame(rows)).verdict
+
+
+def test_the_papers_pulse_holds_only_where_readings_agree() -> None:
+    assert pulse_of_tisa([22.0, 23.0]) == "holds"
+    assert pulse_of_tisa([22.0, 44.0]) == "holds in part"
+    assert pulse_of_tisa([10.0, 44.0]) == "does not hold"
 
 
 def test_a_press_is_a_row() -> None:
