@@ -174,4 +174,10 @@ def stacked(fits: list[Fit]) -> Fit:
         covariance[n * size : (n + 1) * size, n * size : (n + 1) * size] = fit.covariance
     names = tuple(f"{name} of channel {n}" for n, fit in enumerate(fits) for name in fit.names)
     residuals = np.concatenate([fit.residuals for fit in fits])
-    return Fit(names, np.concatenate([f.values for f in fits]), covariance, residuals, fits[0].dof)
+    return Fit(
+        names,
+        np.concatenate([f.values for f in fits]),
+        covariance,
+        residuals,
+        min(f.dof for f in fits),
+    )

@@ -10,6 +10,7 @@ from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
 
 DEAD_FRACTION = 0.05  # of the median sensitivity
+CLIPPED = 0.02  # of the span below the line of the other readings: a taxel that stands still there
 ADVICE = "press the whole array with at least three different known pressures"
 
 
@@ -46,8 +47,8 @@ def fit_taxels(raw: Array, pressure_pa: Array) -> TaxelCalibration:
     """Each taxel's gain from uniform pressures (a bladder, or weights on a soft pad).
 
     ``raw`` (n, taxels), ``pressure_pa`` (n,). A taxel is dead if its sensitivity is below
-    5 % of the median or not distinguishable from 0; it is saturated where its reading stands
-    still at its maximum while the pressure rises. Raises `CalibrationError`.
+    5 % of the median or not distinguishable from 0; it is saturated where readings stand still
+    at its maximum while the pressure rises. Raises `CalibrationError`.
     """
     raw, pressure = as_columns(raw, "raw"), as_columns(pressure_pa, "pressure_pa", 1)[:, 0]
     same_length(raw=raw, pressure_pa=pressure)
@@ -78,9 +79,12 @@ def fit_taxels(raw: Array, pressure_pa: Array) -> TaxelCalibration:
 
 
 def _ceiling(channel: Array, pressure: Array) -> float:
-    """The maximum if the readings of the two highest pressures all stand at it."""
-    levels = np.unique(pressure)
-    if len(levels) < 4:
+    """The maximum, if three readings or more stand at it below the line through all others."""
+    stuck = channel == channel.max()
+    if stuck.sum() < 3 or len(np.unique(pressure[~stuck])) < 3:
         return float("inf")
-    top = channel[pressure >= levels[-2]]
-    return float(top[0]) if np.ptp(top) == 0 and top[0] == channel.max() else float("inf")
+    slope, offset = np.polyfit(pressure[~stuck], channel[~stuck], 1)
+    off = channel - (offset + slope * pressure)
+    short = -float(off[stuck & (pressure == pressure[stuck].max())].mean())
+    clear = max(4 * float(np.std(off[~stuck])), CLIPPED * float(np.ptp(channel)))
+    return float(channel.max()) if short > clear else float("inf")

@@ -72,7 +72,10 @@ class Clock(Protocol):
 
 @runtime_checkable
 class Stage(Protocol):
-    """What moves the probe."""
+    """What moves the probe.
+
+    One that can turn it has an attribute ``turns = True``; others are never asked to.
+    """
 
     @property
     def name(self) -> str: ...

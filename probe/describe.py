@@ -1,5 +1,6 @@
 """Everything that is needed to know what a run's samples mean, as JSON-able values."""
 
+import math
 import platform
 from hashlib import sha256
 from importlib.metadata import version
@@ -8,7 +9,7 @@ from typing import Any
 
 from pydantic_core import from_json
 
-from probe.plan import Plan
+from probe.plan import Plan, normal_of
 from probe.rig import Rig
 from sim_backend.scene import WAVES, Scene
 
@@ -21,6 +22,7 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
 
     ``face_mm2`` is the rig's, or the indenter's of a simulated scene, or None if neither is known.
     """
+    starts = [plan.at_surface(place) for place in plan.places]
     face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
     return {
         "rig": rig.model_dump(mode="json"),
@@ -31,7 +33,8 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
         "plan": {
             "stations": [[p.index, 1e3 * p.x_m, 1e3 * p.y_m] for p in plan.places],
             "columns": ["index", "x_mm", "y_mm"],
-            "surface_mm": [1e3 * plan.surface(p.x_m, p.y_m) for p in plan.places],
+            "surface_mm": [1e3 * start.z for start in starts],
+            "incline_deg": [math.degrees(math.acos(normal_of(start)[2])) for start in starts],
             "travel_z_mm": 1e3 * plan.travel_z_m,
             "indentation_mm": 1e3 * plan.indentation_m,
             "ramp_s": plan.ramp_s,

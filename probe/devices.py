@@ -65,18 +65,19 @@ def connect(
     Raises `RigError`, `SceneError`, and `DeviceAbsent` where no stand-in is allowed.
     """
     notes: list[str] = []
+    absent: list[str] = []
     world = _World(rig, clock, scene, seed, respond)
     stage: Stage | None = None
     sensors: list[Sensor] = []
     try:
-        stage = _open("stages", "stage", rig.stage, fallback, world, {}, notes)
+        stage = _open("stages", "stage", rig.stage, fallback, world, {}, notes, absent)
         follow = {} if stage.name == "virtual" else {"follow": stage}
         for n, device in enumerate(rig.sensor):
             extra = {"seed": seed, **follow}
             where = f"sensor[{n}]"
-            sensors.append(_open("sensors", where, device, fallback, world, extra, notes))
+            sensors.append(_open("sensors", where, device, fallback, world, extra, notes, absent))
         _check_names(sensors)
-        true, told = calibrated(tuple(sensors), rig.calibration)
+        stage, true, told = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
         notes += told
         if world.phantom is not None and not isinstance(clock, SimulatedClock):
             world.phantom.prepare([(p.x_m, p.y_m) for p in rig.plan.places])
@@ -121,12 +122,13 @@ class _World:
             self.respond = respond
         plan = rig.plan
         first = plan.places[0]
+        true = None if rig.scene is None else rig.scene.surface
         self.phantom = Phantom(
             self.scene,
             self.clock,
             self.respond,
             seed=self.seed,
-            surface=plan.surface,
+            surface=true or plan.surface,
             home=(first.x_m, first.y_m, plan.travel_z_m),
             depth_m=plan.indentation_m,
             folder=folder,
@@ -142,15 +144,17 @@ def _open(
     world: _World,
     extra: dict[str, Any],
     notes: list[str],
+    absent: list[str],
 ) -> Any:
     """One device, connected, or its stand-in if it is absent and one is allowed."""
     made = _make(kind, where, device, world, extra)
     try:
         made.connect()
-    except DeviceAbsent as absent:
+    except DeviceAbsent as missing:
         if (device.fallback or fallback) is None:
             raise
-        notes.append(f"{where}: {absent}; a simulated stand-in takes its place")
+        notes.append(f"{where}: {missing}; a simulated stand-in takes its place")
+        absent.append(made.name)
         if kind == "sensors":  # under its own name, so that several may be absent
             extra = {**extra, "name": made.name}
         made = _make(kind, where, VIRTUAL, world, extra)

@@ -13,10 +13,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from calibration import load, use
+from calibration import use
 from calibration.errors import CalibrationError
 from drivers import ConfigError, find_driver
 from drivers.registry import Kind
+from probe.calibrated import named
 from probe.plan import Plan
 from probe.rig import Device, Rig
 from probe.visible import in_words, visibility
@@ -76,7 +77,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
         *(_driver("sensors", f"sensor[{n}]", one) for n, one in enumerate(rig.sensor)),
         Check("time", "ok", f"{len(plan.places)} presses in about {seconds:.0f} s"),
         _disk(out, size_bytes),
-        *(_calibration(kind, Path(file)) for kind, file in rig.calibration.items()),
+        *(_calibration(key, Path(file)) for key, file in rig.calibration.items()),
     ]
     if not rig.calibration:
         checks.append(Check("calibration", "warning", "none named: forces are the sensors' own"))
@@ -162,11 +163,11 @@ def _disk(out: Path, size_bytes: float) -> Check:
     )
 
 
-def _calibration(kind: str, file: Path) -> Check:
+def _calibration(key: str, file: Path) -> Check:
     """Whether a calibration can be used, and its age by its own date."""
-    name = f"calibration {kind}"
+    name = f"calibration {key}"
     try:
-        one = load(file)
+        one = named(key, file)
         _, warnings = use(file, one.device)
     except CalibrationError as error:
         return Check(name, "fault", str(error))

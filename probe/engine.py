@@ -24,7 +24,7 @@ from probe.events import (
     StationStarted,
 )
 from probe.guards import Limits, Trip
-from probe.plan import Place, Plan
+from probe.plan import Place, Plan, pressed
 from probe.states import ALLOWED, follow
 from probe.tell import Emit, Teller
 from probe.watch import STAGE, STAGE_CHANNELS, Watch
@@ -35,6 +35,8 @@ TELL_S = 0.05  # samples leave in blocks of about this length
 ARRIVED_M = 0.1e-3
 TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
 TOUCH_M_S = 1e-3
+TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
+DEEP_ENOUGH_M = 5e-6
 STOPPED = "stopped by the user"
 
 
@@ -245,13 +247,25 @@ class _Scan:
         else:
             surface = self._seek(surface, plan.touch_n)
         self._enter(Phase.INDENTING)
-        bottom = surface._replace(z=surface.z - plan.indentation_m)
-        self._go(bottom, (self.watch.pose().z - bottom.z) / plan.ramp_s)
+        self._indent(surface)
         holding_s = self._enter(Phase.HOLDING)
         self._wait_until(holding_s + plan.hold_s)
         self._enter(Phase.RETRACTING)
         self._go(above, plan.travel_m_s)
         self._end_station(complete=True)
+
+    def _indent(self, surface: Pose) -> None:
+        """Go in along the normal, then on by what the rig itself has given way."""
+        plan, depth = self.plan, self.plan.indentation_m
+        bottom = pressed(surface, depth)
+        speed = math.dist(self.watch.pose()[:3], bottom[:3]) / plan.ramp_s
+        self._go(bottom, speed)
+        for _ in range(TOP_UPS if plan.give_m_n else 0):
+            given = min(max(plan.give_m_n * self.watch.force_n(), 0.0), plan.give_m)
+            if abs(plan.indentation_m + given - depth) < DEEP_ENOUGH_M:
+                break
+            depth = plan.indentation_m + given
+            self._go(pressed(surface, depth), speed)
 
     def _seek(self, surface: Pose, touch_n: float) -> Pose:
         """Go down until the force reaches ``touch_n``; where that was."""
@@ -271,8 +285,9 @@ class _Scan:
         """Move and wait; True if the target was reached, False if ``until`` became true first.
 
         A stage that takes twice as long as it should plus two seconds, or rests elsewhere than
-        told, is at fault.
+        told, is at fault. Only a stage that ``turns`` is asked to turn the tool.
         """
+        target = self._turned(target)
         length = math.dist(self.watch.pose()[:3], target[:3])
         if length < 1e-9:
             return True
@@ -292,6 +307,9 @@ class _Scan:
         if off > ARRIVED_M:
             raise DeviceFault(self.stage.name, f"came to rest {1e3 * off:.2f} mm from its target")
         return True
+
+    def _turned(self, target: Pose) -> Pose:
+        return target if getattr(self.stage, "turns", False) else Pose(*target[:3])
 
     def _halt(self) -> None:
         """Stop where it is and wait for rest."""
@@ -346,7 +364,7 @@ class _Scan:
     def _begin_station(self, place: Place, attempt: int) -> None:
         now = self.clock.now()
         self.station, self.attempt = place.index, attempt
-        self.watch.retreat = self.plan.above(place)
+        self.watch.retreat = self._turned(self.plan.above(place))
         self.teller.label(now, place.index, attempt)
         self.teller.tell(StationStarted(now, place.index, attempt, place.x_m, place.y_m))
 

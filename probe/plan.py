@@ -1,15 +1,22 @@
 """Where to press: rows and serpentine grids over a surface, checked before anything moves.
 
 The scan frame is right-handed, z up, in metres; the surface's height is a function of x and y.
+Every press goes in along the surface's normal; a stage that can turn the tool turns it so.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from drivers import ConfigError, Pose
 
 Surface = Callable[[float, float], float]
+Point = tuple[float, float, float]
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+STEEPEST_DEG = 30.0
+SLOPE_M = 0.1e-3  # a slope is the difference of heights this far to either side
 
 
 def flat(_x_m: float, _y_m: float) -> float:
@@ -34,7 +41,8 @@ class Plan:
     ``approach_m_s``, then goes ``indentation_m`` down from the surface in ``ramp_s`` and stays
     ``hold_s``. With ``touch_n`` the surface is not taken from ``surface`` but found: the approach
     goes on, at most ``search_m`` deep, until the force reaches it. ``settle_s`` of rest in the
-    air precede each tare.
+    air precede each tare. A rig that gives way by ``give_m_n`` metres per newton is moved on by
+    that much, at most ``give_m``, until the tip itself is deep enough.
     """
 
     places: tuple[Place, ...]
@@ -48,24 +56,73 @@ class Plan:
     touch_n: float | None = None
     search_m: float = 2e-3
     surface: Surface = flat
+    give_m_n: float = 0.0
+    give_m: float = 0.0
 
     @property
     def travel_z_m(self) -> float:
         """The height of all travel."""
-        return max(self.surface(p.x_m, p.y_m) for p in self.places) + self.clearance_m
+        return max(pose.z for pose in self._starts.values()) + self.clearance_m
 
     @property
     def deepest_m(self) -> float:
-        """How far below the nominal surface a press may go."""
-        return self.indentation_m + (self.search_m if self.touch_n is not None else 0.0)
+        """How far from the nominal surface, along its normal, a press may go."""
+        search = self.search_m if self.touch_n is not None else 0.0
+        return self.indentation_m + search + self.give_m
+
+    @property
+    def deepest_below_m(self) -> float:
+        """The same straight down, at the steepest station."""
+        return self.deepest_m / min(normal_of(pose)[2] for pose in self._starts.values())
 
     def above(self, place: Place) -> Pose:
         """The travelling pose over a station."""
-        return Pose(place.x_m, place.y_m, self.travel_z_m)
+        return self.at_surface(place)._replace(z=self.travel_z_m)
 
     def at_surface(self, place: Place) -> Pose:
-        """The pose at which a press at a station begins."""
-        return Pose(place.x_m, place.y_m, self.surface(place.x_m, place.y_m))
+        """The pose at which a press at a station begins, turned to the surface's normal."""
+        return self._starts[place.x_m, place.y_m]
+
+    @cached_property
+    def _starts(self) -> dict[tuple[float, float], Pose]:
+        return {
+            (x, y): Pose(x, y, self.surface(x, y), *_turn_to(_slope(self.surface, x, y)))
+            for x, y in dict.fromkeys((p.x_m, p.y_m) for p in self.places)
+        }
+
+
+def normal_of(pose: Pose) -> Point:
+    """Unit vector that a pose of `Plan.at_surface` presses against."""
+    angle = math.hypot(pose.rx, pose.ry)
+    if angle == 0.0:
+        return (0.0, 0.0, 1.0)
+    sine = math.sin(angle) / angle
+    return (sine * pose.ry, -sine * pose.rx, math.cos(angle))
+
+
+def pressed(surface: Pose, depth_m: float) -> Pose:
+    """``depth_m`` further in along the normal."""
+    x, y, z = normal_of(surface)
+    return surface._replace(
+        x=surface.x - depth_m * x, y=surface.y - depth_m * y, z=surface.z - depth_m * z
+    )
+
+
+def _slope(surface: Surface, x: float, y: float) -> tuple[float, float]:
+    h = SLOPE_M
+    east, west, north, south = (
+        surface(x + i * h, y + j * h) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    )
+    return (east - west) / (2 * h), (north - south) / (2 * h)
+
+
+def _turn_to(slope: tuple[float, float]) -> Point:
+    """Rotation vector from straight down to the normal (-slope, 1)."""
+    steep = math.hypot(*slope)
+    if steep < 1e-9:  # rounding of a level surface
+        return (0.0, 0.0, 0.0)
+    angle = math.atan(steep)
+    return (angle * slope[1] / steep, -angle * slope[0] / steep, 0.0)
 
 
 def row(start_m: float, pitch_m: float, stations: int, *, y_m: float = 0.0) -> tuple[Place, ...]:
@@ -97,7 +154,13 @@ def check_reach(plan: Plan, workspace_m: Box) -> None:
         raise ConfigError("the plan has no stations")
     for place in plan.places:
         top, surface = plan.above(place), plan.at_surface(place)
-        deepest = surface._replace(z=surface.z - plan.deepest_m)
+        steep_deg = math.degrees(math.hypot(surface.rx, surface.ry))
+        if steep_deg > STEEPEST_DEG:
+            raise ConfigError(
+                f"station {place.index + 1} at x = {1e3 * place.x_m:g} mm: the surface is inclined "
+                f"by {steep_deg:.0f} degrees; allowed are {STEEPEST_DEG:g}. Is it measured right?"
+            )
+        deepest = pressed(surface, plan.deepest_m)
         for pose in (top, deepest):
             for axis, at, (low, high) in zip("xyz", pose[:3], workspace_m, strict=True):
                 if not low - 1e-9 <= at <= high + 1e-9:

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from scipy.interpolate import RBFInterpolator
 
-from probe.calibrated import surface_of
+from probe.calibrated import give_of, kind_of, surface_of
 from probe.guards import Limits
 from probe.plan import Plan, Surface, check_reach, grid, repeated
 from sim_backend.scene import MAX_FILE_BYTES, Scene, explain, scene_names
@@ -20,6 +20,9 @@ from sim_backend.scene import MAX_FILE_BYTES, Scene, explain, scene_names
 MAX_PRESSES = 100_000
 Positive = Annotated[float, Field(gt=0)]
 Pair = tuple[float, float]
+Heights = (
+    float | Annotated[tuple[tuple[float, float, float], ...], Field(min_length=3, max_length=500)]
+)
 Fallback = Literal["virtual"]
 
 
@@ -67,10 +70,7 @@ class Scan(_Table):
     settle_s: Annotated[float, Field(ge=0, le=60)] = 0.05
     touch_n: Positive | None = None
     search_mm: Positive = 2.0
-    surface_mm: (
-        float
-        | Annotated[tuple[tuple[float, float, float], ...], Field(min_length=3, max_length=500)]
-    ) = 0.0
+    surface_mm: Heights = 0.0
 
 
 class Workspace(_Table):
@@ -100,13 +100,22 @@ class Safety(_Table):
 
 
 class SceneChoice(_Table):
-    """What simulated parts feel: a built-in scene's name or a scene file."""
+    """What simulated parts feel: a built-in scene's name or a scene file.
+
+    ``surface_mm``: where it truly lies, as in `Scan`; by default where the scan takes it to be.
+    """
 
     name: str
+    surface_mm: Heights | None = None
+
+    @property
+    def surface(self) -> Surface | None:
+        """The true height [m] over x, y [m], if it was given."""
+        return None if self.surface_mm is None else _surface(self.surface_mm)
 
 
 class Rig(_Table):
-    """A whole rig file. ``calibration`` maps a kind or device to its file."""
+    """A whole rig file. ``calibration`` maps kinds to files, as `probe.calibrated` says."""
 
     stage: Device = Device(driver="virtual")
     sensor: Annotated[tuple[Device, ...], Field(min_length=1)] = (Device(driver="virtual"),)
@@ -126,6 +135,7 @@ class Rig(_Table):
             _pair(scan.stations, 1),
             strict=True,
         )
+        give = give_of(self.calibration["compliance"]) if "compliance" in self.calibration else 0.0
         places = grid((1e-3 * x, 1e-3 * y), (1e-3 * dx, 1e-3 * dy), (int(columns), int(rows)))
         return Plan(
             places=repeated(places, scan.repeats),
@@ -143,13 +153,15 @@ class Rig(_Table):
                 if "surface" in self.calibration
                 else _surface(scan.surface_mm)
             ),
+            give_m_n=give,
+            give_m=give * self.safety.max_force_n,
         )
 
     @property
     def limits(self) -> Limits:
         """The safety table, SI."""
         safety, plan = self.safety, self.plan
-        deepest_mm = safety.max_depth_mm or 1e3 * plan.deepest_m + 0.5
+        deepest_mm = safety.max_depth_mm or 1e3 * plan.deepest_below_m + 0.5
         box = safety.workspace_mm
         x, y, z = (((1e-3 * low), (1e-3 * high)) for low, high in (box.x, box.y, box.z))
         return Limits(
@@ -164,6 +176,8 @@ class Rig(_Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         scan, safety = self.scan, self.safety
+        for key in self.calibration:
+            kind_of(key)
         columns, rows = _pair(scan.stations, 1)
         if (presses := columns * rows * scan.repeats) > MAX_PRESSES:
             raise ValueError(
@@ -182,7 +196,7 @@ class Rig(_Table):
         if scan.touch_n is not None and scan.touch_n >= safety.max_force_n:
             limit = f"safety.max_force_n = {safety.max_force_n:g}"
             raise ValueError(f"scan.touch_n = {scan.touch_n:g}: must be below {limit}")
-        deepest_mm = 1e3 * self.plan.deepest_m
+        deepest_mm = 1e3 * self.plan.deepest_below_m
         if safety.max_depth_mm is not None and safety.max_depth_mm < deepest_mm:
             raise ValueError(
                 f"safety.max_depth_mm = {safety.max_depth_mm:g}: the scan goes {deepest_mm:g} mm "
@@ -211,7 +225,8 @@ def load_rig(path: str | Path) -> Rig:
         raise RigError("\n".join(f"{path}: {line}" for line in explain(error))) from None
     update: dict[str, Any] = {}
     if rig.scene is not None and rig.scene.name not in scene_names():
-        update["scene"] = SceneChoice(name=str(path.parent / rig.scene.name))
+        name = str(path.parent / rig.scene.name)
+        update["scene"] = rig.scene.model_copy(update={"name": name})
     return rig.model_copy(update=update)
 
 
@@ -239,7 +254,7 @@ def _pair(value: float | tuple[float, float], second: float) -> tuple[float, flo
     return value if isinstance(value, tuple) else (value, second)
 
 
-def _surface(height_mm: float | tuple[tuple[float, float, float], ...]) -> Surface:
+def _surface(height_mm: Heights) -> Surface:
     """A level, or the thin-plate spline through measured points (a plane through three)."""
     if not isinstance(height_mm, tuple):
         level = 1e-3 * height_mm
@@ -248,5 +263,5 @@ def _surface(height_mm: float | tuple[tuple[float, float, float], ...]) -> Surfa
     try:
         sheet = RBFInterpolator(points[:, :2], points[:, 2], kernel="thin_plate_spline", degree=1)
     except np.linalg.LinAlgError:
-        raise ValueError("scan.surface_mm: the points must not lie on one line") from None
+        raise ValueError("surface_mm: the points must not lie on one line") from None
     return lambda x, y: float(sheet(np.array([[x, y]]))[0])

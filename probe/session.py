@@ -90,7 +90,9 @@ def chosen(rig: Rig | str | Path | None, scene: str | Path | None) -> tuple[Rig,
     if not isinstance(rig, Rig):
         rig = load_rig(rig)
     if scene is not None:
-        rig = rig.model_copy(update={"scene": SceneChoice(name=str(scene))})
+        lies = None if rig.scene is None else rig.scene.surface_mm
+        choice = SceneChoice(name=str(scene), surface_mm=lies)
+        rig = rig.model_copy(update={"scene": choice})
     return rig, None if rig.scene is None else load_scene(rig.scene.name)
 
 

@@ -116,6 +116,7 @@ class _Signal:
         self.face_m2 = math.nan if face_mm2 is None else 1e-6 * face_mm2
         self.gains = np.array([self._gain(own[n]) for n in self.picked])
         self.surface_m = _surface(config)
+        self.incline = _incline(config)
         self.give_m_per_n = _give_m_per_n(config)
 
     def _gain(self, channel: Channel) -> float:
@@ -167,7 +168,8 @@ class _Signal:
         return found[0][tared], found[1][tared], found[2][tared]
 
     def _depth(self, index: int, press: _Press, time_s: Array) -> Array:
-        """Below the surface: the plan's, or where a touch found it (where the ramp began)."""
+        """Along the normal from the surface: the plan's, or where a touch found it (where the
+        ramp began), less what the rig has given way."""
         poses_s, poses, _ = joined(press.blocks["stage"], 3, [0, 1, 2])
         if not len(poses_s):
             return np.full(len(time_s), math.nan)
@@ -175,10 +177,11 @@ class _Signal:
         surface = self.surface_m.get(index, math.nan)
         if math.isnan(surface) and Phase.INDENTING in press.phases:
             surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 2]))
-        depth = surface - z
-        if self.give_m_per_n and FORCE_N.keys() & {self.channels[self.device][self.picked[0]].unit}:
+        depth = (surface - z) / math.cos(self.incline.get(index, 0.0))
+        if self.give_m_per_n and math.isfinite(self.face_m2):
             felt_s, felt, _ = self._felt(press)
-            depth = depth - self.give_m_per_n * np.interp(time_s, felt_s, felt.sum(axis=1))
+            force_n = self.face_m2 * (felt * self.gains).mean(axis=1)
+            depth = depth - self.give_m_per_n * np.interp(time_s, felt_s, force_n)
         return depth
 
     def _reference(self, press: _Press) -> tuple[Array, Array]:
@@ -244,6 +247,15 @@ def _give_m_per_n(config: Mapping[str, Any]) -> float:
         return 0.0 if one is None else 1 / float(one["content"]["values"]["stiffness_n_m"]["value"])
     except (KeyError, TypeError, ValueError, ZeroDivisionError):
         raise RunFileError("config.calibration.compliance: no stiffness_n_m in it") from None
+
+
+def _incline(config: Mapping[str, Any]) -> dict[int, float]:
+    """Angle [rad] between the planned surface's normal and z by station; empty if not known."""
+    try:
+        degrees = config["plan"]["incline_deg"]
+        return {n: math.radians(a) for n, a in zip(planned(config), degrees, strict=True)}
+    except (KeyError, TypeError, ValueError):
+        return {}
 
 
 def _surface(config: Mapping[str, Any]) -> dict[int, float]:

@@ -26,7 +26,11 @@ Surface = Callable[[float, float], float]
 PRESSED_M = 0.25e-3  # resting shallower than this is a touch, not an indentation: no beat starts
 RELAXATION_STEP_S = 1e-3
 DRAG_GRID_M = 1e-3  # sideways under the surface, the sections of whole millimetres stand in
+INCLINED_GRID_M = 0.5e-3  # going in along an inclined normal, those of half millimetres
+STEEP = 0.6  # sideways share of a press's direction, at most
 PLACE_GRID_M = 1e-5
+BISECTIONS = 40  # of a depth: far below a nanometre
+SLOPE_M = 0.1e-3  # the surface's slope is taken this far to either side
 BULGE_M = 0.7e-3  # a filled vessel lifts the surface by up to this: there the section is asked
 
 
@@ -47,6 +51,7 @@ class Phantom:
     0 at the surface unless ``surface`` (height in m over x, y in m) says otherwise. ``respond``
     gives the elastic answer of a section; ``depth_m`` is the depth it is first asked for.
     ``seed`` sets the phase of a free-running pulse; ``folder`` is where a wave file lies.
+    ``stiffness_n_m`` of the rig that carries the tip: it gives way to the elastic force.
     """
 
     def __init__(
@@ -65,6 +70,7 @@ class Phantom:
         self.clock = clock
         self.surface = surface
         self.tip = Trajectory(home, clock.now())
+        self.stiffness_n_m = math.inf
         self._respond = respond
         self._depth_m = depth_m
         self._wave = load_wave(scene.pulse, folder)
@@ -83,7 +89,7 @@ class Phantom:
         """Indentation (n,) [m] at ascending ``time_s`` (n,), negative in the air."""
         depth = np.empty(len(time_s))
         for leg, _, span in self.tip.legs(time_s):
-            depth[span] = self._depth(leg.points(time_s[span]))
+            depth[span] = self._depth(leg.points(time_s[span]), leg.point(math.inf))
         return depth
 
     def pressure_pa(self, time_s: Array) -> Array:
@@ -117,7 +123,7 @@ class Phantom:
         for leg, before, span in self.tip.legs(time_s):
             t = time_s[span]
             points = leg.points(t)
-            depth = self._depth(points)
+            depth = self._depth(points, leg.point(math.inf))
             if (depth <= -BULGE_M).all():
                 continue
             elastic = self._elastic(leg, points, depth, pressure[span], quantity)
@@ -135,15 +141,31 @@ class Phantom:
         quantity: Callable[[Response], Callable[..., Array]],
     ) -> Array:
         """The answer without relaxation: each place in contact by its own section."""
-        sideways = math.hypot(*leg.direction[:2]) > 1e-6  # less is rounding
-        places = np.round(points[:, :2] / (grid := DRAG_GRID_M if sideways else PLACE_GRID_M))
+        sideways = math.hypot(*leg.direction[:2])
+        grid = INCLINED_GRID_M if sideways < STEEP else DRAG_GRID_M
+        if sideways < 1e-6:  # no more than rounding
+            grid = PLACE_GRID_M
+        places = np.round(points[:, :2] / grid)
         values = np.zeros(len(points))
         touching = depth > -BULGE_M
         for x, y in np.unique(places[touching], axis=0):
             here = touching & (places[:, 0] == x) & (places[:, 1] == y)
             section = self._response(float(x * grid), float(y * grid), float(depth[here].max()))
-            values[here] = quantity(section)(depth[here], pressure[here])
+            sunk = self._sunk(section, depth[here], pressure[here])
+            values[here] = quantity(section)(sunk, pressure[here])
         return values
+
+    def _sunk(self, section: Response, depth: Array, pressure: Array) -> Array:
+        """True depth (n,): what is left when the rig has given way, d + F(d) / k = ``depth``."""
+        if math.isinf(self.stiffness_n_m):
+            return depth
+        low = depth - section.force_n(depth, pressure) / self.stiffness_n_m
+        high = depth
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            over = middle + section.force_n(middle, pressure) / self.stiffness_n_m > depth
+            low, high = np.where(over, low, middle), np.where(over, middle, high)
+        return np.asarray((low + high) / 2)
 
     def _relaxed_away(
         self, time_s: Array, before: Rest, quantity: Callable[[Response], Callable[..., Array]]
@@ -163,7 +185,7 @@ class Phantom:
         resting = np.full(len(grid), self._wave.pressure_pa(np.zeros(1))[0])
         for leg, _, span in self.tip.legs(grid):
             points = leg.points(grid[span])
-            depth = self._depth(points)
+            depth = self._depth(points, leg.point(math.inf))
             elastic[span] = self._elastic(leg, points, depth, resting[span], quantity)
         rise = np.diff(elastic, prepend=elastic[0])
         taken = np.zeros(len(grid))
@@ -175,20 +197,28 @@ class Phantom:
 
     def _in_air_since(self, before: Rest) -> float:
         """The last time known to be out of contact: where the relaxation's memory starts."""
-        while self._depth(np.array([before.point]))[0] > 0:
+        while self._depth(np.array([before.point]), before.point)[0] > 0:
             earlier = self.tip.rest_before(before.time_s)
             if earlier.time_s >= before.time_s:
                 break
             before = earlier
         return before.time_s
 
-    def _depth(self, points: Array) -> Array:
+    def _depth(self, points: Array, end: Point) -> Array:
+        """Of points on a leg, along the normal at the leg's ``end``: there it presses."""
         places = np.unique(points[:, :2], axis=0)
         if len(places) == 1:
             height = np.float64(self.surface(*places[0].tolist()))
-            return np.asarray(height - points[:, 2])
-        heights = [self.surface(x, y) for x, y in points[:, :2].tolist()]
-        return np.asarray(np.array(heights) - points[:, 2])
+            depth = np.asarray(height - points[:, 2])
+        else:
+            heights = [self.surface(x, y) for x, y in points[:, :2].tolist()]
+            depth = np.asarray(np.array(heights) - points[:, 2])
+        if (depth <= -BULGE_M).all():
+            return depth
+        x, y, _ = end
+        rise = (self.surface(x + SLOPE_M, y) - self.surface(x - SLOPE_M, y)) / (2 * SLOPE_M)
+        lift = (self.surface(x, y + SLOPE_M) - self.surface(x, y - SLOPE_M)) / (2 * SLOPE_M)
+        return np.asarray(depth / math.hypot(1.0, rise, lift))
 
     def _pressed(self, rest: Rest) -> bool:
         x, y, z = rest.point

@@ -81,9 +81,9 @@ class VirtualStage:
 class VirtualSensor:
     """A force sensor on the phantom's tip, and the paper's surface stress beside it.
 
-    Reading = quantised(clipped(force(t - latency) + bias + drift t + noise)) - tare. Noise belongs
-    to the sample's index, so a seed gives the same bytes however the samples are read. The stress
-    channel is exact: no device measures it.
+    Reading = quantised(clipped(gain force(t - latency) + bias + drift t + noise)) - tare. Noise
+    belongs to the sample's index, so a seed gives the same bytes however the samples are read. The
+    stress channel is exact: no device measures it.
     """
 
     def __init__(
@@ -96,6 +96,7 @@ class VirtualSensor:
         noise_n: float,
         quantum_n: float,
         full_scale_n: float,
+        gain: float,
         bias_n: float,
         drift_n_s: float,
         latency_s: float,
@@ -113,6 +114,7 @@ class VirtualSensor:
         self._noise_n = noise_n
         self._quantum_n = quantum_n
         self._full_scale_n = full_scale_n
+        self._gain = gain
         self._bias_n = bias_n
         self._drift_n_s = drift_n_s
         self._latency_s = latency_s
@@ -193,7 +195,7 @@ class VirtualSensor:
         time_s = self._start_s + index / self.rate_hz
         felt_s = time_s - self._latency_s
         noise = np.array([self._noise(int(i)) for i in index]) if self._noise_n else 0.0
-        force = self._phantom.force_n(felt_s) + self._bias_n + noise
+        force = self._gain * self._phantom.force_n(felt_s) + self._bias_n + noise
         force += self._drift_n_s * (time_s - self._start_s)
         clipped = np.clip(force, -self._full_scale_n, self._full_scale_n)
         if self._quantum_n:
@@ -218,13 +220,21 @@ def virtual_stage(
     limits_mm: Limits = WIDE,
     max_speed_mm_s: float = 50.0,
     acceleration_mm_s2: float = 1000.0,
+    stiffness_n_mm: float | None = None,
 ) -> VirtualStage:
-    """A stage in the phantom; the defaults are a small laboratory gantry's."""
+    """A stage in the phantom; the defaults are a small laboratory gantry's, and a rigid one.
+
+    With ``stiffness_n_mm`` the rig gives way: the tip is less deep than the stage reports.
+    """
     for key, value in (
         ("max_speed_mm_s", max_speed_mm_s),
         ("acceleration_mm_s2", acceleration_mm_s2),
+        ("stiffness_n_mm", stiffness_n_mm),
     ):
-        _at_least(key, value, 0, strictly=True)
+        if value is not None:
+            _at_least(key, value, 0, strictly=True)
+    if stiffness_n_mm is not None:
+        phantom.stiffness_n_m = 1e3 * stiffness_n_mm
     return VirtualStage(clock, phantom, limits_mm, 1e-3 * max_speed_mm_s, 1e-3 * acceleration_mm_s2)
 
 
@@ -237,6 +247,7 @@ def virtual_sensor(
     noise_mn: float = 0.5,
     quantum_mn: float = 0.1,
     full_scale_n: float = 10.0,
+    gain: float = 1.0,
     bias_mn: float = 0.0,
     drift_mn_s: float = 0.0,
     latency_ms: float = 0.0,
@@ -245,10 +256,12 @@ def virtual_sensor(
 ) -> VirtualSensor:
     """A force sensor in the phantom.
 
-    ``follow``: a real stage whose reported pose carries the phantom's tip.
+    ``gain``: newtons read per newton. ``follow``: a real stage whose reported pose carries the
+    phantom's tip.
     """
     _at_least("rate_hz", rate_hz, 0, strictly=True)
     _at_least("full_scale_n", full_scale_n, 0, strictly=True)
+    _at_least("gain", gain, 0, strictly=True)
     for key, value in (
         ("noise_mn", noise_mn),
         ("quantum_mn", quantum_mn),
@@ -263,6 +276,7 @@ def virtual_sensor(
         noise_n=1e-3 * noise_mn,
         quantum_n=1e-3 * quantum_mn,
         full_scale_n=full_scale_n,
+        gain=gain,
         bias_n=1e-3 * bias_mn,
         drift_n_s=1e-3 * drift_mn_s,
         latency_s=1e-3 * latency_ms,

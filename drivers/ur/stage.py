@@ -21,6 +21,8 @@ STARTS_S = 0.5  # a move that was accepted is under way within this long
 class UrStage:
     """The arm at ``host``; see `open_stage`."""
 
+    turns = True
+
     def __init__(
         self, clock: Clock, name: str, setup: Setup, origin_m: Point, yaw: Rotation,
         tool: Rotation, acceleration_m_s2: float, max_speed_m_s: float, simulated: bool,

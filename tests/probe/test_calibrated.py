@@ -1,22 +1,39 @@
 """Calibrations from files, applied in scans."""
 
 import json
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
-from calibration import record, save
+from calibration import Calibration, fit_axes, fit_taxels, record, save
 from calibration.compliance import fit_compliance
 from calibration.errors import CalibrationError
 from calibration.force import fit_force
 from calibration.latency import fit_latency
-from drivers import Block, Channel, SimulatedClock
+from drivers import Block, Channel, Pose, SimulatedClock
 from probe.calibrated import CalibratedSensor, calibrated
 from probe.cli import main
 from probe.devices import connect
-from probe.rig import load_rig
+from probe.rig import Rig, load_rig
+from probe.run import open_run
+from probe.session import scan
 from sim_backend.phantom import Respond
+
+
+class Skewed:
+    """A stage whose x reads 2 % too little and whose y leans into x."""
+
+    name, simulated, at = "gantry", False, Pose(0.0, 0.0, 0.0)
+    matrix = np.array([[1.02, 0.01, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+    def pose(self) -> Pose:
+        return self.at
+
+    def move(self, target: Pose, _speed_m_s: float) -> None:
+        self.at = target
 
 
 class Wrong:
@@ -50,7 +67,7 @@ def latency_file(path: Path) -> Path:
 def test_wrong_gain_and_delay_are_put_right(tmp_path: Path) -> None:
     files = {"force": str(force_file(tmp_path / "f.json")),
              "latency": str(latency_file(tmp_path / "l.json"))}  # fmt: skip
-    (sensor,), notes = calibrated((Wrong(),), files)  # type: ignore[arg-type]  # reads only
+    _, (sensor,), notes = calibrated(Skewed(), [Wrong()], files)
     block = sensor.read()
     assert not notes
     assert np.abs(block.values[:, 0] - np.sin(20 * block.time_s**2)).max() < 0.01
@@ -60,21 +77,21 @@ def test_wrong_gain_and_delay_are_put_right(tmp_path: Path) -> None:
 def test_another_devices_file_is_refused(tmp_path: Path) -> None:
     file = force_file(tmp_path / "f.json", "other")
     with pytest.raises(CalibrationError, match=r"made for 'other'; this rig's sensors are cell"):
-        calibrated((Wrong(),), {"force": str(file)})  # type: ignore[arg-type]
+        calibrated(Skewed(), [Wrong()], {"force": str(file)})
 
 
 def test_channels_must_fit(tmp_path: Path) -> None:
     sensor = Wrong()
     sensor.channels = (*Wrong.channels, Channel("second", "N", "force"))
-    with pytest.raises(CalibrationError, match="has 1 channels; cell has 2"):
-        calibrated((sensor,), {"force": str(force_file(tmp_path / "f.json"))})  # type: ignore[arg-type]
+    with pytest.raises(CalibrationError, match="has 1 channels for 1 loads; cell has 2"):
+        calibrated(Skewed(), [sensor], {"force": str(force_file(tmp_path / "f.json"))})
 
 
 def test_a_rig_file_brings_them_in(tmp_path: Path, winkler: Respond) -> None:
     force_file(tmp_path / "f.json", "force")
     touches = tmp_path / "touches.csv"
     touches.write_text("x_mm,y_mm,z_mm\n0,0,1\n60,0,4\n0,5,1\n60,5,4\n30,2,2.5\n10,4,1.5\n")
-    done = main(["calibrate", "surface", str(touches), "--device", "table", "--out",
+    done = main(["calibrate", "surface", str(touches), "--device", "virtual", "--out",
                  str(tmp_path / "s.json")])  # fmt: skip
     assert done == 0
     rig_file = tmp_path / "rig.toml"
@@ -120,3 +137,87 @@ def test_stiffness_is_what_a_run_corrects_depth_by() -> None:
     depth = np.linspace(-1e-4, 8e-4, 40)
     found = fit_compliance(depth, 2000 * np.maximum(depth, 0))
     assert found.true_depth(np.array([2.5e-3]), np.array([0.9]))[0] == pytest.approx(2.05e-3)
+
+
+def saved(one: Calibration, path: Path, device: str, days_old: float = 0.0) -> dict[str, str]:
+    now = datetime.now(UTC) - timedelta(days=days_old)
+    save(record(one, device, {}, now=now), path)
+    return {one.KIND: str(path)}
+
+
+def test_axis_errors_are_put_right_both_ways(tmp_path: Path) -> None:
+    read = np.random.default_rng(1).uniform(0, 0.1, (20, 3))
+    files = saved(fit_axes(read, read @ Skewed.matrix.T), tmp_path / "a.json", "gantry")
+    wrong = Skewed()
+    stage, _, _ = calibrated(wrong, [], files)
+    stage.move(Pose(0.05, 0.02, -0.002), 0.01)
+    assert wrong.matrix @ wrong.at[:3] == pytest.approx([0.05, 0.02, -0.002])
+    assert stage.pose()[:3] == pytest.approx([0.05, 0.02, -0.002])
+    assert (stage.name, stage.simulated) == ("gantry", False)
+
+
+class Array3:
+    """Three taxels of gains 1, 2 and none."""
+
+    name, rate_hz = "array", 100.0
+    channels = tuple(Channel(f"t{n}", "raw", "taxel") for n in range(3))
+
+    def read(self) -> Block:
+        return Block(
+            np.arange(2.0), np.array([[10.0, 20, 1], [40, 160, 0]]), np.zeros((2, 3), bool)
+        )
+
+
+def test_dead_taxels_are_left_out_and_clipped_ones_marked(tmp_path: Path) -> None:
+    pressure = np.repeat(np.linspace(0, 100, 6), 4)
+    raw = np.outer(pressure, [1.0, 2.0, 0.0]) + 5 + 1e-3 * np.sin(np.arange(72)).reshape(24, 3)
+    raw[:, 1] = np.minimum(raw[:, 1], 165.0)
+    _, (sensor,), _ = calibrated(
+        Skewed(), [Array3()], saved(fit_taxels(raw, pressure), tmp_path / "t.json", "array")
+    )
+    assert [c.role for c in sensor.channels] == ["taxel", "taxel", "other"]
+    assert [c.unit for c in sensor.channels] == ["Pa", "Pa", "raw"]
+    block = sensor.read()
+    assert block.values[:, :2] == pytest.approx(np.array([[10.0, 10], [40, 80]]), rel=1e-3)
+    assert block.saturated.tolist() == [[False] * 3, [False, True, False]]
+
+
+def test_what_is_old_absent_or_unknown_is_told(tmp_path: Path) -> None:
+    loads = np.arange(6.0)[:, None]
+    one = fit_force(loads + 1e-3 * np.sin(9 * loads), loads)
+    files = saved(one, tmp_path / "f.json", "cell", days_old=100)
+    _, _, notes = calibrated(Skewed(), [Wrong()], files)
+    assert "100.0 days old; it was meant to last 90 days" in notes[0]
+    _, (sensor,), notes = calibrated(Skewed(), [Wrong()], files, stand_ins=["cell"])
+    assert "which is simulated: not applied" in notes[0]
+    assert isinstance(sensor, Wrong)
+    with pytest.raises(CalibrationError, match="is a calibration of force"):
+        calibrated(Skewed(), [Wrong()], {"latency": files["force"]})
+    for key in ("tool", "surface_left"):
+        with pytest.raises(ValidationError, match=rf"calibration\.{key}: a (scan|rig)"):
+            Rig.model_validate({"calibration": {key: files["force"]}})
+    with pytest.raises(ValidationError, match="a calibration of force, not of compliance"):
+        Rig.model_validate({"calibration": {"compliance": files["force"]}})
+
+
+def test_a_soft_rig_is_moved_on_until_the_tip_is_deep_enough(
+    tmp_path: Path, winkler: Respond
+) -> None:
+    """Tissue of 400 N/m on a rig of 2000 N/m: 2.5 mm of travel are 2.08 mm of indentation."""
+    depth = np.linspace(-1e-3, 2e-3, 40)
+    found = fit_compliance(depth, 2000 * np.maximum(depth, 0) + 1e-6 * np.sin(depth * 1e6))
+    tables = {
+        "stage": {"driver": "virtual", "stiffness_n_mm": 2.0},
+        "scan": {"start_mm": 24, "stations": 1},
+        "safety": {"max_force_n": 2.0, "workspace_mm": {"z": [-5.0, 50.0]}},
+    }
+    deep = []
+    for files in ({}, saved(found, tmp_path / "c.json", "virtual")):
+        rig = Rig.model_validate({**tables, "calibration": files})
+        ran = scan(rig, "TI", tmp_path, respond=winkler)
+        (station,) = open_run(ran.path).recording().stations
+        held = station.time_s > station.hold_s
+        force = 1e-4 * station.signal_pa[held, 0].max()
+        deep.append((1e3 * np.median(station.depth_m[held][:300]), 1e3 * force / 400))
+    assert deep[0] == pytest.approx((2.5, 2.083), abs=0.01)  # what it says, and what it was
+    assert deep[1] == pytest.approx((2.5, 2.5), abs=0.01)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calibration import fit_tare, record, save
+from calibration import fit_force, fit_tare, record, save
 from probe.dryrun import draw_path, dry_run, scan_seconds
 from probe.rig import Rig, default_rig
 from sim_backend.scene import load_scene
@@ -44,18 +44,23 @@ def test_a_full_disk_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
-    made = fit_tare(np.arange(20.0), np.sin(np.arange(20.0)))
+    loads = np.arange(6.0)[:, None]
+    made = fit_force(loads + 1e-3 * np.sin(9 * loads), loads)
+    tare = fit_tare(np.arange(20.0), np.sin(np.arange(20.0)))
     now = datetime.now(UTC)
-    files = {name: tmp_path / f"{name}.json" for name in ("new", "old", "bad")}
+    files = {name: tmp_path / f"{name}.json" for name in ("new", "old", "bad", "other")}
     save(record(made, "cell", {}, valid_days=2.0, now=now), files["new"])
     save(record(made, "cell", {}, valid_days=2.0, now=now - timedelta(days=3)), files["old"])
     files["bad"].write_text("{}")
-    rig = Rig.model_validate({"calibration": {name: str(file) for name, file in files.items()}})
+    save(record(tare, "cell", {}, now=now), files["other"])
+    named = {f"force_{name}": str(file) for name, file in files.items()}
+    rig = Rig.model_validate({"calibration": named})
     report = dry_run(rig, None, tmp_path)
     found = levels(report)
-    assert found["calibration new"] == "ok"
-    assert found["calibration old"] == "warning"
-    assert found["calibration bad"] == "fault"
+    assert found["calibration force_new"] == "ok"
+    assert found["calibration force_old"] == "warning"
+    assert found["calibration force_bad"] == "fault"
+    assert found["calibration force_other"] == "fault"
     assert not report.can_scan
 
 

@@ -4,9 +4,10 @@ from itertools import pairwise
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from drivers import ConfigError
-from probe.plan import Plan, check_reach, grid, repeated, row
+from probe.plan import Plan, check_reach, grid, normal_of, pressed, repeated, row
 
 BOX = ((0.0, 0.07), (-0.01, 0.01), (-0.003, 0.01))
 
@@ -50,3 +51,23 @@ def test_travel_clears_the_highest_station() -> None:
 def test_what_is_out_of_reach_is_refused(plan: Plan, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         check_reach(plan, BOX)
+
+
+def test_every_press_is_normal_to_the_surface() -> None:
+    """A slope of 3 in 4 along x and none along y: the normal is (-3, 0, 4) / 5."""
+    plan = Plan(row(4e-3, 4e-3, 2), surface=lambda x, _y: 0.75 * x)
+    start = plan.at_surface(plan.places[0])
+    assert normal_of(start) == pytest.approx((-0.6, 0.0, 0.8))
+    deep = pressed(start, 5e-3)
+    assert deep[:3] == pytest.approx((4e-3 + 3e-3, 0.0, 3e-3 - 4e-3))
+    assert plan.deepest_below_m == pytest.approx(plan.indentation_m / 0.8)
+    turned = Rotation.from_rotvec(start[3:]).apply([0.0, 0.0, 1.0])
+    assert turned == pytest.approx(normal_of(start))
+    with pytest.raises(ConfigError, match="inclined by 37 degrees"):
+        check_reach(plan, BOX)
+
+
+def test_a_level_surface_turns_nothing() -> None:
+    plan = Plan(row(4e-3, 4e-3, 2), surface=lambda _x, _y: 1e-3)
+    assert plan.at_surface(plan.places[0])[3:] == (0.0, 0.0, 0.0)
+    assert pressed(plan.at_surface(plan.places[0]), 2e-3).z == pytest.approx(-1e-3)

@@ -107,3 +107,12 @@ def test_a_sphere_is_cut_to_its_chord_and_a_path_is_followed() -> None:
     assert only.kind == "artery"
     assert only.stenosis is None
     assert section_at(load_scene("TIHA"), 3.0) is not None
+
+
+def test_depth_is_along_the_normal(winkler: Any) -> None:
+    """1 mm straight down from a slope of 3 in 4 is 0.8 mm deep."""
+    sloping = Phantom(
+        load_scene("TI"), SimulatedClock(), winkler, surface=lambda x, _y: 0.75 * x,
+        home=(0.004, 0.0, 2e-3),
+    )  # fmt: skip
+    assert sloping.depth_m(np.zeros(1)) == pytest.approx(0.8e-3)

@@ -126,3 +126,17 @@ def test_a_followed_stage_carries_the_tip() -> None:
     tip.record(1.1, (0.0, 0.0, -1e-3 - 1e-6))  # jitter is no motion
     assert tip.point(0.55)[2] == pytest.approx(-5.5e-4)
     assert tip.rest_before(1.2).time_s == pytest.approx(1.0)
+
+
+def test_a_soft_rig_and_a_wrong_gain(winkler: Any) -> None:
+    """Springs in series, and a sensor that reads 30 % too much."""
+    clock, phantom = world(winkler)
+    phantom.scene = load_scene("TI")  # 400 N/m, no pulse
+    stage = virtual_stage(clock, phantom=phantom, stiffness_n_mm=1.2)
+    sensor = virtual_sensor(clock, phantom=phantom, gain=1.3, noise_mn=0.0, quantum_mn=0.0)
+    sensor.start()
+    stage.move(Pose(0.032, 0.0, -2e-3), 3e-3)
+    clock.sleep_until(2.0)
+    assert sensor.read().values[-1, 0] == pytest.approx(1.3 * 300.0 * 2e-3, rel=1e-6)
+    with pytest.raises(ConfigError, match="stiffness_n_mm"):
+        virtual_stage(clock, phantom=phantom, stiffness_n_mm=0.0)
