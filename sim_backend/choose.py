@@ -7,19 +7,43 @@ them); each is about twice the largest error seen.
 from dataclasses import dataclass
 from math import exp
 
+from sim_backend.fem.newton import CannotSolve
 from sim_backend.scene import Artery, Inclusion, Scene
 
 SMALL_PCT, SMALL_POWER = 45.0, 1.35
+SMALL_LIMIT_PCT = 10.0
+"""Small strain that misses more of the force is refused."""
+SMALL_PULSE_PCT = 75.0
+"""What small strain misses of a pulse: half when just touching, two thirds at 2.5 mm."""
 FAR_PCT, FAR_SHARE = 150.0, 0.121
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The ``model`` to solve, the ``scene`` that it must see, and the error of both [%]."""
+    """The ``model`` to solve, the ``scene`` that it must see, and the error of both [%], in force
+    and in pulse."""
 
     model: str
     scene: Scene
     error_pct: float
+    pulse_error_pct: float = 0.0
+
+
+def named(model: str, scene: Scene, depth_mm: float, pressures_mmhg: tuple[float, ...]) -> Choice:
+    """The model that a user names. Raises `CannotSolve` for small strain where it is nonsense."""
+    if model != "small":
+        return Choice(model, scene, 0.0)
+    pct = small_strain_error_pct(scene, depth_mm)
+    if pct > SMALL_LIMIT_PCT:
+        half_mm = scene.indenter.width_mm_projected / 2
+        limit_mm = half_mm * (SMALL_LIMIT_PCT / SMALL_PCT) ** (1 / SMALL_POWER)
+        raise CannotSolve(
+            "small strain",
+            f"small strain misses about {pct:.0f} % of the force {depth_mm:g} mm deep: press less "
+            f"than {limit_mm:.2g} mm deep or take the finite-strain model.",
+        )
+    beats = bool(scene.arteries) and len(set(pressures_mmhg)) > 1
+    return Choice(model, scene, pct, SMALL_PULSE_PCT if beats else 0.0)
 
 
 def choose(

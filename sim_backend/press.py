@@ -7,7 +7,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_backend.choose import Choice, choose
+from sim_backend.choose import choose, named
 from sim_backend.fem.finite import solve_finite
 from sim_backend.fem.internal import smallest_area_ratio
 from sim_backend.fem.newton import CannotSolve, Solution
@@ -29,8 +29,10 @@ SMALLEST_SHARE = 0.01
 SHARE_LEFT = 0.5
 """What halving the size leaves of the change it made: the error falls at least linearly."""
 HALVES = ([0, 1, 2], [0, 2, 3])
-SMALL_PULSE = 1e-2
-"""Pulses below this share of the force are judged against the force."""
+SMALL_PULSE = 1e-3
+"""A pulse below this share of the force is judged against the share: no sensor feels it."""
+MOST_UNKNOWNS = 15_000
+"""No mesh above this is refined again: halving its elements would cost a minute."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,11 @@ class PressMesh:
 
 @dataclass(frozen=True)
 class Press:
-    """A press with one state per pressure; ``error_estimate_pct`` is of force and of pulse."""
+    """A press with one state per pressure.
+
+    ``error_estimate_pct`` is the larger of those of force and of pulse;
+    ``pulse_error_estimate_pct`` that of the span of forces alone, None at a single pressure.
+    """
 
     scene: Scene
     x_mm: float
@@ -78,6 +84,7 @@ class Press:
     dofs: int
     seconds: float
     error_estimate_pct: float
+    pulse_error_estimate_pct: float | None
     states: tuple[State, ...]
     mesh: PressMesh
 
@@ -90,7 +97,8 @@ class Press:
             "model": self.model,
             "dofs": self.dofs,
             "seconds": round(self.seconds, 4),
-            "error_estimate_pct": float(f"{self.error_estimate_pct:.3g}"),
+            "error_estimate_pct": _rounded(self.error_estimate_pct),
+            "pulse_error_estimate_pct": _rounded(self.pulse_error_estimate_pct),
             "states": [
                 {
                     "pressure_mmhg": s.pressure_mmhg,
@@ -117,38 +125,46 @@ def press(
 
     Model and mesh are the cheapest that keep force and pulse within ``accuracy_pct``, unless
     ``model`` names one, ``finite`` or ``small`` strain. Meshes are refined by halves until what
-    changes is small enough. Raises `SceneError` for a press that cannot be meant and `CannotSolve`
-    where physics ends; a mesh too fine to be solved ends the refinement instead.
+    changes is small enough. A mesh too fine to be solved, or to be worth it, ends the refinement,
+    and the stated error is then above ``accuracy_pct``. Raises `SceneError` for a press that cannot
+    be meant and `CannotSolve` where physics ends.
     """
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()
-    choice = Choice(model, scene, 0.0)
     if model == "auto":
         choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct)
+    else:
+        choice = named(model, scene, depth_mm, pressures)
     solve = SOLVERS[choice.model]
     place = 1e-3 * x_mm, 1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures]
     size_m = _first_size_m(scene, accuracy_pct)
     smallest_m = SMALLEST_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
     section, solutions = solve(choice.scene, *place, size_m)
-    mesh_pct = np.inf
-    while choice.error_pct + mesh_pct > accuracy_pct and size_m / 2 >= smallest_m:
+    mesh_pct = np.full(2, np.inf)
+    model_pct = np.array([choice.error_pct, choice.pulse_error_pct])
+    left_pct = np.maximum(accuracy_pct - model_pct, accuracy_pct / 2)
+    while (mesh_pct > left_pct).any() and size_m / 2 >= smallest_m:
         size_m /= 2
         coarse = solutions
         try:
             section, solutions = solve(choice.scene, *place, size_m)
         except CannotSolve:
-            if np.isinf(mesh_pct):
+            if np.isinf(mesh_pct).any():
                 raise
             mesh_pct /= SHARE_LEFT  # of the mesh before, whose answer is kept
             break
-        mesh_pct = SHARE_LEFT * _change_pct(coarse, solutions)
+        mesh_pct = SHARE_LEFT * _changes_pct(coarse, solutions)
+        if len(section.assembly.free) > MOST_UNKNOWNS:
+            break
     states = tuple(_state(section, s, p) for s, p in zip(solutions, pressures, strict=True))
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)
     name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")
+    error_pct = model_pct + mesh_pct
+    pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
     return Press(
         scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
-        choice.error_pct + mesh_pct, states, PressMesh(section),
+        float(error_pct.max()), pulse_pct, states, PressMesh(section),
     )  # fmt: skip
 
 
@@ -159,15 +175,17 @@ def _first_size_m(scene: Scene, accuracy_pct: float) -> float:
     return float(np.clip(0.18 * span * np.sqrt(accuracy_pct), 0.04 * span, 0.25 * span))
 
 
-def _change_pct(coarse: list[Solution], fine: list[Solution]) -> float:
-    """Largest change of force, and of the span of forces over the pressures, in percent."""
+def _changes_pct(coarse: list[Solution], fine: list[Solution]) -> Array:
+    """Largest change of force, and that of the span of forces over the pressures (2,) [%]."""
     a, b = (np.array([s.force_n_per_m for s in each]) for each in (coarse, fine))
-    largest = float(np.abs(b).max())
-    change = float(np.abs(a - b).max()) / max(largest, 1e-12)
-    if len(b) > 1:
-        span, before = np.ptp(b), np.ptp(a)
-        change = max(change, float(abs(span - before)) / max(float(span), SMALL_PULSE * largest))
-    return 100 * change
+    largest = max(float(np.abs(b).max()), 1e-12)
+    span, before = float(np.ptp(b)), float(np.ptp(a))
+    of_span = abs(span - before) / max(span, SMALL_PULSE * largest)
+    return 100 * np.array([np.abs(a - b).max() / largest, of_span])
+
+
+def _rounded(pct: float | None) -> float | None:
+    return None if pct is None else float(f"{pct:.3g}")
 
 
 def _state(section: Section, solution: Solution, pressure_mmhg: float) -> State:

@@ -34,8 +34,8 @@ def solve_finite(
     rest = [Load(depth_m, p) for p in pressures_pa[1:]]
     try:
         solutions = list(march(section, untouched(section), [*ramp, *rest]))
-    except CannotSolve:
-        if not first:
+    except CannotSolve as error:
+        if not first or error.limit != "limit pressure":
             raise
         ramp = [Load(d, 0.0) for d in depths]
         rest = [Load(depth_m, p) for p in pressures_pa]

@@ -16,6 +16,7 @@ from sim_backend.fem.assembly import gather
 from sim_backend.fem.contact import Finger
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
+from sim_backend.fem.mesh import TISSUE
 from sim_backend.fem.section import Section
 from sim_backend.fem.touch import touches, walls_cross
 
@@ -23,6 +24,9 @@ Array = NDArray[np.float64]
 
 MAX_SWEEPS = 25
 SMALLEST_STEP = 1 / 256
+MOST_FAILURES = 14
+"""Steps on the way to one load that may fail: each may take `MAX_SWEEPS`, and where walls fold one
+fold after another this is what ends it."""
 JUDGE = 1.0
 """Weight of a gap against a multiplier, over the tissue's modulus, where contact is decided."""
 FIRM = 1e4
@@ -100,7 +104,7 @@ def as_solved(section: Section, solution: Solution) -> Section:
 
 
 def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> Solution:
-    origin, share, step = now.load, 0.0, 1.0
+    origin, share, step, failures = now.load, 0.0, 1.0, 0
     while share < 1.0:
         target = origin.between(goal, min(1.0, share + step))
         try:
@@ -109,7 +113,8 @@ def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> S
             )
         except _Failed as failure:
             step /= 2
-            if step < SMALLEST_STEP:
+            failures += 1
+            if step < SMALLEST_STEP or failures > MOST_FAILURES:
                 raise _physical_limit(section, now, target, failure) from None
             continue
         if as_solved(section, now) is section and walls_cross(section, reached.displacement):
@@ -185,7 +190,7 @@ def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
             for t, m, a in zip(pairs, push, active, strict=True)
         ]
         before = active
-    raise _Failed("Newton's method did not converge")
+    raise _Failed(f"Newton's method did not converge within {MAX_SWEEPS} steps")
 
 
 def _lowered(section: Section, load: Load) -> Finger:
@@ -242,8 +247,8 @@ def _body(
 
 
 def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Failed) -> CannotSolve:
-    ratio, place = smallest_area_ratio(section, last.displacement)
-    x_mm, y_mm = 1e3 * place
+    ratio, cell = smallest_area_ratio(section, last.displacement)
+    x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322
     where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
     if goal.pressure_pa > last.load.pressure_pa:
@@ -253,8 +258,10 @@ def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Fail
             f"without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
             "Take a lower pressure, a thicker or a stiffer wall.",
         )
+    folds = bool(section.lumens) and section.mesh.region[cell] != TISSUE
+    what = "the vessel's wall folds" if folds else "the tissue under the finger is crushed"
     return CannotSolve(
         "greatest depth",
-        f"no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg: {failure}; the most "
-        f"compressed tissue (det F = {ratio:.2g}) is {where}. Press less deep.",
+        f"no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg: {what} {where} "
+        f"(det F = {ratio:.2g}; {failure}). Press less deep.",
     )

@@ -23,7 +23,7 @@ COARSEST_M = 2.4e-3
 CONTACT_SHARE, GROWTH = 0.4, 0.45
 """Nodes that enter the contact one by one make the force jump; a finer surface keeps the jumps
 below 0.03 % of it, and growing faster from there costs no more unknowns."""
-FINEST_WALL = 0.03
+FINEST_WALL = 0.05
 """Smallest element size at an inclusion over its radius."""
 HELD_M = 2.4e-3
 """Standard deviation of the stretch of bottom that is held sideways."""

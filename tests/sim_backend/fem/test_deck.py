@@ -34,9 +34,9 @@ def run(deck):
 def test_calculix_agrees(plane, tmp_path):
     """A lone vessel, filled and pressed: bending, follower pressure, both contacts."""
     scene = load_scene("HAOT").model_copy(update={"plane": plane})
-    deck = write_deck(scene, 32.0, 0.4, [80.0], tmp_path / "haot.inp", size_mm=1.2)
+    deck = write_deck(scene, 32.0, 0.4, [80.0], tmp_path / "haot.inp", size_mm=0.8)
     (theirs,) = run(deck)
-    _, (ours,) = solve_finite(scene, 0.032, 0.4e-3, [80 * PA_PER_MMHG], 1.2e-3)
+    _, (ours,) = solve_finite(scene, 0.032, 0.4e-3, [80 * PA_PER_MMHG], 0.8e-3)
     assert 1e-3 * ours.force_n_per_m == pytest.approx(theirs, rel=0.01)
 
 
