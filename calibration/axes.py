@@ -32,6 +32,10 @@ class AxesCalibration:
         """What the stage must read (..., 3) [m] to be at ``target_m`` in the scan frame."""
         return np.asarray(np.linalg.solve(self.matrix, (np.asarray(target_m) - self.shift_m).T).T)
 
+    def misses(self, read_m: Array, true_m: Array) -> Array:
+        """True places less the expected ones (3 n,) [m]."""
+        return np.asarray((np.asarray(true_m) - self.true(read_m)).ravel())
+
     @property
     def scale_errors(self) -> Array:
         """(3,): how much longer each axis is than it reads, as a fraction."""

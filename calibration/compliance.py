@@ -13,6 +13,7 @@ from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, linear_fit, nonlinear_fit, same_length
 
 ADVICE = "press the rigid block further, in steps, up to the largest force of your scans"
+LOADED = 0.3  # of the greatest force: from there on a reading is one under load
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,13 @@ class ComplianceCalibration:
         """The commanded depth [m] that gives ``depth_m`` while ``force_n`` acts."""
         return np.asarray(np.asarray(depth_m) + np.asarray(force_n) / self.stiffness_n_m)
 
+    def misses(self, depth_m: Array, force_n: Array) -> Array:
+        """Forces under load less the expected ones (n,) [N], wherever contact began."""
+        force = np.asarray(force_n, dtype=float)
+        loaded = force > force.min() + LOADED * np.ptp(force)
+        off = force[loaded] - self.stiffness_n_m * np.asarray(depth_m)[loaded]
+        return np.asarray(off - off.mean())
+
 
 def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
     """Rig stiffness from travel (n,) [m, down positive] and force (n,) [N] on a rigid block.
@@ -62,7 +70,7 @@ def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
         raise CalibrationError(
             f"the force varies by {high - low:.3g} N, no more than noise; {ADVICE}"
         )
-    upper = force > low + 0.3 * (high - low)
+    upper = force > low + LOADED * (high - low)
     if len(np.unique(depth[upper])) < 3:
         raise CalibrationError(f"fewer than three loaded depths; {ADVICE}")
     slope, level = np.polyfit(depth[upper], force[upper], 1)

@@ -56,6 +56,14 @@ class ForceCalibration:
             excess = excess - np.multiply.outer(warmer, self.temperature)
         return np.asarray(excess @ np.linalg.pinv(self.sensitivity).T)
 
+    def misses(self, raw: Array, load_n: Array, temperature_c: Array | None = None) -> Array:
+        """Readings (n * channels,) less what this expects; offsets are a tare's to take."""
+        expected = np.asarray(load_n) @ self.sensitivity.T
+        if temperature_c is not None:
+            expected = expected + np.multiply.outer(temperature_c, self.temperature)
+        off = np.asarray(raw) - expected
+        return np.asarray((off - off.mean(axis=0)).ravel())
+
 
 def fit_force(
     raw: Array,

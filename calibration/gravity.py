@@ -46,6 +46,10 @@ class GravityCalibration:
         own = np.concatenate([weight, np.cross(self.centre_m, weight)], axis=-1)
         return np.asarray(wrench - self.bias - own)
 
+    def misses(self, wrench: Array, rotations: Array) -> Array:
+        """What is left (6 n,) of free-hanging readings."""
+        return self.load(wrench, rotations).ravel()
+
 
 def fit_gravity(
     wrench: Array, rotations: Array, gravity_m_s2: tuple[float, float, float] = GRAVITY_M_S2

@@ -1,8 +1,9 @@
 """Delay and clock skew of a sensor against the stage, from a tap or a chirp both can see.
 
 A sample stamped t was taken at t - delay - skew (t - middle). The sensor's signal is modelled as
-a polynomial of the stage's, so a curved force-depth relation does no harm; creep and relaxation
-would look like a delay, so tap on something elastic (steel spring, rigid block), not on tissue.
+any function of the stage's (straight pieces between knots), so neither a curved relation nor the
+air before a tap does harm; creep and relaxation would look like a delay, so tap on something
+elastic (steel spring, rigid block), not on tissue.
 """
 
 from dataclasses import dataclass, field
@@ -17,7 +18,7 @@ from calibration.fit import Array, Fit, as_columns, nonlinear_fit, same_length
 
 ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or more"
 MAX_DELAY_S = 0.25
-POWERS = 3  # of the stage's signal
+KNOTS = 12  # of the sensor's signal as a function of the stage's
 
 
 @dataclass(frozen=True)
@@ -66,22 +67,23 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     course = CubicSpline(ts, (s - s.mean()) / np.std(s))
     rate = course.derivative()
     size = float(np.std(y))
+    knots = _knots(course(t - start), y)
 
-    def delayed(p: Array) -> tuple[Array, Array]:
+    def delayed(p: Array) -> tuple[Array, Array, Array]:
         lag = t - start - p[0] - p[1] * (t - middle) / span
-        return np.vander(course(lag), POWERS + 1, increasing=True), rate(lag)
+        return (*_pieces(course(lag), knots), rate(lag))
 
     def misfit(p: Array) -> Array:
-        powers, _ = delayed(p)
-        return np.asarray(powers @ p[2:] - y / size)
+        shares, _, _ = delayed(p)
+        return np.asarray(shares @ p[2:] - y / size)
 
     def slopes(p: Array) -> Array:
-        powers, speed = delayed(p)
-        bent = powers[:, :-1] @ (p[3:] * np.arange(1, POWERS + 1))
-        return np.column_stack([-bent * speed, -bent * speed * (t - middle) / span, powers])
+        shares, steps, speed = delayed(p)
+        turned = -(steps @ p[2:]) * speed
+        return np.column_stack([turned, turned * (t - middle) / span, shares])
 
     first, *_ = np.linalg.lstsq(delayed(np.zeros(2))[0], y / size)
-    names = ("delay", "skew", *(f"shape {n}" for n in range(POWERS + 1)))
+    names = ("delay", "skew", *(f"shape {n}" for n in range(len(knots))))
     fit = nonlinear_fit(
         misfit, np.concatenate([np.zeros(2), first]), names, ADVICE, jacobian=slopes
     )
@@ -94,6 +96,34 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     turn[0, 0], turn[1, 1] = 1, 1 / span
     both = fit.derived(("delay", "skew"), turn @ fit.values + [start, 0.0], turn)
     return LatencyCalibration(float(both.values[0]), float(both.values[1]), middle, both)
+
+
+def _knots(course: Array, y: Array) -> Array:
+    """Knots of the static function: closer together where the sensor's signal changes more.
+
+    Each piece has an equal share of the samples that are sorted by the stage's signal and of the
+    sensor's change over them, so that the air above a touch takes one piece, not all.
+    """
+    order = np.argsort(course)
+    levels, felt = course[order], y[order]
+    groups = np.array_split(np.arange(len(order)), 4 * KNOTS)
+    at = np.array([levels[g].mean() for g in groups])
+    change = np.abs(np.gradient(np.array([felt[g].mean() for g in groups])))
+    share = np.cumsum(change / max(change.sum(), 1e-300) + np.gradient(at) / np.ptp(at))
+    inner = np.interp(np.linspace(share[0], share[-1], KNOTS)[1:-1], share, at)
+    return np.unique(np.concatenate([[levels[0]], inner, [levels[-1]]]))
+
+
+def _pieces(values: Array, knots: Array) -> tuple[Array, Array]:
+    """Shares (n, knots) of each knot's height at ``values`` (n,), and their derivatives."""
+    n = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
+    width = knots[n + 1] - knots[n]
+    part = (values - knots[n]) / width
+    rows = np.arange(len(values))
+    shares, steps = np.zeros((2, len(values), len(knots)))
+    shares[rows, n], shares[rows, n + 1] = 1 - part, part
+    steps[rows, n], steps[rows, n + 1] = -1 / width, 1 / width
+    return shares, steps
 
 
 def _coarse(ts: Array, s: Array, tf: Array, f: Array) -> float:

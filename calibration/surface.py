@@ -61,6 +61,11 @@ class SurfaceCalibration:
         terms = _terms(xy - self.centre_m, len(self.coefficients))
         return np.asarray(terms @ self.coefficients)
 
+    def misses(self, touches_m: Array) -> Array:
+        """Heights of new touches (n, 3) less the expected ones (n,) [m]."""
+        touches = np.asarray(touches_m)
+        return np.asarray(touches[:, 2] - self.heights(touches[:, 0], touches[:, 1]))
+
     def height(self, x_m: float, y_m: float) -> float:
         """Height [m] at one place: the planner's ``Surface``."""
         return float(self.heights(np.array([x_m]), np.array([y_m]))[0])

@@ -42,6 +42,14 @@ class TaxelCalibration:
         """True (n, taxels) where a reading is at the ceiling: a bound, not a value."""
         return np.asarray(np.asarray(raw) >= self.ceiling)
 
+    def misses(self, raw: Array, pressure_pa: Array) -> Array:
+        """Readings less what this expects, of living taxels below their ceiling, without tare."""
+        raw = np.asarray(raw, dtype=float)
+        off = raw - np.divide.outer(np.asarray(pressure_pa, dtype=float), self.gain)
+        off = np.where(self.saturated(raw), np.nan, off)[:, self.dead == 0]
+        off = off - np.nanmean(off, axis=0)
+        return np.asarray(off[np.isfinite(off)])
+
 
 def fit_taxels(raw: Array, pressure_pa: Array) -> TaxelCalibration:
     """Each taxel's gain from uniform pressures (a bladder, or weights on a soft pad).

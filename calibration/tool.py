@@ -28,6 +28,11 @@ class ToolCalibration:
         """Tip (n, 3) [m] in the base frame from flange positions (n, 3) and R (n, 3, 3)."""
         return np.asarray(position_m + np.asarray(rotations) @ self.tip_m)
 
+    def misses(self, position_m: Array, rotations: Array) -> Array:
+        """How far (3 n,) [m] the tip leaves the mean of its places, in whichever dimple."""
+        tips = self.tip(position_m, rotations)
+        return np.asarray((tips - tips.mean(axis=0)).ravel())
+
 
 def fit_tool(position_m: Array, rotations: Array) -> ToolCalibration:
     """The tip from flange poses (n, 3) [m] and (n, 3, 3) base from flange.

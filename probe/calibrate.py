@@ -1,20 +1,22 @@
-"""Calibrations from tables of readings: which columns each needs, and the tissue's by the phantom.
+"""Calibrations from readings: which columns each needs, and the tissue's by the phantom.
 
 The fits themselves are in `calibration` and know neither files nor finite elements.
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
 from calibration import (
+    Calibration,
+    TissueCalibration,
     fit_axes,
     fit_compliance,
     fit_force,
@@ -26,122 +28,141 @@ from calibration import (
     fit_taxels,
     fit_tissue,
     fit_tool,
+    load,
+    restore,
+    worse_than,
 )
 from calibration.errors import CalibrationError
+from calibration.touch import find_contact
+from probe.readings import Readings
 from sim_backend.press import press
-from sim_backend.scene import Scene, load_scene
+from sim_backend.scene import Scene
 
 Array = NDArray[np.float64]
-Raw = dict[str, Array]
+Forward = Callable[[Array, Array], tuple[Array, Array]]
 
-MAX_ROWS = 5_000_000
 CURVE_POINTS = 9
-DEFAULT_CUFF_MMHG = (120.0, 80.0)
 
 
 @dataclass(frozen=True)
-class Readings:
-    """A table's columns; asking for one that is not there says which file and what it has."""
+class Choices:
+    """What a person may say beside the readings; each is of one kind.
 
-    path: Path
-    table: pd.DataFrame
-
-    def column(self, name: str) -> Array:
-        """(n,) of one column, without empty cells."""
-        if name not in self.table:
-            raise CalibrationError(f"{self.path}: column {name} is missing; it has "
-                                   f"{', '.join(map(str, self.table))}")  # fmt: skip
-        values = pd.to_numeric(self.table[name], errors="coerce").to_numpy(float)
-        return np.asarray(values[np.isfinite(values)])
-
-    def columns(self, *names: str) -> Array:
-        """(n, k)."""
-        return np.column_stack([self.column(name) for name in names])
-
-    def numbered(self, name: str, unit: str = "") -> Array:
-        """``name`` + unit, or ``name_0``, ``name_1``, … with it: (n, k)."""
-        if name + unit in self.table:
-            return self.column(name + unit)[:, None]
-        many = [c for n in range(4096) if (c := f"{name}_{n}{unit}") in self.table]
-        return self.columns(*many) if many else self.columns(name + unit)
-
-
-def read(path: Path) -> Readings:
-    """A CSV table of numbers. Raises `CalibrationError`."""
-    if not path.is_file():
-        raise CalibrationError(f"{path}: no such file")
-    try:
-        table = pd.read_csv(path, nrows=MAX_ROWS, comment="#")
-    except (ValueError, UnicodeDecodeError) as error:
-        raise CalibrationError(f"{path}: not a CSV table ({error})") from None
-    return Readings(path, table.rename(columns=str.strip))
-
-
-def fit_table(
-    kind: str, path: Path, *, surface_model: Any = "plane", scene_name: str = "TI",
-    twin: Path | None = None,
-) -> tuple[Any, Raw]:  # fmt: skip
-    """The calibration of ``kind`` from the table in ``path``, and the columns it was made from.
-
-    Raises `CalibrationError` naming file and column, or what the readings leave open.
+    ``surface_model``: plane, quadric or map. ``scene``: block and finger of a tissue.
+    ``relaxation_s``: a guess of each relaxation time wanted. ``cuff_mmhg``: systolic, diastolic.
     """
-    r = read(path)
-    raw = {str(c): r.column(str(c)) for c in r.table}
+
+    surface_model: Any = "plane"
+    scene: Scene | None = None
+    relaxation_s: tuple[float, ...] = ()
+    cuff_mmhg: tuple[float, float] = (120.0, 80.0)
+
+
+def fit_readings(kind: str, r: Readings, choices: Choices) -> Calibration:
+    """The calibration of ``kind``. Raises `CalibrationError` naming file and column, or what the
+    readings leave open."""
     if kind == "tissue":
-        return _tissue(r, load_scene(scene_name), twin), raw
-    fits: dict[str, Callable[[], Any]] = {
-        "force": lambda: fit_force(r.numbered("raw"), r.numbered("load", "_n"),
-                                   r.column("temperature_c") if "temperature_c" in raw else None),
-        "taxels": lambda: fit_taxels(r.numbered("raw"), r.column("pressure_pa")),
-        "gravity": lambda: fit_gravity(
-            r.columns("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"), _turns(r)
-        ),
-        "tare": lambda: fit_tare(r.column("time_s"), r.numbered("value")),
-        "tool": lambda: fit_tool(1e-3 * r.columns("x_mm", "y_mm", "z_mm"), _turns(r)),
-        "axes": lambda: fit_axes(1e-3 * r.columns("x_mm", "y_mm", "z_mm"),
-                                 1e-3 * r.columns("true_x_mm", "true_y_mm", "true_z_mm")),
-        "surface": lambda: fit_surface(1e-3 * r.columns("x_mm", "y_mm", "z_mm"), surface_model),
-        "latency": lambda: fit_latency(r.column("time_s"), 1e-3 * r.column("depth_mm"),
-                                       r.column("sensor_time_s"), r.column("force_n")),
-        "compliance": lambda: fit_compliance(1e-3 * r.column("depth_mm"), r.column("force_n")),
-        "heart": lambda: fit_heart(r.column("time_s"), r.column("reference"), DEFAULT_CUFF_MMHG,
-                                   is_pressure=False),
+        return _tissue(r, choices)
+    arguments = _arguments(kind, r)
+    if kind == "surface":
+        return fit_surface(arguments[0], choices.surface_model)
+    if kind == "heart":
+        wave = "pressure" in r.table
+        return fit_heart(arguments[0], arguments[1], choices.cuff_mmhg, is_pressure=wave)
+    fits: dict[str, Callable[..., Calibration]] = {
+        "force": fit_force, "taxels": fit_taxels, "gravity": fit_gravity, "tare": fit_tare,
+        "tool": fit_tool, "axes": fit_axes, "latency": fit_latency, "compliance": fit_compliance,
     }  # fmt: skip
-    return fits[kind](), raw
+    return fits[kind](*arguments)
+
+
+def still_holds(file: Path, kind: str, r: Readings) -> str | None:
+    """A warning if the calibration in ``file`` misses new readings by more than its residuals
+    allow; None if it holds, if there is none, or if its kind cannot be told so."""
+    if not file.is_file():
+        return None
+    one = load(file)
+    if one.kind != kind or (r.device and one.device != r.device):
+        raise CalibrationError(
+            f"{file}: holds a calibration of {one.kind} of {one.device!r}; give another --out"
+        )
+    misses = getattr(restore(one, str(file)), "misses", None)
+    return None if misses is None else worse_than(one, misses(*_arguments(kind, r)))
+
+
+def _arguments(kind: str, r: Readings) -> tuple[Array, ...]:
+    """What `calibration`'s functions of ``kind`` take, SI."""
+    match kind:
+        case "force":
+            warm = (r.column("temperature_c"),) if "temperature_c" in r.table else ()
+            return r.numbered("raw"), r.numbered("load", "_n"), *warm
+        case "taxels":
+            return r.numbered("raw"), r.column("pressure_pa")
+        case "gravity":
+            return r.columns("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"), _turns(r)
+        case "tare":
+            return r.column("time_s"), r.numbered("value")
+        case "tool":
+            return 1e-3 * r.columns("x_mm", "y_mm", "z_mm"), _turns(r)
+        case "axes":
+            true = r.columns("true_x_mm", "true_y_mm", "true_z_mm")
+            return 1e-3 * r.columns("x_mm", "y_mm", "z_mm"), 1e-3 * true
+        case "surface":
+            return (1e-3 * r.columns("x_mm", "y_mm", "z_mm"),)
+        case "latency":
+            stage = r.columns("time_s", "depth_mm")
+            sensor = r.columns("sensor_time_s", "force_n")
+            return stage[:, 0], 1e-3 * stage[:, 1], sensor[:, 0], sensor[:, 1]
+        case "heart":
+            felt = r.columns("time_s", "pressure" if "pressure" in r.table else "reference")
+            return felt[:, 0], felt[:, 1]
+        case _:
+            curve = r.columns("depth_mm", "force_n")
+            return 1e-3 * curve[:, 0], curve[:, 1]
 
 
 def _turns(r: Readings) -> Array:
     return Rotation.from_rotvec(r.columns("rx_rad", "ry_rad", "rz_rad")).as_matrix()
 
 
-def _tissue(r: Readings, scene: Scene, twin: Path | None) -> Any:
-    if scene.tissue is None:
-        raise CalibrationError(f"scene {scene.name}: it has no tissue; take TI or one of your own")
-    depth = 1e-3 * r.column("depth_mm")
+def _tissue(r: Readings, choices: Choices) -> TissueCalibration:
+    scene = choices.scene
+    if scene is None or scene.tissue is None:
+        raise CalibrationError("a scene with a block of tissue is needed: TI or one of your own")
+    names = ("depth_mm", "force_n", *(("time_s",) if "time_s" in r.table else ()))
+    columns = r.columns(*names)
+    if "held" in r.table and not choices.relaxation_s:
+        columns = columns[r.column("held") == 0]  # a hold is of use to relaxation only
+    depth, force = 1e-3 * columns[:, 0], columns[:, 1]
+    with suppress(CalibrationError):  # without readings in the air depths are taken as they are
+        depth = depth - float(find_contact(depth, force).values[0])
     plain = scene.model_copy(update={"inclusion": ()})
     forward = force_of_modulus(plain, float(depth.max()))
-    start_pa = 1e3 * scene.tissue.modulus_kpa
-    found = fit_tissue(depth, r.column("force_n"), forward, [start_pa])
-    if twin is not None:
-        write_twin(plain, float(found.modulus_pa[0]), twin)
-    return found
+    return fit_tissue(
+        depth, force, forward, [1e3 * scene.tissue.modulus_kpa],
+        time_s=columns[:, 2] if len(names) == 3 else None,
+        relaxation_start_s=choices.relaxation_s,
+    )  # fmt: skip
 
 
-def force_of_modulus(
-    scene: Scene, deepest_m: float
-) -> Callable[[Array, Array], tuple[Array, Array]]:
+def force_of_modulus(scene: Scene, deepest_m: float, model: str = "finite") -> Forward:
     """Force (n,) [N] of moduli (1,) [Pa] and depths (n,) [m] on plain tissue, with its derivative
-    (n, 1), by finite strain: a neo-Hookean block's force is proportional to its modulus."""
+    (n, 1), by the finite elements: a homogeneous block's force is proportional to its modulus."""
     if scene.tissue is None:
         raise CalibrationError(f"scene {scene.name} has no tissue")
     depths = np.linspace(0.0, 1.1 * deepest_m, CURVE_POINTS)
     x_mm = 0.5 * scene.tissue.width_mm
     force = [0.0] + [
         scene.indenter.length_mm
-        * press(scene, x_mm, 1e3 * d, model="finite", accuracy_pct=0.5).states[0].force_n_per_mm
+        * press(scene, x_mm, 1e3 * d, model=model, accuracy_pct=0.5).states[0].force_n_per_mm
         for d in depths[1:]
     ]
-    per_pa = PchipInterpolator(depths, np.array(force) / (1e3 * scene.tissue.modulus_kpa))
+    return proportional(depths, np.array(force) / (1e3 * scene.tissue.modulus_kpa))
+
+
+def proportional(depths: Array, force_per_pa: Array) -> Forward:
+    """The forward model through forces per modulus (k,) at ``depths`` (k,), none in the air."""
+    per_pa = PchipInterpolator(depths, force_per_pa)
 
     def forward(moduli: Array, depth_m: Array) -> tuple[Array, Array]:
         unit = np.where(depth_m > 0, per_pa(np.clip(depth_m, 0.0, depths[-1])), 0.0)
@@ -150,19 +171,6 @@ def force_of_modulus(
     return forward
 
 
-def write_twin(scene: Scene, modulus_pa: float, path: Path) -> None:
-    """The scene with the modulus found, as a file: the digital twin of the block on the table."""
-    tissue, finger = scene.tissue, scene.indenter.model_dump(exclude_none=True)
-    assert tissue is not None
-    lines = [f'name = "{path.stem}"', f'plane = "{scene.plane}"', "", "[tissue]"]
-    block = tissue.model_dump() | {"modulus_kpa": round(1e-3 * modulus_pa, 4)}
-    lines += [f"{k} = {v}" for k, v in block.items() if k != "relaxation"]
-    lines += ["", "[indenter]"]
-    lines += [f"{k} = {_toml(v)}" for k, v in finger.items()]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f'"{value}"' if isinstance(value, str) else str(value)
+def raw_of(r: Readings) -> dict[str, Array]:
+    """Every column, for the file."""
+    return {str(name): r.column(str(name)) for name in r.table}

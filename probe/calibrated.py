@@ -88,10 +88,12 @@ class CalibratedSensor:
     def read(self) -> Block:
         """The device's block, calibrated."""
         block = self._sensor.read()
+        if not len(block.time_s):
+            return block
         time_s, saturated, values = block.time_s, block.saturated, block.values.copy()
         for where, gains in self._gains:
             values[:, where] = values[:, where] @ gains
-        if self._taxels is not None and len(time_s):
+        if self._taxels is not None:
             span = self._taxels.ceiling - self._taxels.offset
             saturated = saturated.copy()
             saturated[:, self._where] |= block.values[:, self._where] >= CLIPPED * span

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from scipy.interpolate import RBFInterpolator
 
@@ -260,8 +261,19 @@ def _surface(height_mm: Heights) -> Surface:
         level = 1e-3 * height_mm
         return lambda _x, _y: level
     points = 1e-3 * np.array(height_mm)
+    if len(points) == 3:
+        return _plane(points)
     try:
         sheet = RBFInterpolator(points[:, :2], points[:, 2], kernel="thin_plate_spline", degree=1)
     except np.linalg.LinAlgError:
         raise ValueError("surface_mm: the points must not lie on one line") from None
     return lambda x, y: float(sheet(np.array([[x, y]]))[0])
+
+
+def _plane(points: NDArray[np.float64]) -> Surface:
+    """The plane through three points (3, 3) [m]."""
+    (x0, y0, z0), to_second, to_third = points[0], points[1] - points[0], points[2] - points[0]
+    east, north, up = np.cross(to_second, to_third).tolist()
+    if abs(up) <= 1e-9 * np.linalg.norm(to_second) * np.linalg.norm(to_third):
+        raise ValueError("surface_mm: the points must not lie on one line")
+    return lambda x, y: float(z0 - (east * (x - x0) + north * (y - y0)) / up)

@@ -117,7 +117,7 @@ class _Signal:
         self.gains = np.array([self._gain(own[n]) for n in self.picked])
         self.surface_m = _surface(config)
         self.incline = _incline(config)
-        self.give_m_per_n = _give_m_per_n(config)
+        self.give_m_per_n = give_m_per_n(config)
 
     def _gain(self, channel: Channel) -> float:
         if channel.unit in PRESSURE_PA:
@@ -240,7 +240,7 @@ def _metres(length_mm: float | None) -> float:
     return math.nan if length_mm is None else 1e-3 * float(length_mm)
 
 
-def _give_m_per_n(config: Mapping[str, Any]) -> float:
+def give_m_per_n(config: Mapping[str, Any]) -> float:
     """How far the rig itself bends: 0 where its compliance was not calibrated."""
     one = config.get("calibration", {}).get("compliance")
     try:

@@ -29,7 +29,7 @@ DRAG_GRID_M = 1e-3  # sideways under the surface, the sections of whole millimet
 INCLINED_GRID_M = 0.5e-3  # going in along an inclined normal, those of half millimetres
 STEEP = 0.6  # sideways share of a press's direction, at most
 PLACE_GRID_M = 1e-5
-BISECTIONS = 40  # of a depth: far below a nanometre
+BISECTIONS = 60  # of a depth: far below what changes even a rigid block's force
 SLOPE_M = 0.1e-3  # the surface's slope is taken this far to either side
 BULGE_M = 0.7e-3  # a filled vessel lifts the surface by up to this: there the section is asked
 

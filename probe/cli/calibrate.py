@@ -1,25 +1,12 @@
-"""``palpate calibrate``: from a table of raw readings to a calibration file that scans apply."""
+"""``palpate calibrate``: from raw readings to a calibration file that scans apply."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from probe.cli.guide import GUIDE
 from probe.cli.say import Json, answer, answer_json, plain, tell
-
-COLUMNS: dict[str, str] = {
-    "force": "raw or raw_0, raw_1 …; load_n or load_0_n …; optional temperature_c",
-    "taxels": "raw_0, raw_1 …; pressure_pa",
-    "gravity": "fx_n, fy_n, fz_n, mx_nm, my_nm, mz_nm; rx_rad, ry_rad, rz_rad (sensor in base)",
-    "tare": "time_s; value or value_0, value_1 …",
-    "tool": "x_mm, y_mm, z_mm; rx_rad, ry_rad, rz_rad (flange in base, tip on one point)",
-    "axes": "x_mm, y_mm, z_mm (read); true_x_mm, true_y_mm, true_z_mm",
-    "surface": "x_mm, y_mm, z_mm of the tip at each touch",
-    "latency": "time_s, depth_mm of the stage; sensor_time_s, force_n",
-    "compliance": "depth_mm, force_n on a rigid block",
-    "tissue": "depth_mm, force_n on plain tissue; optional time_s",
-    "heart": "time_s, reference (PPG, ECG or pressure)",
-}
 
 
 def register(app: typer.Typer) -> None:
@@ -28,9 +15,16 @@ def register(app: typer.Typer) -> None:
 
 
 def calibrate(
-    kind: Annotated[str, typer.Argument(help="; ".join(f"{k}: {v}" for k, v in COLUMNS.items()))],
-    table: Annotated[Path, typer.Argument(metavar="FILE.csv", help="Raw readings, one per row.")],
-    device: Annotated[str, typer.Option(help="The device's name, as in the rig file.")],
+    kind: Annotated[str, typer.Argument(help=", ".join(GUIDE))],
+    readings: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="[FILE.csv|FILE.run]", help="Raw readings. Without: what to do, step by step."
+        ),
+    ] = None,
+    device: Annotated[
+        str, typer.Option(help="The device's name, as in the rig file. A run knows it.")
+    ] = "",
     out: Annotated[
         Path | None, typer.Option(metavar="FILE.json", help="Default: KIND-DEVICE.json.")
     ] = None,
@@ -38,39 +32,107 @@ def calibrate(
     scene: Annotated[
         str, typer.Option(metavar="NAME|FILE", help="Of tissue: block and finger.")
     ] = "TI",
+    relaxation_s: Annotated[
+        list[float] | None,
+        typer.Option(help="Of tissue: a guess of a relaxation time; once for each wanted."),
+    ] = None,
+    cuff: Annotated[
+        str, typer.Option(metavar="SYS/DIA", help="Of a heart: the cuff's reading, mmHg.")
+    ] = "120/80",
+    station: Annotated[
+        int | None, typer.Option(help="Of a run: the press to take, as numbered in it.")
+    ] = None,
     twin: Annotated[
-        Path | None, typer.Option(metavar="FILE.toml", help="Of tissue: write the scene found.")
+        Path | None,
+        typer.Option(metavar="FILE.toml", help="Of tissue or heart: write the scene found."),
     ] = None,
     note: Annotated[str, typer.Option(help="Kept in the file.")] = "",
     json: Json = False,
 ) -> None:
     """Fit one calibration to raw readings, show how well it holds, and write its file.
 
-    The rig file then names it: [calibration] force = "force-NAME.json".
+    The rig file then names it: [calibration] force = "force-NAME.json". Without readings, tells
+    how to take them.
     """
+    if kind not in GUIDE:
+        raise typer.BadParameter(f"kind {kind!r}: allowed are {', '.join(GUIDE)}")
+    if readings is None:
+        answer(GUIDE[kind])
+        return
     from calibration import record, save
-    from probe.calibrate import fit_table
+    from calibration.errors import CalibrationError
+    from probe.calibrate import Choices, fit_readings, raw_of, still_holds
+    from probe.readings import read
+    from sim_backend.scene import load_scene
 
-    if kind not in COLUMNS:
-        raise typer.BadParameter(f"kind {kind!r}: allowed are {', '.join(COLUMNS)}")
-    result, raw = fit_table(kind, table, surface_model=model, scene_name=scene, twin=twin)
-    path = out or Path(f"{kind}-{device}.json")
-    one = record(result, device, raw, note=note)
+    r = read(readings, kind, device, station)
+    if not r.device:
+        raise CalibrationError(
+            f"{readings}: a table does not say whose it is; add --device NAME as in the rig file"
+        )
+    block = load_scene(scene)
+    choices = Choices(model, block, tuple(relaxation_s or ()), _cuff(cuff))
+    path = out or Path(f"{kind}-{r.device.replace(' ', '-')}.json")
+    if (worn := still_holds(path, kind, r)) is not None:
+        tell(f"what {path} held until now: {worn.removesuffix(': calibrate again')}")
+    result = fit_readings(kind, r, choices)
+    one = record(result, r.device, raw_of(r), note=note)
     save(one, path)
-    told: dict[str, Any] = {
+    if json:
+        answer_json(plain(_told(path, one)))
+    else:
+        _show(result, path, one)
+    if twin is not None:
+        _write_twin(block, result, twin)
+        tell(f"scene: {twin}")
+
+
+def _cuff(text: str) -> tuple[float, float]:
+    try:
+        systolic, diastolic = (float(part) for part in text.split("/"))
+    except ValueError:
+        raise typer.BadParameter(f"--cuff {text!r}: say it as 120/80 (mmHg)") from None
+    return systolic, diastolic
+
+
+def _told(path: Path, one: Any) -> dict[str, Any]:
+    return {
         "file": path,
-        "kind": kind,
-        "device": device,
+        "kind": one.kind,
+        "device": one.device,
         "values": {name: q.model_dump() for name, q in one.values.items()},
         "residual_rms": one.residual_rms,
         "valid_days": one.valid_days,
     }
-    if json:
-        answer_json(plain(told))
-        return
+
+
+def _show(result: Any, path: Path, one: Any) -> None:
     fit = result.fit
     for name, value, (low, high) in zip(fit.names, fit.values, fit.interval(), strict=True):
         answer(f"{name:24} {value:12.6g}   95 %: {low:.6g} to {high:.6g}")
+    if one.kind == "tissue":
+        for modulus, (low, high) in zip(
+            result.modulus_pa, result.modulus_interval_pa(), strict=True
+        ):
+            answer(f"modulus {1e-3 * modulus:.4g} kPa   95 %: {1e-3 * low:.4g} to "
+                   f"{1e-3 * high:.4g}")  # fmt: skip
+        for limit in result.cannot_identify:
+            answer(f"not known from this: {limit}")
+    if one.kind == "surface" and len(result.rejected_m):
+        answer(f"{len(result.rejected_m)} of {len(one.raw['x_mm'])} touches left out as outliers")
+    if one.kind == "taxels":
+        answer(f"{int(result.dead.sum())} dead of {len(result.dead)}")
     answer(f"residuals {one.residual_rms:.3g} rms, good for {one.valid_days:g} days: {path}")
-    if twin is not None:
-        tell(f"scene: {twin}")
+
+
+def _write_twin(scene: Any, result: Any, twin: Path) -> None:
+    from calibration import HeartCalibration, TissueCalibration
+    from probe.twin import heart_twin, tissue_twin
+
+    match result:
+        case TissueCalibration():
+            tissue_twin(scene, result, twin)
+        case HeartCalibration():
+            heart_twin(scene, result, twin)
+        case _:
+            raise typer.BadParameter("--twin: only of tissue or heart")
