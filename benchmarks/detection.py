@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from probe.detect import detect
-from probe.detect.prior import DRAWS, _between, _scene
+from probe.detect.prior import DRAWS, _between, _scene, samples
 from probe.recording import Recording, Station
 from probe.report.look import BLUE, GREEN, ORANGE
 from probe.visible import bound_n
@@ -51,15 +51,17 @@ FACE_M2 = 1e-4
 LENGTH_M = 0.010
 HOLD_S = 5.0
 VISIBLE_SIGMAS = 5.0
-STENOTIC_SHARE = 0.002
-"""The median stenotic pulse over the force."""
+SCATTER = 0.004
+"""What levels of equal tissue differ by."""
+TREMOR, TREMOR_HZ = 0.002, 25.0
+"""Tremor over the level, white up to half of this rate."""
 OUT = Path(__file__).parents[1] / "docs" / "pictures" / "detection.png"
 
 
 @dataclass(frozen=True)
 class Truth:
     """What was drawn. ``clear``: by the bound what decides its kind is 5 sigma or more: the pulse
-    of a vessel; of a lump its peak, and the absence of a typical stenotic pulse."""
+    of a vessel; of a lump its peak, and nine of ten stenotic pulses that it might have."""
 
     kind: str
     x_mm: float
@@ -96,6 +98,23 @@ def phantom(kind: str, rng: np.random.Generator) -> tuple[Array, Array] | None:
     return table[:, 0], table[:, 1]
 
 
+def peak_bound(x_mm: float, contrast: Array) -> float:
+    """Standard deviation at best of the contrast of an object at ``x_mm`` whose profile is
+    ``contrast`` at `OFFSETS_MM`; level, tilt, place and width unknown too."""
+    profile = PchipInterpolator(OFFSETS_MM, contrast / max(abs(contrast[0]), 1e-9))
+
+    def at(centre: float, width: float) -> Array:
+        return np.asarray(profile(np.minimum(np.abs(STATIONS_MM - centre) / width, 24.0)))
+
+    height, step = contrast[0], 1e-3
+    columns = np.column_stack([
+        np.ones(len(STATIONS_MM)), STATIONS_MM - 32.0, at(x_mm, 1.0),
+        height * (at(x_mm + step, 1.0) - at(x_mm - step, 1.0)) / (2 * step),
+        height * (at(x_mm, 1 + step) - at(x_mm, 1 - step)) / (2 * step),
+    ])  # fmt: skip
+    return float(SCATTER * np.sqrt(np.linalg.pinv(columns.T @ columns)[2, 2]))
+
+
 def beat(phase: Array) -> Array:
     """A brachial pulse from 0 to 1 at phases in beats."""
     turns = 2 * np.pi * phase[..., None] * np.arange(1, 9)
@@ -122,18 +141,11 @@ def scan(kind: str, seed: int) -> tuple[Truth, Recording] | None:
     t = np.arange(int(HOLD_S * rate)) / rate
     stations = []
     for n in range(len(STATIONS_MM)):
-        level = at_rest[n] * (1 + tilt * (STATIONS_MM[n] - 32) / 28) * (1 + 0.004 * rng.normal())
+        level = at_rest[n] * (1 + tilt * (STATIONS_MM[n] - 32) / 28) * (1 + SCATTER * rng.normal())
         decay = 1.0 - relaxing * sum(g * (1 - np.exp(-t / tau)) for g, tau in RELAXATION)
-        tremor = (
-            1
-            + 0.01
-            * relaxing
-            * np.interp(
-                t,
-                np.arange(0, HOLD_S + 0.1, 0.04),
-                0.2 * rng.standard_normal(int(HOLD_S / 0.04) + 3),
-            )[: len(t)]
-        )
+        nodes_s = np.arange(0.0, HOLD_S + 2.5 / TREMOR_HZ, 1 / TREMOR_HZ)
+        shaking = TREMOR * relaxing * rng.standard_normal(len(nodes_s))
+        tremor = 1 + np.interp(t, nodes_s, shaking)
         beats = np.cumsum(np.maximum(1 / heart_hz + 0.035 * rng.standard_normal(30), 0.3))
         beats = beats - beats[0] - rng.uniform() / heart_hz
         pulse = swing[n] * beat(np.interp(t, beats, np.arange(30))) * (1 + 0.06 * rng.normal())
@@ -145,9 +157,11 @@ def scan(kind: str, seed: int) -> tuple[Truth, Recording] | None:
     far = float(rest[-1])
     contrast = float(rest[0] + (systole[0] - rest[0]) / 3) / far - 1
     pulse_pa = float(systole[0] - rest[0]) / FACE_M2
-    bound_pa = bound_n(noise_n, rate, HOLD_S, heart_hz) / FACE_M2
-    absent = VISIBLE_SIGMAS * bound_pa < STENOTIC_SHARE * float(rest[0]) / FACE_M2
-    peak_clear = abs(contrast) > VISIBLE_SIGMAS * 0.006 and absent
+    tremor_n = TREMOR * relaxing * float(rest[0]) * np.sqrt(rate / TREMOR_HZ)
+    bound_pa = bound_n(float(np.hypot(noise_n, tremor_n)), rate, HOLD_S, heart_hz) / FACE_M2
+    faint = float(np.quantile(samples()["stenotic artery"][:, 1], 0.1))
+    absent = VISIBLE_SIGMAS * bound_pa < faint * float(rest[0]) / FACE_M2
+    peak_clear = abs(contrast) > VISIBLE_SIGMAS * peak_bound(x_mm, rest / far - 1) and absent
     pulse_clear = pulse_pa > VISIBLE_SIGMAS * bound_pa
     clear = {"nothing": True, "tumour": peak_clear}.get(kind, pulse_clear)
     truth = Truth(kind, x_mm, pulse_pa, bound_pa, contrast, relaxing, sensor, clear)

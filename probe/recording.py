@@ -49,3 +49,11 @@ class Recording:
     face_m2: float
     finish: str = "completed"
     quantum_pa: float = 0.0
+
+    def rows(self) -> list[list[int]]:
+        """Places in ``stations`` of those of equal y; one row where y is unknown."""
+        rows: dict[int, list[int]] = {}
+        for i, station in enumerate(self.stations):
+            key = round(station.y_m / 1e-4) if np.isfinite(station.y_m) else 0
+            rows.setdefault(key, []).append(i)
+        return [rows[key] for key in sorted(rows)]

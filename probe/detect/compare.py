@@ -19,11 +19,12 @@ def compare(a: Recording, b: Recording) -> Comparison:
     pulse are equal within their doubt, ``undecided`` when they contradict each other or no pulse
     is seen at all.
     """
-    one, other = _clearest(a), _clearest(b)
+    presses = [presses_of(recording, FALSE_ALARM / 2) for recording in (a, b)]
+    one, other = (_clearest(some) for some in presses)
     if one is None or other is None:
         which = "A" if one is None else "B"
         return _unknown(f"scan {which} has no press that can be judged")
-    if min(_chance(one), _chance(other)) * 2 > FALSE_ALARM:
+    if not any(press.pulsing for some in presses for press in some):
         return _unknown("neither scan has a pulse: hold for more beats, or press deeper")
     stiffer = _above(one.level_pa, one.level_sd_pa, other.level_pa, other.level_sd_pa)
     weaker = _above(other.size_pa, _size_sd(other), one.size_pa, _size_sd(one))
@@ -61,17 +62,12 @@ def _above(x: float, x_sd: float, y: float, y_sd: float) -> float:
     return float(norm.cdf(log(x / y) / max(spread, 1e-12)))
 
 
-def _clearest(recording: Recording) -> Press | None:
-    judged = [p for p in presses_of(recording, FALSE_ALARM) if p.pulse and isfinite(p.level_pa)]
-    if not judged:
-        return None
-    if min(_chance(p) for p in judged) * len(judged) <= FALSE_ALARM:
+def _clearest(presses: tuple[Press, ...]) -> Press | None:
+    """The press of the largest pulse, or where none is seen, of the largest stress."""
+    judged = [p for p in presses if p.pulse and isfinite(p.level_pa)]
+    if any(p.pulsing for p in judged):
         return max(judged, key=lambda p: p.size_pa)
-    return max(judged, key=lambda p: p.level_pa)
-
-
-def _chance(press: Press) -> float:
-    return press.pulse.p_value if press.pulse else 1.0
+    return max(judged, key=lambda p: p.level_pa, default=None)
 
 
 def _size_sd(press: Press) -> float:

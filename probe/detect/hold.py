@@ -13,8 +13,8 @@ Array = NDArray[np.float64]
 BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
 SETTLING_S, SETTLING_SAMPLES = 0.01, 2
-"""Left out after the ramp, the longer of both: the stage is still slowing down, and where the ramp
-is known only from the samples, its end lies between two of them."""
+"""Left out after the ramp, the longer of both: the stage is still slowing down, and of slow samples
+nobody knows between which two the ramp ended."""
 RISE = 0.7
 """A record that starts below this share of its highest value begins with a ramp."""
 SPIKE = 8.0
@@ -85,13 +85,14 @@ def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[fl
         return -np.inf, np.inf
     step = float(np.median(np.diff(time_s)))
     begin, end = station.hold_s, station.retract_s
-    settling = SETTLING_S
+    settling = max(SETTLING_S, SETTLING_SAMPLES * step)
     smooth = median_filter(mean, size=3, mode="nearest")
     if not np.isfinite(begin):
         begin = time_s[0]
         top = int(np.argmax(smooth))
+        top = max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
         if smooth[0] < RISE * smooth[top] and top < 0.7 * len(smooth):
-            begin, settling = time_s[top], max(SETTLING_S, SETTLING_SAMPLES * step)
+            begin = time_s[top]
         else:
             settling = 0.0
     if not np.isfinite(end):

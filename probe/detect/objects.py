@@ -1,18 +1,23 @@
 """What lies under one row of stations: the bumps of its level and pulse maps, put together."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from probe.detect.bumps import APART, FEWEST, Bump, Row, at_places, find_bumps
+from probe.detect.bumps import APART, FEWEST, Bump, Row, at_places, find_bumps, shape
 from probe.detect.finding import ObjectFinding
 from probe.detect.kind import Judged, Seen, judge
 from probe.detect.presses import Press
+from probe.detect.search import Search
+from probe.detect.together import hidden
 
 Array = NDArray[np.float64]
 
 NORMAL_95 = 1.96
+FELT = 0.3
+"""Stations that feel less than this share of a pulse are not asked about it."""
 
 
 @dataclass(frozen=True)
@@ -24,8 +29,7 @@ class Line:
     level_sd_pa: Array
     pulse_pa: Array
     pulse_sd_pa: Array
-    chance: Array
-    tries: Array
+    searches: tuple[tuple[Search, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -41,42 +45,33 @@ class Place:
 
 
 def line_of(presses: tuple[Press, ...]) -> Line:
-    """A row's maps in order of x."""
-    judged = [p for p in presses if p.pulse is not None and np.isfinite(p.station.x_m)]
-    judged.sort(key=lambda p: p.station.x_m)
-    columns = [
-        (
-            p.station.x_m,
-            p.level_pa,
-            p.level_sd_pa,
-            p.pulse.size_pa,
-            p.pulse.size_sd_pa,
-            p.pulse.p_value,
-            p.pulse.tries,
-        )
-        for p in judged
-        if p.pulse is not None
+    """A row's maps in order of x. Stations closer than a tenth of the pitch are repeats."""
+    judged = [
+        (p.station.x_m, p, p.pulse)
+        for p in presses
+        if p.pulse is not None and np.isfinite(p.station.x_m)
     ]
-    table = np.array(columns).reshape(-1, 7)
-    return Line(*(table if len(table) < 2 else _merged(table)).T)
-
-
-def _merged(table: Array) -> Array:
-    """Stations closer than a tenth of the row's pitch are repeats of one place."""
-    gaps = np.diff(table[:, 0])
+    judged.sort(key=lambda one: one[0])
+    gaps = np.diff([x_m for x_m, *_ in judged])
     pitch = float(np.median(gaps[gaps > 1e-6])) if (gaps > 1e-6).any() else 0.0
-    group = np.concatenate([[0], np.cumsum(gaps > 0.1 * pitch)])
-    return np.array([_mean_of(table[group == g]) for g in range(group[-1] + 1)])
+    group = np.concatenate([[0], np.cumsum(gaps > 0.1 * pitch)])[: len(judged)]
+    repeats = [[one for one, g in zip(judged, group, strict=True) if g == k] for k in set(group)]
+    rows = []
+    for some in repeats:
+        level = _mean([p.level_pa for _, p, _ in some], [p.level_sd_pa for _, p, _ in some])
+        pulse = _mean([q.size_pa for *_, q in some], [q.size_sd_pa for *_, q in some])
+        rows.append((float(np.mean([x_m for x_m, *_ in some])), *level, *pulse))
+    searches = tuple(tuple(q.search for *_, q in some if q.search) for some in repeats)
+    x_m, level_pa, level_sd, pulse_pa, pulse_sd = np.array(rows).reshape(-1, 5).T
+    return Line(x_m, level_pa, level_sd, pulse_pa, pulse_sd, searches)
 
 
-def _mean_of(rows: Array) -> Array:
-    if len(rows) == 1:
-        return np.asarray(rows[0])
-    mean = [rows[:, 0].mean()]
-    for value, sd in ((rows[:, 1], rows[:, 2]), (rows[:, 3], rows[:, 4])):
-        weight = 1 / np.maximum(sd, 1e-12) ** 2
-        mean += [float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)]
-    return np.array([*mean, min(1.0, rows[:, 5].min() * len(rows)), rows[:, 6].max()])
+def _mean(value: list[float], sd: list[float]) -> tuple[float, float]:
+    """Mean weighted by variance, and its standard deviation."""
+    if len(value) == 1:
+        return value[0], sd[0]
+    weight = 1 / np.maximum(sd, 1e-12) ** 2
+    return float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
 
 
 def objects_in(line: Line, pulsing: bool, false_alarm: float) -> list[ObjectFinding]:
@@ -146,17 +141,38 @@ def _object(place: Place, line: Line, pulsing: bool) -> ObjectFinding:
     bump = place.level or place.pulse
     level = at_places(line.x_m, line.level_pa, line.level_sd_pa, (bump,) if bump else ())
     height, height_sd = level.bumps[0].height, level.bumps[0].height_sd
-    ground = max(float(level.background[at]), 1e-9)
+    ground, whole = max(float(level.background[at]), 1e-9), max(float(line.level_pa[at]), 1e-9)
     pulse, pulse_sd = float(line.pulse_pa[at]), float(line.pulse_sd_pa[at])
-    chance = float(line.chance[at])
-    if place.pulse is None and pulsing:
+    if place.pulse is not None:
+        seen = Seen(height / ground, height_sd / ground, pulse / whole, pulse_sd / whole)
+    else:
         # a neighbour's pulse is felt here too: only what rises above it is this object's
-        pulse, pulse_sd, chance = 0.0, max(pulse_sd, 0.1 * pulse), 0.5
-    whole = max(float(line.level_pa[at]), 1e-9)
-    seen = Seen(height / ground, height_sd / ground, pulse / whole, pulse_sd / whole,
-                place.pulse is not None, chance, float(line.tries[at]))  # fmt: skip
-    said = judge(seen)
-    return _finding(place, height, pulse, said)
+        felt = _measured(0.0, max(pulse_sd, 0.1 * pulse)) if pulsing else _unseen(line, place)
+        pulse = 0.0 if pulsing else pulse
+        seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, lambda p: felt(whole * p))
+    return _finding(place, height, pulse, judge(seen))
+
+
+def _unseen(line: Line, place: Place) -> Callable[[Array], Array]:
+    """Likelihood of a pulse's size [Pa] at a place, by all stations that would feel it."""
+    bump = place.level
+    width = bump.half_width_m if bump else float(np.median(np.diff(line.x_m)))
+    near = [
+        (float(share), one)
+        for share, there in zip(shape(line.x_m, place.x_m, width), line.searches, strict=True)
+        for one in there
+        if share >= FELT
+    ]
+    if not near:
+        at = int(np.argmin(np.abs(line.x_m - place.x_m)))
+        return _measured(float(line.pulse_pa[at]), float(line.pulse_sd_pa[at]))
+    return lambda size_pa: hidden([one for _, one in near], np.array([s for s, _ in near]), size_pa)
+
+
+def _measured(size_pa: float, sd_pa: float) -> Callable[[Array], Array]:
+    """Likelihood of a pulse's size [Pa] beside that of none, where it was measured."""
+    sd = max(sd_pa, 1e-9)
+    return lambda true_pa: np.exp(0.5 * (size_pa / sd) ** 2 - 0.5 * ((true_pa - size_pa) / sd) ** 2)
 
 
 def _finding(place: Place, height: float, pulse: float, said: Judged) -> ObjectFinding:

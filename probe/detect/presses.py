@@ -1,20 +1,16 @@
 """Every press of a recording: its level, its pulse at a rate that all share, and their doubts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from probe.detect.hold import Hold, NoHold, hold_of
-from probe.detect.pulse import (
-    Pulse,
-    described,
-    find_pulse,
-    pulse_at,
-    rates_hz,
-)
+from probe.detect.pulse import Pulse, described, find_pulse, pulse_at
 from probe.detect.reference import find_pulse_by
+from probe.detect.search import rates_hz
+from probe.detect.together import shared_chance, unusual, usual_excess
 from probe.recording import Recording, Station
 
 Array = NDArray[np.float64]
@@ -23,10 +19,8 @@ REPEATABILITY_M = 10e-6
 """What a stage's depth differs by from station to station."""
 STIFFENING = 1.15
 """Exponent of a cylinder's force against depth, between a flat face's 1 and a sphere's 1.5."""
-VOTES = 3
-"""Stations whose pulses settle the rate."""
-USUAL_HZ, USUAL_SPREAD = 72 / 60, 0.3
-"""Resting hearts: the median, and the standard deviation of the logarithm."""
+REACH = 2
+"""Stations to either side that are judged together with one: a vessel is felt that far."""
 UNKNOWN_DEPTH = 0.005
 """Station scatter over the level where no depth was recorded."""
 
@@ -36,7 +30,8 @@ class Press:
     """A station with its pulse; None where there was nothing to judge by, and ``note`` says why.
 
     ``clipped`` is the share of the hold's samples that saturation took. ``level_sd_pa`` includes
-    what a stage's repeatability makes of equal tissue.
+    what a stage's repeatability makes of equal tissue. ``pulsing``: it, or it with its neighbours,
+    passes the test for a pulse.
     """
 
     station: Station
@@ -44,6 +39,7 @@ class Press:
     level_sd_pa: float
     clipped: float
     note: str = ""
+    pulsing: bool = False
 
     @property
     def level_pa(self) -> float:
@@ -57,18 +53,58 @@ class Press:
 def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     """All stations of a recording, in its order.
 
-    Where the clearest pulse passes at ``false_alarm`` for the whole recording, every station's is
-    measured at that heart's rate; p-values stay those of each station's own search.
+    Where a pulse passes at ``false_alarm`` for the whole recording, every station's is measured at
+    that heart's rate; p-values stay those of each station's own search.
     """
     found = [_own(station) for station in recording.stations]
-    measured = [(hold, pulse) for hold, pulse, _ in found if hold is not None and pulse is not None]
-    clear = [(h, p) for h, p in measured if p.p_value * len(measured) <= false_alarm]
-    clear.sort(key=lambda m: m[1].p_value)
-    shared = _shared_rate(clear[:VOTES]) if clear else None
+    measured = {
+        i: (hold, pulse)
+        for i, (hold, pulse, _) in enumerate(found)
+        if hold is not None and pulse is not None
+    }
+    clear = _clear({i: pulse for i, (_, pulse) in measured.items()}, recording, false_alarm)
+    shared = _shared_rate([measured[i] for i in clear[: 2 * REACH + 1]]) if clear else None
     return tuple(
-        _press(station, hold, _at(hold, pulse, shared), note)
-        for station, (hold, pulse, note) in zip(recording.stations, found, strict=True)
+        replace(_press(station, hold, _at(hold, pulse, shared), note), pulsing=i in clear)
+        for i, (station, (hold, pulse, note)) in enumerate(
+            zip(recording.stations, found, strict=True)
+        )
     )
+
+
+def _clear(pulses: dict[int, Pulse], recording: Recording, false_alarm: float) -> list[int]:
+    """Stations with a pulse, the clearest first: by themselves, or else the clearest group.
+
+    Each of the two ways gets half of ``false_alarm``, where there are two.
+    """
+    searches = {i: pulse.search for i, pulse in pulses.items() if pulse.search is not None}
+    groups = _groups(recording, list(searches))
+    budget = false_alarm / 2 if groups else false_alarm
+    alone = [i for i in pulses if pulses[i].p_value * len(pulses) <= budget]
+    if alone or not groups:
+        return sorted(alone, key=lambda i: pulses[i].p_value)
+    excess = usual_excess(list(searches.values()))
+    chances = [shared_chance([searches[i] for i in group], excess) for group in groups]
+    best = int(np.argmin(chances))
+    if chances[best] * len(groups) > budget:
+        return []
+    return sorted(groups[best], key=lambda i: pulses[i].p_value)
+
+
+def _groups(recording: Recording, indices: list[int]) -> list[list[int]]:
+    """Around each station of a row, those within `REACH` pitches; each group once."""
+    groups: dict[tuple[int, ...], None] = {}
+    for row in recording.rows():
+        mine = [i for i in row if i in indices]
+        x_m = np.array([recording.stations[i].x_m for i in mine])
+        gaps = np.diff(np.unique(np.round(x_m[np.isfinite(x_m)], 6)))
+        if not len(gaps):
+            continue
+        reach = (REACH + 0.5) * float(np.median(gaps))
+        for x in x_m[np.isfinite(x_m)]:
+            near = tuple(mine[k] for k in np.flatnonzero(np.abs(x_m - x) <= reach))
+            groups[near] = None
+    return [list(group) for group in groups if len(group) > 1]
 
 
 def _own(station: Station) -> tuple[Hold | None, Pulse | None, str]:
@@ -85,9 +121,9 @@ def _own(station: Station) -> tuple[Hold | None, Pulse | None, str]:
 
 
 def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | None:
-    if hold is None or own is None or rate_hz is None or own.by_reference:
+    if hold is None or own is None or rate_hz is None or own.search is None:
         return own
-    return pulse_at(hold, rate_hz, own.p_value, own.scale)
+    return pulse_at(hold, rate_hz, own.p_value, own.scale, own.search)
 
 
 def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
@@ -95,8 +131,7 @@ def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
     rates = max((rates_hz(hold.span_s) for hold, _ in clear), key=len)
 
     def unlikely(rate_hz: float) -> float:
-        usual = 0.5 * (np.log(rate_hz / USUAL_HZ) / USUAL_SPREAD) ** 2
-        return float(usual + sum(_misfit(hold, pulse, rate_hz) for hold, pulse in clear))
+        return float(unusual(rate_hz)) + sum(_misfit(hold, pulse, rate_hz) for hold, pulse in clear)
 
     best = int(np.argmin([unlikely(rate) for rate in rates.tolist()]))
     low, high = rates[max(best - 1, 0)], rates[min(best + 1, len(rates) - 1)]

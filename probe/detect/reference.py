@@ -9,7 +9,8 @@ from scipy.stats import f as f_distribution
 
 from probe.detect.fit import WHITE, colour_of, design_of, fit, harmonics
 from probe.detect.hold import Hold
-from probe.detect.pulse import FASTEST_HZ, SLOWEST_HZ, TESTED, Pulse, pulse_at, scale_of
+from probe.detect.pulse import Pulse, pulse_at, scale_of
+from probe.detect.search import FASTEST_HZ, SLOWEST_HZ, TESTED
 
 Array = NDArray[np.float64]
 
@@ -58,8 +59,7 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
     free = columns.shape[1]
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
     p_value = float(f_distribution.sf(ratio, free, max(with_.dof, 1)))
-    found = pulse_at(hold, rate, p_value, scale_of(without, with_), warped.time_s)
-    return replace(found, by_reference=True, tries=1.0)
+    return pulse_at(hold, rate, p_value, scale_of(without, with_), None, warped.time_s)
 
 
 def _in_beats(time_s: Array, beats: Array, period: float) -> Array:

@@ -27,7 +27,7 @@ def detect(recording: Recording, *, false_alarm: float = 0.01) -> Finding:
     """
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm is {false_alarm:g}; it is a chance between 0 and 1")
-    rows = _rows(recording)
+    rows = recording.rows()
     row_of_stations = max((len(r) for r in rows), default=0) >= FEWEST
     budget = false_alarm / 2 if row_of_stations else false_alarm
     presses = presses_of(recording, budget)
@@ -37,14 +37,16 @@ def detect(recording: Recording, *, false_alarm: float = 0.01) -> Finding:
             (
                 recording.stations[row[0]].y_m,
                 objects_in(
-                    line_of(tuple(presses[i] for i in row)), _pulsing(presses, row, budget), share
+                    line_of(tuple(presses[i] for i in row)),
+                    any(presses[i].pulsing for i in row),
+                    share,
                 ),
             )
             for row in rows
         ]
         objects = across_rows(found, _pitch_m(recording))
     else:
-        objects = _from_few(presses, budget)
+        objects = _from_few(presses)
     stations = tuple(_station(p) for p in presses)
     return Finding(
         _whole(objects, presses), tuple(objects), stations,
@@ -52,26 +54,9 @@ def detect(recording: Recording, *, false_alarm: float = 0.01) -> Finding:
     )  # fmt: skip
 
 
-def _rows(recording: Recording) -> list[list[int]]:
-    """Indices of the stations of equal y; one row where y is unknown."""
-    rows: dict[int, list[int]] = {}
-    for i, station in enumerate(recording.stations):
-        key = round(station.y_m / 1e-4) if np.isfinite(station.y_m) else 0
-        rows.setdefault(key, []).append(i)
-    return [rows[key] for key in sorted(rows)]
-
-
-def _pulsing(presses: tuple[Press, ...], row: list[int], budget: float) -> bool:
-    """Whether a press of the row has a pulse, at ``budget`` for the whole scan."""
-    chances = [p.pulse.p_value for p in (presses[i] for i in row) if p.pulse is not None]
-    tried = sum(p.pulse is not None for p in presses)
-    return bool(chances) and min(chances) * tried <= budget
-
-
-def _from_few(presses: tuple[Press, ...], budget: float) -> list[ObjectFinding]:
+def _from_few(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     """The one object that a pulse alone can show, where no row does."""
-    row = list(range(len(presses)))
-    if not _pulsing(presses, row, budget):
+    if not any(p.pulsing for p in presses):
         return []
     judged = [p for p in presses if p.pulse is not None]
     clearest = min(judged, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
