@@ -102,10 +102,10 @@ def _checked(cell: Cell, scene: Scene, forces: Forces, estimate: float) -> dict[
     if not np.isfinite(forces).all():
         return {"verdict": "wrong", "reason": "not a number"}
     levels = [p * PA_PER_MMHG for p in cell.levels_mmhg]
-    for element in _others(scene, cell):
+    x_m, depth_m, size_m = 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm, _size_m(scene)
+    for n, element in enumerate(_others(scene, cell)):
         try:
-            _, found = solve_finite(scene, 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm, levels,
-                                    _size_m(scene), element)  # fmt: skip
+            _, found = solve_finite(scene, x_m, depth_m, levels, size_m / (n + 1), element)
             break
         except CannotSolve as error:
             reason = f"the check by {element}: {error}"[:200]
@@ -132,7 +132,8 @@ def _apart_pct(forces: Forces, other: Forces) -> float:
 
 
 def _others(scene: Scene, cell: Cell) -> tuple[str, ...]:
-    """Independent elements; the second is stiffer, and followed where the first one wrinkles."""
+    """Independent elements; the second does not wrinkle where the first does, and is taken at half
+    the size, since it is stiffer."""
     if cell.single_element and cell.how != best_element(scene):
         return (best_element(scene),)
     if best_element(scene) == "Q4M":

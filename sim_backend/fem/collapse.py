@@ -30,6 +30,21 @@ class Walls:
     upper: Ints
     lower: Ints
 
+    @property
+    def begins(self) -> NDArray[np.bool_]:
+        """Which sides (b,) of the lower wall have none before them."""
+        return ~np.isin(self.lower - 1, self._wrapped)
+
+    @property
+    def ends(self) -> NDArray[np.bool_]:
+        """Which sides (b,) of the lower wall have none after them."""
+        return ~np.isin(self.lower + 1, self._wrapped)
+
+    @property
+    def _wrapped(self) -> Ints:
+        count = len(self.nodes)
+        return np.concatenate([self.lower - count, self.lower, self.lower + count])
+
 
 def walls(mesh: Mesh, sides: Sides) -> Walls:
     """The walls of one lumen, in order round it."""
@@ -53,7 +68,8 @@ def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
     (a, 2l) by the loop's displacements, the normal held.
 
     The normal goes evenly from node to node, so that nothing jumps where a node slides from side
-    to side."""
+    to side. A node that lies past an end of the lower wall is its neighbour round the bend and
+    cannot meet it: its gap is the distance."""
     a = place[both.upper]
     start, end = place[both.lower], place[(both.lower + 1) % len(place)]
     side = end - start
@@ -69,7 +85,10 @@ def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
     second = (first + 1) % len(place)
     normal = (1 - s)[:, None] * normal[first] + s[:, None] * normal[second]
     normal /= np.hypot(*normal.T)[:, None]
-    gap = np.einsum("ai,ai->a", a - foot[row, nearest], normal)
+    apart = a - foot[row, nearest]
+    gap = np.einsum("ai,ai->a", apart, normal)
+    past = (s == 0) & both.begins[nearest] | (s == 1) & both.ends[nearest]
+    gap = np.where(past, np.hypot(*apart.T), gap)
     gradient = np.zeros((len(a), len(place), 2))
     gradient[row, both.upper] += normal
     gradient[row, first] -= (1 - s)[:, None] * normal

@@ -145,6 +145,19 @@ def test_walls_of_a_lumen():
     assert np.all(gap > 0)
 
 
+def test_neighbours_round_the_bend_do_not_meet():
+    """Where the ends of an open lumen are pushed in, no node counts as through the lower wall."""
+    (walls,) = _section().walls
+    rest = _section().mesh.nodes[walls.nodes]
+    middle = rest.mean(axis=0)
+    place = middle + (rest - middle) * [1.1, 0.5]
+    low = np.unique([walls.lower, (walls.lower + 1) % len(rest)])
+    ends = low[np.argsort(np.abs(place[low, 0] - middle[0]))[-2:]]
+    place[ends, 0] += 0.06 * (middle[0] - place[ends, 0])
+    gap, _ = wall_gaps(walls, place)
+    assert np.all(gap > 0)
+
+
 @pytest.mark.parametrize("plane", PLANES)
 @pytest.mark.parametrize("mmhg", [0.0, 90.0])
 def test_slope_of_a_solution_by_pressure(plane, mmhg):
