@@ -56,10 +56,10 @@ CONTACT_SHARE, WALL_SHARE, GROWTH, COARSEST_M = 0.08, 0.35, 0.6, 6e-3
 fast it grows from there, and its end."""
 CANONICAL_KPA = 50.0
 """Modulus at which the bare block is solved; any would do."""
-PUSH = 8e-5
-"""First guess of a touching node's push over the tissue's modulus [m]: it outweighs guessed gaps
-below as many metres."""
-FORCE_LEFT, PULSE_LEFT = 0.003, 0.02
+TOUCHING_SHARE = 0.02
+"""First guess of what touches: nodes this near to the finger, over its half width. As much times
+the tissue's modulus is the guess of their push."""
+FORCE_LEFT, PULSE_LEFT = 0.003, 0.03
 """What a correction leaves at most: of the force, and of the scan's largest pulse."""
 
 
@@ -81,43 +81,36 @@ class QuickScan:
 
 
 def quick_scan(scene: Scene, x_m: Sequence[float], depth_m: float) -> QuickScan:
-    """Press ``depth_m`` deep at each of ``x_m``, the lumens at their diastolic to systolic pressure.
+    """Press ``depth_m`` deep at each of ``x_m`` [m], with the lumens from diastole to systole.
 
-    Raises `SceneError` for a lone vessel, and `CannotSolve` where filling the vessel or the station
-    nearest to it meets a physical limit; elsewhere that is the station's reason.
+    Raises `SceneError` for a lone vessel, and `CannotSolve` where filling the vessel or pressing
+    the station nearest to it meets a physical limit; elsewhere that is the station's reason.
     """
     if scene.tissue is None:
         raise SceneError(f"{scene.name}: a quick scan needs a block of tissue")
     x = np.asarray(x_m, dtype=float)
-    low, high = (
-        (scene.pulse.diastolic_mmhg * PA_PER_MMHG, scene.pulse.systolic_mmhg * PA_PER_MMHG)
-        if scene.arteries else (0.0, 0.0)
-    )  # fmt: skip
-    middle, half = (low + high) / 2, (high - low) / 2
-    centres = 1e-3 * np.array([one.x_mm for one in scene.inclusion or ()])
-    nearest = (
-        int(np.abs(x[:, None] - centres).min(axis=1).argmin()) if len(centres) else len(x) // 2
-    )
-    filled = _filled(scene, float(x[nearest]), depth_m, middle)
-    over = _press(scene, _coarse(scene, float(x[nearest]), depth_m), depth_m, middle, filled)
-    bend, ratio = _over_the_vessel(scene, over, depth_m, low, half)
-    values, reasons = np.full((len(x), 2), np.nan), [""] * len(x)
+    ends = (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg) if scene.arteries else (0, 0)
+    low, high = (PA_PER_MMHG * p for p in ends)
+    load, half = Load(depth_m, (low + high) / 2), (high - low) / 2
+    nearest = _nearest(scene, x)
+    section = _coarse(scene, float(x[nearest]), depth_m)
+    filled = _filled(section, load)
+    over = _press(section, load, _guess(scene, section, load, filled))
+    ratio, bend = _again(scene, over, load, low)
+    values, reasons = np.full((2, len(x)), np.nan), [""] * len(x)
     for k, place in enumerate(x):
+        here = section if k == nearest else _coarse(scene, float(place), depth_m)
         try:
-            at = over if k == nearest else _press(
-                scene, _coarse(scene, float(place), depth_m), depth_m, middle, filled
-            )  # fmt: skip
-            values[k] = at.solution.force_n_per_m, half * at.slope
+            at = over if k == nearest else _press(here, load, _guess(scene, here, load, filled))
+            values[:, k] = at.solution.force_n_per_m, half * at.slope
         except CannotSolve as limit:
             reasons[k] = str(limit)
-    length_m = 1e-3 * scene.indenter.length_mm
-    force, swing = (length_m * ratio * values).T
-    left = np.abs(ratio - 1)
-    largest = 2 * float(np.nanmax(np.abs(swing)))
-    pulse_error = PULSE_LEFT * largest + left[1] * np.abs(2 * swing)
+    force, swing = 1e-3 * scene.indenter.length_mm * ratio[:, None] * values
+    off = np.abs(ratio - 1)
+    pulse_error = 2 * (PULSE_LEFT * np.nanmax(np.abs(swing)) + off[1] * np.abs(swing))
+    force_error = (FORCE_LEFT + off[0]) * force + pulse_error / 2 + abs(bend) * np.abs(swing)
     return QuickScan(
-        x, force - (1 - bend) * swing, 2 * swing, (1 - bend) * swing,
-        (FORCE_LEFT + left[0]) * force + pulse_error / 2 + abs(bend * swing), pulse_error,
+        x, force - (1 - bend) * swing, 2 * swing, (1 - bend) * swing, force_error, pulse_error,
         tuple(reasons),
     )  # fmt: skip
 
@@ -130,87 +123,87 @@ class _Pressed:
     solution: Solution
     slope: float
 
+    @property
+    def field(self) -> Field:
+        return LinearNDInterpolator(self.section.mesh.nodes, self.solution.displacement)
 
-def _press(
-    scene: Scene, section: Section, depth_m: float, pressure_pa: float, more: Field
-) -> _Pressed:
-    """Solve a section, beginning with the bare block's answer and ``more`` displacements."""
-    load = Load(depth_m, pressure_pa)
+
+def _press(section: Section, load: Load, guess: Array) -> _Pressed:
+    """Solve from displacements ``guess`` (n, 2); where that fails, step by step from nothing."""
+    surface = section.mesh.surface
+    lowered = section.finger.lowered_to(section.finger.y - load.depth_m)
+    gap, _, _ = lowered.gap((section.mesh.nodes + guess)[surface])
+    near_m = TOUCHING_SHARE * (section.finger.half_flat + section.finger.radius)
+    push = np.where(gap < near_m, near_m * section.tissue_pa, 0.0)
+    start = Solution(load, guess, (push, np.zeros(len(section.mesh.resting))), 0.0, 0)
     try:
-        solution = _equilibrium(section, _start(scene, section, load, more), load)
+        solution = _equilibrium(section, start, load)
     except _Failed:
-        steps = [Load(depth_m / 2, pressure_pa / 2), load]
+        steps = [Load(load.depth_m / 2, load.pressure_pa / 2), load]
         *_, solution = march(section, untouched(section), steps)
     slope = pressure_slope(section, solution)[1] if section.lumens else 0.0
     return _Pressed(section, solution, slope)
 
 
-def _start(scene: Scene, section: Section, load: Load, more: Field) -> Solution:
+def _guess(scene: Scene, section: Section, load: Load, filled: Field) -> Array:
+    """The bare block's displacements, moved under the finger, and the filled vessel's."""
     assert scene.tissue is not None
-    nodes, surface = section.mesh.nodes, section.mesh.surface
-    bare, half_m = _bare(_bare_scene(scene), load.depth_m)
-    away = 0.5e-3 * scene.tissue.width_mm - section.finger.x
-    held, weight = nodes[section.sideways.dofs[0] // 2], section.sideways.weight
-    slid = 0.0  # the bare block was held under its finger; this one is held in its middle
-    for _ in range(3):
-        slid = -float(weight @ bare(held + [away + slid, 0.0])[:, 0])
-    moved = bare(nodes + [away + slid, 0.0]) + [slid, 0.0] + more(nodes)
-    touching = np.abs(nodes[surface, 0] + slid - section.finger.x) < half_m
-    push = np.where(touching, PUSH * section.tissue_pa, 0.0)
-    return Solution(load, moved, (push, np.zeros(len(section.mesh.resting))), 0.0, 0)
-
-
-def _bare_scene(scene: Scene) -> Scene:
-    assert scene.tissue is not None
+    width = 1e-3 * scene.tissue.width_mm
     tissue = scene.tissue.model_copy(update={"modulus_kpa": CANONICAL_KPA})
-    plain = {"name": "", "tissue": tissue, "inclusion": (), "pulse": type(scene.pulse)()}
-    return scene.model_copy(update=plain)
+    bare = _bare(Scene(name="bare", plane=scene.plane, tissue=tissue, indenter=scene.indenter),
+                 load.depth_m)  # fmt: skip
+    nodes, held = section.mesh.nodes, section.sideways.dofs[0] // 2
+
+    def moved(points: Array, slid: float) -> Array:
+        across = np.clip(points[:, 0] + slid + width / 2 - section.finger.x, 1e-9, width - 1e-9)
+        found = np.asarray(bare(np.column_stack([across, points[:, 1]])))
+        found[:, 0] += slid
+        return found
+
+    slid = 0.0  # the bare block was held under its finger, this one is held in its middle
+    for _ in range(3):
+        slid -= float(section.sideways.weight @ moved(nodes[held], slid)[:, 0])
+    return moved(nodes, slid) + np.asarray(filled(nodes))
 
 
 @lru_cache(maxsize=8)
-def _bare(scene: Scene, depth_m: float) -> tuple[Field, float]:
-    """Displacements of the bare block pressed in its middle, and half the width of the contact."""
+def _bare(scene: Scene, depth_m: float) -> Field:
+    """Displacements of a block without inclusions, pressed in its middle."""
     assert scene.tissue is not None
-    width = 1e-3 * scene.tissue.width_mm
-    section, (solution,) = solve_finite(scene, width / 2, depth_m, [0.0], element_size_m(scene))
-    touched = section.mesh.nodes[section.mesh.surface][solution.push[0] > 0, 0]
-    field = LinearNDInterpolator(section.mesh.nodes, solution.displacement)
-
-    def within(points: Array) -> Array:
-        inside = np.clip(points[:, 0], 1e-9, width - 1e-9)
-        return np.asarray(field(np.column_stack([inside, points[:, 1]])))
-
-    return within, float(np.ptp(touched)) / 2
+    middle_m = 0.5e-3 * scene.tissue.width_mm
+    section, (solution,) = solve_finite(scene, middle_m, depth_m, [0.0], element_size_m(scene))
+    return _Pressed(section, solution, 0.0).field
 
 
-def _filled(scene: Scene, x_m: float, depth_m: float, pressure_pa: float) -> Field:
+def _filled(section: Section, load: Load) -> Field:
     """Displacements by the lumens' pressure alone."""
-    if not scene.arteries:
+    if not section.lumens:
         return lambda points: np.zeros_like(points)
-    section = _coarse(scene, x_m, depth_m)
-    (solution,) = march(section, untouched(section), [Load(-depth_m, pressure_pa)])
-    field = LinearNDInterpolator(section.mesh.nodes, solution.displacement)
-    return lambda points: np.asarray(field(points))
+    (solution,) = march(section, untouched(section), [Load(-load.depth_m, load.pressure_pa)])
+    return _Pressed(section, solution, 0.0).field
 
 
-def _over_the_vessel(
-    scene: Scene, over: _Pressed, depth_m: float, low_pa: float, half_pa: float
-) -> tuple[float, Array]:
-    """How far the force bends below the mean pressure's tangent, over the tangent's swing; and
-    force and slope on the usual mesh over those of this one (2,)."""
+def _again(scene: Scene, over: _Pressed, load: Load, low_pa: float) -> tuple[Array, float]:
+    """Force and slope on the usual mesh over those found (2,); and how far the force at ``low_pa``
+    lies above the tangent at the mean pressure, over the tangent's fall to there."""
     size_m = element_size_m(scene)
-    usual = build_section(scene, over.section.finger.x, depth_m=depth_m, size_m=size_m)
-    field = LinearNDInterpolator(over.section.mesh.nodes, over.solution.displacement)
-    bare, _ = _bare(_bare_scene(scene), depth_m)
-    del bare
-    fine = _press(scene, usual, depth_m, low_pa + half_pa, field)
+    section = build_section(scene, over.section.finger.x, depth_m=load.depth_m, size_m=size_m)
+    fine = _press(section, load, np.asarray(over.field(section.mesh.nodes)))
     force = fine.solution.force_n_per_m / over.solution.force_n_per_m
     if not over.slope:
-        return 0.0, np.array([force, 1.0])
-    (lowest,) = march(over.section, over.solution, [Load(depth_m, low_pa)])
-    swing = half_pa * over.slope
-    bend = (lowest.force_n_per_m - over.solution.force_n_per_m) / swing + 1
-    return float(bend), np.array([force, fine.slope / over.slope])
+        return np.array([force, 1.0]), 0.0
+    (lowest,) = march(over.section, over.solution, [Load(load.depth_m, low_pa)])
+    fall = over.solution.force_n_per_m - lowest.force_n_per_m
+    bend = 1 - fall / (over.slope * (load.pressure_pa - low_pa))
+    return np.array([force, fine.slope / over.slope]), float(bend)
+
+
+def _nearest(scene: Scene, x_m: Array) -> int:
+    """The station nearest to any inclusion, or the middle one."""
+    if not scene.inclusion:
+        return len(x_m) // 2
+    centres = 1e-3 * np.array([one.x_mm for one in scene.inclusion])
+    return int(np.abs(x_m[:, None] - centres).min(axis=1).argmin())
 
 
 def _coarse(scene: Scene, x_m: float, depth_m: float) -> Section:

@@ -28,11 +28,14 @@ def sweep(
     count: Annotated[int, typer.Option(help="Points of a random design.")] = 0,
     seed: Annotated[int, typer.Option(help="Of a random design.")] = 0,
     x: Annotated[
-        float | None, typer.Option(metavar="MM", help="Where [mm]; default: over the inclusion.")
-    ] = None,
+        str, typer.Option(metavar="MM", help="Where: 32 or 4..60:15; default: over the inclusion.")
+    ] = "",
     depth: Annotated[float, typer.Option(metavar="MM", help="Indentation [mm].")] = 2.5,
     accuracy: Annotated[float, typer.Option(metavar="PCT", help="Of force and pulse [%].")] = 1.0,
-    model: Annotated[Literal["auto", "finite", "small"], typer.Option(help="Model.")] = "auto",
+    model: Annotated[
+        Literal["auto", "finite", "small", "quick"],
+        typer.Option(help="Model; quick: finite strain for whole scans, its own accuracy."),
+    ] = "auto",
     out: Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")] = Path(
         "sweep.parquet"
     ),
@@ -44,10 +47,10 @@ def sweep(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Press many variants of a scene; an interrupted sweep goes on where it stopped."""
+    """Press or scan many variants of a scene; an interrupted sweep goes on where it stopped."""
     from probe.cli.progress import counting
     from probe.studies.sweep import sweep as run
-    from probe.studies.vary import parse, points
+    from probe.studies.vary import parse, places, points
     from sim_backend.scene import load_scene
 
     loaded = load_scene(scene)
@@ -55,13 +58,15 @@ def sweep(
     began_s = time.perf_counter()
     with counting("points") as progress:
         table = run(
-            loaded, made, out, x_mm=x, indentation_mm=depth, model=model, accuracy_pct=accuracy,
-            workers=workers, scheduler=scheduler, progress=progress,
+            loaded, made, out, x_mm=places(x), indentation_mm=depth, model=model,
+            accuracy_pct=accuracy, seed=seed, workers=workers, scheduler=scheduler,
+            progress=progress,
         )  # fmt: skip
     failed = table[table["reason"] != ""]
     told = {
         "table": out,
-        "points": len(table),
+        "points": len(made),
+        "rows": len(table),
         "failed": len(failed),
         "seconds": time.perf_counter() - began_s,
     }
@@ -70,7 +75,7 @@ def sweep(
     if json:
         answer_json(plain(told))
         return
-    answer(f"{len(table)} points, {len(failed)} without an answer: {out}")
+    answer(f"{len(table)} rows, {len(failed)} without an answer: {out}")
 
 
 def paper(

@@ -1,14 +1,16 @@
-"""Solve the points of a sweep: those that differ in pressure only share one solution."""
+"""Solve the points of a sweep: presses that differ in pressure only share one solution."""
 
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any
 
 from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
-from sim_backend.press import CannotSolve, Press, press
+from sim_backend.press import SMALL_PULSE, CannotSolve, Press, press
+from sim_backend.quick import quick_scan
 from sim_backend.scene import Scene, SceneError
 
 Row = dict[str, Any]
@@ -16,55 +18,94 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Job:
-    """Points that are one press at several pressures: ``points`` are (number, point)."""
+    """Points that are the same presses at several pressures: ``points`` are (number, point).
+
+    ``x_mm``: where, over the first inclusion if empty.
+    """
 
     scene: Scene
     points: tuple[tuple[int, Point], ...]
-    x_mm: float | None
+    x_mm: tuple[float, ...]
     indentation_mm: float
     model: str
     accuracy_pct: float
 
 
 def jobs(
-    scene: Scene, points: Iterable[tuple[int, Point]], x_mm: float | None, indentation_mm: float,
-    model: str, accuracy_pct: float,
+    scene: Scene, points: Iterable[tuple[int, Point]], x_mm: tuple[float, ...],
+    indentation_mm: float, model: str, accuracy_pct: float,
 ) -> list[Job]:  # fmt: skip
-    """Points grouped by all but the pulse."""
+    """Points grouped by all but the pulse; the quick model has one pulse per solution."""
     groups: dict[str, list[tuple[int, Point]]] = {}
     for number, point in points:
-        section = {k: v for k, v in point.items() if not k.startswith("pulse.")}
-        groups.setdefault(json.dumps(section, sort_keys=True), []).append((number, point))
+        shared = {k: v for k, v in point.items() if model == "quick" or not k.startswith("pulse.")}
+        groups.setdefault(json.dumps(shared, sort_keys=True), []).append((number, point))
     return [Job(scene, tuple(g), x_mm, indentation_mm, model, accuracy_pct)
             for g in groups.values()]  # fmt: skip
 
 
-def solve(job: Job) -> list[Row]:
-    """A row for every point; one that cannot be solved has its ``reason``, and no values."""
+def solve(job: Job) -> dict[int, list[Row]]:
+    """By point, a row for every place; what cannot be solved has its ``reason``, and no values."""
     scenes: dict[int, Scene] = {}
-    rows: list[Row] = []
+    found: dict[int, list[Row]] = {}
     for number, point in job.points:
         try:
             scenes[number] = applied(job.scene, point)
         except (SceneError, ValidationError) as error:
-            rows.append(_row(number, point) | {"reason": first_line(error)})
-    if not scenes:
-        return rows
-    first = next(iter(scenes.values()))
-    place = dict(job.points)[next(iter(scenes))]
-    x_mm = float(place.get("x_mm", _x_mm(first) if job.x_mm is None else job.x_mm))
-    depth_mm = float(place.get("indentation_mm", job.indentation_mm))
+            found[number] = [{"reason": first_line(error)}]
+    if scenes:
+        number, first = next(iter(scenes.items()))
+        place = dict(job.points)[number]
+        over = (float(place["x_mm"]),) if "x_mm" in place else job.x_mm or (_x_mm(first),)
+        depth_mm = float(place.get("indentation_mm", job.indentation_mm))
+        if job.model == "quick":
+            found |= {n: _quick(scene, over, depth_mm) for n, scene in scenes.items()}
+        else:
+            pressed = [_pressed(job, scenes, x_mm, depth_mm) for x_mm in over]
+            found |= {n: [rows[n] for rows in pressed] for n in scenes}
+    return {n: [{"point": n, **point, **row} for row in found[n]] for n, point in job.points}
+
+
+def _pressed(
+    job: Job, scenes: dict[int, Scene], x_mm: float, depth_mm: float
+) -> dict[int, Row]:  # fmt: skip
+    """One press at the pressures of all scenes."""
     levels = sorted({p for s in scenes.values() for p in _pressures(s)})
+    first = next(iter(scenes.values()))
     try:
-        pressed = press(
-            first, x_mm, depth_mm, levels, model=job.model, accuracy_pct=job.accuracy_pct
-        )
+        pressed = press(first, x_mm, depth_mm, levels, model=job.model,
+                        accuracy_pct=job.accuracy_pct)  # fmt: skip
     except (CannotSolve, SceneError) as error:
         failed = {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": first_line(error)}
-        return rows + [_row(n, p) | failed for n, p in job.points if n in scenes]
-    return rows + [
-        _row(n, p) | _answer(pressed, scenes[n], levels) for n, p in job.points if n in scenes
-    ]
+        return dict.fromkeys(scenes, failed)
+    return {n: _answer(pressed, scene, levels) for n, scene in scenes.items()}
+
+
+def _quick(scene: Scene, x_mm: tuple[float, ...], depth_mm: float) -> list[Row]:
+    """One scan; the errors of force and pulse in N beside the larger of both in percent."""
+    began_s = perf_counter()
+    at = [{"x_mm": x, "indentation_mm": depth_mm} for x in x_mm]
+    try:
+        scan = quick_scan(scene, [1e-3 * x for x in x_mm], 1e-3 * depth_mm)
+    except (CannotSolve, SceneError) as error:
+        return [place | {"reason": first_line(error)} for place in at]
+    seconds = (perf_counter() - began_s) / len(x_mm)
+    face_m2 = 1e-6 * scene.face_mm2
+    rows: list[Row] = []
+    for k, place in enumerate(at):
+        if scan.reasons[k]:
+            rows.append(place | {"reason": scan.reasons[k].splitlines()[0]})
+            continue
+        force_n, pulse_n = float(scan.force_n[k]), float(scan.pulse_n[k])
+        off = float(scan.force_error_n[k]), float(scan.pulse_error_n[k])
+        share = max(off[0] / force_n, off[1] / max(abs(pulse_n), SMALL_PULSE * force_n))
+        rows.append(place | {
+            "force_n": force_n, "pulse_n": pulse_n, "half_pulse_n": float(scan.half_pulse_n[k]),
+            "baseline_pa": force_n / face_m2, "pulse_pa": pulse_n / face_m2,
+            "force_error_n": off[0], "pulse_error_n": off[1], "model": "quick",
+            "error_estimate_pct": 100 * share, "seconds": seconds, "reason": "",
+        })  # fmt: skip
+    return rows
 
 
 def _pressures(scene: Scene) -> tuple[float, ...]:
@@ -77,7 +118,7 @@ def _answer(pressed: Press, scene: Scene, levels: list[float]) -> Row:
     low, high = (pressed.states[levels.index(p)] for p in
                  (_pressures(scene)[0], _pressures(scene)[-1]))  # fmt: skip
     finger = scene.indenter
-    face_m2 = 1e-6 * finger.width_mm_projected * finger.length_mm
+    face_m2 = 1e-6 * scene.face_mm2
     force_n, pulse_n = (finger.length_mm * f for f in
                         (low.force_n_per_mm, high.force_n_per_mm - low.force_n_per_mm))  # fmt: skip
     return {
@@ -97,10 +138,6 @@ def _answer(pressed: Press, scene: Scene, levels: list[float]) -> Row:
         "seconds": pressed.seconds,
         "reason": "",
     }
-
-
-def _row(number: int, point: Point) -> Row:
-    return {"point": number, **point}
 
 
 def _x_mm(scene: Scene) -> float:

@@ -1,8 +1,8 @@
 """Run a sweep on this machine's processors or on a Dask cluster; what is done stays done.
 
-Rows go at once into a log beside the table (``NAME.rows.jsonl``); a sweep that was interrupted goes
-on where the log ends. The table is written from the log, in the order of the points, so that it is
-the same whoever solved which point.
+Points go at once into a log beside the table (``NAME.rows.jsonl``); a sweep that was interrupted
+goes on where the log ends. The table is written from the log, in the order of the points, so that
+it is the same whoever solved which point.
 """
 
 import json
@@ -21,20 +21,24 @@ from probe.studies.solve import Job, Row, jobs, solve
 from probe.studies.vary import Point
 from sim_backend.scene import Scene
 
+Solved = dict[int, list[Row]]
+
 FORMATS = (".parquet", ".csv", ".h5")
 RETRIES = 3
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
 def sweep(
-    scene: Scene, points: list[Point], out: Path, *, x_mm: float | None = None,
-    indentation_mm: float = 2.5, model: str = "auto", accuracy_pct: float = 1.0,
+    scene: Scene, points: list[Point], out: Path, *, x_mm: tuple[float, ...] = (),
+    indentation_mm: float = 2.5, model: str = "auto", accuracy_pct: float = 1.0, seed: int = 0,
     workers: int | None = None, scheduler: str | None = None,
     progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> pd.DataFrame:  # fmt: skip
     """Solve all ``points`` and write the table ``out`` (Parquet, CSV or HDF5 by its ending).
 
-    ``scheduler`` is the address of a Dask scheduler; else ``workers`` processes are used.
+    A row per point and place ``x_mm`` (over the inclusion if empty). ``seed`` is what the points
+    were drawn with, for the table. ``scheduler`` is the address of a Dask scheduler; else
+    ``workers`` processes are used.
     Raises `ConfigError` for an ending, or for a log of another sweep.
     """
     if out.suffix not in FORMATS:
@@ -52,18 +56,19 @@ def sweep(
         with log.open("a", encoding="utf-8") as file:
             if file.tell() == 0:
                 file.write(json.dumps({"sweep": key}) + "\n")
-            for rows in run:
-                for row in rows:
-                    done[row["point"]] = row
-                    file.write(json.dumps(row) + "\n")
+            for found in run:
+                for point, rows in found.items():
+                    done[point] = rows
+                    file.write(json.dumps({"point": point, "rows": rows}) + "\n")
                 file.flush()
                 progress(len(done), len(points))
-    table = pd.DataFrame([done[n] for n in sorted(done)])
+    table = pd.DataFrame([row for n in sorted(done) for row in done[n]])
+    table.insert(1, "seed", seed)
     _write(table, out, scene, key)
     return table
 
 
-def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[list[Row]]:
+def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
     count = min(workers or os.cpu_count() or 1, len(todo))
     for name in THREADS:  # one thread per process: the solves are small
         os.environ.setdefault(name, "1")
@@ -76,7 +81,7 @@ def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[list[Row]
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _on_cluster(todo: list[Job], scheduler: str) -> Iterator[list[Row]]:
+def _on_cluster(todo: list[Job], scheduler: str) -> Iterator[Solved]:
     distributed: Any
     try:
         from dask import distributed
@@ -88,15 +93,15 @@ def _on_cluster(todo: list[Job], scheduler: str) -> Iterator[list[Row]]:
         raise ConfigError(f"--scheduler {scheduler}: no scheduler answers ({error})") from None
     with client:
         futures = client.map(solve, todo, pure=False, retries=RETRIES)
-        for _, rows in distributed.as_completed(futures, with_results=True):
-            yield rows
+        for _, found in distributed.as_completed(futures, with_results=True):
+            yield found
 
 
-def _read_log(log: Path, key: str) -> dict[int, Row]:
+def _read_log(log: Path, key: str) -> Solved:
     if not log.exists():
         return {}
     lines = log.read_text(encoding="utf-8").splitlines()
-    rows: dict[int, Row] = {}
+    done: Solved = {}
     for number, line in enumerate(lines):
         try:
             row = json.loads(line)
@@ -107,8 +112,8 @@ def _read_log(log: Path, key: str) -> dict[int, Row]:
                 raise ConfigError(f"{log} belongs to another sweep: choose another --out, or "
                                   "remove it")  # fmt: skip
             continue
-        rows[row["point"]] = row
-    return rows
+        done[row["point"]] = row["rows"]
+    return done
 
 
 def _write(table: pd.DataFrame, out: Path, scene: Scene, key: str) -> None:

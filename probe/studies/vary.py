@@ -67,6 +67,20 @@ def parse(text: str, scene: Scene) -> Varied:
     return Varied(key, tuple(float(v) for v in space(low, high, count)))
 
 
+def places(text: str) -> tuple[float, ...]:
+    """``32``, ``20,32`` or ``4..60:15`` as places [mm]; none for no text. Raises `ConfigError`."""
+    if not text:
+        return ()
+    try:
+        if ".." not in text:
+            return tuple(float(one) for one in text.split(","))
+        interval, _, count = text.partition(":")
+        low, high = (float(end) for end in interval.split(".."))
+        return tuple(float(one) for one in np.linspace(low, high, int(count)))
+    except ValueError:
+        raise ConfigError(f"--x {text}: say 32 or 20,32 or 4..60:15 (from..to:how many)") from None
+
+
 def full_key(key: str, scene: Scene) -> str:
     """``wall_mm`` as ``inclusion.0.wall_mm``. Raises `ConfigError` if none or several match."""
     if key in SCAN_KEYS:

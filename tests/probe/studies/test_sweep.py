@@ -14,7 +14,7 @@ from probe.studies.vary import parse, points
 from sim_backend import load_scene
 
 TIHA = load_scene("TIHA")
-FAST = {"model": "small", "accuracy_pct": 20.0}
+FAST = {"model": "small", "accuracy_pct": 20.0, "indentation_mm": 1.0}
 
 
 def made(*texts: str) -> list[dict[str, float | str]]:
@@ -26,10 +26,10 @@ def without_time(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def test_pressures_share_one_solution() -> None:
-    some = jobs(TIHA, enumerate(made("wall_mm=0.5,0.6", "systolic_mmhg=100,120,140")), None, 2.5,
+    some = jobs(TIHA, enumerate(made("wall_mm=0.5,0.6", "systolic_mmhg=100,120,140")), (), 1.0,
                 "small", 20.0)  # fmt: skip
     assert [len(job.points) for job in some] == [3, 3]
-    rows = solve(some[0])
+    rows = [row for each in solve(some[0]).values() for row in each]
     pulses = [row["pulse_n"] for row in rows]
     assert pulses == sorted(pulses)
     assert len({row["seconds"] for row in rows}) == 1  # solved once
@@ -52,10 +52,25 @@ def test_an_interrupted_sweep_goes_on(tmp_path: Path, ending: str) -> None:
     counted: list[int] = []
     again = sweep(TIHA, wanted, out, workers=1, progress=lambda d, _: counted.append(d), **FAST)  # type: ignore[arg-type]
     assert counted[0] == 2
-    pd.testing.assert_frame_equal(without_time(whole), without_time(again))
+    pd.testing.assert_frame_equal(without_time(whole), without_time(again), check_exact=True)
     assert out.stat().st_size > 0
     with pytest.raises(ConfigError, match="another sweep"):
         sweep(TIHA, made("wall_mm=0.4"), out, workers=1, **FAST)  # type: ignore[arg-type]
+
+
+def test_scans_have_a_row_per_place(tmp_path: Path) -> None:
+    wanted = made("wall_mm=0.5,99", "systolic_mmhg=110,130")
+    table = sweep(TIHA, wanted, tmp_path / "t.csv", x_mm=(24.0, 32.0), model="quick", seed=5,
+                  workers=1)  # fmt: skip
+    assert table["point"].tolist() == [0, 0, 1, 1, 2, 3]
+    assert table["seed"].unique() == [5]
+    solved = table[table["reason"] == ""]
+    assert solved["x_mm"].tolist() == [24.0, 32.0] * 2
+    over, beside = solved["pulse_n"][solved["x_mm"] == 32], solved["pulse_n"][solved["x_mm"] == 24]
+    assert (over.to_numpy() > beside.to_numpy()).all()
+    assert over.is_monotonic_increasing  # with the pressure
+    again = sweep(TIHA, wanted, tmp_path / "t.csv", x_mm=(24.0, 32.0), model="quick", seed=5)
+    pd.testing.assert_frame_equal(table, again)  # nothing was solved anew
 
 
 def test_unknown_ending(tmp_path: Path) -> None:
@@ -88,6 +103,6 @@ def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> 
         there = sweep(TIHA, wanted, tmp_path / "there.csv", progress=kill_one,
                       scheduler=cluster.scheduler_address, **FAST)  # type: ignore[arg-type]  # fmt: skip
     assert killed
-    pd.testing.assert_frame_equal(without_time(alone), without_time(there))
-    rows = (tmp_path / "there.rows.jsonl").read_text().splitlines()[1:]
-    assert len({json.loads(row)["point"] for row in rows}) == len(wanted)
+    pd.testing.assert_frame_equal(without_time(alone), without_time(there), check_exact=True)
+    lines = (tmp_path / "there.rows.jsonl").read_text().splitlines()[1:]
+    assert len({json.loads(line)["point"] for line in lines}) == len(wanted)
