@@ -52,10 +52,14 @@ class Row:
     scatter: float
 
 
-def find_bumps(x_m: Array, value: Array, sd: Array, false_alarm: float) -> Row:
-    """Bumps in ``value`` (n,) at ``x_m`` (n,), ascending; ``sd`` (n,) is at least their scatter.
+def find_bumps(
+    x_m: Array, value: Array, sd: Array, base: Array, false_alarm: float, most: int = MOST_OBJECTS
+) -> Row:
+    """Up to ``most`` bumps in ``value`` (n,) at ``x_m`` (n,), ascending; ``sd`` (n,) is at least
+    their scatter.
 
-    Fewer than 6 stations cannot show a bump apart from a background: none are found.
+    ``base`` (n, k) are the columns of what may lie under them: `surroundings` or `floor`. Fewer
+    than 6 stations cannot show a bump apart from a background: none are found.
     """
     n = len(x_m)
     if n < FEWEST:
@@ -63,11 +67,10 @@ def find_bumps(x_m: Array, value: Array, sd: Array, false_alarm: float) -> Row:
     pitch = float(np.median(np.diff(x_m)))
     known: list[tuple[float, float]] = []
     chances: list[float] = []
-    base = _background(x_m, pitch)
-    while len(known) < MOST_OBJECTS and n - base.shape[1] - 3 * len(known) > 3:
+    while len(known) < most and n - base.shape[1] - 3 * len(known) > 3:
         found, p_value = _next(x_m, value, sd, pitch, base, known)
         new = [found]
-        if p_value > false_alarm and n - base.shape[1] - 3 * len(known) > 6:
+        if most > 1 and p_value > false_alarm and n - base.shape[1] - 3 * len(known) > 6:
             # two that are equally clear hide each other: each looks like the other's scatter
             new, p_value = _next_two(x_m, value, sd, pitch, base, known, found)
         if p_value > false_alarm:
@@ -81,9 +84,8 @@ def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> R
     """The same bumps' heights in another map of the same stations, their places kept."""
     if len(x_m) < FEWEST or not bumps:
         return Row((), np.full(len(x_m), np.median(value)), float(np.median(sd)))
-    pitch = float(np.median(np.diff(x_m)))
     known = [(one.x_m, one.half_width_m) for one in bumps]
-    return _row(x_m, value, sd, _background(x_m, pitch), known, [1.0] * len(known))
+    return _row(x_m, value, sd, surroundings(x_m), known, [1.0] * len(known))
 
 
 def shape(x_m: Array, centre: float, half_width: float) -> Array:
@@ -91,11 +93,18 @@ def shape(x_m: Array, centre: float, half_width: float) -> Array:
     return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / 1.5) ** -1.5)
 
 
-def _background(x_m: Array, pitch: float) -> Array:
+def surroundings(x_m: Array) -> Array:
+    """Columns (n, 3 or 5) of a tilted, curved level, of 9 stations or more also its two edges."""
+    pitch = float(np.median(np.diff(x_m)))
     u = (x_m - x_m.mean()) / np.ptp(x_m)
     edges = [np.exp(-np.abs(x_m - end) / (EDGE_PITCHES * pitch)) for end in (x_m[0], x_m[-1])]
     columns = [np.ones_like(u), u, u**2]
     return np.column_stack([*columns, *edges] if len(x_m) >= 9 else columns)
+
+
+def floor(x_m: Array) -> Array:
+    """The column (n, 1) of what noise alone makes of a size: the same everywhere."""
+    return np.ones((len(x_m), 1))
 
 
 def _weighted(

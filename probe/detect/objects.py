@@ -1,12 +1,22 @@
 """What lies under one row of stations: the bumps of its level and pulse maps, put together."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from probe.detect.bumps import APART, FEWEST, Bump, Row, at_places, find_bumps, shape
+from probe.detect.bumps import (
+    APART,
+    FEWEST,
+    MOST_OBJECTS,
+    Bump,
+    at_places,
+    find_bumps,
+    floor,
+    shape,
+    surroundings,
+)
 from probe.detect.finding import ObjectFinding
 from probe.detect.kind import Judged, Seen, judge
 from probe.detect.presses import Press
@@ -16,6 +26,8 @@ from probe.detect.together import hidden
 Array = NDArray[np.float64]
 
 NORMAL_95 = 1.96
+UNEVEN = 0.08
+"""What a heart's pulses differ by from press to press, over the largest."""
 FELT = 0.3
 """Stations that feel less than this share of a pulse are not asked about it."""
 
@@ -81,17 +93,25 @@ def objects_in(line: Line, pulsing: bool, false_alarm: float) -> list[ObjectFind
     """
     if len(line.x_m) < FEWEST:
         return []
-    levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, false_alarm / 2)
-    beats = Row((), np.zeros(len(line.x_m)), 1.0)
-    if pulsing:
-        # presses count alike: what a hold shorter than a beat says of its own doubt is doubtful
-        even = np.full(len(line.x_m), np.median(line.pulse_sd_pa))
-        found = find_bumps(line.x_m, line.pulse_pa, even, false_alarm / 2)
-        beats = replace(found, bumps=tuple(b for b in found.bumps if b.height > 0))
-    places = _together(levels.bumps, beats.bumps, float(np.median(np.diff(line.x_m))))
-    if pulsing and not any(place.pulse for place in places):
-        places = _with_strongest(places, line)
+    base = surroundings(line.x_m)
+    levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
+    beats = _beats(line, false_alarm / 2) if pulsing else ()
+    places = _together(levels.bumps, beats, float(np.median(np.diff(line.x_m))))
     return [_object(place, line, pulsing) for place in places]
+
+
+def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
+    """Where a row that pulses does: the clear bumps of its pulse map, or else the likeliest."""
+    x_m, pulse_pa = line.x_m, line.pulse_pa
+    # presses count alike: what a hold shorter than a beat says of its own doubt is doubtful
+    sd_pa = float(np.hypot(np.median(line.pulse_sd_pa), UNEVEN * pulse_pa.max()))
+    even, base = np.full(len(x_m), sd_pa), floor(x_m)
+    for chance, most in ((false_alarm, MOST_OBJECTS), (1.0, 1)):
+        found = find_bumps(x_m, pulse_pa, even, base, chance, most).bumps
+        if rising := tuple(bump for bump in found if bump.height > 0):
+            return rising
+    at, pitch = float(x_m[int(np.argmax(pulse_pa))]), float(np.median(np.diff(x_m)))
+    return (Bump(at, at - pitch, at + pitch, float(pulse_pa.max()), sd_pa, pitch, 1.0),)
 
 
 def _together(levels: tuple[Bump, ...], beats: tuple[Bump, ...], pitch: float) -> list[Place]:
@@ -121,19 +141,6 @@ def _joined(level: Bump, pulse: Bump) -> Place:
     sd = float(weight.sum() ** -0.5 * np.sqrt(max(1.0, apart)))
     reach = NORMAL_95 * sd
     return Place(x_m, sd, x_m - reach, x_m + reach, level, pulse)
-
-
-def _with_strongest(places: list[Place], line: Line) -> list[Place]:
-    """A pulse without a bump of its own is at the strongest station, within a pitch."""
-    pitch = float(np.median(np.diff(line.x_m)))
-    x_m = float(line.x_m[int(np.argmax(line.pulse_pa))])
-    height = float(line.pulse_pa.max())
-    beat = Bump(x_m, x_m - pitch, x_m + pitch, height, float(line.pulse_sd_pa.max()), pitch, 0.0)
-    near = [p for p in places if p.low_m - pitch <= x_m <= p.high_m + pitch]
-    if near:
-        closest = min(near, key=lambda p: abs(p.x_m - x_m))
-        return [replace(p, pulse=beat) if p is closest else p for p in places]
-    return [*places, _alone(beat, None, beat)]
 
 
 def _object(place: Place, line: Line, pulsing: bool) -> ObjectFinding:
