@@ -32,8 +32,8 @@ HAND = [
 ]
 """What a hand may pick; element sizes are shares of the finger's half width."""
 TRUTH_SHARE = 0.03
-SMALL_PULSE = 1e-2
-"""As `press`: pulses below this share of the force are judged against the force."""
+SMALL_PULSE = 1e-3
+"""As `press`: pulses below this share of the force are judged against the share."""
 
 
 def random_case(rng: np.random.Generator) -> tuple[Scene, float, float, tuple[float, ...]]:
