@@ -74,6 +74,8 @@ def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
     if len(np.unique(depth[upper])) < 3:
         raise CalibrationError(f"fewer than three loaded depths; {ADVICE}")
     slope, level = np.polyfit(depth[upper], force[upper], 1)
+    if slope <= 0:
+        raise CalibrationError("the force falls with depth: depth_m must grow downwards")
     contact = (low - level) / slope
     air = bool((depth < contact).sum() >= 3)
     if air:
@@ -102,8 +104,6 @@ def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
             np.array([[1, 0], [f / k**2, -1 / k]]),
         )
     stiffness, contact = float(fit.values[0]), float(fit.values[1])
-    if stiffness <= 0:
-        raise CalibrationError("the force falls with depth: depth_m must grow downwards")
     pressed = depth > contact
     bend = np.polyfit((depth[pressed] - contact) / np.ptp(depth[pressed]), force[pressed], 2)
     return ComplianceCalibration(stiffness, contact, high, float(bend[0] / abs(bend[1])), fit)

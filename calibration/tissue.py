@@ -20,6 +20,7 @@ from calibration.identify import limits_of
 
 Forward = Callable[[Array, Array], tuple[Array, Array]]
 ADVICE = "indent deeper, in a steady ramp of 20 samples or more, then hold"
+FACTORS = (0.3, 1.0, 3.0)  # times which the guesses of relaxation times are tried
 STEP_M = 1e-6  # of the depth derivative
 
 
@@ -105,14 +106,21 @@ def fit_tissue(
         + [f"log tau {n}" for n in range(terms)]
     )
     size = float(np.abs(force).max())
-    fit = nonlinear_fit(
-        lambda p: (model.force(p) - force) / size,
-        start,
-        names,
-        ADVICE + ", or fit fewer parameters",
-        jacobian=lambda p: model.slopes(p) / size,
-        robust=robust,
-    )
+    tries = []
+    for factor in FACTORS if terms else (1.0,):  # relaxation has more than one minimum
+        guess = start.copy()
+        guess[len(start) - terms :] += np.log(factor)
+        tries.append(
+            nonlinear_fit(
+                lambda p: (model.force(p) - force) / size,
+                guess,
+                names,
+                ADVICE + ", or fit fewer parameters",
+                jacobian=lambda p: model.slopes(p) / size,
+                robust=robust,
+            )
+        )
+    fit = min(tries, key=lambda one: one.noise)
     p, first = fit.values, moduli + int(find_surface)
     tau = np.exp(p[first + terms :])
     spacing, length = float(np.median(np.diff(time))), float(np.ptp(time))

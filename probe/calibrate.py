@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
+from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from calibration import (
@@ -41,7 +41,7 @@ from sim_backend.scene import Scene
 Array = NDArray[np.float64]
 Forward = Callable[[Array, Array], tuple[Array, Array]]
 
-CURVE_POINTS = 9
+CURVE_POINTS = 11
 
 
 @dataclass(frozen=True)
@@ -137,7 +137,8 @@ def _tissue(r: Readings, choices: Choices) -> TissueCalibration:
     with suppress(CalibrationError):  # without readings in the air depths are taken as they are
         depth = depth - float(find_contact(depth, force).values[0])
     plain = scene.model_copy(update={"inclusion": ()})
-    forward = force_of_modulus(plain, float(depth.max()))
+    at_mm = float(np.median(r.column("x_mm"))) if "x_mm" in r.table else None
+    forward = force_of_modulus(plain, float(depth.max()), x_mm=at_mm)
     return fit_tissue(
         depth, force, forward, [1e3 * scene.tissue.modulus_kpa],
         time_s=columns[:, 2] if len(names) == 3 else None,
@@ -145,27 +146,38 @@ def _tissue(r: Readings, choices: Choices) -> TissueCalibration:
     )  # fmt: skip
 
 
-def force_of_modulus(scene: Scene, deepest_m: float, model: str = "finite") -> Forward:
+def force_of_modulus(
+    scene: Scene, deepest_m: float, model: str = "finite", x_mm: float | None = None
+) -> Forward:
     """Force (n,) [N] of moduli (1,) [Pa] and depths (n,) [m] on plain tissue, with its derivative
-    (n, 1), by the finite elements: a homogeneous block's force is proportional to its modulus."""
+    (n, 1), by the finite elements: a homogeneous block's force is proportional to its modulus.
+    Pressed at ``x_mm`` of the block, by default in its middle."""
     if scene.tissue is None:
         raise CalibrationError(f"scene {scene.name} has no tissue")
-    depths = np.linspace(0.0, 1.1 * deepest_m, CURVE_POINTS)
-    x_mm = 0.5 * scene.tissue.width_mm
-    force = [0.0] + [
+    depths = 1.1 * deepest_m * np.linspace(0.0, 1.0, CURVE_POINTS)[1:] ** 1.5
+    width_mm = scene.tissue.width_mm
+    x_mm = 0.5 * width_mm if x_mm is None else x_mm
+    if not 0 < x_mm < width_mm:
+        raise CalibrationError(f"pressed at x = {x_mm:g} mm; the scene's block is {width_mm:g} mm "
+                               "wide, from 0")  # fmt: skip
+    force = [
         scene.indenter.length_mm
-        * press(scene, x_mm, 1e3 * d, model=model, accuracy_pct=0.5).states[0].force_n_per_mm
-        for d in depths[1:]
+        * press(scene, x_mm, 1e3 * d, model=model, accuracy_pct=0.2).states[0].force_n_per_mm
+        for d in depths
     ]
     return proportional(depths, np.array(force) / (1e3 * scene.tissue.modulus_kpa))
 
 
 def proportional(depths: Array, force_per_pa: Array) -> Forward:
-    """The forward model through forces per modulus (k,) at ``depths`` (k,), none in the air."""
-    per_pa = PchipInterpolator(depths, force_per_pa)
+    """The forward model through forces per modulus (k,) at ``depths`` (k,) > 0, none in the air.
+
+    The force over the depth is interpolated: it varies little.
+    """
+    slope = CubicSpline(depths, force_per_pa / depths)
 
     def forward(moduli: Array, depth_m: Array) -> tuple[Array, Array]:
-        unit = np.where(depth_m > 0, per_pa(np.clip(depth_m, 0.0, depths[-1])), 0.0)
+        sunk = np.clip(depth_m, 0.0, depths[-1])
+        unit = sunk * slope(np.maximum(sunk, depths[0]))
         return moduli[0] * unit, unit[:, None]
 
     return forward

@@ -136,7 +136,7 @@ def _curve(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
     press = _presses(run, sensor, station)[0]
     depth_m = press["z"][0] - press["z"] - give_m_per_n(run.config) * press["force_n"]
     return {"time_s": press["time_s"], "depth_mm": 1e3 * depth_m, "force_n": press["force_n"],
-            "held": 1.0 - press["inwards"]}  # fmt: skip
+            "held": 1.0 - press["inwards"], "x_mm": 1e3 * press["x"]}  # fmt: skip
 
 
 def _stiffness(run: Run, sensor: str, station: int | None) -> dict[str, Array]:

@@ -1,6 +1,6 @@
 """A rig that is wrong in four ways finds the wrong place and depth; calibrated, the right ones.
 
-`benchmarks/calibration.py` does the same on finite elements and draws it.
+`benchmarks/calibrations.py` does the same on finite elements and draws it.
 """
 
 import sys
