@@ -28,6 +28,9 @@ SMALLEST_SHARE = 0.01
 """Smallest element size over the finger's half width."""
 SHARE_LEFT = 0.5
 """What halving the size leaves of the change it made: the error falls at least linearly."""
+FLOOR_PCT = np.array([12.0, 36.0])
+"""What a mesh misses of force and pulse at least, over the square of the element size over the
+finger's half width: two meshes may agree by chance."""
 HALVES = ([0, 1, 2], [0, 2, 3])
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
@@ -139,12 +142,13 @@ def press(
     solve = SOLVERS[choice.model]
     place = 1e-3 * x_mm, 1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures]
     size_m = _first_size_m(scene, accuracy_pct)
-    smallest_m = SMALLEST_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
+    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    floor_pct = FLOOR_PCT * [1.0, len(pressures) > 1]
     section, solutions = solve(choice.scene, *place, size_m)
     mesh_pct = np.full(2, np.inf)
     model_pct = np.array([choice.error_pct, choice.pulse_error_pct])
     left_pct = np.maximum(accuracy_pct - model_pct, accuracy_pct / 2)
-    while (mesh_pct > left_pct).any() and size_m / 2 >= smallest_m:
+    while (mesh_pct > left_pct).any() and size_m / 2 >= SMALLEST_SHARE * half_m:
         size_m /= 2
         coarse = solutions
         try:
@@ -154,7 +158,8 @@ def press(
                 raise
             mesh_pct /= SHARE_LEFT  # of the mesh before, whose answer is kept
             break
-        mesh_pct = SHARE_LEFT * _changes_pct(coarse, solutions)
+        least_pct = floor_pct * (size_m / half_m) ** 2
+        mesh_pct = np.maximum(SHARE_LEFT * _changes_pct(coarse, solutions), least_pct)
         if len(section.assembly.free) > MOST_UNKNOWNS:
             break
     states = tuple(_state(section, s, p) for s, p in zip(solutions, pressures, strict=True))
