@@ -4,8 +4,8 @@
 
 Scans like the paper's TIHA, 15 stations each, with the artery's depth, place, diameter, wall and
 modulus, the tissue's modulus and both pressures drawn by Latin hypercube, go through the sweep
-with the quick model on two workers. Random rows are solved again by the full model at finite strain, on
-elements of half the usual size, and the difference stands beside the error that the row states.
+with the quick model on two workers. Random rows are solved again by the full model (finite strain,
+elements of half the usual size); the difference stands beside the error that the row states.
 Throughput is counted from the first finished scan to the last, so that starting Python is left
 out. The load of the machine by others is printed, since it stretches every time.
 

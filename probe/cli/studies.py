@@ -1,4 +1,4 @@
-"""``palpate sweep`` and ``palpate paper``: many presses, and the paper's figures."""
+"""``palpate sweep``, ``fleet`` and ``paper``: many presses or scans, and the paper's figures."""
 
 import sys
 import time
@@ -13,6 +13,7 @@ from probe.cli.say import Json, answer, answer_json, plain, tell
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(sweep)
+    app.command()(fleet)
     app.command()(paper)
 
 
@@ -78,6 +79,37 @@ def sweep(
     answer(f"{len(table)} rows, {len(failed)} without an answer: {out}")
 
 
+def fleet(
+    count: Annotated[int, typer.Argument(help="Phantoms of each kind.", min=1)],
+    seed: Annotated[int, typer.Option(help="Of what is drawn.")] = 0,
+    out: Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")] = Path(
+        "fleet.parquet"
+    ),
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Processes; default: one per processor.")
+    ] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler: many machines.")
+    ] = None,
+    json: Json = False,
+) -> None:
+    """Scan random phantoms of every kind, to train and test detectors on."""
+    from probe.cli.progress import counting
+    from probe.studies.fleet import fleet as run
+
+    began_s = time.perf_counter()
+    with counting("scans") as progress:
+        table = run(
+            count, out, seed=seed, workers=workers, scheduler=scheduler, progress=progress
+        )  # fmt: skip
+    failed = int((table["reason"] != "").sum())
+    if json:
+        seconds = time.perf_counter() - began_s
+        answer_json(plain({"table": out, "rows": len(table), "failed": failed, "seconds": seconds}))
+        return
+    answer(f"{len(table)} rows, {failed} without an answer: {out}")
+
+
 def paper(
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where pictures and table go.")] = Path(
         "paper"
@@ -102,4 +134,5 @@ def paper(
         return
     for one in statements:
         answer(f"{one.verdict}: {one.text}\n    {one.ours}")
+    answer((out / "sensitivity.txt").read_text(encoding="utf-8"))
     print(f"Pictures and tables: {out}", file=sys.stderr)

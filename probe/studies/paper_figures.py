@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from probe.report.look import BLUE, GREEN, ORANGE
-from probe.studies.paper import FIGURES, LEVELS_MMHG, TIMES_S
+from probe.studies.paper import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA, TIMES_S
 
 COLOURS = (ORANGE, GREEN, BLUE)
 LABELS = {
@@ -20,10 +20,36 @@ LABELS = {
 
 
 def draw(table: pd.DataFrame, out: Path) -> None:
-    """Write ``maps.png`` (Figs. 3, 4), ``lone.png`` (5) and ``trends.png`` (6 to 9)."""
+    """Write ``maps.png`` (Figs. 3, 4), ``lone.png`` (5), ``trends.png`` (6 to 9) and
+    ``readings.png``, TISA's pulse by reading of the paper."""
     _maps(table).savefig(out / "maps.png", dpi=150, facecolor="white")
     _lone(table).savefig(out / "lone.png", dpi=150, facecolor="white")
     _trends(table).savefig(out / "trends.png", dpi=150, facecolor="white")
+    _readings(table).savefig(out / "readings.png", dpi=150, facecolor="white")
+
+
+def _readings(table: pd.DataFrame) -> Figure:
+    rows = table[table.figure == "readings"]
+    names = list(dict.fromkeys(rows.reading))[::-1]
+    figure = Figure(figsize=(8, 4.2), layout="constrained")
+    axes = figure.subplots()
+    for model, colour in (("finite", ORANGE), ("small", BLUE)):
+        some = rows[rows.model == model]
+        at = [names.index(one) for one in some.reading]
+        for column, mark, name in (("von_mises_pulse_pa", "o", "von Mises stress"),
+                                   ("pulse_pa", "|", "contact stress")):  # fmt: skip
+            axes.plot(some[column], at, mark, color=colour, ms=6, mew=2 if mark == "|" else 0,
+                      label=f"{model} strain, {name}")  # fmt: skip
+    axes.axvline(PAPER_PULSE_PA, color="0.5", lw=1)
+    axes.annotate(f"the paper's {PAPER_PULSE_PA} Pa", (PAPER_PULSE_PA, len(names) - 0.45),
+                  (4, 0), textcoords="offset points", color="0.4", fontsize=8)  # fmt: skip
+    axes.set(yticks=range(len(names)), yticklabels=names, xscale="log", xlabel="pulse of TISA [Pa]",
+             ylim=(-0.6, len(names)))  # fmt: skip
+    ticks = [5, 10, 20, 50, 100, 200]
+    axes.set_xticks(ticks, [str(t) for t in ticks])
+    axes.minorticks_off()
+    axes.legend(frameon=False, fontsize=8, loc="upper left", bbox_to_anchor=(1, 1))
+    return figure
 
 
 def _maps(table: pd.DataFrame) -> Figure:

@@ -64,7 +64,8 @@ def sweep(
                 progress(len(done), len(points))
     table = pd.DataFrame([row for n in sorted(done) for row in done[n]])
     table.insert(1, "seed", seed)
-    _write(table, out, scene, key)
+    table.attrs = {"scene": scene.name, "sweep": key}
+    write(table, out)
     return table
 
 
@@ -116,8 +117,8 @@ def _read_log(log: Path, key: str) -> Solved:
     return done
 
 
-def _write(table: pd.DataFrame, out: Path, scene: Scene, key: str) -> None:
-    table.attrs = {"scene": scene.name, "sweep": key}
+def write(table: pd.DataFrame, out: Path) -> None:
+    """Write ``out`` in one piece, in the format of its ending."""
     part = out.with_name(out.name + ".part")
     if out.suffix == ".parquet":
         table.to_parquet(part, index=False)
