@@ -6,12 +6,13 @@ simulated clock the engine calls `Watch.step` itself, at most two sensor samples
 """
 
 import math
+import os
 import sys
 import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import numpy as np
 
@@ -170,6 +171,7 @@ class Watch:
             self._stage_lock.release()
 
     def _repeat(self, step: Callable[[], None], period_s: float) -> None:
+        _come_first()
         while not self._end.wait(period_s):
             try:
                 step()
@@ -228,6 +230,12 @@ class Watch:
             self.object("engine", f"blocked for {ENGINE_SILENCE_S:g} s", can_retract=True)
             if self.retreat is not None:  # nobody else will lift the probe
                 self._stage.move(self.retreat, self._limits.max_speed_m_s / 4)
+
+
+def _come_first() -> None:
+    """Let this thread run before all others of the machine, where the system permits it."""
+    with suppress(AttributeError, OSError):  # Linux only; root, or a limit on `rtprio`
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
 
 
 def _joined(blocks: list[Block]) -> Block:
