@@ -13,7 +13,7 @@ from multiprocessing import get_context
 from multiprocessing.connection import wait
 from typing import Any
 
-from drivers.errors import DeviceAbsent, DeviceFault
+from drivers.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.ur.client import READY, Setup, State, serve
 
 RTDE_PORT, DASHBOARD_PORT, SCRIPT_PORT = 30004, 29999, 30003
@@ -78,6 +78,7 @@ class Link:
         self._fresh = threading.Condition()
         self._state: State | None = None
         self._samples: deque[State] = deque(maxlen=int(LONGEST_S * setup.frequency_hz))
+        self._recent: deque[State] = deque(maxlen=int(STALE_S * setup.frequency_hz) + 2)
         self._answers: dict[int, tuple[bool, str]] = {}
         self._number = READY
         self._gone = ""
@@ -113,6 +114,13 @@ class Link:
             raise DeviceFault(self.name, "its control program has stopped: connect again")
         return state
 
+    def earlier(self, by_s: float) -> State | None:
+        """The state that was ``by_s`` before the newest, None if that is not known (yet)."""
+        with self._fresh:
+            newest = self._recent[-1].timestamp_s
+            old = [s for s in self._recent if s.timestamp_s <= newest - by_s]
+        return old[-1] if old else None
+
     def samples(self, timeout_s: float) -> list[State]:
         """All states since the last call, waiting for one. Raises `DeviceFault` when lost."""
         with self._fresh:
@@ -140,7 +148,11 @@ class Link:
         with suppress(OSError), socket.create_connection(
             (self.setup.host, DASHBOARD_PORT), STOP_S
         ) as line:  # fmt: skip
+            line.settimeout(STOP_S)
+            with suppress(TimeoutError):
+                line.recv(64)  # it greets before it listens
             line.sendall(b"stop\n")
+            line.recv(64)  # closing before the answer could lose the order
 
     def close(self) -> None:
         """End the client, by force if it does not end by itself."""
@@ -165,7 +177,8 @@ class Link:
             try:
                 self._commands.send((self._number, name, arguments))
             except (OSError, ValueError):
-                raise DeviceFault(self.name, f"connection lost: {self._gone}") from None
+                why = self._gone or "the robot's client has ended"
+                raise DeviceFault(self.name, f"connection lost: {why}") from None
             return self._number
 
     def _answer(self, number: int, timeout_s: float) -> tuple[bool, str]:
@@ -191,6 +204,7 @@ class Link:
                     with self._fresh:
                         if got is not None:
                             self._samples.extend(got)
+                            self._recent.extend(got)
                             self._state = got[-1]
                         if told is not None:
                             self._answers[told[0]] = told[1:]
@@ -206,11 +220,17 @@ _opening = threading.Lock()
 
 
 def take_link(name: str, setup: Setup) -> Link:
-    """The link to a host, opened by the first user. Raises `DeviceAbsent`."""
+    """The link to a host, opened by the first user. Raises `DeviceAbsent`, or `ConfigError` where
+    it is open at another rate."""
     with _opening:
         link = _links.get(setup.host)
         if link is None or (setup.control and not link.setup.control):
             link = _links[setup.host] = Link(name, setup)
+        elif link.setup.frequency_hz != setup.frequency_hz:
+            raise ConfigError(
+                f"{name}: {setup.frequency_hz:g} Hz, but {link.name} has opened {setup.host} at "
+                f"{link.setup.frequency_hz:g} Hz: one robot sends at one rate"
+            )
         link.users += 1
         return link
 

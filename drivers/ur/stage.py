@@ -3,12 +3,11 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from drivers.errors import ConfigError, DeviceFault
 from drivers.protocols import Clock, Pose
-from drivers.ur.client import Setup
+from drivers.ur.client import Setup, State
 from drivers.ur.link import Link, leave_link, take_link
 
 Point = tuple[float, float, float]
@@ -24,12 +23,11 @@ class UrStage:
     turns = True
 
     def __init__(
-        self, clock: Clock, name: str, setup: Setup, origin_m: Point, yaw: Rotation,
+        self, name: str, setup: Setup, origin_m: Point, yaw: Rotation,
         tool: Rotation, acceleration_m_s2: float, max_speed_m_s: float, simulated: bool,
     ) -> None:  # fmt: skip
         self.name = name
         self.simulated = simulated
-        self._clock = clock
         self._setup = setup
         self._origin_m = np.array(origin_m)
         self._yaw = yaw
@@ -39,7 +37,6 @@ class UrStage:
         self._link: Link | None = None
         self._target: Pose | None = None
         self._set_off_s = 0.0
-        self._last: tuple[float, NDArray[np.float64]] = (-math.inf, np.zeros(3))
 
     def connect(self) -> None:
         """Connect, and upload the library's control program. Raises `DeviceAbsent`."""
@@ -53,7 +50,9 @@ class UrStage:
 
     def pose(self) -> Pose:
         """The tool centre point in the scan frame."""
-        state = self._there().state()
+        return self._pose(self._there().state())
+
+    def _pose(self, state: State) -> Pose:
         place = self._yaw.inv().apply(np.array(state.pose[:3]) - self._origin_m)
         turn = self._yaw.inv() * Rotation.from_rotvec(state.pose[3:]) * self._tool.inv()
         return Pose(*map(float, place), *map(float, turn.as_rotvec()))
@@ -70,25 +69,24 @@ class UrStage:
         place = self._origin_m + self._yaw.apply(target[:3])
         turn = self._yaw * Rotation.from_rotvec(target[3:]) * self._tool
         base = (*map(float, place), *map(float, turn.as_rotvec()))
-        self._target, self._set_off_s = target, self._clock.now()
+        self._target = target
         link.command("move", base, speed_m_s, self._acceleration_m_s2)
+        self._set_off_s = link.state().timestamp_s
 
     def moving(self) -> bool:
         """True until the tip rests at the target. Raises `DeviceFault` if it rests elsewhere."""
-        here = np.array(self.pose()[:3])
-        now_s = self._clock.now()
-        before_s, before = self._last
-        if now_s - before_s < STILL_S:
-            return self._target is not None
-        still = float(np.linalg.norm(here - before)) < STILL_M and now_s - before_s < 10 * STILL_S
-        self._last = (now_s, here)
+        link = self._there()
+        state, before = link.state(), link.earlier(STILL_S)
+        here = np.array(self._pose(state)[:3])
+        # by the controller's time: on a busy machine states come late, and the arm is not at rest
+        still = before is not None and math.dist(state.pose[:3], before.pose[:3]) < STILL_M
         if self._target is None:
             return not still
         off_m = float(np.linalg.norm(here - np.array(self._target[:3])))
         if still and off_m < ARRIVED_M:
             self._target = None
             return False
-        if still and now_s - self._set_off_s > STARTS_S:
+        if still and state.timestamp_s - self._set_off_s > STARTS_S:
             self._target = None
             raise DeviceFault(self.name, f"came to rest {1e3 * off_m:.2f} mm from its target")
         return True
@@ -113,7 +111,7 @@ class UrStage:
 
 
 def open_stage(
-    clock: Clock,
+    clock: Clock,  # noqa: ARG001 - what every driver is given; the arm has its own
     *,
     host: str = "127.0.0.1",
     frequency_hz: float = 500.0,
@@ -145,7 +143,7 @@ def open_stage(
     tcp = None if tcp_mm_rad is None else (*(1e-3 * v for v in tcp_mm_rad[:3]), *tcp_mm_rad[3:])
     cx, cy, cz = (1e-3 * v for v in payload_centre_mm)
     return UrStage(
-        clock, name, Setup(host, frequency_hz, True, tcp, payload_kg, (cx, cy, cz)), (x, y, z),
+        name, Setup(host, frequency_hz, True, tcp, payload_kg, (cx, cy, cz)), (x, y, z),
         Rotation.from_euler("z", yaw_deg, degrees=True), Rotation.from_rotvec(tool_rotvec_rad),
         1e-3 * acceleration_mm_s2, 1e-3 * max_speed_mm_s, simulated,
     )  # fmt: skip

@@ -1,8 +1,10 @@
 """Every driver of this package keeps the contract that third-party drivers are held to."""
 
+import os
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +14,10 @@ from drivers import WallClock
 from drivers.contract import Bench
 from drivers.contract_tests import *  # noqa: F403 - the tests and their fixtures
 from sim_backend import load_scene
-from sim_backend.emulators import ft300, grbl, lines, modbus, netft, taxels
+from sim_backend.emulators import ft300, grbl, lines, modbus, netft, taxels, ur
 from sim_backend.phantom import Phantom, Respond
+
+_hosts = count(1)
 
 Make = Callable[[Phantom, WallClock, Path], AbstractContextManager[Bench]]
 
@@ -64,6 +68,17 @@ def virtual(phantom: Phantom, clock: WallClock, _folder: Path) -> Iterator[Bench
     yield Bench("virtual", {"phantom": phantom}, connected=False, clock=clock)
 
 
+@contextmanager
+def on_a_robot(
+    settings: dict[str, Any], phantom: Phantom, clock: WallClock, _folder: Path
+) -> Iterator[Bench]:
+    pytest.importorskip("rtde_control")
+    host = f"127.{1 + os.getpid() % 250}.{os.getpid() // 250 % 250}.{next(_hosts)}"
+    with ur.emulate(phantom, at=host) as robot:
+        unplug, replug = partial(robot.fail, "drop"), partial(robot.fail, None)
+        yield Bench("ur", {"host": host, **settings}, unplug, replug, clock=clock)
+
+
 FORCE = {
     "name": "force", "address": 100, "unit": "N", "type": "int32", "scale": 0.001, "role": "force",
 }  # fmt: skip
@@ -84,6 +99,7 @@ STAGES: dict[str, Make] = {
     "standa": standa,
     "grbl": partial(on_a_line, "grbl", homed, "pty", BOARD),
     "grbl over tcp": partial(on_a_line, "grbl", homed, "tcp", BOARD),
+    "ur": partial(on_a_robot, {"origin_mm": (400.0, -20.0, 150.0)}),
 }
 SENSORS: dict[str, Make] = {
     "virtual": virtual,
@@ -94,6 +110,7 @@ SENSORS: dict[str, Make] = {
     "netft": net_ft,
     "lines": partial(on_a_line, "lines", lines.emulate, "tcp", PRINTED),
     "taxels": partial(on_a_line, "taxels", taxels.emulate, "pty", ARRAY),
+    "ur": partial(on_a_robot, {}),
 }
 
 
