@@ -10,7 +10,15 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, linear_fit, nonlinear_fit, same_length
+from calibration.fit import (
+    Array,
+    Fit,
+    as_columns,
+    correlated,
+    linear_fit,
+    nonlinear_fit,
+    same_length,
+)
 
 ADVICE = "press the rigid block further, in steps, up to the largest force of your scans"
 LOADED = 0.3  # of the greatest force: from there on a reading is one under load
@@ -103,6 +111,7 @@ def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
             np.array([k, middle - f / k]),
             np.array([[1, 0], [f / k**2, -1 / k]]),
         )
+    fit = correlated(fit)
     stiffness, contact = float(fit.values[0]), float(fit.values[1])
     pressed = depth > contact
     bend = np.polyfit((depth[pressed] - contact) / np.ptp(depth[pressed]), force[pressed], 2)

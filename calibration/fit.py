@@ -181,3 +181,17 @@ def stacked(fits: list[Fit]) -> Fit:
         residuals,
         min(f.dof for f in fits),
     )
+
+
+def correlated(fit: Fit) -> Fit:
+    """The same with intervals that hold for residuals in time order which follow each other.
+
+    The covariance grows by (1 + r)/(1 - r), r the residuals' lag-one correlation (an AR(1)
+    process): filtered sensors, and models that are not quite right.
+    """
+    r = fit.residuals
+    power = float(r @ r)
+    lag = float(np.clip(r[1:] @ r[:-1] / power, 0.0, 0.99)) if power > 0 else 0.0
+    if lag <= 2 / np.sqrt(len(r)):  # what white noise may show by chance
+        return fit
+    return Fit(fit.names, fit.values, fit.covariance * (1 + lag) / (1 - lag), r, fit.dof)

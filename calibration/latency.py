@@ -14,11 +14,12 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import correlate
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, nonlinear_fit, same_length
+from calibration.fit import Array, Fit, as_columns, correlated, nonlinear_fit, same_length
 
 ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or more"
 MAX_DELAY_S = 0.25
-KNOTS = 12  # of the sensor's signal as a function of the stage's
+SHORTEST_S = 4.0
+KNOTS = 24  # of the sensor's signal as a function of the stage's
 
 
 @dataclass(frozen=True)
@@ -60,8 +61,11 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
         raise CalibrationError("times must increase: sort the samples and drop duplicates")
     start = _coarse(ts, s, tf, f)
     inside = (tf > ts[0] + MAX_DELAY_S) & (tf < ts[-1] - MAX_DELAY_S)
-    if inside.sum() < 20:
-        raise CalibrationError(f"less than a second in common; {ADVICE}")
+    if inside.sum() < 20 or np.ptp(tf[inside]) < SHORTEST_S:
+        raise CalibrationError(
+            f"stage and sensor have less than {SHORTEST_S:g} s of movement in common, too short to "
+            f"tell a delay from a clock's drift; {ADVICE}"
+        )
     t, y = tf[inside], f[inside] - f[inside].mean()
     middle, span = float(t.mean()), float(np.ptp(t))
     course = CubicSpline(ts, (s - s.mean()) / np.std(s))
@@ -94,7 +98,7 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
         )
     turn = np.zeros((2, len(fit.values)))
     turn[0, 0], turn[1, 1] = 1, 1 / span
-    both = fit.derived(("delay", "skew"), turn @ fit.values + [start, 0.0], turn)
+    both = correlated(fit).derived(("delay", "skew"), turn @ fit.values + [start, 0.0], turn)
     return LatencyCalibration(float(both.values[0]), float(both.values[1]), middle, both)
 
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
+from calibration.fit import Array, Fit, as_columns, correlated, linear_fit, same_length, stacked
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,8 @@ class TareCalibration:
 def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     """Bias and drift from readings without load; ``time_s`` (n,), ``values`` (n, channels).
 
-    Filtered sensors give correlated noise: the covariance is enlarged by (1 + r)/(1 - r), r the
-    lag-one correlation of the residuals (an AR(1) process). Raises `CalibrationError`.
+    Filtered sensors give correlated noise: see `calibration.fit.correlated`. Raises
+    `CalibrationError`.
     """
     time = as_columns(time_s, "time_s", 1)[:, 0]
     values = as_columns(values, "values")
@@ -52,17 +52,7 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     fits = []
     for channel in values.T:
         fit = linear_fit(design, channel, ("bias", "drift"), "record longer")
-        fits.append(_correlated(fit))
+        fits.append(correlated(fit))
     bias = np.array([fit.values[0] for fit in fits])
     drift = np.array([fit.values[1] for fit in fits])
     return TareCalibration(at_s, bias, drift, stacked(fits))
-
-
-def _correlated(fit: Fit) -> Fit:
-    r = fit.residuals
-    power = float(r @ r)
-    lag = float(np.clip(r[1:] @ r[:-1] / power, 0.0, 0.99)) if power > 0 else 0.0
-    if lag <= 2 / np.sqrt(len(r)):  # what white noise may show by chance
-        return fit
-    wider = fit.covariance * (1 + lag) / (1 - lag)
-    return Fit(fit.names, fit.values, wider, r, fit.dof)

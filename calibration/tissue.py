@@ -20,7 +20,7 @@ from calibration.identify import limits_of
 
 Forward = Callable[[Array, Array], tuple[Array, Array]]
 ADVICE = "indent deeper, in a steady ramp of 20 samples or more, then hold"
-FACTORS = (0.3, 1.0, 3.0)  # times which the guesses of relaxation times are tried
+FACTORS = (1.0, 0.3, 3.0)  # times which the guesses of relaxation times are tried
 STEP_M = 1e-6  # of the depth derivative
 
 
@@ -106,21 +106,14 @@ def fit_tissue(
         + [f"log tau {n}" for n in range(terms)]
     )
     size = float(np.abs(force).max())
-    tries = []
-    for factor in FACTORS if terms else (1.0,):  # relaxation has more than one minimum
-        guess = start.copy()
-        guess[len(start) - terms :] += np.log(factor)
-        tries.append(
-            nonlinear_fit(
-                lambda p: (model.force(p) - force) / size,
-                guess,
-                names,
-                ADVICE + ", or fit fewer parameters",
-                jacobian=lambda p: model.slopes(p) / size,
-                robust=robust,
-            )
-        )
-    fit = min(tries, key=lambda one: one.noise)
+    fit = _best(
+        lambda p: (model.force(p) - force) / size,
+        lambda p: model.slopes(p) / size,
+        [start + np.append(np.zeros(len(start) - terms), np.full(terms, np.log(factor)))
+         for factor in (FACTORS if terms else (1.0,))],
+        names,
+        robust=robust,
+    )  # fmt: skip
     p, first = fit.values, moduli + int(find_surface)
     tau = np.exp(p[first + terms :])
     spacing, length = float(np.median(np.diff(time))), float(np.ptp(time))
@@ -155,6 +148,31 @@ def best_model(fits: Mapping[str, TissueCalibration]) -> tuple[str | None, str]:
     if len(order) > 1 and scores[order[1]] - scores[order[0]] < 6:
         return None, f"the data do not choose between {order[0]} and {order[1]}"
     return order[0], f"the data support {order[0]}"
+
+
+def _best(
+    misfit: Callable[[Array], Array],
+    slopes: Callable[[Array], Array],
+    starts: Sequence[Array],
+    names: Sequence[str],
+    *,
+    robust: bool,
+) -> Fit:
+    """The best fit of several starts: relaxation has more than one minimum."""
+    fits, reasons = [], []
+    for start in starts:
+        try:
+            fits.append(
+                nonlinear_fit(
+                    misfit, start, names, f"{ADVICE}, or fit fewer parameters", jacobian=slopes,
+                    robust=robust,
+                )
+            )  # fmt: skip
+        except CalibrationError as error:
+            reasons.append(error)
+    if not fits:
+        raise reasons[0]
+    return min(fits, key=lambda one: one.noise)
 
 
 class _Model:

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 MAX_ROWS = 5_000_000
 SQLITE = b"SQLite format 3\0"
+NO_STATION = "no such complete station; press to the end first"
+SAME_PLACE_MM = 0.05
+AROUND_S = 0.3
 GOING_IN = (Phase.APPROACHING, Phase.INDENTING)
 
 
@@ -99,9 +102,19 @@ def stage_name(run: Run) -> str:
     return str(stage.get("name", stage["driver"]))
 
 
-def _movement(run: Run, sensor: str, _station: int | None) -> dict[str, Array]:
-    """Both courses over the whole run: for the latency."""
-    stage, felt = run.samples("stage"), run.samples(sensor)
+def _movement(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
+    """Both courses over all presses at one place, where force belongs to depth."""
+    done = _complete(run)
+    first = done[done["station"] == station] if station is not None else done
+    if not len(first):
+        raise CalibrationError(f"{run.path}: {NO_STATION}")
+    apart = np.hypot(*(done[a] - first[a].iloc[0] for a in ("x_mm", "y_mm")))
+    here = done[apart < SAME_PLACE_MM]["station"]
+    felt = run.samples(sensor)
+    felt = felt.isel(time_s=np.isin(felt["station"], here))
+    first_s, last_s = (float(felt["time_s"][n]) for n in (0, -1))
+    stage = run.samples("stage")  # it must be known for as long as a delay may be
+    stage = stage.sel(time_s=slice(first_s - AROUND_S, last_s + AROUND_S))
     return {
         "time_s": np.array(stage["time_s"], float),
         "depth_mm": -1e3 * np.array(stage["z"], float),
@@ -110,15 +123,20 @@ def _movement(run: Run, sensor: str, _station: int | None) -> dict[str, Array]:
     }
 
 
+def _complete(run: Run) -> pd.DataFrame:
+    table = run.stations()
+    return table[table["complete"]]
+
+
 def _presses(run: Run, sensor: str, station: int | None) -> list[dict[str, Array]]:
     """The way in, and the hold, of each complete press that is asked for."""
     stage = run.samples("stage")
     felt = run.samples(sensor)
     force = _force_n(run, felt)
-    done = run.stations()
-    done = done[done["complete"] & ((station is None) | (done["station"] == station))]
+    done = _complete(run)
+    done = done if station is None else done[done["station"] == station]
     if not len(done):
-        raise CalibrationError(f"{run.path}: no such complete station; press to the end first")
+        raise CalibrationError(f"{run.path}: {NO_STATION}")
     found = []
     for number, attempt in zip(done["station"], done["attempt"], strict=True):
         mine = (felt["station"] == number) & (felt["attempt"] == attempt)

@@ -8,6 +8,21 @@ import typer
 from probe.cli.guide import GUIDE
 from probe.cli.say import Json, answer, answer_json, plain, tell
 
+UNITS: dict[str, dict[str, str]] = {
+    "force": {"offset": "raw", "sensitivity": "raw/N", "temperature": "raw/K"},
+    "taxels": {"offset": "raw", "sensitivity": "raw/Pa"},
+    "gravity": {"mass": "kg", "centre": "m", "force bias": "N", "torque bias": "Nm"},
+    "tare": {"bias": "raw", "drift": "raw/s"},
+    "tool": {"tip": "m", "pivot": "m"},
+    "axes": {"shift": "m"},
+    "surface": {"height": "m", "bend": "1/m"},
+    "latency": {"delay": "s"},
+    "compliance": {"stiffness": "N/m", "contact": "m", "zero": "N"},
+    "tissue": {"log modulus": "ln Pa", "surface": "mm", "log tau": "ln s"},
+    "heart": {"rate": "1/min"},
+}
+"""What is printed behind a value, by the beginning of its name; nothing for pure numbers."""
+
 
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
@@ -65,13 +80,14 @@ def calibrate(
     from probe.readings import read
     from sim_backend.scene import load_scene
 
+    cuff_mmhg = _cuff(cuff)
     r = read(readings, kind, device, station)
     if not r.device:
         raise CalibrationError(
             f"{readings}: a table does not say whose it is; add --device NAME as in the rig file"
         )
     block = load_scene(scene)
-    choices = Choices(model, block, tuple(relaxation_s or ()), _cuff(cuff))
+    choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
     path = out or Path(f"{kind}-{r.device.replace(' ', '-')}.json")
     if (worn := still_holds(path, kind, r)) is not None:
         tell(f"what {path} held until now: {worn.removesuffix(': calibrate again')}")
@@ -109,13 +125,13 @@ def _told(path: Path, one: Any) -> dict[str, Any]:
 def _show(result: Any, path: Path, one: Any) -> None:
     fit = result.fit
     for name, value, (low, high) in zip(fit.names, fit.values, fit.interval(), strict=True):
-        answer(f"{name:24} {value:12.6g}   95 %: {low:.6g} to {high:.6g}")
+        unit = next((u for start, u in UNITS[one.kind].items() if name.startswith(start)), "")
+        answer(f"{name:24} {value:12.6g} {unit:6} 95 %: {low:.6g} to {high:.6g}")
     if one.kind == "tissue":
-        for modulus, (low, high) in zip(
-            result.modulus_pa, result.modulus_interval_pa(), strict=True
+        for kpa, (low, high) in zip(
+            1e-3 * result.modulus_pa, 1e-3 * result.modulus_interval_pa(), strict=True
         ):
-            answer(f"modulus {1e-3 * modulus:.4g} kPa   95 %: {1e-3 * low:.4g} to "
-                   f"{1e-3 * high:.4g}")  # fmt: skip
+            answer(f"{'modulus':24} {kpa:12.5g} kPa    95 %: {low:.5g} to {high:.5g}")
         for limit in result.cannot_identify:
             answer(f"not known from this: {limit}")
     if one.kind == "surface" and len(result.rejected_m):
