@@ -12,7 +12,7 @@ from probe.detect.prior import KINDS, samples
 
 Array = NDArray[np.float64]
 
-SURE = 0.8
+SURE = 0.85
 """Least share of one kind to name it."""
 SIZES = np.geomspace(1e-5, 1.0, 101)
 UNLIKELY = 0.05

@@ -63,6 +63,9 @@ def pulse_at(
     colour = colour_of(first.residual_pa, first.lost)
     scale = Scale(scale.swing_pa, max(first.noise_pa, MISFIT * scale.swing_pa))
     found, columns = described(hold, rate_hz, colour, scale, beating_s)
+    # with harmonics as large as its own size has them, noise adds nothing from trough to crest
+    swing_pa = min(scale.swing_pa, float(np.ptp(columns @ found.coefficients[2:])))
+    found, _ = described(hold, rate_hz, colour, Scale(swing_pa, scale.noise_pa), beating_s)
     wave = columns @ found.coefficients[2:]
     high, low = int(np.argmax(wave)), int(np.argmin(wave))
     slope = columns[high] - columns[low]
