@@ -22,8 +22,8 @@ from sim_backend.fem.finite import solve_finite
 from sim_backend.fem.newton import Load, march, untouched
 from sim_backend.fem.section import build_section
 from sim_backend.fem.stress import under_finger_pa
-from sim_backend.response import element_size_m, mirrored
-from sim_backend.scene import Scene, SceneError
+from sim_backend.response import element_size_m
+from sim_backend.scene import Scene, SceneError, mirrored
 from sim_backend.waves import PA_PER_MMHG
 
 Array = NDArray[np.float64]

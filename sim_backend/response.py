@@ -17,7 +17,7 @@ from scipy.interpolate import BarycentricInterpolator, PchipInterpolator
 from sim_backend.fem.newton import Load, Solution, march, pressure_slope, untouched
 from sim_backend.fem.section import Section, build_section
 from sim_backend.fem.stress import under_finger_pa
-from sim_backend.scene import Scene
+from sim_backend.scene import Scene, mirrored
 from sim_backend.waves import PA_PER_MMHG
 
 Array = NDArray[np.float64]
@@ -94,16 +94,6 @@ def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
         width = 1e-3 * scene.tissue.width_mm
         x_m = round(min(x_m, width - x_m), 9)
     return _respond(scene, x_m, round(max_depth_m, 9))
-
-
-def mirrored(scene: Scene) -> Scene:
-    """The scene seen from the other side; a block only."""
-    assert scene.tissue is not None
-    width = scene.tissue.width_mm
-    inclusion = tuple(
-        one.model_copy(update={"x_mm": round(width - one.x_mm, 9)}) for one in scene.inclusion
-    )
-    return scene.model_copy(update={"inclusion": inclusion})
 
 
 def element_size_m(scene: Scene) -> float:

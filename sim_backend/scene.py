@@ -221,6 +221,16 @@ class Scene(_Table):
         return self
 
 
+def mirrored(scene: Scene) -> Scene:
+    """The scene seen from the other side; a block only."""
+    assert scene.tissue is not None
+    width = scene.tissue.width_mm
+    inclusion = tuple(
+        one.model_copy(update={"x_mm": round(width - one.x_mm, 9)}) for one in scene.inclusion
+    )
+    return scene.model_copy(update={"inclusion": inclusion})
+
+
 def scene_names() -> list[str]:
     """The scenes that are built in."""
     folder = resources.files("sim_backend") / "scenes"

@@ -18,7 +18,7 @@ from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.newton import CRUSHED, CannotSolve, Load, Solution
 from sim_backend.fem.section import Section, build_section
-from sim_backend.scene import Scene
+from sim_backend.scene import Scene, mirrored
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -142,7 +142,16 @@ def near(section: Section, x_m: float, depth_m: float) -> Ints:
 def scan_small(
     scene: Scene, stations_m: Array, depths_m: Array, pressures_pa: Array, size_m: float
 ) -> Array:
-    """Forces (stations, depths, pressures) [N/m] from one mesh and one factorisation."""
+    """Forces (stations, depths, pressures) [N/m] from one mesh and one factorisation.
+
+    Stations that mirror each other in a scene that is its own mirror image are solved once.
+    """
+    if scene.tissue is not None and mirrored(scene) == scene:
+        width = 1e-3 * scene.tissue.width_mm
+        folded = np.round(np.minimum(stations_m, width - stations_m), 9)
+        stations_m, every = np.unique(folded, return_inverse=True)
+    else:
+        every = np.arange(len(stations_m))
     middle = float(np.mean(stations_m))
     deepest = float(depths_m.max())
     section = build_section(scene, middle, depth_m=deepest, size_m=size_m, along_surface=True)
@@ -156,7 +165,7 @@ def scan_small(
         for j, d in enumerate(depths_m):
             for k, p in enumerate(pressures_pa):
                 result[i, j, k] = settle(local, finger, Load(float(d), float(p))).force_n_per_m
-    return result
+    return np.asarray(result[every])
 
 
 def _restricted(body: Condensed, chosen: Ints) -> Condensed:

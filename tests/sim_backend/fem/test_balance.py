@@ -10,8 +10,7 @@ from sim_backend.fem.material import energy_density, plane_stress
 from sim_backend.fem.newton import Load, march, untouched
 from sim_backend.fem.section import build_section
 from sim_backend.fem.touch import touches
-from sim_backend.response import mirrored
-from sim_backend.scene import load_scene, scene_from_text
+from sim_backend.scene import load_scene, mirrored, scene_from_text
 from sim_backend.waves import PA_PER_MMHG
 
 DEPTH_M = 2.0e-3
