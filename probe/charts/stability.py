@@ -138,7 +138,7 @@ def _others(scene: Scene, cell: Cell) -> tuple[str, ...]:
         return (best_element(scene),)
     if best_element(scene) == "Q4M":
         return "T6M", "T6"
-    return ("Q8R", "Q4") if scene.plane == "stress" else ("T6M", "Q8R")
+    return "Q8R", "Q4" if scene.plane == "stress" else "T6M"
 
 
 def _size_m(scene: Scene) -> float:
