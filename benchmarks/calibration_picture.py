@@ -41,28 +41,32 @@ class Seen:
 
 def draw(rows: Sequence[Any], limits: Sequence[float | None], folder: Path, out: Path) -> None:
     """Two panels of the repeats, two of the rig; prints what each scan found."""
-    figure = Figure(figsize=(13, 9), layout="constrained")
-    (errors, cover), (maps, depths) = figure.subplots(2, 2)
-    aimed = [(r, limit) for r, limit in zip(rows, limits, strict=True) if limit is not None]
-    _errors(errors, aimed)
-    _coverage(cover, [r for r in rows if np.isfinite(r.coverage)])
-    scans = wrong_and_right(folder)
-    for one in scans:
+    figure = Figure(figsize=(13, 10), layout="constrained")
+    above, below = figure.subfigures(2, 1, height_ratios=(1.1, 1))
+    errors, cover = above.subplots(1, 2, sharey=True)
+    _errors(errors, list(zip(rows, limits, strict=True)))
+    _coverage(cover, rows)
+    maps, depths = below.subplots(1, 2)
+    for one in wrong_and_right(folder):
         print(f"{one.label}: {one.finding}; modulus {one.modulus_kpa[0]:.1f} kPa "
               f"({one.modulus_kpa[1]:.1f} to {one.modulus_kpa[2]:.1f}) of {TRUE_KPA:g}; depth off "
               f"by up to {np.abs(one.stated_mm - one.true_mm).max():.3f} mm")  # fmt: skip
-        maps.plot(one.x_mm, one.stress_kpa, "o-", ms=3, color=one.colour,
-                  label=f"{one.label}: {one.finding}, {one.modulus_kpa[0]:.1f} kPa")  # fmt: skip
-        depths.plot(one.x_mm, one.true_mm, "o-", ms=3, color=one.colour, label=f"{one.label}: true")
-        depths.plot(one.x_mm, one.stated_mm, "--", color=one.colour, label=f"{one.label}: stated")
+        wide = 6 if one.colour == GREEN else 1.5
+        look: dict[str, Any] = {"color": one.colour, "lw": wide, "alpha": 0.35 if wide > 2 else 1}
+        maps.plot(one.x_mm, one.stress_kpa, "-", **look,
+                  label=f"{one.label}: {one.finding}; {one.modulus_kpa[0]:.1f} kPa")  # fmt: skip
+        depths.plot(one.x_mm, one.true_mm, "-", **look, label=f"{one.label}: true")
+        depths.plot(one.x_mm, one.stated_mm, ":", color=one.colour, label=f"{one.label}: stated")
     maps.axvline(TRUE_MM, color="0.7", lw=1)
     maps.set(xlabel="x [mm]", ylabel="mean stress [kPa]",
-             title=f"SIMULATED: a lump at {TRUE_MM:g} mm in {TRUE_KPA:g} kPa, one rig")  # fmt: skip
+             title=f"SIMULATED: a lump at {TRUE_MM:g} mm in {TRUE_KPA:g} kPa")  # fmt: skip
     wrongs = (f"gain {GAIN:g}, {DELAY_MS:g} ms late, {STIFFNESS_N_MM:g} N/mm, "
               f"tilted by {2 * TILT_MM:g} mm")  # fmt: skip
     depths.set(xlabel="x [mm]", ylabel="indentation [mm]", title=f"SIMULATED: {wrongs}")
+    low, high = maps.get_ylim()
+    maps.set_ylim(low, high + 0.25 * (high - low))
     for axes in (maps, depths):
-        axes.legend(fontsize=8)
+        axes.legend(fontsize=8, loc="upper left")
     figure.savefig(out, dpi=110)
 
 
@@ -133,20 +137,24 @@ def _modulus(path: Path) -> tuple[float, float, float]:
     )
 
 
-def _errors(axes: Axes, aimed: Sequence[tuple[Any, float]]) -> None:
-    shares = [np.maximum(row.errors / limit, 1e-3) for row, limit in aimed]
-    axes.boxplot(shares, orientation="horizontal", whis=(0, 95), showfliers=False)
-    axes.set_yticks(range(1, len(aimed) + 1), [f"{r.name}: {r.target}" for r, _ in aimed])
+def _errors(axes: Axes, told: Sequence[tuple[Any, float | None]]) -> None:
+    at = [n for n, (_, limit) in enumerate(told) if limit is not None]
+    shares = [np.maximum(told[n][0].errors / told[n][1], 1e-3) for n in at]
+    axes.boxplot(shares, positions=at, orientation="horizontal", whis=(0, 95), showfliers=False,
+                 widths=0.6)  # fmt: skip
+    names = [r.name if limit is None else f"{r.name}: {r.target}" for r, limit in told]
+    axes.set_yticks(range(len(told)), names)
     axes.axvline(1.0, color="0.3", lw=1)
     axes.set_xscale("log")
     axes.set(xlabel="error over its target (box: quartiles, whisker: 95 %)", title="Errors")
 
 
 def _coverage(axes: Axes, rows: Sequence[Any]) -> None:
-    at = np.arange(len(rows))
-    cover = np.array([r.coverage for r in rows])
-    bounds = np.array([[r.coverage - r.low, r.high - r.coverage] for r in rows]).T
+    at = np.array([n for n, r in enumerate(rows) if np.isfinite(r.coverage)])
+    cover = np.array([rows[n].coverage for n in at])
+    bounds = np.array([[rows[n].coverage - rows[n].low, rows[n].high - rows[n].coverage]
+                       for n in at]).T  # fmt: skip
     axes.axvspan(93, 97, color=GREEN, alpha=0.15)
     axes.errorbar(100 * cover, at, xerr=100 * bounds, fmt="o", color=BLUE, ms=4)
-    axes.set_yticks(at, [r.name for r in rows])
     axes.set(xlabel="95 % intervals that hold the truth [%]", title="Coverage", xlim=(88, 100))
+    axes.invert_yaxis()

@@ -1,7 +1,7 @@
 """A rig that is wrong in four ways, and its calibration by the commands a person would give.
 
 The sensor reads 30 % too much and 8 ms late, the rig gives way by 1 mm at 2 N, and the block lies
-tilted by 2 mm from end to end. Weights, a spring, a rigid block and the block itself are put under
+tilted by 3 mm from end to end. Weights, a spring, a rigid block and the block itself are put under
 the same rig; `palpate calibrate` reads the runs.
 """
 
@@ -19,7 +19,7 @@ from sim_backend.scene import Scene
 Array = NDArray[np.float64]
 
 GAIN, DELAY_MS, STIFFNESS_N_MM = 1.3, 8.0, 2.0
-TILT_MM = 1.0  # up at x = 64 mm, down at 0
+TILT_MM = 1.5  # up at x = 64 mm, down at 0
 WEIGHTS_N = (0.0, 0.5, 1.0, 2.0, 3.0, 2.0, 1.0, 0.5, 0.0)
 SPRING_N_M, RIGID_N_M = 1e3, 1e8
 TILTED = f"surface_mm = [[0, 0, {-TILT_MM}], [64, 0, {TILT_MM}], [32, 5, 0]]"

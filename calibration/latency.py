@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import CubicSpline
+from scipy.interpolate import BSpline, CubicSpline
 from scipy.signal import correlate
 
 from calibration.errors import CalibrationError
@@ -19,6 +19,7 @@ from calibration.fit import Array, Fit, as_columns, correlated, nonlinear_fit, s
 ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or more"
 MAX_DELAY_S = 0.25
 SHORTEST_S = 4.0
+DEGREE = 2
 KNOTS = 24  # of the sensor's signal as a function of the stage's
 
 
@@ -119,15 +120,11 @@ def _knots(course: Array, y: Array) -> Array:
 
 
 def _pieces(values: Array, knots: Array) -> tuple[Array, Array]:
-    """Shares (n, knots) of each knot's height at ``values`` (n,), and their derivatives."""
-    n = np.clip(np.searchsorted(knots, values, side="right") - 1, 0, len(knots) - 2)
-    width = knots[n + 1] - knots[n]
-    part = (values - knots[n]) / width
-    rows = np.arange(len(values))
-    shares, steps = np.zeros((2, len(values), len(knots)))
-    shares[rows, n], shares[rows, n + 1] = 1 - part, part
-    steps[rows, n], steps[rows, n + 1] = -1 / width, 1 / width
-    return shares, steps
+    """Quadratic B-splines (n, knots + 1) at ``values`` (n,), and their derivatives."""
+    full = np.concatenate([[knots[0]] * DEGREE, knots, [knots[-1]] * DEGREE])
+    at = np.clip(values, knots[0], knots[-1])
+    basis = BSpline(full, np.eye(len(full) - DEGREE - 1), DEGREE)
+    return np.asarray(basis(at)), np.asarray(basis.derivative()(at))
 
 
 def _coarse(ts: Array, s: Array, tf: Array, f: Array) -> float:

@@ -35,7 +35,6 @@ from calibration import (
 from calibration.errors import CalibrationError
 from calibration.touch import find_contact
 from probe.readings import Readings
-from sim_backend.press import press
 from sim_backend.scene import Scene
 
 Array = NDArray[np.float64]
@@ -152,6 +151,8 @@ def force_of_modulus(
     """Force (n,) [N] of moduli (1,) [Pa] and depths (n,) [m] on plain tissue, with its derivative
     (n, 1), by the finite elements: a homogeneous block's force is proportional to its modulus.
     Pressed at ``x_mm`` of the block, by default in its middle."""
+    from sim_backend.press import press  # finite elements: for nothing else here
+
     if scene.tissue is None:
         raise CalibrationError(f"scene {scene.name} has no tissue")
     depths = 1.1 * deepest_m * np.linspace(0.0, 1.0, CURVE_POINTS)[1:] ** 1.5

@@ -49,11 +49,11 @@ def test_calibrations_make_a_wrong_rig_right(rig: WrongRig) -> None:
     assert held(before, LUMP_MM)[0] == pytest.approx(DEPTH_MM, abs=0.01)
     assert held(before, LUMP_MM)[1] == pytest.approx(GAIN * FORCE_N / 1.24, rel=0.01)
     assert held(after, LUMP_MM) == pytest.approx((DEPTH_MM, FORCE_N), rel=0.01)
-    # the block's ends: 0.875 mm too deep or not deep enough, for 400 N/m
+    # the block's ends: 1.3 mm too deep or not deep enough, for 400 N/m
     for mm in (4.0, 60.0):
         assert abs(held(before, mm)[1] - 1.0) > 0.2
         assert held(after, mm) == pytest.approx((DEPTH_MM, 1.0), rel=0.01)
-    assert abs(1e3 * wrong.objects[0].position_m - LUMP_MM) > 0.15
+    assert abs(1e3 * wrong.objects[0].position_m - LUMP_MM) > 0.25
     (lump,) = right.objects
     assert lump.kind == "tumour"
     assert 1e3 * lump.position_m == pytest.approx(LUMP_MM, abs=0.05)
