@@ -21,6 +21,7 @@ Model = Literal["plane", "quadric", "map"]
 TERMS = {"plane": 3, "quadric": 6, "map": 3}
 ADVICE = "touch at more places, spread over the scanned area, not along one line"
 SEARCH = 6000  # subsets tried for the cleanest core of the touches
+STRANGE = 4.0  # robust standard deviations from which a touch is none of a height map
 REJECT = 0.001  # chance that a good touch is called an outlier
 
 
@@ -161,28 +162,34 @@ def _core(design: Array, z: Array, max_outliers: int) -> Mask:
 
 
 def _good_for_map(points: Array, max_outliers: int) -> tuple[Mask, float]:
-    """Touches kept and the smoothing that predicts left-out touches best."""
+    """Touches kept and the smoothing that predicts left-out touches best.
+
+    A touch is judged by how far the sheet through all others misses it, over how far it may: at
+    the edges, where little holds the sheet, that is much (Rasmussen & Williams 2006, ch. 5.4.2).
+    """
     kept = np.ones(len(points), dtype=bool)
     while True:
         trials = {s: _left_out(points[kept], s) for s in 10.0 ** np.arange(-8, 1)}
-        smoothing = min(trials, key=lambda s: float(np.median(np.abs(trials[s]))))
-        missed = np.abs(trials[smoothing])
-        worst = int(np.argmax(missed))
-        spread = 1.4826 * float(np.median(missed))
-        if (~kept).sum() >= max_outliers or missed[worst] <= 6 * spread:
+        smoothing = min(trials, key=lambda s: float(np.median(np.abs(trials[s][0]))))
+        missed, share = trials[smoothing]
+        score = np.abs(missed) / share
+        worst = int(np.argmax(score))
+        spread = 1.4826 * float(np.median(score))
+        if (~kept).sum() >= max_outliers or score[worst] <= STRANGE * spread:
             return kept, smoothing
         kept[np.flatnonzero(kept)[worst]] = False
 
 
-def _left_out(points: Array, smoothing: float) -> Array:
-    """Error (n,) [m] at each touch of the sheet through all the others."""
-    rows = np.arange(len(points))
-    return np.array(
-        [
-            float(_sheet(points[rows != n], smoothing)(points[n : n + 1, :2])[0]) - points[n, 2]
-            for n in rows
-        ]
-    )
+def _left_out(points: Array, smoothing: float) -> tuple[Array, Array]:
+    """Error (n,) [m] at each touch of the sheet through all the others, and what standard
+    deviation (n,) it may have, up to a common factor."""
+    xy = points[:, :2]
+    r2 = np.maximum(((xy[:, None] - xy) ** 2).sum(axis=-1), 1e-300)
+    kernel = 0.5 * r2 * np.log(r2) + smoothing * np.eye(len(xy))
+    free = np.linalg.qr(_terms(xy - xy.mean(axis=0), 3), mode="complete")[0][:, 3:]
+    inverse = free @ np.linalg.solve(free.T @ kernel @ free, free.T)
+    precision = np.maximum(np.diag(inverse), 1e-300)
+    return -(inverse @ points[:, 2]) / precision, 1 / np.sqrt(precision)
 
 
 def _sheet(points: Array, smoothing: float) -> RBFInterpolator:

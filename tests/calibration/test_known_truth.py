@@ -1,5 +1,7 @@
 """Every calibration against a known truth and the noise of real sensors."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -156,3 +158,49 @@ def test_axes_and_tare() -> None:
 def test_no_variation_of_load_is_refused() -> None:
     with pytest.raises(CalibrationError, match="add readings"):
         fit_force(np.ones((10, 1)), np.full((10, 1), 5.0))
+
+
+def test_a_sensor_that_warms_up_is_bent_and_lags() -> None:
+    """A temperature term of 0.5 N/K, hysteresis of 1 % and a bow of 0.5 % of 20 N."""
+    rng = np.random.default_rng(11)
+    steps = np.tile(np.concatenate([np.linspace(0, 20, 9), np.linspace(20, 0, 9)[1:]]), 3)
+    rising = np.concatenate([[1.0], np.sign(np.diff(steps))])
+    arch = 4 * (steps / 20) * (1 - steps / 20)
+    warm_c = 22 + 3 * rng.standard_normal(len(steps))
+    raw = 1.2 * steps + 0.5 * (warm_c - 22) + 1.2 * arch * (0.1 * rising + 0.1)
+    found = fit_force(raw + 1e-3 * rng.standard_normal(len(raw)), steps, warm_c)
+    assert found.temperature[0] == pytest.approx(0.5, rel=0.02)
+    assert found.hysteresis == pytest.approx(0.01, rel=0.1)
+    assert 0.002 < found.linearity < 0.006  # the best line halves the bow
+    warmer = found.load(np.array([[12.0 + 0.5 * 8]]), np.array([30.0]))[0, 0]
+    assert warmer == pytest.approx(10.0, abs=0.1)
+
+
+def test_clipped_readings_are_left_out() -> None:
+    rng = np.random.default_rng(12)
+    loads = np.linspace(-20, 20, 30)
+    raw = np.minimum(loads + 0.01 * rng.standard_normal(30), 12.0)
+    clipped = (raw >= 12.0)[:, None]
+    assert fit_force(raw, loads, saturated=clipped).sensitivity[0, 0] == pytest.approx(1, rel=2e-3)
+    assert fit_force(raw, loads).sensitivity[0, 0] < 0.95
+
+
+@pytest.mark.parametrize("model", ["quadric", "map"])
+def test_a_curved_surface(model: Literal["quadric", "map"]) -> None:
+    """A forearm of 80 mm radius under 24 touches, two of them wrong."""
+    rng = np.random.default_rng(13)
+
+    def height(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return np.asarray(np.sqrt(0.08**2 - (y - 0.01) ** 2) - 0.08 + 0.03 * x)
+
+    x, y = (g.ravel() for g in np.meshgrid(np.linspace(0, 0.06, 6), np.linspace(0, 0.02, 4)))
+    z = height(x, y) + 20e-6 * rng.standard_normal(24)
+    z[[5, 16]] += [2e-3, -1.5e-3]
+    found = fit_surface(np.column_stack([x, y, z]), model)
+    assert len(found.rejected_m) >= 2
+    at = rng.uniform([0, 0], [0.06, 0.02], (200, 2))
+    off = found.heights(*at.T) - height(*at.T)
+    assert np.sqrt(np.mean(off**2)) < 50e-6
+    slope = -(0.014 - 0.01) / np.sqrt(0.08**2 - 0.004**2)
+    normal = np.array([-0.03, -slope, 1.0])
+    assert found.normal(0.03, 0.014) == pytest.approx(normal / np.linalg.norm(normal), abs=0.015)

@@ -1,6 +1,7 @@
 """``palpate calibrate``: from tables and runs to files, twins and warnings."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -150,3 +151,18 @@ def test_a_block_that_is_none_has_no_twin(
     assert done == 2
     assert not twin.exists()
     assert "a homogeneous block does not explain the curve" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_pages_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "calibration.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for name, text in re.findall(r"^```csv (\S+)\n(.*?)^```", page, re.MULTILINE | re.DOTALL):
+        Path(name).write_text(text)
+    commands = re.findall(r"^\$ palpate (.*)$", page, re.MULTILINE)
+    assert len(commands) >= 5
+    for command in commands:
+        words = [w for part in command.split() for w in (sorted(map(str, Path().glob(part)))
+                                                         if "*" in part else [part])]  # fmt: skip
+        assert main(words) == 0, command
+    assert load_scene("block.toml").tissue.modulus_kpa == pytest.approx(50.0, rel=2e-3)  # type: ignore[union-attr]
