@@ -10,8 +10,9 @@ import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from hashlib import sha256
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
+from threading import Thread
 from typing import Any
 
 import pandas as pd
@@ -73,13 +74,27 @@ def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
     count = min(workers or os.cpu_count() or 1, len(todo))
     for name in THREADS:  # one thread per process: the solves are small
         os.environ.setdefault(name, "1")
-    with ProcessPoolExecutor(count, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(
+        count, mp_context=get_context("spawn"), initializer=_leave_with_parent
+    ) as pool:
         futures = [pool.submit(solve, job) for job in todo]
         try:
             for future in as_completed(futures):
                 yield future.result()
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _leave_with_parent() -> None:
+    """End this worker when the sweep is killed: a pool's workers would wait for ever."""
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
 
 
 def _on_cluster(todo: list[Job], scheduler: str) -> Iterator[Solved]:

@@ -2,6 +2,9 @@
 
 import json
 import os
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pandas as pd
@@ -71,6 +74,25 @@ def test_scans_have_a_row_per_place(tmp_path: Path) -> None:
     assert over.is_monotonic_increasing  # with the pressure
     again = sweep(TIHA, wanted, tmp_path / "t.csv", x_mm=(24.0, 32.0), model="quick", seed=5)
     pd.testing.assert_frame_equal(table, again)  # nothing was solved anew
+
+
+@pytest.mark.slow
+def test_a_killed_sweep_leaves_no_workers_behind(tmp_path: Path) -> None:
+    psutil = pytest.importorskip("psutil", reason="the extra `cluster` is not installed")
+    command = [sys.executable, "-m", "probe.cli", "sweep", "TIHA", "--vary",
+               "wall_mm=0.4..0.8:200", "--workers", "1", "--out", str(tmp_path / "t.csv"),
+               ]  # fmt: skip
+    sweeping = psutil.Popen(command, stderr=subprocess.DEVNULL)
+    log = tmp_path / "t.rows.jsonl"
+    while not log.exists() or len(log.read_text().splitlines()) < 2:
+        assert sweeping.poll() is None
+        time.sleep(0.2)
+    workers = sweeping.children(recursive=True)
+    sweeping.kill()
+    sweeping.wait()
+    assert workers
+    _, alive = psutil.wait_procs(workers, timeout=20)
+    assert not alive
 
 
 def test_unknown_ending(tmp_path: Path) -> None:
