@@ -192,11 +192,11 @@ def _row(
     coefficients, covariance, columns, rss = _weighted(x_m, value, sd, base, known)
     count = base.shape[1]
     dof = max(len(x_m) - count - 3 * len(known), 1)
-    scatter = max(rss / dof, 1.0)
+    scatter = (rss + TRUSTED) / (dof + TRUSTED)
     heights = coefficients[count:]
     height_sd = np.sqrt(scatter * np.diag(covariance)[count:])
     spread = _place_sd(x_m, sd, base, known, heights) * np.sqrt(scatter)
-    reach = float(t_distribution.ppf(0.975, dof)) * spread
+    reach = float(t_distribution.ppf(0.975, dof + TRUSTED)) * spread
     bumps = [
         Bump(c, c - r, c + r, float(h), float(s), w, p)
         for (c, w), h, s, r, p in zip(known, heights, height_sd, reach, chances, strict=True)
