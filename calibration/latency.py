@@ -20,7 +20,8 @@ ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or mor
 MAX_DELAY_S = 0.25
 SHORTEST_S = 4.0
 DEGREE = 2
-KNOTS = 24  # of the sensor's signal as a function of the stage's
+KNOTS = 16  # of the sensor's signal as a function of the stage's
+AIR = 0.2  # weight of the stage's range against the change of the signal in placing them
 
 
 @dataclass(frozen=True)
@@ -114,7 +115,7 @@ def _knots(course: Array, y: Array) -> Array:
     groups = np.array_split(np.arange(len(order)), 4 * KNOTS)
     at = np.array([levels[g].mean() for g in groups])
     change = np.abs(np.gradient(np.array([felt[g].mean() for g in groups])))
-    share = np.cumsum(change / max(change.sum(), 1e-300) + np.gradient(at) / np.ptp(at))
+    share = np.cumsum(change / max(change.sum(), 1e-300) + AIR * np.gradient(at) / np.ptp(at))
     inner = np.interp(np.linspace(share[0], share[-1], KNOTS)[1:-1], share, at)
     return np.unique(np.concatenate([[levels[0]], inner, [levels[-1]]]))
 

@@ -29,6 +29,7 @@ DRAG_GRID_M = 1e-3  # sideways under the surface, the sections of whole millimet
 INCLINED_GRID_M = 0.5e-3  # going in along an inclined normal, those of half millimetres
 STEEP = 0.6  # sideways share of a press's direction, at most
 PLACE_GRID_M = 1e-5
+DEPTH_GRID_M = 1e-8
 BISECTIONS = 60  # of a depth: far below what changes even a rigid block's force
 SLOPE_M = 0.1e-3  # the surface's slope is taken this far to either side
 BULGE_M = 0.7e-3  # a filled vessel lifts the surface by up to this: there the section is asked
@@ -228,6 +229,7 @@ class Phantom:
         known_m, response = self._responses.get((x, y), (0.0, None))
         if response is None or depth_m > known_m:
             known_m = max(self._depth_m, depth_m if response is None else 1.25 * depth_m)
+            known_m = math.ceil(known_m / DEPTH_GRID_M - 1e-3) * DEPTH_GRID_M  # never rounded down
             response = self._respond(section_at(self.scene, 1e3 * y), x, known_m)
             self._responses[x, y] = (known_m, response)
         return response

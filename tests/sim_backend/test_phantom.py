@@ -116,3 +116,18 @@ def test_depth_is_along_the_normal(winkler: Any) -> None:
         home=(0.004, 0.0, 2e-3),
     )  # fmt: skip
     assert sloping.depth_m(np.zeros(1)) == pytest.approx(0.8e-3)
+
+
+def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
+    """Deeper than was asked for first, and by no round number."""
+    asked: list[float] = []
+
+    def respond(scene: Scene, x_m: float, max_depth_m: float) -> Any:
+        asked.append(round(max_depth_m, 9))  # as the finite elements do
+        return winkler(scene, x_m, max_depth_m)
+
+    made = Phantom(load_scene("TI"), SimulatedClock(), respond, home=(0.032, 0.0, 0.0))
+    made.tip.move(0.0, (0.032, 0.0, -2.5000004e-3), *MOVE)
+    made.force_n(np.linspace(0, 2, 50))
+    assert asked[-1] >= 2.5000004e-3
+    assert asked[0] <= 2.501e-3
