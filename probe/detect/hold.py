@@ -19,6 +19,8 @@ RISE = 0.7
 """A record that starts below this share of its highest value begins with a ramp."""
 SPIKE = 8.0
 """Robust standard deviations beyond which a sample is no sample."""
+NEAR, AHEAD_S = 0.9, 0.25
+"""A ramp ends where nothing higher follows this soon, within this share of the highest sample."""
 FEWEST = 12
 
 
@@ -89,9 +91,8 @@ def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[fl
     smooth = median_filter(mean, size=3, mode="nearest")
     if not np.isfinite(begin):
         begin = time_s[0]
-        top = int(np.argmax(smooth))
-        top = max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
-        if smooth[0] < RISE * smooth[top] and top < 0.7 * len(smooth):
+        top = _top_of_ramp(mean, smooth, step)
+        if smooth[0] < RISE * smooth[top] and top <= len(smooth) - FEWEST:
             begin = time_s[top]
         else:
             settling = 0.0
@@ -101,6 +102,14 @@ def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[fl
         above = np.flatnonzero(held & (smooth > 0.5 * level)) if level > 0 else np.flatnonzero(held)
         end = time_s[above[-1]] if len(above) else np.inf
     return begin + settling, end
+
+
+def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
+    """The first top of those that come near the highest sample, which may be a later beat's."""
+    ahead = max(2, round(AHEAD_S / step_s))
+    near_top = np.flatnonzero(smooth >= NEAR * smooth.max())
+    top = next(int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max())
+    return max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
 
 
 def _without_spikes(signal: Array) -> NDArray[np.bool_]:
