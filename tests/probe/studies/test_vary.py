@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import ConfigError
-from probe.studies.vary import Varied, applied, full_key, parse, points
+from probe.studies.vary import Varied, applied, full_key, parse, places, points
 from sim_backend import load_scene
 
 TIHA = load_scene("TIHA")
@@ -44,6 +44,16 @@ def test_values(text: str, key: str, values: tuple[float | str, ...]) -> None:
 def test_wrong_ones_are_explained(text: str, told: str) -> None:
     with pytest.raises(ConfigError, match=told):
         parse(text, TIHA)
+
+
+def test_places() -> None:
+    assert places("") == ()
+    assert places("32") == (32.0,)
+    assert places("20,32") == (20.0, 32.0)
+    assert places("4..60:15") == tuple(4.0 * n for n in range(1, 16))
+    for wrong in ("here", "4..60", "4..60:x", "4..:3"):
+        with pytest.raises(ConfigError, match="--x"):
+            places(wrong)
 
 
 def test_full_and_zipped() -> None:
