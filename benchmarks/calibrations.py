@@ -5,9 +5,9 @@
 Each repeat draws a device, its readings with the noise of a real sensor, and fits them by the
 functions behind `palpate calibrate`. The modulus' inversion solves the finite elements once (a
 homogeneous block's force is proportional to its modulus) and the data come from another mesh, for
-finite strain from the phantom's response; each repeat has its own modulus, contact and noise. Then a rig that is
-wrong in four ways scans a lump before and after its own calibration. Prints the table, draws
-docs/pictures/calibration.png. About six minutes for 500 repeats on one core.
+finite strain from the phantom's response; each repeat has its own modulus, contact and noise.
+Then a rig that is wrong in four ways scans a lump before and after its own calibration. Prints the
+table, draws docs/pictures/calibration.png. About six minutes for 500 repeats on one core.
 """
 
 import sys
