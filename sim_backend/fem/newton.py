@@ -254,7 +254,7 @@ def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Fail
     if goal.pressure_pa > last.load.pressure_pa:
         return CannotSolve(
             "limit pressure",
-            f"no equilibrium above {mmhg:.4g} mmHg ({depth_mm:.3g} mm deep): the wall inflates "
+            f"found no equilibrium above {mmhg:.4g} mmHg ({depth_mm:.3g} mm deep): the wall inflates "
             f"without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
             "Take a lower pressure, a thicker or a stiffer wall.",
         )
@@ -262,6 +262,6 @@ def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Fail
     what = "the vessel's wall folds" if folds else "the tissue under the finger is crushed"
     return CannotSolve(
         "greatest depth",
-        f"no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg: {what} {where} "
+        f"found no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg: {what} {where} "
         f"(det F = {ratio:.2g}; {failure}). Press less deep.",
     )
