@@ -141,9 +141,10 @@ def draw(
         ratio = [sizes[h, sigmas][1] ** 2 for h in HOLDS_S]
         left.plot(HOLDS_S, ratio, "o-", color=colour, label=f"pulse of {sigmas:g} sigma")
     left.axhline(1.0, color="0.6", lw=1, ls="--")
-    left.set(xscale="log", xlabel="hold [s]", ylabel="variance of the size over its bound",
-             ylim=(0, None))  # fmt: skip
+    left.set(xscale="log", yscale="log", xlabel="hold [s]",
+             ylabel="variance of the size over its bound")  # fmt: skip
     left.set_xticks(HOLDS_S, [f"{h:g}" for h in HOLDS_S])
+    left.set_yticks([0.5, 1, 2, 5, 10, 20], ["0.5", "1", "2", "5", "10", "20"])
     left.minorticks_off()
     left.legend(frameon=False)
     right.plot(STATIONS, [places[n][0] for n in STATIONS], "o-", color=BLUE, label="found")
