@@ -254,8 +254,8 @@ def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Fail
     if goal.pressure_pa > last.load.pressure_pa:
         return CannotSolve(
             "limit pressure",
-            f"found no equilibrium above {mmhg:.4g} mmHg ({depth_mm:.3g} mm deep): the wall inflates "
-            f"without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
+            f"found no equilibrium above {mmhg:.4g} mmHg ({depth_mm:.3g} mm deep): the wall "
+            f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
             "Take a lower pressure, a thicker or a stiffer wall.",
         )
     folds = bool(section.lumens) and section.mesh.region[cell] != TISSUE
