@@ -33,6 +33,8 @@ FLOOR_PCT = np.array([12.0, 36.0])
 finger's half width: two meshes may agree by chance."""
 SHUT_PCT = 3.0
 """What is left open of a pulse where a lumen's walls touch: elements differ by up to 6 % there."""
+WORTHLESS_PCT = 50.0
+"""A force that meshes disagree on by more is no answer."""
 HALVES = ([0, 1, 2], [0, 2, 3])
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
@@ -164,6 +166,12 @@ def press(
         mesh_pct = np.maximum(SHARE_LEFT * _changes_pct(coarse, solutions), least_pct)
         if len(section.assembly.free) > MOST_UNKNOWNS:
             break
+    if mesh_pct[0] > WORTHLESS_PCT:
+        raise CannotSolve(
+            "mesh",
+            f"forces differ by {mesh_pct[0]:.0f} % between meshes: walls fold so sharply that no "
+            f"mesh of up to {MOST_UNKNOWNS} unknowns settles it; press less deep",
+        )
     states = tuple(_state(section, s, p) for s, p in zip(solutions, pressures, strict=True))
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)
     name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")

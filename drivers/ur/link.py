@@ -94,6 +94,7 @@ class Link:
         ready, why = self._answer(READY, CONNECT_S)
         if not ready or not self._first():
             self._fail(why or "no data")
+        self._playing()
 
     def state(self) -> State:
         """The newest. Raises `DeviceFault` when it is old, or the robot is not able to work."""
@@ -193,6 +194,15 @@ class Link:
     def _first(self) -> bool:
         with self._fresh:
             return self._fresh.wait_for(lambda: self._state is not None, PREFLIGHT_S)
+
+    def _playing(self) -> None:
+        """Wait for a state from after the program's start; `Link.state` tells if none comes."""
+        with self._fresh:
+            self._fresh.wait_for(
+                lambda: bool(self._gone) or not self.setup.control
+                or (self._state is not None and self._state.runtime_state == PLAYING),
+                COMMAND_S,
+            )  # fmt: skip
 
     def _follow(self) -> None:
         """Take in what the client sends until it ends."""
