@@ -11,6 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -26,6 +27,7 @@ COMMIT_S = 0.05
 OLD_S = 0.15  # when an event waits this long, whoever tells more waits up to `YIELD_S`
 YIELD_S = 0.02
 LATE_S = 2.0  # a disk that keeps the scan waiting longer has failed
+BEFORE_OTHERS = -10  # nice value: a machine that computes is not a disk that hangs
 # Rows per commit, in one statement: SQLite lets other threads run at each, and these may keep it
 # waiting.
 ROWS = 200
@@ -126,6 +128,8 @@ class Store:
 
     def _run(self) -> None:
         """The writing thread; it alone uses the connection, and closes it."""
+        with suppress(AttributeError, OSError):  # Linux only; root, or a limit on `nice`
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), BEFORE_OTHERS)
         try:
             while self._wait():
                 self._commit_waiting()
