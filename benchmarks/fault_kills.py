@@ -144,6 +144,7 @@ def _storm(scanning: BaseProcess, rng: np.random.Generator) -> float:
         scanning.join(float(rng.uniform(0, 0.005)))
         if not scanning.is_alive() or scanning.pid is None:
             break
-        os.kill(scanning.pid, int(rng.choice(signals)))
+        with suppress(ProcessLookupError):  # it has ended since it was asked
+            os.kill(scanning.pid, int(rng.choice(signals)))
     scanning.join(2 * HANG_S)
     return time.perf_counter() - began_s
