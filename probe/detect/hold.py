@@ -20,7 +20,7 @@ RISE = 0.7
 SPIKE = 8.0
 """Robust standard deviations beyond which a sample is no sample."""
 NEAR, AHEAD_S = 0.9, 0.25
-"""A ramp ends where nothing higher follows this soon, within this share of the highest sample."""
+"""A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
 FEWEST = 12
 
 
@@ -107,7 +107,7 @@ def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[fl
 def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
     """The first top of those that come near the highest sample, which may be a later beat's."""
     ahead = max(2, round(AHEAD_S / step_s))
-    near_top = np.flatnonzero(smooth >= NEAR * smooth.max())
+    near_top = np.flatnonzero(smooth >= smooth.max() - (1 - NEAR) * np.ptp(smooth))
     top = next(int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max())
     return max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
 

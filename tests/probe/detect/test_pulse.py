@@ -89,6 +89,24 @@ def test_a_hold_that_is_all_clipped_says_so() -> None:
         hold_of(replace(one, saturated=np.ones_like(one.saturated)))
 
 
+@pytest.mark.parametrize("offset_pa", [0.0, -30000.0])
+def test_a_ramp_that_only_the_samples_show_is_left_out(offset_pa: float) -> None:
+    """At 10 Hz, of a sensor with any zero; a later beat higher than the ramp's end is no end."""
+    rng = np.random.default_rng(18)
+    one = station(rng, sample_hz=10.0, hold_s=8.0, noise_pa=2.0, pulse_pa=400.0, relaxing=0.0)
+    ramp_s = np.arange(-1.0, 0.0, 0.1) + one.time_s[0]
+    ramp = 9000.0 * (ramp_s - ramp_s[0])
+    signal = np.concatenate([ramp, one.signal_pa[:, 0]]) + offset_pa
+    n = len(signal)
+    whole = replace(
+        one, time_s=np.concatenate([ramp_s, one.time_s]), signal_pa=signal[:, None],
+        saturated=np.zeros((n, 1), dtype=bool), depth_m=np.full(n, np.nan),
+        indent_s=np.nan, hold_s=np.nan, retract_s=np.nan,
+    )  # fmt: skip
+    hold = hold_of(whole)
+    assert one.time_s[0] - 0.1 <= hold.start_s + hold.time_s[0] <= one.time_s[0] + 1.0
+
+
 def test_a_reference_shows_a_pulse_that_is_too_small_alone() -> None:
     """A PPG gives the beats, irregular ones too; ten seconds of them."""
     rng = np.random.default_rng(17)
