@@ -20,30 +20,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 
-from sim_backend.fem.contact import finger_over
-from sim_backend.fem.elements import as_element
 from sim_backend.fem.finite import solve_finite
-from sim_backend.fem.lumen import lumen_sides
-from sim_backend.fem.mesh import block_mesh
 from sim_backend.fem.newton import (
     CannotSolve,
     Load,
+    NotConverged,
     Solution,
-    _equilibrium,
-    _Failed,
+    equilibrium,
     march,
     pressure_slope,
     untouched,
 )
-from sim_backend.fem.section import (
-    Section,
-    _half_contact,
-    _held,
-    _materials,
-    _ring,
-    _sideways,
-    best_element,
-)
+from sim_backend.fem.section import Grading, Section, build_section
 from sim_backend.fem.touch import walls_cross
 from sim_backend.response import element_size_m
 from sim_backend.scene import Scene, SceneError
@@ -141,9 +129,9 @@ def _press(section: Section, load: Load, guess: Array) -> _Pressed:
     push = np.where(gap < near_m, near_m * section.tissue_pa, 0.0)
     start = Solution(load, guess, (push, np.zeros(len(section.mesh.resting))), 0.0, 0)
     try:
-        solution = _equilibrium(section, start, load)
+        solution = equilibrium(section, start, load)
         straight = not walls_cross(section, solution.displacement)
-    except _Failed:
+    except NotConverged:
         straight = False
     if not straight:
         steps = [Load(load.depth_m / 2, load.pressure_pa / 2), load]
@@ -213,28 +201,9 @@ def _nearest(scene: Scene, x_m: Array) -> int:
 
 
 def _section(scene: Scene, x_m: float, depth_m: float, share: float = 1.0) -> Section:
-    """As `sim_backend.fem.section.build_section`, with element sizes of this file."""
-    assert scene.tissue is not None
-    surface_m, half_m = 1e-3 * scene.surface_mm, 0.5e-3 * scene.indenter.width_mm_projected
-    rings = [_ring(one, scene, n) for n, one in enumerate(scene.inclusion)]
-    finger = finger_over(scene.indenter, x_m, surface_m)
-    reach = _half_contact(finger, depth_m)
-
-    def size(points: Array) -> Array:
-        across = np.maximum(np.abs(points[:, 0] - x_m) - reach, 0.0)
-        away = np.hypot(across, points[:, 1] - surface_m)
-        wanted = share * CONTACT_SHARE * half_m + GROWTH * away
-        for ring in rings:
-            gap = np.abs(np.hypot(*(points - ring.centre).T) - ring.radii[0])
-            wanted = np.minimum(wanted, share * WALL_SHARE * ring.radii[0] + GROWTH * gap)
-        return np.minimum(wanted, share * COARSEST_M)
-
-    plain = block_mesh(1e-3 * scene.tissue.width_mm, surface_m, rings, size)
-    mesh, cells = as_element(plain, best_element(scene))
-    shear, bulk = _materials(scene, rings, mesh.region)
-    stress = scene.plane == "stress"
-    return Section(
-        mesh, cells, shear, bulk, stress, _held(mesh, scene),
-        lumen_sides(mesh, cells, shear, bulk, stress), finger, 1e3 * scene.tissue.modulus_kpa,
-        _sideways(mesh, scene),
-    )  # fmt: skip
+    """Fine under the finger and round inclusions, by ``share`` of this file's element sizes."""
+    contact_m = share * CONTACT_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
+    grading = Grading(
+        contact_m, lambda radius_m: share * WALL_SHARE * radius_m, GROWTH, share * COARSEST_M
+    )
+    return build_section(scene, x_m, depth_m=depth_m, size_m=contact_m, grading=grading)

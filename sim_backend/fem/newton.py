@@ -78,7 +78,7 @@ class Solution:
     sweeps: int
 
 
-class _Failed(Exception):
+class NotConverged(Exception):
     """This step did not converge; the text says how it ended."""
 
 
@@ -108,10 +108,10 @@ def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> S
     while share < 1.0:
         target = origin.between(goal, min(1.0, share + step))
         try:
-            reached = _equilibrium(
+            reached = equilibrium(
                 as_solved(section, now), _guess(section, before, now, target), target
             )
-        except _Failed as failure:
+        except NotConverged as failure:
             step /= 2
             failures += 1
             if step < SMALLEST_STEP or failures > MOST_FAILURES:
@@ -155,7 +155,8 @@ def _guess(section: Section, before: Solution, now: Solution, target: Load) -> S
     return replace(now, displacement=ahead_u)
 
 
-def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
+def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
+    """The equilibrium at ``load``, in one step from ``start``. Raises `NotConverged`."""
     finger = _lowered(section, load)
     firm, judge = FIRM * section.tissue_pa, JUDGE * section.tissue_pa
     u, push = start.displacement.copy(), list(start.push)
@@ -170,7 +171,7 @@ def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
         with np.errstate(invalid="ignore", over="ignore"):
             residual, matrices = _body(section, u, load.pressure_pa, change)
         if not np.all(np.isfinite(residual)):
-            raise _Failed("elements were crushed")
+            raise NotConverged("elements were crushed")
         for t, m in zip(pairs, push, strict=True):
             residual -= t.force(m, section.size)
         scale = np.abs(push[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
@@ -190,7 +191,7 @@ def _equilibrium(section: Section, start: Solution, load: Load) -> Solution:
             for t, m, a in zip(pairs, push, active, strict=True)
         ]
         before = active
-    raise _Failed(f"Newton's method did not converge within {MAX_SWEEPS} steps")
+    raise NotConverged(f"Newton's method did not converge within {MAX_SWEEPS} steps")
 
 
 def _lowered(section: Section, load: Load) -> Finger:
@@ -202,15 +203,15 @@ def _newton_step(section: Section, matrices: list[Array], residual: Array, u: Ar
     try:
         factors = section.assembly.factor(matrices)
     except RuntimeError:
-        raise _Failed("the tangent became singular") from None
+        raise NotConverged("the tangent became singular") from None
     change = section.assembly.solve(factors, -residual).reshape(-1, 2)
     if not np.all(np.isfinite(change)):
-        raise _Failed("the tangent became singular")
+        raise NotConverged("the tangent became singular")
     for _ in range(6):
         if smallest_area_ratio(section, u + change)[0] > CRUSHED:
             return change
         change = change / 2
-    raise _Failed("elements were crushed")
+    raise NotConverged("elements were crushed")
 
 
 def pressure_slope(section: Section, solution: Solution) -> tuple[Array, float]:
@@ -246,7 +247,9 @@ def _body(
     return residual, [*matrices, section.sideways.block]
 
 
-def _physical_limit(section: Section, last: Solution, goal: Load, failure: _Failed) -> CannotSolve:
+def _physical_limit(
+    section: Section, last: Solution, goal: Load, failure: NotConverged
+) -> CannotSolve:
     ratio, cell = smallest_area_ratio(section, last.displacement)
     x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322

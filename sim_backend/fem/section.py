@@ -1,7 +1,9 @@
 """A scene's plane section as a meshed elastic body: materials, support, lumens, finger."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,6 +102,16 @@ class Section:
         return Assembly(self.size, groups, self.held)
 
 
+class Grading(NamedTuple):
+    """Element sizes [m]: in the contact, at an inclusion of a radius [m], how fast they grow from
+    there, and where that ends."""
+
+    contact_m: float
+    at_wall: Callable[[float], float]
+    growth: float
+    coarsest_m: float
+
+
 def build_section(
     scene: Scene,
     x_m: float,
@@ -108,20 +120,23 @@ def build_section(
     size_m: float,
     element: str | None = None,
     along_surface: bool = False,
+    grading: Grading | None = None,
 ) -> Section:
     """Mesh ``scene`` for a press at ``x_m`` about ``depth_m`` deep.
 
     ``size_m`` is the element size under the finger and round inclusions; away from both it
-    grows; ``along_surface`` keeps it all along the surface. Raises ValueError for an unknown
-    element.
+    grows; ``along_surface`` keeps it all along the surface. In a block ``grading`` says otherwise.
+    Raises ValueError for an unknown element.
     """
     rings = [_ring(one, scene, n) for n, one in enumerate(scene.inclusion)]
     surface_m = 1e-3 * scene.surface_mm
     finger = finger_over(scene.indenter, x_m, surface_m)
     reach = np.inf if along_surface else _half_contact(finger, depth_m)
 
+    graded = grading or usual_grading(size_m)
+
     def size(points: Array) -> Array:
-        return _sizes(points, finger, reach, rings, size_m)
+        return _sizes(points, finger, reach, rings, graded)
 
     if scene.tissue is None:
         plain = ring_mesh(rings[0], lambda p: np.full(len(p), size_m / 1.5))
@@ -136,6 +151,16 @@ def build_section(
     return Section(
         mesh, cells, shear, bulk, stress, held, sides, finger, 1e3 * modulus_kpa, sideways
     )
+
+
+def usual_grading(size_m: float) -> Grading:
+    """Finest in the contact, about ``size_m`` at inclusions."""
+
+    def at_wall(radius_m: float) -> float:
+        # a finger that is tiny beside a vessel does not need the vessel any finer
+        return float(np.clip(1.2 * size_m, FINEST_WALL * radius_m, 0.5 * radius_m))
+
+    return Grading(CONTACT_SHARE * size_m, at_wall, GROWTH, COARSEST_M)
 
 
 def best_element(scene: Scene) -> str:
@@ -198,14 +223,14 @@ def _half_contact(finger: Finger, depth_m: float) -> float:
     return finger.half_flat + 0.85 * float(np.sqrt(2 * finger.radius * sunk - sunk**2))
 
 
-def _sizes(points: Array, finger: Finger, reach: float, rings: list[Ring], size_m: float) -> Array:
-    """Element size (n,) [m]: finest in the contact, about ``size_m`` at inclusions."""
+def _sizes(
+    points: Array, finger: Finger, reach: float, rings: list[Ring], grading: Grading
+) -> Array:
+    """Element size (n,) [m]."""
     across = np.maximum(np.abs(points[:, 0] - finger.x) - reach, 0.0)
     away = np.hypot(across, points[:, 1] - finger.y)
-    wanted = CONTACT_SHARE * size_m + GROWTH * away
+    wanted = grading.contact_m + grading.growth * away
     for ring in rings:
         gap = np.abs(np.hypot(*(points - ring.centre).T) - ring.radii[0])
-        # a finger that is tiny beside a vessel does not need the vessel any finer
-        at_wall = float(np.clip(1.2 * size_m, FINEST_WALL * ring.radii[0], 0.5 * ring.radii[0]))
-        wanted = np.minimum(wanted, at_wall + GROWTH * gap)
-    return np.minimum(wanted, COARSEST_M)
+        wanted = np.minimum(wanted, grading.at_wall(ring.radii[0]) + grading.growth * gap)
+    return np.minimum(wanted, grading.coarsest_m)
