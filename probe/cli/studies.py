@@ -10,6 +10,13 @@ import typer
 from probe.cli.say import Json, answer, answer_json, plain, tell
 
 
+Table = Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per processor.")]
+Scheduler = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler: many machines.")
+]
+
+
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(sweep)
@@ -37,15 +44,9 @@ def sweep(
         Literal["auto", "finite", "small", "quick"],
         typer.Option(help="Model; quick: finite strain for whole scans, its own accuracy."),
     ] = "auto",
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")] = Path(
-        "sweep.parquet"
-    ),
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; default: one per processor.")
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler: many machines.")
-    ] = None,
+    out: Table = Path("sweep.parquet"),
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Press or scan many variants of a scene; an interrupted sweep goes on where it stopped."""
@@ -82,15 +83,9 @@ def sweep(
 def fleet(
     count: Annotated[int, typer.Argument(help="Phantoms of each kind.", min=1)],
     seed: Annotated[int, typer.Option(help="Of what is drawn.")] = 0,
-    out: Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")] = Path(
-        "fleet.parquet"
-    ),
-    workers: Annotated[
-        int | None, typer.Option(min=1, help="Processes; default: one per processor.")
-    ] = None,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler: many machines.")
-    ] = None,
+    out: Table = Path("fleet.parquet"),
+    workers: Workers = None,
+    scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Scan random phantoms of every kind, to train and test detectors on."""

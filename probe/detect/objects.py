@@ -67,7 +67,9 @@ def line_of(presses: tuple[Press, ...]) -> Line:
     gaps = np.diff([x_m for x_m, *_ in judged])
     pitch = float(np.median(gaps[gaps > 1e-6])) if (gaps > 1e-6).any() else 0.0
     group = np.concatenate([[0], np.cumsum(gaps > 0.1 * pitch)])[: len(judged)]
-    repeats = [[one for one, g in zip(judged, group, strict=True) if g == k] for k in set(group)]
+    repeats = [
+        [one for one, g in zip(judged, group, strict=True) if g == k] for k in np.unique(group)
+    ]
     rows = []
     for some in repeats:
         level = _mean([p.level_pa for _, p, _ in some], [p.level_sd_pa for _, p, _ in some])
