@@ -1,12 +1,14 @@
 """How fast the windows draw: 64 channels at 1 kHz with a 256 x 256 map, and the phantom's feel.
 
 Run: QT_QPA_PLATFORM=offscreen python benchmarks/live_view.py [PICTURE.png]
-Prints frame times and the time from a sample to the picture that shows it.
+Prints frame times, the time from a sample to the picture that shows it, and how long a press of
+the phantom takes to the screen.
 """
 
 import os
 import sys
 from collections import deque
+from concurrent.futures import Future
 from pathlib import Path
 from time import perf_counter
 
@@ -17,8 +19,11 @@ import numpy as np
 from drivers import Block, Channel
 from probe.events import Event, Phase, PhaseEntered, RunStarted, Samples, StationStarted
 from probe.live.app import Follower
+from probe.live.feel import MAX_DEPTH_MM, FeelWindow
 from probe.live.style import application
+from probe.live.table import Table, solve
 from probe.live.window import FRAME_MS, RunWindow
+from sim_backend import load_scene
 
 CHANNELS, RATE_HZ, SIDE, BLOCK_S, SECONDS = 64, 1000.0, 256, 0.02, 12.0
 
@@ -68,11 +73,32 @@ def main() -> None:
         latencies.append(done - began - follower.state.now_s)
         while perf_counter() - drawing < FRAME_MS / 1e3:
             app.processEvents()
-    for name, values_s in (("frame", frames), ("sample to screen", latencies)):
-        p50, p95 = np.percentile(1e3 * np.array(values_s[10:]), (50, 95))
-        print(f"{name:17s} p50 {p50:6.1f} ms   p95 {p95:6.1f} ms   n {len(values_s)}")
     if len(sys.argv) > 1:
         window.grab().save(sys.argv[1])
+    window.close()
+    for name, values_s in (
+        ("frame", frames), ("sample to screen", latencies), ("feel", feel()),
+    ):  # fmt: skip
+        p50, p95 = np.percentile(1e3 * np.array(values_s[10:]), (50, 95))
+        print(f"{name:17s} p50 {p50:6.1f} ms   p95 {p95:6.1f} ms   n {len(values_s)}")
+
+
+def feel(frames: int = 300) -> list[float]:
+    """Seconds for each frame while the finger goes down over an artery that was solved before."""
+    scene = load_scene("TIHA")
+    place: Future[Table] = Future()
+    place.set_result(solve(scene, 32.0, MAX_DEPTH_MM))
+    window = FeelWindow(scene, lambda _x_mm: place)
+    window.timer.stop()
+    window.show()
+    app, took = application(), []
+    for n in range(frames):
+        began = perf_counter()
+        window.touch(32.0, MAX_DEPTH_MM * n / frames)
+        window.frame()
+        app.processEvents()
+        took.append(perf_counter() - began)
+    return took
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ import typer
 
 from probe.cli.say import Json, answer, answer_json, plain, tell
 
-
 Table = Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per processor.")]
 Scheduler = Annotated[
