@@ -52,6 +52,7 @@ def main() -> None:
     follower()
     rng = np.random.default_rng(0)
     follower.state.maps.update({n: (float(rng.normal(9e3, 300)), 50.0) for n in range(SIDE * SIDE)})
+    follower.state.pressed.extend(reversed(range(SIDE * SIDE)))
     window = RunWindow(Path("benchmark.run"), follower)
     window.timer.stop()
     window.resize(1366, 768)

@@ -9,6 +9,7 @@ from probe.live.style import plot
 from probe.report.look import GREEN, INK, ORANGE, PINK
 from sim_backend.scene import Artery, Cylinder, Indenter, Scene
 
+LIFT_MM = 6.0  # room above the surface: a scan's clearance and a little more
 CIRCLE = np.linspace(0, 2 * np.pi, 61)
 
 
@@ -47,6 +48,19 @@ def draw_scene(area: pg.PlotItem, scene: Scene) -> None:
             )
 
 
+def frame_scene(area: pg.PlotItem, scene: Scene) -> None:
+    """Keep the view on ``scene`` with a lifted finger, wherever the finger goes."""
+    x, y = finger_outline(scene.indenter)
+    if scene.tissue is not None:
+        left, right = 0.0, scene.tissue.width_mm
+    else:
+        ends = [(one.x_mm - one.outer_radius_mm, one.x_mm + one.outer_radius_mm)
+                for one in scene.inclusion]  # fmt: skip
+        left, right = min(e[0] for e in ends), max(e[1] for e in ends)
+    area.setXRange(left + x.min() / 2, right + x.max() / 2, padding=0)
+    area.setYRange(-1.0, scene.surface_mm + LIFT_MM + y.max(), padding=0)
+
+
 class BodyPanel(QWidget):
     """Where the probe is over the section; without a known scene, over a plain surface."""
 
@@ -77,6 +91,7 @@ class BodyPanel(QWidget):
             scene = Scene.model_validate(written)
             self.area.setTitle(f"{scene.name} (known section)")
             draw_scene(self.area.getPlotItem(), scene)
+            frame_scene(self.area.getPlotItem(), scene)
             self._top_mm, self._outline = scene.surface_mm, finger_outline(scene.indenter)
         else:
             self.area.setTitle("Section unknown: the surface only")

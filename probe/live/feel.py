@@ -12,7 +12,7 @@ from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from probe.live.body import draw_scene, finger_outline
+from probe.live.body import draw_scene, finger_outline, frame_scene
 from probe.live.maps import HeatMap
 from probe.live.style import application, label, plot
 from probe.live.table import Table, solve
@@ -67,6 +67,7 @@ class FeelWindow(QWidget):
         self.section = HeatMap("", "von Mises [kPa]")
         label(self.section.plot, ("x", "mm"), ("height", "mm"))
         draw_scene(self.section.plot, scene)
+        frame_scene(self.section.plot, scene)
         self.finger = self.section.plot.plot([], [], pen=pg.mkPen(GREEN, width=3))
         self.contact = self.section.plot.plot([], [], pen=pg.mkPen(ORANGE, width=5))
         self.section.scene().installEventFilter(self)
@@ -136,8 +137,7 @@ class FeelWindow(QWidget):
         dx, dy = table.x_mm[1] - table.x_mm[0], table.y_mm[1] - table.y_mm[0]
         box = (table.x_mm[0] - dx / 2, table.y_mm[0] - dy / 2,
                dx * len(table.x_mm), dy * len(table.y_mm))  # fmt: skip
-        top = float(np.percentile(table.von_mises_pa[-1], 99.5)) / 1e3
-        self.section.show_table(table.picture(felt) / 1e3, box, (0.0, top))
+        self.section.show_table(table.picture(felt) / 1e3, box, (0.0, table.highest_pa / 1e3))
         self._numbers(now_s, pressure_pa, felt.force_n, felt.contact_mm)
 
     def _numbers(

@@ -55,6 +55,7 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
         self.plot.setMouseEnabled(x=False, y=False)
         self.plot.setMenuEnabled(False)
         self.plot.hideButtons()
+        self._box: tuple[float, float, float, float] | None = None
         self.image = pg.ImageItem(axisOrder="row-major")
         self.plot.addItem(self.image)
         self.bar = pg.ColorBarItem(colorMap=heat(), label=unit, interactive=False)
@@ -67,8 +68,12 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
         known = table[np.isfinite(table)]
         low, high = levels or ((known.min(), known.max()) if len(known) else (0.0, 1.0))
         self.image.setImage(table, autoLevels=False)
-        self.bar.setLevels((low, high if high > low else low + 1e-9))
-        self.image.setRect(*box)
+        scale = (low, high if high > low else low + 1e-9)
+        if scale != self.bar.levels():  # setting what is set would redraw the axes
+            self.bar.setLevels(scale)
+        if box != self._box:
+            self._box = box
+            self.image.setRect(*box)
 
 
 class MapPanel(QStackedWidget):
@@ -76,8 +81,8 @@ class MapPanel(QStackedWidget):
 
     def __init__(self) -> None:
         super().__init__()
-        self._made: tuple[Array, tuple[float, float, float, float]] | None = None
-        self._seen = (0, 0)
+        self._known: GridMap | None = None
+        self._levels: Levels | None = None
         self.line = LineMap()
         self.grid = HeatMap("Tactile map", "baseline [kPa]")
         label(self.grid.plot, ("x", "mm"), ("y", "mm"))
@@ -90,9 +95,7 @@ class MapPanel(QStackedWidget):
         """Draw the run so far; ``levels`` [Pa] fix the scale (for two runs side by side)."""
         if state.is_grid:
             self.setCurrentWidget(self.grid)
-            table, box = self._grid_table(state)
-            scale = None if levels is None else (levels[0] / 1e3, levels[1] / 1e3)
-            self.grid.show_table(table / 1e3, box, scale)
+            self._show_grid(state, levels)
         elif len(state.taxels_pa) > 1 and len(state.plan) < 2:
             self.setCurrentWidget(self.taxels)
             table = taxel_table(state.taxels_pa)
@@ -101,27 +104,45 @@ class MapPanel(QStackedWidget):
             self.setCurrentWidget(self.line)
             self.line.show_state(state, levels)
 
-    def _grid_table(self, state: ViewState) -> tuple[Array, tuple[float, float, float, float]]:
-        """As `grid_table`, remade only when a station was added: large grids take long."""
-        seen = (id(state.maps), len(state.maps))
-        if self._made is None or self._seen != seen:
-            self._made, self._seen = grid_table(state), seen
-        return self._made
+    def _show_grid(self, state: ViewState, levels: Levels | None) -> None:
+        """Large grids take long to draw: only when something is new."""
+        new = self._known is None or self._known.state is not state
+        if new:
+            self._known = GridMap(state)
+        assert self._known is not None
+        if self._known.follow() or new or levels != self._levels:
+            self._levels = levels
+            scale = None if levels is None else (levels[0] / 1e3, levels[1] / 1e3)
+            self.grid.show_table(self._known.table / 1e3, self._known.box, scale)
 
 
-def grid_table(state: ViewState) -> tuple[Array, tuple[float, float, float, float]]:
-    """Baselines (rows, columns) [Pa], NaN where not pressed yet, and their box in mm."""
-    xs = sorted({round(p.x_mm, 4) for p in state.plan})
-    ys = sorted({round(p.y_mm, 4) for p in state.plan})
-    column = {x: n for n, x in enumerate(xs)}
-    line = {y: n for n, y in enumerate(ys)}
-    table = np.full((len(ys), len(xs)), np.nan)
-    for p in state.plan:
-        if p.index in state.maps:
-            table[line[round(p.y_mm, 4)], column[round(p.x_mm, 4)]] = state.maps[p.index][0]
-    dx = (xs[-1] - xs[0]) / max(1, len(xs) - 1) or 1.0
-    dy = (ys[-1] - ys[0]) / max(1, len(ys) - 1) or 1.0
-    return table, (xs[0] - dx / 2, ys[0] - dy / 2, dx * len(xs), dy * len(ys))
+class GridMap:
+    """Baselines of a grid as ``table`` (rows, columns) [Pa], NaN where not pressed yet, over
+    ``box`` (left, bottom, width, height) [mm]."""
+
+    def __init__(self, state: ViewState) -> None:
+        xs = sorted({round(p.x_mm, 4) for p in state.plan})
+        ys = sorted({round(p.y_mm, 4) for p in state.plan})
+        column = {x: n for n, x in enumerate(xs)}
+        row = {y: n for n, y in enumerate(ys)}
+        self._cells = {
+            p.index: (row[round(p.y_mm, 4)], column[round(p.x_mm, 4)]) for p in state.plan
+        }
+        self.state, self._read = state, 0
+        self.table = np.full((len(ys), len(xs)), np.nan)
+        dx = (xs[-1] - xs[0]) / max(1, len(xs) - 1) or 1.0
+        dy = (ys[-1] - ys[0]) / max(1, len(ys) - 1) or 1.0
+        self.box = (xs[0] - dx / 2, ys[0] - dy / 2, dx * len(xs), dy * len(ys))
+
+    def follow(self) -> bool:
+        """Take in the stations pressed since the last call; whether there were any."""
+        changed = False
+        for index in self.state.pressed[max(0, self._read - 1) :]:  # the last may have gone on
+            cell, baseline_pa = self._cells[index], self.state.maps[index][0]
+            changed |= self.table[cell] != baseline_pa
+            self.table[cell] = baseline_pa
+        self._read = len(self.state.pressed)
+        return bool(changed)
 
 
 def taxel_table(values: Array) -> Array:

@@ -81,6 +81,7 @@ class ViewState:
     phases: deque[tuple[float, Phase]] = field(default_factory=lambda: deque(maxlen=200))
     station: int | None = None
     maps: dict[int, tuple[float, float]] = field(default_factory=dict)  # baseline, pulse [Pa]
+    pressed: list[int] = field(default_factory=list)  # stations of the maps, in order, repeats too
     complete: set[int] = field(default_factory=set)
     taxels_pa: Array = field(default_factory=lambda: np.empty(0))
     notes: list[Note] = field(default_factory=list)
@@ -163,6 +164,8 @@ class ViewState:
             _, beat = fold(time_s, stress_pa, self.period_s)
             known = beat[np.isfinite(beat)]
             self.maps[station] = float(stress_pa.mean()), float(np.ptp(known))
+            if not self.pressed or self.pressed[-1] != station:
+                self.pressed.append(station)
 
     def hold(self) -> tuple[Array, Array]:
         """Times (n,) and mean stress (n,) [Pa] of the current hold."""

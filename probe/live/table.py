@@ -1,11 +1,13 @@
 """One place of a phantom, solved beforehand, so that feeling it costs only interpolation.
 
 The finite elements answer at a few depths and two lumen pressures; displacement and stress are
-kept on a regular grid of the undeformed section. Between the solved states they are linear in
-depth and in pressure. The force comes from the fast model and is finer in depth.
+kept on a regular grid of the deformed section: at each point, where its material came from and
+its stress. Between the solved states they are linear in depth and in pressure. The force comes
+from the fast model and is finer in depth.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +23,7 @@ Array = NDArray[np.float64]
 DEPTHS = 6
 FORCE_DEPTHS = 41
 CELL_MM = 0.25
-PULLS = 4  # fixed-point steps of the pull-back; the error shrinks by |grad u| < 1 each
+PULLS = 8  # fixed-point steps of the pull-back; the error shrinks by |grad u| < 1 each
 
 
 class Felt(NamedTuple):
@@ -29,7 +31,7 @@ class Felt(NamedTuple):
 
     force_n: float
     contact_mm: tuple[float, float]
-    displacement_mm: Array  # (rows, columns, 2)
+    came_mm: Array  # (rows, columns, 2), as in `Table`
     von_mises_pa: Array  # (rows, columns)
 
 
@@ -38,8 +40,9 @@ class Table:
     """Answers over ``depth_m`` (d,) and ``pressure_pa`` (2,) on a grid of the section.
 
     ``x_mm`` (columns,), ``y_mm`` (rows,) upwards from the support; ``inside`` (rows, columns) is
-    material. ``displacement_mm`` (d, 2, rows, columns, 2), ``von_mises_pa`` (d, 2, rows,
-    columns), ``contact_mm`` (d, 2, 2), ``force_n`` (f, 2) over ``force_depth_m`` (f,).
+    material at rest. ``came_mm`` (d, 2, rows, columns, 2) is how far what is at a point has come,
+    ``von_mises_pa`` (d, 2, rows, columns) belongs to the place at rest, ``contact_mm`` (d, 2, 2),
+    ``force_n`` (f, 2) over ``force_depth_m`` (f,).
     """
 
     x_mm: Array
@@ -47,7 +50,7 @@ class Table:
     inside: NDArray[np.bool_]
     depth_m: Array
     pressure_pa: Array
-    displacement_mm: Array
+    came_mm: Array
     von_mises_pa: Array
     contact_mm: Array
     force_depth_m: Array
@@ -71,25 +74,45 @@ class Table:
         return Felt(
             float((1 - w) * force[0] + w * force[1]),
             (float(left), float(right)),
-            between(self.displacement_mm),
+            between(self.came_mm),
             between(self.von_mises_pa),
         )
 
     def picture(self, felt: Felt) -> Array:
-        """Von Mises stress (rows, columns) [Pa] where the material is now; NaN outside.
-
-        A pixel x shows the material that came there: X = x - u(X), by fixed-point steps.
-        """
-        rows, columns = np.indices(self.inside.shape, dtype=float)
-        dx, dy = self.x_mm[1] - self.x_mm[0], self.y_mm[1] - self.y_mm[0]
-        at = np.stack([rows, columns])
-        for _ in range(PULLS):
-            ux = map_coordinates(felt.displacement_mm[..., 0], at, order=1, mode="nearest")
-            uy = map_coordinates(felt.displacement_mm[..., 1], at, order=1, mode="nearest")
-            at = np.stack([rows - uy / dy, columns - ux / dx])
+        """Von Mises stress (rows, columns) [Pa] where the material is now; NaN outside."""
+        at = _origin(felt.came_mm, (self.x_mm, self.y_mm))
         stress = map_coordinates(felt.von_mises_pa, at, order=1, mode="nearest")
-        solid = map_coordinates(self.inside.astype(float), at, order=1, mode="constant")
+        solid = map_coordinates(self._solid, at, order=1, mode="constant")
         return np.where(solid > 0.5, stress, np.nan)
+
+    @cached_property
+    def _solid(self) -> Array:
+        return self.inside.astype(float)
+
+    @cached_property
+    def highest_pa(self) -> float:
+        """Top of a colour scale that fits the deepest press."""
+        return float(np.percentile(self.von_mises_pa[-1], 99.5))
+
+
+def came_mm(displacement_mm: Array, grid: tuple[Array, Array]) -> Array:
+    """How far what is at each point of the grid has come (rows, columns, 2) [mm], from how far
+    what was there has gone: came(x) = gone(x - came(x)), by fixed-point steps."""
+    came = displacement_mm
+    for _ in range(PULLS):
+        at = _origin(came, grid)
+        came = np.stack(
+            [map_coordinates(displacement_mm[..., n], at, order=1, mode="nearest") for n in (0, 1)],
+            axis=-1,
+        )
+    return came
+
+
+def _origin(came: Array, grid: tuple[Array, Array]) -> Array:
+    """Rows and columns (2, rows, columns) from where the material came."""
+    x, y = grid
+    rows, columns = np.indices(came.shape[:2], dtype=float)
+    return np.stack([rows - came[..., 1] / (y[1] - y[0]), columns - came[..., 0] / (x[1] - x[0])])
 
 
 def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
@@ -143,7 +166,7 @@ def _fields(
     nodes_m: Array, triangles: NDArray[np.int_], moved_m: Array, stress_pa: Array,
     grid: tuple[Array, Array],
 ) -> tuple[Array, Array, NDArray[np.bool_]]:  # fmt: skip
-    """Displacement [mm], von Mises [Pa] and the material's mask on the grid.
+    """How far the material came [mm], its von Mises stress [Pa] and its mask at rest, on the grid.
 
     Beyond the material both are those of the nearest material point, so that edges move with it.
     """
@@ -154,4 +177,4 @@ def _fields(
     inside = ~np.ma.getmaskarray(vm)
     nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)
     filled = [np.asarray(each.data)[tuple(nearest)] for each in (ux, uy, vm)]
-    return np.stack(filled[:2], axis=-1), filled[2], inside
+    return came_mm(np.stack(filled[:2], axis=-1), grid), filled[2], inside

@@ -21,7 +21,9 @@ class TracePanel(QWidget):
         super().__init__()
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
-        self.trace = plot("Signal", ("scan time", "s"), ("contact stress", "kPa"))
+        self.trace = plot("Signal", ("time before now", "s"), ("contact stress", "kPa"))
+        self.trace.setXRange(-TRACE_S, 0, padding=0)  # an axis that stands still is drawn once
+        self._title = ""
         self.curves: list[pg.PlotDataItem] = []
         self.shades = [pg.LinearRegionItem(movable=False, pen=(0, 0, 0, 0)) for _ in range(SHADES)]
         for region in self.shades:
@@ -40,7 +42,10 @@ class TracePanel(QWidget):
         if not name:
             return
         time_s, values = state.traces[name].arrays()
-        self.trace.setTitle(f"Signal of {name}: {state.phase}")
+        title = f"Signal of {name}: {state.phase}"
+        if title != self._title:
+            self._title = title
+            self.trace.setTitle(title)
         if len(time_s):
             step = max(1, len(time_s) // MAX_POINTS)
             stress = state.stress_pa(name, values[::step]) / 1e3
@@ -48,8 +53,7 @@ class TracePanel(QWidget):
                 stress = np.column_stack([stress.min(1), stress.mean(1), stress.max(1)])
             self._curves(stress.shape[1])
             for curve, channel in zip(self.curves, stress.T, strict=True):
-                curve.setData(time_s[::step], channel)
-            self.trace.setXRange(state.now_s - TRACE_S, state.now_s, padding=0)
+                curve.setData(time_s[::step] - state.now_s, channel)
         self._shade(state)
         held_s, stress_pa = state.hold()
         if len(held_s):
@@ -74,5 +78,5 @@ class TracePanel(QWidget):
             region.setVisible(n < len(seen))
             if n < len(seen):
                 start, end, colour = seen[n]
-                region.setRegion((start, end))
+                region.setRegion((max(start - state.now_s, -TRACE_S), end - state.now_s))
                 region.setBrush(shade(colour))

@@ -1,7 +1,9 @@
 """Load cells that print lines: patterns, units, their own clock, and text that is no reading."""
 
 import time
+from collections import deque
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -26,16 +28,18 @@ class Says:
     faults = ()
 
     def __init__(self) -> None:
-        self.text = b""
+        self._text: deque[bytes] = deque()
         self.asked = b""
+
+    def say(self, text: bytes) -> None:
+        self._text.append(text)
 
     def received(self, data: bytes) -> bytes:
         self.asked += data
         return b"Load: -12.5 g; 3.0 V\r\n" * data.count(b"\r")
 
     def due(self) -> bytes:
-        text, self.text = self.text, b""
-        return text
+        return self._text.popleft() if self._text else b""
 
     def fail(self, _fault: str) -> None: ...
 
@@ -55,6 +59,18 @@ def cell(clock: WallClock, winkler: Respond, tmp_path: Path) -> Iterator[tuple[S
 def gather(sensor: LineSensor, seconds: float) -> Block:
     time.sleep(seconds)
     return sensor.read()
+
+
+def hear(sensor: LineSensor, count: int) -> tuple[list[float], int]:
+    """The next ``count`` readings of the first channel, and how many were lost among them."""
+    values: list[float] = []
+    lost = 0
+    until_s = time.monotonic() + 10
+    while len(values) < count and time.monotonic() < until_s:
+        block = gather(sensor, 0.005)
+        values += block.values[:, 0].tolist()
+        lost += block.lost
+    return values, lost
 
 
 def test_force_and_time_are_the_devices(cell: tuple[Served, Phantom], clock: WallClock) -> None:
@@ -133,17 +149,24 @@ def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
         sensor = open_sensor(
             clock, port=device.address, pattern="(?P<force>[-0-9.]+)", channel=[FORCE], rate_hz=10
         )
-        says.text = b"7.7\n1.0\n"  # the first may be half a line
-        sensor.connect()
+        with ThreadPoolExecutor(1) as other:
+            connected = other.submit(sensor.connect)
+            while not connected.done():  # what is said before the line is open is lost
+                says.say(b"7.7\n1.0\n")  # the first may be half a line
+                time.sleep(0.01)
+            connected.result()
         sensor.start()
-        says.text = b"2.0\r\n-3."
-        assert gather(sensor, 0.1).values.tolist() == [[2.0]]
-        says.text = b"5\n"
-        assert gather(sensor, 0.1).values.tolist() == [[-3.5]]
-        says.text = b"HX711 ready\n\xff\xfe\n" + b"x" * 5000 + b"\n4.0\n"
-        block = gather(sensor, 0.2)
-        assert block.values.tolist() == [[4.0]]
-        assert block.lost >= 3
+        says.say(b"0.5\n")
+        while hear(sensor, 1)[0][-1] != 0.5:
+            pass
+        says.say(b"2.0\r\n-3.")
+        assert hear(sensor, 1)[0] == [2.0]
+        says.say(b"5\n")
+        assert hear(sensor, 1)[0] == [-3.5]
+        says.say(b"HX711 ready\n\xff\xfe\n" + b"x" * 5000 + b"\n4.0\n")
+        values, lost = hear(sensor, 1)
+        assert values == [4.0]
+        assert lost >= 3
         device.fail("drop")
         with pytest.raises(DeviceFault, match="connection lost"):
             while True:

@@ -10,7 +10,7 @@ from PySide6.QtTest import QTest
 
 from probe.live.feel import LIFTED_MM, MAX_DEPTH_MM, FeelWindow
 from probe.live.style import application
-from probe.live.table import Table
+from probe.live.table import Table, came_mm
 from sim_backend import load_scene
 
 LEFT = Qt.MouseButton.LeftButton
@@ -33,7 +33,8 @@ def table(x0_mm: float = 32.0) -> Table:
     contact[..., 1] += 1e3 * depth[:, None]
     force = 400 * depth[:, None] * np.array([1.0, 1.02])
     pressure = np.array([80.0, 120.0]) * 133.322
-    return Table(x, y, inside, depth, pressure, moved, stress, contact, depth, force)
+    came = np.array([[came_mm(one, (x, y)) for one in pair] for pair in moved])
+    return Table(x, y, inside, depth, pressure, came, stress, contact, depth, force)
 
 
 def solved(_x_mm: float) -> "Future[Table]":

@@ -11,6 +11,7 @@ from PySide6.QtTest import QTest
 
 from probe.events import Event, Finish, Note, RunEnded
 from probe.live.app import Follower
+from probe.live.maps import MapPanel
 from probe.live.remote import NotRunning
 from probe.live.replay import SPEEDS, PairWindow, Player, ReplayWindow
 from probe.live.state import ViewState
@@ -106,6 +107,21 @@ def test_a_finished_grid_fits_small_and_large_screens(
     assert window.maps.currentWidget() is window.maps.grid
     assert window.maps.grid.image.image.shape == (6, 15)
     assert np.isfinite(window.maps.grid.image.image).all()
+
+
+def test_a_grid_drawn_while_it_grows_ends_as_one_drawn_at_once(make_run: Make) -> None:
+    application()
+    events = make_run(rows=3, columns=5)
+    state, panel = ViewState(), MapPanel()
+    for n, event in enumerate(events):
+        state.update(event)
+        if n % 7 == 0 and state.is_grid:
+            panel.show_state(state)
+    panel.show_state(state)
+    at_once = MapPanel()
+    at_once.show_state(state)
+    assert np.isfinite(at_once.grid.image.image).all()
+    assert np.array_equal(panel.grid.image.image, at_once.grid.image.image)
 
 
 def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
