@@ -20,7 +20,7 @@ from sim_backend.waves import PA_PER_MMHG
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-__all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
+__all__ = ["CannotSolve", "Press", "PressMesh", "State", "check_press", "press"]
 
 SOLVERS = {"finite": solve_finite, "small": solve_small}
 MODELS = ("auto", *SOLVERS)
@@ -230,6 +230,14 @@ def _check(
         raise SceneError(f"model = {model!r}: must be one of {', '.join(MODELS)}")
     if not 0.01 <= accuracy_pct <= 50:
         raise SceneError(f"accuracy = {accuracy_pct:g} %: must lie between 0.01 and 50")
+    check_press(scene, x_mm, depth_mm)
+    for p in pressures:
+        if not 0 <= p <= 1000:
+            raise SceneError(f"pressure = {p:g} mmHg: must lie between 0 and 1000")
+
+
+def check_press(scene: Scene, x_mm: float, depth_mm: float) -> None:
+    """Raises `SceneError` for a press that cannot be meant."""
     if not 0 < depth_mm < scene.surface_mm:
         raise SceneError(
             f"depth_mm = {depth_mm:g}: must lie between 0 and the {scene.surface_mm:g} mm "
@@ -238,9 +246,6 @@ def _check(
     left, right = reach_mm(scene)
     if not left <= x_mm <= right:
         raise SceneError(f"x_mm = {x_mm:g}: the finger must stay between {left:g} and {right:g}")
-    for p in pressures:
-        if not 0 <= p <= 1000:
-            raise SceneError(f"pressure = {p:g} mmHg: must lie between 0 and 1000")
 
 
 def reach_mm(scene: Scene) -> tuple[float, float]:

@@ -33,8 +33,9 @@ TOLERANCE_PCT = 5.0
 LIMIT_S = 120.0
 SMALL_PULSE = 0.01
 """Pulses below this share of the force are judged against this share: the two meshes differ."""
-CHECK_SHARE = 0.16
-"""Element size of the independent solution over the finger's half width."""
+CHECK_SHARE = {"Q8R": 0.25, "Q4": 0.08, "Q4M": 0.16, "T6": 0.16, "T6M": 0.16}
+"""Size of the independent solution's triangles over the finger's half width: each is three
+quadrilaterals, and those of four nodes are stiffer."""
 
 Forces = tuple[float, ...]
 
@@ -102,10 +103,12 @@ def _checked(cell: Cell, scene: Scene, forces: Forces, estimate: float) -> dict[
     if not np.isfinite(forces).all():
         return {"verdict": "wrong", "reason": "not a number"}
     levels = [p * PA_PER_MMHG for p in cell.levels_mmhg]
-    x_m, depth_m, size_m = 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm, _size_m(scene)
-    for n, element in enumerate(_others(scene, cell)):
+    x_m, depth_m = 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm
+    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    for element in _others(scene, cell):
+        size_m = CHECK_SHARE[element] * half_m
         try:
-            _, found = solve_finite(scene, x_m, depth_m, levels, size_m / (n + 1), element)
+            _, found = solve_finite(scene, x_m, depth_m, levels, size_m, element)
             break
         except CannotSolve as error:
             reason = f"the check by {element}: {error}"[:200]
@@ -132,17 +135,12 @@ def _apart_pct(forces: Forces, other: Forces) -> float:
 
 
 def _others(scene: Scene, cell: Cell) -> tuple[str, ...]:
-    """Independent elements; the second does not wrinkle where the first does, and is taken at half
-    the size, since it is stiffer."""
+    """Independent elements; the second does not wrinkle where the first does."""
     if cell.single_element and cell.how != best_element(scene):
         return (best_element(scene),)
     if best_element(scene) == "Q4M":
         return "T6M", "T6"
     return "Q8R", "Q4" if scene.plane == "stress" else "T6M"
-
-
-def _size_m(scene: Scene) -> float:
-    return CHECK_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
 
 
 def _too_long(_signal: int, _frame: object) -> None:

@@ -40,8 +40,11 @@ def sweep(
     depth: Annotated[float, typer.Option(metavar="MM", help="Indentation [mm].")] = 2.5,
     accuracy: Annotated[float, typer.Option(metavar="PCT", help="Of force and pulse [%].")] = 1.0,
     model: Annotated[
-        Literal["auto", "finite", "small", "quick"],
-        typer.Option(help="Model; quick: finite strain for whole scans, its own accuracy."),
+        Literal["auto", "finite", "small", "quick", "fast"],
+        typer.Option(
+            help="Model; quick: finite strain for whole scans of many scenes; fast: one "
+            "scene, trained once, then any number of places, depths and pressures."
+        ),
     ] = "auto",
     out: Table = Path("sweep.parquet"),
     workers: Workers = None,

@@ -6,12 +6,15 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
-from sim_backend.press import SMALL_PULSE, CannotSolve, Press, press
+from sim_backend.fast import FastModel, fast_model
+from sim_backend.press import SMALL_PULSE, CannotSolve, Press, check_press, press
 from sim_backend.quick import quick_scan
 from sim_backend.scene import Scene, SceneError
+from sim_backend.waves import PA_PER_MMHG
 
 Row = dict[str, Any]
 
@@ -35,10 +38,12 @@ def jobs(
     scene: Scene, points: Iterable[tuple[int, Point]], x_mm: tuple[float, ...],
     indentation_mm: float, model: str, accuracy_pct: float,
 ) -> list[Job]:  # fmt: skip
-    """Points grouped by all but the pulse; the quick model has one pulse per solution."""
+    """Points grouped by what they do not share: all but the pulse, all for the quick model (one
+    pulse per solution), all but pulse and press for the fast one (trained once per scene)."""
+    free = {"quick": (), "fast": ("pulse.", "x_mm", "indentation_mm")}.get(model, ("pulse.",))
     groups: dict[str, list[tuple[int, Point]]] = {}
     for number, point in points:
-        shared = {k: v for k, v in point.items() if model == "quick" or not k.startswith("pulse.")}
+        shared = {k: v for k, v in point.items() if not k.startswith(free)}
         groups.setdefault(json.dumps(shared, sort_keys=True), []).append((number, point))
     return [Job(scene, tuple(g), x_mm, indentation_mm, model, accuracy_pct)
             for g in groups.values()]  # fmt: skip
@@ -54,16 +59,40 @@ def solve(job: Job) -> dict[int, list[Row]]:
         except (SceneError, ValidationError) as error:
             found[number] = [{"reason": first_line(error)}]
     if scenes:
-        number, first = next(iter(scenes.items()))
-        place = dict(job.points)[number]
-        over = (float(place["x_mm"]),) if "x_mm" in place else job.x_mm or (_x_mm(first),)
-        depth_mm = float(place.get("indentation_mm", job.indentation_mm))
-        if job.model == "quick":
-            found |= {n: _quick(scene, over, depth_mm) for n, scene in scenes.items()}
-        else:
-            pressed = [_pressed(job, scenes, x_mm, depth_mm) for x_mm in over]
-            found |= {n: [rows[n] for rows in pressed] for n in scenes}
+        answer = {"quick": _by_scans, "fast": _by_table}.get(job.model, _by_presses)
+        found |= answer(job, scenes)
     return {n: [{"point": n, **point, **row} for row in found[n]] for n, point in job.points}
+
+
+def _where(job: Job, point: Point, scene: Scene) -> tuple[tuple[float, ...], float]:
+    """Places and indentation [mm]: the point's own, else the sweep's."""
+    over = (float(point["x_mm"]),) if "x_mm" in point else job.x_mm or (_x_mm(scene),)
+    return over, float(point.get("indentation_mm", job.indentation_mm))
+
+
+def _by_presses(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
+    number, first = next(iter(scenes.items()))
+    over, depth_mm = _where(job, dict(job.points)[number], first)
+    pressed = [_pressed(job, scenes, x_mm, depth_mm) for x_mm in over]
+    return {n: [rows[n] for rows in pressed] for n in scenes}
+
+
+def _by_scans(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
+    points = dict(job.points)
+    return {n: _quick(scene, *_where(job, points[n], scene)) for n, scene in scenes.items()}
+
+
+def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
+    """All points by one fast model, trained for the highest pressure and the deepest press."""
+    points = dict(job.points)
+    where = {n: _where(job, points[n], scene) for n, scene in scenes.items()}
+    widest = max(scenes.values(), key=lambda scene: scene.pulse.systolic_mmhg)
+    try:
+        model = fast_model(widest, max(depth_mm for _, depth_mm in where.values()))
+    except (CannotSolve, SceneError) as error:
+        return {n: [{"reason": first_line(error)}] for n in scenes}
+    return {n: [_fast(model, scene, x_mm, where[n][1]) for x_mm in where[n][0]]
+            for n, scene in scenes.items()}  # fmt: skip
 
 
 def _pressed(
@@ -79,6 +108,28 @@ def _pressed(
         failed = {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": first_line(error)}
         return dict.fromkeys(scenes, failed)
     return {n: _answer(pressed, scene, levels) for n, scene in scenes.items()}
+
+
+def _fast(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> Row:
+    began_s = perf_counter()
+    place = {"x_mm": x_mm, "indentation_mm": depth_mm}
+    levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
+    try:
+        check_press(scene, x_mm, depth_mm)
+        force_n = model.force_n(1e-3 * x_mm, 1e-3 * depth_mm, levels_pa)
+        stress_pa = model.von_mises_pa(1e-3 * x_mm, 1e-3 * depth_mm, levels_pa)
+    except (CannotSolve, SceneError) as error:
+        return place | {"reason": first_line(error)}
+    pulse_n, face_m2 = float(np.ptp(force_n)), 1e-6 * scene.face_mm2
+    beats = len(levels_pa) > 1
+    return place | {
+        "force_n": float(force_n[0]), "pulse_n": pulse_n,
+        "baseline_pa": float(force_n[0]) / face_m2, "pulse_pa": pulse_n / face_m2,
+        "von_mises_pa": float(stress_pa[0]),
+        "von_mises_pulse_pa": float(stress_pa[-1] - stress_pa[0]), "model": "fast",
+        "error_estimate_pct": max(model.force_error_pct, model.pulse_error_pct if beats else 0.0),
+        "seconds": perf_counter() - began_s, "reason": "",
+    }  # fmt: skip
 
 
 def _quick(scene: Scene, x_mm: tuple[float, ...], depth_mm: float) -> list[Row]:

@@ -254,6 +254,14 @@ def _physical_limit(
     x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322
     where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
+    if not (section.mesh.region == TISSUE).any():
+        return CannotSolve(
+            "greatest depth",
+            f"found no equilibrium beyond {depth_mm:.4g} mm at {mmhg:.4g} mmHg: a lone vessel "
+            "without friction rolls from under a finger that is not over its middle, and its "
+            f"wall may fold ({failure}; smallest det F {ratio:.2g} {where}). Press over its middle "
+            "or less deep.",
+        )
     if goal.pressure_pa > last.load.pressure_pa:
         return CannotSolve(
             "limit pressure",

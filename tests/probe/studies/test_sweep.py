@@ -14,9 +14,18 @@ from drivers import ConfigError
 from probe.studies.solve import jobs, solve
 from probe.studies.sweep import sweep
 from probe.studies.vary import parse, points
-from sim_backend import load_scene
+from sim_backend import Scene, fast, load_scene
+from sim_backend.press import press
 
 TIHA = load_scene("TIHA")
+SMALL_BLOCK = {
+    "name": "small block", "plane": "stress",
+    "tissue": {"width_mm": 24.0, "height_mm": 10.0, "modulus_kpa": 50.0, "poisson": 0.49},
+    "inclusion": [{"kind": "artery", "x_mm": 12.0, "depth_mm": 5.0, "inner_diameter_mm": 3.0,
+                   "wall_mm": 0.6, "modulus_kpa": 400.0, "poisson": 0.49}],
+    "indenter": {"shape": "cylinder", "radius_mm": 4.0, "length_mm": 10.0},
+    "pulse": {"wave": "paper", "rate_bpm": 72.0},
+}  # fmt: skip
 FAST = {"model": "small", "accuracy_pct": 20.0, "indentation_mm": 1.0}
 
 
@@ -43,6 +52,35 @@ def test_a_failed_point_is_a_row_with_its_reason(tmp_path: Path) -> None:
     assert table["reason"].iloc[0] == ""
     assert table["reason"].iloc[1].startswith("inclusion[0] (artery): depth_mm = 12.66 breaks")
     assert table["force_n"].iloc[0] > 0
+
+
+def test_the_fast_model_is_trained_once_for_all_presses(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fast.platformdirs, "user_cache_dir", lambda *_: tmp_path)
+    for name, fewer in (("DEPTH_NODES", 4), ("PRESSURE_NODES", 2), ("HELD_BACK", 3)):
+        monkeypatch.setattr(fast, name, fewer)
+    trained = []
+    train = fast.train
+    monkeypatch.setattr(fast, "train", lambda *a: (trained.append(a), train(*a))[1])
+    texts = ("indentation_mm=0.5,0.9,-1", "x_mm=12,13.5,99", "systolic_mmhg=110,120")
+    block = Scene.model_validate(SMALL_BLOCK)
+    wanted = points([parse(text, block) for text in texts], "full", 0, 0)
+    (job,) = jobs(block, enumerate(wanted), (), 1.0, "fast", 1.0)
+    table = pd.DataFrame([row for rows in solve(job).values() for row in rows])
+    assert len(trained) == 1
+    solved = table[table["reason"] == ""]
+    assert len(solved) == 2 * 2 * 2
+    assert set(table[table["reason"] != ""]["reason"].str.split(" =").str[0]) == {
+        "depth_mm",
+        "x_mm",
+    }
+    one = solved.iloc[1]
+    assert (one["indentation_mm"], one["x_mm"]) == (0.5, 12.0)
+    pressed = press(block, 12.0, 0.5, (80.0, 120.0), model="finite").states
+    low, high = (10 * state.force_n_per_mm for state in pressed)
+    assert one["force_n"] == pytest.approx(low, rel=0.02)
+    assert one["pulse_n"] == pytest.approx(high - low, rel=0.05)
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])
