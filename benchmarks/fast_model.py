@@ -24,7 +24,7 @@ BATCH, SINGLES, REPEATS = 100_000, 2000, 5
 def speed(model: FastModel, rng: np.random.Generator) -> tuple[float, float, float]:
     """States per second in batch (best of `REPEATS`), median and p99 of one state [s]."""
     x, d = rng.uniform(*model.x_m, BATCH), rng.uniform(*model.depth_m, BATCH)
-    p = rng.uniform(0.0, min(model.pressure_pa[1], 2e4), BATCH)
+    p = rng.uniform(model.pressure_pa[0], min(model.pressure_pa[1], 2e4), BATCH)
     batches, singles = [], []
     for _ in range(REPEATS):
         began = perf_counter()

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 DEPTHS = np.array([0.04, 0.12, 0.25, 0.42, 0.6, 0.8, 1.0])
 """Shares of the greatest depth that are solved."""
+PRESSURE_SLACK = 0.02
+"""Share of the wave's span that a pressure may lie outside it: a wave is sampled."""
 PROBE_PA = 10.0
 """Pressure step of the stress's slope, along the exact displacement slope."""
 RELATIVE_SIZE = 0.1
@@ -48,7 +50,7 @@ class StationResponse:
     def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
         """Normal force [N] on the whole finger; both arguments broadcast, 0 out of contact.
 
-        Raises ValueError deeper than ``max_depth_m``.
+        Raises ValueError deeper than ``max_depth_m`` or for pressures outside the wave.
         """
         return self.length_m * self._at(self.force, depth_m, pressure_pa)
 
@@ -64,7 +66,13 @@ class StationResponse:
                 "that were solved"
             )
         sunk = np.maximum(depth + self.bulge_m, 0.0)
-        value = curve.rest(sunk) + curve.slope(sunk) * curve.gain(np.asarray(pressure_pa))
+        pressure = np.asarray(pressure_pa)
+        if curve.beyond(pressure):
+            raise ValueError(
+                f"a pressure of {pressure.min() / PA_PER_MMHG:.4g} to "
+                f"{pressure.max() / PA_PER_MMHG:.4g} mmHg is beyond the wave that was solved"
+            )
+        value = curve.rest(sunk) + curve.slope(sunk) * curve.gain(pressure)
         return np.asarray(np.where(sunk > 0, np.maximum(value, 0.0), 0.0))
 
 
@@ -76,6 +84,14 @@ class _Curve:
     slope: PchipInterpolator
     pressures: Array
     gains: Array
+
+    def beyond(self, pressure_pa: Array) -> bool:
+        """Whether any pressure lies clearly outside what was solved."""
+        if len(self.pressures) == 1:
+            return False
+        low, high = self.pressures.min(), self.pressures.max()
+        slack = PRESSURE_SLACK * (high - low)
+        return bool((pressure_pa < low - slack).any() or (pressure_pa > high + slack).any())
 
     def gain(self, pressure_pa: Array) -> Array:
         if len(self.pressures) == 1:
@@ -136,10 +152,10 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
 
 
 def _pressures(scene: Scene) -> Array:
-    """Resting pressure first, then the ends of the wave and none at all [Pa]."""
+    """Resting pressure first, then the ends of the wave [Pa]."""
     low, high = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
     rest = low + 0.25 * (high - low)
-    return np.array([rest, low, high, 0.0]) * PA_PER_MMHG
+    return np.array([rest, low, high]) * PA_PER_MMHG
 
 
 def _surface_m(section: Section, solution: Solution) -> float:

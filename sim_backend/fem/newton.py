@@ -31,8 +31,8 @@ JUDGE = 1.0
 """Weight of a gap against a multiplier, over the tissue's modulus, where contact is decided."""
 FIRM = 1e4
 """Contact stiffness over the tissue's modulus: each sweep leaves about 1 / FIRM of a gap."""
-CLOSED_M = 1e-8
-"""Largest gap left where contact is."""
+CLOSED_M = 1e-10
+"""Largest gap left where contact is: 4e-8 of the usual depth, and of the force."""
 TOLERANCE = 1e-7
 """Residual over the sum of contact forces; at 1e-5 the change by a beat was off by 10 %."""
 OPEN_TOUCHES = 2
@@ -165,9 +165,7 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
     for sweep in range(1, MAX_SWEEPS + 1):
         pairs = touches(section, finger, u)
         active = [m > judge * t.gap for t, m in zip(pairs, push, strict=True)]
-        push = [
-            np.where(a, m - firm * t.gap, 0.0) for t, m, a in zip(pairs, push, active, strict=True)
-        ]
+        push = [np.where(a, m, 0.0) for m, a in zip(push, active, strict=True)]
         with np.errstate(invalid="ignore", over="ignore"):
             residual, matrices = _body(section, u, load.pressure_pa, change)
         if not np.all(np.isfinite(residual)):
@@ -183,6 +181,11 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
         if error < TOLERANCE * scale and apart < CLOSED_M and same:
             force = -pairs[0].force(push[0], section.size)[1::2].sum()
             return Solution(load, u, tuple(push), float(force), sweep)
+        for t, a in zip(pairs, active, strict=True):  # springs close what gaps are left
+            residual += t.force(np.where(a, firm * t.gap, 0.0), section.size)
+        push = [
+            np.where(a, m - firm * t.gap, 0.0) for t, m, a in zip(pairs, push, active, strict=True)
+        ]
         matrices += [t.blocks(m, a, firm) for t, m, a in zip(pairs, push, active, strict=True)]
         change = _newton_step(section, matrices, residual, u)
         u += change
@@ -257,10 +260,9 @@ def _physical_limit(
     if not (section.mesh.region == TISSUE).any():
         return CannotSolve(
             "greatest depth",
-            f"found no equilibrium beyond {depth_mm:.4g} mm at {mmhg:.4g} mmHg: a lone vessel "
-            "without friction rolls from under a finger that is not over its middle, and its "
-            f"wall may fold ({failure}; smallest det F {ratio:.2g} {where}). Press over its middle "
-            "or less deep.",
+            f"found no equilibrium beyond {depth_mm:.4g} mm at {mmhg:.4g} mmHg: the wall "
+            "of the lone vessel folds, or it rolls from under a finger that is not over its middle "
+            f"({failure}; smallest det F {ratio:.2g} {where}). Press over its middle or less deep.",
         )
     if goal.pressure_pa > last.load.pressure_pa:
         return CannotSolve(

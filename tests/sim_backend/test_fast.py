@@ -85,9 +85,9 @@ def test_the_cache_goes_by_content_and_a_torn_file_is_made_anew(
     def train(_scene: Scene, max_depth_m: float) -> dict[str, np.ndarray]:
         trained.append(max_depth_m)
         x = np.linspace(model.x_m[0], np.mean(model.x_m), 5)
-        depth = np.geomspace(*model.depth_m, 8)
-        solved = 1 + np.ones((5, 8, 4, 2)) * depth[:, None, None]
-        pressure = np.linspace(0, 2e4, 4)
+        depth = np.geomspace(*model.depth_m, 7)
+        solved = 1 + np.ones((5, 7, 3, 2)) * depth[:, None, None]
+        pressure = np.linspace(0, 2e4, 3)
         return {"x": x, "depth": depth, "pressure": pressure, "solved": solved,
                 "errors": np.ones(2)}  # fmt: skip
 
