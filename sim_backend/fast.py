@@ -248,4 +248,4 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
         pulse, span = float(np.ptp(ours)), float(np.ptp(truth))
         floor = SMALL_PULSE * truth.max()
         errors.append((np.abs(ours / truth - 1).max(), abs(pulse - span) / max(span, floor)))
-    return np.maximum(100 * SAFETY * np.max(errors, axis=0), FLOOR_PCT)
+    return np.asarray(np.maximum(100 * SAFETY * np.max(errors, axis=0), FLOOR_PCT))
