@@ -80,10 +80,11 @@ class NetFtBox:
         while not self._end.is_set():
             self._listen()
             while next_s <= time.monotonic():
+                late_s = time.monotonic() - next_s  # a box measures in time, however late it sends
                 next_s += 1 / self._rate_hz
                 self._sequence = (self._sequence + 1) % 2**32
                 if self._client is not None and self._fault not in ("silence", "drop"):
-                    self._send(self._record(), self._client)
+                    self._send(self._record(late_s), self._client)
 
     def _listen(self) -> None:
         try:
@@ -102,8 +103,8 @@ class NetFtBox:
         elif command == BIAS:
             self._bias_n = self._force_n()
 
-    def _record(self) -> bytes:
-        felt = -(self._force_n() - self._bias_n) + self._noise_n * self._rng.standard_normal()
+    def _record(self, late_s: float) -> bytes:
+        felt = -(self._force_n(late_s) - self._bias_n) + self._noise_n * self._rng.standard_normal()
         counts = round(COUNTS_PER_N * felt)
         return struct.pack(
             ">3I6i", self._sequence, 7 * self._sequence % 2**32, 0, 0, 0, counts, 0, 0, 0
@@ -121,8 +122,9 @@ class NetFtBox:
         except ConnectionError:
             self._client = None
 
-    def _force_n(self) -> float:
-        return float(self._phantom.force_n(np.array([self._phantom.clock.now()]))[0])
+    def _force_n(self, ago_s: float = 0.0) -> float:
+        at_s = self._phantom.clock.now() - ago_s
+        return float(self._phantom.force_n(np.array([at_s]))[0])
 
 
 class _Page(BaseHTTPRequestHandler):
