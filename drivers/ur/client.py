@@ -108,8 +108,8 @@ def _stream(receive: Any, states: Connection, end: threading.Event) -> None:
     waiting: list[State] = []
     last_s, sent_s = -1.0, 0.0
     while not end.is_set():
-        state = _read(receive)
-        if state is not None and state.timestamp_s != last_s:
+        state = _read(receive, last_s)
+        if state is not None:
             last_s = state.timestamp_s
             waiting.append(state)
         now_s = time.monotonic()
@@ -123,10 +123,12 @@ def _stream(receive: Any, states: Connection, end: threading.Event) -> None:
         time.sleep(READ_S)
 
 
-def _read(receive: Any) -> State | None:
-    """One sample whose fields belong together: the getters are separate, so the time is read
-    again after them and must not have moved on."""
+def _read(receive: Any, last_s: float) -> State | None:
+    """A sample later than ``last_s`` whose fields belong together: the getters are separate, so
+    the time is read again after them and must not have moved on."""
     before_s = receive.getTimestamp()
+    if before_s == last_s:
+        return None
     state = State(
         before_s, time.monotonic(), tuple(receive.getActualTCPPose()),
         tuple(receive.getActualTCPForce()), int(receive.getSafetyStatusBits()),

@@ -119,7 +119,6 @@ class UrController:
             client.close()
 
     def _rtde(self, client: socket.socket) -> None:
-        client.settimeout(0.0005)
         buffer = bytearray()
         inputs: dict[int, wire.Recipe] = {}
         output: wire.Recipe | None = None
@@ -127,7 +126,9 @@ class UrController:
         streaming = False
         due_s = time.monotonic()
         while not self._end.is_set():
-            buffer += _received(client)
+            # a cycle, as a controller has it; a socket's timeout would round it up to 3 ms
+            time.sleep(min(max(due_s - time.monotonic(), 0.0), self._period_s))
+            buffer += _received(client, socket.MSG_DONTWAIT)
             for kind, payload in wire.packages(buffer):
                 if kind == wire.DATA:
                     recipe = inputs.get(payload[0])
@@ -149,11 +150,11 @@ class UrController:
                 elif kind in (wire.START, wire.PAUSE):
                     streaming = kind == wire.START
                     self._send(client, kind, b"\x01")
-                    due_s = time.monotonic()
-            if streaming and output is not None and time.monotonic() >= due_s:
-                due_s += every_s
-                if self._fault != "silence":
-                    self._send(client, wire.DATA, output.pack(self._robot.outputs()))
+            if time.monotonic() < due_s:
+                continue
+            due_s += every_s
+            if streaming and output is not None and self._fault != "silence":
+                self._send(client, wire.DATA, output.pack(self._robot.outputs()))
 
     def _send(self, client: socket.socket, kind: int, payload: bytes) -> None:
         if self._fault == "late":
@@ -191,11 +192,11 @@ class UrController:
                 text = ""
 
 
-def _received(client: socket.socket) -> bytes:
+def _received(client: socket.socket, flags: int = 0) -> bytes:
     """What has arrived within the socket's timeout. Raises `ConnectionError` at its end."""
     try:
-        data = client.recv(65536)
-    except TimeoutError:
+        data = client.recv(65536, flags)
+    except (TimeoutError, BlockingIOError):
         return b""
     if not data:
         raise ConnectionError
