@@ -1,7 +1,9 @@
 """The entries of `palpate live` and `palpate replay`; each call is a process of its own."""
 
+import os
 import threading
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -14,6 +16,8 @@ from probe.live.style import application
 from probe.live.window import RunWindow
 
 READ_BUDGET_S = 0.015  # of a frame of 33 ms
+AFTER_THE_SCAN = 5
+"""Nice value of the window: drawing and detection take only what the scan leaves."""
 
 
 class Follower:
@@ -66,6 +70,8 @@ def run_live(run_path: Path) -> int:
     """Follow a run file, growing or finished, until the window is closed; the exit status."""
     from probe.run import follow
 
+    with suppress(AttributeError):  # not on Windows
+        os.nice(AFTER_THE_SCAN)
     app = application()
     follower = Follower(follow(run_path))
     window = RunWindow(
