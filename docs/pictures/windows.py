@@ -1,0 +1,60 @@
+"""Draws the windows' pictures from scans of the phantom: `python docs/pictures/windows.py`."""
+
+import os
+import tempfile
+from concurrent.futures import Future
+from pathlib import Path
+
+os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
+
+from PySide6.QtWidgets import QWidget
+
+import probe
+from probe.live.feel import MAX_DEPTH_MM, FeelWindow
+from probe.live.replay import PairWindow
+from probe.live.state import ViewState
+from probe.live.style import application
+from probe.live.table import Table, solve
+from probe.live.window import RunWindow
+
+HERE = Path(__file__).parent
+SEEN = 0.7
+"""Share of the run that the first picture has seen."""
+
+
+def save(window: QWidget, name: str) -> None:
+    """The window as it is, in a file of this folder."""
+    window.resize(1280, 720)
+    window.show()
+    window.frame()  # type: ignore[attr-defined]
+    application().processEvents()
+    window.grab().save(str(HERE / name))
+    window.close()
+
+
+def main() -> None:
+    """A running scan, two runs side by side, and the phantom felt."""
+    application()
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [probe.open_run(probe.scan(scene=name, out=Path(folder), seed=1).path)
+                for name in ("TIHA", "TISA")]  # fmt: skip
+        events = [list(run.events()) for run in runs]
+    state = ViewState()
+    for event in events[0][: round(SEEN * len(events[0]))]:
+        state.update(event)
+    save(RunWindow(runs[0].path, lambda: state, ask=lambda _: None), "window-scan.png")
+    pair = PairWindow(("healthy: TIHA", "stenotic: TISA"), (events[0], events[1]))
+    pair.bar.slider.setValue(pair.bar.slider.maximum())
+    save(pair, "window-pair.png")
+    place: Future[Table] = Future()
+    place.set_result(solve(probe.load_scene("TIHA"), 32.0, MAX_DEPTH_MM))
+    feel = FeelWindow(probe.load_scene("TIHA"), lambda _: place)
+    for n in range(90):  # three beats held
+        feel.touch(32.0, min(0.1 * n, 2.2))
+        feel.frame()
+        application().thread().msleep(16)
+    save(feel, "window-feel.png")
+
+
+if __name__ == "__main__":
+    main()
