@@ -3,6 +3,7 @@
 import os
 import tempfile
 from concurrent.futures import Future
+from dataclasses import replace
 from pathlib import Path
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
@@ -18,8 +19,8 @@ from probe.live.table import Table, solve
 from probe.live.window import RunWindow
 
 HERE = Path(__file__).parent
-SEEN = 0.7
-"""Share of the run that the first picture has seen."""
+SEEN, HELD = 10, 350
+"""Stations that the first picture has seen, and samples of the last one's hold."""
 
 
 def save(window: QWidget, name: str) -> None:
@@ -39,10 +40,14 @@ def main() -> None:
         runs = [probe.open_run(probe.scan(scene=name, out=Path(folder), seed=1).path)
                 for name in ("TIHA", "TISA")]  # fmt: skip
         events = [list(run.events()) for run in runs]
+        recording = runs[0].recording()
     state = ViewState()
-    for event in events[0][: round(SEEN * len(events[0]))]:
+    for event in events[0]:
         state.update(event)
-    save(RunWindow(runs[0].path, lambda: state, ask=lambda _: None), "window-scan.png")
+        if state.station == SEEN - 1 and len(state.hold()[0]) > HELD:
+            break
+    found = probe.detect(replace(recording, stations=recording.stations[: SEEN - 1])).as_json()
+    save(RunWindow(runs[0].path, lambda: state, lambda: found, lambda _: None), "window-scan.png")
     pair = PairWindow(("healthy: TIHA", "stenotic: TISA"), (events[0], events[1]))
     pair.bar.slider.setValue(pair.bar.slider.maximum())
     save(pair, "window-pair.png")

@@ -1,6 +1,7 @@
 """The tactile map while it grows: a line for a row, a heat map for a grid, an image for taxels."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 import pyqtgraph as pg
@@ -12,7 +13,14 @@ from probe.live.style import heat, label, plot
 from probe.report.look import BLUE, ORANGE
 
 Array = NDArray[np.float64]
-Levels = tuple[float, float]
+
+
+class Levels(NamedTuple):
+    """One scale for several runs: the lowest and highest baseline and the highest pulse [Pa]."""
+
+    low_pa: float
+    high_pa: float
+    pulse_pa: float
 
 
 class LineMap(QWidget):
@@ -42,7 +50,8 @@ class LineMap(QWidget):
         self.base_curve.setData(x[order], base[order] / 1e3)
         self.beat_curve.setData(x[order], beat[order])
         if levels is not None:
-            self.base.setYRange(levels[0] / 1e3, levels[1] / 1e3)
+            self.base.setYRange(levels.low_pa / 1e3, levels.high_pa / 1e3)
+            self.beat.setYRange(0.0, levels.pulse_pa)
 
 
 class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships no types
@@ -62,15 +71,18 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
         self.bar.setImageItem(self.image, insert_in=self.plot)
 
     def show_table(
-        self, table: Array, box: tuple[float, float, float, float], levels: Levels | None = None
+        self,
+        table: Array,
+        box: tuple[float, float, float, float],
+        scale: tuple[float, float] | None = None,
     ) -> None:
         """``table`` (rows, columns) over ``box`` (left, bottom, width, height); NaN is empty."""
         known = table[np.isfinite(table)]
-        low, high = levels or ((known.min(), known.max()) if len(known) else (0.0, 1.0))
+        low, high = scale or ((known.min(), known.max()) if len(known) else (0.0, 1.0))
         self.image.setImage(table, autoLevels=False)
-        scale = (low, high if high > low else low + 1e-9)
-        if scale != self.bar.levels():  # setting what is set would redraw the axes
-            self.bar.setLevels(scale)
+        ends = (low, high if high > low else low + 1e-9)
+        if ends != self.bar.levels():  # setting what is set would redraw the axes
+            self.bar.setLevels(ends)
         if box != self._box:
             self._box = box
             self.image.setRect(*box)
@@ -112,7 +124,7 @@ class MapPanel(QStackedWidget):
         assert self._known is not None
         if self._known.follow() or new or levels != self._levels:
             self._levels = levels
-            scale = None if levels is None else (levels[0] / 1e3, levels[1] / 1e3)
+            scale = None if levels is None else (levels.low_pa / 1e3, levels.high_pa / 1e3)
             self.grid.show_table(self._known.table / 1e3, self._known.box, scale)
 
 
@@ -152,6 +164,9 @@ def taxel_table(values: Array) -> Array:
 
 
 def common_levels(states: tuple[ViewState, ...]) -> Levels | None:
-    """One scale [Pa] for all the runs; None while there is nothing."""
-    known = [base for state in states for base, _ in state.maps.values()]
-    return (min(known), max(known)) if known else None
+    """One scale for all the runs; None while there is nothing."""
+    known = [one for state in states for one in state.maps.values()]
+    if not known:
+        return None
+    baselines, pulses = zip(*known, strict=True)
+    return Levels(min(baselines), max(baselines), max(pulses))

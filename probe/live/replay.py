@@ -8,6 +8,7 @@ from pathlib import Path
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import (
     QComboBox,
+    QGridLayout,
     QHBoxLayout,
     QLabel,
     QPushButton,
@@ -127,13 +128,12 @@ class PairWindow(QWidget):
         self.heads = (QLabel(names[0]), QLabel(names[1]))
         self.names = names
         self.bar = TimeBar(max(p.length_s for p in self.players))
-        sides = QHBoxLayout()
-        for head, panel in zip(self.heads, self.panels, strict=True):
-            side = QVBoxLayout()
+        sides = QGridLayout()
+        sides.setRowStretch(1, 1)
+        for column, (head, panel) in enumerate(zip(self.heads, self.panels, strict=True)):
             head.setWordWrap(True)
-            side.addWidget(head)
-            side.addWidget(panel, 1)
-            sides.addLayout(side)
+            sides.addWidget(head, 0, column)
+            sides.addWidget(panel, 1, column)
         layout = QVBoxLayout(self)
         layout.addLayout(sides, 1)
         layout.addWidget(self.bar)

@@ -91,8 +91,8 @@ class Table:
 
     @cached_property
     def highest_pa(self) -> float:
-        """Top of a colour scale that fits the deepest press."""
-        return float(np.percentile(self.von_mises_pa[-1], 99.5))
+        """Top of a colour scale for the tissue in the deepest press; walls may be beyond it."""
+        return float(np.percentile(self.von_mises_pa[-1], 98))
 
 
 def came_mm(displacement_mm: Array, grid: tuple[Array, Array]) -> Array:
