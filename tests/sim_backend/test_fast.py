@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_block import BLOCK
 
 from sim_backend import fast
 from sim_backend.fast import FastModel, cache_file, fast_model
@@ -12,14 +13,6 @@ from sim_backend.response import element_size_m
 from sim_backend.scene import Scene, SceneError, load_scene
 from sim_backend.waves import PA_PER_MMHG
 
-BLOCK = Scene.model_validate({
-    "name": "small block", "plane": "stress",
-    "tissue": {"width_mm": 24.0, "height_mm": 10.0, "modulus_kpa": 50.0, "poisson": 0.49},
-    "inclusion": [{"kind": "artery", "x_mm": 12.0, "depth_mm": 5.0, "inner_diameter_mm": 3.0,
-                   "wall_mm": 0.6, "modulus_kpa": 400.0, "poisson": 0.49}],
-    "indenter": {"shape": "cylinder", "radius_mm": 4.0, "length_mm": 10.0},
-    "pulse": {"wave": "paper", "rate_bpm": 72.0},
-})  # fmt: skip
 DEEPEST_MM = 1.0
 
 

@@ -9,23 +9,16 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from small_block import BLOCK
 
 from drivers import ConfigError
 from probe.studies.solve import jobs, solve
 from probe.studies.sweep import sweep
 from probe.studies.vary import parse, points
-from sim_backend import Scene, fast, load_scene
+from sim_backend import fast, load_scene
 from sim_backend.press import press
 
 TIHA = load_scene("TIHA")
-SMALL_BLOCK = {
-    "name": "small block", "plane": "stress",
-    "tissue": {"width_mm": 24.0, "height_mm": 10.0, "modulus_kpa": 50.0, "poisson": 0.49},
-    "inclusion": [{"kind": "artery", "x_mm": 12.0, "depth_mm": 5.0, "inner_diameter_mm": 3.0,
-                   "wall_mm": 0.6, "modulus_kpa": 400.0, "poisson": 0.49}],
-    "indenter": {"shape": "cylinder", "radius_mm": 4.0, "length_mm": 10.0},
-    "pulse": {"wave": "paper", "rate_bpm": 72.0},
-}  # fmt: skip
 FAST = {"model": "small", "accuracy_pct": 20.0, "indentation_mm": 1.0}
 
 
@@ -64,9 +57,8 @@ def test_the_fast_model_is_trained_once_for_all_presses(
     train = fast.train
     monkeypatch.setattr(fast, "train", lambda *a: (trained.append(a), train(*a))[1])
     texts = ("indentation_mm=0.5,0.9,-1", "x_mm=12,13.5,99", "systolic_mmhg=110,120")
-    block = Scene.model_validate(SMALL_BLOCK)
-    wanted = points([parse(text, block) for text in texts], "full", 0, 0)
-    (job,) = jobs(block, enumerate(wanted), (), 1.0, "fast", 1.0)
+    wanted = points([parse(text, BLOCK) for text in texts], "full", 0, 0)
+    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)
     table = pd.DataFrame([row for rows in solve(job).values() for row in rows])
     assert len(trained) == 1
     solved = table[table["reason"] == ""]
@@ -77,7 +69,7 @@ def test_the_fast_model_is_trained_once_for_all_presses(
     }
     one = solved.iloc[1]
     assert (one["indentation_mm"], one["x_mm"]) == (0.5, 12.0)
-    pressed = press(block, 12.0, 0.5, (80.0, 120.0), model="finite").states
+    pressed = press(BLOCK, 12.0, 0.5, (80.0, 120.0), model="finite").states
     low, high = (10 * state.force_n_per_mm for state in pressed)
     assert one["force_n"] == pytest.approx(low, rel=0.02)
     assert one["pulse_n"] == pytest.approx(high - low, rel=0.05)
