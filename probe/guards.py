@@ -5,7 +5,6 @@ them for every sample and acts.
 """
 
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,8 +17,8 @@ from probe.plan import Box, Surface
 Array = NDArray[np.float64]
 
 POSE_SLACK_M = 50e-6  # reported poses jitter; the workspace itself is planned with nothing beyond
-SPEED_WINDOW_S = 0.05  # speed is measured over this long, so that a pose's last digit is no speed
-SPEED_SLACK = 1.2
+POSE_AGE_S = 0.1  # drivers report a pose up to this old, and then all that was missed at once
+SPEED_SLACK = 1.2  # what a pose's last digits add to the way
 FUTURE_S = 0.1
 
 
@@ -100,15 +99,18 @@ class PoseGuard:
     def __init__(self, surface: Surface, limits: Limits) -> None:
         self._surface = surface
         self._limits = limits
-        self._recent: deque[tuple[float, Pose]] = deque()
+        self._before: Pose | None = None
+        self._way_m = 0.0
+        self._since_s, self._since_m = -math.inf, 0.0
 
     def check(
         self, pose: Pose, now_s: float, asked_s: float | None = None
     ) -> tuple[str, bool] | None:
         """Why a pose breaks a limit, and whether retracting is safe.
 
-        It was measured some time between ``asked_s`` (by default ``now_s``) and ``now_s``: only a
-        speed that holds for any such time is believed.
+        It was asked for at ``asked_s`` (by default ``now_s``) and there at ``now_s``. A pose may be
+        `POSE_AGE_S` old, so what counts is the way since any earlier pose that no allowed speed
+        could have covered in the time since, and in that time before.
         """
         x, y, z = pose[:3]
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
@@ -124,17 +126,17 @@ class PoseGuard:
         return self._check_speed(pose, now_s, now_s if asked_s is None else asked_s)
 
     def _check_speed(self, pose: Pose, now_s: float, asked_s: float) -> tuple[str, bool] | None:
-        recent = self._recent
-        recent.append((asked_s, pose))
-        while len(recent) > 2 and recent[1][0] <= now_s - SPEED_WINDOW_S:
-            recent.popleft()
-        then_s, then = recent[0]
-        if now_s - then_s < SPEED_WINDOW_S:
-            return None
-        speed = math.dist(then[:3], pose[:3]) / (now_s - then_s)
-        if speed > SPEED_SLACK * self._limits.max_speed_m_s:
-            limit = 1e3 * self._limits.max_speed_m_s
-            return f"moves at {1e3 * speed:.1f} mm/s; the limit is {limit:g} mm/s", True
+        limit_m_s = self._limits.max_speed_m_s
+        if self._before is not None:
+            self._way_m += math.dist(self._before[:3], pose[:3])
+        self._before = pose
+        way_m, within_s = self._way_m - self._since_m, now_s - self._since_s
+        ahead_m = way_m - SPEED_SLACK * limit_m_s * within_s
+        if way_m - SPEED_SLACK * limit_m_s * (asked_s - self._since_s) <= 0:
+            self._since_s, self._since_m = asked_s, self._way_m
+        if ahead_m > limit_m_s * POSE_AGE_S:
+            moved = f"moved {1e3 * way_m:.1f} mm within {within_s:.2f} s"
+            return f"{moved}; the limit is {1e3 * limit_m_s:g} mm/s", True
         return None
 
 

@@ -1,10 +1,13 @@
 """The guards on the wall clock: in their own threads, also while the engine is blocked."""
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drivers import Block, Channel, DeviceFault, Pose, WallClock
 from probe.control import Control
@@ -190,9 +193,24 @@ def test_where_the_surface_is_not_known_nothing_may_press() -> None:
     assert "below the surface" in why[0]
 
 
-def test_speed_is_taken_from_reported_poses() -> None:
-    slow, fast = PoseGuard(flat, LIMITS), PoseGuard(flat, LIMITS)
-    times = np.arange(0, 0.2, 0.008)
-    assert all(slow.check(Pose(25e-3 * t, 0, 0), t) is None for t in times)
-    reasons = [fast.check(Pose(40e-3 * t, 0, 0), t) for t in times]
-    assert any(why is not None and "40.0 mm/s" in why[0] for why in reasons)
+WIDE = replace(LIMITS, workspace_m=((-1.0, 1.0),) * 3)
+
+
+@given(st.floats(0, 25e-3), st.lists(st.tuples(st.floats(0, 0.1), st.floats(0, 0.2)), min_size=9))
+def test_old_poses_and_slow_reads_make_no_speed(
+    speed_m_s: float, ages_and_reads_s: list[tuple[float, float]]
+) -> None:
+    guard = PoseGuard(flat, WIDE)
+    now_s, measured_s = 0.0, 0.0
+    for age_s, read_s in ages_and_reads_s:
+        asked_s = now_s + 8e-3
+        now_s = asked_s + read_s
+        measured_s = max(measured_s, asked_s - age_s)
+        assert guard.check(Pose(speed_m_s * measured_s, 0, 0), now_s, asked_s) is None
+
+
+@pytest.mark.parametrize(("speed_m_s", "within_s"), [(40e-3, 0.3), (60e-3, 0.1), (0.25, 0.02)])
+def test_a_stage_that_is_too_fast_is_noticed(speed_m_s: float, within_s: float) -> None:
+    guard = PoseGuard(flat, WIDE)
+    told = [guard.check(Pose(speed_m_s * t, 0, 0), t) for t in np.arange(0, within_s, 8e-3)]
+    assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in told)
