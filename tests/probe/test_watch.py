@@ -201,7 +201,7 @@ def test_old_poses_and_slow_reads_make_no_speed(
     speed_m_s: float, ages_and_reads_s: list[tuple[float, float]]
 ) -> None:
     guard = PoseGuard(flat, WIDE)
-    now_s, measured_s = 0.0, 0.0
+    now_s, measured_s = 0.0, -1.0
     for age_s, read_s in ages_and_reads_s:
         asked_s = now_s + 8e-3
         now_s = asked_s + read_s
