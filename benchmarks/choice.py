@@ -18,6 +18,7 @@ import pandas as pd
 
 from sim_backend.fem.finite import solve_finite
 from sim_backend.fem.newton import CannotSolve
+from sim_backend.fem.section import Grading
 from sim_backend.fem.small import solve_small
 from sim_backend.press import press
 from sim_backend.scene import Scene
@@ -31,7 +32,8 @@ HAND = [
     for share in (0.25, 0.12, 0.06)
 ]
 """What a hand may pick; element sizes are shares of the finger's half width."""
-TRUTH_SHARE = 0.03
+TRUTH_SHARES = (0.25, 0.1, 0.04)
+"""Meshes of the converged answer, each the next one's beginning; the contact is ten times finer."""
 SMALL_PULSE = 1e-3
 """As `press`: pulses below this share of the force are judged against the share."""
 
@@ -73,6 +75,24 @@ def off_pct(forces: Sequence[float], truth: Sequence[float]) -> float:
     return 100 * off
 
 
+def converged(scene: Scene, x_mm: float, depth_mm: float, levels: list[float]) -> list[float]:
+    """Forces [N/mm]."""
+    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    solved = None
+    for share in TRUTH_SHARES:
+        size_m = share * half_m
+        grading = Grading(0.1 * size_m, partial(at_wall, size_m), 0.35, 2e-3)
+        solved = solve_finite(scene, 1e-3 * x_mm, 1e-3 * depth_mm, levels, size_m, grading=grading,
+                              coarser=solved)  # fmt: skip
+    assert solved is not None
+    return [1e-3 * one.force_n_per_m for one in solved[1]]
+
+
+def at_wall(size_m: float, radius_m: float) -> float:
+    """Element size at an inclusion [m]."""
+    return min(0.5 * size_m, 0.25 * radius_m)
+
+
 def spent(solve: Callable[[], list[float]]) -> tuple[float, list[float]]:
     """Seconds of the processor and forces [N/mm]."""
     began = process_time()
@@ -91,7 +111,7 @@ def judge(rng: np.random.Generator, budget_pct: float) -> dict[str, object]:
         _, found = solve(scene, 1e-3 * x, 1e-3 * depth, levels, share * half_m, element)
         return [1e-3 * one.force_n_per_m for one in found]
 
-    truth = by_hand("finite", None, TRUTH_SHARE)
+    truth = converged(scene, x, depth, levels)
     began = process_time()
     pressed = press(scene, x, depth, pressures, accuracy_pct=budget_pct)
     seconds = process_time() - began

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_backend.choose import choose, named
-from sim_backend.fem.finite import solve_finite
 from sim_backend.fem.internal import smallest_area_ratio
 from sim_backend.fem.newton import OPEN_TOUCHES, CannotSolve, Solution
 from sim_backend.fem.section import Section
-from sim_backend.fem.small import solve_small
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
+from sim_backend.refine import refine
 from sim_backend.scene import Scene, SceneError
 from sim_backend.waves import PA_PER_MMHG
 
@@ -22,24 +21,10 @@ Ints = NDArray[np.int64]
 
 __all__ = ["CannotSolve", "Press", "PressMesh", "State", "check_press", "press"]
 
-SOLVERS = {"finite": solve_finite, "small": solve_small}
-MODELS = ("auto", *SOLVERS)
-SMALLEST_SHARE = 0.01
-"""Smallest element size over the finger's half width."""
-SHARE_LEFT = 0.5
-"""What halving the size leaves of the change it made: the error falls at least linearly."""
-FLOOR_PCT = np.array([12.0, 36.0])
-"""What a mesh misses of force and pulse at least, over the square of the element size over the
-finger's half width: two meshes may agree by chance."""
+MODELS = ("auto", "finite", "small")
 SHUT_PCT = 3.0
 """What is left open of a pulse where a lumen's walls touch: elements differ by up to 6 % there."""
-WORTHLESS_PCT = 50.0
-"""A force that meshes disagree on by more is no answer."""
 HALVES = ([0, 1, 2], [0, 2, 3])
-SMALL_PULSE = 1e-3
-"""A pulse below this share of the force is judged against the share: no sensor feels it."""
-MOST_UNKNOWNS = 15_000
-"""No mesh above this is refined again: halving its elements would cost a minute."""
 
 
 @dataclass(frozen=True)
@@ -131,10 +116,9 @@ def press(
     """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg when none is given.
 
     Model and mesh are the cheapest that keep force and pulse within ``accuracy_pct``, unless
-    ``model`` names one, ``finite`` or ``small`` strain. Meshes are refined by halves until what
-    changes is small enough. A mesh too fine to be solved, or to be worth it, ends the refinement,
-    and the stated error is then above ``accuracy_pct``. Raises `SceneError` for a press that cannot
-    be meant and `CannotSolve` where physics ends.
+    ``model`` names one, ``finite`` or ``small`` strain. Meshes are refined until what changes is
+    small enough; where that cannot be reached, the stated error is above ``accuracy_pct``. Raises
+    `SceneError` for a press that cannot be meant and `CannotSolve` where physics ends.
     """
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
@@ -143,39 +127,16 @@ def press(
         choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct)
     else:
         choice = named(model, scene, depth_mm, pressures)
-    solve = SOLVERS[choice.model]
-    place = 1e-3 * x_mm, 1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures]
-    size_m = _first_size_m(scene, accuracy_pct)
-    half_m = 0.5e-3 * scene.indenter.width_mm_projected
-    floor_pct = FLOOR_PCT * [1.0, len(pressures) > 1]
-    section, solutions = solve(choice.scene, *place, size_m)
-    mesh_pct = np.full(2, np.inf)
+    levels_pa = [p * PA_PER_MMHG for p in pressures]
     model_pct = np.array([choice.error_pct, choice.pulse_error_pct])
     left_pct = np.maximum(accuracy_pct - model_pct, accuracy_pct / 2)
-    while (mesh_pct > left_pct).any() and size_m / 2 >= SMALLEST_SHARE * half_m:
-        size_m /= 2
-        coarse = solutions
-        try:
-            section, solutions = solve(choice.scene, *place, size_m)
-        except CannotSolve:
-            if np.isinf(mesh_pct).any():
-                raise
-            mesh_pct /= SHARE_LEFT  # of the mesh before, whose answer is kept
-            break
-        least_pct = floor_pct * (size_m / half_m) ** 2
-        mesh_pct = np.maximum(SHARE_LEFT * _changes_pct(coarse, solutions), least_pct)
-        if len(section.assembly.free) > MOST_UNKNOWNS:
-            break
-    if mesh_pct[0] > WORTHLESS_PCT:
-        raise CannotSolve(
-            "mesh",
-            f"forces differ by {mesh_pct[0]:.0f} % between meshes: walls fold so sharply that no "
-            f"mesh of up to {MOST_UNKNOWNS} unknowns settles it; press less deep",
-        )
+    place = 1e-3 * x_mm, 1e-3 * depth_mm
+    refined = refine(choice.model, choice.scene, *place, levels_pa, left_pct)
+    section, solutions = refined.solved
     states = tuple(_state(section, s, p) for s, p in zip(solutions, pressures, strict=True))
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)
     name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")
-    error_pct = model_pct + mesh_pct
+    error_pct = model_pct + refined.error_pct
     if len(pressures) > 1 and any(len(s.push) > OPEN_TOUCHES for s in solutions):
         error_pct[1] = max(error_pct[1], SHUT_PCT)
     pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
@@ -183,22 +144,6 @@ def press(
         scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
         float(error_pct.max()), pulse_pct, states, PressMesh(section),
     )  # fmt: skip
-
-
-def _first_size_m(scene: Scene, accuracy_pct: float) -> float:
-    """Where refinement begins: the error goes as the size squared, 1 % being near 0.9 mm for a
-    finger of 5 mm radius, and a small finger or thin contact scales with it."""
-    span = 0.5e-3 * scene.indenter.width_mm_projected
-    return float(np.clip(0.18 * span * np.sqrt(accuracy_pct), 0.04 * span, 0.25 * span))
-
-
-def _changes_pct(coarse: list[Solution], fine: list[Solution]) -> Array:
-    """Largest change of force, and that of the span of forces over the pressures (2,) [%]."""
-    a, b = (np.array([s.force_n_per_m for s in each]) for each in (coarse, fine))
-    largest = max(float(np.abs(b).max()), 1e-12)
-    span, before = float(np.ptp(b)), float(np.ptp(a))
-    of_span = abs(span - before) / max(span, SMALL_PULSE * largest)
-    return 100 * np.array([np.abs(a - b).max() / largest, of_span])
 
 
 def _rounded(pct: float | None) -> float | None:

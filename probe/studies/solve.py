@@ -11,8 +11,9 @@ from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
 from sim_backend.fast import FastModel, fast_model
-from sim_backend.press import SMALL_PULSE, CannotSolve, Press, check_press, press
+from sim_backend.press import CannotSolve, Press, check_press, press
 from sim_backend.quick import quick_scan
+from sim_backend.refine import SMALL_PULSE
 from sim_backend.scene import Scene, SceneError
 from sim_backend.waves import PA_PER_MMHG
 

@@ -1,11 +1,15 @@
 """A press at finite strain, from the scene to its solutions."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 from math import ceil
 
-from sim_backend.fem.newton import CannotSolve, Load, Solution, march, untouched
-from sim_backend.fem.section import Section, build_section
+from sim_backend.fem.nested import continued
+from sim_backend.fem.newton import CannotSolve, Load, NotConverged, Solution, march, untouched
+from sim_backend.fem.section import Grading, Section, build_section
 from sim_backend.scene import Scene
+
+Solved = tuple[Section, list[Solution]]
 
 RAMP_STEP_M = 0.6e-3
 FIRST_TOUCH = (0.2, 0.55)
@@ -18,14 +22,25 @@ def solve_finite(
     pressures_pa: Sequence[float],
     size_m: float,
     element: str | None = None,
-) -> tuple[Section, list[Solution]]:
+    *,
+    grading: Grading | None = None,
+    coarser: Solved | None = None,
+) -> Solved:
     """One solution per lumen pressure, ``depth_m`` deep at ``x_m``. Raises `CannotSolve`.
 
     The lumen is filled before the press, which holds soft vessels open on the way down; the
     answer does not depend on the order, since nothing here slides with friction. Where filling
-    first meets a limit, pressing first is tried.
+    first meets a limit, pressing first is tried. With what was solved on a ``coarser`` mesh the way
+    down need not be gone again.
     """
-    section = build_section(scene, x_m, depth_m=depth_m, size_m=size_m, element=element)
+    section = build_section(
+        scene, x_m, depth_m=depth_m, size_m=size_m, element=element, grading=grading
+    )
+    if coarser is not None:
+        with suppress(NotConverged):
+            first_there = continued(coarser[0], coarser[1][0], section)
+            others = [Load(depth_m, p) for p in pressures_pa[1:]]
+            return section, [first_there, *march(section, first_there, others)]
     depths = _ramp(scene, depth_m)
     first = pressures_pa[0] if section.lumens else 0.0
     ramp = [Load(d, first) for d in depths]

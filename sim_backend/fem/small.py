@@ -17,7 +17,7 @@ from sim_backend.fem.contact import Finger
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.newton import CRUSHED, CannotSolve, Load, Solution
-from sim_backend.fem.section import Section, build_section
+from sim_backend.fem.section import Grading, Section, build_section
 from sim_backend.scene import Scene, mirrored
 
 Array = NDArray[np.float64]
@@ -109,9 +109,13 @@ def solve_small(
     pressures_pa: Sequence[float],
     size_m: float,
     element: str | None = None,
+    *,
+    grading: Grading | None = None,
 ) -> tuple[Section, list[Solution]]:
     """As `solve_finite`, at small strain."""
-    section = build_section(scene, x_m, depth_m=depth_m, size_m=size_m, element=element)
+    section = build_section(
+        scene, x_m, depth_m=depth_m, size_m=size_m, element=element, grading=grading
+    )
     body = condense(section, near(section, x_m, depth_m))
     solutions = [settle(body, section.finger, Load(depth_m, p)) for p in pressures_pa]
     for one in solutions:
