@@ -20,8 +20,11 @@ from sim_backend.phantom import Phantom
 
 RTDE_PORT, DASHBOARD_PORT = 30004, 29999
 SCRIPT_PORTS = (30001, 30002, 30003)
-PERIOD_S = 0.002
 LATE_S = 0.2
+CATCH_UP = 0.3
+"""What passes at least between two states to one client, over the period."""
+LONGEST_BEHIND = 100
+"""Cycles that are sent late; older ones are left out."""
 BANNER = b"Connected: Universal Robots Dashboard Server\n"
 DASHBOARD = {
     "PolyscopeVersion": "URSoftware 5.11.0.108249 (Dec 01 2021)",
@@ -39,10 +42,9 @@ class UrController:
     faults = ("protective stop", "emergency stop", "lost program", "silence", "drop", "garbage",
               "late", "mute", "blink", "no start")  # fmt: skip
 
-    def __init__(self, robot: Robot, host: str, rate_hz: float) -> None:
+    def __init__(self, robot: Robot, host: str) -> None:
         self.address = host
         self._robot = robot
-        self._period_s = 1 / rate_hz
         self._fault: str | None = None
         self._rng = np.random.default_rng(0)
         self._end = threading.Event()
@@ -122,21 +124,21 @@ class UrController:
         buffer = bytearray()
         inputs: dict[int, wire.Recipe] = {}
         output: wire.Recipe | None = None
-        every_s = self._period_s
-        streaming = False
-        due_s = time.monotonic()
+        robot = self._robot
+        cycle, every, streaming = 0, 1, False
         while not self._end.is_set():
-            # a cycle, as a controller has it; a socket's timeout would round it up to 3 ms
-            time.sleep(min(max(due_s - time.monotonic(), 0.0), self._period_s))
+            # at most one state per wait: of two that arrive at once, a client drops the first
+            wait_s = max(robot.until_s(cycle), CATCH_UP * robot.period_s)
+            time.sleep(min(wait_s, robot.period_s))
             buffer += _received(client, socket.MSG_DONTWAIT)
             for kind, payload in wire.packages(buffer):
                 if kind == wire.DATA:
                     recipe = inputs.get(payload[0])
                     if recipe is not None:
-                        self._robot.written(recipe.unpack(payload[1:]))
+                        robot.written(recipe.unpack(payload[1:]))
                 elif kind == wire.OUTPUTS:
                     (wanted_hz,) = struct.unpack_from(">d", payload)
-                    every_s = max(self._period_s, 1 / wanted_hz)
+                    every = max(round(1 / (wanted_hz * robot.period_s)), 1)
                     output = wire.Recipe(1, _names(payload[8:]))
                     self._send(client, wire.OUTPUTS, output.answer())
                 elif kind == wire.INPUTS:
@@ -150,11 +152,14 @@ class UrController:
                 elif kind in (wire.START, wire.PAUSE):
                     streaming = kind == wire.START
                     self._send(client, kind, b"\x01")
-            if time.monotonic() < due_s:
+            behind = -robot.until_s(cycle) / robot.period_s
+            if behind < 0:
                 continue
-            due_s += every_s
-            if streaming and output is not None and self._fault != "silence":
-                self._send(client, wire.DATA, output.pack(self._robot.outputs()))
+            if output is None or not streaming or behind > LONGEST_BEHIND:
+                cycle += int(behind)
+            elif self._fault != "silence":
+                self._send(client, wire.DATA, output.pack(robot.outputs(cycle)))
+            cycle += every
 
     def _send(self, client: socket.socket, kind: int, payload: bytes) -> None:
         if self._fault == "late":
@@ -219,8 +224,8 @@ def emulate(
 ) -> Iterator[UrController]:
     """Serve a controller on the address ``at``."""
     x, y, z = origin_mm
-    robot = Robot(phantom, (1e-3 * x, 1e-3 * y, 1e-3 * z), noise_n, seed)
-    controller = UrController(robot, at, rate_hz)
+    robot = Robot(phantom, (1e-3 * x, 1e-3 * y, 1e-3 * z), noise_n, seed, 1 / rate_hz)
+    controller = UrController(robot, at)
     try:
         yield controller
     finally:

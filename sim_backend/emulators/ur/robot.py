@@ -20,23 +20,28 @@ NORMAL_BIT, PROTECTIVE_BIT, EMERGENCY_BIT = 1 << 0, 1 << 2, 1 << 7
 POWERED_BITS = 0b11  # power on, program running
 STOP_M_S2 = 10.0
 WATCHDOG_S = 0.5
-FRESH_S = 0.8e-3
-"""Clients that ask within one cycle are told one state, as by a controller."""
+REMEMBERED = 250
+"""Cycles whose measurement is kept: every client of a cycle is told the same."""
+
+
+Point = tuple[float, float, float]
 
 
 class Robot:
     """Fields as RTDE names them; `Robot.outputs` is one sample. Safe to call from any thread."""
 
     def __init__(
-        self, phantom: Phantom, origin_m: tuple[float, float, float], noise_n: float, seed: int
-    ) -> None:
+        self, phantom: Phantom, origin_m: Point, noise_n: float, seed: int,
+        period_s: float,
+    ) -> None:  # fmt: skip
+        self.period_s = period_s
         self._phantom = phantom
         self._origin = np.array(origin_m)
         self._noise_n = noise_n
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
         self._start_s = phantom.clock.now()
-        self._measured_s, self._measured = -np.inf, ((0.0, 0.0, 0.0), 0.0)
+        self._measured: dict[int, tuple[Point, float]] = {}
         self._rotation = (0.0, 0.0, 0.0)
         self._zero_n = 0.0
         self._inputs: dict[str, Any] = {}
@@ -99,18 +104,23 @@ class Robot:
                 if not self._blocked and self._playing:
                     self._said["output_int_register_0"] = DONE
 
-    def outputs(self) -> dict[str, Any]:
-        """All fields now."""
+    def until_s(self, cycle: int) -> float:
+        """Seconds until a cycle begins; below 0 once it has."""
+        return self._start_s + cycle * self.period_s - self._phantom.clock.now()
+
+    def outputs(self, cycle: int) -> dict[str, Any]:
+        """All fields in a cycle that has begun; what is measured is of its very beginning, however
+        late the emulator gets to it."""
         with self._lock:
-            now = self._phantom.clock.now()
-            self._go_on(now)
-            if now - self._measured_s > FRESH_S:
-                self._measured_s, self._measured = now, self._measure(now)
-            tip, force = self._measured
+            self._go_on(self._phantom.clock.now())
+            if cycle not in self._measured:
+                self._measured[cycle] = self._measure(self._start_s + cycle * self.period_s)
+                self._measured.pop(cycle - REMEMBERED, None)
+            tip, force = self._measured[cycle]
             pose = (*tip, *self._rotation)
             wrench = (0.0, 0.0, force - self._zero_n, 0.0, 0.0, 0.0)
             return {
-                "timestamp": self._measured_s - self._start_s,
+                "timestamp": cycle * self.period_s,
                 "actual_TCP_pose": pose,
                 "target_TCP_pose": pose,
                 "actual_TCP_force": wrench,
@@ -126,10 +136,10 @@ class Robot:
                 **self._said,
             }
 
-    def _measure(self, now: float) -> tuple[tuple[float, float, float], float]:
+    def _measure(self, time_s: float) -> tuple[Point, float]:
         """Tip [m] and force [N] before zeroing, with its noise."""
-        tip = np.array(self._phantom.tip.point(now)) + self._origin
-        force = float(self._phantom.force_n(np.array([now]))[0])
+        tip = np.array(self._phantom.tip.point(time_s)) + self._origin
+        force = float(self._phantom.force_n(np.array([time_s]))[0])
         x, y, z = map(float, tip)
         return (x, y, z), force + self._noise_n * float(self._rng.standard_normal())
 

@@ -5,16 +5,20 @@ import threading
 import time
 from collections.abc import Iterator
 from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
 
-from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
+from drivers import DeviceAbsent, DeviceFault, Pose, SimulatedClock, WallClock
 from drivers.errors import ConfigError
+from drivers.ur.client import Setup
+from drivers.ur.link import leave_link, take_link
 from drivers.ur.sensor import UrForce, open_sensor
 from drivers.ur.stage import UrStage, open_stage
 from sim_backend import load_scene
 from sim_backend.emulators import ur
+from sim_backend.emulators.ur.robot import Robot
 from sim_backend.phantom import Phantom, Respond
 
 ORIGIN_MM = (400.0, -20.0, 150.0)
@@ -76,19 +80,44 @@ def test_moves_in_the_scan_frame_and_feels_there(rig: tuple[Rig, ur.UrController
     assert block.time_s[-1] <= made.clock.now()
 
 
-def test_the_same_time_and_force_belong_together(rig: tuple[Rig, ur.UrController]) -> None:
-    """On a steady ramp force is a function of time: a torn pair would be off by 2 ms of it."""
-    made, _ = rig
-    made.stage.move(Pose(0.03, 0.0, 0.0), 0.02)
-    made.arrive()
-    made.sensor.start()
-    made.stage.move(Pose(0.03, 0.0, -0.002), 0.002)
-    made.arrive()
-    block = made.sensor.read()
-    middle = (block.values[:, 0] > 0.1) & (block.values[:, 0] < block.values[-1, 0] - 0.1)
-    t, force = block.time_s[middle], block.values[middle, 0]
-    off = force - np.polyval(np.polyfit(t, force, 3), t)
-    assert np.abs(off).max() < 0.006  # noise 1 mN rms
+def test_every_sample_is_whole(
+    winkler: Respond, host: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Noise makes each cycle's force its own, so that a torn sample is like none that was sent."""
+    sent: dict[float, dict[str, Any]] = {}
+    outputs = Robot.outputs
+
+    def noted(robot: Robot, cycle: int) -> dict[str, Any]:
+        told = outputs(robot, cycle)
+        return sent.setdefault(told["timestamp"], told)
+
+    monkeypatch.setattr(Robot, "outputs", noted)
+    clock = WallClock()
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.004))
+    setup = Setup(host, 500.0, False, None, None, (0.0, 0.0, 0.0))
+    with ur.emulate(phantom, at=host, noise_n=0.001):
+        link = take_link("ur", setup)
+        phantom.tip.move(clock.now(), (0.03, 0.0, -0.002), 0.003, 0.1)
+        time.sleep(2.0)
+        got = link.samples(1.0)
+        leave_link(link)
+    assert len(got) > 200  # of 1000; how many depends on what else this machine does
+    for state in got:
+        told = sent[state.timestamp_s]
+        assert (state.wrench, state.pose) == (told["actual_TCP_force"], told["actual_TCP_pose"])
+
+
+def test_cycles_are_exact_however_late_they_are_told(winkler: Respond) -> None:
+    clock = SimulatedClock()
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.0))
+    robot = Robot(phantom, (0.0, 0.0, 0.0), 0.001, 0, 0.002)
+    phantom.tip.move(clock.now(), (0.03, 0.0, -0.002), 0.002, 10.0)
+    clock.sleep_until(clock.now() + 0.5)
+    one, other = robot.outputs(100), robot.outputs(100)
+    assert one == other
+    assert one["timestamp"] == pytest.approx(0.2)
+    assert one["actual_TCP_pose"][2] == pytest.approx(-0.2 * 0.002, abs=1e-6)
+    assert robot.outputs(101)["actual_TCP_force"] != one["actual_TCP_force"]
 
 
 def test_stop_halts_within_100_ms_from_another_thread(rig: tuple[Rig, ur.UrController]) -> None:
