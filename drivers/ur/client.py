@@ -108,7 +108,7 @@ def _stream(receive: Any, states: Connection, end: threading.Event) -> None:
     waiting: list[State] = []
     last_s, sent_s = -1.0, 0.0
     while not end.is_set():
-        state = _read(receive, last_s)
+        state = whole_state(receive, last_s)
         if state is not None:
             last_s = state.timestamp_s
             waiting.append(state)
@@ -123,7 +123,7 @@ def _stream(receive: Any, states: Connection, end: threading.Event) -> None:
         time.sleep(READ_S)
 
 
-def _read(receive: Any, last_s: float) -> State | None:
+def whole_state(receive: Any, last_s: float) -> State | None:
     """A sample later than ``last_s`` whose fields belong together: the getters are separate, so
     the time is read again after them and must not have moved on."""
     before_s = receive.getTimestamp()

@@ -3,7 +3,7 @@
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import count
 from typing import Any
 
@@ -12,7 +12,7 @@ import pytest
 
 from drivers import DeviceAbsent, DeviceFault, Pose, SimulatedClock, WallClock
 from drivers.errors import ConfigError
-from drivers.ur.client import Setup
+from drivers.ur.client import Setup, whole_state
 from drivers.ur.link import leave_link, take_link
 from drivers.ur.sensor import UrForce, open_sensor
 from drivers.ur.stage import UrStage, open_stage
@@ -210,3 +210,30 @@ def test_too_fast_is_refused(rig: tuple[Rig, ur.UrController]) -> None:
     made, _ = rig
     with pytest.raises(ConfigError, match="max_speed_mm_s"):
         made.stage.move(Pose(0.05, 0.0, 0.004), 0.5)
+
+
+class Receive:
+    """A client's getters; a new cycle comes in after ``lasts`` of them."""
+
+    def __init__(self, lasts: int) -> None:
+        self._left = lasts
+        self._cycle = 1
+
+    def __getattr__(self, name: str) -> Callable[[], Any]:
+        if self._left == 0:
+            self._cycle += 1
+        self._left -= 1
+        values: dict[str, Any] = {
+            "getTimestamp": 0.002 * self._cycle,
+            "getActualTCPPose": [float(self._cycle)] * 6,
+            "getActualTCPForce": [float(self._cycle)] * 6,
+        }
+        return lambda: values.get(name, 1)
+
+
+@pytest.mark.parametrize("lasts", range(1, 10))
+def test_fields_of_two_cycles_are_no_sample(lasts: int) -> None:
+    state = whole_state(Receive(lasts), -1.0)
+    assert (state is None) == (lasts < 7)  # time, five fields, time again
+    if state is not None:
+        assert state.pose[0] == state.wrench[0] == 1.0
