@@ -33,6 +33,8 @@ def named(model: str, scene: Scene, depth_mm: float, pressures_mmhg: tuple[float
     """The model that a user names. Raises `CannotSolve` for small strain where it is nonsense."""
     if model != "small":
         return Choice(model, scene, 0.0)
+    if scene.indenter.bonded:
+        raise CannotSolve("small strain", "a bonded finger needs the finite-strain model.")
     pct = small_strain_error_pct(scene, depth_mm)
     if pct > SMALL_LIMIT_PCT:
         half_mm = scene.indenter.width_mm_projected / 2
@@ -67,7 +69,7 @@ def choose(
     kept = scene.model_copy(update={"inclusion": tuple(near)})
     small_pct = small_strain_error_pct(scene, depth_mm)
     stiff_only = not (filled and kept.arteries) and scene.tissue is not None
-    if stiff_only and small_pct <= budget_pct / 4:
+    if stiff_only and not scene.indenter.bonded and small_pct <= budget_pct / 4:
         return Choice("small", kept, far_pct + small_pct)
     return Choice("finite", kept, far_pct)
 

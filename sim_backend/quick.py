@@ -79,6 +79,8 @@ def quick_scan(scene: Scene, x_m: Sequence[float], depth_m: float) -> QuickScan:
     """
     if scene.tissue is None:
         raise SceneError(f"{scene.name}: a quick scan needs a block of tissue")
+    if scene.indenter.bonded:
+        raise SceneError(f"{scene.name}: a quick scan needs a finger that is not bonded")
     x = np.asarray(x_m, dtype=float)
     ends = (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg) if scene.arteries else (0, 0)
     low, high = (PA_PER_MMHG * p for p in ends)

@@ -97,27 +97,51 @@ class Artery(_Round):
         return self
 
 
+class Skin(_Table):
+    """A thin soft layer on the finger, inside its outline. It gives way where it is pressed and
+    only there (elastic foundation), which an incompressible layer does not."""
+
+    thickness_mm: Positive
+    modulus_kpa: Positive
+    poisson: Annotated[float, Field(ge=0, le=0.45)] = 0.3
+
+    @property
+    def m_per_pa(self) -> float:
+        """How much the layer gives way under a pressure, not bulging sideways (Johnson 1985,
+        Contact Mechanics, eq. 4.57)."""
+        nu = self.poisson
+        confined = (1 - nu) / ((1 + nu) * (1 - 2 * nu)) * 1e3 * self.modulus_kpa
+        return 1e-3 * self.thickness_mm / confined
+
+
 class Cylinder(_Table):
-    """A rigid round finger."""
+    """A round finger, rigid under its skin if it has one. ``bonded``: what it touches sticks."""
 
     shape: Literal["cylinder"] = "cylinder"
     radius_mm: Positive = 5.0
     length_mm: Positive = 10.0
     bonded: bool = False
+    skin: Skin | None = None
 
     @property
     def width_mm_projected(self) -> float:
         return 2 * self.radius_mm
 
+    @model_validator(mode="after")
+    def _thin(self) -> Self:
+        _thin_skin(self.skin, "radius_mm", self.radius_mm)
+        return self
+
 
 class Flat(_Table):
-    """A flat rigid finger with rounded edges."""
+    """A flat finger with rounded edges; otherwise as `Cylinder`."""
 
     shape: Literal["flat"]
     width_mm: Positive
     edge_radius_mm: Positive
     length_mm: Positive = 10.0
     bonded: bool = False
+    skin: Skin | None = None
 
     @property
     def width_mm_projected(self) -> float:
@@ -129,7 +153,16 @@ class Flat(_Table):
             raise ValueError(
                 f"edge_radius_mm = {self.edge_radius_mm:g} must not exceed half of width_mm"
             )
+        _thin_skin(self.skin, "half of width_mm", self.width_mm / 2)
         return self
+
+
+def _thin_skin(skin: Skin | None, name: str, half_mm: float) -> None:
+    if skin is not None and skin.thickness_mm > half_mm / 4:
+        raise ValueError(
+            f"skin.thickness_mm = {skin.thickness_mm:g}: at most a quarter of {name}, "
+            f"{half_mm / 4:g}"
+        )
 
 
 class Pulse(_Table):

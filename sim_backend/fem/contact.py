@@ -1,11 +1,12 @@
-"""A rigid finger on the surface: signed gaps, normals and their curvature.
+"""A finger on the surface: signed gaps, normals and their curvature.
 
 The finger is a flat of half width ``half_flat`` whose edges are rounded by ``radius`` (a cylinder
 has no flat); above the rounding its flanks rise straight. Contact is frictionless, at nodes; the
-multipliers are nodal forces, so nothing has to be integrated over the partly touched side.
+multipliers are nodal forces, so nothing has to be integrated over the partly touched side. A skin
+gives way by its pressure times ``skin_m_per_pa``; a bonded finger holds what it has touched.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,16 +18,21 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Finger:
-    """Lowest point at (``x``, ``y``) [m]; ``bonded``: what it touches sticks to it."""
+    """Lowest point at (``x``, ``y``) [m]; ``bonded``: what it touches sticks to it.
+
+    ``skin_m`` is the skin's thickness, 0 without one.
+    """
 
     half_flat: float
     radius: float
     x: float
     y: float
     bonded: bool = False
+    skin_m: float = 0.0
+    skin_m_per_pa: float = 0.0
 
     def lowered_to(self, y: float) -> "Finger":
-        return Finger(self.half_flat, self.radius, self.x, y, self.bonded)
+        return replace(self, y=y)
 
     def gap(self, points: Array) -> tuple[Array, Array, Array]:
         """Gap (n,) [m] to ``points`` (n, 2), normal (n, 2) out of the finger, curvature (n,) [1/m].
@@ -49,8 +55,10 @@ class Finger:
 
 def finger_over(indenter: Indenter, x_m: float, surface_m: float) -> Finger:
     """The scene's finger just touching the undeformed surface at ``x_m``."""
+    skin = indenter.skin
+    face = (1e-3 * skin.thickness_mm, skin.m_per_pa) if skin else (0.0, 0.0)
     if isinstance(indenter, Cylinder):
-        return Finger(0.0, 1e-3 * indenter.radius_mm, x_m, surface_m, indenter.bonded)
+        return Finger(0.0, 1e-3 * indenter.radius_mm, x_m, surface_m, indenter.bonded, *face)
     edge = 1e-3 * indenter.edge_radius_mm
     half_flat = 0.5e-3 * indenter.width_mm - edge
-    return Finger(half_flat, edge, x_m, surface_m, indenter.bonded)
+    return Finger(half_flat, edge, x_m, surface_m, indenter.bonded, *face)

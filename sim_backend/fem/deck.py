@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sim_backend.fem.contact import Finger, finger_over
 from sim_backend.fem.section import Section, build_section
-from sim_backend.scene import Scene
+from sim_backend.scene import Scene, SceneError
 from sim_backend.waves import PA_PER_MMHG
 
 Array = NDArray[np.float64]
@@ -47,6 +47,8 @@ def write_deck(
     Six-node triangles on the mesh of our own solver; ``size_mm`` is its element size at the
     finger. The walls of a lumen may not touch in it. Raises `SceneError` as `press` does.
     """
+    if scene.indenter.bonded:
+        raise SceneError(f"{scene.name}: indenter.bonded cannot be written as a deck")
     finger = finger_over(scene.indenter, 0.0, 0.0)
     size_m = 1e-3 * size_mm if size_mm else 0.06 * (finger.half_flat + finger.radius)
     section = build_section(
@@ -169,7 +171,9 @@ def _contact(section: Section, rests: bool) -> Iterator[str]:
     yield from _faces(section, section.mesh.surface)
     yield "*SURFACE INTERACTION, NAME=SMOOTH"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR"
-    yield f"{CONTACT_PER_MM * MPA * section.tissue_pa:.6g}"
+    skin_m_per_pa = section.finger.skin_m_per_pa
+    firm_mpa_mm = CONTACT_PER_MM * MPA * section.tissue_pa
+    yield f"{MPA / (MM * skin_m_per_pa) if skin_m_per_pa else firm_mpa_mm:.6g}"
     yield "*CONTACT PAIR, INTERACTION=SMOOTH, TYPE=SURFACE TO SURFACE"
     yield "SKIN, FINGER"
     if rests:

@@ -28,13 +28,17 @@ def continued(coarse: Section, solution: Solution, fine: Section) -> Solution:
 def _carried(coarse: Section, solution: Solution, fine: Section) -> Solution:
     u = _interpolated(coarse.mesh.nodes, solution.displacement, fine.mesh.nodes)
     u.ravel()[fine.held] = 0.0
+    surface = fine.mesh.surface
+    stuck_m = None
     push = [np.zeros(len(t.gap)) for t in touches(fine, fine.finger, u)]
     touched = coarse.mesh.nodes[coarse.mesh.surface[solution.push[0] > 0], 0]
     if len(touched):  # the force spread evenly: Newton's method only needs to know where it is
-        x = fine.mesh.nodes[fine.mesh.surface, 0]
+        x = fine.mesh.nodes[surface, 0]
         within = (x >= touched.min()) & (x <= touched.max())
         push[0][within] = solution.push[0].sum() / max(int(within.sum()), 1)
-    return Solution(solution.load, u, tuple(push), 0.0, 0)
+        if solution.stuck_m is not None:
+            stuck_m = np.where(within, u[surface, 0], np.nan)
+    return Solution(solution.load, u, tuple(push), 0.0, 0, stuck_m)
 
 
 def _interpolated(nodes: Array, values: Array, points: Array) -> Array:

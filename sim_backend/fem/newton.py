@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 
 from sim_backend.fem.assembly import gather
 from sim_backend.fem.contact import Finger
+from sim_backend.fem.grip import grip_on
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.mesh import TISSUE
 from sim_backend.fem.section import Section
-from sim_backend.fem.touch import touches, walls_cross
+from sim_backend.fem.skin import MOST_PRESSED
+from sim_backend.fem.touch import Touch, touches, walls_cross
 
 Array = NDArray[np.float64]
 
@@ -37,6 +39,7 @@ TOLERANCE = 1e-7
 """Residual over the sum of contact forces; at 1e-5 the change by a beat was off by 10 %."""
 OPEN_TOUCHES = 2
 """Kinds of contact while all lumens are open: finger and support."""
+SKIN = "the finger's skin is pressed"
 CRUSHED = 0.02
 """Smallest det F accepted."""
 
@@ -69,13 +72,15 @@ class Load:
 @dataclass(frozen=True)
 class Solution:
     """Displacements (n, 2) [m]; ``push`` [N/m], one array per `Touch`, of the pairs that may touch;
-    ``force_n_per_m`` is what the finger feels, per length across the section."""
+    ``force_n_per_m`` is what the finger feels, per length across the section. ``stuck_m`` are the
+    sideways displacements (s,) that a bonded finger holds the surface at, NaN where it does not."""
 
     load: Load
     displacement: Array
     push: tuple[Array, ...]
     force_n_per_m: float
     sweeps: int
+    stuck_m: Array | None = None
 
 
 class NotConverged(Exception):
@@ -160,11 +165,12 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
     finger = _lowered(section, load)
     firm, judge = FIRM * section.tissue_pa, JUDGE * section.tissue_pa
     u, push = start.displacement.copy(), list(start.push)
+    grip = grip_on(section.mesh.surface, start.stuck_m, firm)
     before: list[NDArray[np.bool_]] = []
     change: Array | None = None
     for sweep in range(1, MAX_SWEEPS + 1):
-        pairs = touches(section, finger, u)
-        active = [m > judge * t.gap for t, m in zip(pairs, push, strict=True)]
+        pairs = touches(section, finger, u, grip.stuck)
+        active = [t.active(m, judge) for t, m in zip(pairs, push, strict=True)]
         push = [np.where(a, m, 0.0) for m, a in zip(push, active, strict=True)]
         with np.errstate(invalid="ignore", over="ignore"):
             residual, matrices = _body(section, u, load.pressure_pa, change)
@@ -172,29 +178,41 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
             raise NotConverged("elements were crushed")
         for t, m in zip(pairs, push, strict=True):
             residual -= t.force(m, section.size)
+        residual += grip.force(u, section.size)
         scale = np.abs(push[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
         error = float(np.abs(residual[section.assembly.free]).max())
         apart = max(
-            float(np.abs(t.gap[a]).max(initial=0.0)) for t, a in zip(pairs, active, strict=True)
+            float(np.abs(t.open(m)[a]).max(initial=0.0))
+            for t, m, a in zip(pairs, push, active, strict=True)
         )
         same = bool(before) and all(map(np.array_equal, active, before))
         if error < TOLERANCE * scale and apart < CLOSED_M and same:
+            _refuse_flat_skin(finger, pairs[0], push[0])
             force = -pairs[0].force(push[0], section.size)[1::2].sum()
-            return Solution(load, u, tuple(push), float(force), sweep)
-        for t, a in zip(pairs, active, strict=True):  # springs close what gaps are left
-            residual += t.force(np.where(a, firm * t.gap, 0.0), section.size)
-        push = [
-            np.where(a, m - firm * t.gap, 0.0) for t, m, a in zip(pairs, push, active, strict=True)
-        ]
-        matrices += [t.blocks(m, a, firm) for t, m, a in zip(pairs, push, active, strict=True)]
+            stuck_m = grip.now_holding(push[0] > 0, u) if finger.bonded else None
+            return Solution(load, u, tuple(push), float(force), sweep, stuck_m)
+        springs = [t.firmness(firm) * t.open(m) for t, m in zip(pairs, push, strict=True)]
+        for t, s, a in zip(pairs, springs, active, strict=True):  # they close what gaps are left
+            residual += t.force(np.where(a, s, 0.0), section.size)
+        push = [np.where(a, m - s, 0.0) for m, s, a in zip(push, springs, active, strict=True)]
+        blocks = [t.blocks(m, a, firm) for t, m, a in zip(pairs, push, active, strict=True)]
+        blocks[0] = blocks[0] + grip.blocks
+        matrices += blocks
         change = _newton_step(section, matrices, residual, u)
         u += change
         push = [
-            np.where(a, m - firm * t.closing(change), 0.0)
+            np.where(a, m - t.firmness(firm) * t.closing(change), 0.0)
             for t, m, a in zip(pairs, push, active, strict=True)
         ]
         before = active
     raise NotConverged(f"Newton's method did not converge within {MAX_SWEEPS} steps")
+
+
+def _refuse_flat_skin(finger: Finger, pair: Touch, push: Array) -> None:
+    """A skin's stiffness is constant only while it is not pressed flat. Raises `NotConverged`."""
+    given = float((pair.give * push).max(initial=0.0))
+    if given > MOST_PRESSED * finger.skin_m:
+        raise NotConverged(f"{SKIN} by {100 * given / finger.skin_m:.0f} % of its thickness")
 
 
 def _lowered(section: Section, load: Load) -> Finger:
@@ -221,10 +239,14 @@ def pressure_slope(section: Section, solution: Solution) -> tuple[Array, float]:
     """du/dp (n, 2) [m/Pa] and dF/dp [N/m/Pa] at a solution, the contact staying as it is."""
     section = as_solved(section, solution)
     firm = FIRM * section.tissue_pa
-    pairs = touches(section, _lowered(section, solution.load), solution.displacement)
-    active = [m > 0 for m in solution.push]
+    grip = grip_on(section.mesh.surface, solution.stuck_m, firm)
+    finger = _lowered(section, solution.load)
+    pairs = touches(section, finger, solution.displacement, grip.stuck)
+    active = [(m > 0) | t.stuck for t, m in zip(pairs, solution.push, strict=True)]
     _, matrices = _body(section, solution.displacement, solution.load.pressure_pa)
-    matrices += [t.blocks(m, a, firm) for t, m, a in zip(pairs, solution.push, active, strict=True)]
+    blocks = [t.blocks(m, a, firm) for t, m, a in zip(pairs, solution.push, active, strict=True)]
+    blocks[0] = blocks[0] + grip.blocks
+    matrices += blocks
     load = np.zeros(section.size)
     for sides in section.lumens:
         load += gather(section.size, sides.dofs, unit_pressure(sides, solution.displacement)[0])
@@ -270,6 +292,12 @@ def _physical_limit(
             f"found no equilibrium above {mmhg:.4g} mmHg ({depth_mm:.3g} mm deep): the wall "
             f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
             "Take a lower pressure, a thicker or a stiffer wall.",
+        )
+    if SKIN in str(failure):
+        return CannotSolve(
+            "skin",
+            f"found no equilibrium deeper than {depth_mm:.4g} mm: {failure}, and is modelled up to "
+            f"{100 * MOST_PRESSED:.0f} %. Press less deep or take a stiffer skin.",
         )
     folds = bool(section.lumens) and section.mesh.region[cell] != TISSUE
     what = "the vessel's wall folds" if folds else "the tissue under the finger is crushed"

@@ -15,6 +15,7 @@ from sim_backend.fem.elements import Cells, as_element
 from sim_backend.fem.lumen import Sides, lumen_sides
 from sim_backend.fem.material import moduli
 from sim_backend.fem.mesh import TISSUE, Mesh, Ring, block_mesh, ring_mesh
+from sim_backend.fem.skin import surface_share
 from sim_backend.scene import Artery, Inclusion, Scene
 
 Array = NDArray[np.float64]
@@ -83,6 +84,11 @@ class Section:
     def walls(self) -> tuple[Walls, ...]:
         """The walls of each lumen, which meet when it is pressed shut."""
         return tuple(walls(self.mesh, sides) for sides in self.lumens)
+
+    @cached_property
+    def surface_share_m(self) -> Array:
+        """Length (s,) [m] of the surface whose pressure is a node's force, at rest."""
+        return surface_share(self.mesh, self.cells)
 
     @cached_property
     def closable(self) -> "Section":

@@ -72,6 +72,7 @@ def settle(body: Condensed, finger: Finger, load: Load) -> Solution:
     """
     finger = finger.lowered_to(finger.y - load.depth_m)
     nodes = body.section.mesh.surface[body.candidates]
+    soft = finger.skin_m_per_pa / body.section.surface_share_m[body.candidates]
     rest = body.section.mesh.nodes[nodes]
     compliance = body.compliance
     rise = load.pressure_pa * body.rise[_dofs(nodes)].reshape(-1, 2)
@@ -80,8 +81,9 @@ def settle(body: Condensed, finger: Finger, load: Load) -> Solution:
     before = np.zeros(len(nodes), dtype=bool)
     for sweep in range(1, MAX_SWEEPS + 1):
         gap, normal, _ = finger.gap(rest + u)
-        active = push > stiffness * gap
-        if np.array_equal(active, before) and np.abs(gap[active]).max(initial=0.0) < CLOSED_M:
+        open_m = gap + soft * push
+        active = push > stiffness * open_m
+        if np.array_equal(active, before) and np.abs(open_m[active]).max(initial=0.0) < CLOSED_M:
             return _solution(body, normal, push, load, sweep)
         on = np.flatnonzero(active)
         push = np.zeros(len(nodes))
@@ -89,7 +91,7 @@ def settle(body: Condensed, finger: Finger, load: Load) -> Solution:
             pairs = np.stack([2 * on, 2 * on + 1], axis=1).ravel()
             by = normal[on, :, None] * np.eye(len(on))[:, None, :]
             by = by.reshape(2 * len(on), len(on))
-            give = by.T @ compliance[np.ix_(pairs, pairs)] @ by
+            give = by.T @ compliance[np.ix_(pairs, pairs)] @ by + np.diag(soft[on])
             wanted = -gap[on] + np.einsum("ki,ki->k", normal[on], u[on] - rise[on])
             push[on] = np.linalg.solve(give, wanted)
         force = (push[:, None] * normal).ravel()

@@ -1,0 +1,125 @@
+"""Fingers with a skin, and fingers that what they touch sticks to."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from small_block import BLOCK
+
+from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.newton import CannotSolve, Load, march, pressure_slope, untouched
+from sim_backend.fem.section import build_section
+from sim_backend.fem.small import solve_small
+from sim_backend.press import press
+from sim_backend.scene import Scene
+from sim_backend.waves import PA_PER_MMHG
+
+DEPTH_M = 1.2e-3
+
+
+def finger(**indenter: Any) -> Scene:
+    """The small block under another finger."""
+    raw = BLOCK.model_dump()
+    return Scene.model_validate(raw | {"indenter": raw["indenter"] | indenter})
+
+
+def block(modulus_kpa: float = 50.0, poisson: float = 0.49, **indenter: Any) -> Scene:
+    """A bare block in plane strain."""
+    return Scene.model_validate({
+        "name": "block", "plane": "strain", "indenter": indenter,
+        "tissue": {"width_mm": 40.0, "height_mm": 12.0, "modulus_kpa": modulus_kpa,
+                   "poisson": poisson},
+    })  # fmt: skip
+
+
+def force(scene: Scene, depth_m: float = DEPTH_M, size_m: float = 0.6e-3) -> float:
+    x_m = 0.5e-3 * scene.tissue.width_mm if scene.tissue else 0.0
+    return solve_finite(scene, x_m, depth_m, [0.0], size_m)[1][0].force_n_per_m
+
+
+@pytest.mark.parametrize("element", ["T6", "Q4", "Q8R"])
+def test_a_skin_on_rigid_ground_is_an_elastic_foundation(element: str) -> None:
+    """F = 4 a d M / (3 t) with a = sqrt(2 R d), M the confined modulus (Johnson 1985, eq. 4.58)."""
+    skin = {"thickness_mm": 1.0, "modulus_kpa": 20.0, "poisson": 0.3}
+    scene = block(1e6, shape="cylinder", radius_mm=8.0, skin=skin)
+    depth_m, confined_pa = 0.05e-3, 20e3 * 0.7 / (1.3 * 0.4)
+    _, (solved,) = solve_finite(scene, 0.020, depth_m, [0.0], 0.2e-3, element)
+    half_m = np.sqrt(2 * 8e-3 * depth_m)
+    wanted = 4 * half_m * depth_m * confined_pa / (3 * 1e-3)
+    assert solved.force_n_per_m == pytest.approx(wanted, rel=0.01)
+
+
+def test_a_hard_skin_is_none_and_a_softer_one_spares_the_tissue() -> None:
+    bare = force(finger())
+    skins = [force(finger(skin={"thickness_mm": 0.5, "modulus_kpa": e})) for e in (1e6, 200, 50)]
+    assert skins[0] == pytest.approx(bare, rel=1e-4)
+    assert bare > skins[1] > skins[2] > 0.5 * bare
+
+
+def test_a_skin_feels_the_same_at_small_strain() -> None:
+    scene = finger(skin={"thickness_mm": 0.5, "modulus_kpa": 50})
+    _, (small,) = solve_small(scene, 0.012, 0.1e-3, [0.0], 0.5e-3)
+    assert small.force_n_per_m == pytest.approx(force(scene, 0.1e-3, 0.5e-3), rel=0.02)
+
+
+def test_a_skin_pressed_flat_is_refused_by_name() -> None:
+    with pytest.raises(CannotSolve, match=r"skin is pressed by .* of its thickness") as refusal:
+        press(finger(skin={"thickness_mm": 0.3, "modulus_kpa": 5}), 12.0, 2.0)
+    assert refusal.value.limit == "skin"
+
+
+def test_a_thick_or_incompressible_skin_is_no_skin() -> None:
+    for skin in ({"thickness_mm": 1.2, "modulus_kpa": 50},
+                 {"thickness_mm": 0.5, "modulus_kpa": 50, "poisson": 0.49}):  # fmt: skip
+        with pytest.raises(ValueError, match="skin"):
+            finger(skin=skin)
+
+
+@pytest.mark.parametrize(
+    "indenter", [{"bonded": True}, {"skin": {"thickness_mm": 0.5, "modulus_kpa": 50}}]
+)
+def test_the_slope_by_pressure_is_exact(indenter: dict[str, Any]) -> None:
+    scene = finger(**indenter)
+    section = build_section(scene, 0.012, depth_m=DEPTH_M, size_m=0.6e-3)
+    p = 80 * PA_PER_MMHG
+    loads = [Load(0.0, p), Load(0.5 * DEPTH_M, p), Load(DEPTH_M, p), Load(DEPTH_M, p + 20)]
+    *_, there, further = march(section, untouched(section), loads)
+    slope = (further.force_n_per_m - there.force_n_per_m) / 20
+    assert pressure_slope(section, there)[1] == pytest.approx(slope, rel=2e-3)
+
+
+def test_what_a_bonded_finger_has_touched_keeps_its_place() -> None:
+    scene = block(poisson=0.3, shape="cylinder", radius_mm=5.0, bonded=True)
+    section = build_section(scene, 0.020, depth_m=DEPTH_M, size_m=0.6e-3)
+    loads = [Load(d, 0.0) for d in (0.6e-3, DEPTH_M, 0.3e-3, 0.0, DEPTH_M)]
+    first, deep, lifted, up, again = march(section, untouched(section), loads)
+    touched = first.push[0] > 0
+    x = section.mesh.surface[touched]
+    for later in (deep, lifted, up, again):
+        moved = later.displacement[x, 0] - first.displacement[x, 0]
+        assert np.abs(moved).max() < 1e-9
+    assert deep.stuck_m is not None
+    assert np.isfinite(deep.stuck_m).sum() > touched.sum()
+    assert up.force_n_per_m < 0, "it pulls at what it lifts"
+    assert again.force_n_per_m == pytest.approx(deep.force_n_per_m, rel=1e-5)
+
+
+def test_bonding_matters_where_tissue_gives_way_sideways() -> None:
+    """An incompressible half plane moves straight down under a frictionless finger (Johnson 1985,
+    sec. 5.4), so that there is nothing to hold."""
+    more = {}
+    for poisson in (0.1, 0.49):
+        flat = {"shape": "flat", "width_mm": 6.0, "edge_radius_mm": 0.5}
+        free, held = (
+            force(block(poisson=poisson, bonded=b, **flat), 0.6e-3) for b in (False, True)
+        )
+        more[poisson] = held / free - 1
+    assert 0.02 < more[0.1] < 0.2
+    assert abs(more[0.49]) < 0.02
+
+
+def test_a_bonded_finger_is_pressed_at_finite_strain() -> None:
+    shallow = press(finger(bonded=True), 12.0, 0.05, accuracy_pct=5)
+    assert shallow.model.startswith("finite")
+    with pytest.raises(CannotSolve, match="bonded"):
+        press(finger(bonded=True), 12.0, 0.05, model="small")
