@@ -1,0 +1,37 @@
+"""docs/scene-file.md: its scene can be read as written, and no key is missing there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from sim_backend.scene import (
+    Artery,
+    Cylinder,
+    Flat,
+    Pulse,
+    Scene,
+    Skin,
+    Stenosis,
+    Tissue,
+    Tumour,
+    scene_from_text,
+)
+
+DOC = (Path(__file__).resolve().parents[2] / "docs" / "scene-file.md").read_text(encoding="utf-8")
+
+
+def test_the_scene_shown_can_be_read() -> None:
+    shown = re.search(r"```toml\n(.*?)```", DOC, re.DOTALL)
+    assert shown is not None
+    scene = scene_from_text(shown[1], "docs/scene-file.md")
+    assert [one.kind for one in scene.inclusion] == ["artery", "tumour"]
+    assert scene.indenter.skin is not None
+
+
+@pytest.mark.parametrize(
+    "table", [Artery, Cylinder, Flat, Pulse, Scene, Skin, Stenosis, Tissue, Tumour]
+)
+def test_no_key_is_missing(table: type) -> None:
+    keys = table.model_fields  # type: ignore[attr-defined]
+    assert [key for key in keys if not re.search(rf"\b{key}\b", DOC)] == []
