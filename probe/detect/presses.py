@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from probe.detect.beats import own_beats_s
+from probe.detect.fit import WHITE, colour_of
 from probe.detect.hold import Hold, NoHold, hold_of
-from probe.detect.pulse import Pulse, described, find_pulse, pulse_at
+from probe.detect.pulse import SHARES, Pulse, described, find_pulse, pulse_at
 from probe.detect.reference import find_pulse_by
-from probe.detect.search import rates_hz
+from probe.detect.search import FASTEST_HZ, SLOWEST_HZ, rates_hz
 from probe.detect.together import shared_chance, unusual, usual_excess
 from probe.recording import Recording, Station
 
@@ -19,6 +21,10 @@ REPEATABILITY_M = 10e-6
 """What a stage's depth differs by from station to station."""
 STIFFENING = 1.15
 """Exponent of a cylinder's force against depth, between a flat face's 1 and a sphere's 1.5."""
+SMOOTH = 3
+"""Harmonics by which a shared rate is looked for: of more, the likelihood is too narrow a peak."""
+CLEAR, FEWEST_BEATS = 8.0, 2.0
+"""Standard deviations of its size, and beats in a hold, from which a pulse's own beats show."""
 REACH = 2
 """Stations to either side that are judged together with one: a vessel is felt that far."""
 UNKNOWN_DEPTH = 0.005
@@ -123,25 +129,38 @@ def _own(station: Station) -> tuple[Hold | None, Pulse | None, str]:
 def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | None:
     if hold is None or own is None or rate_hz is None or own.search is None:
         return own
-    return pulse_at(hold, rate_hz, own.p_value, own.scale, own.search)
+    steady = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search)
+    if steady.size_pa < CLEAR * steady.size_sd_pa or hold.span_s * rate_hz < FEWEST_BEATS:
+        return steady
+    beating_s = own_beats_s(hold, steady)
+    return pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s)
 
 
 def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
     """The rate that explains the clearest pulses best, given what rates hearts have."""
     rates = max((rates_hz(hold.span_s) for hold, _ in clear), key=len)
 
-    def unlikely(rate_hz: float) -> float:
-        return float(unusual(rate_hz)) + sum(_misfit(hold, pulse, rate_hz) for hold, pulse in clear)
+    def unlikely(rate_hz: float, most: int) -> float:
+        misfit = sum(_misfit(hold, pulse, rate_hz, most) for hold, pulse in clear)
+        return float(unusual(rate_hz)) + misfit
 
-    best = int(np.argmin([unlikely(rate) for rate in rates.tolist()]))
-    low, high = rates[max(best - 1, 0)], rates[min(best + 1, len(rates) - 1)]
-    found = minimize_scalar(unlikely, bounds=(low, high), method="bounded", options={"maxiter": 25})
-    return float(found.x)
+    reach = float(rates[1] - rates[0])
+    rate = min(rates.tolist(), key=lambda one: unlikely(one, SMOOTH))
+    for most, share in ((SMOOTH, 1.0), (len(SHARES), 0.25)):
+        bounds = max(rate - share * reach, SLOWEST_HZ), min(rate + share * reach, FASTEST_HZ)
+        found = minimize_scalar(unlikely, bounds=bounds, args=(most,), method="bounded",
+                                options={"maxiter": 20})  # fmt: skip
+        rate = float(found.x)
+    return rate
 
 
-def _misfit(hold: Hold, pulse: Pulse, rate_hz: float) -> float:
-    """Minus the log likelihood, the noise's level unknown."""
-    one, _ = described(hold, rate_hz, pulse.fit.colour, pulse.scale)
+def _misfit(hold: Hold, pulse: Pulse, rate_hz: float, most: int) -> float:
+    """Minus the log likelihood, the noise's level and colour unknown."""
+    first, _ = described(hold, rate_hz, WHITE, pulse.scale, most=most)
+    colour = colour_of(first.residual_pa, first.lost)
+    one, _ = (
+        described(hold, rate_hz, colour, pulse.scale, most=most) if colour.any() else (first, 0)
+    )
     return 0.5 * len(hold.time_s) * float(np.log(max(one.rss, 1e-300)))
 
 

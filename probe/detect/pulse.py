@@ -79,11 +79,12 @@ def pulse_at(
 
 
 def described(
-    hold: Hold, rate_hz: float, colour: Array, scale: Scale, beating_s: Array | None = None
-) -> tuple[Fit, Array]:
-    """The fit of a whole wave at a rate, and its columns (n, 2 harmonics)."""
+    hold: Hold, rate_hz: float, colour: Array, scale: Scale, beating_s: Array | None = None,
+    most: int = len(SHARES),
+) -> tuple[Fit, Array]:  # fmt: skip
+    """The fit of a wave of up to ``most`` harmonics at a rate, and its columns (n, 2 harmonics)."""
     finest = FINEST * len(hold.time_s) / max(hold.span_s, 1e-9)
-    count = int(np.clip(finest // rate_hz, 1, len(SHARES)))
+    count = int(np.clip(finest // rate_hz, 1, most))
     columns = harmonics(hold.time_s if beating_s is None else beating_s, rate_hz, count)
     ridge = scale.noise_pa / (np.tile(SHARES[:count], 2) * max(scale.swing_pa, 1e-12))
     return fit(hold, design_of(hold), columns, colour, ridge), columns

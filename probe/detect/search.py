@@ -83,12 +83,12 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     n, lost = len(hold.time_s), 2 * TESTED
     shaped, free = _single(seen.shaped, 2, null.dof - 2, n), _single(seen.free, lost,
                                                                     null.dof - lost, n)  # fmt: skip
-    one = shaped if shaped.min() <= free.min() else free
+    one, gain = (shaped, seen.shaped) if shaped.min() <= free.min() else (free, seen.free)
     p_value = min(1.0, 2 * anywhere(float(one.min()), hold.span_s))
     return Search(
         rates, seen.along, seen.power,
         np.maximum(chi2.isf(np.maximum(shaped, 1e-300), 2) - CHOICE * (n >= SHORT), 0.0),
-        float(rates[int(np.argmin(one))]), p_value, hold.span_s,
+        float(rates[int(np.argmax(gain))]), p_value, hold.span_s,  # chances may all be 0.0
     ), null  # fmt: skip
 
 
