@@ -109,17 +109,14 @@ def floor(x_m: Array) -> Array:
 
 def _weighted(
     x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]]
-) -> tuple[Array, Array, Array, float]:
-    """Coefficients, their unscaled covariance, the columns and the weighted residual square."""
+) -> tuple[Array, Array, Array, Array]:
+    """Columns, and weighted with what holds them: columns, values, residual."""
     columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
-    a, b = columns / sd[:, None], value / sd
     held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
     prior = np.diag(np.append(held, np.zeros(len(known)))) / max(float(np.median(value)), 1e-300)
-    a, b = np.vstack([a, prior]), np.append(b, np.zeros(len(prior)))
-    coefficients = np.asarray(np.linalg.lstsq(a, b, rcond=None)[0])
-    residual = b - a @ coefficients
-    information = np.asarray(np.linalg.pinv(a.T @ a))
-    return coefficients, information, np.asarray(columns), float(residual @ residual)
+    a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
+    q, _ = np.linalg.qr(a)
+    return columns, a, b, b - q @ (q.T @ b)
 
 
 def _next(
@@ -129,16 +126,18 @@ def _next(
     """The clearest further bump and its chance."""
     inner = np.arange(x_m[0] + pitch, x_m[-1] - pitch + 1e-9, pitch / PLACES_PER_PITCH)
     free = [c for c in inner if all(abs(c - k[0]) >= APART * pitch for k in known)]
-    *_, before = _weighted(x_m, value, sd, base, known)
-    tried = [
-        (_weighted(x_m, value, sd, base, [*known, (c, w * pitch)])[3], (float(c), w * pitch))
-        for c in free
-        for w in WIDTHS
-    ]
+    tried = [(float(c), w * pitch) for c in free for w in WIDTHS]
     if not tried:
         return (float(x_m.mean()), pitch), 1.0
-    after, best = min(tried)
-    return best, _chance(before, after, 3, len(x_m) - base.shape[1] - 3 * len(known), len(free))
+    _, a, _, left = _weighted(x_m, value, sd, base, known)
+    more = np.zeros((len(left), len(tried)))
+    more[: len(x_m)] = np.column_stack([shape(x_m, *one) for one in tried]) / sd[:, None]
+    q, _ = np.linalg.qr(a)
+    more -= q @ (q.T @ more)
+    drop = (left @ more) ** 2 / np.maximum((more**2).sum(axis=0), 1e-300)
+    before, best = float(left @ left), int(np.argmax(drop))
+    dof = len(x_m) - base.shape[1] - 3 * len(known)
+    return tried[best], _chance(before, before - float(drop[best]), 3, dof, len(free))
 
 
 def _next_two(
@@ -152,7 +151,9 @@ def _next_two(
     *_, after = _weighted(x_m, value, sd, base, both)
     places = PLACES_PER_PITCH * len(x_m)
     dof = len(x_m) - base.shape[1] - 3 * len(known)
-    return [first, second], _chance(before, after, 6, dof, places**2 // PLACES_PER_PITCH)
+    chance = _chance(float(before @ before), float(after @ after), 6, dof,
+                     places**2 // PLACES_PER_PITCH)  # fmt: skip
+    return [first, second], chance
 
 
 def _chance(before: float, after: float, unknowns: int, dof: int, places: int) -> float:
@@ -174,8 +175,7 @@ def _refined(
 
     def residual(p: Array) -> Array:
         bumps = list(zip(p[::2].tolist(), (pitch * np.exp(p[1::2])).tolist(), strict=True))
-        coefficients, _, columns, _ = _weighted(x_m, value, sd, base, bumps)
-        return np.asarray((value - columns @ coefficients) / sd)
+        return _weighted(x_m, value, sd, base, bumps)[3][: len(x_m)]
 
     start = np.array([v for c, w in known for v in (c, np.log(w / pitch))])
     low = np.tile([x_m[0] + 0.5 * pitch, np.log(0.45)], len(known))
@@ -189,7 +189,9 @@ def _row(
     x_m: Array, value: Array, sd: Array, base: Array,
     known: list[tuple[float, float]], chances: list[float],
 ) -> Row:  # fmt: skip
-    coefficients, covariance, columns, rss = _weighted(x_m, value, sd, base, known)
+    columns, a, b, left = _weighted(x_m, value, sd, base, known)
+    covariance, rss = np.linalg.pinv(a.T @ a), float(left @ left)
+    coefficients = covariance @ (a.T @ b)
     count = base.shape[1]
     dof = max(len(x_m) - count - 3 * len(known), 1)
     scatter = (rss + TRUSTED) / (dof + TRUSTED)

@@ -23,8 +23,11 @@ STIFFENING = 1.15
 """Exponent of a cylinder's force against depth, between a flat face's 1 and a sphere's 1.5."""
 SMOOTH = 3
 """Harmonics by which a shared rate is looked for: of more, the likelihood is too narrow a peak."""
-CLEAR, FEWEST_BEATS = 8.0, 2.0
-"""Standard deviations of its size, and beats in a hold, from which a pulse's own beats show."""
+CANDIDATES, EXACT_HZ = 4, 1e-3
+"""Rates that each way of searching proposes, and how exactly the best of them is wanted."""
+SHOWS, CLEAR, FEWEST_BEATS = 1.0, 8.0, 2.0
+"""Standard deviations of a pulse's size from which its own beats are looked for, and with them
+are believed; fewest beats in a hold."""
 REACH = 2
 """Stations to either side that are judged together with one: a vessel is felt that far."""
 UNKNOWN_DEPTH = 0.005
@@ -130,10 +133,11 @@ def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | 
     if hold is None or own is None or rate_hz is None or own.search is None:
         return own
     steady = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search)
-    if steady.size_pa < CLEAR * steady.size_sd_pa or hold.span_s * rate_hz < FEWEST_BEATS:
+    if steady.size_pa < SHOWS * steady.size_sd_pa or hold.span_s * rate_hz < FEWEST_BEATS:
         return steady
     beating_s = own_beats_s(hold, steady)
-    return pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s)
+    followed = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s)
+    return followed if followed.size_pa >= CLEAR * followed.size_sd_pa else steady
 
 
 def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
@@ -145,11 +149,17 @@ def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
         return float(unusual(rate_hz)) + misfit
 
     reach = float(rates[1] - rates[0])
-    rate = min(rates.tolist(), key=lambda one: unlikely(one, SMOOTH))
+    searches = [pulse.search for _, pulse in clear if pulse.search is not None]
+    likely = [
+        np.sum([np.interp(rates, s.rates_hz, seen) for s, seen in each], axis=0) - unusual(rates)
+        for each in ([(s, s.gain) for s in searches], [(s, s.clear / 2) for s in searches])
+    ]
+    tried = {int(k) for one in likely for k in np.argsort(one)[-CANDIDATES:]}
+    rate = min((float(rates[k]) for k in tried), key=lambda one: unlikely(one, SMOOTH))
     for most, share in ((SMOOTH, 1.0), (len(SHARES), 0.25)):
         bounds = max(rate - share * reach, SLOWEST_HZ), min(rate + share * reach, FASTEST_HZ)
         found = minimize_scalar(unlikely, bounds=bounds, args=(most,), method="bounded",
-                                options={"maxiter": 20})  # fmt: skip
+                                options={"xatol": EXACT_HZ})  # fmt: skip
         rate = float(found.x)
     return rate
 

@@ -51,13 +51,15 @@ class Search:
     ``size * along - size**2 * power / 2`` at each rate and phase (r, PHASES). ``clear`` (r,) is how
     far its best size and phase explain the hold, as a chi-square of two degrees in a hold without
     a pulse. ``p_value`` is the chance of one as clear at any rate and of any shape, ``rate_hz`` the
-    clearest.
+    clearest. ``gain`` (r,) is how far any two harmonics explain the hold in white noise, as a log
+    likelihood ratio: a loud pulse is no noise's colour.
     """
 
     rates_hz: Array
     along: Array
     power: Array
     clear: Array
+    gain: Array
     rate_hz: float
     p_value: float
     span_s: float
@@ -75,6 +77,7 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     rates = rates_hz(hold.span_s)
     null = fit(hold, design, none, WHITE)
     seen = _look(hold, design, null, rates)
+    white = seen.free
     best = fit(hold, design, _unsteady(hold, float(rates[int(np.argmax(seen.free))])), WHITE)
     if colour_of(best.residual_pa, best.lost).any():
         for _ in range(2):
@@ -87,7 +90,7 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     p_value = min(1.0, 2 * anywhere(float(one.min()), hold.span_s))
     return Search(
         rates, seen.along, seen.power,
-        np.maximum(chi2.isf(np.maximum(shaped, 1e-300), 2) - CHOICE * (n >= SHORT), 0.0),
+        np.maximum(chi2.isf(np.maximum(shaped, 1e-300), 2) - CHOICE * (n >= SHORT), 0.0), white,
         float(rates[int(np.argmax(gain))]), p_value, hold.span_s,  # chances may all be 0.0
     ), null  # fmt: skip
 
