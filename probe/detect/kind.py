@@ -19,9 +19,9 @@ UNLIKELY = 0.05
 """Pulses over the force; one so much less likely than none would have shown."""
 PULSE_FLOOR = 3e-4
 """Pulses (over the force) below this are taken as this: the logarithm needs an end."""
-CONTRAST_BLUR, PULSE_BLUR = 0.04, 0.25
-"""Widths of a sample's kernel: contrast, and logarithm of the pulse. They stand for what the scenes
-leave out (layers, bones, oblique vessels)."""
+CONTRAST_BLUR, CONTRAST_SHARE, PULSE_BLUR = 0.04, 0.1, 0.25
+"""Widths of a sample's kernel: contrast, with a share of the contrast itself, and logarithm of the
+pulse. They stand for what the scenes leave out (layers, bones, oblique vessels)."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,8 @@ def shares(seen: Seen) -> dict[Kind, float]:
     """
     likelihood: dict[Kind, float] = {}
     for kind, (contrast, pulse) in _population().items():
-        peak = _normal(seen.contrast - contrast, np.hypot(seen.contrast_sd, CONTRAST_BLUR))
+        blur = np.hypot(CONTRAST_BLUR, CONTRAST_SHARE * contrast)
+        peak = _normal(seen.contrast - contrast, np.hypot(seen.contrast_sd, blur))
         if seen.hidden is None:
             size = max(seen.pulse, PULSE_FLOOR)
             blur = np.hypot(PULSE_BLUR, min(seen.pulse_sd / size, 2.0))

@@ -25,9 +25,9 @@ SMOOTH = 3
 """Harmonics by which a shared rate is looked for: of more, the likelihood is too narrow a peak."""
 CANDIDATES, EXACT_HZ = 4, 1e-3
 """Rates that each way of searching proposes, and how exactly the best of them is wanted."""
-SHOWS, CLEAR, FEWEST_BEATS = 1.0, 8.0, 2.0
-"""Standard deviations of a pulse's size from which its own beats are looked for, and with them
-are believed; fewest beats in a hold."""
+CLEAR, FEWEST_BEATS = 8.0, 2.0
+"""Standard deviations of a pulse's size from which the beats found in it are believed, and how many
+a hold must have for that."""
 REACH = 2
 """Stations to either side that are judged together with one: a vessel is felt that far."""
 UNKNOWN_DEPTH = 0.005
@@ -133,7 +133,7 @@ def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | 
     if hold is None or own is None or rate_hz is None or own.search is None:
         return own
     steady = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search)
-    if steady.size_pa < SHOWS * steady.size_sd_pa or hold.span_s * rate_hz < FEWEST_BEATS:
+    if hold.span_s * rate_hz < FEWEST_BEATS:
         return steady
     beating_s = own_beats_s(hold, steady)
     followed = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s)
