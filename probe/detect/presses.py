@@ -4,15 +4,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from probe.detect.beats import own_beats_s
-from probe.detect.fit import WHITE, colour_of
 from probe.detect.hold import Hold, NoHold, hold_of
-from probe.detect.pulse import SHARES, Pulse, described, find_pulse, pulse_at
+from probe.detect.pulse import Pulse, find_pulse, pulse_at
+from probe.detect.rate import shared_rate
 from probe.detect.reference import find_pulse_by
-from probe.detect.search import FASTEST_HZ, SLOWEST_HZ, rates_hz
-from probe.detect.together import shared_chance, unusual, usual_excess
+from probe.detect.together import shared_chance, usual_excess
 from probe.recording import Recording, Station
 
 Array = NDArray[np.float64]
@@ -21,10 +19,6 @@ REPEATABILITY_M = 10e-6
 """What a stage's depth differs by from station to station."""
 STIFFENING = 1.15
 """Exponent of a cylinder's force against depth, between a flat face's 1 and a sphere's 1.5."""
-SMOOTH = 3
-"""Harmonics by which a shared rate is looked for: of more, the likelihood is too narrow a peak."""
-CANDIDATES, EXACT_HZ = 4, 1e-3
-"""Rates that each way of searching proposes, and how exactly the best of them is wanted."""
 CLEAR, FEWEST_BEATS = 8.0, 2.0
 """Standard deviations of a pulse's size from which the beats found in it are believed, and how many
 a hold must have for that."""
@@ -72,7 +66,7 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
         if hold is not None and pulse is not None
     }
     clear = _clear({i: pulse for i, (_, pulse) in measured.items()}, recording, false_alarm)
-    shared = _shared_rate([measured[i] for i in clear[: 2 * REACH + 1]]) if clear else None
+    shared = shared_rate([measured[i] for i in clear[: 2 * REACH + 1]]) if clear else None
     return tuple(
         replace(_press(station, hold, _at(hold, pulse, shared), note), pulsing=i in clear)
         for i, (station, (hold, pulse, note)) in enumerate(
@@ -138,40 +132,6 @@ def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | 
     beating_s = own_beats_s(hold, steady)
     followed = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s)
     return followed if followed.size_pa >= CLEAR * followed.size_sd_pa else steady
-
-
-def _shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
-    """The rate that explains the clearest pulses best, given what rates hearts have."""
-    rates = max((rates_hz(hold.span_s) for hold, _ in clear), key=len)
-
-    def unlikely(rate_hz: float, most: int) -> float:
-        misfit = sum(_misfit(hold, pulse, rate_hz, most) for hold, pulse in clear)
-        return float(unusual(rate_hz)) + misfit
-
-    reach = float(rates[1] - rates[0])
-    searches = [pulse.search for _, pulse in clear if pulse.search is not None]
-    likely = [
-        np.sum([np.interp(rates, s.rates_hz, seen) for s, seen in each], axis=0) - unusual(rates)
-        for each in ([(s, s.gain) for s in searches], [(s, s.clear / 2) for s in searches])
-    ]
-    tried = {int(k) for one in likely for k in np.argsort(one)[-CANDIDATES:]}
-    rate = min((float(rates[k]) for k in tried), key=lambda one: unlikely(one, SMOOTH))
-    for most, share in ((SMOOTH, 1.0), (len(SHARES), 0.25)):
-        bounds = max(rate - share * reach, SLOWEST_HZ), min(rate + share * reach, FASTEST_HZ)
-        found = minimize_scalar(unlikely, bounds=bounds, args=(most,), method="bounded",
-                                options={"xatol": EXACT_HZ})  # fmt: skip
-        rate = float(found.x)
-    return rate
-
-
-def _misfit(hold: Hold, pulse: Pulse, rate_hz: float, most: int) -> float:
-    """Minus the log likelihood, the noise's level and colour unknown."""
-    first, _ = described(hold, rate_hz, WHITE, pulse.scale, most=most)
-    colour = colour_of(first.residual_pa, first.lost)
-    one, _ = (
-        described(hold, rate_hz, colour, pulse.scale, most=most) if colour.any() else (first, 0)
-    )
-    return 0.5 * len(hold.time_s) * float(np.log(max(one.rss, 1e-300)))
 
 
 def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) -> Press:

@@ -32,12 +32,18 @@ def station(
     noise_pa: float = 20.0,
     relaxing: float = 1.0,
     sample_hz: float = 500.0,
+    uneven_s: float = 0.0,
 ) -> Station:
-    """One press; the pulse starts at a random phase."""
+    """One press; the pulse starts at a random phase, its beats' lengths vary by ``uneven_s``."""
     n = int(hold_s * sample_hz)
     t = np.arange(n) / sample_hz
     decay = 1 - relaxing * sum(g * (1 - np.exp(-t / tau)) for g, tau in RELAXATION)
-    signal = level_pa * decay + pulse_pa * wave(rate_hz * t + rng.uniform())
+    begun = rng.uniform()
+    beats = int(hold_s * rate_hz) + 12
+    uneven = uneven_s * rng.standard_normal(beats) if uneven_s else np.zeros(beats)
+    lengths = np.maximum(1 / rate_hz + uneven, 0.3)
+    phase = np.interp(t, np.concatenate([[0.0], np.cumsum(lengths)]), np.arange(beats + 1.0))
+    signal = level_pa * decay + pulse_pa * wave(phase + begun)
     signal = signal + noise_pa * rng.standard_normal(n)
     return Station(
         index, 1e-3 * x_mm, 1e-3 * y_mm, 10.0 + t, signal[:, None], np.zeros((n, 1), dtype=bool),
