@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import BarycentricInterpolator, PchipInterpolator
 
 from sim_backend.fem.newton import Load, Solution, march, pressure_slope, untouched
-from sim_backend.fem.section import Section, build_section
+from sim_backend.fem.section import Section, build_section, usual_grading
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.scene import Scene, mirrored
 from sim_backend.waves import PA_PER_MMHG
@@ -30,6 +30,9 @@ PROBE_PA = 10.0
 """Pressure step of the stress's slope, along the exact displacement slope."""
 RELATIVE_SIZE = 0.1
 """Element size over the finger's half width: 0.3 % of force, 2 % of pulse on the paper's scenes."""
+GROWTH, COARSEST = 0.6, 0.24
+"""How fast elements grow away from contact and vessels, and the largest over the height: that saves
+a third of the time of `usual_grading`, for 0.15 % of the force at most."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +122,10 @@ def element_size_m(scene: Scene) -> float:
 
 @lru_cache(maxsize=256)
 def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
-    section = build_section(scene, x_m, depth_m=max_depth_m, size_m=element_size_m(scene))
+    size_m = element_size_m(scene)
+    usual = usual_grading(size_m)
+    grading = usual._replace(growth=GROWTH, coarsest_m=COARSEST * 1e-3 * scene.surface_mm)
+    section = build_section(scene, x_m, depth_m=max_depth_m, size_m=size_m, grading=grading)
     beats = bool(section.lumens)
     levels = _pressures(scene) if beats else np.zeros(1)
     rest = float(levels[0])
