@@ -4,6 +4,7 @@ A group is a module with ``register(app)``. It imports at its top only what its 
 the work itself is imported by the command that does it, so that ``palpate --help`` is quick.
 """
 
+import os
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -16,6 +17,8 @@ import typer
 from probe.cli import say
 from probe.cli.errors import status_of
 
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+"""The solves are small: threads that wait for each other cost up to four times what they save."""
 GROUPS = (
     "scan",
     "runs",
@@ -52,6 +55,8 @@ def build() -> typer.Typer:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status. Never shows a stack trace for what a user can mend."""
     given = list(sys.argv[1:] if arguments is None else arguments)
+    for threads in ONE_THREAD:  # before numpy is imported; a user's own setting stands
+        os.environ.setdefault(threads, "1")
     as_json = "--json" in given
     with say.only_json() if as_json else nullcontext():
         try:
