@@ -45,7 +45,7 @@ def build() -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
         epilog="Exit status: 0 done, 2 bad input, 3 device or safety fault, 4 physics not solved.",
     )
-    app.callback()(_version)
+    app.callback()(_options)
     for name in GROUPS:
         if find_spec(f"probe.cli.{name}") is not None:
             import_module(f"probe.cli.{name}").register(app)
@@ -72,13 +72,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status if isinstance(status, int) else 0
 
 
-def _version(
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        say.answer(f"palpate {version('palpate')}")
+        raise typer.Exit
+
+
+def _options(
     version: Annotated[
-        bool, typer.Option("--version", help="Print the version and exit.", is_eager=True)
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", is_eager=True, callback=_tell_version
+        ),
     ] = False,
 ) -> None:
-    if version:
-        from importlib.metadata import version as installed
-
-        say.answer(f"palpate {installed('palpate')}")
-        raise typer.Exit
+    """What every command understands."""
