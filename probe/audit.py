@@ -83,7 +83,9 @@ class Audit:
         if not isinstance(event, Samples):
             if event.time_s < self._last_s:
                 yield f"at {event.time_s:.4f} s, after one at {self._last_s:.4f} s"
-            self._last_s = max(self._last_s, event.time_s)
+            # a note may come while the last samples of a press that has ended are awaited
+            if not isinstance(event, Note):
+                self._last_s = max(self._last_s, event.time_s)
         if not isinstance(event, RunStarted) and (self._started is None or self.finish is not None):
             yield "outside of a run"
         match event:

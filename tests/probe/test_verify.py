@@ -11,6 +11,7 @@ import pytest
 from probe.events import (
     Event,
     Finish,
+    Note,
     Phase,
     PhaseEntered,
     RunEnded,
@@ -56,6 +57,16 @@ def test_a_run_cut_off_anywhere_is_sound(events: list[Event], tmp_path: Path) ->
         report = stored(events[:length], tmp_path / f"{n}.run")
         assert report.ok, report.problems
         assert report.finish is None
+
+
+def test_a_note_while_a_press_is_being_closed_is_in_order(
+    events: list[Event], tmp_path: Path
+) -> None:
+    at, ended = next((n, e) for n, e in enumerate(events) if isinstance(e, StationEnded))
+    note = Note(ended.time_s + 0.004, "warning", "observer", "window closed")
+    assert stored([*events[:at], note, *events[at:]], tmp_path / "a.run").ok
+    early = replace(note, time_s=ended.time_s - 3.0)
+    assert not stored([*events[: at + 1], early, *events[at + 1 :]], tmp_path / "b.run").ok
 
 
 def samples_of(events: list[Event], station: int) -> list[int]:
