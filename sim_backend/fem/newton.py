@@ -39,7 +39,6 @@ TOLERANCE = 1e-7
 """Residual over the sum of contact forces; at 1e-5 the change by a beat was off by 10 %."""
 OPEN_TOUCHES = 2
 """Kinds of contact while all lumens are open: finger and support."""
-SKIN = "the finger's skin is pressed"
 CRUSHED = 0.02
 """Smallest det F accepted."""
 
@@ -85,6 +84,10 @@ class Solution:
 
 class NotConverged(Exception):
     """This step did not converge; the text says how it ended."""
+
+
+class SkinPressedFlat(NotConverged):
+    """The finger's skin gave way further than its stiffness is known."""
 
 
 def untouched(section: Section) -> Solution:
@@ -209,10 +212,11 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
 
 
 def _refuse_flat_skin(finger: Finger, pair: Touch, push: Array) -> None:
-    """A skin's stiffness is constant only while it is not pressed flat. Raises `NotConverged`."""
+    """A skin's stiffness is constant only while it is not pressed flat. Raises `SkinPressedFlat`."""
     given = float((pair.give * push).max(initial=0.0))
     if given > MOST_PRESSED * finger.skin_m:
-        raise NotConverged(f"{SKIN} by {100 * given / finger.skin_m:.0f} % of its thickness")
+        flat_pct = 100 * given / finger.skin_m
+        raise SkinPressedFlat(f"the finger's skin is pressed by {flat_pct:.0f} % of its thickness")
 
 
 def _lowered(section: Section, load: Load) -> Finger:
@@ -293,7 +297,7 @@ def _physical_limit(
             f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
             "Take a lower pressure, a thicker or a stiffer wall.",
         )
-    if SKIN in str(failure):
+    if isinstance(failure, SkinPressedFlat):
         return CannotSolve(
             "skin",
             f"found no equilibrium deeper than {depth_mm:.4g} mm: {failure}, and is modelled up to "
