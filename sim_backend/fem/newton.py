@@ -212,7 +212,7 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
 
 
 def _refuse_flat_skin(finger: Finger, pair: Touch, push: Array) -> None:
-    """A skin's stiffness is constant only while it is not pressed flat. Raises `SkinPressedFlat`."""
+    """A skin is known only while it is not pressed flat. Raises `SkinPressedFlat`."""
     given = float((pair.give * push).max(initial=0.0))
     if given > MOST_PRESSED * finger.skin_m:
         flat_pct = 100 * given / finger.skin_m
