@@ -1,6 +1,6 @@
 # `make demo`: one scan of the phantom, its finding and its report. `make demo-ur`: the same by a UR
-# arm, whose controller is emulated. `make test`: every check.
-# Each alone takes a fresh machine with Python 3.11 or newer to a finished result.
+# arm, whose controller is emulated. `make test`: every check. `make install`: palpate with all its
+# extras. Each alone takes a fresh machine with Python 3.11 or newer to a finished result.
 
 BIN := .venv/bin
 export QT_QPA_PLATFORM ?= offscreen
@@ -8,12 +8,16 @@ export QT_QPA_PLATFORM ?= offscreen
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: demo demo-ur test clean
+.PHONY: install demo demo-ur test clean
 
-demo: .venv/.installed
+install: .venv/.installed-all
+	@echo "To use it here: . $(BIN)/activate && palpate --help"
+
+demo: .venv/.installed-report
 	$(BIN)/palpate scan --scene TIHA --seed 1 --out demo --report
+	@echo "Next: make install && . $(BIN)/activate && palpate --help"
 
-demo-ur: .venv/.installed
+demo-ur: .venv/.installed-report,ur
 	@mkdir -p demo; rm -f demo/ur.txt
 	@$(BIN)/palpate emulate ur --scene TIHA </dev/null >demo/ur.txt & robot=$$!; \
 	trap "kill $$robot" EXIT; \
@@ -27,13 +31,9 @@ test: .venv/.installed-dev
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2
 
-.venv/.installed: pyproject.toml .ci/install
-	.ci/install ""
+.venv/.installed-%: pyproject.toml .ci/install
+	.ci/install $*
 	touch $@
-
-.venv/.installed-dev: pyproject.toml .ci/install
-	.ci/install dev,cluster,mesh,netft,peers
-	touch $@ .venv/.installed
 
 clean:
 	rm -rf .venv demo runs build dist *.egg-info .mypy_cache .pytest_cache .ruff_cache

@@ -12,12 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-import probe
+import palpate
 from probe.cli import main
-from probe.recording import Recording
+from probe.config.rig import Rig
+from probe.core.recording import Recording
 from probe.report.look import BLUE, GREEN, ORANGE
-from probe.rig import Rig
-from sim_backend.response import respond
+from sim_backend.models.station_response import respond
 
 Array = NDArray[np.float64]
 
@@ -77,13 +77,13 @@ def wrong_and_right(folder: Path) -> list[Seen]:
     rig.calibrate_all()
     after = _seen(rig, rig.scan("", seed=1).path, "calibrated", BLUE)
     plain = Rig.model_validate({"face_mm2": 100, "scene": {"name": SCENE}})
-    path = probe.scan(plain, out=folder / "runs", seed=1).path
+    path = palpate.scan(plain, out=folder / "runs", seed=1).path
     return [before, after, _seen(None, path, "rig without fault", GREEN)]
 
 
 def _seen(rig: WrongRig | None, path: Path, label: str, colour: str) -> Seen:
-    recording = probe.open_run(path).recording()
-    found = probe.detect(recording)
+    recording = palpate.open_run(path).recording()
+    found = palpate.detect(recording)
     stress = np.array([_held(recording, n, s.signal_pa[:, 0])
                        for n, s in enumerate(recording.stations)])  # fmt: skip
     stated = np.array([_held(recording, n, s.depth_m) for n, s in enumerate(recording.stations)])
@@ -107,7 +107,7 @@ def _true_depth(
     rig: WrongRig, path: Path, recording: Recording, x_mm: Array, stress_pa: Array
 ) -> Array:
     """From what is wrong with the rig, not from what was calibrated."""
-    stage = probe.open_run(path).samples("stage")
+    stage = palpate.open_run(path).samples("stage")
     gain = GAIN if "force" not in rig.files else 1.0
     slope = TILT_MM / 32
     depth = []

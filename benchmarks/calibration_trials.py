@@ -23,10 +23,10 @@ from calibration import (
     fit_tissue,
     fit_tool,
 )
-from probe.calibrate import Forward, force_of_modulus
-from sim_backend.press import press
-from sim_backend.response import respond
-from sim_backend.scene import load_scene
+from probe.calibrate.fits import Forward, force_of_modulus
+from sim_backend.models.press import press
+from sim_backend.models.station_response import respond
+from sim_backend.scene.scene_file import load_scene
 
 Array = NDArray[np.float64]
 Rng = np.random.Generator

@@ -16,13 +16,13 @@ from time import process_time
 import numpy as np
 import pandas as pd
 
-from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.model import Grading
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.fem.section import Grading
-from sim_backend.fem.small import solve_small
-from sim_backend.press import press
-from sim_backend.scene import Scene
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.fem.small_strain import solve_small
+from sim_backend.models.press import press
+from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 BUDGETS_PCT = (0.5, 1.0, 2.0, 5.0)
 HAND = [

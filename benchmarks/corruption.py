@@ -19,13 +19,13 @@ from importlib import import_module
 import numpy as np
 
 from drivers import DeviceFault, WallClock, ft300, lines, modbus, taxels
+from drivers.core.reader import LineSensor
 from drivers.lines import TextChannel
 from drivers.modbus import Register
-from drivers.reader import LineSensor
 from sim_backend import emulators, load_scene
 from sim_backend.emulators.serving import Served
-from sim_backend.phantom import Phantom
-from sim_backend.response import respond
+from sim_backend.models.station_response import respond
+from sim_backend.phantom.phantom import Phantom
 
 TCP = "socket://127.0.0.1:0"
 PRESSED = (0.032, 0.0, -0.001)
@@ -102,7 +102,8 @@ def open_modbus_tcp(clock: WallClock, address: str) -> LineSensor:
     """The TCP framing on the emulator's port."""
     port = int(address.rpartition(":")[2])
     return modbus.open_sensor(
-        clock, host="127.0.0.1", tcp_port=port, register=REGISTERS, timeout_ms=20
+        clock,
+        modbus.ModbusSettings(host="127.0.0.1", tcp_port=port, register=REGISTERS, timeout_ms=20),
     )
 
 
@@ -110,18 +111,18 @@ TRIALS: dict[str, tuple[str, Emulate, Open]] = {
     "FT-300 stream": (
         "CRC-16",
         serve_tcp("ft300", noise_n=0.0),
-        lambda clock, port: ft300.open_sensor(clock, port=port),
+        lambda clock, port: ft300.open_sensor(clock, ft300.Ft300Settings(port=port)),
     ),
     "FT-300 polled": (
         "CRC-16",
         serve_tcp("ft300", noise_n=0.0),
-        lambda clock, port: ft300.open_sensor(clock, port=port, mode="poll"),
+        lambda clock, port: ft300.open_sensor(clock, ft300.Ft300Settings(port=port, mode="poll")),
     ),
     "Modbus RTU": (
         "CRC-16",
         serve_tcp("modbus"),
         lambda clock, port: modbus.open_sensor(
-            clock, port=port, register=REGISTERS, timeout_ms=20
+            clock, modbus.ModbusSettings(port=port, register=REGISTERS, timeout_ms=20)
         ),
     ),
     "Modbus TCP": ("none but TCP's", serve_tcp("modbus", framing="tcp"), open_modbus_tcp),

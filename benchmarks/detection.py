@@ -5,9 +5,9 @@
 Each scan is a random block, vessel or lump (depth, diameter, moduli, pressures), solved by
 finite strain at five distances and interpolated between; then hearts of 45 to 110 a minute that
 vary from beat to beat as measured, relaxation as measured on meat or none, a tilted surface,
-tremor, and the noise of one of five sensors. Kinds are judged by `probe.detect` and by two simple
-rules whose thresholds are set on the same scans, as well as they can be. Prints the tables, draws
-docs/pictures/detection.png. About four minutes for 40 scans per class on one core.
+tremor, and the noise of one of five sensors. Kinds are judged by `probe.detection` and by two
+simple rules whose thresholds are set on the same scans, as well as they can be. Prints the
+tables, draws docs/pictures/detection.png. About four minutes for 40 scans per class on one core.
 """
 
 import sys
@@ -24,15 +24,15 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
-from probe.detect import detect
-from probe.detect.prior import DRAWS, _between, _scene, samples
-from probe.recording import Recording, Station
+from probe.core.recording import Recording, Station
+from probe.detection import detect
+from probe.detection.classify.population import DRAWS, _between, _scene, samples
+from probe.detection.sensitivity import bound_n
 from probe.report.look import BLUE, GREEN, ORANGE
-from probe.visible import bound_n
-from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.scene import Scene
-from sim_backend.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES, PA_PER_MMHG
+from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES, PA_PER_MMHG
 
 Array = NDArray[np.float64]
 

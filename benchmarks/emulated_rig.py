@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-import probe
+import palpate
+from probe.acquisition.session import ScanResult
 from probe.cli import main
-from probe.session import Scanned
-from sim_backend.phantom import Respond, Response
-from sim_backend.scene import Scene
+from sim_backend.phantom.phantom import Respond, Response
+from sim_backend.scene.scene_file import Scene
 
 Array = NDArray[np.float64]
 
 GAIN, DELAY_MS, STIFFNESS_N_MM = 1.3, 8.0, 2.0
 TILT_MM = 1.5  # up at x = 64 mm, down at 0
-WEIGHTS_N = (0.0, 0.5, 1.0, 2.0, 3.0, 2.0, 1.0, 0.5, 0.0)
+WEIGHTS_N = (0.2, 0.5, 1.0, 2.0, 3.0, 2.0, 1.0, 0.5, 0.2)  # a press that feels nothing ends a scan
 SPRING_N_M, RIGID_N_M = 1e3, 1e8
 TILTED = f"surface_mm = [[0, 0, {-TILT_MM}], [64, 0, {TILT_MM}], [32, 5, 0]]"
 
@@ -71,7 +71,7 @@ class WrongRig:
         self.folder, self.scene, self.respond = folder, scene, respond
         self.files: dict[str, str] = {}
 
-    def scan(self, scan: str, under: Respond | None = None, *, seed: int = 0) -> Scanned:
+    def scan(self, scan: str, under: Respond | None = None, *, seed: int = 0) -> ScanResult:
         """Scan with the rig file as it is; the block unless something else is ``under`` it."""
         text = RIG.format(
             stiffness=STIFFNESS_N_MM, gain=GAIN, delay=DELAY_MS, scan=scan, scene=self.scene,
@@ -80,7 +80,7 @@ class WrongRig:
         )  # fmt: skip
         rig = self.folder / "rig.toml"
         rig.write_text(text)
-        done = probe.scan(rig, out=self.folder / "runs", seed=seed, respond=under or self.respond)
+        done = palpate.scan(rig, out=self.folder / "runs", seed=seed, respond=under or self.respond)
         if done.ended.finish != "completed":
             raise RuntimeError(f"{scan}: {done.ended.reason}")
         return done
@@ -98,7 +98,7 @@ class WrongRig:
         rows = ["raw,load_n"]
         for n, weight in enumerate(WEIGHTS_N):
             done = self.scan(one + "indentation_mm = 3.0", Under(weight_n=weight), seed=n)
-            felt = probe.open_run(done.path).samples()
+            felt = palpate.open_run(done.path).samples()
             held = felt["force"].values[felt["phase"].values == "holding"]
             rows.append(f"{held[50:].mean()},{weight}")
         table = self.folder / "weights.csv"

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from probe.detect.bumps import find_bumps, shape, surroundings
-from probe.detect.presses import presses_of
-from probe.recording import Recording, Station
+from probe.core.recording import Recording, Station
+from probe.detection.map.bumps import find_bumps, shape, surroundings
+from probe.detection.pulse.presses import presses_of
 from probe.report.look import BLUE, ORANGE
-from sim_backend.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES
+from sim_backend.scene.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES
 
 Array = NDArray[np.float64]
 

@@ -12,16 +12,16 @@ from time import perf_counter, process_time
 
 import numpy as np
 
-from sim_backend.fast import FastModel, fast_model
-from sim_backend.fem.finite import solve_finite
-from sim_backend.response import element_size_m
-from sim_backend.scene import load_scene
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.models.station_response import element_size_m
+from sim_backend.models.surrogate import Surrogate, surrogate
+from sim_backend.scene.scene_file import load_scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 BATCH, SINGLES, REPEATS = 100_000, 2000, 5
 
 
-def speed(model: FastModel, rng: np.random.Generator) -> tuple[float, float, float]:
+def speed(model: Surrogate, rng: np.random.Generator) -> tuple[float, float, float]:
     """States per second in batch (best of `REPEATS`), median and p99 of one state [s]."""
     x, d = rng.uniform(*model.x_m, BATCH), rng.uniform(*model.depth_m, BATCH)
     p = rng.uniform(model.pressure_pa[0], min(model.pressure_pa[1], 2e4), BATCH)
@@ -37,7 +37,7 @@ def speed(model: FastModel, rng: np.random.Generator) -> tuple[float, float, flo
     return BATCH / min(batches), float(np.median(singles)), float(np.quantile(singles, 0.99))
 
 
-def errors_pct(model: FastModel, rng: np.random.Generator, count: int) -> np.ndarray:
+def errors_pct(model: Surrogate, rng: np.random.Generator, count: int) -> np.ndarray:
     """(count, 2): of force and of pulse, the span from diastole to systole."""
     scene = model.scene
     length_m = 1e-3 * scene.indenter.length_mm
@@ -63,7 +63,7 @@ def main() -> None:
     length = scene.indenter.length_mm + float(np.random.default_rng().uniform(0, 1e-3))
     fresh = scene.indenter.model_copy(update={"length_mm": length})
     began, spent = perf_counter(), process_time()
-    model = fast_model(scene.model_copy(update={"indenter": fresh}), 2.5)
+    model = surrogate(scene.model_copy(update={"indenter": fresh}), 2.5)
     trained_s, processor_s = perf_counter() - began, process_time() - spent
     rate, median_s, p99_s = speed(model, rng)
     off = errors_pct(model, rng, held_out)

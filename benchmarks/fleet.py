@@ -24,13 +24,13 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from probe.report.look import BLUE, ORANGE
-from probe.studies.sweep import sweep
+from probe.studies.sweep import solve_points
 from probe.studies.vary import Point, applied, parse, places, points
-from sim_backend.fem.finite import solve_finite
-from sim_backend.quick import quick_scan
-from sim_backend.response import element_size_m
-from sim_backend.scene import Scene, load_scene
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.models.scan_estimate import estimate_scan
+from sim_backend.models.station_response import element_size_m
+from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 VARIED = (
     "inclusion.0.depth_mm=6..13", "inclusion.0.x_mm=20..44", "inner_diameter_mm=2.5..5",
@@ -58,8 +58,8 @@ def run(scene: Scene, some: list[Point], workers: int, out: Path) -> tuple[pd.Da
         if done and done % 50 == 0:
             print(f"  {done} of {every} after {at[-1][0] - at[0][0]:.0f} s", flush=True)
 
-    table = sweep(scene, some, out, x_mm=STATIONS_MM, indentation_mm=INDENTATION_MM, model="quick",
-                  seed=SEED, workers=workers, progress=progress)  # fmt: skip
+    table = solve_points(scene, some, out, x_mm=STATIONS_MM, indentation_mm=INDENTATION_MM,
+                         model="quick", seed=SEED, workers=workers, progress=progress)  # fmt: skip
     (first_s, first), (last_s, last) = at[1], at[-1]
     return table, (last - first) / (last_s - first_s)
 
@@ -92,7 +92,7 @@ def timed(scene: Scene, some: list[Point]) -> list[float]:
     for point in some:
         one = applied(scene, point)
         began_s = time.process_time()
-        quick_scan(one, [1e-3 * x for x in STATIONS_MM], 1e-3 * INDENTATION_MM)
+        estimate_scan(one, [1e-3 * x for x in STATIONS_MM], 1e-3 * INDENTATION_MM)
         seconds.append(time.process_time() - began_s)
     return seconds[1:]
 

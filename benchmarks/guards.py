@@ -13,10 +13,10 @@ import time
 import numpy as np
 
 from drivers import Block, Channel, Pose, WallClock
-from probe.control import Control
-from probe.guards import Limits
-from probe.plan import flat
-from probe.watch import Watch
+from probe.acquisition.commands import Control
+from probe.acquisition.safety_monitor import SafetyMonitor
+from probe.planning.limits import Limits
+from probe.planning.plan import flat
 
 RATE_HZ = 500.0
 LIMITS = Limits(1.0, 1e-2, ((-1.0, 1.0),) * 3, 1.0)
@@ -87,12 +87,12 @@ def latency_s(rng: np.random.Generator, *, blocked: bool) -> float:
     """One trial; the engine either beats every 5 ms or not at all."""
     clock = WallClock()
     sensor, stage = StepSensor(clock, int(rng.integers(10, 30))), StillStage(clock)
-    watch = Watch(stage, [sensor], clock, flat, LIMITS, Control(), threaded=True)
-    watch.start()
+    monitor = SafetyMonitor(stage, [sensor], clock, flat, LIMITS, Control(), threaded=True)
+    monitor.start()
     while not stage.stopped.wait(0.5 if blocked else 0.005):
-        watch.engine_lives()
-        watch.collect()
-    watch.finish()
+        monitor.engine_heartbeat()
+        monitor.collect()
+    monitor.finish()
     return stage.stopped_s - sensor.breaks_s()
 
 

@@ -15,9 +15,9 @@ from typing import Any
 
 import pandas as pd
 
-from sim_backend.fem.deck import ccx_forces_n_per_mm, write_deck
-from sim_backend.press import press
-from sim_backend.scene import Scene
+from sim_backend.fem.io.deck import ccx_forces_n_per_mm, write_deck
+from sim_backend.models.press import press
+from sim_backend.scene.scene_file import Scene
 
 SIZES_MM = (1.2, 0.9, 0.7)
 LIMIT_S = 1500.0

@@ -26,17 +26,17 @@ import numpy as np
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
-import probe
+import palpate
 from drivers import WallClock
-from probe.events import RunEnded, Samples
-from probe.live.remote import ask, control_path
-from probe.live.state import ViewState
-from probe.live.style import application
-from probe.live.window import RunWindow
+from probe.acquisition.remote import ask, control_path
+from probe.core.events import RunEnded, Samples
+from probe.gui.state import ViewState
+from probe.gui.style import application
+from probe.gui.window import RunWindow
 from sim_backend import load_scene
 from sim_backend.emulators import ur
-from sim_backend.phantom import Phantom
-from sim_backend.response import respond
+from sim_backend.models.station_response import respond
+from sim_backend.phantom.phantom import Phantom
 
 RIG = Path(__file__).parent.parent / "rigs" / "ur5e.toml"
 X_M = [4e-3 * n for n in range(1, 16)]
@@ -75,7 +75,7 @@ def stopped_after_s(phantom: Phantom, clock: WallClock, wait_s: float) -> tuple[
             time.sleep(0.001)
         rest_s = phantom.tip.all_legs()[-1].end_s
         scan.wait(30)
-        (*_, ended) = probe.open_run(run).events()
+        (*_, ended) = palpate.open_run(run).events()
         assert isinstance(ended, RunEnded)
         return rest_s - began_s, f"{ended.finish}: {ended.reason}"
 
@@ -92,7 +92,7 @@ def window_lost_samples() -> tuple[int, int, str]:
             time.sleep(1.0)
             os.kill(view, signal.SIGKILL)
             scan.wait(120)
-        opened = probe.open_run(run)
+        opened = palpate.open_run(run)
         blocks = [e for e in opened.events() if isinstance(e, Samples)]
         lost = sum(e.block.lost for e in blocks)
         time_s = np.concatenate([e.block.time_s for e in blocks if e.device != "stage"])

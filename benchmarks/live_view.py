@@ -17,12 +17,12 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 import numpy as np
 
 from drivers import Block, Channel
-from probe.events import Event, Phase, PhaseEntered, RunStarted, Samples, StationStarted
-from probe.live.app import Follower
-from probe.live.feel import MAX_DEPTH_MM, FeelWindow
-from probe.live.style import application
-from probe.live.table import Table, solve
-from probe.live.window import FRAME_MS, RunWindow
+from probe.core.events import Event, Phase, PhaseEntered, RunStarted, Samples, StationStarted
+from probe.gui.app import Follower
+from probe.gui.feel import MAX_DEPTH_MM, FeelWindow
+from probe.gui.style import application
+from probe.gui.table import Table, solve
+from probe.gui.window import FRAME_MS, RunWindow
 from sim_backend import load_scene
 
 CHANNELS, RATE_HZ, SIDE, BLOCK_S, SECONDS = 64, 1000.0, 256, 0.02, 12.0

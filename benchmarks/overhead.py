@@ -14,13 +14,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from drivers import Array, Clock, SimulatedClock, WallClock
-from probe.describe import run_config
-from probe.devices import connect
-from probe.engine import run_scan
-from probe.events import Event, Phase, PhaseEntered
-from probe.rig import Rig
-from probe.store import create_store
-from sim_backend.scene import Scene, load_scene
+from probe.acquisition.engine import run_scan
+from probe.config.devices import connect
+from probe.config.rig import Rig
+from probe.config.scan_plan import limits_for, plan_for
+from probe.config.snapshot import run_config
+from probe.core.events import Event, Phase, PhaseEntered
+from probe.storage.writer import create_store
+from sim_backend.scene.scene_file import Scene, load_scene
 
 
 class Springs:
@@ -46,14 +47,14 @@ def scan(clock: Clock, stations: int) -> tuple[float, float, float]:
         began = time.perf_counter()
         with create_store(Path(folder) / "scan.run") as store:
             ended = run_scan(
-                rig.plan,
+                plan_for(rig),
                 opened.stage,
                 opened.sensors,
                 clock,
                 store,
-                rig.limits,
+                limits_for(rig, plan_for(rig)),
                 observers=[events.append],
-                config=run_config(rig, scene, rig.plan, 0),
+                config=run_config(rig, scene, plan_for(rig), 0),
             )
         spent_s = time.perf_counter() - began
         assert opened.phantom is not None

@@ -23,10 +23,10 @@ from rich.table import Table
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import periodogram
 
-from probe.detect.hold import hold_of
-from probe.detect.pulse import find_pulse
-from probe.detect.search import FASTEST_HZ, SLOWEST_HZ
-from probe.recording import Station
+from probe.core.recording import Station
+from probe.detection.pulse.estimate import find_pulse
+from probe.detection.pulse.hold import hold_of
+from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
 from probe.report.look import BLUE, GREEN, ORANGE
 
 Array = NDArray[np.float64]

@@ -18,14 +18,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers import WallClock, ft300, grbl
-from probe.engine import run_scan
-from probe.events import Event, Finish, Phase, PhaseEntered, Samples
-from probe.rig import Rig, Safety, Scan
+from probe.acquisition.engine import run_scan
+from probe.config.rig import Rig, Safety, Scan
+from probe.config.scan_plan import limits_for, plan_for
+from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples
 from sim_backend import load_scene
 from sim_backend.emulators import ft300 as ft300_device
 from sim_backend.emulators import grbl as grbl_device
-from sim_backend.phantom import Phantom
-from sim_backend.response import respond
+from sim_backend.models.station_response import respond
+from sim_backend.phantom.phantom import Phantom
 
 FAULTS = {
     "grbl": ("silence", "drop", "garbage", "late", "alarm", "limit", "restart"),
@@ -39,6 +40,8 @@ RIG = Rig(
     scan=Scan(start_mm=32.0, stations=1, indentation_mm=1.5, ramp_s=0.6, hold_s=0.5, settle_s=0.15),
     safety=Safety(retract_mm=3.0),
 )
+PLAN = plan_for(RIG)
+LIMITS = limits_for(RIG, PLAN)
 
 
 @dataclass
@@ -85,12 +88,14 @@ def strike(device: str, fault: str, phase: Phase) -> Outcome:
             if isinstance(event, PhaseEntered) and event.phase is phase and not struck:
                 threading.Timer(AFTER_S, fail).start()
 
-        stage = grbl.open_stage(clock, port=board.address, origin_mm=grbl_device.ORIGIN_MM)
-        sensor = ft300.open_sensor(clock, port=cell.address)
+        stage = grbl.open_stage(
+            clock, grbl.GrblSettings(port=board.address, origin_mm=grbl_device.ORIGIN_MM)
+        )
+        sensor = ft300.open_sensor(clock, ft300.Ft300Settings(port=cell.address))
         try:
             stage.connect()
             sensor.connect()
-            ended = run_scan(RIG.plan, stage, [sensor], clock, sink, RIG.limits)
+            ended = run_scan(PLAN, stage, [sensor], clock, sink, LIMITS)
         finally:
             stage.close()
             sensor.close()

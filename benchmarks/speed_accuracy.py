@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from probe.charts.peers import felupe_forces, has_felupe
-from probe.charts.speed_accuracy import DEPTH_MM, LEVELS_MMHG, X_MM, calculix
-from sim_backend.fem.finite import solve_finite
-from sim_backend.fem.small import scan_small
-from sim_backend.response import element_size_m, respond
-from sim_backend.scene import Scene, load_scene
-from sim_backend.waves import PA_PER_MMHG, load_wave
+from probe.studies.charts.peers import felupe_forces, has_felupe
+from probe.studies.charts.speed_accuracy import DEPTH_MM, LEVELS_MMHG, X_MM, calculix
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.small_strain import scan_small
+from sim_backend.models.station_response import element_size_m, respond
+from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
 STATIONS_M = 1e-3 * 4.0 * np.arange(1, 16)
 DEPTH_M = 1e-3 * DEPTH_MM

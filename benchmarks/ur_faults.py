@@ -13,17 +13,18 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import count
 
-from serial_faults import AFTER_S, HOME, PHASES, RIG, SOON_S, Outcome, table
+from serial_faults import AFTER_S, HOME, LIMITS, PHASES, PLAN, SOON_S, Outcome, table
 
 from drivers import DeviceFault, WallClock
 from drivers.ur.sensor import open_sensor
+from drivers.ur.settings import UrSensorSettings, UrStageSettings
 from drivers.ur.stage import open_stage
-from probe.engine import run_scan
-from probe.events import Event, Phase, PhaseEntered, Samples
+from probe.acquisition.engine import run_scan
+from probe.core.events import Event, Phase, PhaseEntered, Samples
 from sim_backend import load_scene
 from sim_backend.emulators import ur
-from sim_backend.phantom import Phantom
-from sim_backend.response import respond
+from sim_backend.models.station_response import respond
+from sim_backend.phantom.phantom import Phantom
 
 FAULTS = ("protective stop", "emergency stop", "lost program", "silence", "drop", "blink",
           "garbage", "late")  # fmt: skip
@@ -60,12 +61,12 @@ def strike(fault: str, phase: Phase) -> Outcome:
             if isinstance(event, PhaseEntered) and event.phase is phase and not struck:
                 threading.Timer(AFTER_S, fail).start()
 
-        stage = open_stage(clock, host=robot.address)
-        sensor = open_sensor(clock, host=robot.address)
+        stage = open_stage(clock, UrStageSettings(host=robot.address))
+        sensor = open_sensor(clock, UrSensorSettings(host=robot.address))
         try:
             stage.connect()
             sensor.connect()
-            ended = run_scan(RIG.plan, stage, [sensor], clock, sink, RIG.limits)
+            ended = run_scan(PLAN, stage, [sensor], clock, sink, LIMITS)
             ended_s = clock.now()
         finally:
             stage.close()
@@ -86,7 +87,7 @@ def connect(fault: str) -> tuple[float, str]:
     """Seconds until the driver gives up connecting, and its reason."""
     clock = WallClock()
     address = host()
-    stage = open_stage(clock, host=address)
+    stage = open_stage(clock, UrStageSettings(host=address))
     began = time.monotonic()
 
     def attempt() -> tuple[float, str]:

@@ -1,9 +1,10 @@
 """What moves and what feels: small protocols, clocks and the drivers behind them."""
 
-from drivers.clocks import SimulatedClock, WallClock
-from drivers.errors import ConfigError, DeviceAbsent, DeviceFault, MissingExtra
-from drivers.protocols import Array, Block, Channel, Clock, Pose, Sensor, Stage
-from drivers.registry import available, find_driver
+from drivers.core.clocks import SimulatedClock, WallClock
+from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, MissingExtra, MotionFault
+from drivers.core.protocols import Array, Block, Channel, Clock, Pose, Sensor, Stage
+from drivers.core.registry import available, find_driver, open_driver, settings_of
+from drivers.core.settings import Settings
 
 __all__ = [
     "Array",
@@ -14,11 +15,15 @@ __all__ = [
     "DeviceAbsent",
     "DeviceFault",
     "MissingExtra",
+    "MotionFault",
     "Pose",
     "Sensor",
+    "Settings",
     "SimulatedClock",
     "Stage",
     "WallClock",
     "available",
     "find_driver",
+    "open_driver",
+    "settings_of",
 ]

@@ -12,11 +12,12 @@ from typing import Literal
 
 from pymodbus.framer import FramerRTU
 
+from drivers.core.ports import Port, open_port, read_some
+from drivers.core.protocols import Channel, Clock
+from drivers.core.reader import LineSensor, Sample, Source
+from drivers.core.settings import NonNegative, Settings
+from drivers.core.timestamps import FrameTime
 from drivers.modbus import ModbusSource, Register, connect_rtu
-from drivers.ports import Port, open_port, read_some
-from drivers.protocols import Channel, Clock
-from drivers.reader import LineSensor, Sample, Source
-from drivers.stamps import FrameTime
 
 BAUD = 19200
 DEVICE_ID = 9
@@ -65,7 +66,7 @@ class Frames:
 
 
 class StreamSource:
-    """The stream; see `drivers.reader.Source`."""
+    """The stream; see `drivers.core.reader.Source`."""
 
     def __init__(
         self, clock: Clock, name: str, port: str, normal: Normal, latency_s: float
@@ -107,41 +108,42 @@ def _channels(counts: tuple[int, ...], normal: Normal) -> list[float]:
     return [sign * values[AXES.index(normal[1:])], *values]
 
 
-def open_sensor(
-    clock: Clock,
-    *,
-    port: str,
-    mode: Literal["stream", "poll"] = "stream",
-    normal: Normal = "-fz",
-    latency_ms: float = 0.0,
-    name: str = "ft300",
-    simulated: bool = False,
-) -> LineSensor:
-    """An FT-300 at a serial ``port`` (a path, ``COM3`` or ``socket://host:port``).
+class Ft300Settings(Settings):
+    """``[[sensor]] driver = "ft300"``: at a serial ``port`` (a path, ``COM3``, ``socket://…``).
 
     The channel ``force`` is the normal force, positive when pressed: ``normal`` says which of the
     sensor's axes that is, ``-fz`` for a probe on its face, pressing along the sensor's +z.
-    ``simulated``: an emulated sensor is at the other end.
     """
-    full = {"N": FULL_SCALE_N, "Nm": FULL_SCALE_NM}
+
+    name: str = "ft300"
+    port: str
+    mode: Literal["stream", "poll"] = "stream"
+    normal: Normal = "-fz"
+    latency_ms: NonNegative = 0.0
+
+
+def open_sensor(clock: Clock, settings: Ft300Settings) -> LineSensor:
+    """An FT-300, not yet connected."""
+    keys, full = settings, {"N": FULL_SCALE_N, "Nm": FULL_SCALE_NM}
     axes = zip(AXES, UNITS, strict=True)
     channels = (
         Channel("force", "N", "force", full_scale=FULL_SCALE_N),
         *(Channel(axis, unit, full_scale=full[unit]) for axis, unit in axes),
     )
-    latency_s = 1e-3 * latency_ms
-    rate_hz = STREAM_HZ if mode == "stream" else POLL_HZ
+    latency_s = 1e-3 * keys.latency_ms
+    rate_hz = STREAM_HZ if keys.mode == "stream" else POLL_HZ
 
     def open_source() -> Source:
-        if mode == "stream":
-            return StreamSource(clock, name, port, normal, latency_s)
-        client = connect_rtu(port, BAUD, "N", 1, POLL_TIMEOUT_S)
-        registers = _registers(normal)
+        if keys.mode == "stream":
+            return StreamSource(clock, keys.name, keys.port, keys.normal, latency_s)
+        client = connect_rtu(keys.port, BAUD, "N", 1, POLL_TIMEOUT_S)
+        registers = _registers(keys.normal)
         return ModbusSource(
-            clock, name, client, registers, DEVICE_ID, "holding", "big", 1 / POLL_HZ, latency_s
-        )
+            clock, keys.name, client, registers, DEVICE_ID, "holding", "ABCD", 1 / POLL_HZ,
+            latency_s,
+        )  # fmt: skip
 
-    return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)
+    return LineSensor(clock, keys.name, channels, rate_hz, open_source, simulated=keys.simulated)
 
 
 def _registers(normal: Normal) -> list[Register]:

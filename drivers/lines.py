@@ -2,7 +2,8 @@ r"""Sensors that print lines of text on a serial port or a socket: load cells, f
 
 There is no standard, so the rig file gives a pattern (a regular expression with one named group
 per channel) and units. A group ``time`` is the device's own clock. Lines that do not match are
-counted as lost.
+counted as lost. Patterns are RE2's: matching takes a time proportional to the line's length,
+whatever the device sends, so that a damaged line cannot hold up the force guard.
 """
 
 import math
@@ -10,16 +11,19 @@ import re
 from collections.abc import Sequence
 from typing import Annotated, Literal
 
+import re2
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.errors import ConfigError
-from drivers.ports import open_port, read_some
-from drivers.protocols import Channel, Clock
-from drivers.reader import LineSensor, Sample
-from drivers.stamps import INSTANT_S, DeviceTime
-from drivers.units import to_si
+from drivers.core.errors import ConfigError
+from drivers.core.ports import open_port, read_some
+from drivers.core.protocols import Channel, Clock
+from drivers.core.reader import LineSensor, Sample
+from drivers.core.timestamps import INSTANT_S, DeviceTime
+from drivers.core.units import to_si
 
-LINE_MAX = 1024
+# The longest match takes program x line steps: 1 ms, a quarter of two samples at 500 Hz.
+LINE_MAX = 256
+PROGRAM_MAX = 500
 GAP = 1.5  # periods of device time between two lines: one is missing
 TIME = "time"
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
@@ -36,8 +40,43 @@ class TextChannel(BaseModel):
     full_scale: float | None = None
 
 
+class LinePattern:
+    """A compiled pattern; ``groups`` maps the names of its groups to their numbers.
+
+    Raises `ConfigError` for what is no pattern, needs backtracking, or is too large to be quick.
+    """
+
+    def __init__(self, pattern: str) -> None:
+        options = re2.Options()
+        options.log_errors = False
+        try:
+            self._compiled = re2.compile(pattern.encode(), options)
+        except re2.error as error:
+            words = error.args[0] if error.args else b""
+            why = words.decode(errors="replace") if isinstance(words, bytes) else str(words)
+            raise ConfigError(
+                f"pattern = {pattern!r}: {why}. Patterns are RE2's: no look-around, no references "
+                "to earlier groups"
+            ) from None
+        if self._compiled.programsize > PROGRAM_MAX:
+            raise ConfigError(
+                f"pattern = {pattern!r}: compiles to {self._compiled.programsize} steps; at most "
+                f"{PROGRAM_MAX} are allowed, so that a line is read in time. Repeat less: + and * "
+                "cost less than {m,n}"
+            )
+        self.groups: dict[str, int] = {
+            name.decode(): number for name, number in self._compiled.groupindex.items()
+        }
+
+    def match(self, line: bytes) -> Sequence[bytes | None] | None:
+        """The line and its groups by number, or None if the whole line does not match."""
+        if len(line) > LINE_MAX or (found := self._compiled.fullmatch(line)) is None:
+            return None
+        return (found.group(0), *found.groups())
+
+
 class LineSource:
-    """An open line; see `drivers.reader.Source`."""
+    """An open line; see `drivers.core.reader.Source`."""
 
     def __init__(
         self,
@@ -45,7 +84,7 @@ class LineSource:
         name: str,
         port: str,
         baud: int,
-        pattern: re.Pattern[bytes],
+        pattern: LinePattern,
         channels: Sequence[TextChannel],
         ask: bytes,
         period_s: float,
@@ -55,8 +94,8 @@ class LineSource:
         self._clock = clock
         self._line = open_port(name, port, baud)
         self._pattern = pattern
-        self._factors = [(c.name, c.scale * to_si(c.unit)[1]) for c in channels]
-        self._timed = TIME in pattern.groupindex
+        self._factors = [(pattern.groups[c.name], c.scale * to_si(c.unit)[1]) for c in channels]
+        self._time_group = pattern.groups.get(TIME)
         self._ask = ask
         self._ask_s = -math.inf
         self._period_s = period_s
@@ -114,17 +153,18 @@ class LineSource:
 
     def _numbers(self, line: bytes) -> tuple[list[float], float | None] | None:
         """The channels' values and the device's time, or None if the line is not one."""
-        found = self._pattern.fullmatch(line.strip())
+        found = self._pattern.match(line.strip())
         if found is None:
             return None
+        group = self._time_group
         try:
-            values = [factor * float(found[name]) for name, factor in self._factors]
-            time_s = self._time_unit_s * float(found[TIME]) if self._timed else 0.0
-        except (TypeError, ValueError):  # an optional group left out, or one that is no number
+            values = [factor * float(found[n] or b"") for n, factor in self._factors]
+            time_s = 0.0 if group is None else self._time_unit_s * float(found[group] or b"")
+        except ValueError:  # an optional group left out, or one that is no number
             return None
         if not all(math.isfinite(v) for v in (*values, time_s)):
             return None
-        return values, time_s if self._timed else None
+        return values, None if group is None else time_s
 
 
 def open_sensor(
@@ -143,16 +183,14 @@ def open_sensor(
 ) -> LineSensor:
     r"""A sensor that prints lines at ``port`` (a path, ``COM3`` or ``socket://host:port``).
 
-    ``pattern`` must match a whole line, ends stripped; a float is ``[-+0-9.eE]+``. ``ask`` is sent
+    ``pattern`` (in RE2's syntax) must match a whole line of at most `LINE_MAX` bytes, ends
+    stripped; a float is ``[-+0-9.eE]+``. ``ask`` is sent
     before every reading if the device speaks only when asked (``"?\r"``). ``rate_hz``: how often
     lines come; without a group ``time`` a line counts as taken when it arrived, less
     ``latency_ms``. Raises `ConfigError`.
     """
-    try:
-        compiled = re.compile(pattern.encode())
-    except re.error as error:
-        raise ConfigError(f"pattern = {pattern!r}: {error}") from None
-    groups = sorted(set(compiled.groupindex) - {TIME})
+    compiled = LinePattern(pattern)
+    groups = sorted(set(compiled.groups) - {TIME})
     if not channel or sorted(c.name for c in channel) != groups:
         raise ConfigError(
             f"pattern = {pattern!r}: has groups {groups}; there must be one [[sensor.channel]] "

@@ -10,26 +10,28 @@ import logging
 import math
 import time
 from collections.abc import Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 from pymodbus.framer import FramerType
 from pymodbus.pdu import ModbusPDU
 
-from drivers.errors import ConfigError, DeviceAbsent, DeviceFault
-from drivers.ports import SOCKET, tcp_address
-from drivers.protocols import Channel, Clock
-from drivers.reader import LineSensor, Sample
-from drivers.units import to_si
+from drivers.core.errors import DeviceAbsent, DeviceFault
+from drivers.core.ports import SOCKET, tcp_address
+from drivers.core.protocols import Channel, Clock
+from drivers.core.reader import LineSensor, Sample
+from drivers.core.settings import NonNegative, Positive, Settings
+from drivers.core.units import to_si
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # what matters, faults tell
 MAX_REGISTERS = 125
 MAX_FAILED = 3
 LATE_S = 0.5
 Client = ModbusTcpClient | ModbusSerialClient
-Kind = Literal["int16", "uint16", "int32", "uint32", "float32"]
+Kind = Literal["int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"]
+Order = Literal["ABCD", "BADC", "CDAB", "DCBA"]
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
@@ -50,11 +52,45 @@ class Register(BaseModel):
 
     @property
     def words(self) -> int:
-        return 1 if self.type.endswith("16") else 2
+        return int(self.type[-2:]) // 16
+
+
+class ModbusSettings(Settings):
+    """``[[sensor]] driver = "modbus"``: at a serial ``port`` (RTU) or a ``host`` (TCP).
+
+    ``register``: one table per channel. ``byte_order``: how the bytes of a number lie on the line,
+    A the highest; ``CDAB`` has its low 16-bit word first, ``BADC`` swaps the bytes of each word.
+    """
+
+    name: str = "modbus"
+    registers: Annotated[tuple[Register, ...], Field(alias="register", min_length=1)]
+    port: str | None = None
+    host: str | None = None
+    tcp_port: Annotated[int, Field(ge=1, le=65535)] = 502
+    baud: Annotated[int, Field(gt=0)] = 19200
+    parity: Literal["N", "E", "O"] = "N"
+    stopbits: Literal[1, 2] = 1
+    device_id: Annotated[int, Field(ge=0, le=247)] = 1
+    table: Literal["holding", "input"] = "holding"
+    byte_order: Order = "ABCD"
+    rate_hz: Positive = 50.0
+    timeout_ms: Positive = 100.0
+    latency_ms: NonNegative = 0.0
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        if (self.port is None) == (self.host is None):
+            raise ValueError("port or host: give one of them, port for RTU, host for TCP")
+        last = max(r.address + r.words for r in self.registers)
+        if (span := last - min(r.address for r in self.registers)) > MAX_REGISTERS:
+            raise ValueError(
+                f"register: addresses span {span}; one request reads up to {MAX_REGISTERS}"
+            )
+        return self
 
 
 class ModbusSource:
-    """A polled map of registers; see `drivers.reader.Source`."""
+    """A polled map of registers; see `drivers.core.reader.Source`."""
 
     def __init__(
         self,
@@ -64,7 +100,7 @@ class ModbusSource:
         registers: Sequence[Register],
         device_id: int,
         table: Literal["holding", "input"],
-        word_order: Literal["big", "little"],
+        byte_order: Order,
         period_s: float,
         latency_s: float,
     ) -> None:
@@ -75,7 +111,7 @@ class ModbusSource:
         client.transaction.trace_packet = self._trace
         self._registers = registers
         self._device_id = device_id
-        self._word_order = word_order
+        self._byte_order = byte_order
         self._period_s = period_s
         self._latency_s = latency_s
         self._first = min(r.address for r in registers)
@@ -107,10 +143,23 @@ class ModbusSource:
         if (why := self._wrong(reply)) is not None:
             self._recover(why)
             return []
-        lost, self._failed = missed + self._failed, 0
         middle_s = (asked_s + self._clock.now()) / 2  # the device answered somewhere in between
         values = [self._value(reply.registers, register) for register in self._registers]
+        if not all(map(math.isfinite, values)):
+            return self._no_number(values)
+        lost, self._failed = missed + self._failed, 0
         return [Sample(middle_s - self._latency_s, values, lost)]
+
+    def _no_number(self, values: list[float]) -> list[Sample]:
+        """A device that has no reading says not-a-number: the line is well, the sample lost."""
+        self._failed += 1
+        if self._failed >= MAX_FAILED:
+            names = [r.name for r, v in zip(self._registers, values, strict=True)
+                     if not math.isfinite(v)]  # fmt: skip
+            raise DeviceFault(
+                self._name, f"{', '.join(names)}: not a number, {MAX_FAILED} times in a row"
+            )
+        return []
 
     def close(self) -> None:
         """Close the line."""
@@ -137,10 +186,13 @@ class ModbusSource:
 
     def _value(self, words: Sequence[int], register: Register) -> float:
         start = register.address - self._first
+        own = list(words[start : start + register.words])
+        if self._byte_order in ("BADC", "DCBA"):
+            own = [(word & 0xFF) << 8 | word >> 8 for word in own]
         number = self._client.convert_from_registers(
-            list(words[start : start + register.words]),
+            own,
             self._client.DATATYPE[register.type.upper()],
-            word_order=self._word_order,
+            word_order="big" if self._byte_order in ("ABCD", "BADC") else "little",
         )
         assert isinstance(number, int | float)
         return register.scale * to_si(register.unit)[1] * number
@@ -179,54 +231,24 @@ def connect_rtu(port: str, baud: int, parity: str, stopbits: int, timeout_s: flo
     )
 
 
-def open_sensor(
-    clock: Clock,
-    *,
-    register: list[Register],
-    port: str | None = None,
-    host: str | None = None,
-    tcp_port: int = 502,
-    baud: int = 19200,
-    parity: Literal["N", "E", "O"] = "N",
-    stopbits: Literal[1, 2] = 1,
-    device_id: int = 1,
-    table: Literal["holding", "input"] = "holding",
-    word_order: Literal["big", "little"] = "big",
-    rate_hz: float = 50.0,
-    timeout_ms: float = 100.0,
-    latency_ms: float = 0.0,
-    name: str = "modbus",
-    simulated: bool = False,
-) -> LineSensor:
-    """A Modbus sensor at a serial ``port`` (RTU) or a ``host`` (TCP).
-
-    ``register``: a list of `Register` tables. ``word_order`` is that of 32-bit values.
-    Raises `ConfigError`.
-    """
-    if (port is None) == (host is None):
-        raise ConfigError("port or host: give one of them, port for RTU, host for TCP")
-    if not register:
-        raise ConfigError("register = []: name at least one [[sensor.register]]")
-    span = max(r.address + r.words for r in register) - min(r.address for r in register)
-    if span > MAX_REGISTERS:
-        raise ConfigError(
-            f"register: addresses span {span}; one request reads up to {MAX_REGISTERS}"
-        )
-    if not rate_hz > 0 or not timeout_ms > 0:
-        raise ConfigError(f"rate_hz = {rate_hz:g}, timeout_ms = {timeout_ms:g}: must be above 0")
-    channels = tuple(_channel(r) for r in register)
+def open_sensor(clock: Clock, settings: ModbusSettings) -> LineSensor:
+    """A Modbus sensor, not yet connected."""
+    keys = settings
+    channels = tuple(_channel(r) for r in keys.registers)
 
     def open_source() -> ModbusSource:
-        timeout_s = 1e-3 * timeout_ms
+        timeout_s = 1e-3 * keys.timeout_ms
         client: Client
-        if host is not None:
-            client = ModbusTcpClient(host, port=tcp_port, timeout=timeout_s, retries=0)
+        if keys.host is not None:
+            client = ModbusTcpClient(keys.host, port=keys.tcp_port, timeout=timeout_s, retries=0)
         else:
-            assert port is not None
-            client = connect_rtu(port, baud, parity, stopbits, timeout_s)
+            assert keys.port is not None
+            client = connect_rtu(keys.port, keys.baud, keys.parity, keys.stopbits, timeout_s)
         return ModbusSource(
-            clock, name, client, register, device_id, table, word_order, 1 / rate_hz,
-            1e-3 * latency_ms,
+            clock, keys.name, client, keys.registers, keys.device_id, keys.table, keys.byte_order,
+            1 / keys.rate_hz, 1e-3 * keys.latency_ms,
         )  # fmt: skip
 
-    return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)
+    return LineSensor(
+        clock, keys.name, channels, keys.rate_hz, open_source, simulated=keys.simulated
+    )

@@ -8,10 +8,11 @@ import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
-from drivers.errors import DeviceAbsent, DeviceFault, MissingExtra
-from drivers.protocols import Channel, Clock
-from drivers.reader import LineSensor, Sample
-from drivers.stamps import DeviceTime
+from drivers.core.errors import DeviceAbsent, DeviceFault
+from drivers.core.extras import needs
+from drivers.core.protocols import Channel, Clock
+from drivers.core.reader import LineSensor, Sample
+from drivers.core.timestamps import DeviceTime
 
 if TYPE_CHECKING:
     import pynetft
@@ -33,7 +34,7 @@ Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
 
 class RdtSource:
-    """A running client; see `drivers.reader.Source`."""
+    """A running client; see `drivers.core.reader.Source`."""
 
     def __init__(
         self,
@@ -121,12 +122,8 @@ def open_sensor(
 
     The channel ``force`` is the axis ``normal``, positive when pressed. Raises `MissingExtra`.
     """
-    try:
+    with needs("netft", 'driver = "netft"'):
         import pynetft
-    except ImportError:
-        raise MissingExtra(
-            'driver = "netft": its library is not installed; pip install "palpate[netft]"'
-        ) from None
     channels = (
         Channel("force", "N", "force"),
         *(Channel(axis, "N") for axis in AXES[:3]),

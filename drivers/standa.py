@@ -9,8 +9,9 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
-from drivers.errors import ConfigError, DeviceAbsent, DeviceFault, MissingExtra
-from drivers.protocols import Clock, Pose
+from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
+from drivers.core.extras import require
+from drivers.core.protocols import Clock, Pose
 
 AXES = "xyz"
 STILL_MM = 1e-6
@@ -194,12 +195,7 @@ def open_stage(
     400). ``origin_mm``: where the scan's (0, 0, 0) lies in the controllers' positions. z up.
     Raises `ConfigError`, `MissingExtra`.
     """
-    try:
-        import libximc.highlevel  # noqa: F401 - is it there?
-    except ImportError:
-        raise MissingExtra(
-            'driver = "standa": its library is not installed; pip install "palpate[standa]"'
-        ) from None
+    require("libximc", "standa", 'driver = "standa"')
     given = {"x": x_uri, "y": y_uri, "z": z_uri}
     uris = {axis: uri for axis, uri in given.items() if uri is not None}
     if not uris:

@@ -12,12 +12,12 @@ from typing import Literal
 import numpy as np
 from pymodbus.framer import FramerRTU
 
-from drivers.errors import ConfigError
-from drivers.ports import open_port, read_some
-from drivers.protocols import Channel, Clock
-from drivers.reader import LineSensor, Sample
-from drivers.stamps import FrameTime
-from drivers.units import to_si
+from drivers.core.errors import ConfigError
+from drivers.core.ports import open_port, read_some
+from drivers.core.protocols import Channel, Clock
+from drivers.core.reader import LineSensor, Sample
+from drivers.core.timestamps import FrameTime
+from drivers.core.units import to_si
 
 Number = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
 Check = Literal["none", "sum8", "crc16-modbus", "crc16-x25"]
@@ -89,7 +89,7 @@ class FrameCutter:
 
 
 class TaxelSource:
-    """An open line; see `drivers.reader.Source`."""
+    """An open line; see `drivers.core.reader.Source`."""
 
     def __init__(
         self,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim_backend.scene import Scene
+from sim_backend.scene.scene_file import Scene
 
 Array = NDArray[np.float64]
-WINDOWS = Path(__file__).parent / "probe" / "live"
+WINDOWS = Path(__file__).parent / "probe" / "gui"
 
 try:
     from PySide6 import QtWidgets as _QtWidgets  # noqa: F401 - is it there?
@@ -62,5 +62,5 @@ def respond_winkler(scene: Scene, x_m: float, _max_depth_m: float) -> Winkler:
 
 @pytest.fixture(scope="session")
 def winkler() -> Callable[[Scene, float, float], Winkler]:
-    """A quick stand-in for `sim_backend.response.respond`."""
+    """A quick stand-in for `sim_backend.models.station_response.respond`."""
     return respond_winkler

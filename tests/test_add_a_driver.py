@@ -1,4 +1,4 @@
-"""The driver in docs/add-a-driver.md, as it is written there, keeps the contract."""
+"""The driver in docs/how-to/add-a-driver.md, as it is written there, keeps the contract."""
 
 import os
 import re
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-DOC = Path(__file__).resolve().parents[1] / "docs" / "add-a-driver.md"
+DOC = Path(__file__).resolve().parents[1] / "docs" / "how-to" / "add-a-driver.md"
 FENCE = re.compile(r"^```(?:python|toml)\n# (\S+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 
 

@@ -15,7 +15,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PACKAGES = ("probe", "drivers", "sim_backend", "calibration")
+PACKAGES = ("palpate", "probe", "drivers", "sim_backend", "calibration")
 NO_INDEX = ("Connection", "connection", "Temporary failure", "Name or service", "timed out")
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(500)]
@@ -55,7 +55,7 @@ def run(command: list[str] | str, cwd: Path, path: Path | None = None) -> str:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The ``bin`` folder of a fresh environment with nothing but the wheel in it."""
+    """The ``bin`` folder of a fresh environment: the wheel, its extras `report` and `export`."""
     folder = tmp_path_factory.mktemp("first-time-user")
     source = folder / "source"
     for name in PACKAGES:
@@ -69,9 +69,10 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (wheel,) = folder.glob("palpate-*.whl")
     python = str(folder / "venv" / "bin" / "python")
     run(
-        [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", str(wheel)],
+        [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install",
+         f"{wheel}[report,export]"],
         folder,
-    )
+    )  # fmt: skip
     return folder / "venv" / "bin"
 
 

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
-import probe
+import palpate
 from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PINK
 
 SCENES = {"TI": INK, "TIT": GREEN, "TIHA": ORANGE, "TISA": BLUE}
@@ -20,7 +20,7 @@ OUT = Path(__file__).with_name("phantoms.png")
 
 def draw_section(axes: Axes) -> None:
     """TIHA pressed 2.5 mm deep over its artery, at systole."""
-    pressed = probe.press(probe.load_scene("TIHA"), 32.0, 2.5, (120.0,))
+    pressed = palpate.press(palpate.load_scene("TIHA"), 32.0, 2.5, (120.0,))
     state = pressed.states[0]
     place = 1e3 * (pressed.mesh.nodes + state.displacement_m)
     mesh = Triangulation(place[:, 0], place[:, 1], pressed.mesh.triangles)
@@ -34,8 +34,8 @@ def draw_section(axes: Axes) -> None:
 def draw_pulses(axes: Axes, folder: Path) -> None:
     """One scan of each scene; what was found stands in the legend."""
     for name, colour in SCENES.items():
-        scanned = probe.scan(scene=name, out=folder, seed=1)
-        found = probe.detect(probe.open_run(scanned.path).recording()).as_json()
+        scanned = palpate.scan(scene=name, out=folder, seed=1)
+        found = palpate.detect(palpate.open_run(scanned.path).recording()).as_json()
         x = [one["x_mm"] for one in found["stations"]]
         pulse = [one["pulse_pa"] for one in found["stations"]]
         axes.plot(x, pulse, "o-", ms=3, color=colour, label=f"{name}: {found['finding']}")

@@ -10,13 +10,13 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from PySide6.QtWidgets import QWidget
 
-import probe
-from probe.live.feel import MAX_DEPTH_MM, FeelWindow
-from probe.live.replay import PairWindow
-from probe.live.state import ViewState
-from probe.live.style import application
-from probe.live.table import Table, solve
-from probe.live.window import RunWindow
+import palpate
+from probe.gui.feel import MAX_DEPTH_MM, FeelWindow
+from probe.gui.replay import PairWindow
+from probe.gui.state import ViewState
+from probe.gui.style import application
+from probe.gui.table import Table, solve
+from probe.gui.window import RunWindow
 
 HERE = Path(__file__).parent
 SEEN, HELD = 10, 350
@@ -37,7 +37,7 @@ def main() -> None:
     """A running scan, two runs side by side, and the phantom felt."""
     application()
     with tempfile.TemporaryDirectory() as folder:
-        runs = [probe.open_run(probe.scan(scene=name, out=Path(folder), seed=1).path)
+        runs = [palpate.open_run(palpate.scan(scene=name, out=Path(folder), seed=1).path)
                 for name in ("TIHA", "TISA")]  # fmt: skip
         events = [list(run.events()) for run in runs]
         recording = runs[0].recording()
@@ -46,14 +46,14 @@ def main() -> None:
         state.update(event)
         if state.station == SEEN - 1 and len(state.hold()[0]) > HELD:
             break
-    found = probe.detect(replace(recording, stations=recording.stations[: SEEN - 1])).as_json()
+    found = palpate.detect(replace(recording, stations=recording.stations[: SEEN - 1])).as_json()
     save(RunWindow(runs[0].path, lambda: state, lambda: found, lambda _: None), "window-scan.png")
     pair = PairWindow(("healthy: TIHA", "stenotic: TISA"), (events[0], events[1]))
     pair.bar.slider.setValue(pair.bar.slider.maximum())
     save(pair, "window-pair.png")
     place: Future[Table] = Future()
-    place.set_result(solve(probe.load_scene("TIHA"), 32.0, MAX_DEPTH_MM))
-    feel = FeelWindow(probe.load_scene("TIHA"), lambda _: place)
+    place.set_result(solve(palpate.load_scene("TIHA"), 32.0, MAX_DEPTH_MM))
+    feel = FeelWindow(palpate.load_scene("TIHA"), lambda _: place)
     for n in range(90):  # three beats held
         feel.touch(32.0, min(0.1 * n, 2.2))
         feel.frame()

@@ -3,85 +3,88 @@
 ur-rtde hangs with the interpreter locked where a controller accepts and stays silent, blocks for
 minutes where one vanishes in a move, and has crashed on dropped connections; so nothing of it
 runs where the engine runs.
+
+Reading needs no program on the robot and changes nothing there. Control begins when it is asked
+for: the library then uploads its program, in place of whatever runs.
 """
 
 import os
 import threading
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
 READY = 0  # number of the answer that says the client is connected
+NO_ANSWER = -1  # number of a command that nobody waits for
 READ_S = 2e-4
 SEND_S = 0.004
-WATCHDOG_HZ = 5.0  # the robot's program stops itself if it hears less often from us
-KICK_S = 0.05
-HASTE = -10
-"""Nice value: samples and the watchdog wait for nobody's computing."""
-UNABLE = 0b111_1111_1100
-"""Safety bits other than normal and reduced."""
+KICKS = 4  # in the time that the robot's watchdog waits
+BEGINS_S = 1.0  # an accepted move is told as under way within a few cycles, on a busy machine later
+NICE_LEVEL = -10
+"""Samples and the watchdog wait for nobody's computing."""
+NORMAL, REDUCED = 1, 2  # safety modes in which the arm may move
 VARIABLES = [
-    "timestamp", "actual_TCP_pose", "actual_TCP_force", "robot_mode", "safety_status_bits",
-    "robot_status_bits", "runtime_state",
+    "timestamp", "actual_TCP_pose", "actual_TCP_force", "robot_mode", "safety_mode",
+    "runtime_state", "speed_scaling", "target_speed_fraction", "payload",
 ]  # fmt: skip
 
 
 class State(NamedTuple):
     """One whole sample: the controller's time, and what was true then (SI, base frame).
 
-    ``arrival_s`` is on this machine's monotonic clock.
+    ``arrival_s`` is on this machine's monotonic clock. ``pace`` is the share of a commanded speed
+    that the controller allows. ``busy``: our program says that a move or a stop is under way.
     """
 
     timestamp_s: float
     arrival_s: float
     pose: tuple[float, ...]
     wrench: tuple[float, ...]
-    safety_bits: int
+    safety_mode: int
     robot_mode: int
     runtime_state: int
+    pace: float
+    busy: bool
 
 
-class Setup(NamedTuple):
-    """What the client needs to know. ``tcp`` and ``payload_kg`` are left as they are if None."""
+class Control(NamedTuple):
+    """What is set before the first move. ``tcp`` and ``payload_kg``: None leaves them.
 
-    host: str
-    frequency_hz: float
-    control: bool
+    ``watchdog_s``: the robot's program stops itself if it hears nothing from us for this long.
+    """
+
     tcp: tuple[float, ...] | None
     payload_kg: float | None
     payload_centre_m: tuple[float, float, float]
+    watchdog_s: float
 
 
-def serve(setup: Setup, states: Connection, commands: Connection) -> None:
+def serve(host: str, frequency_hz: float, states: Connection, commands: Connection) -> None:
     """Body of the process: stream states, obey commands, until the other end closes."""
     import rtde_receive
 
     _silence()
+    with suppress(AttributeError, OSError):  # a terminal's Ctrl-C is for the scan, which lifts
+        os.setsid()
     with suppress(OSError):  # only root may
-        os.setpriority(os.PRIO_PROCESS, 0, HASTE)
-    control, end = None, threading.Event()
+        os.setpriority(os.PRIO_PROCESS, 0, NICE_LEVEL)
     try:
-        receive = rtde_receive.RTDEReceiveInterface(setup.host, setup.frequency_hz, VARIABLES)
-        threading.Thread(target=_stream, args=(receive, states, end), daemon=True).start()
-        if setup.control and receive.getSafetyStatusBits() & UNABLE:
-            time.sleep(10 * SEND_S)  # the state goes first, it says which
-            commands.send((READY, False, "its safety system does not let it move"))
-            return
-        control = _control(setup) if setup.control else None
+        receive = rtde_receive.RTDEReceiveInterface(host, frequency_hz, VARIABLES)
     except RuntimeError as error:
         commands.send((READY, False, str(error)))
         return
+    client = _Client(host, frequency_hz, receive)
+    threading.Thread(target=client.stream, args=(states,), daemon=True).start()
     commands.send((READY, True, ""))
     try:
-        _obey(control, commands, end)
+        client.obey(commands)
     except (EOFError, OSError):
         pass  # the scan's process has gone: leave the arm at rest
     finally:
-        end.set()
-        if control is not None:
-            control.stopScript()
+        client.end.set()
+        if client.control is not None:
+            client.control.stopScript()
 
 
 def _silence() -> None:
@@ -91,39 +94,137 @@ def _silence() -> None:
     os.dup2(nowhere, 2)
 
 
-def _control(setup: Setup) -> Any:
-    import rtde_control
+class _Client:
+    """Both interfaces of the library; a thread streams, the main one obeys."""
 
-    control = rtde_control.RTDEControlInterface(setup.host, setup.frequency_hz)
-    if setup.tcp is not None:
-        control.setTcp(list(setup.tcp))
-    if setup.payload_kg is not None:
-        control.setPayload(setup.payload_kg, list(setup.payload_centre_m))
-    control.setWatchdog(WATCHDOG_HZ)
-    return control
+    def __init__(self, host: str, frequency_hz: float, receive: Any) -> None:
+        self.control: Any = None
+        self.end = threading.Event()
+        self._host = host
+        self._frequency_hz = frequency_hz
+        self._receive = receive
+        self._guarded = False
+        self._before = (-1, 0.0)
+        self._kicked_s = 0.0
+        self._kick_s = 0.0
 
+    def stream(self, states: Connection) -> None:
+        """Send every new sample; a few at a time, so that the pipe is not the bottleneck."""
+        waiting: list[State] = []
+        last_s, sent_s = -1.0, 0.0
+        while not self.end.is_set():
+            state = whole_state(self._receive, last_s, busy=self._busy())
+            if state is not None:
+                last_s = state.timestamp_s
+                waiting.append(state)
+            now_s = time.monotonic()
+            if waiting and now_s - sent_s >= SEND_S:
+                sent_s = now_s
+                try:
+                    states.send(waiting)
+                except OSError:
+                    return
+                waiting = []
+            time.sleep(READ_S)
 
-def _stream(receive: Any, states: Connection, end: threading.Event) -> None:
-    """Send every new sample; a few at a time, so that the pipe is not the bottleneck."""
-    waiting: list[State] = []
-    last_s, sent_s = -1.0, 0.0
-    while not end.is_set():
-        state = whole_state(receive, last_s)
-        if state is not None:
-            last_s = state.timestamp_s
-            waiting.append(state)
-        now_s = time.monotonic()
-        if waiting and now_s - sent_s >= SEND_S:
-            sent_s = now_s
+    def obey(self, commands: Connection) -> None:
+        """One command at a time."""
+        while not self.end.is_set():
+            if not self._guarded:  # nobody checks a force: the watchdog guards this process
+                self._kick()
+            if not commands.poll(0.001):
+                continue
+            number, name, arguments = commands.recv()
             try:
-                states.send(waiting)
-            except OSError:
-                return
-            waiting = []
-        time.sleep(READ_S)
+                answer = (number, *self._do(name, arguments))
+            except (RuntimeError, ValueError, IndexError) as error:
+                answer = (number, False, str(error))
+            if number != NO_ANSWER:
+                commands.send(answer)
+
+    def _do(self, name: str, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
+        control = self.control
+        match name:
+            case "take control":
+                return self._take_control(*arguments)
+            case "guarded":  # whoever checks the force has just done so
+                self._guarded = True
+                self._kick()
+                return True, ""
+            case _ if control is None:
+                return False, "nobody has taken control"
+            case "move":
+                pose, speed, acceleration = arguments
+                self._begin_operation()
+                return control.moveL(list(pose), speed, acceleration, True), ""
+            case "stop":
+                self._begin_operation()
+                control.stopL(arguments[0], True)  # answers nothing
+                return True, ""
+            case "zero":
+                return control.zeroFtSensor(), ""
+            case "reachable":
+                return True, [bool(control.isPoseWithinSafetyLimits(list(p))) for p in arguments]
+        raise ValueError(name)
+
+    def _take_control(self, setup: Control) -> tuple[bool, Any]:
+        """Upload the program, set what is to be set, and tell what then holds."""
+        import rtde_control
+
+        if self.control is None:
+            control = rtde_control.RTDEControlInterface(self._host, self._frequency_hz)
+        else:
+            control, self.control = self.control, None
+            if not control.reuploadScript():
+                return False, "its control program does not start"
+        steps: list[tuple[str, tuple[Any, ...]]] = []
+        if setup.tcp is not None:
+            steps.append(("setTcp", (list(setup.tcp),)))
+        if setup.payload_kg is not None:
+            steps.append(("setPayload", (setup.payload_kg, list(setup.payload_centre_m))))
+        steps.append(("getTCPOffset", ()))
+        steps.append(
+            ("setWatchdog", (1 / setup.watchdog_s,))
+        )  # last: from then on it wants to be kicked
+        found = {}
+        for name, arguments in steps:
+            found[name] = getattr(control, name)(*arguments)
+            if not found[name]:
+                control.stopScript()
+                return False, f"the controller has refused {name}"
+        control.kickWatchdog()
+        tcp = tuple(found["getTCPOffset"])
+        self._guarded = False
+        self._kick_s = setup.watchdog_s / KICKS
+        self.control = control
+        payload_kg = setup.payload_kg  # what the stream tells may still be from before
+        if payload_kg is None:
+            payload_kg = self._receive.getPayload()
+        return True, {"tcp": tcp, "payload_kg": payload_kg}
+
+    def _kick(self) -> None:
+        if self.control is not None and time.monotonic() - self._kicked_s > self._kick_s:
+            self.control.kickWatchdog()
+            self._kicked_s = time.monotonic()
+
+    def _begin_operation(self) -> None:
+        """What tells of moves is another stream than the poses, and may lag behind them."""
+        self._before = (self._operation(), time.monotonic())
+
+    def _operation(self) -> int:
+        return int(self.control.getAsyncOperationProgressEx().operationId())
+
+    def _busy(self) -> bool:
+        if (control := self.control) is None:
+            return False
+        status = control.getAsyncOperationProgressEx()
+        number, asked_s = self._before
+        if status.operationId() == number and time.monotonic() - asked_s < BEGINS_S:
+            return True  # not yet told of
+        return bool(status.isAsyncOperationRunning())
 
 
-def whole_state(receive: Any, last_s: float) -> State | None:
+def whole_state(receive: Any, last_s: float, *, busy: bool = False) -> State | None:
     """A sample later than ``last_s`` whose fields belong together: the getters are separate, so
     the time is read again after them and must not have moved on."""
     before_s = receive.getTimestamp()
@@ -131,31 +232,8 @@ def whole_state(receive: Any, last_s: float) -> State | None:
         return None
     state = State(
         before_s, time.monotonic(), tuple(receive.getActualTCPPose()),
-        tuple(receive.getActualTCPForce()), int(receive.getSafetyStatusBits()),
+        tuple(receive.getActualTCPForce()), int(receive.getSafetyMode()),
         int(receive.getRobotMode()), int(receive.getRuntimeState()),
+        receive.getSpeedScaling() * receive.getTargetSpeedFraction(), busy,
     )  # fmt: skip
     return state if receive.getTimestamp() == before_s and before_s > 0 else None
-
-
-def _obey(control: Any, commands: Connection, end: threading.Event) -> None:
-    """One command at a time; between them the robot's watchdog is kept content."""
-    calls: dict[str, Callable[..., Any]] = {}
-    if control is not None:
-        calls = {
-            "move": lambda pose, v, a: control.moveL(list(pose), v, a, True),
-            "stop": lambda a: control.stopL(a, True),
-            "zero": control.zeroFtSensor,
-        }
-    kicked_s = 0.0
-    while not end.is_set():
-        if control is not None and time.monotonic() - kicked_s > KICK_S:
-            control.kickWatchdog()
-            kicked_s = time.monotonic()
-        if not commands.poll(0.001):
-            continue
-        number, name, arguments = commands.recv()
-        try:
-            done = calls[name](*arguments)
-            commands.send((number, done is not False, ""))
-        except RuntimeError as error:
-            commands.send((number, False, str(error)))

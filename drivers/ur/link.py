@@ -1,100 +1,110 @@
-"""One robot: preflight, the client's process, the newest state, commands with deadlines.
+"""One robot: the client's process, the newest state, commands with deadlines.
 
-A stage and a sensor on the same host share one link; it closes with its last user.
+A stage and a sensor on the same host share one link; it closes with its last user. A link reads;
+control is taken when a stage is enabled.
 """
 
 import socket
-import struct
 import threading
 import time
 from collections import deque
-from contextlib import suppress
-from multiprocessing import get_context
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from multiprocessing.connection import wait
 from typing import Any
 
-from drivers.errors import ConfigError, DeviceAbsent, DeviceFault
-from drivers.ur.client import READY, Setup, State, serve
+from drivers.core.child import Child
+from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
+from drivers.ur.client import NO_ANSWER, READY, Control, State, serve
+from drivers.ur.preflight import DASHBOARD_PORT, ask_version, check_control
 
-RTDE_PORT, DASHBOARD_PORT, SCRIPT_PORT = 30004, 29999, 30003
-PREFLIGHT_S = 1.0
 CONNECT_S = 9.0  # the library itself waits 5 s for its program to start
+FIRST_S = 1.0
 COMMAND_S = 0.5
-STOP_S = 0.1
-STALE_S = 0.1
+DASHBOARD_S = 0.1
+RECENT_S = 0.1
 LONGEST_S = 20.0  # of samples kept for a reader that is late
 PLAYING, RUNNING = 2, 7
+ALIVE = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
 SAFETY = {
-    2: "protective stop: clear it on the pendant, and find out why",
-    3: "recovery mode: move the arm out of its safety limits on the pendant",
-    4: "safeguard stop: close the safeguard",
-    5: "emergency stop of the cell",
-    6: "emergency stop of the robot",
+    3: "protective stop: clear it on the pendant, and find out why",
+    4: "recovery mode: move the arm out of its safety limits on the pendant",
+    5: "safeguard stop: close the safeguard",
+    6: "emergency stop of the cell",
     7: "emergency stop: release the button and restart the robot",
     8: "safety violation",
     9: "safety fault: restart the controller",
-    10: "stopped by the safety system",
+    10: "safety: the joints' identity is being checked",
 }
+REDUCED = 2
 MODES = {
     -1: "no controller", 0: "disconnected", 1: "confirming safety", 2: "booting", 3: "power off",
     4: "power on, not started", 5: "idle: release the brakes", 6: "back-drive", 8: "updating",
 }  # fmt: skip
 
 
-def preflight(name: str, setup: Setup) -> None:
-    """See within a second per port that a controller answers. Raises `DeviceAbsent`."""
-    ports = (RTDE_PORT, DASHBOARD_PORT, SCRIPT_PORT) if setup.control else (RTDE_PORT,)
-    for port in ports:
-        try:
-            with socket.create_connection((setup.host, port), PREFLIGHT_S) as line:
-                line.settimeout(PREFLIGHT_S)
-                if port == RTDE_PORT:
-                    line.sendall(struct.pack(">HBH", 5, ord("V"), 2))
-                    answer = line.recv(4)
-                    if answer[2:] != b"V\x01":
-                        raise DeviceAbsent(name, f"{setup.host}:{port} speaks no RTDE version 2")
-                elif port == DASHBOARD_PORT:
-                    line.recv(64)
-        except TimeoutError:
-            raise DeviceAbsent(
-                name, f"{setup.host}:{port} does not answer within {PREFLIGHT_S:g} s"
-            ) from None
-        except OSError as error:
-            raise DeviceAbsent(
-                name, f"{setup.host}:{port}: {error.strerror or error}; is the robot on, and the "
-                "host in the rig file right?"
-            ) from None  # fmt: skip
-
-
 class Link:
-    """A running client. `Link.state` raises what is wrong instead of giving an old state."""
+    """A running client. `Link.state` raises what is wrong instead of giving an old state.
 
-    def __init__(self, name: str, setup: Setup) -> None:
-        preflight(name, setup)
+    ``rate_hz`` is what the controller sends at.
+    """
+
+    def __init__(self, name: str, host: str, rate_hz: float | None, silence_s: float) -> None:
+        self.controller = ask_version(name, host)
+        fastest_hz = self.controller.fastest_hz
+        if rate_hz is not None and rate_hz > fastest_hz:
+            raise DeviceAbsent(
+                name, f"{rate_hz:g} Hz: this controller ({self.controller.told}) sends up to "
+                f"{fastest_hz:g}; leave the key out"
+            )  # fmt: skip
         self.name = name
-        self.setup = setup
+        self.host = host
+        self.silence_s = silence_s
+        self.rate_hz = fastest_hz if rate_hz is None else rate_hz
         self.users = 0
+        self.controls = False
         self._lock = threading.Lock()
         self._fresh = threading.Condition()
         self._state: State | None = None
-        self._samples: deque[State] = deque(maxlen=int(LONGEST_S * setup.frequency_hz))
-        self._recent: deque[State] = deque(maxlen=int(STALE_S * setup.frequency_hz) + 2)
-        self._answers: dict[int, tuple[bool, str]] = {}
+        self._samples: deque[State] = deque(maxlen=int(LONGEST_S * self.rate_hz))
+        self._recent: deque[State] = deque(maxlen=int(RECENT_S * self.rate_hz) + 2)
+        self._answers: dict[int, tuple[bool, Any]] = {}
         self._number = READY
         self._gone = ""
-        context = get_context("spawn")
-        self._states, states = context.Pipe(duplex=False)
-        self._commands, commands = context.Pipe()
-        self._process = context.Process(target=serve, args=(setup, states, commands), daemon=True)
-        self._process.start()
-        states.close()
-        commands.close()
+        self._starting = False
+        self._child = Child(serve, (host, self.rate_hz), pipes=2)
+        self._states, self._commands = self._child.pipes
         self._thread = threading.Thread(target=self._follow, name=f"palpate {name}", daemon=True)
         self._thread.start()
         ready, why = self._answer(READY, CONNECT_S)
         if not ready or not self._first():
             self._fail(why or "no data")
-        self._playing()
+
+    def take_control(self, setup: Control, *, replace_program: bool) -> dict[str, Any]:
+        """Upload the control program; what then holds. Raises `DeviceFault`.
+
+        A program of somebody else's is left alone unless ``replace_program``.
+        """
+        if self.controls and self._runs():
+            return {}
+        self.controls = False
+        state = self.state()
+        if state.runtime_state in ALIVE and not replace_program:
+            raise DeviceFault(
+                self.name, "another program runs on the robot; stop it on the pendant, or let this "
+                "scan end it: replace_program = true"
+            )  # fmt: skip
+        check_control(self.name, self.host, self.controller)
+        with self._silent_while_starting():
+            done, found = self._answer(self._send("take control", (setup,)), CONNECT_S)
+        if not done:
+            self.state()  # says more than the library does
+            raise DeviceFault(self.name, str(found) or "its control program does not start")
+        with self._fresh:  # a state from after the program's start; the next line says if none came
+            self._fresh.wait_for(lambda: bool(self._gone) or self._runs(), COMMAND_S)
+        self.controls = True
+        self.state()
+        return dict(found)
 
     def state(self) -> State:
         """The newest. Raises `DeviceFault` when it is old, or the robot is not able to work."""
@@ -102,16 +112,15 @@ class Link:
         if self._gone or state is None:
             raise DeviceFault(self.name, f"connection lost: {self._gone or 'not connected'}")
         age_s = time.monotonic() - state.arrival_s
-        if age_s > STALE_S:
+        if age_s > self.silence_s:
             raise DeviceFault(self.name, f"the robot has sent nothing for {age_s:.2f} s")
-        for bit, words in SAFETY.items():
-            if state.safety_bits >> bit & 1:
-                raise DeviceFault(self.name, words)
+        if (words := SAFETY.get(state.safety_mode)) is not None:
+            raise DeviceFault(self.name, words)
         # A playing program implies a running robot; the mode only tells why none plays.
         if state.runtime_state != PLAYING and state.robot_mode != RUNNING:
             told = MODES.get(state.robot_mode, str(state.robot_mode))
             raise DeviceFault(self.name, f"the robot is not running ({told})")
-        if self.setup.control and state.runtime_state != PLAYING:
+        if self.controls and state.runtime_state != PLAYING:
             raise DeviceFault(self.name, "its control program has stopped: connect again")
         return state
 
@@ -129,27 +138,41 @@ class Link:
                 self._fresh.wait(timeout_s)
             taken = list(self._samples)
             self._samples.clear()
-        if not taken:
+        if not taken and not self._starting:
             self.state()
         return taken
 
-    def command(self, name: str, *arguments: Any, timeout_s: float = COMMAND_S) -> None:
-        """Have a command obeyed. Raises `DeviceFault` if refused, or not answered in time."""
-        done, why = self._answer(self._send(name, arguments), timeout_s)
+    def command(self, name: str, *arguments: Any, timeout_s: float = COMMAND_S) -> Any:
+        """Have a command obeyed; its answer. Raises `DeviceFault` if refused, or late."""
+        done, found = self._answer(self._send(name, arguments), timeout_s)
         if not done:
             self.state()  # says more than the library does
-            raise DeviceFault(self.name, f"{name} refused" + (f": {why}" if why else ""))
+            raise DeviceFault(self.name, f"{name} refused" + (f": {found}" if found else ""))
+        return found
 
-    def stop(self, deceleration_m_s2: float) -> None:
-        """Halt: by the program, or if that does not answer by the dashboard. Never raises."""
+    def guarded(self) -> None:
+        """Whoever checks the force has just done so: from now on only this keeps the robot's
+        watchdog content."""
+        with suppress(DeviceFault):  # the next state says it
+            self._send("guarded", (), number=NO_ANSWER)
+
+    def stop(self, deceleration_m_s2: float, within_s: float) -> None:
+        """Halt: by the program, or if that does not answer ``within_s`` by the dashboard.
+
+        The dashboard ends the program. Never raises.
+
+        Somebody else's program is left alone.
+        """
+        if not self.controls:
+            return
         with suppress(DeviceFault, OSError):
-            done, _ = self._answer(self._send("stop", (deceleration_m_s2,)), STOP_S)
+            done, _ = self._answer(self._send("stop", (deceleration_m_s2,)), within_s)
             if done:
                 return
         with suppress(OSError), socket.create_connection(
-            (self.setup.host, DASHBOARD_PORT), STOP_S
+            (self.host, DASHBOARD_PORT), DASHBOARD_S
         ) as line:  # fmt: skip
-            line.settimeout(STOP_S)
+            line.settimeout(DASHBOARD_S)
             with suppress(TimeoutError):
                 line.recv(64)  # it greets before it listens
             line.sendall(b"stop\n")
@@ -158,31 +181,40 @@ class Link:
     def close(self) -> None:
         """End the client, by force if it does not end by itself."""
         self._gone = self._gone or "closed"
-        self._commands.close()
-        self._process.join(timeout=1.5)
-        if self._process.is_alive():
-            self._process.kill()
-            self._process.join(timeout=1.0)
+        self._child.end(timeout_s=1.5)
         self._thread.join(timeout=1.0)
+
+    @contextmanager
+    def _silent_while_starting(self) -> Iterator[None]:
+        """The library locks the interpreter of its process while it waits for its program."""
+        self._starting = True
+        try:
+            yield
+        finally:
+            self._starting = False
+
+    def _runs(self) -> bool:
+        return self._state is not None and self._state.runtime_state == PLAYING
 
     def _fail(self, why: str) -> None:
         """Give up connecting, in the robot's words if it has any."""
-        state = self._state
-        bits = [] if state is None else [w for b, w in SAFETY.items() if state.safety_bits >> b & 1]
+        words = None if self._state is None else SAFETY.get(self._state.safety_mode)
         self.close()
-        raise DeviceAbsent(self.name, f"no connection to {self.setup.host}: {(*bits, why)[0]}")
+        raise DeviceAbsent(self.name, f"no connection to {self.host}: {words or why}")
 
-    def _send(self, name: str, arguments: tuple[Any, ...]) -> int:
+    def _send(self, name: str, arguments: tuple[Any, ...], number: int | None = None) -> int:
         with self._lock:
-            self._number += 1
+            if number is None:
+                self._number += 1
+                number = self._number
             try:
-                self._commands.send((self._number, name, arguments))
+                self._commands.send((number, name, arguments))
             except (OSError, ValueError):
                 why = self._gone or "the robot's client has ended"
                 raise DeviceFault(self.name, f"connection lost: {why}") from None
-            return self._number
+            return number
 
-    def _answer(self, number: int, timeout_s: float) -> tuple[bool, str]:
+    def _answer(self, number: int, timeout_s: float) -> tuple[bool, Any]:
         with self._fresh:
             told = self._fresh.wait_for(
                 lambda: number in self._answers or bool(self._gone), timeout_s
@@ -193,16 +225,7 @@ class Link:
 
     def _first(self) -> bool:
         with self._fresh:
-            return self._fresh.wait_for(lambda: self._state is not None, PREFLIGHT_S)
-
-    def _playing(self) -> None:
-        """Wait for a state from after the program's start; `Link.state` tells if none comes."""
-        with self._fresh:
-            self._fresh.wait_for(
-                lambda: bool(self._gone) or not self.setup.control
-                or (self._state is not None and self._state.runtime_state == PLAYING),
-                COMMAND_S,
-            )  # fmt: skip
+            return self._fresh.wait_for(lambda: self._state is not None, FIRST_S)
 
     def _follow(self) -> None:
         """Take in what the client sends until it ends."""
@@ -229,17 +252,17 @@ _links: dict[str, Link] = {}
 _opening = threading.Lock()
 
 
-def take_link(name: str, setup: Setup) -> Link:
+def take_link(name: str, host: str, rate_hz: float | None, silence_s: float) -> Link:
     """The link to a host, opened by the first user. Raises `DeviceAbsent`, or `ConfigError` where
     it is open at another rate."""
     with _opening:
-        link = _links.get(setup.host)
-        if link is None or (setup.control and not link.setup.control):
-            link = _links[setup.host] = Link(name, setup)
-        elif link.setup.frequency_hz != setup.frequency_hz:
+        link = _links.get(host)
+        if link is None:
+            link = _links[host] = Link(name, host, rate_hz, silence_s)
+        elif rate_hz not in (None, link.rate_hz):
             raise ConfigError(
-                f"{name}: {setup.frequency_hz:g} Hz, but {link.name} has opened {setup.host} at "
-                f"{link.setup.frequency_hz:g} Hz: one robot sends at one rate"
+                f"{name}: {rate_hz:g} Hz, but {link.name} has opened {host} at "
+                f"{link.rate_hz:g} Hz: one robot sends at one rate"
             )
         link.users += 1
         return link
@@ -250,6 +273,6 @@ def leave_link(link: Link) -> None:
     with _opening:
         link.users -= 1
         if link.users <= 0:
-            if _links.get(link.setup.host) is link:
-                del _links[link.setup.host]
+            if _links.get(link.host) is link:
+                del _links[link.host]
             link.close()

@@ -2,30 +2,33 @@
 
 import time
 from contextlib import suppress
-from typing import Literal
 
-from drivers.errors import ConfigError, DeviceFault
-from drivers.protocols import Channel, Clock
-from drivers.reader import LineSensor, Sample
-from drivers.stamps import DeviceTime
-from drivers.ur.client import Setup, State
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from drivers.core.errors import DeviceFault
+from drivers.core.extras import require
+from drivers.core.protocols import Channel, Clock
+from drivers.core.reader import LineSensor, Sample
+from drivers.core.timestamps import DeviceTime
+from drivers.ur.client import State
 from drivers.ur.link import Link, leave_link, take_link
+from drivers.ur.preflight import E_SERIES_HZ
+from drivers.ur.settings import Normal, UrSensorSettings
 
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")
-Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 SETTLE_S = 0.15  # after zeroing, until a tare's samples are all from after it
+TOOL_AXIS = np.array([0.0, 0.0, 1.0])
 
 
 class WrenchSource:
-    """See `drivers.reader.Source`."""
+    """See `drivers.core.reader.Source`."""
 
-    def __init__(self, clock: Clock, link: Link, rate_hz: float, normal: Normal) -> None:
+    def __init__(self, clock: Clock, link: Link, normal: Normal) -> None:
         self._clock = clock
         self._link = link
-        self._rate_hz = rate_hz
-        self._sign = 1.0 if normal[0] == "+" else -1.0
-        self._axis = AXES.index(normal[1:])
-        self._time = DeviceTime()
+        self._normal = normal
+        self._time = DeviceTime(stands_still=True)
         self._last_s: float | None = None
 
     def read(self) -> list[Sample]:
@@ -41,9 +44,22 @@ class WrenchSource:
         time_s = self._time.stamp(state.timestamp_s, arrival_s)
         missing = 0
         if self._last_s is not None:
-            missing = max(round((state.timestamp_s - self._last_s) * self._rate_hz) - 1, 0)
+            missing = max(round((state.timestamp_s - self._last_s) * self._link.rate_hz) - 1, 0)
         self._last_s = state.timestamp_s
-        return Sample(time_s, [self._sign * state.wrench[self._axis], *state.wrench], missing)
+        force = pressed_n(state.wrench, state.pose, self._normal)
+        return Sample(time_s, [force, *state.wrench], missing, self._time.jumped_s)
+
+
+def pressed_n(wrench: tuple[float, ...], pose: tuple[float, ...], normal: Normal) -> float:
+    """The normal force [N] in a wrench at the tool, base frame; positive when pressed.
+
+    The tool presses along its own z axis, wherever the arm holds it, and what is pressed pushes
+    back against it.
+    """
+    if normal != "tool":
+        return (1.0 if normal[0] == "+" else -1.0) * wrench[AXES.index(normal[1:])]
+    axis = Rotation.from_rotvec(pose[3:]).apply(TOOL_AXIS)
+    return -float(np.dot(wrench[:3], axis))
 
 
 class UrForce(LineSensor):
@@ -53,42 +69,31 @@ class UrForce(LineSensor):
 
     def tare(self) -> None:
         """Zero on the controller where this scan controls it, then take what is left as zero."""
-        if self.link is not None and self.link.setup.control:
+        if self.link is not None and self.link.controls:
             self.link.command("zero")
             self._clock.sleep_until(self._clock.now() + SETTLE_S)
         super().tare()
 
 
-def open_sensor(
-    clock: Clock,
-    *,
-    host: str = "127.0.0.1",
-    rate_hz: float = 500.0,
-    normal: Normal = "+fz",
-    full_scale_n: float = 50.0,
-    name: str = "ur force",
-    simulated: bool = False,
-) -> UrForce:
-    """The tool force of the arm at ``host``, in the base frame.
-
-    The channel ``force`` is the axis ``normal``, positive when pressed: pressing down, the tissue
-    pushes the tool up. Raises `ConfigError`.
-    """
-    if not 0 < rate_hz <= 500:
-        raise ConfigError(f"rate_hz = {rate_hz:g}: a UR controller sends above 0 up to 500")
+def open_sensor(clock: Clock, settings: UrSensorSettings) -> UrForce:
+    """The tool force of the arm at ``settings.host``, not yet connected. Raises `MissingExtra`."""
+    require("rtde_receive", "ur", 'driver = "ur"')
     channels = (
-        Channel("force", "N", "force", full_scale=full_scale_n),
+        Channel("force", "N", "force", full_scale=settings.full_scale_n),
         *(Channel(axis, "N") for axis in AXES[:3]),
         *(Channel(axis, "Nm") for axis in AXES[3:]),
     )
-    setup = Setup(host, rate_hz, False, None, None, (0.0, 0.0, 0.0))
 
     def open_source() -> WrenchSource:
-        link = take_link(name, setup)
-        sensor.link = link
+        keys = settings
+        link = take_link(keys.name, keys.host, keys.rate_hz, keys.silence_s)
+        sensor.link, sensor.rate_hz = link, link.rate_hz
         with suppress(DeviceFault):
             link.samples(0.0)  # what came before is nobody's
-        return WrenchSource(clock, link, rate_hz, normal)
+        return WrenchSource(clock, link, settings.normal)
 
-    sensor = UrForce(clock, name, channels, rate_hz, open_source, simulated=simulated)
+    expected_hz = settings.rate_hz or E_SERIES_HZ
+    sensor = UrForce(
+        clock, settings.name, channels, expected_hz, open_source, simulated=settings.simulated
+    )
     return sensor

@@ -1,108 +1,154 @@
 """A UR arm as a stage: straight tool moves that can be stopped, poses in the scan frame."""
 
 import math
+import time
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from drivers.errors import ConfigError, DeviceFault
-from drivers.protocols import Clock, Pose
-from drivers.ur.client import Setup, State
+from drivers.core.errors import ConfigError, DeviceFault, MotionFault
+from drivers.core.extras import require
+from drivers.core.protocols import Clock, Pose
+from drivers.ur.client import REDUCED, Control, State
 from drivers.ur.link import Link, leave_link, take_link
-
-Point = tuple[float, float, float]
+from drivers.ur.settings import UrStageSettings
 
 ARRIVED_M = 0.1e-3
 STILL_M, STILL_S = 5e-6, 0.02
-STARTS_S = 0.5  # a move that was accepted is under way within this long
+SETTLES_S = 0.2  # the joints follow their targets within this long
+REACH_S = 0.02  # a question to the controller takes a few of its cycles
+FULL_PACE = 0.995
 
 
 class UrStage:
-    """The arm at ``host``; see `open_stage`."""
+    """An arm; see `UrStageSettings`."""
 
     turns = True
 
-    def __init__(
-        self, name: str, setup: Setup, origin_m: Point, yaw: Rotation,
-        tool: Rotation, acceleration_m_s2: float, max_speed_m_s: float, simulated: bool,
-    ) -> None:  # fmt: skip
-        self.name = name
-        self.simulated = simulated
-        self._setup = setup
-        self._origin_m = np.array(origin_m)
-        self._yaw = yaw
-        self._tool = tool
-        self._acceleration_m_s2 = acceleration_m_s2
-        self._max_speed_m_s = max_speed_m_s
+    def __init__(self, settings: UrStageSettings) -> None:
+        keys = settings
+        self.name = keys.name
+        self.simulated = keys.simulated
+        self._settings = keys
+        self._origin_m = 1e-3 * np.array(keys.origin_mm)
+        self._mounted = Rotation.from_euler(
+            "xyz", [keys.roll_deg, keys.pitch_deg, keys.yaw_deg], degrees=True
+        )
+        self._tool = Rotation.from_rotvec(keys.tool_rotvec_rad)
         self._link: Link | None = None
         self._target: Pose | None = None
+        self._rests_since_s: float | None = None
         self._set_off_s = 0.0
 
+    @property
+    def pace(self) -> float:
+        """The share of a commanded speed that the controller allows now (its speed slider)."""
+        return self._there().state().pace
+
     def connect(self) -> None:
-        """Connect, and upload the library's control program. Raises `DeviceAbsent`."""
+        """Connect for reading: nothing changes on the robot. Raises `DeviceAbsent`."""
         if self._link is None:
-            self._link = take_link(self.name, self._setup)
-            try:
-                self._link.state()
-            except DeviceFault:
-                self.close()
-                raise
+            keys = self._settings
+            self._link = take_link(self.name, keys.host, keys.frequency_hz, keys.silence_s)
+
+    def enable(self) -> list[str]:
+        """Upload the control program, set TCP and payload; what then holds, in words.
+
+        Raises `DeviceFault`, also where another program runs and may not be replaced.
+        """
+        link, keys = self._there(), self._settings
+        tcp = keys.tcp_mm_rad
+        cx, cy, cz = (1e-3 * v for v in keys.payload_centre_mm)
+        setup = Control(
+            None if tcp is None else (*(1e-3 * v for v in tcp[:3]), *tcp[3:]),
+            keys.payload_kg,
+            (cx, cy, cz),
+            keys.watchdog_s,
+        )
+        found = link.take_control(setup, replace_program=keys.replace_program)
+        return _in_words(link, found) if found else []
 
     def pose(self) -> Pose:
         """The tool centre point in the scan frame."""
         return self._pose(self._there().state())
 
-    def _pose(self, state: State) -> Pose:
-        place = self._yaw.inv().apply(np.array(state.pose[:3]) - self._origin_m)
-        turn = self._yaw.inv() * Rotation.from_rotvec(state.pose[3:]) * self._tool.inv()
-        return Pose(*map(float, place), *map(float, turn.as_rotvec()))
+    def unreachable(self, poses: Sequence[Pose]) -> list[Pose]:
+        """Those that the controller says it cannot go to, or may not by its safety limits."""
+        link = self._there()
+        asked = [self._base(pose) for pose in poses]
+        within = link.command("reachable", *asked, timeout_s=1.0 + REACH_S * len(asked))
+        return [pose for pose, can in zip(poses, within, strict=True) if not can]
 
     def move(self, target: Pose, speed_m_s: float) -> None:
         """Set off in a straight line. Raises `DeviceFault` if refused, or `ConfigError`."""
-        if not 0 < speed_m_s <= self._max_speed_m_s:
+        keys = self._settings
+        if not 0 < 1e3 * speed_m_s <= keys.max_speed_mm_s:
             raise ConfigError(
                 f"{self.name}: speed {1e3 * speed_m_s:g} mm/s; allowed is above 0 up to "
-                f"max_speed_mm_s = {1e3 * self._max_speed_m_s:g}"
+                f"max_speed_mm_s = {keys.max_speed_mm_s:g}"
             )
         link = self._there()
-        link.state()
-        place = self._origin_m + self._yaw.apply(target[:3])
-        turn = self._yaw * Rotation.from_rotvec(target[3:]) * self._tool
-        base = (*map(float, place), *map(float, turn.as_rotvec()))
-        self._target = target
-        link.command("move", base, speed_m_s, self._acceleration_m_s2)
-        self._set_off_s = link.state().timestamp_s
+        if not link.controls:
+            self.enable()
+        link.state()  # a program that has ended is not started again by a move
+        self._target, self._rests_since_s = target, None
+        acceleration_m_s2 = 1e-3 * keys.acceleration_mm_s2
+        link.command("move", self._base(target), speed_m_s, acceleration_m_s2)
+        self._set_off_s = time.monotonic()
 
     def moving(self) -> bool:
-        """True until the tip rests at the target. Raises `DeviceFault` if it rests elsewhere."""
+        """True until the controller says that the move has ended and the tip rests.
+
+        Raises `MotionFault` if it rests elsewhere than told.
+        """
         link = self._there()
         state, before = link.state(), link.earlier(STILL_S)
-        here = np.array(self._pose(state)[:3])
         # by the controller's time: on a busy machine states come late, and the arm is not at rest
         still = before is not None and math.dist(state.pose[:3], before.pose[:3]) < STILL_M
+        if state.busy or not still or state.arrival_s < self._set_off_s:
+            self._rests_since_s = None
+            return True
         if self._target is None:
-            return not still
-        off_m = float(np.linalg.norm(here - np.array(self._target[:3])))
-        if still and off_m < ARRIVED_M:
+            return False
+        off_m = math.dist(self._pose(state)[:3], self._target[:3])
+        if off_m < ARRIVED_M:
             self._target = None
             return False
-        if still and state.timestamp_s - self._set_off_s > STARTS_S:
+        if self._rests_since_s is None:
+            self._rests_since_s = state.timestamp_s
+        if state.timestamp_s - self._rests_since_s > SETTLES_S:
             self._target = None
-            raise DeviceFault(self.name, f"came to rest {1e3 * off_m:.2f} mm from its target")
+            raise MotionFault(self.name, f"came to rest {1e3 * off_m:.2f} mm from its target")
         return True
+
+    def keep_alive(self) -> None:
+        """Whoever checks the force has just done so; the robot stops when this is not called."""
+        if (link := self._link) is not None:
+            link.guarded()
 
     def stop(self) -> None:
         """Halt where it is."""
         self._target = None
         if (link := self._link) is not None:
-            link.stop(self._acceleration_m_s2)
+            link.stop(1e-3 * self._settings.acceleration_mm_s2, self._settings.stop_s)
 
     def close(self) -> None:
         """Halt and disconnect."""
         link, self._link = self._link, None
         if link is not None:
-            link.stop(self._acceleration_m_s2)
+            link.stop(1e-3 * self._settings.acceleration_mm_s2, self._settings.stop_s)
             leave_link(link)
+
+    def _pose(self, state: State) -> Pose:
+        place = self._mounted.inv().apply(np.array(state.pose[:3]) - self._origin_m)
+        turn = self._mounted.inv() * Rotation.from_rotvec(state.pose[3:]) * self._tool.inv()
+        return Pose(*map(float, place), *map(float, turn.as_rotvec()))
+
+    def _base(self, pose: Pose) -> tuple[float, ...]:
+        place = self._origin_m + self._mounted.apply(pose[:3])
+        turn = self._mounted * Rotation.from_rotvec(pose[3:]) * self._tool
+        return (*map(float, place), *map(float, turn.as_rotvec()))
 
     def _there(self) -> Link:
         if self._link is None:
@@ -110,40 +156,21 @@ class UrStage:
         return self._link
 
 
-def open_stage(
-    clock: Clock,  # noqa: ARG001 - what every driver is given; the arm has its own
-    *,
-    host: str = "127.0.0.1",
-    frequency_hz: float = 500.0,
-    origin_mm: Point = (0.0, 0.0, 0.0),
-    yaw_deg: float = 0.0,
-    tool_rotvec_rad: Point = (0.0, math.pi, 0.0),
-    tcp_mm_rad: tuple[float, float, float, float, float, float] | None = None,
-    payload_kg: float | None = None,
-    payload_centre_mm: Point = (0.0, 0.0, 0.0),
-    acceleration_mm_s2: float = 500.0,
-    max_speed_mm_s: float = 100.0,
-    name: str = "ur",
-    simulated: bool = False,
-) -> UrStage:
-    """The arm at ``host``.
+def _in_words(link: Link, found: dict[str, object]) -> list[str]:
+    state, tcp = link.state(), found["tcp"]
+    assert isinstance(tcp, tuple)
+    place = ", ".join(f"{1e3 * v:.1f}" for v in tcp[:3])
+    reduced = "reduced" if state.safety_mode == REDUCED else "normal"
+    notes = [
+        f"{link.controller.told} at {link.rate_hz:g} Hz, safety mode {reduced}, speed slider "
+        f"{100 * state.pace:.0f} %, tool centre {place} mm, payload {found['payload_kg']:.2f} kg"
+    ]
+    if state.pace < FULL_PACE:
+        notes.append(f"the controller slows every move to {100 * state.pace:.0f} % of its speed")
+    return notes
 
-    ``origin_mm`` and ``yaw_deg`` say where the scan frame lies in the robot's base frame;
-    ``tool_rotvec_rad`` is the tool's orientation there when it presses straight down.
-    ``tcp_mm_rad`` and ``payload_kg`` are set on the controller if given. ``simulated``: the
-    controller is emulated. Raises `ConfigError`.
-    """
-    for key, value in (("frequency_hz", frequency_hz), ("acceleration_mm_s2", acceleration_mm_s2),
-                       ("max_speed_mm_s", max_speed_mm_s)):  # fmt: skip
-        if not value > 0:
-            raise ConfigError(f"{key} = {value:g}: must be above 0")
-    if frequency_hz > 500:
-        raise ConfigError(f"frequency_hz = {frequency_hz:g}: a UR controller sends up to 500")
-    x, y, z = (1e-3 * v for v in origin_mm)
-    tcp = None if tcp_mm_rad is None else (*(1e-3 * v for v in tcp_mm_rad[:3]), *tcp_mm_rad[3:])
-    cx, cy, cz = (1e-3 * v for v in payload_centre_mm)
-    return UrStage(
-        name, Setup(host, frequency_hz, True, tcp, payload_kg, (cx, cy, cz)), (x, y, z),
-        Rotation.from_euler("z", yaw_deg, degrees=True), Rotation.from_rotvec(tool_rotvec_rad),
-        1e-3 * acceleration_mm_s2, 1e-3 * max_speed_mm_s, simulated,
-    )  # fmt: skip
+
+def open_stage(_clock: Clock, settings: UrStageSettings) -> UrStage:
+    """The arm at ``settings.host``, not yet connected. Raises `MissingExtra`."""
+    require("rtde_control", "ur", 'driver = "ur"')
+    return UrStage(settings)

@@ -10,22 +10,27 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from probe.cli import say
 from probe.cli.errors import status_of
+from probe.cli.layout import Grouped, add_examples
+from probe.cli.logs import log_to
 
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 """The solves are small: threads that wait for each other cost up to four times what they save."""
 GROUPS = (
     "scan",
     "runs",
+    "collection",
     "exchange",
     "finding",
     "scenes",
     "rig",
+    "files",
     "emulate",
     "record",
     "calibrate",
@@ -38,17 +43,20 @@ def build() -> typer.Typer:
     """The whole command line."""
     app = typer.Typer(
         name="palpate",
+        cls=Grouped,
         help="Press a probe into soft tissue, on a rig or a phantom, and say what lies beneath.",
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
         context_settings={"help_option_names": ["-h", "--help"]},
-        epilog="Exit status: 0 done, 2 bad input, 3 device or safety fault, 4 physics not solved.",
+        epilog="Exit status: 0 done, 2 bad input, 3 device or safety fault, 4 physics not solved, "
+        "5 aborted or stopped by the user.",
     )
     app.callback()(_options)
     for name in GROUPS:
         if find_spec(f"probe.cli.{name}") is not None:
             import_module(f"probe.cli.{name}").register(app)
+    add_examples(app)
     return app
 
 
@@ -81,11 +89,19 @@ def _tell_version(wanted: bool) -> None:
 
 
 def _options(
-    version: Annotated[
+    version: Annotated[  # noqa: ARG001 - its callback prints it
         bool,
         typer.Option(
             "--version", help="Print the version and exit.", is_eager=True, callback=_tell_version
         ),
     ] = False,
+    log: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write everything that happens to this file too."),
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Tell everything that happens, not only notes.")
+    ] = False,
 ) -> None:
     """What every command understands."""
+    log_to(log, verbose=verbose)

@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from probe.cli.arguments import calibration_kinds
 from probe.cli.guide import GUIDE
 from probe.cli.say import Json, answer, answer_json, plain, tell
 
@@ -30,7 +31,7 @@ def register(app: typer.Typer) -> None:
 
 
 def calibrate(
-    kind: Annotated[str, typer.Argument(help=", ".join(GUIDE))],
+    kind: Annotated[str, typer.Argument(help=", ".join(GUIDE), autocompletion=calibration_kinds)],
     readings: Annotated[
         Path | None,
         typer.Argument(
@@ -57,7 +58,7 @@ def calibrate(
     station: Annotated[
         int | None, typer.Option(help="Of a run: the press to take, as numbered in it.")
     ] = None,
-    twin: Annotated[
+    scene_out: Annotated[
         Path | None,
         typer.Option(metavar="FILE.toml", help="Of tissue or heart: write the scene found."),
     ] = None,
@@ -76,9 +77,9 @@ def calibrate(
         return
     from calibration import record, save
     from calibration.errors import CalibrationError
-    from probe.calibrate import Choices, fit_readings, raw_of, still_holds
-    from probe.readings import read
-    from sim_backend.scene import load_scene
+    from probe.calibrate.fits import Choices, check_drift, fit_measurements, raw_columns
+    from probe.calibrate.measurements import read
+    from sim_backend.scene.scene_file import load_scene
 
     cuff_mmhg = _cuff(cuff)
     r = read(readings, kind, device, station)
@@ -89,18 +90,18 @@ def calibrate(
     block = load_scene(scene)
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
     path = out or Path(f"{kind}-{r.device.replace(' ', '-')}.json")
-    if (worn := still_holds(path, kind, r)) is not None:
+    if (worn := check_drift(path, kind, r)) is not None:
         tell(f"what {path} held until now: {worn.removesuffix(': calibrate again')}")
-    result = fit_readings(kind, r, choices)
-    one = record(result, r.device, raw_of(r), note=note)
+    result = fit_measurements(kind, r, choices)
+    one = record(result, r.device, raw_columns(r), note=note)
     save(one, path)
     if json:
         answer_json(plain(_told(path, one)))
     else:
         _show(result, path, one)
-    if twin is not None:
-        _write_twin(block, result, twin)
-        tell(f"scene: {twin}")
+    if scene_out is not None:
+        _write_scene_found(block, result, scene_out)
+        tell(f"scene: {scene_out}")
 
 
 def _cuff(text: str) -> tuple[float, float]:
@@ -141,14 +142,14 @@ def _show(result: Any, path: Path, one: Any) -> None:
     answer(f"residuals {one.residual_rms:.3g} rms, good for {one.valid_days:g} days: {path}")
 
 
-def _write_twin(scene: Any, result: Any, twin: Path) -> None:
+def _write_scene_found(scene: Any, result: Any, scene_out: Path) -> None:
     from calibration import HeartCalibration, TissueCalibration
-    from probe.twin import heart_twin, tissue_twin
+    from probe.calibrate.scene_from_measurement import write_heart_scene, write_tissue_scene
 
     match result:
         case TissueCalibration():
-            tissue_twin(scene, result, twin)
+            write_tissue_scene(scene, result, scene_out)
         case HeartCalibration():
-            heart_twin(scene, result, twin)
+            write_heart_scene(scene, result, scene_out)
         case _:
-            raise typer.BadParameter("--twin: only of tissue or heart")
+            raise typer.BadParameter("--scene-out: only of tissue or heart")

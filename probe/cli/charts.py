@@ -28,7 +28,7 @@ def speed_accuracy(
     json: Json = False,
 ) -> None:
     """Error against time for every model, element and mesh, beside CalculiX and FElupe."""
-    from probe.charts.speed_accuracy import chart
+    from probe.studies.charts.speed_accuracy import chart
 
     table = chart(out, scene, repeats, tell, plane)
     shown = table[table.reason == ""].sort_values("seconds")
@@ -48,7 +48,7 @@ def stability(
     json: Json = False,
 ) -> None:
     """Go where methods fail, and draw what is solved, what is refused, and why."""
-    from probe.charts.stability import chart
+    from probe.studies.charts.stability import chart
 
     table = chart(out, quick, tell)
     counts = table.verdict.value_counts().to_dict()

@@ -5,19 +5,23 @@ import signal
 import sys
 import threading
 from collections.abc import Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack, closing, suppress
 from importlib import import_module
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from probe.cli.arguments import emulated_devices
 from probe.cli.say import answer, tell
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from sim_backend.emulators.serving import Served
+    from sim_backend.phantom.phantom import Response
+    from sim_backend.scene.scene_file import Scene
 
 DEVICES = ("ur", "grbl", "ft300", "modbus", "netft", "lines", "taxels")
+STAGES = ("ur", "grbl")
 HASTE = -10
 """Priority of the emulated controllers."""
 
@@ -29,7 +33,12 @@ def register(app: typer.Typer) -> None:
 
 def emulate(
     devices: Annotated[
-        list[str], typer.Argument(metavar="DEVICE...", help="Such as ur, grbl, ft300, modbus.")
+        list[str],
+        typer.Argument(
+            metavar="DEVICE...",
+            help="Such as ur, grbl, ft300, modbus.",
+            autocompletion=emulated_devices,
+        ),
     ],
     scene: Annotated[
         str, typer.Option(metavar="NAME|FILE", help="What they move in and feel.")
@@ -52,28 +61,34 @@ def emulate(
             raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(known)}")
     places = _addresses(at or [], devices)
     from drivers import WallClock
-    from probe.rig import default_rig
-    from sim_backend.phantom import Phantom
-    from sim_backend.response import respond
-    from sim_backend.scene import load_scene
+    from sim_backend.emulators.solving import Solver
+    from sim_backend.phantom.phantom import Phantom
+    from sim_backend.scene.scene_file import load_scene
 
-    felt = load_scene(scene)
-    phantom = Phantom(felt, WallClock(), respond, seed=seed)
-    tell(f"Solving {felt.name}, so that no answer has to wait …")
-    phantom.prepare([(place.x_m, place.y_m) for place in default_rig(felt).plan.places])
+    phantom = Phantom(load_scene(scene), WallClock(), solve_here, seed=seed)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: take the links away
     with suppress(OSError):  # only root may: a controller keeps its time whatever else runs
         os.setpriority(os.PRIO_PROCESS, 0, HASTE)
     with ExitStack() as open_devices:
+        solver = open_devices.enter_context(closing(Solver(phantom)))
         served: dict[str, Served] = {}
         for name in devices:
             module = import_module(f"sim_backend.emulators.{name}")
-            chosen = {"at": places[name]} if name in places else {}
+            chosen: dict[str, Any] = {"at": places[name]} if name in places else {}
+            if name in STAGES:  # they hold a press until its place is solved
+                chosen["ready"] = solver.ready
             served[name] = open_devices.enter_context(module.emulate(phantom, **chosen))
             answer(f"{name}: {served[name].address}  faults: {', '.join(served[name].faults)}")
         with suppress(KeyboardInterrupt):
             obey(served)
             threading.Event().wait()  # standard input has ended; serve on
+
+
+def solve_here(scene: "Scene", x_m: float, max_depth_m: float) -> "Response":
+    """A section that no stage has asked for, such as one that the tip is dragged through."""
+    from sim_backend.models.station_response import respond
+
+    return respond(scene, x_m, max_depth_m)
 
 
 def known_devices() -> list[str]:

@@ -9,20 +9,36 @@ import typer
 
 # Every complaint about the command line: click's base class, whichever click typer brings along.
 Misused: Any = typer.BadParameter.__mro__[2]
-BAD_INPUT, FAULT, UNSOLVED, INTERRUPTED, BUG = 2, 3, 4, 130, 70
+BAD_INPUT, FAULT, UNSOLVED, ABORTED, INTERRUPTED, BUG = 2, 3, 4, 5, 130, 70
 STATUSES = {
-    "sim_backend.press:CannotSolve": UNSOLVED,
-    "sim_backend.scene:SceneError": BAD_INPUT,
-    "drivers.errors:DeviceFault": FAULT,
-    "drivers.errors:ConfigError": BAD_INPUT,
-    "probe.live.remote:NotRunning": FAULT,
-    "probe.rig:RigError": BAD_INPUT,
-    "probe.rows:RunFileError": BAD_INPUT,
-    "probe.store:StoreError": BAD_INPUT,
-    "probe.foreign_table:ForeignError": BAD_INPUT,
+    "sim_backend.models.press:CannotSolve": UNSOLVED,
+    "sim_backend.scene.scene_file:SceneError": BAD_INPUT,
+    "drivers.core.errors:DeviceFault": FAULT,
+    "drivers.core.errors:ConfigError": BAD_INPUT,
+    "probe.acquisition.remote:NotRunning": FAULT,
+    "probe.config.rig:RigError": BAD_INPUT,
+    "probe.storage.rows:RunFileError": BAD_INPUT,
+    "probe.storage.writer:StoreError": BAD_INPUT,
+    "probe.storage.csv_columns:CsvError": BAD_INPUT,
     "calibration.errors:CalibrationError": BAD_INPUT,
     "builtins:OSError": BAD_INPUT,
 }
+
+
+EXTRA_OF = {
+    "PySide6": "live",
+    "pyqtgraph": "live",
+    "pandas": "data",
+    "xarray": "data",
+    "h5py": "export",
+    "h5netcdf": "export",
+    "pyarrow": "export",
+    "mcap": "export",
+    "matplotlib": "report",
+    "dask": "cluster",
+    "meshio": "mesh",
+}
+"""Libraries that a command may ask for, and the extra that brings them."""
 
 
 def status_of(error: BaseException) -> tuple[int, str]:
@@ -38,6 +54,11 @@ def status_of(error: BaseException) -> tuple[int, str]:
         if not text:  # a bare group has shown its help
             return BAD_INPUT, ""
         return BAD_INPUT, f"{text}\n`{command} --help` shows what is allowed"
+    if isinstance(error, ModuleNotFoundError) and (error.name or "").split(".")[0] in EXTRA_OF:
+        from drivers.core.extras import missing  # here: numpy comes with it
+
+        module = str(error.name).split(".")[0]
+        return BAD_INPUT, str(missing(EXTRA_OF[module], "this command", module))
     status = _known(error)
     if status is not None:
         return status, str(error)

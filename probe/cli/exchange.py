@@ -1,11 +1,11 @@
 """``palpate export`` and ``palpate import``: runs to and from other programs."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from probe.cli.finding import RunFile
+from probe.cli.arguments import RunFiles, export_formats
 from probe.cli.say import Json, answer, answer_json, tell
 
 
@@ -16,46 +16,62 @@ def register(app: typer.Typer) -> None:
 
 
 def export_run(
-    run: RunFile,
-    to: Annotated[str, typer.Option(metavar="LIST", help="Of csv, hdf5, netcdf.")] = "csv",
+    runs: RunFiles,
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="LIST",
+            help="Of csv, hdf5, netcdf, parquet, mcap.",
+            autocompletion=export_formats,
+        ),
+    ] = "csv",
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="By default where the run is.")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Write a run as CSV, HDF5 or netCDF."""
-    from probe.export import WRITERS, export
+    """Write a run as CSV, HDF5, netCDF, Parquet or MCAP."""
+    from probe.storage.export import WRITERS, export
 
     formats = [name.strip() for name in to.split(",")]
     if unknown := [name for name in formats if name not in WRITERS]:
         allowed = ", ".join(WRITERS)
         raise typer.BadParameter(f"--to {to}: {unknown[0]!r} is not known; allowed: {allowed}")
-    files = export(run, formats, out or run.parent)
+    written: list[dict[str, Any]] = [
+        {"run": run, "files": export(run, formats, out or run.parent)} for run in runs
+    ]
     if json:
-        answer_json({"run": run, "files": files})
+        answer_json(written[0] if len(written) == 1 else {"runs": written})
         return
-    for file in files:
-        answer(str(file))
+    for one in written:
+        for file in one["files"]:
+            answer(str(file))
 
 
 def import_run(
-    file: Annotated[Path, typer.Argument(metavar="FILE.csv", help="May be gzipped.")],
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.csv|FILE.mcap|…", help="CSV may be gzipped.")
+    ],
     out: Annotated[Path, typer.Option(metavar="RUN", help="The run file to make.")],
     face_mm2: Annotated[
         float | None, typer.Option(help="Area of the probe's face [mm2], for forces.")
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Of an MCAP file: which WrenchStamped.")
     ] = None,
     json: Json = False,
 ) -> None:
     """Make a run of a recording from elsewhere, to detect in it, show and report it.
 
     Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar; if known
-    x_mm, y_mm, station, reference.
+    x_mm, y_mm, station, reference. What `palpate export` wrote is read too, and MCAP files with
+    geometry_msgs/WrenchStamped: the force along z counts as the push.
     """
-    from probe.foreign import import_csv
+    from probe.storage.csv_import import import_csv
 
     if face_mm2 is not None and not face_mm2 > 0:
         raise typer.BadParameter(f"--face-mm2 {face_mm2:g}: must be above 0")
-    made = import_csv(file, out, face_mm2=face_mm2)
+    made = import_csv(file, out, face_mm2=face_mm2, topic=topic)
     for note in made.notes:
         tell(f"note: {note}")
     if json:

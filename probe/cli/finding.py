@@ -9,7 +9,7 @@ import typer
 
 from probe.cli.say import Json, answer, answer_json, plain
 
-MOST_LINES = 40
+MAX_LINES = 40
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
 
 
@@ -24,13 +24,22 @@ def detect(
     false_alarm: Annotated[
         float, typer.Option(help="Allowed chance of a finding where nothing lies.")
     ] = 0.01,
+    ask: Annotated[
+        float | None,
+        typer.Option(
+            "--ask",
+            metavar="PA",
+            help="Smallest pulse, trough to crest in Pa, that 'nothing' is to rule out; by default "
+            "the paper's healthy artery on this probe's face.",
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say what lies beneath, and where, from a stored run."""
-    from probe.run import open_run
+    from probe.storage.run import open_run
 
     began_s = time.perf_counter()
-    found = finding_json(run, open_run(run).recording(), began_s, false_alarm)
+    found = finding_json(run, open_run(run).recording(), began_s, false_alarm, ask)
     if json:
         answer_json(found)
     else:
@@ -43,8 +52,8 @@ def compare(
     json: Json = False,
 ) -> None:
     """Say which of two runs has the diseased artery: the stiffer one with the weaker pulse."""
-    from probe.detect import compare as compare_recordings
-    from probe.run import open_run
+    from probe.detection import compare as compare_recordings
+    from probe.storage.run import open_run
 
     both = compare_recordings(open_run(run_a).recording(), open_run(run_b).recording())
     told = plain(both.as_json())
@@ -59,12 +68,16 @@ def compare(
 
 
 def finding_json(
-    run_path: Path, recording: Any, began_s: float, false_alarm: float = 0.01
+    run_path: Path,
+    recording: Any,
+    began_s: float,
+    false_alarm: float = 0.01,
+    asked_pa: float | None = None,
 ) -> dict[str, Any]:
     """The JSON object of ``scan`` and ``detect``."""
-    from probe.detect import detect as detect_in
+    from probe.detection import detect as detect_in
 
-    found = detect_in(recording, false_alarm=false_alarm).as_json()
+    found = detect_in(recording, false_alarm=false_alarm, asked_pa=asked_pa).as_json()
     told: dict[str, Any] = plain(
         {
             "run": run_path,
@@ -79,23 +92,49 @@ def finding_json(
 
 def show_finding(found: Mapping[str, Any]) -> None:
     """The stations as a compact table, then what lies beneath."""
-    if len(found["stations"]) <= MOST_LINES:
+    if len(found["stations"]) <= MAX_LINES:
         show_stations(found["stations"])
     else:
         answer(f"{len(found['stations'])} stations: the report shows them as a map")
     if found["simulated"]:
         answer(f"SIMULATED: {', '.join(found['simulated'])}")
-    answer(f"Finding: {found['finding']}")
+    answer(f"Finding: {headline(found)}")
     for one in found["objects"]:
-        low, high = one.get("position_ci_mm") or (None, None)
-        between = f"{_number(low, '.2f')} to {_number(high, '.2f')}"
-        peak, pulse = _number(one["peak_pa"], ".0f"), _number(one["pulse_pa"], ".1f")
-        answer(
-            f"  {one['kind']} at x = {_number(one['position_mm'], '.2f')} mm (95 %: {between}), "
-            f"peak {peak} Pa, pulse {pulse} Pa, confidence {_percent(one['confidence'])}"
-        )
+        answer(f"  {object_line(one)}")
+    if found.get("heart_rate_bpm"):
+        low, high = found["heart_rate_ci_bpm"]
+        answer(f"  heart rate {found['heart_rate_bpm']:.0f} /min (95 %: {low:.0f} to {high:.0f})")
     if found.get("reason"):
         answer(f"  {found['reason']}")
+
+
+def headline(found: Mapping[str, Any]) -> str:
+    """The finding in a few words: all objects by name, and what could not be seen."""
+    if found["finding"] == "cannot see":
+        return (
+            f"cannot see: a pulse of {found['asked_pa']:.2g} Pa was asked for, "
+            f"{found['needed_pa']:.2g} Pa would have been needed"
+        )
+    kinds = [one["kind"] for one in found["objects"]]
+    if len(kinds) < 2:
+        return str(found["finding"])
+    counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
+    return " and ".join(f"{n} x {kind}" if n > 1 else kind for kind, n in counts.items())
+
+
+def object_line(one: Mapping[str, Any]) -> str:
+    """One object with what is known of it; what is not known is not mentioned."""
+    parts = [str(one["kind"])]
+    if one["position_mm"] is not None:
+        parts[0] += f" at x = {one['position_mm']:.2f} mm"
+    if one.get("position_ci_mm"):
+        low, high = one["position_ci_mm"]
+        parts[0] += f" (95 %: {low:.2f} to {high:.2f})"
+    for name, key in (("peak", "peak_pa"), ("pulse", "pulse_pa")):
+        if one[key] is not None:
+            parts.append(f"{name} {float(f'{one[key]:.3g}'):.10g} Pa")
+    parts.append(f"confidence {_percent(one['confidence'])}")
+    return ", ".join(parts)
 
 
 def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
@@ -121,4 +160,7 @@ def _number(value: float | None, form: str) -> str:
 
 
 def _percent(value: float | None) -> str:
-    return "unknown" if value is None else f"{100 * value:.0f} %"
+    """A probability, never as 0 or 100 %."""
+    if value is None:
+        return "unknown"
+    return f"{min(max(100 * value, 0.1), 99.9):.3g} %"

@@ -46,12 +46,12 @@ Or a table: time_s, depth_mm of the stage; sensor_time_s, force_n.""",
 Or a table: depth_mm, force_n.""",
     "tissue": """\
 1. Press plain tissue once, slowly, away from edges and lumps: palpate scan RIG.toml.
-2. palpate calibrate tissue runs/….run --scene BLOCK.toml --twin TWIN.toml
+2. palpate calibrate tissue runs/….run --scene BLOCK.toml --scene-out TWIN.toml
    BLOCK.toml gives the block's size and the finger; --relaxation-s 0.5 fits the hold as well.
 Or a table: depth_mm (true indentation), force_n, optional time_s.""",
     "heart": """\
 1. Record ten quiet beats or more beside the scan (a PPG or ECG channel of role reference), or a
    tonometer; take a cuff reading.
-2. palpate calibrate heart runs/….run --cuff 128/84 --scene SCENE.toml --twin SUBJECT.toml
+2. palpate calibrate heart runs/….run --cuff 128/84 --scene SCENE.toml --scene-out SUBJECT.toml
 Or a table: time_s, and reference (PPG, ECG: the rate) or pressure (tonometer: the wave too).""",
 }

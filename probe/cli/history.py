@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 
-from probe.events import (
+from probe.core.events import (
     Event,
     Note,
     PhaseEntered,

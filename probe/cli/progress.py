@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from probe.cli.say import tell
-from probe.events import Event, Note, Phase, PhaseEntered, StationEnded, StationStarted
+from probe.core.events import Event, Phase, PhaseEntered, StationEnded, StationStarted
 
 
 class ScanProgress:
@@ -69,8 +69,6 @@ class ScanProgress:
                 self._bar.update(self._task, phase=event.phase.value)
                 if event.phase is Phase.PAUSED:
                     self._bar.update(self._task, left="paused")
-            case Note():
-                tell(f"{event.level}: {event.device}: {event.text}")
 
     def _left(self) -> str:
         if self._each_s is None:

@@ -8,8 +8,8 @@ import typer
 from probe.cli.say import answer, tell
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from drivers.registry import Kind
-    from probe.rig import Device
+    from drivers.core.registry import Kind
+    from probe.config.rig import Device
 
 
 def register(app: typer.Typer) -> None:
@@ -33,9 +33,10 @@ def record(
     The files go into `tests/drivers/exchanges`: from then on the driver is tested against your
     device without it.
     """
-    from drivers.exchange import save
-    from drivers.record import record as listen
-    from probe.rig import RigError, load_rig
+    from drivers.testing.exchange import save
+    from drivers.testing.record import record as listen
+    from probe.config.rig import RigError
+    from probe.config.rig_file import load_rig
 
     loaded = load_rig(rig)
     found: list[tuple[Kind, Device]] = [("stages", loaded.stage)]

@@ -11,9 +11,9 @@ from probe.cli.errors import BAD_INPUT, FAULT
 from probe.cli.say import Json, answer, answer_json
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from probe.doctor import Noise
-    from probe.dryrun import Check
-    from probe.rig import Rig
+    from probe.acquisition.doctor import Noise
+    from probe.acquisition.dry_run import Check
+    from probe.config.rig import Rig
 
 MARKS = {"ok": "ok     ", "warning": "warning", "fault": "FAULT  "}
 
@@ -39,22 +39,30 @@ def doctor(
     json: Json = False,
 ) -> None:
     """Look at this machine and, with a rig, listen to its devices; nothing is moved."""
-    from probe.devices import connect
-    from probe.doctor import Noise, listen, machine
-    from probe.dryrun import Check
-    from probe.session import chosen, clock_for
+    from drivers import DeviceAbsent
+    from probe.acquisition.doctor import Noise, listen, machine
+    from probe.acquisition.dry_run import Check, device_checks
+    from probe.acquisition.session import clock_for, resolve_rig
+    from probe.config.devices import connect
+    from probe.config.scan_plan import plan_for
 
     checks, noises = list(machine()), []
     if rig is not None:
-        whole, _ = chosen(rig, scene)
+        whole, felt = resolve_rig(rig, scene)
         clock = clock_for(whole, real_time=False)
-        with connect(whole, clock, fallback=fallback) as devices:
-            checks += [Check("stand-in", "warning", note) for note in devices.notes]
-            for found in listen(devices, clock):
-                if isinstance(found, Noise):
-                    noises.append(found)
-                else:
-                    checks.append(found)
+        own = device_checks(whole, plan_for(whole), felt)
+        checks += own
+        if not any(check.level == "fault" for check in own):
+            try:
+                with connect(whole, clock, fallback=fallback) as devices:
+                    checks += [Check("stand-in", "warning", note) for note in devices.notes]
+                    for found in listen(devices, clock, whole.safety.workspace_mm):
+                        if isinstance(found, Noise):
+                            noises.append(found)
+                        else:
+                            checks.append(found)
+            except DeviceAbsent as missing:
+                checks.append(Check(missing.device, "fault", missing.reason))
         checks += _sees(whole, scene, noises)
     if json:
         answer_json({"checks": [asdict(c) for c in checks], "noise": [asdict(n) for n in noises]})
@@ -66,9 +74,9 @@ def doctor(
 
 def _sees(rig: "Rig", scene_name: str | None, noises: "list[Noise]") -> "list[Check]":
     """Whether the noise just measured lets the pulse through."""
-    from probe.dryrun import USUAL_BEAT_HZ, expected_pulse, pulse_check
-    from sim_backend.response import respond
-    from sim_backend.scene import load_scene
+    from probe.acquisition.dry_run import USUAL_BEAT_HZ, expected_pulse, pulse_check
+    from sim_backend.models.station_response import respond
+    from sim_backend.scene.scene_file import load_scene
 
     name = scene_name or (rig.scene.name if rig.scene is not None else None)
     scene = load_scene(name) if name is not None else None
@@ -98,12 +106,14 @@ def plan(
     json: Json = False,
 ) -> None:
     """Where a scan would go and how long it takes; with --can-i-see, what its sensors can see."""
-    from probe.dryrun import dry_run, expected_pulse, known_noise, pulse_check
-    from probe.session import chosen
-    from sim_backend.response import respond
+    from probe.acquisition.dry_run import dry_run, expected_pulse, known_noise, pulse_check
+    from probe.acquisition.session import resolve_rig
+    from probe.config.scan_plan import plan_for
+    from sim_backend.models.station_response import respond
 
-    whole, felt = chosen(rig, scene)
-    places, press = whole.plan.places, whole.plan
+    whole, felt = resolve_rig(rig, scene)
+    press = plan_for(whole)
+    places = press.places
     if not can_i_see:
         checks = list(dry_run(whole, felt, Path(), respond).checks)
     else:
@@ -128,12 +138,12 @@ def plan(
 
 def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool) -> int:
     """Check a scan without touching a device; the exit status."""
-    from probe.dryrun import draw_path, dry_run
-    from probe.session import chosen
+    from probe.acquisition.dry_run import draw_path, dry_run
+    from probe.acquisition.session import resolve_rig
 
-    rig, scene = chosen(rig_file, scene_name)
+    rig, scene = resolve_rig(rig_file, scene_name)
     if scene is not None:
-        from sim_backend.response import respond
+        from sim_backend.models.station_response import respond
 
         report = dry_run(rig, scene, out, respond)
     else:

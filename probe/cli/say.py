@@ -5,7 +5,7 @@ import math
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,22 +19,31 @@ _json_file: list[int] = []
 
 def tell(text: str) -> None:
     """A line for the person at the terminal, never part of the answer."""
-    print(text, file=sys.stderr, flush=True)
+    with suppress(OSError):  # the terminal may be gone; the scan and its file are not
+        print(visible(text), file=sys.stderr, flush=True)
 
 
 def answer(text: str) -> None:
     """A line of the answer that a person asked for."""
-    print(text, flush=True)
+    print(visible(text), flush=True)
 
 
 def answer_json(values: Mapping[str, Any]) -> None:
     """The one JSON object of ``--json``; not-a-number and infinity become null."""
-    text = json.dumps(plain(values), allow_nan=False, ensure_ascii=False) + "\n"
+    text = visible(json.dumps(plain(values), allow_nan=False, ensure_ascii=False)) + "\n"
     if _json_file:
         with os.fdopen(os.dup(_json_file[-1]), "w", encoding="utf-8") as file:
             file.write(text)
     else:
         print(text, end="", flush=True)
+
+
+def visible(text: str) -> str:
+    """``text`` with what a terminal would obey written out, as in JSON: ``\\u001b``.
+
+    Names and notes come from files and devices of others.
+    """
+    return "".join(c if c.isprintable() or c in "\n\t" else json.dumps(c)[1:-1] for c in text)
 
 
 def plain(value: Any) -> Any:
@@ -50,6 +59,15 @@ def plain(value: Any) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [plain(one) for one in value]
     return value
+
+
+def key_values(notes: Sequence[str]) -> dict[str, str]:
+    """``--note KEY=VALUE`` given any number of times. Raises `typer.BadParameter`."""
+    pairs = [text.partition("=") for text in notes]
+    for key, equals, value in pairs:
+        if not (key and value):
+            raise typer.BadParameter(f"--note {key}{equals}{value}: say it as KEY=VALUE")
+    return {key: value for key, _, value in pairs}
 
 
 @contextmanager

@@ -10,13 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from probe.cli.errors import FAULT
+from probe.cli.arguments import scene_names
+from probe.cli.errors import ABORTED, FAULT
 from probe.cli.finding import RunFile
-from probe.cli.say import Json, answer, answer_json, tell
+from probe.cli.say import Json, answer, answer_json, key_values, tell
 from probe.cli.windows import need_windows
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from probe.session import Scanned
+    from probe.acquisition.event_bus import EventSink
+    from probe.acquisition.session import ScanResult
 
 
 RigFile = Annotated[
@@ -24,7 +26,10 @@ RigFile = Annotated[
     typer.Argument(metavar="[RIG.toml]", help="A rig file; without one, the simulated rig."),
 ]
 SceneName = Annotated[
-    str | None, typer.Option(metavar="NAME|FILE", help="What simulated devices feel.")
+    str | None,
+    typer.Option(
+        metavar="NAME|FILE", help="What simulated devices feel.", autocompletion=scene_names
+    ),
 ]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the run file.")]
 Live = Annotated[bool, typer.Option("--live", help="Open a window; runs in real time.")]
@@ -49,11 +54,24 @@ def scan(
     scene: SceneName = None,
     out: Out = Path("runs"),
     seed: Annotated[int, typer.Option(help="Of the simulated sensors' noise.")] = 0,
+    operator: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Who scans; kept in the run.")
+    ] = None,
+    specimen: Annotated[
+        str | None, typer.Option(metavar="NAME", help="What or who is scanned; kept in the run.")
+    ] = None,
+    note: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=VALUE", help="Anything else; may be given again."),
+    ] = None,
     fallback: Fallback = None,
     live: Live = False,
     real_time: RealTime = False,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Check everything, move nothing.")
+    ] = False,
+    lsl: Annotated[
+        bool, typer.Option("--lsl", help="Publish force, pose and phase as LSL streams.")
     ] = False,
     report: Report = False,
     json: Json = False,
@@ -66,28 +84,46 @@ def scan(
         from probe.cli.rig import show_dry_run
 
         raise typer.Exit(show_dry_run(rig, scene, out, json))
+    from probe.acquisition.commands import Control, ctrl_c
+    from probe.acquisition.session import resolve_rig
+    from probe.acquisition.session import scan as scan_with
     from probe.cli.progress import ScanProgress
-    from probe.control import Control, ctrl_c
-    from probe.session import chosen
-    from probe.session import scan as scan_with
+    from probe.config.scan_plan import plan_for
 
     began_s = time.perf_counter()
-    whole, _ = chosen(rig, scene)
+    labels = labels_of(operator, specimen, note or [])
+    whole, _ = resolve_rig(rig, scene)
     control = Control()
     with keeping(live) as opened:
-        with ctrl_c(control), ScanProgress(len(whole.plan.places)) as progress:
+        with ctrl_c(control), ScanProgress(len(plan_for(whole).places)) as progress:
             scanned = scan_with(
                 whole,
                 out=out,
                 seed=seed,
+                labels=labels,
                 fallback=fallback,
                 real_time=real_time or live,
                 control=control,
-                observers=[progress],
+                observers=[progress, *publishers(lsl)],
                 opened=opened,
             )
-        status = conclude(scanned, began_s, report=report, as_json=json)
+        status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)
+
+
+def publishers(lsl: bool) -> "list[EventSink]":
+    """Who else is told of a scan."""
+    if not lsl:
+        return []
+    from probe.acquisition.lsl_publisher import LslPublisher
+
+    return [LslPublisher()]
+
+
+def labels_of(operator: str | None, specimen: str | None, notes: Sequence[str]) -> dict[str, str]:
+    """What the user says of a run. Raises `typer.BadParameter` for a note without a value."""
+    labels = {"operator": operator, "specimen": specimen, **key_values(notes)}
+    return {key: value for key, value in labels.items() if value}
 
 
 def resume(
@@ -99,14 +135,14 @@ def resume(
     json: Json = False,
 ) -> None:
     """Go on with a run that was killed, aborted or broke off; complete stations stay."""
+    from probe.acquisition.commands import Control, ctrl_c
+    from probe.acquisition.resume import resume as go_on
+    from probe.acquisition.resume import unfinished
     from probe.cli.progress import ScanProgress
-    from probe.control import Control, ctrl_c
-    from probe.resume import resume as go_on
-    from probe.resume import unfinished
 
     began_s = time.perf_counter()
     left, control = unfinished(run), Control()
-    total, done = len(left.rig.plan.places), len(left.completed)
+    total, done = len(left.plan.places), len(left.completed)
     with keeping(live) as opened:
         with ctrl_c(control), ScanProgress(total, done) as progress:
             scanned = go_on(
@@ -117,7 +153,7 @@ def resume(
                 observers=[progress],
                 opened=opened,
             )
-        status = conclude(scanned, began_s, report=report, as_json=json)
+        status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)
 
 
@@ -155,11 +191,11 @@ def open_window(path: Path) -> None:
     subprocess.Popen(command, stdin=subprocess.DEVNULL, start_new_session=True)
 
 
-def conclude(scanned: "Scanned", began_s: float, *, report: bool, as_json: bool) -> int:
+def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json: bool) -> int:
     """Say what the run found and how it ended; the exit status."""
     from probe.cli.finding import finding_json, show_finding
-    from probe.events import Finish
-    from probe.run import open_run
+    from probe.core.events import Finish
+    from probe.storage.run import open_run
 
     path, ended = scanned.path, scanned.ended
     recording = open_run(path).recording()
@@ -177,4 +213,4 @@ def conclude(scanned: "Scanned", began_s: float, *, report: bool, as_json: bool)
     if ended.finish is not Finish.COMPLETED:
         tell(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
         tell(f"To go on where it broke off: palpate resume {path}")
-    return FAULT if ended.finish is Finish.FAULTED else 0
+    return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

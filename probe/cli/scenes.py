@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from probe.cli.arguments import scene_names
 from probe.cli.say import Json, answer, answer_json, plain, tell
 from probe.cli.windows import need_windows
 
@@ -18,7 +19,9 @@ def register(app: typer.Typer) -> None:
 
 
 def press(
-    scene: Annotated[str, typer.Argument(help="A built-in scene or a scene file.")],
+    scene: Annotated[
+        str, typer.Argument(help="A built-in scene or a scene file.", autocompletion=scene_names)
+    ],
     x: Annotated[float, typer.Option(metavar="MM", help="Where along the surface [mm].")],
     depth: Annotated[float, typer.Option(metavar="MM", help="How deep [mm].")],
     pressure: Annotated[
@@ -41,22 +44,24 @@ def press(
     json: Json = False,
 ) -> None:
     """Press once into a scene and print force, stress and contact."""
-    from sim_backend.press import press as press_once
-    from sim_backend.scene import load_scene
+    from sim_backend.models.press import press as press_once
+    from sim_backend.scene.scene_file import load_scene
 
     chosen = {} if model is None else {"model": model}
     pressed = press_once(
         load_scene(scene), x, depth, tuple(pressure or ()), accuracy_pct=accuracy, **chosen
     )
     if deck is not None:
-        from sim_backend.fem.deck import write_deck
+        from sim_backend.fem.io.deck import write_deck
 
         write_deck(pressed.scene, x, depth, pressure or (0.0,), deck)
         tell(f"deck: {deck}")
     if vtu is not None:
-        from sim_backend.fem.vtu import write_vtu
+        from sim_backend.fem.io.vtu import write_vtu
 
-        for path in write_vtu(pressed, vtu):
+        mesh, states = pressed.plane_mesh, pressed.states
+        moved, stress = zip(*((s.displacement_m, mesh.von_mises(s)) for s in states), strict=True)
+        for path in write_vtu(mesh.section, moved, stress, vtu):
             tell(f"VTU: {path}")
     told: dict[str, Any] = plain(pressed.as_json())
     if json:
@@ -68,37 +73,43 @@ def press(
         f"error about {told['error_estimate_pct']:.2g} %"
     )
     for state in told["states"]:
+        per_mm = state["force_n_per_mm"]
+        force = f"{state['force_n']:.5g} N" + (f" ({per_mm:.5g} N/mm)" if per_mm else "")
         left, right = state["contact_mm"]
         answer(
-            f"  {state['pressure_mmhg']:g} mmHg: {state['force_n_per_mm']:.5g} N/mm, "
+            f"  {state['pressure_mmhg']:g} mmHg: {force}, "
             f"von Mises {state['von_mises_pa']:.5g} Pa, contact {left:.3f} to {right:.3f} mm"
         )
 
 
 def scenes(
     name: Annotated[
-        str | None, typer.Argument(help="Print this scene's file, to start your own from.")
+        str | None,
+        typer.Argument(
+            help="Print this scene's file, to start your own from.", autocompletion=scene_names
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
     """List the built-in scenes, or print one as a scene file."""
-    from sim_backend.scene import load_scene, scene_names
+    from sim_backend.scene.scene_file import load_scene
+    from sim_backend.scene.scene_file import scene_names as built_in_names
 
     if name is not None:
         scene = load_scene(name)
         if json:
             answer_json(scene.model_dump(mode="json"))
         else:
-            built_in = resources.files("sim_backend") / "scenes" / f"{name}.toml"
-            file = built_in if name in scene_names() else Path(name)
+            built_in = resources.files("sim_backend.scene") / "builtin" / f"{name}.toml"
+            file = built_in if name in built_in_names() else Path(name)
             answer(file.read_text(encoding="utf-8").rstrip())
         return
-    found = {one: describe(load_scene(one)) for one in scene_names()}
+    found = {one: describe(load_scene(one)) for one in built_in_names()}
     if json:
         answer_json({"scenes": found})
         return
     for one, text in found.items():
-        answer(f"{one:5} {text}")
+        answer(f"{one:10} {text}")
 
 
 def feel(
@@ -106,8 +117,8 @@ def feel(
 ) -> None:
     """Press the phantom by hand in a window: mouse or arrow keys."""
     need_windows()
-    from probe.live.feel import run_feel
-    from sim_backend.scene import load_scene
+    from probe.gui.feel import run_feel
+    from sim_backend.scene.scene_file import load_scene
 
     raise typer.Exit(run_feel(load_scene(scene)))
 

@@ -1,6 +1,5 @@
 """``palpate sweep``, ``fleet`` and ``paper``: many presses or scans, and the paper's figures."""
 
-import sys
 import time
 from pathlib import Path
 from typing import Annotated, Literal
@@ -54,22 +53,19 @@ def sweep(
     """Press or scan many variants of a scene; an interrupted sweep goes on where it stopped."""
     from probe.cli.progress import counting
     from probe.studies.sweep import sweep as run
-    from probe.studies.vary import parse, places, points
-    from sim_backend.scene import load_scene
+    from probe.studies.vary import keys_and_values
 
-    loaded = load_scene(scene)
-    made = points([parse(text, loaded) for text in vary], design, count, seed)
     began_s = time.perf_counter()
     with counting("points") as progress:
         table = run(
-            loaded, made, out, x_mm=places(x), indentation_mm=depth, model=model,
-            accuracy_pct=accuracy, seed=seed, workers=workers, scheduler=scheduler,
-            progress=progress,
+            scene, keys_and_values(vary), out=out, design=design, count=count, seed=seed, x_mm=x,
+            indentation_mm=depth, model=model, accuracy_pct=accuracy, workers=workers,
+            scheduler=scheduler, progress=progress,
         )  # fmt: skip
     failed = table[table["reason"] != ""]
     told = {
         "table": out,
-        "points": len(made),
+        "points": int(table["point"].nunique()),
         "rows": len(table),
         "failed": len(failed),
         "seconds": time.perf_counter() - began_s,
@@ -132,4 +128,4 @@ def paper(
     for one in statements:
         answer(f"{one.verdict}: {one.text}\n    {one.ours}")
     answer((out / "sensitivity.txt").read_text(encoding="utf-8"))
-    print(f"Pictures and tables: {out}", file=sys.stderr)
+    tell(f"Pictures and tables: {out}")

@@ -7,19 +7,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.tri import Triangulation
 from numpy.typing import NDArray
 
-from probe.recording import Recording, Station
+from drivers.core.extras import needs
+from probe.core.recording import Recording, Station
 from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PAPER_WIDTH_IN, PHASE_COLOURS
+
+with needs("report", "a report"):
+    import matplotlib as mpl
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.tri import Triangulation
 
 Array = NDArray[np.float64]
 
-PAPER_TIMES_S = (1.1, 1.3, 1.4)  # after the ramp began, as in the paper's maps
+HARMONICS = 6  # those above hold 0.5 % of the variance of `sim_backend.scene.waves`' measured beat
 STYLE: Any = {
     "font.size": 8,
     "axes.spines.top": False,
@@ -52,13 +55,31 @@ def style() -> Iterator[None]:
         yield
 
 
-def signal_at(station: Station, after_s: float) -> float:
-    """Mean stress [Pa] over the channels, ``after_s`` after the ramp began; NaN outside."""
-    start = station.indent_s if np.isfinite(station.indent_s) else station.time_s[0]
-    t = start + after_s
-    if len(station.time_s) < 2 or not station.time_s[0] <= t <= station.time_s[-1]:
-        return float("nan")
-    return float(np.interp(t, station.time_s, station.signal_pa.mean(axis=1)))
+def diastole_and_systole(station: Station, period_s: float) -> tuple[float, float]:
+    """Lowest and highest stress [Pa] of the mean beat of a station's hold.
+
+    A straight line (relaxation is no pulse) and `HARMONICS` of the beat are fitted together to the
+    hold, mean over the channels: over a single beat a line fitted alone would take a fifth of a
+    sine with it. A heart that runs free of the scan is read as one that waits for it. NaN where
+    less than a whole beat was held.
+    """
+    time_s, signal = _hold(station)
+    if len(time_s) < 4 * (2 * HARMONICS + 2) or time_s[-1] - time_s[0] < 0.97 * period_s:
+        return float("nan"), float("nan")
+    angle = 2 * np.pi * np.outer(time_s - time_s[0], np.arange(1, HARMONICS + 1)) / period_s
+    waves = np.hstack([np.cos(angle), np.sin(angle)])
+    straight = np.stack([np.ones_like(time_s), time_s - time_s.mean()], axis=1)
+    fitted, *_ = np.linalg.lstsq(np.hstack([straight, waves]), signal, rcond=None)
+    beat = waves @ fitted[2:]
+    return float(signal.mean() + beat.min()), float(signal.mean() + beat.max())
+
+
+def _hold(station: Station) -> tuple[Array, Array]:
+    """Time [s] and mean stress over the channels [Pa] while the press is held."""
+    begin = station.hold_s if np.isfinite(station.hold_s) else -np.inf
+    end = station.retract_s if np.isfinite(station.retract_s) else np.inf
+    held = (station.time_s >= begin) & (station.time_s < end)
+    return station.time_s[held], station.signal_pa[held].mean(axis=1)
 
 
 def is_grid(recording: Recording) -> bool:
@@ -76,24 +97,29 @@ def grid_of(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
     return columns, rows, table
 
 
-def tactile_map(recording: Recording, at_s: Sequence[float] = PAPER_TIMES_S) -> Figure:
-    """Stress at each station at the given times after the ramp began: the paper's figure.
+def tactile_map(recording: Recording, heart_rate_bpm: float | None = None) -> Figure:
+    """Stress of the hold at each station: its mean, and with a pulse at diastole and systole.
 
-    One row of stations gives curves, a grid one heat map per time on one colour scale.
+    One row of stations gives curves, a grid one heat map per curve on one colour scale.
     """
+    maps = {"mean of the hold": np.array([s.hold_level_pa for s in recording.stations])}
+    if heart_rate_bpm is not None:
+        ends = [diastole_and_systole(s, 60.0 / heart_rate_bpm) for s in recording.stations]
+        low, high = np.array(ends).T
+        if np.isfinite(low).any():
+            maps = {"diastole": low, **maps, "systole": high}
     x = np.array([1e3 * s.x_m for s in recording.stations])
-    maps = [np.array([signal_at(s, t) for s in recording.stations]) for t in at_s]
     if is_grid(recording):
         y = np.array([1e3 * s.y_m for s in recording.stations])
-        titles = [f"{t:g} s" for t in at_s]
-        return heat_maps(x, y, [m / 1e3 for m in maps], titles, "stress [kPa]")
+        return heat_maps(x, y, [m / 1e3 for m in maps.values()], list(maps), "stress [kPa]")
     figure = _figure()
     axes = figure.add_subplot()
-    for t, values, colour, mark in zip(
-        at_s, maps, (BLUE, ORANGE, GREEN), ("o-", "s--", "^:"), strict=False
-    ):
-        axes.plot(x, values / 1e3, mark, color=colour, label=f"{t:g} s")
-    axes.legend(title="after first contact")
+    looks = {"diastole": (BLUE, "s--"), "mean of the hold": (INK, "o-"), "systole": (ORANGE, "^:")}
+    for name, values in maps.items():
+        colour, mark = looks[name]
+        axes.plot(x, values / 1e3, mark, color=colour, label=name)
+    if len(maps) > 1:
+        _legend(figure)
     return _labelled(figure, axes, "position x [mm]", "contact stress [kPa]")
 
 
@@ -170,9 +196,8 @@ def force_trace(station: Station, face_m2: float) -> Figure:
             colour = PHASE_COLOURS[phase]
             axes.axvspan(start - zero, end - zero, color=colour, alpha=0.18, lw=0, label=phase)
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="best")
-    if np.isfinite(station.x_m):
-        axes.set_title(f"station {station.index} at {1e3 * station.x_m:.1f} mm", fontsize=8)
+        _legend(figure)
+    axes.set_title(f"station {station_words(station)}", fontsize=8)
     return _labelled(figure, axes, "time since first contact [s]", "force [N]")
 
 
@@ -193,9 +218,24 @@ def section(
     return _labelled(figure, axes, "x [mm]", "height [mm]")
 
 
+def station_words(station: Station) -> str:
+    """The station's number, from 1, and its place as far as it is known."""
+    place = ""
+    if np.isfinite(station.x_m):
+        place = f" at x = {1e3 * station.x_m:.1f} mm"
+    if np.isfinite(station.y_m) and abs(station.y_m) > 1e-6:
+        place += f", y = {1e3 * station.y_m:.1f} mm"
+    return f"{station.index + 1}{place}"
+
+
+def _legend(figure: Figure) -> None:
+    """Above the plot, never on its curves."""
+    figure.legend(loc="outside upper center", ncols=4, fontsize=7, handlelength=1.6)
+
+
 def mark_simulated(figure: Figure) -> None:
     """Say in the picture itself that what it shows was simulated."""
-    figure.suptitle("SIMULATED", fontsize=6, color=ORANGE, x=0.01, ha="left")
+    figure.text(0.01, 0.01, "SIMULATED", fontsize=6, color=ORANGE, ha="left", va="bottom")
 
 
 def _number(value: float | None) -> float:

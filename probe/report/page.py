@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib import resources
-from typing import Any
-
-from matplotlib.figure import Figure
+from typing import TYPE_CHECKING, Any
 
 from drivers import Channel
-from probe.report.look import INK, simulated_words
+from probe.report.look import BLUE, INK, simulated_words
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True)
@@ -20,7 +21,7 @@ class Picture:
 
     name: str
     caption: str
-    figure: Figure
+    figure: "Figure"
     wide: bool = False
 
 
@@ -52,6 +53,7 @@ def page(
         )
     parts.append(f"<p class='finding'>Finding: {escape(finding['finding'])}</p>")
     parts.append(_objects(finding["objects"]))
+    parts.append(_heart_rate(finding))
     parts += [f"<p class='bad' role='note'>{escape(text)}</p>" for text in remarks]
     parts.append("<h2>Maps and traces</h2><div class='figures'>")
     parts += [_picture(p) for p in pictures]
@@ -66,12 +68,14 @@ def page(
     return "\n".join(parts) + "</body></html>\n"
 
 
-def svg(figure: Figure) -> str:
-    """The figure as inline SVG, its ink in the page's own text colour (so it follows dark)."""
+def svg(figure: "Figure") -> str:
+    """The figure as inline SVG, its ink and curves in the page's own colours, also in the dark."""
     text = io.StringIO()
     figure.savefig(text, format="svg", transparent=True, metadata={"Date": None})
     drawing = text.getvalue()
-    return drawing[drawing.index("<svg") :].replace(INK, "currentColor")
+    return (
+        drawing[drawing.index("<svg") :].replace(INK, "currentColor").replace(BLUE, "var(--curve)")
+    )
 
 
 def _picture(picture: Picture) -> str:
@@ -88,11 +92,11 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
         rows.append(
             (
                 one["kind"],
-                "unknown" if place is None else f"{place:.2f}",
+                _number(place, ".2f"),
                 "unknown" if not interval else f"{interval[0]:.2f} to {interval[1]:.2f}",
-                _digits(one["peak_pa"]),
-                _digits(one["pulse_pa"]),
-                _digits(one["confidence"]),
+                _pascal(one["peak_pa"]),
+                _pascal(one["pulse_pa"]),
+                _percent(one["confidence"]),
             )
         )
     head = ("object", "x [mm]", "interval [mm]", "peak [Pa]", "pulse [Pa]", "confidence")
@@ -100,11 +104,28 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
+    """Counted from 1; with y only where it tells stations apart."""
+    y_known = len({s.get("y_mm") for s in stations}) > 1
+    axes = ("x_mm", "y_mm") if y_known else ("x_mm",)
     rows = [
-        (str(n), *(_digits(s[key]) for key in ("x_mm", "baseline_pa", "pulse_pa")))
-        for n, s in enumerate(stations)
+        (
+            str(n),
+            *(_number(s[axis], ".2f") for axis in axes),
+            _pascal(s["baseline_pa"]),
+            _pascal(s["pulse_pa"]),
+        )
+        for n, s in enumerate(stations, start=1)
     ]
-    return _table(("station", "x [mm]", "baseline [Pa]", "pulse [Pa]"), rows)
+    places = [f"{axis[0]} [mm]" for axis in axes]
+    return _table(("station", *places, "baseline [Pa]", "pulse [Pa]"), rows)
+
+
+def _heart_rate(finding: Mapping[str, Any]) -> str:
+    rate, interval = finding.get("heart_rate_bpm"), finding.get("heart_rate_ci_bpm")
+    if rate is None:
+        return ""
+    between = f" (95 %: {interval[0]:.1f} to {interval[1]:.1f})" if interval else ""
+    return f"<p>Heart rate: {rate:.1f} beats a minute{between}.</p>"
 
 
 def _channels(channels: Mapping[str, Sequence[Channel]]) -> str:
@@ -116,8 +137,18 @@ def _channels(channels: Mapping[str, Sequence[Channel]]) -> str:
     return _table(("channel", "unit", "role", "source"), rows)
 
 
-def _digits(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.4g}"
+def _number(value: float | None, form: str) -> str:
+    return "unknown" if value is None else format(value, form)
+
+
+def _pascal(value: float | None) -> str:
+    """Whole pascals where there are a hundred or more, else one decimal."""
+    return _number(value, ".0f" if value is not None and abs(value) >= 100 else ".1f")
+
+
+def _percent(value: float | None) -> str:
+    """A probability is never certain."""
+    return "unknown" if value is None else f"{100 * min(value, 0.999):.1f} %"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

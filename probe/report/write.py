@@ -6,28 +6,38 @@ from typing import Any
 
 import numpy as np
 
-from probe.events import RunStarted
-from probe.recording import Recording, Station
+from probe.core.errors import RunFileError
+from probe.core.events import RunStarted
+from probe.core.recording import Recording, Station
 from probe.report import figures
+from probe.report.anonymous import anonymous
 from probe.report.page import Picture, page
-from probe.rows import RunFileError
-from sim_backend.scene import Scene
+from sim_backend.scene.scene_file import Scene
 
 DPI = 300
 
 
-def write_report(run_path: Path, out_dir: Path) -> Path:
+def write_report(run_path: Path, out_dir: Path, *, without_names: bool = False) -> Path:
     """Write ``report.html`` and the figures into ``out_dir``; returns the page's path.
+
+    ``without_names`` leaves out who, where and when: see `probe.report.anonymous`.
 
     Raises `RunFileError` if no station is complete: there is nothing to show then.
     """
-    from probe.detect import detect  # here: reading and detecting are not needed to draw
-    from probe.run import open_run
+    from probe.detection import detect  # here: reading and detecting are not needed to draw
+    from probe.storage.run import open_run
 
     run = open_run(run_path)
     started = next(event for event in run.events() if isinstance(event, RunStarted))
     recording = run.recording()
-    return report(recording, started, detect(recording).as_json(), run_path, out_dir)
+    if without_names:
+        started = anonymous(started)
+        run_path = Path("anonymous.run")
+    found = detect(recording)
+    rates_hz = [s.rate_hz for s in found.stations if np.isfinite(s.rate_hz)]
+    rate_bpm = 60.0 * float(np.median(rates_hz)) if rates_hz else None
+    told = {"heart_rate_bpm": rate_bpm, **found.as_json()}
+    return report(recording, started, told, run_path, out_dir)
 
 
 def report(
@@ -45,13 +55,18 @@ def report(
         "finish": recording.finish,
         **finding,
     }
+    if len(finding["stations"]) == len(recording.stations):
+        finding["stations"] = [
+            {**one, "y_mm": 1e3 * station.y_m if np.isfinite(station.y_m) else None}
+            for one, station in zip(finding["stations"], recording.stations, strict=True)
+        ]
     out_dir.mkdir(parents=True, exist_ok=True)
     with figures.style():
         pictures, remarks = _pictures(recording, started, finding)
         if recording.simulated:
             for one in pictures:
                 figures.mark_simulated(one.figure)
-        title = f"Run {run_path.name}, {started.started_utc}"
+        title = ", ".join(filter(None, (f"Run {run_path.stem}", started.started_utc)))
         text = page(title, finding, pictures, started.config, started.channels, remarks)
         for one in pictures:
             for ending in ("png", "svg", "pdf"):
@@ -65,17 +80,20 @@ def _pictures(
     recording: Recording, started: RunStarted, finding: Mapping[str, Any]
 ) -> tuple[list[Picture], list[str]]:
     best = figures.best_station(recording, finding)
-    times = ", ".join(f"{t:g}" for t in figures.PAPER_TIMES_S)
+    beats = finding.get("heart_rate_bpm")
     grid = figures.is_grid(recording)
     pictures, remarks = [], []
     if np.isfinite([s.x_m for s in recording.stations]).all():
-        caption = f"Tactile map at {times} s after first contact."
-        pictures.append(Picture("tactile_map", caption, figures.tactile_map(recording), grid))
+        caption = "Contact stress of the hold at each station" + (
+            ": its mean, and the mean beat's diastole and systole." if beats else "."
+        )
+        levels = figures.tactile_map(recording, beats)
+        pictures.append(Picture("tactile_map", caption, levels, grid))
         caption = (
             "Pulse amplitude at each station; shaded: where the object lies, with 95 % limits."
         )
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
-    caption = "Force against time at the station with the strongest pulse."
+    caption = f"Force against time at station {figures.station_words(best)}, the strongest pulse."
     pictures.append(Picture("force", caption, figures.force_trace(best, recording.face_m2)))
     scene = started.config.get("scene")
     if scene is not None:
@@ -89,7 +107,10 @@ def _pictures(
 
 def _section(scene: Scene, best: Station, config: Mapping[str, Any]) -> Picture | str:
     """The pressed section, or why there is none."""
-    from sim_backend.press import CannotSolve, press  # here: real runs need no finite elements
+    from sim_backend.models.press import (  # here: real runs need no finite elements
+        CannotSolve,
+        press,
+    )
 
     depth_mm = float(config["plan"]["indentation_mm"])
     mmhg = scene.pulse.systolic_mmhg
@@ -99,10 +120,10 @@ def _section(scene: Scene, best: Station, config: Mapping[str, Any]) -> Picture 
         return f"The section is not shown: {limit}"
     state = pressed.states[0]
     drawing = figures.section(
-        pressed.mesh.nodes,
+        pressed.plane_mesh.nodes,
         state.displacement_m,
-        pressed.mesh.triangles,
-        pressed.mesh.von_mises(state),
+        pressed.plane_mesh.triangles,
+        pressed.plane_mesh.von_mises(state),
     )
     caption = (
         f"SIMULATED section of {scene.name}, pressed {depth_mm:g} mm at {1e3 * best.x_m:.1f} mm"

@@ -8,12 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from probe.studies.sweep import sweep, write
+from drivers.core.extras import needs
+from probe.studies.sweep import solve_points, write
 from probe.studies.vary import Point, parse, points
-from sim_backend.scene import load_scene
+from sim_backend.scene.scene_file import load_scene
+
+with needs("data", "palpate fleet"):
+    import pandas as pd
 
 Array = NDArray[np.float64]
 
@@ -63,7 +66,7 @@ def fleet(
             progress(before + done, len(KINDS) * count)
 
         part = out.with_name(f"{out.stem}-{kind.replace(' ', '-')}{out.suffix}")
-        table = sweep(
+        table = solve_points(
             load_scene(scene), drawn(kind, count, seed), part, x_mm=x_mm, model="quick",
             seed=seed + n, workers=workers, scheduler=scheduler, progress=told,
         )  # fmt: skip

@@ -12,15 +12,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from sim_backend.fem.small import solve_small
+from drivers.core.extras import needs
+from sim_backend.fem.small_strain import solve_small
 from sim_backend.fem.stress import under_finger_pa
-from sim_backend.press import CannotSolve, press
-from sim_backend.response import element_size_m
-from sim_backend.scene import Scene, load_scene
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.models.press import CannotSolve, press
+from sim_backend.models.station_response import element_size_m
+from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.waves import PA_PER_MMHG
+
+with needs("data", "palpate paper"):
+    import pandas as pd
 
 Array = NDArray[np.float64]
 

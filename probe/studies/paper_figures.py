@@ -3,12 +3,16 @@
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
+from drivers.core.extras import needs
 from probe.report.look import BLUE, GREEN, ORANGE
 from probe.studies.paper import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA, TIMES_S
+
+with needs("data", "palpate paper"):
+    import pandas as pd
+with needs("report", "palpate paper"):
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLOURS = (ORANGE, GREEN, BLUE)
 LABELS = {

@@ -10,12 +10,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
-from sim_backend.fast import FastModel, fast_model
-from sim_backend.press import CannotSolve, Press, check_press, press
-from sim_backend.quick import quick_scan
-from sim_backend.refine import SMALL_PULSE
-from sim_backend.scene import Scene, SceneError
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.models.press import CannotSolve, Press, check_press, press
+from sim_backend.models.refine import SMALL_PULSE
+from sim_backend.models.scan_estimate import estimate_scan
+from sim_backend.models.surrogate import Surrogate, surrogate
+from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.scene.waves import PA_PER_MMHG
 
 Row = dict[str, Any]
 
@@ -89,7 +89,7 @@ def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
     where = {n: _where(job, points[n], scene) for n, scene in scenes.items()}
     widest = max(scenes.values(), key=lambda scene: scene.pulse.systolic_mmhg)
     try:
-        model = fast_model(widest, max(depth_mm for _, depth_mm in where.values()))
+        model = surrogate(widest, max(depth_mm for _, depth_mm in where.values()))
     except (CannotSolve, SceneError) as error:
         return {n: [{"reason": first_line(error)}] for n in scenes}
     return {n: [_fast(model, scene, x_mm, where[n][1]) for x_mm in where[n][0]]
@@ -111,7 +111,7 @@ def _pressed(
     return {n: _answer(pressed, scene, levels) for n, scene in scenes.items()}
 
 
-def _fast(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> Row:
+def _fast(model: Surrogate, scene: Scene, x_mm: float, depth_mm: float) -> Row:
     began_s = perf_counter()
     place = {"x_mm": x_mm, "indentation_mm": depth_mm}
     levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
@@ -138,7 +138,7 @@ def _quick(scene: Scene, x_mm: tuple[float, ...], depth_mm: float) -> list[Row]:
     began_s = perf_counter()
     at = [{"x_mm": x, "indentation_mm": depth_mm} for x in x_mm]
     try:
-        scan = quick_scan(scene, [1e-3 * x for x in x_mm], 1e-3 * depth_mm)
+        scan = estimate_scan(scene, [1e-3 * x for x in x_mm], 1e-3 * depth_mm)
     except (CannotSolve, SceneError) as error:
         return [place | {"reason": first_line(error)} for place in at]
     seconds = (perf_counter() - began_s) / len(x_mm)
@@ -169,10 +169,8 @@ def _pressures(scene: Scene) -> tuple[float, ...]:
 def _answer(pressed: Press, scene: Scene, levels: list[float]) -> Row:
     low, high = (pressed.states[levels.index(p)] for p in
                  (_pressures(scene)[0], _pressures(scene)[-1]))  # fmt: skip
-    finger = scene.indenter
     face_m2 = 1e-6 * scene.face_mm2
-    force_n, pulse_n = (finger.length_mm * f for f in
-                        (low.force_n_per_mm, high.force_n_per_mm - low.force_n_per_mm))  # fmt: skip
+    force_n, pulse_n = low.force_n, high.force_n - low.force_n
     return {
         "x_mm": pressed.x_mm,
         "indentation_mm": pressed.depth_mm,

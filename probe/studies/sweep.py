@@ -7,29 +7,90 @@ it is the same whoever solved which point.
 
 import json
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from hashlib import sha256
-from multiprocessing import get_context, parent_process
+from multiprocessing import get_context
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
-import pandas as pd
-
-from drivers import ConfigError, MissingExtra
+from drivers import ConfigError
+from drivers.core.extras import needs, require
+from probe.core.processes import leave_with_parent
 from probe.studies.solve import Job, Row, jobs, solve
-from probe.studies.vary import Point
-from sim_backend.scene import Scene
+from probe.studies.vary import Design, Point, parse, places, points
+from sim_backend.scene.scene_file import Scene, as_scene
+
+with needs("data", "palpate sweep"):
+    import pandas as pd
 
 Solved = dict[int, list[Row]]
 
 FORMATS = (".parquet", ".csv", ".h5")
+LIBRARIES = {".parquet": "pyarrow", ".h5": "h5netcdf"}
 RETRIES = 3
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 
 def sweep(
+    scene: Scene | str | Path,
+    vary: Mapping[str, str | Sequence[float]],
+    *,
+    out: str | Path = "sweep.parquet",
+    design: Design = "full",
+    count: int = 0,
+    seed: int = 0,
+    x_mm: Sequence[float] | str = (),
+    indentation_mm: float = 2.5,
+    model: str = "auto",
+    accuracy_pct: float = 1.0,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
+) -> pd.DataFrame:
+    """Press many variants of a scene; a sweep that was interrupted goes on where it stopped.
+
+    Parameters
+    ----------
+    scene : a `Scene`, a built-in name or a scene file.
+    vary : scene keys with their values: ``{"wall_mm": [0.4, 0.6]}``, or as the shell has them,
+        ``{"wall_mm": "0.4..0.6:3"}``.
+    out : the table; ``.parquet``, ``.csv`` or ``.h5``.
+    design : ``full`` (every combination), ``zip``, or a random ``lhs`` or ``sobol`` of ``count``
+        points from intervals ``"0.4..0.6"``, drawn with ``seed``.
+    x_mm : where to press, ``[20, 32]`` or ``"4..60:15"``; over the inclusion if empty.
+    workers, scheduler : processes on this machine, or the address of a Dask scheduler.
+    progress : is given the number of points done and of all.
+
+    Returns
+    -------
+    A row per point and place; ``reason`` says why a point could not be solved.
+
+    Raises
+    ------
+    ConfigError : names the key or value that cannot be.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> table = palpate.sweep("TIHA", {"wall_mm": [0.5, 0.7]}, model="small", accuracy_pct=10)
+    ... # doctest: +SKIP
+    """
+    loaded = as_scene(scene)
+    varied = [
+        parse(f"{key}={v if isinstance(v, str) else ','.join(map(repr, v))}", loaded)
+        for key, v in vary.items()
+    ]
+    return solve_points(
+        loaded, points(varied, design, count, seed), Path(out),
+        x_mm=places(x_mm) if isinstance(x_mm, str) else tuple(x_mm), indentation_mm=indentation_mm,
+        model=model, accuracy_pct=accuracy_pct, seed=seed, workers=workers, scheduler=scheduler,
+        progress=progress,
+    )  # fmt: skip
+
+
+def solve_points(
     scene: Scene, points: list[Point], out: Path, *, x_mm: tuple[float, ...] = (),
     indentation_mm: float = 2.5, model: str = "auto", accuracy_pct: float = 1.0, seed: int = 0,
     workers: int | None = None, scheduler: str | None = None,
@@ -44,6 +105,8 @@ def sweep(
     """
     if out.suffix not in FORMATS:
         raise ConfigError(f"--out {out}: it must end in {', '.join(FORMATS)}")
+    if out.suffix in LIBRARIES:
+        require(LIBRARIES[out.suffix], "export", f"a table {out.suffix}")
     settings = [scene.model_dump(mode="json"), points, x_mm, indentation_mm, model, accuracy_pct]
     key = sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
     log = out.with_suffix(".rows.jsonl")
@@ -72,37 +135,31 @@ def sweep(
 
 def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
     count = min(workers or os.cpu_count() or 1, len(todo))
+    if count == 1:
+        yield from map(solve, todo)
+        return
     for name in THREADS:  # one thread per process: the solves are small
         os.environ.setdefault(name, "1")
     with ProcessPoolExecutor(
-        count, mp_context=get_context("spawn"), initializer=_leave_with_parent
+        count, mp_context=get_context("spawn"), initializer=leave_with_parent
     ) as pool:
         futures = [pool.submit(solve, job) for job in todo]
         try:
             for future in as_completed(futures):
                 yield future.result()
+        except BrokenProcessPool:
+            raise ConfigError(
+                "a worker process ended. In a script, call sweep below "
+                '`if __name__ == "__main__":`, or with workers=1; else memory may have run out'
+            ) from None
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _leave_with_parent() -> None:
-    """End this worker when the sweep is killed: a pool's workers would wait for ever."""
-    parent = parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-
-    Thread(target=watch, daemon=True).start()
-
-
 def _on_cluster(todo: list[Job], scheduler: str) -> Iterator[Solved]:
     distributed: Any
-    try:
+    with needs("cluster", "--scheduler"):
         from dask import distributed
-    except ImportError:
-        raise MissingExtra('--scheduler needs Dask: pip install "palpate[cluster]"') from None
     try:
         client = distributed.Client(scheduler, timeout="10s")
     except (OSError, TimeoutError, ValueError) as error:

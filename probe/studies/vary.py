@@ -13,7 +13,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from drivers import ConfigError
-from sim_backend.scene import Scene
+from sim_backend.scene.scene_file import Scene
 
 Design = Literal["full", "zip", "lhs", "sobol"]
 Value = float | str
@@ -41,6 +41,18 @@ class Varied:
         if self.log:
             return float(self.low * (self.high / self.low) ** share)
         return float(self.low + share * (self.high - self.low))
+
+
+def keys_and_values(texts: Sequence[str]) -> dict[str, str]:
+    """``KEY=VALUES`` of each ``--vary``. Raises `ConfigError` for one without =, or given twice."""
+    found: dict[str, str] = {}
+    for text in texts:
+        key, equals, values = text.partition("=")
+        if not equals or not values:
+            raise ConfigError(f"--vary {text}: {SYNTAX}")
+        if found.setdefault(key.strip(), values) is not values:
+            raise ConfigError(f"--vary: a key is given twice ({key.strip()})")
+    return found
 
 
 def parse(text: str, scene: Scene) -> Varied:

@@ -8,7 +8,7 @@ from pymodbus.framer import FramerRTU
 
 from sim_backend.emulators.modbus import ModbusSlave
 from sim_backend.emulators.serving import Served, served
-from sim_backend.phantom import Phantom
+from sim_backend.phantom.phantom import Phantom
 
 PERIOD_S = 0.01
 STREAM_REGISTER, STREAM_ON = 410, 0x0200

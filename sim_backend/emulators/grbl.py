@@ -6,13 +6,15 @@ The probe input closes when the phantom pushes back with ``touch_n``.
 
 import re
 from collections import deque
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_backend.emulators.serving import Served, served
-from sim_backend.phantom import Phantom
+from sim_backend.phantom.phantom import Phantom
 
 Point = tuple[float, float, float]
 ORIGIN_MM: Point = (-80.0, -20.0, -52.0)
@@ -38,12 +40,24 @@ class Motion(NamedTuple):
 class GrblBoard:
     """Bytes in, bytes out; see `sim_backend.emulators.serving.Device`."""
 
-    faults = ("alarm", "limit", "restart")
+    faults = ("alarm", "limit", "restart", "feed hold", "switch pressed", "other program",
+              "check mode")  # fmt: skip
 
-    def __init__(self, phantom: Phantom, origin_mm: Point, touch_n: float, homed: bool) -> None:
+    def __init__(
+        self,
+        phantom: Phantom,
+        origin_mm: Point,
+        touch_n: float,
+        homed: bool,
+        work_mm: Point,
+        ready: Callable[[Point], bool] = lambda _target: True,
+    ) -> None:
+        self._ready = ready
+        self._held = False
         self._phantom = phantom
         self._origin = np.array(origin_mm)
         self._touch_n = touch_n
+        self._work = np.array(work_mm)
         self._settings = dict(SETTINGS)
         self._homed = homed
         self._state = "Idle" if homed else "Alarm"
@@ -55,6 +69,7 @@ class GrblBoard:
         self._relative = False
         self._inches = False
         self._reports = 0
+        self._pins = ""  # inputs that are active, beside the probe's
         self._locks_s = np.inf  # when a board that was reset will have asked to be homed
 
     def received(self, data: bytes) -> bytes:
@@ -84,14 +99,16 @@ class GrblBoard:
         """Let the machine move on."""
         if self._time() >= self._locks_s:
             self._lock()
-        moving = self._phantom.tip.moving(self._time())
+        if self._held and self._now is not None:
+            self._start(self._now)
+        moving = self._held or self._phantom.tip.moving(self._time())
         if self._now is not None and self._now.kind == "Probe" and self._state == "Run":
             self._feel()
         if self._settings[21] and moving and self._beyond(self._place(), SWITCH_MM):
             self._alarm(1)
         if self._state == "Cancel" and not moving:
             self._state = "Idle"
-        elif self._state in ("Jog", "Run", "Home") and not moving:
+        elif self._state in ("Jog", "Run", "Home") and not moving and not self._dwells():
             self._arrive()
         return self._take()
 
@@ -102,6 +119,17 @@ class GrblBoard:
                 self._alarm(10)
             case "limit":
                 self._alarm(1)
+            case "feed hold":  # somebody has pressed the button on the machine
+                self._halt(self._settings[120])
+                self._queue.clear()
+                self._state = "Hold"
+            case "switch pressed":
+                self._pins = "Z"
+            case "other program":
+                self._state = "Run"
+                self._now = Motion("Dwell", self._place(), 0.0)
+            case "check mode":
+                self._state = "Check"
             case "restart":
                 self._halt(1e6)
                 self._queue.clear()
@@ -117,13 +145,16 @@ class GrblBoard:
             self._state, self._state
         )
         scale = INCH_MM if self._settings[13] else 1.0
-        place = ",".join(f"{v / scale:.3f}" for v in self._place())
-        pins = "P" if self._touching(self._time()) else ""
+        pins = self._pins + ("P" if self._touching(self._time()) else "")
         self._reports += 1
-        extra = (
-            f"|Pn:{pins}" if pins else "|WCO:0.000,0.000,0.000" if self._reports % 10 == 1 else ""
-        )
-        return f"<{state}|MPos:{place}|Bf:100,1023|FS:0,0{extra}>\r\n"
+        extra = f"|Pn:{pins}" if pins else ""
+        if self._settings[10] in (0, 2):  # work positions; grblHAL then never tells their offset
+            where = "WPos:" + _numbers((np.array(self._place()) - self._work) / scale)
+        else:
+            where = "MPos:" + _numbers(np.array(self._place()) / scale)
+            if not pins and self._reports % 10 == 1:
+                extra = "|WCO:" + _numbers(self._work / scale)
+        return f"<{state}|{where}|Bf:100,1023|FS:0,0{extra}>\r\n"
 
     def _hold(self) -> None:
         if self._state == "Jog":
@@ -170,8 +201,8 @@ class GrblBoard:
     # --- lines -------------------------------------------------------------------------------
 
     def _line(self, line: str) -> str:
-        if self._critical:
-            return ""
+        if self._critical:  # only real-time bytes are listened to
+            return "error:9\r\n"
         if line == "":
             return "ok\r\n"
         if line == "$$":
@@ -265,6 +296,10 @@ class GrblBoard:
         self._next()
         return "ok\r\n"
 
+    def _dwells(self) -> bool:
+        """A program that waits goes on until the board is reset."""
+        return self._now is not None and self._now.kind == "Dwell"
+
     # --- motion ------------------------------------------------------------------------------
 
     def _next(self) -> None:
@@ -275,13 +310,16 @@ class GrblBoard:
         self._now = motion
         self._state = "Run" if motion.kind == "Probe" else motion.kind
         target = 1e-3 * (np.array(motion.target) - self._origin)
+        x, y, z = target.tolist()
+        self._held = not self._ready((x, y, z))
+        if self._held:
+            return
         here = np.array(self._place())
         way = np.abs(np.array(motion.target) - here)
         share = way / max(float(np.linalg.norm(way)), 1e-9)
         rates = np.array([self._settings[n] / 60 for n in (110, 111, 112)])
         fastest = float(np.min(rates / np.maximum(share, 1e-9)))
         speed = 1e-3 * min(motion.speed_mm_s, fastest)
-        x, y, z = target.tolist()
         self._phantom.tip.move(self._time(), (x, y, z), speed, 1e-3 * self._settings[120])
 
     def _arrive(self) -> None:
@@ -319,6 +357,7 @@ class GrblBoard:
         self._said += f"ALARM:{number}\r\n"
 
     def _halt(self, acceleration_mm_s2: float) -> None:
+        self._held = False
         self._phantom.tip.halt(self._time(), 1e-3 * acceleration_mm_s2)
 
     def _touching(self, time_s: float) -> bool:
@@ -365,6 +404,16 @@ def emulate(
     origin_mm: Point = ORIGIN_MM,
     touch_n: float = 0.05,
     homed: bool = False,
+    work_mm: Point = (0.0, 0.0, 0.0),
+    ready: Callable[[Point], bool] = lambda _target: True,
 ) -> AbstractContextManager[Served]:
-    """Serve a board; ``homed``: as if homed already, otherwise it starts locked."""
-    return served(GrblBoard(phantom, origin_mm, touch_n, homed), at, "grbl")
+    """Serve a board; ``homed``: as if homed already, otherwise it starts locked.
+
+    ``work_mm``: where the zero of work coordinates lies in the machine's. A move to a target (m,
+    scan frame) that is not ``ready`` is held until it is.
+    """
+    return served(GrblBoard(phantom, origin_mm, touch_n, homed, work_mm, ready), at, "grbl")
+
+
+def _numbers(place: NDArray[np.float64]) -> str:
+    return ",".join(f"{v:.3f}" for v in place)

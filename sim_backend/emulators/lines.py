@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 import numpy as np
 
 from sim_backend.emulators.serving import Served, served
-from sim_backend.phantom import Phantom
+from sim_backend.phantom.phantom import Phantom
 
 
 class LoadCell:

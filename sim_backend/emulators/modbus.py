@@ -13,7 +13,7 @@ import numpy as np
 from pymodbus.framer import FramerRTU
 
 from sim_backend.emulators.serving import Served, served
-from sim_backend.phantom import Phantom
+from sim_backend.phantom.phantom import Phantom
 
 Registers = Mapping[int, Callable[[], int]]
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS, DEVICE_FAILURE = 1, 2, 4

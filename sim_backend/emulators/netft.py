@@ -10,7 +10,8 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 
 import numpy as np
 
-from sim_backend.phantom import Phantom
+from sim_backend.emulators.serving import on_this_machine
+from sim_backend.phantom.phantom import Phantom
 
 COUNTS_PER_N = 1_000_000
 COUNTS_PER_NM = 1_000_000
@@ -39,6 +40,7 @@ class NetFtBox:
         self._client: tuple[str, int] | None = None
         self._bias_n = 0.0
         self._sequence = 0
+        host = on_this_machine(host)
         self._page = ThreadingHTTPServer((host, ports[1]), _Page)
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._udp.bind((host, ports[0]))

@@ -7,11 +7,14 @@ import threading
 import time
 import tty
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+
+from drivers.core.errors import ConfigError
 
 TICK_S = 0.001
 LATE_S = 0.4
@@ -95,12 +98,25 @@ class PtyLine:
             self._link.symlink_to(self._name)
 
 
+def on_this_machine(host: str) -> str:
+    """A loopback address. Raises `ConfigError` for any other.
+
+    What is emulated has no password and obeys whoever connects.
+    """
+    with suppress(ValueError):
+        if host == "localhost" or ip_address(host).is_loopback:
+            return host
+    raise ConfigError(f"address {host!r}: an emulated device is served on 127.0.0.1 only")
+
+
 class TcpLine:
     """A server on ``socket://127.0.0.1:port`` (0: any free port) for one client at a time."""
 
     def __init__(self, at: str) -> None:
         host, _, port = at.removeprefix("socket://").rpartition(":")
-        self._server = socket.create_server((host, int(port)))
+        if not port.isdigit() or int(port) > 65535:
+            raise ConfigError(f"address {at!r}: socket://127.0.0.1:PORT is needed")
+        self._server = socket.create_server((on_this_machine(host), int(port)))
         self._client: socket.socket | None = None
         self.address = f"socket://{host}:{self._server.getsockname()[1]}"
 

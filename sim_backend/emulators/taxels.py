@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pymodbus.framer import FramerRTU
 
 from sim_backend.emulators.serving import Served, served
-from sim_backend.phantom import Phantom
+from sim_backend.phantom.phantom import Phantom
 
 HEADER = b"\xaa\x55"
 COUNT_PA = 10.0

@@ -10,12 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backend.arrays import Array, Ints
 from sim_backend.fem.mesh import Mesh
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 ELEMENTS = ("T6", "T6M", "Q4", "Q4R", "Q4M", "Q8R")
 HOURGLASS = 0.01
@@ -37,7 +34,9 @@ class Cells:
     ``nodes`` (m, k); ``operator`` (m, q, 4, 2k) takes an element's displacements
     [ux0, uy0, ux1, ...] to [F11, F12, F21, F22] - I; ``weight`` (m, q) [m2]; ``region`` (m,).
     ``dilatation``: one volume change for the whole element. ``hourglass`` (m, k) are the
-    patterns that one-point integration misses, None where there are none.
+    patterns that one-point integration misses, None where there are none. ``hoop`` (m, q, 2k) takes
+    an element's displacements to F33 - 1 where the section turns about x = 0, and ``weight`` is
+    then a volume [m3]; None in a plane.
     """
 
     nodes: Ints
@@ -47,6 +46,7 @@ class Cells:
     dilatation: bool
     hourglass: Array | None
     shape: Shape
+    hoop: Array | None = None
 
     @property
     def dofs(self) -> Ints:
@@ -112,6 +112,11 @@ def as_element(mesh: Mesh, element: str) -> tuple[Mesh, Cells]:
     if element in ("Q4", "Q4M"):
         return split, _cells(split, split.cells, q4, _FOUR, element == "Q4M")
     raise ValueError(f"element = {element!r}: must be one of {', '.join(ELEMENTS)}")
+
+
+def quadrature_points(cells: Cells) -> Array:
+    """Reference points (q, 2) of elements with more than one."""
+    return _TRIANGLE[0] if cells.shape is t6 else _FOUR[0]
 
 
 def gradients(nodes: Array, cells: Ints, shape_gradient: Array) -> tuple[Array, Array]:

@@ -1,8 +1,8 @@
 """Internal forces and exact tangents of all cells, total Lagrangian."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backend.arrays import Array
 from sim_backend.fem.elements import HOURGLASS
 from sim_backend.fem.material import (
     area_ratio,
@@ -11,9 +11,8 @@ from sim_backend.fem.material import (
     plane_strain,
     plane_stress,
 )
-from sim_backend.fem.section import Section
-
-Array = NDArray[np.float64]
+from sim_backend.fem.model import Section
+from sim_backend.fem.revolved import revolved_forces_and_tangents
 
 _AT_REST = np.array([1.0, 0.0, 0.0, 1.0])
 
@@ -48,6 +47,8 @@ def forces_and_tangents(
     and at convergence the tangent is exact.
     """
     cells = section.cells
+    if cells.hoop is not None:
+        return revolved_forces_and_tangents(cells, section.shear, section.bulk, u, change)
     f = deformation(section, u)
     shear, bulk = section.shear[:, None], section.bulk[:, None]
     if section.plane_stress:

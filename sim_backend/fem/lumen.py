@@ -6,14 +6,11 @@ CalculiX lets the pressure act on the thinned area; without it the pulse is 8 % 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backend.arrays import Array, Ints
 from sim_backend.fem.elements import Cells, gradients, operator, side_points
 from sim_backend.fem.material import plane_stress
 from sim_backend.fem.mesh import Mesh
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 _GAUSS = 0.5 + np.array([-0.5, 0.0, 0.5]) * np.sqrt(0.6)
 _WEIGHTS = np.array([5, 8, 5]) / 18

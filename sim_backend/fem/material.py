@@ -8,9 +8,8 @@ stretch across the section l3 is 1 in plane strain and free of stress in plane s
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sim_backend.arrays import Array
 
 _UNIT = np.eye(4)
 _EPSILON = np.array([[0.0, 1.0], [-1.0, 0.0]])
@@ -67,7 +66,7 @@ def plane_stress(f: Array, shear: Array, bulk: Array) -> Stressed:
     scale = shear * (j * l3) ** (-2 / 3)
     i1 = (f * f).sum(axis=-1) + l3**2
     h = inverse_transpose(f, j)
-    # a = dP/dl3, m = dP33/dl3: the thickness gives way until P33 = 0
+    # a = dP/dl3, m = dP33/dl3: the thickness adjusts until P33 = 0
     iso = (scale / l3)[..., None] * (
         -2 / 3 * (f - (i1 / 3)[..., None] * h) - (2 / 3 * l3**2)[..., None] * h
     )

@@ -9,15 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import Delaunay, cKDTree
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from sim_backend.arrays import Array, Ints
+
 Size = Callable[[Array], Array]
 
 TISSUE = 0
-GLUED_DEG = 10.0
+SUPPORT_ARC_DEG = 10.0
 """Half of the arc by which a lone vessel is glued to its support, so that it cannot roll away."""
 LAYERS = 2.0
 """Elements through a wall over what square ones would be: a wall bends, and with one layer the
@@ -60,10 +59,17 @@ class Mesh:
 
 
 def block_mesh(width: float, height: float, rings: list[Ring], size: Size) -> Mesh:
-    """Mesh a block [0, width] x [0, height] that holds ``rings``; ``size`` (n, 2) -> (n,) [m]."""
+    """Mesh a block [0, width] x [0, height] that holds ``rings``; ``size`` (n, 2) -> (n,) [m].
+
+    Of a filled ring round a point of x = 0 the right half is meshed.
+    """
     fixed = [_rectangle(width, height, size)]
     ring_parts = []
     for ring in rings:
+        if ring.centre[0] == 0.0:
+            fixed[0], half = _half_circle(fixed[0], ring, _around(ring, size))
+            fixed.append(half)
+            continue
         count = _around(ring, size)
         if ring.hollow:
             ring_parts.append(_layers(ring, count))
@@ -87,7 +93,7 @@ def block_mesh(width: float, height: float, rings: list[Ring], size: Size) -> Me
 def ring_mesh(ring: Ring, size: Size) -> Mesh:
     """Mesh a hollow ring that stands alone on the support y = 0."""
     # so that a node lies where the glue ends
-    whole = round(360 / GLUED_DEG)
+    whole = round(360 / SUPPORT_ARC_DEG)
     part = _layers(ring, whole * max(1, round(_around(ring, size) / whole)))
     empty = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64)
     return _finish(*empty, [part], [ring], 2 * ring.radii[0])
@@ -126,6 +132,17 @@ def _turn(layer: int, count: int) -> float:
 def _circle(centre: tuple[float, float], radius: float, count: int, first: float) -> Array:
     angle = first + 2 * np.pi * np.arange(count) / count
     return np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)])
+
+
+def _half_circle(rectangle: Array, ring: Ring, count: int) -> tuple[Array, Array]:
+    """The rectangle's points without those beside the circle's ends, and the right half circle."""
+    circle = _circle(ring.centre, ring.radii[0], count, _turn(0, count))
+    half = circle[circle[:, 0] > -1e-12]
+    half[:, 0] = np.where(half[:, 0] < 1e-12, 0.0, half[:, 0])
+    ends = half[half[:, 0] == 0.0]
+    step = 2 * np.pi * ring.radii[0] / count
+    near = np.hypot(*(rectangle[:, None] - ends).transpose(2, 0, 1)).min(axis=1) < 0.6 * step
+    return rectangle[~(near & (rectangle[:, 0] == 0.0))], half
 
 
 def _layers(ring: Ring, count: int) -> tuple[Array, Ints, Ints]:
@@ -184,8 +201,8 @@ def _relax(
     points = np.vstack([anchors, free])
     n = len(anchors)
     step = 0.2
-    for sweep in range(16):
-        if sweep % 4 == 0:
+    for iteration in range(16):
+        if iteration % 4 == 0:
             corners = _triangulate(points, width, height)
             bars = np.unique(
                 np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])),
@@ -195,12 +212,12 @@ def _relax(
         span = points[bars[:, 0]] - points[bars[:, 1]]
         length = np.hypot(*span.T)
         scale = np.sqrt((length**2).sum() / (wanted**2).sum())
-        push = np.maximum(1.15 * scale * wanted - length, 0) / length
+        thrust = np.maximum(1.15 * scale * wanted - length, 0) / length
         force = np.zeros_like(points)
         for k, sign in ((0, 1.0), (1, -1.0)):
             for axis in (0, 1):
                 force[:, axis] += np.bincount(
-                    bars[:, k], sign * push * span[:, axis], minlength=len(points)
+                    bars[:, k], sign * thrust * span[:, axis], minlength=len(points)
                 )
         moved = points[n:] + step * force[n:]
         margin = 0.5 * size(moved)
@@ -255,7 +272,7 @@ def _finish(
         (ring,) = rings
         on_outer = np.abs(np.hypot(*(nodes - ring.centre).T) - ring.radii[0]) < 1e-9
         down = np.degrees(np.arctan2(nodes[:, 0] - ring.centre[0], ring.centre[1] - nodes[:, 1]))
-        glued = np.abs(down) <= GLUED_DEG + 1e-6
+        glued = np.abs(down) <= SUPPORT_ARC_DEG + 1e-6
         bottom = np.flatnonzero(on_outer & glued)
         resting = np.flatnonzero(on_outer & (np.abs(down) <= 80) & ~glued)
         surface = np.flatnonzero(on_outer & (nodes[:, 1] > ring.centre[1] - 0.3 * ring.radii[0]))

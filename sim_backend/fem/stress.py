@@ -1,16 +1,14 @@
 """What a solution says at the nodes: von Mises stress, and where the finger touches."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backend.arrays import Array, Ints
 from sim_backend.fem.elements import gradients, operator, q4, t6
 from sim_backend.fem.internal import deformation
 from sim_backend.fem.material import plane_stress, von_mises
+from sim_backend.fem.model import Section
 from sim_backend.fem.newton import Solution
-from sim_backend.fem.section import Section
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from sim_backend.fem.revolved import hoop_stretch
 
 _T6_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 _Q_NODES = np.array(
@@ -22,7 +20,7 @@ def nodal_von_mises(section: Section, u: Array) -> Array:
     """Von Mises stress (n,) [Pa]: at each node the mean over its cells of the cell's mean."""
     nodes, weight = section.cells.nodes, section.cells.weight
     every = np.arange(len(nodes))
-    stress = _von_mises(section, every, deformation(section, u))
+    stress = _von_mises(section, every, deformation(section, u), hoop_stretch(section.cells, u))
     mean = (stress * weight).sum(axis=1) / weight.sum(axis=1)
     return _averaged(nodes, np.repeat(mean[:, None], nodes.shape[1], axis=1), len(u))
 
@@ -36,16 +34,22 @@ def under_finger_pa(section: Section, u: Array) -> float:
     slope, _ = gradients(section.mesh.nodes, nodes, shape(points)[1])
     local = u[nodes].reshape(len(nodes), -1)
     f = np.einsum("mqvd,md->mqv", operator(slope), local) + np.array([1.0, 0, 0, 1.0])
-    stress = _averaged(nodes, _von_mises(section, chosen, f), len(u))[surface]
+    around = np.ones(f.shape[:2])
+    if section.cells.hoop is not None:  # u_r / r at the nodes, on the axis its limit du_r / dr
+        r = section.mesh.nodes[nodes, 0]
+        on_axis = r < 1e-12
+        around = np.where(on_axis, f[..., 0], 1 + u[nodes, 0] / np.where(on_axis, 1.0, r))
+    stress = _averaged(nodes, _von_mises(section, chosen, f, around), len(u))[surface]
     x = section.mesh.nodes[surface, 0] + u[surface, 0]
     order = np.argsort(x)
     return float(np.interp(section.finger.x, x[order], stress[order]))
 
 
-def _von_mises(section: Section, chosen: Ints, f: Array) -> Array:
+def _von_mises(section: Section, chosen: Ints, f: Array, around: Array) -> Array:
+    """``around`` (m, q) is F33 where the section does not thin."""
     shear, bulk = section.shear[chosen, None], section.bulk[chosen, None]
     free = section.plane_stress
-    thickness = plane_stress(f, shear, bulk).thickness if free else np.ones(f.shape[:2])
+    thickness = plane_stress(f, shear, bulk).thickness if free else around
     return von_mises(f, thickness, shear)
 
 
@@ -61,7 +65,7 @@ def contact_m(section: Section, solution: Solution) -> tuple[float, float]:
     An end lies half-way between the last node that is pressed and the next.
     """
     surface = section.mesh.surface
-    pressed = np.flatnonzero(solution.push[0] > 0)
+    pressed = np.flatnonzero(solution.multiplier[0] > 0)
     if not len(pressed):
         return section.finger.x, section.finger.x
     x = section.mesh.nodes[surface, 0] + solution.displacement[surface, 0]

@@ -12,8 +12,8 @@ import pytest
 from pymodbus.framer import FramerRTU
 
 from drivers import DeviceFault, WallClock, ft300
+from drivers.core.reader import Sample
 from drivers.modbus import ModbusSource, Register, connect_rtu
-from drivers.reader import Sample
 from drivers.taxels import Check, FrameCutter, crc16_modbus, crc16_x25, sum8
 from sim_backend.emulators.modbus import ModbusSlave
 from sim_backend.emulators.serving import damaged, served

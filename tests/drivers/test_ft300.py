@@ -1,6 +1,8 @@
 """The FT-300 driver against an emulated sensor: stream, polling, broken frames, lost lines."""
 
+import os
 import struct
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,12 +14,12 @@ from hypothesis import strategies as st
 from pymodbus.framer import FramerRTU
 
 from drivers import DeviceAbsent, DeviceFault, WallClock
-from drivers.ft300 import Frames, open_sensor
-from drivers.reader import LineSensor
+from drivers.core.reader import LineSensor
+from drivers.ft300 import Frames, Ft300Settings, open_sensor
 from sim_backend import load_scene
 from sim_backend.emulators import ft300
 from sim_backend.emulators.serving import Served
-from sim_backend.phantom import Phantom, Respond
+from sim_backend.phantom.phantom import Phantom, Respond
 
 PRESSED = (0.032, 0.0, -0.0025)
 
@@ -42,7 +44,7 @@ def device(phantom: Phantom, tmp_path: Path) -> Iterator[Served]:
 def sensor(
     device: Served, clock: WallClock, request: pytest.FixtureRequest
 ) -> Iterator[LineSensor]:
-    made = open_sensor(clock, port=device.address, mode=request.param)
+    made = open_sensor(clock, Ft300Settings(port=device.address, mode=request.param))
     made.connect()
     made.start()
     yield made
@@ -121,7 +123,7 @@ def test_a_bad_line_gives_no_number(sensor: LineSensor, device: Served, fault: s
 
 
 def test_the_stream_comes_back_and_counts_what_was_lost(device: Served, clock: WallClock) -> None:
-    made = open_sensor(clock, port=device.address)
+    made = open_sensor(clock, Ft300Settings(port=device.address))
     made.connect()
     made.start()
     before, _, _ = gather(made, 0.2)
@@ -139,7 +141,7 @@ def test_the_stream_comes_back_and_counts_what_was_lost(device: Served, clock: W
 def test_silence_at_connection_is_absence(device: Served, clock: WallClock) -> None:
     device.fail("silence")
     with pytest.raises(DeviceAbsent, match=r"no reading within 1 s|polls in a row"):
-        open_sensor(clock, port=device.address).connect()
+        open_sensor(clock, Ft300Settings(port=device.address)).connect()
 
 
 def frame(counts: tuple[int, ...]) -> bytes:
@@ -168,3 +170,21 @@ def test_one_wrong_byte_costs_one_frame(sent: list[tuple[int, ...]], place: int,
     found = Frames().feed(bytes(first + spoilt + last))
     values = [counts for counts, _ in found]
     assert values == [sent[0], sent[2]]
+
+
+def test_unplugged_while_it_is_opened_is_absence(clock: WallClock) -> None:
+    """termios raises an error of its own, which is no `OSError`."""
+    master, slave = os.openpty()
+    port = os.ttyname(slave)
+    made = open_sensor(clock, Ft300Settings(port=port))
+
+    def pull() -> None:
+        os.read(master, 64)  # the driver has opened it and said stop
+        os.close(slave)
+        os.close(master)
+
+    hand = threading.Thread(target=pull)
+    hand.start()
+    with pytest.raises(DeviceAbsent, match=r"lost|Input/output"):
+        made.connect()
+    hand.join()

@@ -1,18 +1,22 @@
 """The GRBL driver against an emulated board in the phantom: moves, stops, alarms, probing."""
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
-from drivers.grbl import GrblStage, open_stage
+from drivers import DeviceAbsent, DeviceFault, MotionFault, Pose, WallClock
+from drivers.core.ports import READ_S
+from drivers.grbl.line import Conversation
+from drivers.grbl.stage import GrblSettings, GrblStage, open_stage
 from sim_backend import load_scene
 from sim_backend.emulators import grbl
 from sim_backend.emulators.serving import Served
-from sim_backend.phantom import Phantom, Respond
+from sim_backend.phantom.phantom import Phantom, Respond
 
 HOME = (0.032, 0.0, 0.004)
 
@@ -35,7 +39,7 @@ def board(phantom: Phantom, tmp_path: Path) -> Iterator[Served]:
 
 @pytest.fixture
 def stage(board: Served, clock: WallClock) -> Iterator[GrblStage]:
-    made = open_stage(clock, port=board.address, origin_mm=grbl.ORIGIN_MM)
+    made = open_stage(clock, GrblSettings(port=board.address, origin_mm=grbl.ORIGIN_MM))
     made.connect()
     yield made
     made.close()
@@ -134,17 +138,43 @@ def test_a_probe_can_be_stopped(stage: GrblStage) -> None:
 
 def test_a_locked_board_must_be_homed(phantom: Phantom, clock: WallClock) -> None:
     with grbl.emulate(phantom) as board:
-        locked = open_stage(clock, port=board.address, origin_mm=grbl.ORIGIN_MM)
+        locked = open_stage(clock, GrblSettings(port=board.address, origin_mm=grbl.ORIGIN_MM))
         with pytest.raises(DeviceFault, match="home = true"):
             locked.connect()
-        homing = open_stage(clock, port=board.address, origin_mm=grbl.ORIGIN_MM, home=True)
+        homing = open_stage(
+            clock, GrblSettings(port=board.address, origin_mm=grbl.ORIGIN_MM, home=True)
+        )
         homing.connect()
+        assert phantom.tip.point(clock.now()) == pytest.approx(HOME)  # connecting moves nothing
+        homing.home()
         assert homing.pose()[:3] == pytest.approx((0.079, 0.019, 0.051), abs=2e-6)
         homing.close()
 
 
+@pytest.mark.parametrize("after_s", [0.05, 0.4, 1.2])
+def test_homing_can_be_stopped_at_any_instant(
+    after_s: float, phantom: Phantom, clock: WallClock
+) -> None:
+    with grbl.emulate(phantom) as board:
+        homing = open_stage(
+            clock,
+            GrblSettings(
+                port=board.address, origin_mm=grbl.ORIGIN_MM, home=True, park_mm=(0.0, 0.0, 40.0)
+            ),
+        )
+        homing.connect()
+        threading.Timer(after_s, homing.stop).start()
+        with pytest.raises(DeviceFault, match=r"reset|stopped on the way"):
+            homing.home()
+        until(lambda: not phantom.tip.moving(clock.now()))
+        rests = phantom.tip.point(clock.now())
+        time.sleep(0.2)
+        assert phantom.tip.point(clock.now()) == rests
+        homing.close()
+
+
 def test_inches_are_understood(board: Served, clock: WallClock) -> None:
-    made = open_stage(clock, port=board.address, origin_mm=grbl.ORIGIN_MM)
+    made = open_stage(clock, GrblSettings(port=board.address, origin_mm=grbl.ORIGIN_MM))
     made.connect()
     made._line().command("$13=1", 1.0)
     made.close()
@@ -158,12 +188,12 @@ def test_inches_are_understood(board: Served, clock: WallClock) -> None:
 
 def test_an_absent_port_names_what_there_is(clock: WallClock) -> None:
     with pytest.raises(DeviceAbsent, match="no such port; serial ports here"):
-        open_stage(clock, port="/dev/ttyNOT").connect()
+        open_stage(clock, GrblSettings(port="/dev/ttyNOT")).connect()
 
 
 def test_something_else_at_the_port_is_no_stage(board: Served, clock: WallClock) -> None:
     board.fail("garbage")
-    made = open_stage(clock, port=board.address)
+    made = open_stage(clock, GrblSettings(port=board.address))
     with pytest.raises(DeviceAbsent, match="no GRBL answers"):
         made.connect()
     assert not [t for t in threading.enumerate() if t.name == "palpate grbl"]
@@ -184,7 +214,7 @@ def test_unplugged_and_plugged_in_again(stage: GrblStage, board: Served) -> None
 
 def test_settings_of_any_kind_are_read(board: Served, clock: WallClock) -> None:
     """grblHAL lists addresses, names and floats among its numbers."""
-    made = open_stage(clock, port=board.address)
+    made = open_stage(clock, GrblSettings(port=board.address))
     made.connect()
     talk = made._line()
     for line in ("$302=192.168.5.1", "$300=grbl.local", "$110=6000.000", "$5=", "$N0=G54"):
@@ -198,7 +228,7 @@ def test_settings_of_any_kind_are_read(board: Served, clock: WallClock) -> None:
 def test_a_slow_axis_is_told_at_connection(
     board: Served, clock: WallClock, caplog: pytest.LogCaptureFixture
 ) -> None:
-    made = open_stage(clock, port=board.address, max_speed_mm_s=60.0)
+    made = open_stage(clock, GrblSettings(port=board.address, max_speed_mm_s=60.0))
     made.connect()
     made.close()
     assert "the board moves z at 50 mm/s at most ($112)" in caplog.text
@@ -213,3 +243,134 @@ def test_after_an_alarm_the_board_can_be_unlocked(stage: GrblStage) -> None:
     stage.unlock()
     stage.move(Pose(0.031, 0.0, 0.004), 0.02)
     until(lambda: not stage.moving())
+
+
+def test_a_board_after_a_limit_alarm_can_be_connected_and_homed(
+    phantom: Phantom, clock: WallClock
+) -> None:
+    """It refuses `$$` until it was reset."""
+    with grbl.emulate(phantom, homed=True) as board:
+        board.fail("limit")
+        time.sleep(0.05)
+        keys = {"port": board.address, "origin_mm": grbl.ORIGIN_MM}
+        idle = open_stage(clock, GrblSettings(**keys))
+        with pytest.raises(DeviceFault, match=r"home = true"):
+            idle.connect()
+        homing = open_stage(clock, GrblSettings(**keys, home=True))
+        homing.connect()
+        homing.home()
+        assert homing.pose().z == pytest.approx(0.051, abs=2e-6)
+        homing.move(Pose(0.078, 0.019, 0.05), 0.02)
+        until(lambda: not homing.moving())
+        homing.close()
+
+
+@pytest.mark.parametrize("mask", [0.0, 2.0])
+def test_work_positions_alone_are_no_place(
+    phantom: Phantom, clock: WallClock, monkeypatch: pytest.MonkeyPatch, mask: float
+) -> None:
+    """With the work zero 7 mm aside, "4 mm down" would go 7 mm sideways."""
+    monkeypatch.setitem(grbl.SETTINGS, 10, mask)
+    with grbl.emulate(phantom, homed=True, work_mm=(7.0, 0.0, -10.0)) as board:
+        made = open_stage(clock, GrblSettings(port=board.address, origin_mm=grbl.ORIGIN_MM))
+        with pytest.raises(DeviceFault, match=rf"work positions only.*\$10={mask:g}.*set \$10=1"):
+            made.connect()
+
+
+def test_a_work_zero_changes_no_pose(phantom: Phantom, clock: WallClock) -> None:
+    with grbl.emulate(phantom, homed=True, work_mm=(7.0, 0.0, -10.0)) as board:
+        made = open_stage(clock, GrblSettings(port=board.address, origin_mm=grbl.ORIGIN_MM))
+        made.connect()
+        assert made.pose()[:3] == pytest.approx(HOME, abs=1e-6)
+        made.move(Pose(0.03, 0.0, 0.001), 0.02)
+        until(lambda: not made.moving())
+        assert phantom.tip.point(clock.now()) == pytest.approx((0.03, 0.0, 0.001), abs=1e-6)
+        made.close()
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("feed hold", "feed hold is active"),
+        ("other program", "runs another program"),
+        ("check mode", "check mode"),
+        ("switch pressed", "limit switch of z"),
+    ],
+)
+def test_who_else_commands_the_board_is_told_before_the_first_move(
+    stage: GrblStage, board: Served, fault: str, words: str
+) -> None:
+    board.fail(fault)
+    time.sleep(0.05)
+    with pytest.raises(DeviceFault, match=words):
+        stage.enable()
+
+
+def test_a_feed_hold_in_a_move_is_a_fault_of_motion(stage: GrblStage, board: Served) -> None:
+    stage.move(Pose(0.05, 0.0, 0.004), 0.01)
+    time.sleep(0.1)
+    board.fail("feed hold")
+    with pytest.raises(MotionFault, match="feed hold"):
+        until(lambda: not stage.moving())
+
+
+def test_an_unhomed_board_is_told(
+    phantom: Phantom, clock: WallClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(grbl.SETTINGS, 22, 0.0)
+    with grbl.emulate(phantom, homed=True) as board:
+        made = open_stage(clock, GrblSettings(port=board.address, origin_mm=grbl.ORIGIN_MM))
+        made.connect()
+        assert any("$22=0" in note for note in made.enable())
+        made.close()
+
+
+def test_homing_forgives_an_earlier_restart(stage: GrblStage, board: Served) -> None:
+    board.fail("restart")
+    with pytest.raises(DeviceFault, match=r"restarted by itself|alarm"):
+        until(lambda: stage.pose() is None)
+    stage.home()
+    stage.pose()
+
+
+class CountingLine:
+    """Answers each `?` after 12 ms, as grblHAL does; reads wait as a serial port's do."""
+
+    def __init__(self) -> None:
+        self.asked: list[float] = []
+
+    @property
+    def in_waiting(self) -> int:
+        return int(bool(self.asked) and self._answers_s() <= time.monotonic()) and 40
+
+    def _answers_s(self) -> float:
+        return self.asked[-1] + 0.012 if self._open else math.inf
+
+    _open = False
+
+    def write(self, data: bytes, /) -> int:
+        self.asked.append(time.monotonic())
+        self._open = True
+        return len(data)
+
+    def read(self, _size: int = 1, /) -> bytes:
+        end_s = time.monotonic() + READ_S
+        while time.monotonic() < min(end_s, self._answers_s()):
+            time.sleep(0.0005)
+        if time.monotonic() < self._answers_s():
+            return b""
+        self._open = False
+        return b"<Idle|MPos:0.000,0.000,0.000|Bf:100,1023|FS:0,0>\r\n"
+
+    def reset_input_buffer(self) -> None: ...
+    def close(self) -> None: ...
+
+
+def test_status_is_asked_for_as_often_as_told() -> None:
+    """A read that waits 20 ms must not delay the next question."""
+    line = CountingLine()
+    talk = Conversation("grbl", line, 0.02)
+    time.sleep(1.0)
+    talk.close()
+    steps = np.diff(line.asked)
+    assert np.median(steps) == pytest.approx(0.02, abs=0.004)

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 
 from drivers import Block, ConfigError, DeviceFault, WallClock
-from drivers.lines import TextChannel, open_sensor
-from drivers.reader import LineSensor
+from drivers.core.reader import LineSensor
+from drivers.lines import LinePattern, TextChannel, open_sensor
 from sim_backend import load_scene
 from sim_backend.emulators import lines
 from sim_backend.emulators.serving import Served, served
-from sim_backend.phantom import Phantom, Respond
+from sim_backend.phantom.phantom import Phantom, Respond
 
 FORCE = TextChannel(name="force", unit="N", role="force")
 STAMPED = r"(?P<time>[0-9]+) (?P<force>[-+0-9.eE]+|nan) N"
@@ -179,6 +179,8 @@ def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
     [
         ({"pattern": "("}, "pattern = '\\('"),
         ({"pattern": "(?P<f>.*)"}, r"has groups \['f'\]"),
+        ({"pattern": r"(?P<force>[0-9]+)(?=N)"}, "no look-around"),
+        ({"pattern": "(?P<force>([0-9.]{1,30}){1,30})"}, "at most 500 are allowed"),
         ({"rate_hz": 0.0}, "rate_hz = 0: must be above 0"),
         ({"time_unit_s": -1.0}, "time_unit_s"),
     ],
@@ -187,3 +189,14 @@ def test_wrong_keys_are_named(clock: WallClock, keys: dict[str, Any], words: str
     good = {"port": "x", "pattern": "(?P<force>.*)", "channel": [FORCE], "rate_hz": 10.0}
     with pytest.raises(ConfigError, match=words):
         open_sensor(clock, **(good | keys))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    "pattern", [r"(?P<force>[-+]?([0-9]+\.?)+) N", r"(?P<force>([0-9]?){95}[0-9]{95}) N"]
+)
+def test_a_damaged_line_cannot_hold_up_the_guards(pattern: str) -> None:
+    compiled = LinePattern(pattern)
+    for length in (27, 250, 1_000_000):  # 27 digits took the backtracking matcher 11 s
+        began_s = time.process_time()
+        assert compiled.match(b"0" * length + b"?") is None
+        assert time.process_time() - began_s < 0.1

@@ -7,13 +7,15 @@ import time
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
+from pydantic import ValidationError
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
-from drivers import ConfigError, DeviceAbsent, DeviceFault, WallClock
-from drivers.modbus import Register, open_sensor
-from drivers.reader import LineSensor
+from drivers import DeviceAbsent, DeviceFault, WallClock
+from drivers.core.reader import LineSensor
+from drivers.modbus import ModbusSettings, Register, open_sensor
 from sim_backend.emulators.modbus import ModbusSlave
 from sim_backend.emulators.serving import served
 
@@ -59,6 +61,10 @@ REGISTERS = [
 ]
 
 
+def opened(**keys: Any) -> LineSensor:
+    return open_sensor(WallClock(), ModbusSettings.model_validate(keys))
+
+
 def first_row(sensor: LineSensor) -> list[float]:
     sensor.connect()
     sensor.start()
@@ -72,25 +78,23 @@ def first_row(sensor: LineSensor) -> list[float]:
 
 
 def test_every_type_and_unit_of_an_independent_server(server_port: int) -> None:
-    sensor = open_sensor(
-        WallClock(), host="127.0.0.1", tcp_port=server_port, device_id=7, register=REGISTERS
-    )
+    sensor = opened(host="127.0.0.1", tcp_port=server_port, device_id=7, register=REGISTERS)
     assert [c.unit for c in sensor.channels] == ["N", "V", "Pa", "N", "K"]
     assert sensor.channels[0].full_scale == 2.0
     assert first_row(sensor) == pytest.approx([1.23, -5.0, 40000.0, -2.0, 2.5])
 
 
 def test_word_order(server_port: int) -> None:
-    sensor = open_sensor(
-        WallClock(), host="127.0.0.1", tcp_port=server_port, device_id=7, word_order="little",
+    sensor = opened(
+        host="127.0.0.1", tcp_port=server_port, device_id=7, byte_order="CDAB",
         register=[Register(name="c", address=102, unit="Pa", type="uint32")],
     )  # fmt: skip
     assert first_row(sensor) == [40000 * 65536.0]
 
 
 def test_a_register_that_is_not_there_is_named(server_port: int) -> None:
-    sensor = open_sensor(
-        WallClock(), host="127.0.0.1", tcp_port=server_port, device_id=7,
+    sensor = opened(
+        host="127.0.0.1", tcp_port=server_port, device_id=7,
         register=[Register(name="x", address=5000, unit="N")],
     )  # fmt: skip
     with pytest.raises(DeviceAbsent, match=r"refuses registers 5000 to 5000 \(Modbus exception 2"):
@@ -98,7 +102,7 @@ def test_a_register_that_is_not_there_is_named(server_port: int) -> None:
 
 
 def test_nobody_there_is_absence() -> None:
-    sensor = open_sensor(WallClock(), host="127.0.0.1", tcp_port=1, register=REGISTERS)
+    sensor = opened(host="127.0.0.1", tcp_port=1, register=REGISTERS)
     with pytest.raises(DeviceAbsent, match="nothing to connect to at 127"):
         sensor.connect()
 
@@ -113,9 +117,7 @@ def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
 
     slave = ModbusSlave({0: counted}, 1, "rtu")
     with served(slave, "socket://127.0.0.1:0", "modbus") as device:
-        sensor = open_sensor(
-            WallClock(), port=device.address, register=[Register(name="n", address=0, unit="-")]
-        )
+        sensor = opened(port=device.address, register=[Register(name="n", address=0, unit="-")])
         sensor.connect()
         sensor.start()
         device.fail("late")
@@ -134,8 +136,8 @@ def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
     [
         ({"register": REGISTERS}, "port or host"),
         ({"host": "a", "port": "b", "register": REGISTERS}, "port or host"),
-        ({"host": "a", "register": []}, "name at least one"),
-        ({"host": "a", "register": REGISTERS, "rate_hz": 0.0}, "must be above 0"),
+        ({"host": "a", "register": []}, "at least 1 item"),
+        ({"host": "a", "register": REGISTERS, "rate_hz": 0.0}, "greater than 0"),
         (
             {"host": "a", "register": [*REGISTERS, Register(name="z", address=900, unit="N")]},
             "span 801",
@@ -143,5 +145,58 @@ def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
     ],
 )
 def test_wrong_keys_are_named(keys: dict[str, Any], words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
-        open_sensor(WallClock(), **keys)
+    with pytest.raises(ValidationError, match=words):
+        opened(**keys)
+
+
+ORDERS = {"ABCD": [0, 1, 2, 3], "BADC": [1, 0, 3, 2], "CDAB": [2, 3, 0, 1], "DCBA": [3, 2, 1, 0]}
+
+
+def slave_of(number: bytes, order: str) -> ModbusSlave:
+    """Holding registers from 0 on whose bytes spell ``number`` in an order (of 4 or 8 bytes)."""
+    pairs = [number[n : n + 2] for n in range(0, len(number), 2)]
+    if order in ("CDAB", "DCBA"):
+        pairs.reverse()
+    if order in ("BADC", "DCBA"):
+        pairs = [pair[::-1] for pair in pairs]
+    words = [int.from_bytes(pair, "big") for pair in pairs]
+    return ModbusSlave({n: lambda w=w: w for n, w in enumerate(words)}, 1, "rtu")  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize(
+    ("kind", "form", "value"),
+    [("float32", ">f", -1234.5), ("int32", ">i", -70000), ("uint32", ">I", 4_000_000_000),
+     ("float64", ">d", 1e-7), ("int64", ">q", -(2**40)), ("uint64", ">Q", 2**50)],
+)  # fmt: skip
+def test_every_order_of_bytes(order: str, kind: str, form: str, value: float) -> None:
+    sent = struct.pack(form, value)
+    assert struct.pack(">f", 1.0)[::-1] == bytes(struct.pack(">f", 1.0)[n] for n in ORDERS["DCBA"])
+    with served(slave_of(sent, order), "socket://127.0.0.1:0", "modbus") as device:
+        sensor = opened(
+            port=device.address, byte_order=order,
+            register=[Register(name="n", address=0, unit="-", type=kind)],  # type: ignore[arg-type]
+        )  # fmt: skip
+        assert first_row(sensor) == [pytest.approx(value, rel=1e-7)]
+
+
+def test_not_a_number_is_a_lost_reading_and_then_a_fault() -> None:
+    told = [2.5]
+
+    def word(n: int) -> int:
+        return struct.unpack(">HH", struct.pack(">f", told[0]))[n]
+
+    slave = ModbusSlave({0: lambda: word(0), 1: lambda: word(1)}, 1, "rtu")
+    with served(slave, "socket://127.0.0.1:0", "modbus") as device:
+        keys = {"register": [{"name": "n", "address": 0, "unit": "N", "type": "float32"}]}
+        sensor = opened(port=device.address, timeout_ms=1000, **keys)
+        sensor.connect()
+        sensor.start()
+        time.sleep(0.2)
+        assert (sensor.read().values == 2.5).all()
+        told[0] = float("nan")
+        with pytest.raises(DeviceFault, match="n: not a number, 3 times in a row"):
+            while True:
+                assert not np.isnan(sensor.read().values).any()
+                time.sleep(0.01)
+        sensor.close()

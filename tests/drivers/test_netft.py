@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from drivers import DeviceAbsent, DeviceFault, MissingExtra, WallClock
+from drivers.core.reader import LineSensor
 from drivers.netft import open_sensor
-from drivers.reader import LineSensor
 from sim_backend import load_scene
 from sim_backend.emulators import netft
-from sim_backend.phantom import Phantom, Respond
+from sim_backend.phantom.phantom import Phantom, Respond
 
 
 @pytest.fixture
@@ -97,5 +97,5 @@ def test_a_missing_library_gives_the_line_to_type(
     clock: WallClock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "pynetft", None)
-    with pytest.raises(MissingExtra, match=r'pip install "palpate\[netft\]"'):
+    with pytest.raises(MissingExtra, match=r"pip install 'palpate\[netft\]'"):
         open_sensor(clock)

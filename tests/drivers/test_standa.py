@@ -96,7 +96,7 @@ def test_a_rig_without_axes_is_told() -> None:
 def test_a_missing_library_gives_the_line_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "libximc", None)
     monkeypatch.setitem(sys.modules, "libximc.highlevel", None)
-    with pytest.raises(MissingExtra, match=r'pip install "palpate\[standa\]"'):
+    with pytest.raises(MissingExtra, match=r"pip install 'palpate\[standa\]'"):
         open_stage(WallClock(), x_uri="x")
 
 

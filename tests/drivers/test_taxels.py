@@ -13,7 +13,7 @@ from drivers.taxels import open_sensor
 from sim_backend import load_scene
 from sim_backend.emulators import taxels
 from sim_backend.emulators.serving import Served
-from sim_backend.phantom import Phantom, Respond
+from sim_backend.phantom.phantom import Phantom, Respond
 
 ARRAY: dict[str, Any] = {
     "rows": 4, "columns": 7, "header": "AA55", "rate_hz": 100.0, "counter": True,

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from probe.recording import Recording, Station
+from probe.core.recording import Recording, Station
 
 Array = NDArray[np.float64]
 

@@ -13,14 +13,21 @@ from contextlib import contextmanager, suppress
 from functools import partial
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from sim_backend.emulators.serving import on_this_machine
 from sim_backend.emulators.ur import wire
-from sim_backend.emulators.ur.robot import EMERGENCY_BIT, PROTECTIVE_BIT, Robot
-from sim_backend.phantom import Phantom
+from sim_backend.emulators.ur.robot import EMERGENCY_MODE, PROTECTIVE_MODE, Mounting, Point, Robot
+from sim_backend.phantom.phantom import Phantom
 
 RTDE_PORT, DASHBOARD_PORT = 30004, 29999
+CB3_HZ = 125.0
 SCRIPT_PORTS = (30001, 30002, 30003)
 LATE_S = 0.2
+MISSED_S = 0.06  # as seen of a controller in a container
+SLOW = 0.2
+JITTER_S = 0.002
+TICK_S = 0.01
 CATCH_UP = 0.3
 """What passes at least between two states to one client, over the period."""
 LONGEST_BEHIND = 100
@@ -36,15 +43,23 @@ DASHBOARD = {
 }
 
 
+Version = tuple[int, int, int, int]
+E_SERIES: Version = (5, 11, 0, 108249)
+CB3: Version = (3, 15, 0, 106331)
+POLYSCOPE_X: Version = (10, 7, 0, 108)
+
+
 class UrController:
     """A running controller; ``address`` is what a rig file gives as ``host``."""
 
     faults = ("protective stop", "emergency stop", "lost program", "silence", "drop", "garbage",
-              "late", "mute", "blink", "no start")  # fmt: skip
+              "late", "mute", "blink", "no start", "other program", "slow slider", "missed cycles",
+              "jitter")  # fmt: skip
 
-    def __init__(self, robot: Robot, host: str) -> None:
+    def __init__(self, robot: Robot, host: str, version: Version = E_SERIES) -> None:
         self.address = host
-        self._robot = robot
+        self.robot = robot
+        self._version = version
         self._fault: str | None = None
         self._rng = np.random.default_rng(0)
         self._end = threading.Event()
@@ -55,6 +70,7 @@ class UrController:
             self._serve(DASHBOARD_PORT, self._dashboard),
             *(self._serve(port, self._script) for port in SCRIPT_PORTS),
         ]
+        self._start(self._go_on, "emulated ur")
 
     def fail(self, fault: str | None) -> None:
         """Begin a fault of ``faults``; None mends everything. Raises `ValueError`."""
@@ -62,14 +78,20 @@ class UrController:
             raise ValueError(f"fault {fault!r}: known are {', '.join(self.faults)}")
         match fault:
             case "protective stop":
-                self._robot.protect(PROTECTIVE_BIT)
+                self.robot.protect(PROTECTIVE_MODE)
             case "emergency stop":
-                self._robot.protect(EMERGENCY_BIT)
+                self.robot.protect(EMERGENCY_MODE)
             case "lost program":
-                self._robot.end_program()
+                self.robot.end_program()
+            case "other program":
+                self.robot.play_other()
+            case "slow slider":
+                self.robot.slide(SLOW)
+            case "missed cycles":
+                self.robot.miss_cycles(MISSED_S)
             case None:
-                self._robot.clear()
-        self._robot.stuck = fault == "no start"
+                self.robot.clear()
+        self.robot.stuck = fault == "no start"
         self._fault = fault
         if fault in ("drop", "blink"):
             for client in list(self._open):
@@ -84,8 +106,13 @@ class UrController:
         for server in self._servers:
             server.close()
 
+    def _go_on(self) -> None:
+        """The robot's own watchdog watches, whoever has stopped reading."""
+        while not self._end.wait(TICK_S):
+            self.robot.tick()
+
     def _serve(self, port: int, talk: Callable[[socket.socket], None]) -> socket.socket:
-        server = socket.create_server((self.address, port))
+        server = socket.create_server((on_this_machine(self.address), port))
         server.settimeout(0.05)
 
         def accept() -> None:
@@ -124,7 +151,7 @@ class UrController:
         buffer = bytearray()
         inputs: dict[int, wire.Recipe] = {}
         output: wire.Recipe | None = None
-        robot = self._robot
+        robot = self.robot
         cycle, every, streaming = 0, 1, False
         while not self._end.is_set():
             # at most one state per wait: of two that arrive at once, a client drops the first
@@ -148,7 +175,7 @@ class UrController:
                 elif kind == wire.VERSION:
                     self._send(client, kind, b"\x01")
                 elif kind == wire.CONTROLLER:
-                    self._send(client, kind, struct.pack(">4I", 5, 11, 0, 108249))
+                    self._send(client, kind, struct.pack(">4I", *self._version))
                 elif kind in (wire.START, wire.PAUSE):
                     streaming = kind == wire.START
                     self._send(client, kind, b"\x01")
@@ -164,6 +191,8 @@ class UrController:
     def _send(self, client: socket.socket, kind: int, payload: bytes) -> None:
         if self._fault == "late":
             time.sleep(LATE_S)
+        elif self._fault == "jitter":
+            time.sleep(float(self._rng.exponential(JITTER_S)))
         data = wire.package(kind, payload)
         if self._fault == "garbage":
             data = self._rng.bytes(len(data))
@@ -181,10 +210,10 @@ class UrController:
 
     def _dashboard_answer(self, line: str) -> str:
         if line == "stop":
-            self._robot.end_program()
+            self.robot.end_program()
             return "Stopped"
         if line == "running":
-            return f"Program running: {str(self._robot.playing).lower()}"
+            return f"Program running: {str(self.robot.playing).lower()}"
         return DASHBOARD.get(line, f"could not understand: '{line}'")
 
     def _script(self, client: socket.socket) -> None:
@@ -193,7 +222,7 @@ class UrController:
         while not self._end.is_set():
             text += _received(client).decode("ascii", "replace")
             if text.startswith("def ") and "\nend" in text[-8:]:
-                self._robot.upload()
+                self.robot.upload()
                 text = ""
 
 
@@ -220,12 +249,24 @@ def emulate(
     rate_hz: float = 500.0,
     noise_n: float = 0.0005,
     origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    reach_mm: float = 10_000.0,
+    version: Version = E_SERIES,
     seed: int = 0,
+    ready: Callable[[Point], bool] = lambda _target: True,
 ) -> Iterator[UrController]:
-    """Serve a controller on the address ``at``."""
+    """Serve a controller on the address ``at``.
+
+    Base frame = scan frame turned by roll, pitch and yaw (``rotation_deg``, about the fixed x, y
+    and z), then moved by ``origin_mm``. Poses beyond ``reach_mm`` of the base are out of reach. A
+    move to a target (scan frame) that is not ``ready`` is held until it is.
+    """
     x, y, z = origin_mm
-    robot = Robot(phantom, (1e-3 * x, 1e-3 * y, 1e-3 * z), noise_n, seed, 1 / rate_hz)
-    controller = UrController(robot, at)
+    turn = Rotation.from_euler("xyz", rotation_deg, degrees=True)
+    mounting = Mounting((1e-3 * x, 1e-3 * y, 1e-3 * z), turn, 1e-3 * reach_mm)
+    rate_hz = min(rate_hz, CB3_HZ) if version[0] == 3 else rate_hz
+    robot = Robot(phantom, mounting, noise_n, seed, 1 / rate_hz, ready)
+    controller = UrController(robot, at, version)
     try:
         yield controller
     finally:

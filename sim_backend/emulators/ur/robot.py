@@ -1,86 +1,148 @@
 """The controller's inside: registers, the program that obeys them, safety, and the phantom's tip.
 
-Base frame = scan frame + ``origin_m``, axes parallel. The program is not interpreted: once one is
-uploaded, the registers are obeyed as the library's own script obeys them.
+The program is not interpreted: once one is uploaded, the registers are obeyed as the library's
+own script obeys them.
 """
 
 import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from sim_backend.phantom import Phantom
+from sim_backend.phantom.phantom import SLOPE_M, Phantom
 
 READY, DONE = 1, 2
-MOVE_L, ZERO_FORCE, SPEED_L, SPEED_STOP, SERVO_STOP, SERVO_L = 3, 8, 10, 15, 16, 24
-STOP_L, WATCHDOG, STOP_SCRIPT = 33, 35, 255
+MOVE_L, ZERO_FORCE, SPEED_L, SPEED_STOP, SERVO_STOP, SET_PAYLOAD = 3, 8, 10, 15, 16, 17
+SERVO_L, SET_TCP, STOP_L, WATCHDOG = 24, 29, 33, 35
+WITHIN_LIMITS, TCP_OFFSET, STOP_SCRIPT = 36, 40, 255
 AT_ONCE = (SPEED_L, SERVO_L, 25)  # obeyed in each cycle: READY stays, DONE never comes
 PLAYING, STOPPED = 2, 1
-NORMAL_BIT, PROTECTIVE_BIT, EMERGENCY_BIT = 1 << 0, 1 << 2, 1 << 7
+NORMAL_MODE, PROTECTIVE_MODE, EMERGENCY_MODE = 1, 3, 7
 POWERED_BITS = 0b11  # power on, program running
+TOOL_DOWN = (0.0, np.pi, 0.0)
 STOP_M_S2 = 10.0
-WATCHDOG_S = 0.5
+RUNNING_BIT, NUMBER_SHIFT, NUMBERS = 1 << 15, 24, 128
+"""Of the register in which the library's script tells of an asynchronous move."""
 REMEMBERED = 250
 """Cycles whose measurement is kept: every client of a cycle is told the same."""
 
-
 Point = tuple[float, float, float]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Mounting:
+    """Where the scan frame lies in the robot's base frame, how far the arm reaches from there."""
+
+    origin_m: Point = (0.0, 0.0, 0.0)
+    turn: Rotation = field(default_factory=Rotation.identity)
+    reach_m: float = 10.0
+
+    def to_base(self, place: Array) -> Array:
+        """A place (3,) of the scan frame, in the base frame."""
+        return np.array(self.origin_m) + self.turn.apply(place)
+
+    def to_scan(self, place: Array) -> Array:
+        """A place (3,) of the base frame, in the scan frame."""
+        return np.asarray(self.turn.inv().apply(place - np.array(self.origin_m)))
 
 
 class Robot:
     """Fields as RTDE names them; `Robot.outputs` is one sample. Safe to call from any thread."""
 
     def __init__(
-        self, phantom: Phantom, origin_m: Point, noise_n: float, seed: int,
+        self,
+        phantom: Phantom,
+        mounting: Mounting,
+        noise_n: float,
+        seed: int,
         period_s: float,
-    ) -> None:  # fmt: skip
+        ready: Callable[[Point], bool] = lambda _target: True,
+    ) -> None:
         self.period_s = period_s
+        self.uploads = 0
+        self.refuses: frozenset[int] = frozenset()
+        """Commands that are never done."""
+        self.stuck = False
+        """Programs do not start."""
+        self.foreign = False
+        """The program that plays is somebody else's."""
+        self._ready = ready
+        self._held = False
         self._phantom = phantom
-        self._origin = np.array(origin_m)
+        self._mounting = mounting
         self._noise_n = noise_n
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
         self._start_s = phantom.clock.now()
-        self._measured: dict[int, tuple[Point, float]] = {}
-        self._rotation = (0.0, 0.0, 0.0)
-        self._zero_n = 0.0
+        self._measured: dict[int, tuple[Point, Point]] = {}
+        rx, ry, rz = (mounting.turn * Rotation.from_rotvec(TOOL_DOWN)).as_rotvec().tolist()
+        self._rotation = (rx, ry, rz)
+        self._zero = np.zeros(3)
+        self._slider = 1.0
+        self._under_way: tuple[Point, float, float] | None = None
+        self._tcp: tuple[float, ...] = (0.0,) * 6
+        self._payload_kg = 0.0
         self._inputs: dict[str, Any] = {}
-        self._said = {"output_int_register_0": 0, "output_int_register_1": 0,
-                      "output_int_register_2": 0}  # fmt: skip
+        self._said: dict[str, Any] = {f"output_int_register_{n}": 0 for n in range(3)}
+        self._number = 0
         self._playing = False
         self._blocked = False
-        self._wants_watchdog = False
+        self._watchdog_s = np.inf
         self._kicked_s = 0.0
-        self._safety = NORMAL_BIT
-        self.stuck = False
-        """Programs do not start."""
+        self._safety = NORMAL_MODE
 
     def upload(self) -> None:
         """A program has arrived: it starts, if safety lets it."""
         with self._lock:
             self._halt()  # it replaces the one that was running
-            if self._safety == NORMAL_BIT and not self.stuck:
+            self.uploads += 1
+            self.foreign = False
+            if self._safety == NORMAL_MODE and not self.stuck:
                 self._playing = True
-                self._blocked = self._wants_watchdog = False
+                self._blocked = False
+                self._watchdog_s = np.inf
                 self._said["output_int_register_0"] = READY
+
+    def play_other(self) -> None:
+        """Somebody else's program runs, which knows nothing of the registers."""
+        with self._lock:
+            self.foreign = self._playing = True
 
     def end_program(self) -> None:
         """The program ends and the arm halts."""
         with self._lock:
-            self._playing = False
+            self._playing = self.foreign = False
             self._said["output_int_register_0"] = 0
             self._halt()
 
-    def protect(self, bit: int) -> None:
+    def protect(self, mode: int) -> None:
         """A protective or emergency stop."""
         with self._lock:
-            self._safety = bit
+            self._safety = mode
             self.end_program()
 
     def clear(self) -> None:
         """Safety is normal again; a program must be uploaded anew."""
         with self._lock:
-            self._safety = NORMAL_BIT
+            self._safety = NORMAL_MODE
+            self.slide(1.0)
+
+    def slide(self, fraction: float) -> None:
+        """The speed slider, from now on and for the move that is under way."""
+        with self._lock:
+            self._slider = fraction
+            if self._under_way is not None:
+                self._set_off(*self._under_way)
+
+    def miss_cycles(self, seconds: float) -> None:
+        """The controller loses time: its clock stands, while the arm and the world go on."""
+        with self._lock:
+            self._start_s += seconds
 
     @property
     def playing(self) -> bool:
@@ -92,17 +154,26 @@ class Robot:
             self._inputs.update(values)
             self._kicked_s = self._phantom.clock.now()
             command = self._inputs.get("input_int_register_0", 0)
-            if not self._playing:
+            if not self._playing or self.foreign:
+                if command == STOP_SCRIPT:
+                    self.end_program()
                 return
             state = self._said["output_int_register_0"]
             if command == 0:
                 self._said["output_int_register_0"] = READY
             elif state == READY and command in AT_ONCE:
                 self._obey(command)
-            elif state == READY:
+            elif state == READY and command not in self.refuses:
                 self._blocked = not self._obey(command)
                 if not self._blocked and self._playing:
                     self._said["output_int_register_0"] = DONE
+            elif command in self.refuses:
+                self.end_program()  # as a script that fails does
+
+    def tick(self) -> None:
+        """Let the program go on, whether or not anybody listens."""
+        with self._lock:
+            self._go_on(self._phantom.clock.now())
 
     def until_s(self, cycle: int) -> float:
         """Seconds until a cycle begins; below 0 once it has."""
@@ -118,7 +189,8 @@ class Robot:
                 self._measured.pop(cycle - REMEMBERED, None)
             tip, force = self._measured[cycle]
             pose = (*tip, *self._rotation)
-            wrench = (0.0, 0.0, force - self._zero_n, 0.0, 0.0, 0.0)
+            fx, fy, fz = (np.array(force) - self._zero).tolist()
+            wrench = (fx, fy, fz, 0.0, 0.0, 0.0)
             return {
                 "timestamp": cycle * self.period_s,
                 "actual_TCP_pose": pose,
@@ -126,54 +198,102 @@ class Robot:
                 "actual_TCP_force": wrench,
                 "ft_raw_wrench": wrench,
                 "robot_mode": 7,
-                "safety_mode": 1 if self._safety == NORMAL_BIT else 3,
-                "safety_status": 1 if self._safety == NORMAL_BIT else 3,
-                "safety_status_bits": self._safety,
+                "safety_mode": self._safety,
+                "safety_status_bits": 1 << (self._safety - 1),
                 "robot_status_bits": POWERED_BITS if self._playing else 1,
                 "runtime_state": PLAYING if self._playing else STOPPED,
                 "speed_scaling": 1.0,
-                "target_speed_fraction": 1.0,
+                "target_speed_fraction": 0.0 if self._held else self._slider,
+                "payload": self._payload_kg,
                 **self._said,
             }
 
-    def _measure(self, time_s: float) -> tuple[Point, float]:
-        """Tip [m] and force [N] before zeroing, with its noise."""
-        tip = np.array(self._phantom.tip.point(time_s)) + self._origin
-        force = float(self._phantom.force_n(np.array([time_s]))[0])
-        x, y, z = map(float, tip)
-        return (x, y, z), force + self._noise_n * float(self._rng.standard_normal())
+    def _measure(self, time_s: float) -> tuple[Point, Point]:
+        """Tip [m] and force [N] before zeroing, with its noise; both in the base frame.
+
+        Without friction the tissue pushes along the surface's normal.
+        """
+        place = self._phantom.tip.point(time_s)
+        force_n = float(self._phantom.force_n(np.array([time_s]))[0])
+        force_n += self._noise_n * float(self._rng.standard_normal())
+        pushed = force_n * self._mounting.turn.apply(_normal(self._phantom, place))
+        x, y, z = self._mounting.to_base(np.array(place)).tolist()
+        fx, fy, fz = pushed.tolist()
+        return (x, y, z), (fx, fy, fz)
 
     def _go_on(self, now: float) -> None:
+        if self._held and self._under_way is not None:
+            self._set_off(*self._under_way)
         moving = self._phantom.tip.moving(now)
-        self._said["output_int_register_2"] = 1 if moving else -1
+        if not moving and self._slider > 0 and not self._held:
+            self._under_way = None
+        running = RUNNING_BIT if moving or self._under_way is not None else 0
+        self._said["output_int_register_2"] = self._number << NUMBER_SHIFT | running
         if self._blocked and not moving:
             self._blocked = False
             if self._playing:
                 self._said["output_int_register_0"] = DONE
-        if self._wants_watchdog and self._playing and now - self._kicked_s > WATCHDOG_S:
+        if self._playing and now - self._kicked_s > self._watchdog_s:
             self.end_program()
 
     def _obey(self, command: int) -> bool:
         """Begin a command; False while it blocks the program (a move that is waited for)."""
+        now = self._phantom.clock.now()
         if command == MOVE_L:
-            number = [float(self._inputs.get(f"input_double_register_{i}", 0)) for i in range(8)]
-            target = np.array(number[:3]) - self._origin
-            self._rotation = (number[3], number[4], number[5])
-            x, y, z = map(float, target)
-            self._phantom.tip.move(self._phantom.clock.now(), (x, y, z), number[6], number[7])
+            target = self._mounting.to_scan(np.array(self._numbers(3)))
+            rx, ry, rz, speed, acceleration = self._numbers(8)[3:]
+            self._rotation = (rx, ry, rz)
+            x, y, z = target.tolist()
+            self._number = (self._number + 1) % NUMBERS
+            self._set_off((x, y, z), speed, acceleration)
             return bool(self._inputs.get("input_int_register_1", 0))
         if command == ZERO_FORCE:
-            now = self._phantom.clock.now()
-            self._zero_n = float(self._phantom.force_n(np.array([now]))[0])
+            place = self._phantom.tip.point(now)
+            force_n = float(self._phantom.force_n(np.array([now]))[0])
+            self._zero = force_n * self._mounting.turn.apply(_normal(self._phantom, place))
         elif command in (STOP_L, SPEED_STOP, SERVO_STOP):
+            self._number = (self._number + 1) % NUMBERS
             self._halt()
         elif command == WATCHDOG:
-            self._wants_watchdog = True
+            self._watchdog_s = 1 / self._numbers(1)[0]
+        elif command == SET_TCP:
+            self._tcp = tuple(self._numbers(6))
+        elif command == SET_PAYLOAD:
+            self._payload_kg = self._numbers(1)[0]
+        elif command == WITHIN_LIMITS:
+            near = float(np.linalg.norm(self._numbers(3))) <= self._mounting.reach_m
+            self._said["output_int_register_1"] = int(near)
+        elif command == TCP_OFFSET:
+            self._said |= {f"output_double_register_{n}": at for n, at in enumerate(self._tcp)}
         elif command == STOP_SCRIPT:
             self.end_program()
         return True
 
+    def _numbers(self, count: int) -> list[float]:
+        return [float(self._inputs.get(f"input_double_register_{n}", 0)) for n in range(count)]
+
+    def _set_off(self, target: Point, speed: float, acceleration: float) -> None:
+        self._under_way = (target, speed, acceleration)
+        now = self._phantom.clock.now()
+        self._held = not self._ready(target)
+        if self._held:
+            return
+        if self._slider <= 0:
+            self._phantom.tip.halt(now, STOP_M_S2)
+        else:
+            self._phantom.tip.move(now, target, self._slider * speed, acceleration)
+
     def _halt(self) -> None:
+        self._under_way, self._held = None, False
         now = self._phantom.clock.now()
         if self._phantom.tip.moving(now):
             self._phantom.tip.halt(now, STOP_M_S2)
+
+
+def _normal(phantom: Phantom, place: Point) -> Array:
+    """Outward normal (3,) of the surface under a place, scan frame."""
+    x, y, _ = place
+    rise = (phantom.surface(x + SLOPE_M, y) - phantom.surface(x - SLOPE_M, y)) / (2 * SLOPE_M)
+    lift = (phantom.surface(x, y + SLOPE_M) - phantom.surface(x, y - SLOPE_M)) / (2 * SLOPE_M)
+    normal = np.array([-rise, -lift, 1.0])
+    return np.asarray(normal / np.linalg.norm(normal))

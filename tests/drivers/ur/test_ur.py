@@ -1,64 +1,41 @@
 """The UR driver: the real ur-rtde client against an emulated controller."""
 
 import os
+import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from itertools import count
 from typing import Any
 
 import numpy as np
 import pytest
+from emulated_ur import ORIGIN_MM, Rig, connected, fresh_host
+from pydantic import ValidationError
 
 from drivers import DeviceAbsent, DeviceFault, Pose, SimulatedClock, WallClock
-from drivers.errors import ConfigError
-from drivers.ur.client import Setup, whole_state
+from drivers.core.errors import ConfigError
+from drivers.ur.client import whole_state
 from drivers.ur.link import leave_link, take_link
-from drivers.ur.sensor import UrForce, open_sensor
-from drivers.ur.stage import UrStage, open_stage
+from drivers.ur.settings import UrStageSettings
 from sim_backend import load_scene
 from sim_backend.emulators import ur
-from sim_backend.emulators.ur.robot import Robot
-from sim_backend.phantom import Phantom, Respond
-
-ORIGIN_MM = (400.0, -20.0, 150.0)
-_numbers = count(1)
-
-
-class Rig:
-    """A robot in a phantom, and the drivers for it."""
-
-    def __init__(self, respond: Respond, host: str) -> None:
-        self.clock = WallClock()
-        self.host = host
-        self.phantom = Phantom(load_scene("TIHA"), self.clock, respond, home=(0.03, 0.0, 0.004))
-        self.stage: UrStage = open_stage(self.clock, host=host, origin_mm=ORIGIN_MM)
-        self.sensor: UrForce = open_sensor(self.clock, host=host)
-
-    def arrive(self, timeout_s: float = 3.0) -> None:
-        end = self.clock.now() + timeout_s
-        while self.stage.moving():
-            assert self.clock.now() < end
-            time.sleep(0.003)
+from sim_backend.emulators.ur.robot import Mounting, Robot
+from sim_backend.phantom.phantom import Phantom, Respond
 
 
 @pytest.fixture
 def host() -> str:
     """An address that no other test process uses."""
-    return f"127.{1 + os.getpid() % 250}.{os.getpid() // 250 % 250}.{next(_numbers)}"
+    return fresh_host()
 
 
 @pytest.fixture
-def rig(winkler: Respond, host: str) -> Iterator[tuple[Rig, ur.UrController]]:
-    made = Rig(winkler, host)
-    with ur.emulate(made.phantom, at=host, origin_mm=ORIGIN_MM, noise_n=0.001) as robot:
-        try:
-            made.stage.connect()
-            made.sensor.connect()
-            yield made, robot
-        finally:
-            made.sensor.close()
-            made.stage.close()
+def rig(winkler: Respond) -> Iterator[tuple[Rig, ur.UrController]]:
+    with connected(winkler, keys={"silence_s": 0.4}) as (made, robot):
+        made.stage.enable()
+        yield made, robot
 
 
 def test_moves_in_the_scan_frame_and_feels_there(rig: tuple[Rig, ur.UrController]) -> None:
@@ -94,9 +71,8 @@ def test_every_sample_is_whole(
     monkeypatch.setattr(Robot, "outputs", noted)
     clock = WallClock()
     phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.004))
-    setup = Setup(host, 500.0, False, None, None, (0.0, 0.0, 0.0))
     with ur.emulate(phantom, at=host, noise_n=0.001):
-        link = take_link("ur", setup)
+        link = take_link("ur", host, 500.0, 1.0)
         phantom.tip.move(clock.now(), (0.03, 0.0, -0.002), 0.003, 0.1)
         time.sleep(2.0)
         got = link.samples(1.0)
@@ -110,7 +86,7 @@ def test_every_sample_is_whole(
 def test_cycles_are_exact_however_late_they_are_told(winkler: Respond) -> None:
     clock = SimulatedClock()
     phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.0))
-    robot = Robot(phantom, (0.0, 0.0, 0.0), 0.001, 0, 0.002)
+    robot = Robot(phantom, Mounting(), 0.001, 0, 0.002)
     phantom.tip.move(clock.now(), (0.03, 0.0, -0.002), 0.002, 10.0)
     clock.sleep_until(clock.now() + 0.5)
     one, other = robot.outputs(100), robot.outputs(100)
@@ -159,9 +135,8 @@ def test_faults_are_seen_soon_in_the_robots_words(
             made.stage.pose()
             time.sleep(0.002)
     took_s = made.clock.now() - began_s
-    assert took_s < (0.05 if "stop" in fault or "lost" in fault else 0.3)
+    assert took_s < (0.3 if "stop" in fault or "lost" in fault else 1.5)
     made.stage.stop()
-    assert made.clock.now() - began_s < 1.0
 
 
 def test_connects_again_after_a_protective_stop_was_cleared(
@@ -172,10 +147,12 @@ def test_connects_again_after_a_protective_stop_was_cleared(
     time.sleep(0.05)
     made.sensor.close()
     made.stage.close()
-    with pytest.raises(DeviceAbsent, match="protective stop"):
-        made.stage.connect()
-    robot.fail(None)
     made.stage.connect()
+    with pytest.raises(DeviceFault, match="protective stop"):
+        made.stage.enable()
+    robot.fail(None)
+    time.sleep(0.05)
+    made.stage.enable()
     made.stage.move(Pose(0.031, 0.0, 0.004), 0.02)
     made.arrive()
 
@@ -202,8 +179,8 @@ def test_nobody_there(winkler: Respond, host: str) -> None:
     ("key", "value"), [("frequency_hz", 1000.0), ("frequency_hz", 0.0), ("max_speed_mm_s", -1.0)]
 )
 def test_wrong_settings_are_named(key: str, value: float) -> None:
-    with pytest.raises(ConfigError, match=key):
-        open_stage(WallClock(), **{key: value})
+    with pytest.raises(ValidationError, match=key):
+        UrStageSettings.model_validate({key: value})
 
 
 def test_too_fast_is_refused(rig: tuple[Rig, ur.UrController]) -> None:
@@ -227,13 +204,66 @@ class Receive:
             "getTimestamp": 0.002 * self._cycle,
             "getActualTCPPose": [float(self._cycle)] * 6,
             "getActualTCPForce": [float(self._cycle)] * 6,
+            "getSpeedScaling": 1.0,
+            "getTargetSpeedFraction": 1.0,
         }
         return lambda: values.get(name, 1)
 
 
-@pytest.mark.parametrize("lasts", range(1, 10))
+@pytest.mark.parametrize("lasts", range(1, 12))
 def test_fields_of_two_cycles_are_no_sample(lasts: int) -> None:
     state = whole_state(Receive(lasts), -1.0)
-    assert (state is None) == (lasts < 7)  # time, five fields, time again
+    assert (state is None) == (lasts < 9)  # time, seven fields, time again
     if state is not None:
         assert state.pose[0] == state.wrench[0] == 1.0
+
+
+def test_ctrl_c_at_a_terminal_is_not_for_the_client(winkler: Respond, host: str) -> None:
+    """A terminal's signal reaches the whole process group; the client must outlive it to lift."""
+    world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.03, 0.0, 0.004))
+    with ur.emulate(world, at=host, origin_mm=ORIGIN_MM, noise_n=0.001):
+        pressed = subprocess.Popen(
+            [sys.executable, "-c", HIT_BY_CTRL_C, host],
+            start_new_session=True, stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        assert pressed.stdout is not None
+        with pressed:
+            assert pressed.stdout.readline() == "pressed\n"
+            for number in (signal.SIGINT, signal.SIGQUIT, signal.SIGHUP, signal.SIGTSTP):
+                os.killpg(pressed.pid, number)
+            time.sleep(0.3)
+            assert pressed.stdout.readline() == "lifted\n"
+        assert world.tip.point(world.clock.now())[2] == pytest.approx(0.004, abs=2e-4)
+
+
+HIT_BY_CTRL_C = f"""
+import sys, time
+from drivers import DeviceFault, WallClock
+from drivers.ur.settings import UrStageSettings
+from drivers.ur.stage import open_stage
+from probe.acquisition.commands import Control, RunCommand, ctrl_c
+def go(stage, z_m):
+    stage.move(stage.pose()._replace(z=z_m), 0.02)
+    while stage.moving():
+        time.sleep(0.005)
+if __name__ == "__main__":
+    control = Control()
+    with ctrl_c(control):
+        keys = dict.fromkeys(("silence_s", "watchdog_s", "stop_s"), 1.0)
+        keys |= {{"host": sys.argv[1], "origin_mm": {ORIGIN_MM}}}
+        stage = open_stage(WallClock(), UrStageSettings(**keys))
+        for _ in range(5):  # beside other tests the first states may come late
+            try:
+                stage.connect()
+                break
+            except DeviceFault:
+                continue
+        go(stage, -0.001)
+        print("pressed", flush=True)
+        while control.command < RunCommand.ABORT:
+            time.sleep(0.005)
+        time.sleep(0.2)
+        go(stage, 0.004)
+        print("lifted", flush=True)
+        stage.close()
+"""

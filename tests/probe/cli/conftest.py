@@ -51,4 +51,4 @@ def palpate(capfd: pytest.CaptureFixture[str]) -> Palpate:
 @pytest.fixture
 def springs(monkeypatch: pytest.MonkeyPatch, winkler: Callable[..., Any]) -> None:
     """Tissue of springs in place of the finite elements: these tests are about the commands."""
-    monkeypatch.setattr("sim_backend.response.respond", winkler)
+    monkeypatch.setattr("sim_backend.models.station_response.respond", winkler)

@@ -13,12 +13,12 @@ import pytest
 from drivers import DeviceFault
 from probe.cli import GROUPS, build, say
 from probe.cli.errors import STATUSES
-from sim_backend.press import CannotSolve
-from sim_backend.virtual import VirtualStage
+from sim_backend.models.press import CannotSolve
+from sim_backend.phantom.devices import VirtualStage
 
 pytestmark = pytest.mark.usefixtures("springs")
 
-FINDINGS = ("nothing", "tumour", "artery", "stenotic artery", "undecided")
+FINDINGS = ("nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see")
 SCAN_KEYS = {"run", "finding", "objects", "stations", "finish", "simulated", "seconds"}
 OBJECT_KEYS = {"kind", "position_mm", "position_ci_mm", "peak_pa", "pulse_pa", "confidence"}
 STATION_KEYS = {"x_mm", "baseline_pa", "pulse_pa"}
@@ -138,7 +138,7 @@ def test_what_cannot_be_solved(
             raise CannotSolve("fold", "the surface folds at 2.1 mm")
         return winkler(scene, x_m, depth_m)
 
-    monkeypatch.setattr("sim_backend.response.respond", respond)
+    monkeypatch.setattr("sim_backend.models.station_response.respond", respond)
     outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path, "--json")
     assert outcome.status == outcome.json["status"] == 4
     assert "the surface folds at 2.1 mm" in outcome.err

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim_backend.scene import load_scene
-from sim_backend.waves import PA_PER_MMHG, load_wave
+from sim_backend.scene.scene_file import load_scene
+from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
 SCENE = """
 name = "mine"
@@ -65,5 +65,6 @@ def test_scenes_prints_a_file_to_start_from(palpate, tmp_path: Path) -> None:
 
 def test_scenes_lists_all(palpate) -> None:
     listed = palpate("scenes", "--json").json["scenes"]
-    assert sorted(listed) == ["HAOT", "SAOT", "TI", "TIHA", "TISA", "TIT"]
+    plane = ["HAOT", "SAOT", "TI", "TIHA", "TISA", "TIT"]
+    assert sorted(listed) == sorted([*plane, *(f"{name}-solid" for name in plane[2:])])
     assert "stenosis" in listed["TISA"]

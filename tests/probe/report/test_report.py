@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from drivers import Channel
-from probe.events import RunStarted
-from probe.recording import Recording, Station
+from probe.core.events import RunStarted
+from probe.core.recording import Recording, Station
 from probe.report import figures
-from probe.report.page import svg
+from probe.report.anonymous import anonymous
+from probe.report.page import page, svg
 from probe.report.write import report
 
 FACE_M2 = 1e-4
@@ -63,11 +64,68 @@ def started() -> RunStarted:
     return RunStarted(0.0, "2026-01-01T00:00:00+00:00", config, {"virtual": (force,)})
 
 
-def test_maps_read_the_signal_at_the_papers_times() -> None:
-    press = station(0, 0.032)
-    expected = [float(np.interp(5 + t, press.time_s, press.signal_pa[:, 0])) for t in (1.1, 1.4)]
-    assert [figures.signal_at(press, t) for t in (1.1, 1.4)] == pytest.approx(expected)
-    assert np.isnan(figures.signal_at(press, 9.0))
+def test_diastole_and_systole_are_those_of_the_beat() -> None:
+    low, high = figures.diastole_and_systole(station(0, 0.032), 0.825)
+    assert high - low == pytest.approx(80.0, rel=0.02)
+    assert low < station(0, 0.032).hold_level_pa < high
+
+
+@pytest.mark.parametrize(("ramp_s", "begun_s"), [(1.0, 0.0), (3.0, 0.3), (0.2, 0.71)])
+def test_any_ramp_and_a_free_heart_are_read_alike(ramp_s: float, begun_s: float) -> None:
+    """The heart beats on its own clock, at 50/min, through holds of three beats that relax."""
+    t = np.arange(0.0, ramp_s + 3.7, 0.01)
+    level = 9000 * np.clip(t / ramp_s, 0, 1) - 30 * np.clip(t - ramp_s, 0, None)
+    signal = level + 40 * np.sin(2 * np.pi * (t + begun_s) / 1.2)
+    press = Station(
+        0, 0.0, 0.0, t, signal[:, None], np.zeros((len(t), 1), bool), 0.0, ramp_s, ramp_s + 3.65,
+        np.zeros(len(t)),
+    )  # fmt: skip
+    low, high = figures.diastole_and_systole(press, 1.2)
+    assert high - low == pytest.approx(80.0, rel=0.05)
+    assert np.isnan(figures.diastole_and_systole(press, 5.0)).all()  # no whole beat was held
+
+
+def test_only_the_level_is_drawn_without_a_pulse() -> None:
+    with figures.style():
+        (axes,) = figures.tactile_map(row()).axes
+        assert [line.get_label() for line in axes.lines] == ["mean of the hold"]
+        (axes,) = figures.tactile_map(row(), 60 / 0.825).axes
+    assert [line.get_label() for line in axes.lines] == [
+        "diastole", "mean of the hold", "systole",
+    ]  # fmt: skip
+
+
+def test_a_grids_table_has_y_and_counts_from_one() -> None:
+    recording = grid()
+    told = {"simulated": [], "finish": "completed", **finding(recording)}
+    told["stations"] = [
+        {**one, "y_mm": 1e3 * s.y_m}
+        for one, s in zip(told["stations"], recording.stations, strict=True)  # type: ignore[arg-type]
+    ]
+    told["heart_rate_bpm"], told["heart_rate_ci_bpm"] = 72.7, [72.0, 73.4]
+    text = page("a run", told, [], {}, {})
+    assert "<th scope='col'>y [mm]</th>" in text
+    assert "<td>1</td><td>16.00</td><td>0.00</td>" in text
+    assert "Heart rate: 72.7 beats a minute (95 %: 72.0 to 73.4)" in text
+    assert "e+0" not in text
+
+
+def test_a_certain_finding_is_not_called_certain() -> None:
+    told = {"simulated": [], "finish": "completed", **finding(row())}
+    told["objects"][0]["confidence"] = 1.0  # type: ignore[index]
+    assert "99.9 %" in page("a run", told, [], {}, {})
+
+
+def test_an_anonymous_run_names_nobody() -> None:
+    config = {
+        "labels": {"operator": "Ann", "specimen": "Bob"},
+        "rig": {"stage": {"driver": "ur", "host": "10.1.2.3"}, "sensor": [{"port": "/dev/x"}]},
+        "calibration": {"force": {"file": "/home/ann/f.json", "sha256": "0"}},
+    }
+    kept = anonymous(RunStarted(0.0, "2026-01-01T00:00:00+00:00", config, {}))
+    for telling in ("Ann", "Bob", "10.1.2.3", "/dev/x", "/home", "2026"):
+        assert telling not in str(kept)
+    assert kept.config["rig"]["stage"]["driver"] == "ur"
 
 
 def test_a_grid_becomes_a_table_with_holes_where_no_station_is() -> None:

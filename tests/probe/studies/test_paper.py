@@ -17,7 +17,7 @@ from probe.studies.paper import (
     tasks,
 )
 from sim_backend import load_scene
-from sim_backend.waves import PA_PER_MMHG, load_wave
+from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
 
 def trend(pulses: list[float]) -> str:

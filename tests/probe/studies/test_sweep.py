@@ -13,10 +13,11 @@ from small_block import BLOCK
 
 from drivers import ConfigError
 from probe.studies.solve import jobs, solve
-from probe.studies.sweep import sweep
+from probe.studies.sweep import solve_points, sweep
 from probe.studies.vary import parse, points
-from sim_backend import fast, load_scene
-from sim_backend.press import press
+from sim_backend import load_scene
+from sim_backend.models import surrogate as fast
+from sim_backend.models.press import press
 
 TIHA = load_scene("TIHA")
 FAST = {"model": "small", "accuracy_pct": 20.0, "indentation_mm": 1.0}
@@ -41,7 +42,7 @@ def test_pressures_share_one_solution() -> None:
 
 
 def test_a_failed_point_is_a_row_with_its_reason(tmp_path: Path) -> None:
-    table = sweep(TIHA, made("wall_mm=0.63,99"), tmp_path / "t.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    table = solve_points(TIHA, made("wall_mm=0.63,99"), tmp_path / "t.csv", workers=1, **FAST)  # type: ignore[arg-type]
     assert table["reason"].iloc[0] == ""
     assert table["reason"].iloc[1].startswith("inclusion[0] (artery): depth_mm = 12.66 breaks")
     assert table["force_n"].iloc[0] > 0
@@ -78,22 +79,24 @@ def test_the_fast_model_is_trained_once_for_all_presses(
 @pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])
 def test_an_interrupted_sweep_goes_on(tmp_path: Path, ending: str) -> None:
     wanted, out = made("wall_mm=0.5,0.55,0.6"), tmp_path / f"t.{ending}"
-    whole = sweep(TIHA, wanted, tmp_path / "whole.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    whole = solve_points(TIHA, wanted, tmp_path / "whole.csv", workers=1, **FAST)  # type: ignore[arg-type]
     log = tmp_path / "whole.rows.jsonl"
     first_two = log.read_text().splitlines(keepends=True)[:3]
     out.with_suffix(".rows.jsonl").write_text("".join(first_two) + '{"point": 2, "wa')
     counted: list[int] = []
-    again = sweep(TIHA, wanted, out, workers=1, progress=lambda d, _: counted.append(d), **FAST)  # type: ignore[arg-type]
+    again = solve_points(
+        TIHA, wanted, out, workers=1, progress=lambda d, _: counted.append(d), **FAST
+    )  # type: ignore[arg-type]
     assert counted[0] == 2
     pd.testing.assert_frame_equal(without_time(whole), without_time(again), check_exact=True)
     assert out.stat().st_size > 0
     with pytest.raises(ConfigError, match="another sweep"):
-        sweep(TIHA, made("wall_mm=0.4"), out, workers=1, **FAST)  # type: ignore[arg-type]
+        solve_points(TIHA, made("wall_mm=0.4"), out, workers=1, **FAST)  # type: ignore[arg-type]
 
 
 def test_scans_have_a_row_per_place(tmp_path: Path) -> None:
     wanted = made("wall_mm=0.5,99", "systolic_mmhg=110,130")
-    table = sweep(TIHA, wanted, tmp_path / "t.csv", x_mm=(24.0, 32.0), model="quick", seed=5,
+    table = solve_points(TIHA, wanted, tmp_path / "t.csv", x_mm=(24.0, 32.0), model="quick", seed=5,
                   workers=1)  # fmt: skip
     assert table["point"].tolist() == [0, 0, 1, 1, 2, 3]
     assert table["seed"].unique() == [5]
@@ -102,7 +105,7 @@ def test_scans_have_a_row_per_place(tmp_path: Path) -> None:
     over, beside = solved["pulse_n"][solved["x_mm"] == 32], solved["pulse_n"][solved["x_mm"] == 24]
     assert (over.to_numpy() > beside.to_numpy()).all()
     assert over.is_monotonic_increasing  # with the pressure
-    again = sweep(TIHA, wanted, tmp_path / "t.csv", x_mm=(24.0, 32.0), model="quick", seed=5)
+    again = solve_points(TIHA, wanted, tmp_path / "t.csv", x_mm=(24.0, 32.0), model="quick", seed=5)
     pd.testing.assert_frame_equal(table, again)  # nothing was solved anew
 
 
@@ -110,7 +113,7 @@ def test_scans_have_a_row_per_place(tmp_path: Path) -> None:
 def test_a_killed_sweep_leaves_no_workers_behind(tmp_path: Path) -> None:
     psutil = pytest.importorskip("psutil", reason="the extra `cluster` is not installed")
     command = [sys.executable, "-m", "probe.cli", "sweep", "TIHA", "--vary",
-               "wall_mm=0.4..0.8:200", "--workers", "1", "--out", str(tmp_path / "t.csv"),
+               "wall_mm=0.4..0.8:200", "--workers", "2", "--out", str(tmp_path / "t.csv"),
                ]  # fmt: skip
     sweeping = psutil.Popen(command, stderr=subprocess.DEVNULL)
     log = tmp_path / "t.rows.jsonl"
@@ -127,13 +130,13 @@ def test_a_killed_sweep_leaves_no_workers_behind(tmp_path: Path) -> None:
 
 def test_unknown_ending(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"must end in \.parquet"):
-        sweep(TIHA, made("wall_mm=0.5"), tmp_path / "t.xlsx")
+        solve_points(TIHA, made("wall_mm=0.5"), tmp_path / "t.xlsx")
 
 
 def test_nobody_at_the_scheduler(tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     with pytest.raises(ConfigError, match="no scheduler answers"):
-        sweep(TIHA, made("wall_mm=0.5"), tmp_path / "t.csv", scheduler="nonsense://x")
+        solve_points(TIHA, made("wall_mm=0.5"), tmp_path / "t.csv", scheduler="nonsense://x")
 
 
 @pytest.mark.slow
@@ -141,7 +144,7 @@ def test_nobody_at_the_scheduler(tmp_path: Path) -> None:
 def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
     wanted = made("wall_mm=0.4..0.8:12", "systolic_mmhg=120")
-    alone = sweep(TIHA, wanted, tmp_path / "alone.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    alone = solve_points(TIHA, wanted, tmp_path / "alone.csv", workers=1, **FAST)  # type: ignore[arg-type]
     killed: list[int] = []
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
@@ -152,9 +155,35 @@ def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> 
                 killed.append(next(iter(cluster.workers.values())).process.pid)
                 os.kill(killed[0], 9)
 
-        there = sweep(TIHA, wanted, tmp_path / "there.csv", progress=kill_one,
+        there = solve_points(TIHA, wanted, tmp_path / "there.csv", progress=kill_one,
                       scheduler=cluster.scheduler_address, **FAST)  # type: ignore[arg-type]  # fmt: skip
     assert killed
     pd.testing.assert_frame_equal(without_time(alone), without_time(there), check_exact=True)
     lines = (tmp_path / "there.rows.jsonl").read_text().splitlines()[1:]
     assert len({json.loads(line)["point"] for line in lines}) == len(wanted)
+
+
+def test_python_takes_what_the_shell_takes(tmp_path: Path) -> None:
+    listed = sweep("TIHA", {"wall_mm": [0.5, 0.6]}, out=tmp_path / "a.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    ranged = sweep("TIHA", {"wall_mm": "0.5..0.6:2"}, out=tmp_path / "b.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    pd.testing.assert_frame_equal(without_time(listed), without_time(ranged), check_exact=True)
+    with pytest.raises(ConfigError, match="--vary wall: no such key"):
+        sweep("TIHA", {"wall": [1.0]}, out=tmp_path / "c.csv")
+
+
+def test_a_script_without_a_main_guard_works_alone_and_is_told_what_several_need(
+    tmp_path: Path,
+) -> None:
+    script = tmp_path / "s.py"
+    for workers, ends in ((1, 0), (2, 1)):
+        script.write_text(
+            "import palpate\n"
+            "print(len(palpate.sweep('TIHA', {'wall_mm': [0.5, 0.6]}, indentation_mm=0.5,"
+            f" model='small', accuracy_pct=20, out='t{workers}.csv', workers={workers})))\n"
+        )
+        done = subprocess.run(
+            [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True,
+            check=False, timeout=120,
+        )  # fmt: skip
+        assert done.returncode == ends, done.stderr
+    assert 'below `if __name__ == "__main__":`, or with workers=1' in done.stderr

@@ -8,13 +8,13 @@ import pytest
 from numpy.typing import NDArray
 
 from sim_backend.fem.assembly import Assembly, gather
-from sim_backend.fem.contact import Finger
+from sim_backend.fem.contact.finger import Finger
 from sim_backend.fem.elements import as_element
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_sides, unit_pressure
 from sim_backend.fem.material import moduli
 from sim_backend.fem.mesh import Mesh
-from sim_backend.fem.section import Section, Sideways
+from sim_backend.fem.model import Section, SlidingConstraint
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -107,13 +107,13 @@ class Body:
         return k
 
     def solve(
-        self, fixed: Ints, start: Array, load: Array, pressure_pa: float = 0.0, sweeps: int = 12
+        self, fixed: Ints, start: Array, load: Array, pressure_pa: float = 0.0, iterations: int = 12
     ) -> Array:
         """Displacements (n, 2) in equilibrium with ``load`` (2n,); ``fixed`` stay as at start."""
         groups = [self.section.cells.dofs, *(s.dofs for s in self.section.lumens)]
         assembly = Assembly(self.section.size, groups, fixed)
         u = start.copy()
-        for _ in range(sweeps):
+        for _ in range(iterations):
             _, tangent = forces_and_tangents(self.section, u)
             turning = [-pressure_pa * unit_pressure(s, u)[1] for s in self.section.lumens]
             residual = self.residual(u, pressure_pa) - load
@@ -146,7 +146,7 @@ class Workshop:
         free = plane == "stress"
         sides = lumen_sides(made, cells, shear, bulk, free)
         none = np.empty(0, dtype=np.int64)
-        loose = Sideways(none[None], np.empty(0), 0.0)
+        loose = SlidingConstraint(none[None], np.empty(0), 0.0)
         finger = Finger(0.0, 1.0, 0.0, 10.0)
         return Body(Section(made, cells, shear, bulk, free, none, sides, finger, modulus_pa, loose))
 

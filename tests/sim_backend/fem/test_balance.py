@@ -3,15 +3,16 @@
 import numpy as np
 import pytest
 
-from sim_backend.fem.finite import solve_finite
+from sim_backend.fem.contact.pairs import contact_pairs
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.internal import deformation
 from sim_backend.fem.lumen import lumen_area_m2
 from sim_backend.fem.material import energy_density, plane_stress
-from sim_backend.fem.newton import Load, march, untouched
-from sim_backend.fem.section import build_section
-from sim_backend.fem.touch import touches
-from sim_backend.scene import load_scene, mirrored, scene_from_text
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.fem.model import build_section
+from sim_backend.fem.newton import Load
+from sim_backend.scene.scene_file import load_scene, mirrored, scene_from_text
+from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTH_M = 2.0e-3
 P = 100 * PA_PER_MMHG
@@ -29,7 +30,7 @@ def energy_j_per_m(section, u):
 
 
 def marched(section, loads):
-    return list(march(section, untouched(section), loads))
+    return list(continuation(section, unloaded(section), loads))
 
 
 @pytest.mark.parametrize("plane", ["stress", "strain"])
@@ -66,7 +67,7 @@ def test_press_lift_press(plane):
     section = build_section(scene_in(plane), 0.033, depth_m=DEPTH_M, size_m=1e-3)
     half, full, lifted = Load(DEPTH_M / 2, P), Load(DEPTH_M, P), Load(-DEPTH_M, P)
     first, second, _, again, third = marched(section, [half, full, lifted, half, Load(DEPTH_M, 0)])
-    (direct,) = march(section, third, [full])
+    (direct,) = continuation(section, third, [full])
     assert again.force_n_per_m == pytest.approx(first.force_n_per_m, rel=1e-4)
     assert direct.force_n_per_m == pytest.approx(second.force_n_per_m, rel=1e-4)
     np.testing.assert_allclose(direct.displacement, second.displacement, atol=2e-7)
@@ -85,10 +86,10 @@ def test_contact_is_complementary(plane):
     section = build_section(scene_in(plane), 0.032, depth_m=DEPTH_M, size_m=0.8e-3)
     *_, solved = marched(section, [Load(DEPTH_M / 2, P), Load(DEPTH_M, P)])
     finger = section.finger.lowered_to(section.finger.y - DEPTH_M)
-    pair = touches(section, finger, solved.displacement)[0]
-    push = solved.push[0]
-    on = push > 0
-    assert push.min() >= 0
+    pair = contact_pairs(section, finger, solved.displacement)[0]
+    multiplier = solved.multiplier[0]
+    on = multiplier > 0
+    assert multiplier.min() >= 0
     assert np.abs(pair.gap[on]).max() < 1e-7
     assert pair.gap[~on].min() > -1e-7
     assert 4 < on.sum() < len(on)

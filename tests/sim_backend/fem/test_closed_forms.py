@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sim_backend.fem.elements import ELEMENTS
-from sim_backend.fem.finite import solve_finite
-from sim_backend.scene import scene_from_text
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.scene.scene_file import scene_from_text
 
 MODULUS_PA = 400e3
 INNER_M = 2.25e-3
@@ -71,7 +71,7 @@ def touched(plane, depth_mm, size_mm):
     )
     section, (solved,) = solve_finite(scene, 0.040, 1e-3 * depth_mm, [0.0], 1e-3 * size_mm)
     x = section.mesh.nodes[section.mesh.surface, 0] - 0.040
-    moment = float((solved.push[0] * x**2).sum())
+    moment = float((solved.multiplier[0] * x**2).sum())
     return 2 * np.sqrt(moment / solved.force_n_per_m), solved.force_n_per_m
 
 

@@ -1,4 +1,4 @@
-"""Fingers with a skin, and fingers that what they touch sticks to."""
+"""Fingers with a skin, and bonded fingers."""
 
 from typing import Any
 
@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from small_block import BLOCK
 
-from sim_backend.fem.finite import solve_finite
-from sim_backend.fem.newton import CannotSolve, Load, march, pressure_slope, untouched
-from sim_backend.fem.section import build_section
-from sim_backend.fem.small import solve_small
-from sim_backend.press import press
-from sim_backend.scene import Scene
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.model import build_section
+from sim_backend.fem.newton import CannotSolve, Load, pressure_slope
+from sim_backend.fem.small_strain import solve_small
+from sim_backend.models.press import press
+from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTH_M = 1.2e-3
 
@@ -83,7 +84,7 @@ def test_the_slope_by_pressure_is_exact(indenter: dict[str, Any]) -> None:
     section = build_section(scene, 0.012, depth_m=DEPTH_M, size_m=0.6e-3)
     p = 80 * PA_PER_MMHG
     loads = [Load(0.0, p), Load(0.5 * DEPTH_M, p), Load(DEPTH_M, p), Load(DEPTH_M, p + 20)]
-    *_, there, further = march(section, untouched(section), loads)
+    *_, there, further = continuation(section, unloaded(section), loads)
     slope = (further.force_n_per_m - there.force_n_per_m) / 20
     assert pressure_slope(section, there)[1] == pytest.approx(slope, rel=2e-3)
 
@@ -92,14 +93,14 @@ def test_what_a_bonded_finger_has_touched_keeps_its_place() -> None:
     scene = block(poisson=0.3, shape="cylinder", radius_mm=5.0, bonded=True)
     section = build_section(scene, 0.020, depth_m=DEPTH_M, size_m=0.6e-3)
     loads = [Load(d, 0.0) for d in (0.6e-3, DEPTH_M, 0.3e-3, 0.0, DEPTH_M)]
-    first, deep, lifted, up, again = march(section, untouched(section), loads)
-    touched = first.push[0] > 0
+    first, deep, lifted, up, again = continuation(section, unloaded(section), loads)
+    touched = first.multiplier[0] > 0
     x = section.mesh.surface[touched]
     for later in (deep, lifted, up, again):
         moved = later.displacement[x, 0] - first.displacement[x, 0]
         assert np.abs(moved).max() < 1e-9
-    assert deep.stuck_m is not None
-    assert np.isfinite(deep.stuck_m).sum() > touched.sum()
+    assert deep.bonded_at_m[0] is not None
+    assert np.isfinite(deep.bonded_at_m[0]).sum() > touched.sum()
     assert up.force_n_per_m < 0, "it pulls at what it lifts"
     assert again.force_n_per_m == pytest.approx(deep.force_n_per_m, rel=1e-5)
 

@@ -6,8 +6,8 @@ from scipy.linalg import eigh
 
 from sim_backend.fem import internal
 from sim_backend.fem.elements import HOURGLASS
-from sim_backend.fem.finite import solve_finite
-from sim_backend.scene import load_scene
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.scene.scene_file import load_scene
 
 
 def inf_sup(shop, element, n):

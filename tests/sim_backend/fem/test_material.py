@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim_backend.fem.material import (
@@ -31,6 +31,7 @@ def slope(function, f, step=1e-6):
 
 
 @pytest.mark.parametrize("plane", LAWS)
+@settings(deadline=None)
 @given(f=deformations, poisson=poissons)
 def test_stress_is_the_slope_of_energy(plane, f, poisson):
     g, k = numbers(poisson)
@@ -43,6 +44,7 @@ def test_stress_is_the_slope_of_energy(plane, f, poisson):
 
 
 @pytest.mark.parametrize("plane", LAWS)
+@settings(deadline=None)
 @given(f=deformations, poisson=poissons)
 def test_tangent_is_the_slope_of_stress(plane, f, poisson):
     """In plane stress through the condensed thickness too."""
@@ -57,6 +59,7 @@ def test_tangent_is_the_slope_of_stress(plane, f, poisson):
     np.testing.assert_allclose(solid.thinning, thinning, atol=1e-6)
 
 
+@settings(deadline=None)
 @given(f=deformations, poisson=poissons)
 def test_nothing_pulls_across_a_plane_stress_section(f, poisson):
     """The thickness is where the energy is smallest."""
@@ -71,6 +74,7 @@ def test_nothing_pulls_across_a_plane_stress_section(f, poisson):
 
 
 @pytest.mark.parametrize("plane", LAWS)
+@settings(deadline=None)
 @given(f=deformations, turn=st.floats(-np.pi, np.pi), poisson=poissons)
 def test_turning_the_observer(plane, f, turn, poisson):
     """P(R F) = R P(F), and von Mises stays."""
@@ -95,6 +99,7 @@ def test_small_strain_is_hooke(poisson):
     assert plane_strain(rest, g, k).tangent[0, 0] == pytest.approx(stiff)
 
 
+@settings(deadline=None)
 @given(stretch=st.floats(0.4, 2.5))
 def test_uniaxial_stretch_of_rubber(stretch):
     """Incompressible limit (Treloar): nominal stress G (s - s^-2)."""
@@ -108,6 +113,7 @@ def test_uniaxial_stretch_of_rubber(stretch):
     assert nominal == pytest.approx(g * (stretch - stretch**-2), abs=2e-3 * g)
 
 
+@settings(deadline=None)
 @given(f=deformations)
 def test_pure_dilation_has_no_von_mises(f):
     g, _ = numbers(0.45)

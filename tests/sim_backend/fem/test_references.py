@@ -4,17 +4,17 @@ CalculiX gives a plane-stress section a finite thickness, which is 0.6 % stiffer
 """
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from paths import SHARED
 
-from sim_backend.fem.finite import solve_finite
-from sim_backend.scene import Scene
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
-FOLDER = Path("/work/shared/reference/calculix")
+FOLDER = SHARED / "reference" / "calculix"
 FILES = sorted(FOLDER.glob("*.json"))
 FORCE, CHANGE = 0.01, 0.03
 NOISE = 3e-4

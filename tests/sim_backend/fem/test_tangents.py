@@ -3,16 +3,17 @@
 import numpy as np
 import pytest
 
-from sim_backend.fem.collapse import wall_gaps
-from sim_backend.fem.contact import Finger
+from sim_backend.fem.contact.finger import Finger
+from sim_backend.fem.contact.lumen_self_contact import wall_gaps
+from sim_backend.fem.contact.pairs import contact_pairs
+from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.elements import ELEMENTS
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_area_m2, unit_pressure
-from sim_backend.fem.newton import Load, march, pressure_slope, untouched
-from sim_backend.fem.section import build_section
-from sim_backend.fem.touch import touches
-from sim_backend.scene import load_scene
-from sim_backend.waves import PA_PER_MMHG
+from sim_backend.fem.model import build_section
+from sim_backend.fem.newton import Load, pressure_slope
+from sim_backend.scene.scene_file import load_scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 PLANES = ("stress", "strain")
 
@@ -112,21 +113,21 @@ def test_touching_finger():
     finger = section.finger.lowered_to(section.finger.y - 1e-3)
     u = np.zeros_like(section.mesh.nodes)
     u[section.mesh.surface, 1] = -0.5e-3
-    firm, push = 3e6, np.linspace(5.0, 40.0, len(section.mesh.surface))
+    penalty, multiplier = 3e6, np.linspace(5.0, 40.0, len(section.mesh.surface))
 
     def force(v):
-        pair = touches(section, finger, v)[0]
-        start = touches(section, finger, u)[0]
-        return pair.force(push - firm * (pair.gap - start.gap), section.size)
+        pair = contact_pairs(section, finger, v)[0]
+        start = contact_pairs(section, finger, u)[0]
+        return pair.force(multiplier - penalty * (pair.gap - start.gap), section.size)
 
-    pair = touches(section, finger, u)[0]
-    blocks = pair.blocks(push, np.ones(len(push), bool), firm)
+    pair = contact_pairs(section, finger, u)[0]
+    blocks = pair.blocks(multiplier, np.ones(len(multiplier), bool), penalty)
     near = np.flatnonzero(np.abs(section.mesh.nodes[section.mesh.surface, 0] - 0.03) < 3e-3)
     assert len(near) > 4
     for k in near[::3]:
         dofs = pair.dofs[k]
         wanted = by_differences(force, u, dofs, 1e-9)[dofs]
-        np.testing.assert_allclose(-blocks[k], wanted, atol=1e-5 * firm)
+        np.testing.assert_allclose(-blocks[k], wanted, atol=1e-5 * penalty)
 
 
 def test_walls_of_a_lumen():
@@ -135,7 +136,7 @@ def test_walls_of_a_lumen():
     (walls,) = section.walls
     rest = section.mesh.nodes[walls.nodes]
     middle = rest.mean(axis=0)
-    flat = middle + (rest - middle) * [1.1, 0.02]  # nearly shut: normals are all but upright
+    flat = middle + (rest - middle) * [1.1, 0.02]  # nearly closed: normals are all but upright
     gap, gradient = wall_gaps(walls, flat)
     across = np.abs(flat[walls.upper, 0] - middle[0]) < 1.2e-3
     shift = np.zeros_like(flat)
@@ -164,14 +165,14 @@ def test_slope_of_a_solution_by_pressure(plane, mmhg):
     """dF/dp and du/dp agree with solving again at slightly other pressures."""
     section = _section(plane=plane)
     depth, p, h = 2.5e-3, mmhg * PA_PER_MMHG, 40.0
-    (_, start, here) = march(
-        section, untouched(section), [Load(0.0, p), Load(1.3e-3, p), Load(depth, p)]
+    (_, start, here) = continuation(
+        section, unloaded(section), [Load(0.0, p), Load(1.3e-3, p), Load(depth, p)]
     )
-    (ahead,) = march(section, here, [Load(depth, p + h)])
-    (behind,) = march(section, here, [Load(depth, p - h)])
-    assert all(np.array_equal(here.push[0] > 0, other.push[0] > 0) for other in (ahead, behind)), (
-        "the contact must stay for this comparison"
-    )
+    (ahead,) = continuation(section, here, [Load(depth, p + h)])
+    (behind,) = continuation(section, here, [Load(depth, p - h)])
+    assert all(
+        np.array_equal(here.multiplier[0] > 0, other.multiplier[0] > 0) for other in (ahead, behind)
+    ), "the contact must stay for this comparison"
     du, df = pressure_slope(section, here)
     assert df == pytest.approx((ahead.force_n_per_m - behind.force_n_per_m) / (2 * h), rel=2e-4)
     wanted = (ahead.displacement - behind.displacement) / (2 * h)
@@ -182,7 +183,7 @@ def test_slope_of_a_solution_by_pressure(plane, mmhg):
 def test_a_solution_balances_itself(shop):
     """Newton's residual is what the cells and lumens say, put together once more by hand."""
     section = _section(plane="strain")  # in plane stress uneven thinning leaves a net lift
-    (solved,) = march(section, untouched(section), [Load(0.5e-3, 40 * PA_PER_MMHG)])
+    (solved,) = continuation(section, unloaded(section), [Load(0.5e-3, 40 * PA_PER_MMHG)])
     force, _ = forces_and_tangents(section, solved.displacement)
     total = np.zeros(section.size)
     np.add.at(total, section.cells.dofs, force)
@@ -193,6 +194,6 @@ def test_a_solution_balances_itself(shop):
     assert by_support == pytest.approx(solved.force_n_per_m, rel=1e-4)
     inside = np.setdiff1d(
         np.arange(section.size),
-        np.concatenate([section.held, section.sideways.dofs[0], shop.dofs(section.mesh.surface)]),
+        np.concatenate([section.held, section.sliding.dofs[0], shop.dofs(section.mesh.surface)]),
     )
     assert np.abs(total[inside]).max() < 1e-4 * solved.force_n_per_m

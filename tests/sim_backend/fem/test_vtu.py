@@ -1,18 +1,26 @@
 """VTU files read back as what was solved."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from sim_backend.fem.vtu import write_vtu
-from sim_backend.press import press
-from sim_backend.scene import load_scene
+from sim_backend.fem.io.vtu import write_vtu
+from sim_backend.models.press import Press, press
+from sim_backend.scene.scene_file import load_scene
 
 meshio = pytest.importorskip("meshio", reason="meshio is not installed (extra: mesh)")
 
 
+def written(pressed: Press, path: Path) -> list[Path]:
+    stress = [pressed.mesh.von_mises(state) for state in pressed.states]
+    moved = [state.displacement_m for state in pressed.states]
+    return write_vtu(pressed.mesh.section, moved, stress, path)
+
+
 def test_reads_back(tmp_path):
     pressed = press(load_scene("HAOT"), 32.0, 0.3, (80.0, 120.0), accuracy_pct=5)
-    paths = write_vtu(pressed, tmp_path / "haot.vtu")
+    paths = written(pressed, tmp_path / "haot.vtu")
     assert [p.name for p in paths] == ["haot-0.vtu", "haot-1.vtu"]
     for path, state in zip(paths, pressed.states, strict=True):
         read = meshio.read(path)
@@ -26,4 +34,4 @@ def test_reads_back(tmp_path):
 
 def test_one_state_keeps_the_name(tmp_path):
     pressed = press(load_scene("HAOT"), 32.0, 0.3, (80.0,), accuracy_pct=10)
-    assert write_vtu(pressed, tmp_path / "one.vtu") == [tmp_path / "one.vtu"]
+    assert written(pressed, tmp_path / "one.vtu") == [tmp_path / "one.vtu"]

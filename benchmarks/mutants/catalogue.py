@@ -1,0 +1,9 @@
+"""Every mutant."""
+
+from mutants.around import AROUND
+from mutants.devices import DEVICES
+from mutants.guarded import GUARDED
+from mutants.mutant import Mutant
+from mutants.stored import STORED
+
+MUTANTS: tuple[Mutant, ...] = (*GUARDED, *AROUND, *STORED, *DEVICES)

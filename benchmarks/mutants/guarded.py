@@ -1,0 +1,249 @@
+"""Guards, the way out, and the engine that obeys them."""
+
+from mutants.mutant import Mutant
+
+GUARDS, POSE = "probe/acquisition/guards.py", "probe/acquisition/pose_guard.py"
+MONITOR, RETREAT = "probe/acquisition/safety_monitor.py", "probe/acquisition/retreat.py"
+ENGINE, ALIVE = "probe/acquisition/engine.py", "probe/acquisition/plausibility.py"
+LOOP = "probe/acquisition/run_loop.py"
+LEVELS = "probe/acquisition/levels.py"
+TEST_MONITOR = "tests/probe/acquisition/test_safety_monitor.py"
+TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
+TEST_LIMIT = "tests/probe/acquisition/test_force_limit.py"
+TEST_WORLDS = "tests/probe/acquisition/test_worlds_not_built.py"
+SENSOR_CASES = f"{TEST_MONITOR}::test_what_a_sensor_guard_objects_to"
+POSE_CASES = f"{TEST_MONITOR}::test_what_a_pose_guard_objects_to"
+
+GUARDED = (
+    Mutant(
+        "the force is not limited", GUARDS,
+        "if not greatest <= self._limit_n:", "if greatest < 0:",
+        (), ("simulated 5 hard bed",),
+    ),
+    Mutant(
+        "a force that is not a number passes", GUARDS,
+        "if not greatest <= self._limit_n:", "if greatest > self._limit_n:",
+        (SENSOR_CASES,),
+    ),
+    Mutant(
+        "a pull is not limited", GUARDS,
+        "greatest = float(np.abs(force).max())", "greatest = float(force.max())",
+        (SENSOR_CASES,),
+    ),
+    Mutant(
+        "only the newest force of a block is looked at", GUARDS,
+        "greatest = float(np.abs(force).max())", "greatest = float(np.abs(force[-1]).max())",
+        (SENSOR_CASES,),
+    ),
+    Mutant(
+        "saturation is ignored", GUARDS,
+        "if block.saturated[:, self._clips].any():", "if block.saturated[:, :0].any():",
+        (SENSOR_CASES,),
+    ),
+    Mutant(
+        "taxels are averaged", GUARDS,
+        "force = force.sum(axis=1, keepdims=True)", "force = force.mean(axis=1, keepdims=True)",
+        (f"{TEST_MONITOR}::test_pressure_is_guarded_as_force_on_the_face",),
+    ),
+    Mutant(
+        "sideways force is not limited", GUARDS,
+        "if not norm <= limit:", "if norm < 0:",
+        (f"{TEST_LIMIT}::test_sideways_force_and_torque_are_limited",),
+    ),
+    Mutant(
+        "sideways force is never looked at", MONITOR,
+        "            guard.tared = True", "            guard.tared = False",
+        (f"{TEST_LIMIT}::test_a_sideways_force_ends_the_scan_and_lifts",),
+    ),
+    Mutant(
+        "a rig whose limit holds nothing is scanned with", MONITOR,
+        "if not any(guard.feels for _, guard in self._sensors):", "if not self._sensors:",
+        (f"{TEST_LIMIT}::test_a_rig_whose_limit_holds_nothing_does_not_move",),
+    ),
+    Mutant(
+        "samples of the future are believed", GUARDS,
+        "last <= now_s + FUTURE_S", "last <= now_s + 1e9",
+        (SENSOR_CASES,),
+    ),
+    Mutant(
+        "samples of the past are believed", GUARDS,
+        "onward = first > self._last_s and", "onward = first > -1e9 and",
+        (SENSOR_CASES,),
+    ),
+    Mutant(
+        "a stuck sensor is believed", GUARDS,
+        "if (dead := self._alive.check(block.values[:, self._used])) is not None:",
+        "if (dead := self._alive.check(block.values[:0, self._used])) is not None:",
+        (f"{TEST_WORLDS}::test_a_sensor_that_does_not_feel_is_found_out",),
+        ("simulated 3 cell stuck",),
+    ),
+    Mutant(
+        "the sensor's own noise is not learned", ALIVE,
+        "LEARNED = 100", "LEARNED = 1_000_000_000",
+        (f"{TEST_WORLDS}::test_a_sensor_that_does_not_feel_is_found_out",),
+        ("simulated 3 cell stuck",),
+    ),
+    Mutant(
+        "a press that is not felt goes on", LEVELS,
+        "if not levels or any(not mean < SURE * error for mean, error in levels.values()):",
+        "if not levels or levels:",
+        ("tests/probe/acquisition/test_way_out.py::test_a_press_is_felt_as_a_push",),
+    ),
+    Mutant(
+        "a tare in contact hides its load", LEVELS,
+        "if not abs(change_n) <=", "if abs(change_n) > 1e9 +",
+        (f"{TEST_WORLDS}::test_a_load_is_not_taken_as_zero",),
+    ),
+    Mutant(
+        "the depth is not limited", POSE,
+        "if not depth <= self._limits.max_depth_m + POSE_SLACK_M:", "if depth > 1e9:",
+        (POSE_CASES,),
+    ),
+    Mutant(
+        "a depth that is not a number passes", POSE,
+        "if not depth <= self._limits.max_depth_m + POSE_SLACK_M:",
+        "if depth > self._limits.max_depth_m + POSE_SLACK_M:",
+        (f"{TEST_MONITOR}::test_where_the_surface_is_not_known_nothing_may_press",),
+    ),
+    Mutant(
+        "no workspace", POSE,
+        "if not low - POSE_SLACK_M <= at <= high + POSE_SLACK_M:",
+        "if not -1e9 <= at <= 1e9:",
+        (POSE_CASES,),
+    ),
+    Mutant(
+        "a pose that is not a number passes", POSE,
+        "if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):",
+        "if not math.isfinite(x):",
+        (POSE_CASES,),
+    ),
+    Mutant(
+        "any speed", POSE,
+        "if ahead_m > limit_m_s * POSE_AGE_S:", "if ahead_m > 1e9:",
+        (f"{TEST_MONITOR}::test_a_stage_that_is_too_fast_is_noticed",),
+    ),
+    Mutant(
+        "any way", POSE,
+        "if off_m > allowed_m:", "if off_m > 1e9:",
+        (f"{TEST_WORLDS}::test_a_probe_that_somebody_else_moves_is_noticed",),
+        ("simulated 30 pulled sideways",),
+    ),
+    Mutant(
+        "a clock may stand", GUARDS,
+        "if jump_s < -self._limit_s:", "if jump_s < -1e9:",
+        (f"{TEST_WORLDS}::test_a_computer_that_slept_is_noticed",),
+    ),
+    Mutant(
+        "a clock may jump ahead", GUARDS,
+        "if jump_s > self._limit_s:", "if jump_s > 1e9:",
+        ("tests/probe/acquisition/test_guards_of_guards.py",),
+    ),
+    Mutant(
+        "the probe is never lifted", RETREAT,
+        "self._start(pose._replace(z=self._lift_z_m), self._speed_m_s)",
+        "self._start(pose, self._speed_m_s)",
+        (), ("simulated 5 hard bed",),
+    ),
+    Mutant(
+        "a stop is sent once", RETREAT,
+        "            self._stopped_s = now_s\n            self._stop()",
+        "            self._stopped_s = now_s",
+        (f"{TEST_WORLDS}::test_a_stop_is_repeated_until_it_is_heard",),
+    ),
+    Mutant(
+        "a lift that goes down goes on", RETREAT,
+        "if down_m > WRONG_WAY_M or aside_m > 5 * WRONG_WAY_M:", "if down_m > 1e9:",
+        (f"{TEST_WORLDS}::test_a_lift_that_goes_down_is_stopped",),
+    ),
+    Mutant(
+        "a lift is tried once", RETREAT,
+        "elif now_s - self._tried_s >= LIFT_AGAIN_S:", "elif self._tried_s == -math.inf:",
+        ("tests/probe/acquisition/test_way_out.py::test_a_lift_that_was_refused_is_tried_again",),
+    ),
+    Mutant(
+        "a silent device is waited for", MONITOR,
+        "        if silent_s > most_s:", "        if silent_s > 1e9:",
+        (), ("simulated 3 cell silent",),
+    ),
+    Mutant(
+        "a moving stage is silent's guess", MONITOR,
+        "most_s = self._limits.late_s if self._in_motion else self._limits.silence_s",
+        "most_s = self._limits.silence_s",
+        (f"{TEST_WORLDS}::test_a_sensor_that_speaks_in_bursts_does_not_get_near_the_tissue",),
+    ),
+    Mutant(
+        "a blocked engine is waited for", MONITOR,
+        "if time.monotonic() - self._engine_s > self._limits.engine_s:",
+        "if time.monotonic() - self._engine_s > 1e9:",
+        (f"{TEST_MONITOR}::test_a_blocked_engine_does_not_leave_the_probe_in_the_tissue",),
+    ),
+    Mutant(
+        "a dead thread is not missed", MONITOR,
+        "        if late_s > DEAD_S:", "        if late_s > 1e9:",
+        ("tests/probe/acquisition/test_guards_of_guards.py",),
+    ),
+    Mutant(
+        "a guard that fails is not told", MONITOR,
+        'self.object("guard", f"{type(error).__name__}: {error}", can_retract=True)', "pass",
+        ("tests/probe/acquisition/test_guards_of_guards.py",),
+    ),
+    Mutant(
+        "a stop waits for the engine", MONITOR,
+        '        if self._control.command is RunCommand.STOP:\n            self.object(',
+        '        if self._control.command is None:\n            self.object(',
+        (f"{TEST_MONITOR}::test_a_stop_acts_while_the_engine_is_blocked",),
+    ),
+    Mutant(
+        "the scan goes on after a trip", LOOP,
+        "        if trip is not None:\n            raise interruption_of(trip)\n", "",
+        ("tests/probe/acquisition/test_guards_of_guards.py::test_a_trip_ends_a_long_hold",),
+    ),
+    Mutant(
+        "a full disk is ignored", LOOP,
+        "        if self.bus.sink_error is not None:\n            raise Interrupted",
+        "        if False:\n            raise Interrupted",
+        (f"{TEST_ENGINE}::test_a_full_disk_lifts_the_probe",),
+    ),
+    Mutant(
+        "an abort is ignored", LOOP,
+        "if command is RunCommand.ABORT:", "if command is None:",
+        (f"{TEST_ENGINE}::test_abort_retracts",),
+    ),
+    Mutant(
+        "a stage may rest anywhere", LOOP,
+        "if off > ARRIVED_M:", "if off > 1e9:",
+        (), ("simulated 7 board runs on",),
+    ),
+    Mutant(
+        "a station ends before its samples are in", LOOP,
+        "while complete and self.monitor.seen_s() < now:", "while False:",
+        (f"{TEST_ENGINE}::test_every_sample_of_a_press_is_in_and_labelled",),
+    ),
+    Mutant(
+        "nothing touched is a touch", ENGINE,
+        "if self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
+        "if not self._go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
+        (f"{TEST_ENGINE}::test_touch_finds_the_surface",
+         f"{TEST_ENGINE}::test_nothing_to_touch_is_a_fault"),
+    ),
+    Mutant(
+        "complete stations are pressed again", ENGINE,
+        "if place.index not in completed:", "if place.index not in ():",
+        (f"{TEST_ENGINE}::test_a_resumed_run_skips_what_is_complete",),
+    ),
+    Mutant(
+        "a probe that was not lifted is not told", ENGINE,
+        "if retreat.why_not is not None or not retreat.done:", "if not retreat.done:",
+        (), ("simulated 24 board restarts",),
+    ),
+    Mutant(
+        "a scan that dies leaves its probe", "probe/acquisition/guard_process.py",
+        "if not self.started or self.finished:", "if self.started or self.finished:",
+        (), ("wall 3 SIGKILL",),
+    ),
+    Mutant(
+        "a terminal's signals reach the guards", "probe/acquisition/guard_client.py",
+        "start_new_session=True,", "start_new_session=False,",
+        ("tests/probe/acquisition/test_guard_process.py::test_ctrl_c_at_the_terminal_lifts",),
+    ),
+)  # fmt: skip

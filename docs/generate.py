@@ -1,0 +1,164 @@
+"""Reference pages that are made from the code when the site is built: commands, rig file, API."""
+
+import inspect
+from collections.abc import Iterator
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import mkdocs_gen_files
+import typer.main
+
+import palpate
+from probe.cli import build
+from probe.config.rig import Rig
+
+GENERATED = "<!-- Made from the code by docs/generate.py. -->\n\n"
+
+
+def commands() -> str:
+    """Every command with its arguments and options."""
+    group: Any = typer.main.get_command(build())
+    context = group.make_context("palpate", ["--help"], resilient_parsing=True)
+    pages = [GENERATED + "# Commands\n\n`palpate COMMAND --help` shows the same.\n"]
+    for name in sorted(group.commands):
+        command = group.commands[name]
+        if command.hidden:
+            continue
+        own = command.make_context(name, [], parent=context, resilient_parsing=True)
+        usage = command.get_usage(own).removeprefix("Usage: ")
+        pages.append(f"## {name}\n\n{inspect.cleandoc(command.help or '')}\n")
+        pages.append(f"```text\n{usage}\n```\n")
+        rows = [row for one in command.get_params(own) if (row := _parameter(one, own))]
+        if rows:
+            pages.append("| | |\n|---|---|\n" + "\n".join(rows) + "\n")
+    return "\n".join(pages)
+
+
+def _parameter(one: Any, context: Any) -> str:
+    record = one.get_help_record(context)
+    if record is None:
+        shown = getattr(one, "help", "") or ""
+        return f"| `{one.make_metavar(context)}` | {_cell(shown)} |"
+    return f"| `{_cell(record[0])}` | {_cell(record[1])} |"
+
+
+def rig_file() -> str:
+    """The tables and keys of a rig file, from the model that checks it."""
+    schema = Rig.model_json_schema()
+    parts = [
+        GENERATED + "# The rig file\n\nWhich devices, what to press where, and what must never be "
+        "exceeded. Every number carries its unit in its name. A wrong key or value is refused by "
+        "name before anything moves. A grid has pairs where a row has numbers:\n\n"
+        "```toml\n[scan]\nstart_mm = [4.0, 0.0]\npitch_mm = [4.0, 4.0]\nstations = [12, 6]\n"
+        "touch_n = 0.05    # find the surface by touch\nsearch_mm = 2.0\n```\n\n"
+        "The keys of a device beside `driver` and `fallback` are its driver's: see "
+        "[Devices](devices/README.md).\n"
+    ]
+    tables = {"top of the file": schema, **_tables(schema)}
+    for title, table in tables.items():
+        head = title if title == "top of the file" else f"`[{title}]`"
+        parts.append(f"## {head}\n\n{table.get('description', '').strip()}\n")
+        parts.append("| key | what may stand there | default | what it is |\n|---|---|---|---|")
+        parts += [
+            f"| `{key}` | {_cell(_allowed(value, schema))} | {_default(value)} | "
+            f"{_cell(value.get('description', ''))} |"
+            for key, value in table["properties"].items()
+        ]
+        parts.append("")
+    return "\n".join(parts)
+
+
+def _tables(schema: dict[str, Any]) -> dict[str, Any]:
+    named = schema["$defs"]
+    return {
+        "stage": named["Device"],
+        "scan": named["Scan"],
+        "safety": named["Safety"],
+        "safety.workspace_mm": named["Workspace"],
+        "scene": named["SceneChoice"],
+    }
+
+
+def _allowed(value: dict[str, Any], schema: dict[str, Any]) -> str:
+    if "$ref" in value:
+        return "a table"
+    if "anyOf" in value:
+        return " or ".join(
+            _allowed(one, schema) for one in value["anyOf"] if one.get("type") != "null"
+        )
+    if "const" in value:
+        return f"`{value['const']}`"
+    if value.get("type") == "array":
+        if "prefixItems" in value:
+            return "[" + ", ".join(_allowed(one, schema) for one in value["prefixItems"]) + "]"
+        return "a list of " + _allowed(value["items"], schema)
+    words = {"number": "number", "integer": "whole number", "string": "text", "object": "a table"}
+    limits = [
+        f"{sign} {value[key]:g}"
+        for key, sign in (
+            ("exclusiveMinimum", "above"),
+            ("minimum", "from"),
+            ("exclusiveMaximum", "below"),
+            ("maximum", "to"),
+        )
+        if key in value
+    ]
+    return " ".join([words.get(value.get("type", ""), "anything"), *limits])
+
+
+def _default(value: dict[str, Any]) -> str:
+    if "default" not in value or isinstance(value["default"], dict | list):
+        return ""
+    return "" if value["default"] is None else f"`{value['default']}`"
+
+
+def api() -> str:
+    """The public names by their home, as mkdocstrings directives."""
+    parts = [
+        GENERATED + "# Python\n\n`import palpate` gives these names, each imported when it is "
+        "first used. What a driver's author needs is in `drivers`: "
+        "[Write a driver](../how-to/add-a-driver.md).\n"
+    ]
+    for name, home in _functions_first():
+        parts.append(f"::: {home}.{name}\n")
+    return "\n".join(parts)
+
+
+def _functions_first() -> Iterator[tuple[str, str]]:
+    found = []
+    for name in palpate.__all__:
+        one = getattr(palpate, name)
+        home = getattr(one, "__module__", None)
+        if not inspect.isclass(one) and not inspect.isfunction(one):
+            continue
+        assert home is not None
+        assert hasattr(import_module(home), name)
+        found.append((inspect.isclass(one), name, home))
+    for _, name, home in sorted(found):
+        yield name, home
+
+
+def decisions() -> str:
+    """The list of all decisions, by their first lines."""
+    pages = sorted(Path(__file__).parent.glob("decisions/0*.md"))
+    titles = [page.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ") for page in pages]
+    listed = "\n".join(f"- [{t}]({p.name})" for t, p in zip(titles, pages, strict=True))
+    return (
+        "# Decisions\n\nWhy things are as they are. Each page has a date, a status and the "
+        f"alternatives.\n\n{listed}\n"
+    )
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+for path, text in (
+    ("reference/cli.md", commands()),
+    ("reference/rig-file.md", rig_file()),
+    ("reference/api.md", api()),
+    ("decisions/index.md", decisions()),
+):
+    with mkdocs_gen_files.open(path, "w") as page:
+        page.write(text)

@@ -1,0 +1,28 @@
+"""What some stages can do beyond the protocol, asked only of those; see `drivers.Stage`."""
+
+from collections.abc import Sequence
+
+from drivers.core.protocols import Pose, Stage
+
+
+def enable(stage: Stage) -> list[str]:
+    """Have it ready to move; what then holds, in words. Raises `DeviceFault`."""
+    own = getattr(stage, "enable", None)
+    return [] if own is None else list(own())
+
+
+def keep_alive(stage: Stage) -> None:
+    """Tell a stage with a watchdog that somebody has just checked the force."""
+    if (own := getattr(stage, "keep_alive", None)) is not None:
+        own()
+
+
+def pace(stage: Stage) -> float:
+    """The share of a commanded speed that it allows now; 1 if it does not say."""
+    return float(getattr(stage, "pace", 1.0))
+
+
+def unreachable(stage: Stage, poses: Sequence[Pose]) -> list[Pose]:
+    """Those of ``poses`` that it cannot go to, as far as it knows. Raises `DeviceFault`."""
+    own = getattr(stage, "unreachable", None)
+    return [] if own is None else list(own(poses))

@@ -1,0 +1,69 @@
+"""A function in a process of its own, with pipes to it.
+
+Not `multiprocessing.Process`: a spawned one runs the caller's script again to find the function,
+so that a script without an ``if __name__ == "__main__"`` guard would start itself over and over.
+This one imports the function's module and nothing of the caller's.
+"""
+
+import os
+import pickle
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from multiprocessing.connection import Client, Connection, Listener
+from typing import Any
+
+BOOT = (
+    "import pickle, sys; path, *rest = pickle.load(sys.stdin.buffer); sys.path[:] = path; "
+    "from drivers.core.child import run; run(*rest)"
+)
+KEY_BYTES = 32
+
+
+class Child:
+    """``function(*arguments, *pipes)``, running elsewhere; ``pipes`` are this side's ends.
+
+    ``function`` is a module's; ``arguments`` can be pickled. The pipes of a side that has ended
+    raise `EOFError` or `OSError` on the other.
+    """
+
+    def __init__(
+        self, function: Callable[..., None], arguments: tuple[Any, ...], pipes: int
+    ) -> None:
+        key = os.urandom(KEY_BYTES)
+        where = (function.__module__, function.__name__)
+        with Listener(authkey=key) as listener:
+            self._process = subprocess.Popen([sys.executable, "-c", BOOT], stdin=subprocess.PIPE)
+            assert self._process.stdin is not None
+            with self._process.stdin as stdin:
+                stdin.write(
+                    pickle.dumps((sys.path, listener.address, key, pipes, *where, arguments))
+                )
+            self.pipes = [listener.accept() for _ in range(pipes)]
+
+    @property
+    def pid(self) -> int:
+        return self._process.pid
+
+    def alive(self) -> bool:
+        """True until it has ended."""
+        return self._process.poll() is None
+
+    def end(self, timeout_s: float) -> None:
+        """Close the pipes; kill it if it does not end by itself within ``timeout_s``."""
+        for pipe in self.pipes:
+            pipe.close()
+        try:
+            self._process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def run(
+    address: Any, key: bytes, pipes: int, module: str, name: str, arguments: tuple[Any, ...]
+) -> None:
+    """The other side."""
+    ends: list[Connection[Any, Any]] = [Client(address, authkey=key) for _ in range(pipes)]
+    getattr(import_module(module), name)(*arguments, *ends)

@@ -1,0 +1,67 @@
+"""Files from others, read with a bound: no pipe to wait for, no device without an end."""
+
+import os
+import stat
+import tomllib
+from pathlib import Path
+from typing import Any, BinaryIO
+
+MAX_DEPTH = 32  # tables within tables; a rig file has four
+
+
+class FileRefused(OSError):
+    """Not a file of bounded size: the text names it and says why."""
+
+
+def open_file(path: Path) -> BinaryIO:
+    """A regular file, open for reading. Raises `FileRefused`; opening never waits."""
+    try:
+        handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | os.O_CLOEXEC)
+    except FileNotFoundError:
+        raise FileRefused(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
+        why = getattr(error, "strerror", None) or error
+        raise FileRefused(f"{str(path)!r}: cannot be opened ({why})") from None
+    file = os.fdopen(handle, "rb")
+    if not stat.S_ISREG(os.fstat(handle).st_mode):
+        file.close()
+        raise FileRefused(f"{path}: a folder, pipe or device; a file is needed")
+    return file
+
+
+def read_file(path: Path, max_bytes: int) -> bytes:
+    """What is in a file of at most ``max_bytes``. Raises `FileRefused`."""
+    with open_file(path) as file:
+        try:
+            content = file.read(max_bytes + 1)
+        except OSError as error:
+            raise FileRefused(f"{path}: cannot be read ({error.strerror})") from None
+    if len(content) > max_bytes:
+        raise FileRefused(f"{path}: larger than {max_bytes} bytes")
+    return content
+
+
+def parse_toml(content: bytes) -> dict[str, Any]:
+    """A TOML file's tables, at most `MAX_DEPTH` deep. Raises `ValueError` saying what is wrong."""
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ValueError(f"not UTF-8 text ({error.reason})") from None
+    try:
+        parsed = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ValueError(f"not TOML: {error}") from None
+    except RecursionError:
+        raise ValueError(f"not TOML: nested more than {MAX_DEPTH} deep") from None
+    level: list[Any] = [parsed]
+    for _ in range(MAX_DEPTH):
+        level = [inner for outer in level for inner in _within(outer)]
+        if not level:
+            return parsed
+    raise ValueError(f"not TOML: nested more than {MAX_DEPTH} deep")
+
+
+def _within(value: Any) -> list[Any]:
+    """The tables and arrays directly inside a table or array."""
+    inside = value.values() if isinstance(value, dict) else value
+    return [one for one in inside if isinstance(one, dict | list)]

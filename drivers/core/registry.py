@@ -1,0 +1,77 @@
+"""Find a driver by the name a rig file gives it, and open it with the keys of its table.
+
+A third-party package registers a factory under the entry-point group ``palpate.stages`` or
+``palpate.sensors``; nothing else is needed. A factory takes the clock and its settings: one model
+derived from `Settings`, or keyword arguments. It returns a `Stage` or a `Sensor`, not yet
+connected.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+from typing import Any, Literal, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, create_model
+
+from drivers.core.errors import ConfigError
+from drivers.core.protocols import Clock
+
+Kind = Literal["stages", "sensors"]
+KEYS_OF_ANY_KIND = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
+
+
+def available(kind: Kind) -> list[str]:
+    """Names that a rig file may give as ``driver``."""
+    return sorted({point.name for point in entry_points(group=f"palpate.{kind}")})
+
+
+def find_driver(kind: Kind, name: str) -> Callable[..., Any]:
+    """The factory registered as ``name``. Raises `ConfigError` naming the known drivers."""
+    for point in entry_points(group=f"palpate.{kind}"):
+        if point.name == name:
+            factory: Callable[..., Any] = point.load()
+            return factory
+    raise ConfigError(f"driver = {name!r}: no such driver; known: {', '.join(available(kind))}")
+
+
+def settings_of(kind: Kind, name: str) -> type[BaseModel]:
+    """The model of a driver's keys. Raises `ConfigError` if there is no such driver."""
+    factory = find_driver(kind, name)
+    return _model(factory) or _model_of_keywords(factory)
+
+
+def open_driver(kind: Kind, name: str, clock: Clock, keys: Mapping[str, Any]) -> Any:
+    """A stage or sensor, not yet connected, with the ``keys`` of its table in the rig file.
+
+    Raises `ConfigError`, and `pydantic.ValidationError` naming the keys that are wrong.
+    """
+    factory = find_driver(kind, name)
+    model = _model(factory)
+    if model is not None:
+        return factory(clock, model.model_validate(dict(keys)))
+    checked = _model_of_keywords(factory).model_validate(dict(keys))
+    return factory(clock, **{key: getattr(checked, key) for key in checked.model_fields_set})
+
+
+def _model(factory: Callable[..., Any]) -> type[BaseModel] | None:
+    """The settings model that a factory takes as its second argument, if it does."""
+    parameters = list(inspect.signature(factory).parameters)
+    if len(parameters) != 2:
+        return None
+    found = get_type_hints(factory).get(parameters[1])
+    return found if isinstance(found, type) and issubclass(found, BaseModel) else None
+
+
+def _model_of_keywords(factory: Callable[..., Any]) -> type[BaseModel]:
+    """A model made of the keyword arguments of a factory."""
+    hints = get_type_hints(factory, include_extras=True)
+    empty = inspect.Parameter.empty
+    fields: dict[str, Any] = {
+        parameter.name: (
+            hints.get(parameter.name, Any),
+            ... if parameter.default is empty else parameter.default,
+        )
+        for parameter in list(inspect.signature(factory).parameters.values())[1:]
+    }
+    return create_model(f"{factory.__module__}.{factory.__name__}",
+                        __config__=KEYS_OF_ANY_KIND, **fields)  # fmt: skip

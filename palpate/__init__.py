@@ -1,0 +1,151 @@
+"""Press a probe into soft tissue and learn what lies beneath: the public names, and nothing else.
+
+import palpate
+result = palpate.scan(scene="TIHA")           # or palpate.scan("rig.toml")
+run = palpate.open_run(result.path)
+run.stations(), run.samples()                 # a table; labelled arrays with units
+palpate.detect(run.recording())               # what lies beneath, and where
+
+Names are imported when they are first used: ``import palpate`` costs nothing.
+"""
+
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from calibration import Calibration, record, save
+    from calibration.errors import CalibrationError
+    from drivers import ConfigError, DeviceAbsent, DeviceFault, SimulatedClock, WallClock
+    from probe.acquisition.commands import Control
+    from probe.acquisition.engine import run_scan
+    from probe.acquisition.resume import resume
+    from probe.acquisition.session import ScanResult, scan
+    from probe.calibrate.fits import calibrate
+    from probe.config.devices import connect
+    from probe.config.rig import Rig, RigError, default_rig
+    from probe.config.rig_file import load_rig
+    from probe.config.scan_plan import limits_for, plan_for
+    from probe.core.errors import RunFileError
+    from probe.core.recording import Recording, Station
+    from probe.detection.compare import compare
+    from probe.detection.finding import Comparison, Finding, ObjectFinding, StationFinding
+    from probe.detection.scan import detect
+    from probe.report import write_report
+    from probe.storage.csv_import import Imported, import_csv
+    from probe.storage.export import export
+    from probe.storage.run import Run, follow, open_run
+    from probe.storage.verify import Report, verify
+    from probe.studies.sweep import sweep
+    from sim_backend.models.press import CannotSolve, Press, press
+    from sim_backend.scene.scene_file import Scene, SceneError, load_scene, scene_names
+
+__all__ = [
+    "Calibration",
+    "CalibrationError",
+    "CannotSolve",
+    "Comparison",
+    "ConfigError",
+    "Control",
+    "DeviceAbsent",
+    "DeviceFault",
+    "Finding",
+    "Imported",
+    "ObjectFinding",
+    "Press",
+    "Recording",
+    "Report",
+    "Rig",
+    "RigError",
+    "Run",
+    "RunFileError",
+    "ScanResult",
+    "Scene",
+    "SceneError",
+    "SimulatedClock",
+    "Station",
+    "StationFinding",
+    "WallClock",
+    "calibrate",
+    "compare",
+    "connect",
+    "default_rig",
+    "detect",
+    "export",
+    "follow",
+    "import_csv",
+    "limits_for",
+    "load_rig",
+    "load_scene",
+    "open_run",
+    "plan_for",
+    "press",
+    "record",
+    "resume",
+    "run_scan",
+    "save",
+    "scan",
+    "scene_names",
+    "sweep",
+    "verify",
+    "write_report",
+]
+
+_HOMES = {
+    "calibration": ("Calibration", "record", "save"),
+    "calibration.errors": ("CalibrationError",),
+    "drivers": ("ConfigError", "DeviceAbsent", "DeviceFault", "SimulatedClock", "WallClock"),
+    "probe.acquisition.commands": ("Control",),
+    "probe.acquisition.engine": ("run_scan",),
+    "probe.acquisition.resume": ("resume",),
+    "probe.acquisition.session": ("ScanResult", "scan"),
+    "probe.calibrate.fits": ("calibrate",),
+    "probe.config.devices": ("connect",),
+    "probe.config.rig": ("Rig", "RigError", "default_rig"),
+    "probe.config.rig_file": ("load_rig",),
+    "probe.config.scan_plan": ("limits_for", "plan_for"),
+    "probe.core.errors": ("RunFileError",),
+    "probe.core.recording": ("Recording", "Station"),
+    "probe.detection.compare": ("compare",),
+    "probe.detection.finding": ("Comparison", "Finding", "ObjectFinding", "StationFinding"),
+    "probe.detection.scan": ("detect",),
+    "probe.report": ("write_report",),
+    "probe.storage.csv_import": ("Imported", "import_csv"),
+    "probe.storage.export": ("export",),
+    "probe.storage.run": ("Run", "follow", "open_run"),
+    "probe.storage.verify": ("Report", "verify"),
+    "probe.studies.sweep": ("sweep",),
+    "sim_backend.models.press": ("CannotSolve", "Press", "press"),
+    "sim_backend.scene.scene_file": ("Scene", "SceneError", "load_scene", "scene_names"),
+}
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def _check_hidden() -> None:
+    """Say which folder hides one of the four packages, which live beside this one."""
+    home = Path(__file__).resolve().parent.parent
+    for package in ("probe", "drivers", "sim_backend", "calibration"):
+        spec = find_spec(package)
+        places = [] if spec is None else [Path(p) for p in spec.submodule_search_locations or ()]
+        found = places[0] if places else Path(spec.origin or "") if spec else None
+        if found is not None and found.resolve() != home / package:
+            raise ImportError(
+                f"{found} hides palpate's own package {package!r}; rename it, or run Python "
+                "from another folder"
+            )
+
+
+_check_hidden()
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'palpate' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,82 @@
+"""What a person can ask of a running scan, from any thread: pause, resume, abort, stop."""
+
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import IntEnum
+from types import FrameType
+
+HANGUP = getattr(signal, "SIGHUP", None)  # Windows has neither this nor the last two
+ENDING = tuple(
+    getattr(signal, name)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
+    if hasattr(signal, name)
+)
+
+
+class RunCommand(IntEnum):
+    """What was asked for, the most urgent last; only `Control.resume` takes a command back."""
+
+    RESUME = 0
+    PAUSE_AFTER_STATION = 1
+    PAUSE_NOW = 2
+    ABORT = 3
+    STOP = 4
+
+
+class Control:
+    """What whoever watches the scan asks for. Every method may be called from any thread.
+
+    Plain flags and no lock: a signal handler may interrupt any of these methods, itself included.
+    """
+
+    def __init__(self) -> None:
+        self._asked = dict.fromkeys(list(RunCommand)[1:], False)
+
+    @property
+    def command(self) -> RunCommand:
+        """The most urgent command."""
+        return max((w for w, asked in self._asked.items() if asked), default=RunCommand.RESUME)
+
+    def pause(self, *, now: bool = False) -> None:
+        """Pause after this station, or ``now``: retract, and repeat the station on `resume`."""
+        self._asked[RunCommand.PAUSE_NOW if now else RunCommand.PAUSE_AFTER_STATION] = True
+
+    def resume(self) -> None:
+        """Go on after a pause; an abort or a stop stays."""
+        self._asked[RunCommand.PAUSE_NOW] = False
+        self._asked[RunCommand.PAUSE_AFTER_STATION] = False
+
+    def abort(self) -> None:
+        """Retract and end the run."""
+        self._asked[RunCommand.ABORT] = True
+
+    def stop(self) -> None:
+        """Halt where the probe is and end the run."""
+        self._asked[RunCommand.STOP] = True
+
+
+@contextmanager
+def ctrl_c(control: Control) -> Iterator[None]:
+    """Within: any signal of `ENDING` aborts, which lifts the probe; a second one stops it there.
+
+    A closed terminal or Ctrl-Z must not leave the probe in the tissue either. Call it in the main
+    thread.
+    """
+
+    def asked(_signal: int, _frame: FrameType | None) -> None:
+        if control.command >= RunCommand.ABORT:
+            control.stop()
+        else:
+            control.abort()
+
+    def hung_up(_signal: int, _frame: FrameType | None) -> None:
+        control.abort()  # comes once more from the shell that dies with the terminal
+
+    handlers = {n: hung_up if n == HANGUP else asked for n in ENDING}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

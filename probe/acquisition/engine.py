@@ -1,0 +1,346 @@
+"""The scan: travel, tare, approach, indent, hold, retract at every station, published as events.
+
+The same code runs a robot on the wall clock and a phantom on a simulated one. All readings and
+all limits are the safety monitor's; this file decides what happens next, and nothing else moves
+the stage while nothing is wrong.
+"""
+
+import math
+import time
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
+
+from drivers import Clock, DeviceFault, Pose, Sensor, SimulatedClock, Stage
+from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.event_bus import EventBus, EventSink
+from probe.acquisition.guard_client import GuardClient
+from probe.acquisition.interruption import Interrupted, interruption_of
+from probe.acquisition.levels import LEVEL_S, Levels, changed, nothing_felt
+from probe.acquisition.readiness import make_ready
+from probe.acquisition.retreat import STOP_AGAIN_S
+from probe.acquisition.run_loop import FINE_S, STOPPED, TICK_S, RunLoop
+from probe.acquisition.safety_monitor import STAGE, STAGE_CHANNELS, SafetyMonitor
+from probe.core.events import (
+    Finish,
+    Phase,
+    RunEnded,
+    RunStarted,
+)
+from probe.core.states import ALLOWED
+from probe.planning.limits import Limits
+from probe.planning.plan import Place, Plan, pressed
+
+TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
+TOUCH_M_S = 1e-3
+NOTED = 0.5  # of the drift that a tare asks about (`levels.HIDDEN`): this much is told
+TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
+DEEP_ENOUGH_M = 5e-6
+HOME_STOPS_S = 5.0
+GIVE_UP_S = 30.0  # for a way out; the retreat itself is done long before, unless the stage hangs
+AWAY_M = 0.5e-3  # at least this far away a probe is moved to see that it was in the air
+
+
+def run_scan(
+    plan: Plan,
+    stage: Stage,
+    sensors: Sequence[Sensor],
+    clock: Clock,
+    sink: EventSink,
+    limits: Limits,
+    *,
+    control: Control | None = None,
+    observers: Sequence[EventSink] = (),
+    config: Mapping[str, Any] | None = None,
+    completed: Collection[int] = (),
+    attempts: Mapping[int, int] | None = None,
+    monitor: GuardClient | None = None,
+) -> RunEnded:
+    """Run a whole scan and return its last event.
+
+    ``sink`` gets every event; if it raises, the scan retracts and ends as faulted. An observer
+    that raises is noted and not called again. A resumed run gives the stations already
+    ``completed``, which are skipped, and the ``attempts`` made so far at each station.
+    ``monitor``: the one that has the devices in another process; without it one is made here.
+    Devices are connected and stopped here, and closed by whoever opened them. A fault of the
+    program itself (not of a device) stops the stage and is raised.
+    """
+    control = control or Control()
+    threaded = not isinstance(clock, SimulatedClock)
+    guards: SafetyMonitor | GuardClient = monitor or SafetyMonitor(
+        stage, sensors, clock, plan.surface, limits, control,
+        threaded=threaded, lift_z_m=plan.travel_z_m,
+    )  # fmt: skip
+    bus = EventBus(clock, sink, observers)
+    scan = _Scan(plan, stage, sensors, clock, limits, guards, control, bus)
+    return scan.run(config or {}, completed, dict(attempts or {}))
+
+
+class _Scan(RunLoop):
+    """The order of a scan: connect, then at every station travel, tare, press, lift."""
+
+    def run(
+        self, config: Mapping[str, Any], completed: Collection[int], attempts: dict[int, int]
+    ) -> RunEnded:
+        finish, reason = Finish.COMPLETED, "every station is complete"
+        try:
+            self._connect(config)
+            for place in self.plan.places:
+                if place.index not in completed:
+                    self._visit(place, attempts)
+            if self.known_levels is not None:
+                self._note_drift(self._levels())
+        except Interrupted as why:
+            finish, reason = why.finish or Finish.FAULTED, why.reason
+        except BaseException as error:
+            reason = f"{type(error).__name__}: {error}"
+            try:
+                self._leave(Interrupted(Finish.FAULTED, reason, "program", retract=True))
+            finally:
+                self.stage.stop()
+                self._end(Finish.FAULTED, reason)
+            raise
+        ended = self._end(finish, reason)
+        if self.monitor.error is not None:
+            raise self.monitor.error
+        return ended
+
+    def _connect(self, config: Mapping[str, Any]) -> None:
+        channels = {s.name: s.channels for s in self.sensors}
+        channels[STAGE] = tuple(
+            replace(channel, simulated=self.stage.simulated) for channel in STAGE_CHANNELS
+        )
+        utc = datetime.now(UTC).isoformat(timespec="seconds")
+        self.bus.publish(RunStarted(self.clock.now(), utc, config, channels))
+        self.enter(Phase.CONNECTING)
+        try:
+            self.stage.connect()
+            for words in make_ready(self.stage, self.plan):
+                self.bus.note("info", self.stage.name, words)
+            for sensor in self.sensors:
+                sensor.connect()
+                sensor.start()
+        except DeviceFault as fault:
+            raise self._interruption(fault) from fault
+        homes = getattr(self.stage, "homes", False)
+        self.monitor.start(homes=homes)
+        self.handle()
+        if homes:
+            self._home()
+
+    def _home(self) -> None:
+        """Have the stage find its switches: the only way it goes that no plan shows."""
+        self.enter(Phase.HOMING)
+        self.bus.note("info", self.stage.name, "moves to its limit switches and to its park")
+        over = self.monitor.home()
+        try:
+            while not over.is_set():
+                self.tick(math.inf)
+            self.handle()
+        except Interrupted as why:
+            began_s = self.clock.now()
+            while not over.is_set() and self.clock.now() - began_s < HOME_STOPS_S:
+                self.stage.stop()
+                over.wait(STOP_AGAIN_S)
+            by_user = why.device == "user"
+            finish = Finish.ABORTED if by_user else Finish.FAULTED
+            reason = STOPPED if by_user else why.reason
+            raise Interrupted(finish, reason, why.device, retract=False) from why
+
+    def _visit(self, place: Place, attempts: dict[int, int]) -> None:
+        """Press at one place, again after every pause that broke it off."""
+        complete, self.jumps = False, 0
+        while not complete:
+            attempts[place.index] = attempts.get(place.index, 0) + 1
+            self.begin_station(place, attempts[place.index])
+            try:
+                self._press(place)
+                complete = True
+            except (Interrupted, DeviceFault) as error:
+                why = self._leave(self._interruption(error))
+                self.end_station(complete=False)
+                if why.finish is not None:
+                    raise why from error
+            if not complete or self.control.command is RunCommand.PAUSE_AFTER_STATION:
+                self._pause()
+
+    def _pause(self) -> None:
+        """Rest in the air until `Control.resume`; simulated time stands still meanwhile."""
+        self.enter(Phase.PAUSED)
+        try:
+            while self.control.command is not RunCommand.RESUME:
+                if self.monitor.threaded:
+                    self.tick(math.inf)
+                else:
+                    time.sleep(TICK_S)
+                    self.handle()
+        except (Interrupted, DeviceFault) as error:
+            raise self._leave(self._interruption(error)) from error
+
+    def _leave(self, why: Interrupted) -> Interrupted:
+        """Have the monitor stop and lift the probe; what else went wrong then belongs to why."""
+        level = "fault" if why.finish is Finish.FAULTED else "info"
+        self.bus.note(level, why.device, why.reason)
+        self.leaving = True
+        try:
+            if self.phase is not Phase.STOPPING:
+                self.enter(Phase.STOPPING)
+            retreat = self.monitor.leave(lift=why.retract)
+            began_s = self.clock.now()
+            while not retreat.done and self.clock.now() - began_s < GIVE_UP_S:
+                self.tick(self.clock.now() + FINE_S)
+                if self.control.command is RunCommand.STOP:
+                    retreat.stay()
+                    if why.finish is not Finish.FAULTED:
+                        why = Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
+                if retreat.lifting and self.phase is Phase.STOPPING:
+                    self.enter(Phase.RETRACTING)
+        finally:
+            self.leaving = False
+        trip = self.monitor.trip
+        if why.finish is not Finish.FAULTED and trip is not None and trip.device != "user":
+            why = interruption_of(trip)
+        if retreat.why_not is not None or not retreat.done:
+            what = retreat.why_not or "the stage does not answer"
+            self.bus.note("fault", self.stage.name, f"THE PROBE WAS NOT LIFTED: {what}")
+            reason = f"{why.reason}; the probe was not lifted: {what}"
+            why = Interrupted(Finish.FAULTED, reason, why.device, retract=False)
+        elif not retreat.lifting and not why.retract:
+            text = "the probe was not lifted, as asked; it may still press"
+            self.bus.note("warning", self.stage.name, text)
+        if why.finish is None:
+            self.monitor.go_on()
+        return why
+
+    def _interruption(self, error: Interrupted | DeviceFault) -> Interrupted:
+        if isinstance(error, Interrupted):
+            return error
+        self.monitor.engine_heartbeat()  # a guard may have acted before the engine saw anything
+        if self.control.command is RunCommand.STOP:
+            return Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
+        if (trip := self.monitor.trip) is not None:
+            return interruption_of(trip)
+        return Interrupted(Finish.FAULTED, str(error), error.device, retract=True)
+
+    def _end(self, finish: Finish, reason: str) -> RunEnded:
+        self.monitor.finish()
+        for sensor in self.sensors:
+            sensor.stop()
+        self.publish_samples()
+        if Phase.FINISHED not in ALLOWED[self.phase]:
+            self.enter(Phase.STOPPING)
+        self.enter(Phase.FINISHED)
+        if self.bus.sink_error is not None:
+            finish, reason = Finish.FAULTED, self.bus.sink_error
+        ended = RunEnded(self.clock.now(), finish, reason)
+        self.bus.publish(ended)
+        if self.bus.sink_error not in (None, reason):  # not even this could be stored
+            reason = str(self.bus.sink_error)
+            ended = replace(ended, finish=Finish.FAULTED, reason=reason)
+        return ended
+
+    def _press(self, place: Place) -> None:
+        plan, above, surface = self.plan, self.plan.above(place), self.plan.at_surface(place)
+        self.enter(Phase.TRAVELLING)
+        here = self.monitor.pose()
+        if here.z < above.z:
+            self.go(here._replace(z=above.z), plan.travel_m_s)
+        self.go(above._replace(z=max(here.z, above.z)), plan.travel_m_s)
+        self.go(above, plan.travel_m_s)
+        self.enter(Phase.TARING)
+        self._tare(above)
+        self.enter(Phase.APPROACHING)
+        if plan.touch_n is None:
+            self.go(surface, plan.approach_m_s)
+        else:
+            surface = self._seek(surface, plan.touch_n)
+        self.enter(Phase.INDENTING)
+        self._indent(surface)
+        holding_s = self.enter(Phase.HOLDING)
+        self.handle()
+        self._check_felt()
+        self.wait_until(holding_s + plan.hold_s)
+        self._check_felt()
+        self.enter(Phase.RETRACTING)
+        self.go(above, plan.travel_m_s)
+        self.end_station(complete=True)
+
+    def _tare(self, above: Pose) -> None:
+        """Take the load in the air as zero, and see that it is the air.
+
+        The load at the first tare, and wherever it is another than when it was last looked at,
+        must not change when the probe moves away. Else the probe presses on something, and a tare
+        would hide that from the limit.
+        """
+        near = self._levels()
+        self._note_drift(near)
+        if self.known_levels is None or changed(near, self.known_levels, self.most_n):
+            room_m = self.top_m - above.z
+            away = above._replace(z=above.z + min(self.plan.clearance_m, room_m))
+            if away.z - above.z < AWAY_M:
+                raise Interrupted(
+                    Finish.FAULTED,
+                    f"the workspace leaves {1e3 * room_m:g} mm over the place of the tare; "
+                    f"{1e3 * AWAY_M:g} mm are needed to see that the probe is in the air",
+                    "engine", retract=True,
+                )  # fmt: skip
+            self.go(away, self.plan.travel_m_s)
+            far = self._levels()
+            if (why := changed(near, far, self.most_n)) is not None:
+                reason = f"{why} on moving {1e3 * (away.z - above.z):g} mm away from the tissue: "
+                reason += "the probe presses on something where the force is taken as zero"
+                raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
+            self.go(above, self.plan.travel_m_s)
+            self.wait_until(self.clock.now() + self.plan.settle_s)
+        self.monitor.tare()
+        self.known_levels = {name: (0.0, error) for name, (_, error) in near.items()}
+
+    def _note_drift(self, in_the_air: Levels) -> None:
+        """A zero that moved since the tare was in every force of that press."""
+        if self.known_levels is None:
+            return
+        drift = changed(self.known_levels, in_the_air, NOTED * self.most_n)
+        if drift is not None:
+            self.bus.note("warning", "engine", f"{drift} in the air since the last tare: the "
+                          "forces of the press before are off by up to that")  # fmt: skip
+
+    def _levels(self) -> Levels:
+        """Force of each sensor at rest: its mean over a tenth of a second, and how sure it is."""
+        self.wait_until(self.clock.now() + self.plan.settle_s)
+        from_s = self.clock.now()
+        self.wait_until(from_s + LEVEL_S)
+        until_s = self.clock.now() + LEVEL_S
+        while self.monitor.seen_s() < from_s + LEVEL_S and self.clock.now() < until_s:
+            self.tick(math.inf)
+        return self.monitor.levels(from_s)
+
+    def _check_felt(self) -> None:
+        levels = self.monitor.levels(self.monitor.seen_s() - LEVEL_S)
+        if not self.in_the_air and (why := nothing_felt(levels)) is not None:
+            reason = f"{why} {1e3 * self.plan.indentation_m:g} mm deep: the surface is lower than "
+            reason += "planned, or the sensor does not feel"
+            raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
+
+    def _indent(self, surface: Pose) -> None:
+        """Go in along the normal, then on by what the rig itself has given way."""
+        plan, depth = self.plan, self.plan.indentation_m
+        bottom = pressed(surface, depth)
+        speed = math.dist(self.monitor.pose()[:3], bottom[:3]) / plan.ramp_s
+        self.go(bottom, speed)
+        for _ in range(TOP_UPS if plan.give_m_n else 0):
+            given = min(max(plan.give_m_n * self.monitor.force_n(), 0.0), plan.give_m)
+            if abs(plan.indentation_m + given - depth) < DEEP_ENOUGH_M:
+                break
+            depth = plan.indentation_m + given
+            self.go(pressed(surface, depth), speed)
+
+    def _seek(self, surface: Pose, touch_n: float) -> Pose:
+        """Go down until the force reaches ``touch_n``; where that was."""
+        self.go(surface._replace(z=surface.z + TOUCH_GAP_M), self.plan.approach_m_s)
+        lowest = surface._replace(z=surface.z - self.plan.search_m)
+        if self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):
+            reach_mm = 1e3 * self.plan.search_m
+            reason = f"no touch of {touch_n:g} N down to {reach_mm:g} mm below the planned surface"
+            raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
+        return surface._replace(z=self.monitor.pose().z)

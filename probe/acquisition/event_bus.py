@@ -1,0 +1,70 @@
+"""How a scan tells what happens: every event to the sink first, then to the observers.
+
+Readings arrive after the fact, so samples are labelled with the station they belong to by their
+time, not by when they were read.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from drivers import Block, Clock
+from probe.core.events import Event, Note, Samples
+
+EventSink = Callable[[Event], None]
+
+
+class EventBus:
+    """``sink_error`` says why the sink gets nothing more; whoever scans must then stop.
+
+    An observer that raises is noted and not called again.
+    """
+
+    def __init__(self, clock: Clock, sink: EventSink, observers: Sequence[EventSink]) -> None:
+        self.sink_error: str | None = None
+        self._clock = clock
+        self._sink: EventSink | None = sink
+        self._observers = list(observers)
+        self._labels: list[tuple[float, int | None, int | None]] = [(-math.inf, None, None)]
+
+    def publish(self, event: Event) -> None:
+        """One event to all; never raises."""
+        if self._sink is not None:
+            try:
+                self._sink(event)
+            except Exception as error:  # noqa: BLE001 - whatever broke, the probe must be lifted
+                self._sink = None
+                self.sink_error = f"the run can no longer be stored: {error}"
+        for observer in list(self._observers):
+            try:
+                observer(event)
+            except Exception as error:  # noqa: BLE001 - a viewer's bug must not end a scan
+                self._observers.remove(observer)
+                self.note("warning", "observer", f"{type(error).__name__}: {error}")
+
+    def note(self, level: str, device: str, text: str) -> None:
+        """Something a person should know."""
+        self.publish(Note(self._clock.now(), level, device, text))
+
+    def label(self, from_s: float, station: int | None, attempt: int | None) -> None:
+        """Samples taken from ``from_s`` on belong to this attempt at this station."""
+        self._labels = [*self._labels[-3:], (from_s, station, attempt)]
+
+    def samples(self, readings: Sequence[tuple[str, Block]]) -> None:
+        """Blocks of devices, cut where the station changes."""
+        starts = [from_s for from_s, _, _ in self._labels]
+        for device, block in readings:
+            edges = [0, *np.searchsorted(block.time_s, starts[1:]).tolist(), len(block.time_s)]
+            for (_, station, attempt), (a, b) in zip(self._labels, pairwise(edges), strict=True):
+                if b > a:
+                    self.publish(Samples(device, _part(block, a, b), station, attempt))
+
+
+def _part(block: Block, first: int, end: int) -> Block:
+    if end - first == len(block.time_s):
+        return block
+    part = slice(first, end)
+    lost = block.lost if first == 0 else 0
+    return Block(block.time_s[part], block.values[part], block.saturated[part], lost)

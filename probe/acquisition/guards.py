@@ -1,0 +1,145 @@
+"""The limits of a scan, checked on what the devices report, never on what was commanded.
+
+Pure checks: each takes a reading and returns why it may not go on, or None. The safety monitor
+calls them for every sample and acts.
+"""
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import Block, Channel
+from probe.acquisition.plausibility import Alive
+from probe.planning.limits import LEVER_M, Limits
+
+Array = NDArray[np.float64]
+
+FUTURE_S = 0.1
+LEVEL_MEMORY_S = 2.0
+FORCE_ROLES = ("force", "pressure", "taxel")
+VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
+
+
+@dataclass(frozen=True)
+class Trip:
+    """Why a guard stopped the stage. ``can_retract``: the stage itself is still trusted."""
+
+    time_s: float
+    device: str
+    reason: str
+    can_retract: bool
+
+
+class SensorGuard:
+    """Force, torque, saturation and timestamps of one sensor's samples.
+
+    ``feels``: the force limit holds this sensor. Components beside the normal force are judged
+    from the first tare on (`tared`): before, a payload's weight is in them.
+    """
+
+    def __init__(self, channels: tuple[Channel, ...], limits: Limits) -> None:
+        face = limits.face_m2 or math.nan
+        taxels = sum(channel.role == "taxel" for channel in channels)
+        gain = {"force": 1.0, "pressure": face, "taxel": face / max(taxels, 1)}
+        gains = np.array([gain.get(channel.role, math.nan) for channel in channels])
+        self._used = np.flatnonzero(np.isfinite(gains))
+        self._gains = gains[self._used]
+        self.feels = len(self._used) > 0
+        self.tared = False
+        self.force_n = 0.0
+        self._array = taxels > 0
+        self._recent: deque[tuple[float, float]] = deque()
+        self._alive = Alive(limits.same_readings)
+        self._limit_n = limits.max_force_n
+        torque_nm = limits.max_torque_nm or limits.max_force_n * LEVER_M
+        self._norms = [
+            (where, unit, limit)
+            for unit, limit in (("N", limits.max_force_n), ("Nm", torque_nm))
+            if (where := [n for n, c in enumerate(channels)
+                          if c.unit == unit and c.name in VECTORS[unit]])
+        ]  # fmt: skip
+        clips = {n for n, c in enumerate(channels) if c.role in FORCE_ROLES}
+        self._clips = sorted(clips.union(*(where for where, _, _ in self._norms)))
+        self._last_s = -math.inf
+
+    def check_times(self, block: Block, now_s: float) -> str | None:
+        """Why a block with samples cannot be placed in time."""
+        first, last = float(block.time_s[0]), float(block.time_s[-1])
+        onward = first > self._last_s and bool((np.diff(block.time_s) > 0).all())
+        if not (onward and last <= now_s + FUTURE_S):  # also true for not-a-number
+            return (
+                f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s); "
+                "such samples are not stored"
+            )
+        self._last_s = last
+        return None
+
+    def level(self, from_s: float) -> tuple[float, float]:
+        """Mean force [N] since ``from_s`` and its standard error (NaN, inf without readings)."""
+        found = [force for time_s, force in list(self._recent) if time_s > from_s]
+        if len(found) < 2:
+            return math.nan, math.inf
+        return float(np.mean(found)), float(np.std(found, ddof=1)) / math.sqrt(len(found))
+
+    def _keep(self, time_s: Array, force_n: Array) -> None:
+        self._recent.extend(zip(time_s.tolist(), force_n.tolist(), strict=True))
+        while self._recent[0][0] < time_s[-1] - LEVEL_MEMORY_S:
+            self._recent.popleft()
+
+    def check(self, block: Block) -> tuple[str, bool] | None:
+        """Why a block with samples breaks a limit, and whether retracting is safe."""
+        if block.saturated[:, self._clips].any():
+            return "the sensor is saturated: the true force is unknown", True
+        if self.feels:
+            force = block.values[:, self._used] * self._gains
+            if self._array:
+                force = force.sum(axis=1, keepdims=True)
+            self.force_n = float(force[-1, 0])
+            if (dead := self._alive.check(block.values[:, self._used])) is not None:
+                return dead, True
+            self._keep(block.time_s, force[:, 0])
+            greatest = float(np.abs(force).max())
+            if not greatest <= self._limit_n:  # also true for not-a-number
+                return f"force {greatest:.3f} N; the limit is {self._limit_n:g} N", True
+        for where, unit, limit in self._norms if self.tared else ():
+            norm = float(np.linalg.norm(block.values[:, where], axis=1).max())
+            if not norm <= limit:
+                what = "force in all directions" if unit == "N" else "torque"
+                return f"{what} {norm:.3f} {unit}; the limit is {limit:g} {unit}", True
+        return None
+
+
+class ClockGuard:
+    """The scan's clock against another that also runs while the computer sleeps.
+
+    Linux stops its monotonic clock in a suspend; the one since boot goes on. Where there is no
+    such clock, ``other`` is the monotonic one and only a clock that is set is noticed.
+    """
+
+    def __init__(
+        self, limits: Limits, now: Callable[[], float], other: Callable[[], float] | None = None
+    ) -> None:
+        self._now, self._other = now, other or _since_boot
+        self._lag_s = self._now() - self._other()
+        self._limit_s = limits.clock_jump_s
+
+    def check(self) -> tuple[str, bool] | None:
+        """Why the clock cannot be trusted."""
+        lag_s = self._now() - self._other()
+        jump_s, self._lag_s = lag_s - self._lag_s, lag_s
+        if jump_s < -self._limit_s:
+            return f"the clock stood for {-jump_s:.3f} s: the computer slept, or it was set", True
+        if jump_s > self._limit_s:
+            return f"the clock jumped by {jump_s:+.3f} s", True
+        return None
+
+
+def _since_boot() -> float:
+    """Seconds since boot, those asleep included where the system tells."""
+    number = getattr(time, "CLOCK_BOOTTIME", None)
+    return time.monotonic() if number is None else time.clock_gettime(number)

@@ -1,0 +1,21 @@
+"""Why a scan cannot simply go on."""
+
+from probe.acquisition.guards import Trip
+from probe.core.events import Finish
+
+
+class Interrupted(Exception):
+    """The scan cannot simply go on. ``finish`` is None where the press is to be made again."""
+
+    def __init__(self, finish: Finish | None, reason: str, device: str, *, retract: bool) -> None:
+        super().__init__(reason)
+        self.finish = finish
+        self.reason = reason
+        self.device = device
+        self.retract = retract
+
+
+def interruption_of(trip: Trip) -> Interrupted:
+    """A guard has stopped the stage."""
+    reason = f"{trip.device}: {trip.reason}"
+    return Interrupted(Finish.FAULTED, reason, trip.device, retract=trip.can_retract)

@@ -1,0 +1,52 @@
+"""Whether a sensor that still sends readings still feels: a stuck one says the same for ever."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+CHANCE = 1e-9  # how unlikely a run of equal readings must be before it counts as stuck
+LEARNED = 100  # readings before the sensor's own rate of repetitions is believed
+CHANGES = 10  # and so many changes: a tare changes what a stuck sensor says, too
+FEWEST = 20  # a shorter run is never taken for one
+
+
+class Alive:
+    """Real readings differ by noise. How often two in a row are equal is learned from the sensor.
+
+    A coarse sensor repeats itself; one that has changed at every reading and then stays the same
+    is stuck or clipped, whatever it says of itself. ``most_same``: that many readings that never
+    differed at all are no sensor's noise.
+    """
+
+    def __init__(self, most_same: int) -> None:
+        self._most_same = most_same
+        self._last: NDArray[np.float64] | None = None
+        self._pairs = self._equal = self._run = 0
+
+    def check(self, values: NDArray[np.float64]) -> str | None:
+        """Why readings (n, channels) that follow the last ones are not those of a live sensor."""
+        same = np.empty(len(values), bool)
+        same[1:] = (values[1:] == values[:-1]).all(axis=1)
+        same[0] = self._last is not None and bool((values[0] == self._last).all())
+        self._last = values[-1]
+        if not same.any():
+            self._run, self._pairs = 0, self._pairs + len(same)
+            return None
+        for equal in same.tolist():
+            self._run = self._run + 1 if equal else 0
+            if self._run >= self._longest():
+                return (
+                    f"the last {self._run + 1} readings are all {values[-1, 0]:.6g}: stuck or "
+                    "clipped (a coarse sensor: safety.same_readings)"
+                )
+            self._pairs += 1
+            self._equal += equal
+        return None
+
+    def _longest(self) -> float:
+        """The run of equal pairs that chance does not explain."""
+        if self._pairs < LEARNED or self._pairs - self._equal < CHANGES:
+            return self._most_same
+        share = (self._equal + 1) / (self._pairs + 2)
+        return max(FEWEST, math.log(CHANCE) / math.log(share))

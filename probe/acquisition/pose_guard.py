@@ -1,0 +1,90 @@
+"""Where the tip may be: above the depth limit, in the workspace, on the way it was told to go."""
+
+import math
+
+from drivers import Pose
+from probe.planning.limits import Limits
+from probe.planning.plan import Surface
+
+POSE_SLACK_M = 50e-6  # reported poses jitter; the workspace itself is planned with nothing beyond
+POSE_AGE_S = 0.1  # drivers report a pose up to this old, and then all that was missed at once
+SPEED_SLACK = 1.2  # what a pose's last digits add to the way
+# How far from its straight way, and from its place of rest, a tip may be that nobody else moves:
+# five times, and twice, what the engine takes for an arrival (0.1 mm).
+WAY_M, REST_M = 0.5e-3, 0.2e-3
+
+
+class PoseGuard:
+    """Depth, workspace, way and speed of the stage's reported poses."""
+
+    def __init__(self, surface: Surface, limits: Limits) -> None:
+        self._surface = surface
+        self._limits = limits
+        self._before: Pose | None = None
+        self._way_m = 0.0
+        self._since_s, self._since_m = -math.inf, 0.0
+        self._way: tuple[Pose, Pose, float] | None = None
+
+    def expect(self, start: Pose, target: Pose) -> None:
+        """From now on the tip is on its straight way between these, or at rest there."""
+        self._way = (start, target, WAY_M)
+
+    def expect_rest(self, pose: Pose) -> None:
+        """From now on the tip rests here."""
+        self._way = (pose, pose, REST_M)
+
+    def expect_anything(self) -> None:
+        """A homing cycle goes its own way."""
+        self._way = None
+
+    def check(
+        self, pose: Pose, now_s: float, asked_s: float | None = None
+    ) -> tuple[str, bool] | None:
+        """Why a pose breaks a limit, and whether retracting is safe.
+
+        It was asked for at ``asked_s`` (by default ``now_s``) and there at ``now_s``. A pose may be
+        `POSE_AGE_S` old, so what counts is the way since any earlier pose that no allowed speed
+        could have covered in the time since, and in that time before.
+        """
+        x, y, z = pose[:3]
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+            return "the pose is not a number", True
+        depth = self._surface(x, y) - z
+        if not depth <= self._limits.max_depth_m + POSE_SLACK_M:  # also true for not-a-number
+            limit_mm = 1e3 * self._limits.max_depth_m
+            return f"{1e3 * depth:.3f} mm below the surface; the limit is {limit_mm:g} mm", True
+        for axis, at, (low, high) in zip("xyz", pose, self._limits.workspace_m, strict=False):
+            if not low - POSE_SLACK_M <= at <= high + POSE_SLACK_M:
+                allowed = f"{1e3 * low:g} to {1e3 * high:g} mm"
+                above = axis == "z" and at > high
+                return f"{axis} = {1e3 * at:.3f} mm; the workspace is {allowed}", not above
+        if self._way is not None:
+            start, target, allowed_m = self._way
+            off_m = _off_the_way(pose, start, target)
+            if off_m > allowed_m:
+                return f"is {1e3 * off_m:.2f} mm from where it was told to be", True
+        return self._check_speed(pose, now_s, now_s if asked_s is None else asked_s)
+
+    def _check_speed(self, pose: Pose, now_s: float, asked_s: float) -> tuple[str, bool] | None:
+        limit_m_s = self._limits.max_speed_m_s
+        if self._before is not None:
+            self._way_m += math.dist(self._before[:3], pose[:3])
+        self._before = pose
+        way_m, within_s = self._way_m - self._since_m, now_s - self._since_s
+        ahead_m = way_m - SPEED_SLACK * limit_m_s * within_s
+        if way_m - SPEED_SLACK * limit_m_s * (asked_s - self._since_s) <= 0:
+            self._since_s, self._since_m = asked_s, self._way_m
+        if ahead_m > limit_m_s * POSE_AGE_S:
+            moved = f"moved {1e3 * way_m:.1f} mm within {within_s:.2f} s"
+            return f"{moved}; the limit is {1e3 * limit_m_s:g} mm/s", True
+        return None
+
+
+def _off_the_way(pose: Pose, start: Pose, target: Pose) -> float:
+    """Distance [m] of a pose from the straight line between two others."""
+    way = [b - a for a, b in zip(start[:3], target[:3], strict=True)]
+    gone = [b - a for a, b in zip(start[:3], pose[:3], strict=True)]
+    length2 = sum(w * w for w in way)
+    along = sum(w * g for w, g in zip(way, gone, strict=True)) / length2 if length2 else 0.0
+    share = min(max(along, 0.0), 1.0)
+    return math.dist(gone, [share * w for w in way])

@@ -1,0 +1,69 @@
+"""What a scan with these devices does: its plan, its limits, and what is stored of both."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+from drivers import Sensor, Stage
+from probe.acquisition.guards import FORCE_ROLES
+from probe.acquisition.rehearsal import in_the_air, lift_m, needs_rehearsal
+from probe.config.rig import Rig, RigError
+from probe.config.snapshot import run_config
+from probe.planning.limits import Limits
+from probe.planning.plan import Plan
+from sim_backend.scene.scene_file import Scene
+
+
+class Opened(Protocol):
+    """Open devices, in this process or in another."""
+
+    @property
+    def stage(self) -> Stage: ...
+    @property
+    def sensors(self) -> tuple[Sensor, ...]: ...
+    @property
+    def notes(self) -> tuple[str, ...]: ...
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """What a scan with these devices does, within which limits, and what it stores of both."""
+
+    plan: Plan
+    limits: Limits
+    config: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def prepare(
+    rig: Rig, plan: Plan, limits: Limits, scene: Scene | None, devices: Opened, seed: int
+) -> Prepared:
+    """The plan and limits as these devices allow them: in the air where nothing real feels.
+
+    Raises `RigError` where newtons cannot become a stress, `ConfigError` where a rehearsal has no
+    room.
+    """
+    notes, config = devices.notes, run_config(rig, scene, plan, seed)
+    face_mm2 = config["face_mm2"]
+    _check_face(face_mm2, devices.sensors)
+    face_m2 = None if face_mm2 is None else 1e-6 * face_mm2
+    limits = replace(limits, face_m2=face_m2)
+    if needs_rehearsal(devices.stage, devices.sensors):
+        up_mm = 1e3 * lift_m(plan)
+        plan, limits = in_the_air(plan, limits)
+        config |= {"rehearsal_mm": up_mm}
+        notes = (*notes, f"REHEARSAL: no real sensor feels the force, so the real stage makes the "
+                 f"whole scan in the air, {up_mm:g} mm higher than planned")  # fmt: skip
+    return Prepared(plan, limits, config, notes)
+
+
+def _check_face(face_mm2: float | None, sensors: Sequence[Sensor]) -> None:
+    """Newtons and pascals become each other, for detection and limits, over a known face only."""
+    felt = [(s.name, c) for s in sensors for c in s.channels if c.role in FORCE_ROLES]
+    if felt and face_mm2 is None:
+        name, channel = felt[0]
+        reads = "a force" if channel.role == "force" else "a pressure"
+        raise RigError(
+            f"face_mm2 is missing: sensor {name!r} reads {reads}, and without a simulated scene "
+            "only you know the area of the probe's face that presses; say face_mm2 = 100"
+        )

@@ -1,0 +1,27 @@
+"""Before the first move: the stage made ready, and asked about every pose of the plan."""
+
+from drivers import DeviceFault, Pose, Stage
+from drivers.core import abilities
+from probe.planning.plan import Plan, pressed
+
+
+def make_ready(stage: Stage, plan: Plan) -> list[str]:
+    """What the stage then says of itself. Raises `DeviceFault` if it cannot make the scan."""
+    words = abilities.enable(stage)
+    above = [turned(stage, plan.above(place)) for place in plan.places]
+    ends = [
+        turned(stage, pressed(plan.at_surface(place), plan.indentation_m)) for place in plan.places
+    ]
+    poses = list(dict.fromkeys([*above, *ends]))
+    if far := abilities.unreachable(stage, poses):
+        x, y, z = (1e3 * at for at in far[0][:3])
+        raise DeviceFault(
+            stage.name, f"cannot go to {len(far)} of {len(poses)} planned poses, such as "
+            f"{x:.1f}, {y:.1f}, {z:.1f} mm: out of reach, or beyond its safety limits"
+        )  # fmt: skip
+    return words
+
+
+def turned(stage: Stage, target: Pose) -> Pose:
+    """The pose as it is given to the stage: only one that ``turns`` is asked to turn the tool."""
+    return target if getattr(stage, "turns", False) else Pose(*target[:3])

@@ -1,0 +1,172 @@
+"""``palpate resume RUN``: go on with a scan that was killed, aborted or broke off.
+
+Stations that were complete stay as they are, byte for byte. The one that was interrupted is
+pressed again as a new attempt; nothing is renumbered. The scan's clock goes on after the last
+stored time, so that times stay unique within a run.
+"""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from drivers import Clock, SimulatedClock, WallClock
+from probe.acquisition.commands import Control
+from probe.acquisition.engine import run_scan
+from probe.acquisition.event_bus import EventSink
+from probe.acquisition.guard_process import Order
+from probe.acquisition.opening import opened_devices
+from probe.acquisition.prepare import prepare
+from probe.acquisition.remote import listening
+from probe.acquisition.session import ScanResult, clock_for
+from probe.config.rig import Fallback, Rig
+from probe.config.scan_plan import limits_for, plan_for
+from probe.config.snapshot import run_config
+from probe.core.errors import RunFileError
+from probe.core.events import Finish, RunStarted, Samples, StationEnded, StationStarted
+from probe.core.log import log_event
+from probe.planning.plan import Plan
+from probe.storage.run import open_run
+from probe.storage.writer import reopen_store
+from sim_backend.phantom.phantom import Respond
+from sim_backend.scene.scene_file import Scene, explain
+
+PAUSE_S = 1.0  # between the last stored time and the resumed scan's first
+NOISE_STEP = 7919  # a resumed scan's simulated noise must not repeat that of the first
+
+
+@dataclass(frozen=True)
+class Unfinished:
+    """What a run still needs: all as stored in it.
+
+    ``attempts`` counts the presses begun at each station; ``start_s`` is where its clock goes on;
+    ``files`` are the calibrations and the wave that it was scanned with;
+    ``rehearsal_mm`` how far it was lifted off the tissue, if it was.
+    """
+
+    path: Path
+    rig: Rig
+    plan: Plan
+    scene: Scene | None
+    seed: int
+    completed: frozenset[int]
+    attempts: dict[int, int]
+    start_s: float
+    files: tuple[Any, Any]
+    rehearsal_mm: float | None
+
+    @property
+    def missing(self) -> tuple[int, ...]:
+        """The stations that are not complete, in scanning order."""
+        return tuple(p.index for p in self.plan.places if p.index not in self.completed)
+
+
+def unfinished(path: str | Path) -> Unfinished:
+    """Read what is left to do. Raises `RunFileError` for a damaged file or one without a rig."""
+    path = Path(path)
+    run = open_run(path)
+    try:
+        rig = Rig.model_validate(run.config["rig"])
+        scene = run.config.get("scene")
+        felt = None if scene is None else Scene.model_validate(scene)
+        seed = int(run.config["seed"])
+    except ValidationError as error:
+        raise RunFileError(f"{path}: " + "; ".join(explain(error))) from None
+    except (KeyError, TypeError, ValueError):
+        raise RunFileError(f"{path}: holds no rig to scan with; it was not scanned here") from None
+    completed: set[int] = set()
+    attempts: Counter[int] = Counter()
+    last_s, sessions = run.started.time_s, 0
+    for event in run.events():
+        match event:
+            case StationStarted(_, station):
+                attempts[station] += 1
+            case StationEnded(_, station, _, True):
+                completed.add(station)
+            case RunStarted():
+                sessions += 1
+        if not isinstance(event, Samples):
+            last_s = max(last_s, event.time_s)
+        elif len(event.block.time_s):
+            last_s = max(last_s, float(event.block.time_s[-1]))
+    return Unfinished(
+        path,
+        rig,
+        plan_for(rig),
+        felt,
+        seed + NOISE_STEP * sessions,
+        frozenset(completed),
+        dict(attempts),
+        last_s + PAUSE_S,
+        _files(run.config),
+        run.config.get("rehearsal_mm"),
+    )
+
+
+def resume(
+    path: str | Path,
+    *,
+    fallback: Fallback | None = None,
+    real_time: bool = False,
+    control: Control | None = None,
+    observers: Sequence[EventSink] = (),
+    opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
+    respond: Respond | None = None,
+) -> ScanResult:
+    """Scan the stations that a run lacks, with the rig, scene and plan stored in it.
+
+    Raises `RunFileError` if there is nothing to do or a file has changed since, and as
+    `probe.acquisition.session.scan`.
+    """
+    left = unfinished(path)
+    if not left.missing and open_run(path).finish is Finish.COMPLETED:
+        raise RunFileError(f"{left.path}: all {len(left.completed)} stations are complete")
+    config = run_config(left.rig, left.scene, left.plan, left.seed)
+    if _files(config) != left.files:
+        raise RunFileError(
+            f"{left.path}: a calibration or wave file has changed since the scan began; restore "
+            "it, or begin a new run"
+        )
+    limits = limits_for(left.rig, left.plan)
+    clock = _clock(left, real_time=real_time)
+    control = control or Control()
+    order = Order(left.rig, clock, left.scene, left.seed, fallback)
+    with (  # the run's lock first: no device is touched while another scan writes it
+        reopen_store(left.path) as sink,
+        opened_devices(order, respond, control) as devices,
+        listening(control, left.path),
+    ):
+        prepared = prepare(left.rig, left.plan, limits, left.scene, devices, left.seed)
+        if prepared.config.get("rehearsal_mm") != left.rehearsal_mm:
+            raise RunFileError(
+                f"{left.path}: was {'a' if left.rehearsal_mm else 'no'} rehearsal in the air, and "
+                "with the devices found now it could not go on so; begin a new run"
+            )
+        opened(left.path, prepared.notes)
+        ended = run_scan(
+            prepared.plan,
+            devices.stage,
+            devices.sensors,
+            clock,
+            sink,
+            prepared.limits,
+            control=control,
+            observers=(log_event, *observers),
+            config=prepared.config | {"labels": open_run(left.path).config.get("labels", {})},
+            completed=left.completed,
+            attempts=left.attempts,
+            monitor=devices.monitor,
+        )
+    return ScanResult(sink.path, ended, prepared.notes)
+
+
+def _clock(left: Unfinished, *, real_time: bool) -> Clock:
+    kind = type(clock_for(left.rig, real_time=real_time))
+    return SimulatedClock(left.start_s) if kind is SimulatedClock else WallClock(left.start_s)
+
+
+def _files(config: Mapping[str, Any]) -> tuple[Any, Any]:
+    return config.get("calibration"), config.get("wave")

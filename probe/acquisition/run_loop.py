@@ -1,0 +1,195 @@
+"""How a scan moves, waits and publishes: time passes only here, and every tick obeys the guards.
+
+`probe.acquisition.engine` says in which order; nothing here knows what a station is made of.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+from drivers import Clock, DeviceFault, MotionFault, Pose, Sensor, Stage
+from drivers.core import abilities
+from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.event_bus import EventBus
+from probe.acquisition.guard_client import GuardClient
+from probe.acquisition.interruption import Interrupted, interruption_of
+from probe.acquisition.levels import Levels
+from probe.acquisition.readiness import turned
+from probe.acquisition.retreat import STOP_AGAIN_S
+from probe.acquisition.safety_monitor import SafetyMonitor
+from probe.core.events import (
+    Finish,
+    Phase,
+    PhaseEntered,
+    StationEnded,
+    StationStarted,
+)
+from probe.core.states import follow
+from probe.planning.limits import Limits
+from probe.planning.plan import Place, Plan
+
+TICK_S = 0.005  # the engine's own pace with the wall clock
+FINE_S = 0.0005  # its pace around the expected end of a move, so that phases start on time
+PUBLISH_S = 0.05  # samples leave in blocks of about this length
+ARRIVED_M = 0.1e-3
+PRESSING = (Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
+MAX_JUMPS = 3  # of a clock, in one press
+SLOWEST_PACE = 0.01  # a slower controller is taken for one that stands
+STOPPED = "stopped by the user"
+
+
+class RunLoop:
+    """The state of one run: the phase, the station, and what has been published so far."""
+
+    def __init__(
+        self,
+        plan: Plan,
+        stage: Stage,
+        sensors: Sequence[Sensor],
+        clock: Clock,
+        limits: Limits,
+        monitor: SafetyMonitor | GuardClient,
+        control: Control,
+        bus: EventBus,
+    ) -> None:
+        self.plan = plan
+        self.stage = stage
+        self.sensors = sensors
+        self.clock = clock
+        self.monitor = monitor
+        self.control = control
+        self.bus = bus
+        self.phase = Phase.IDLE
+        self.leaving = False
+        self.known_levels: Levels | None = None
+        self.most_n = limits.max_force_n
+        self.top_m = limits.workspace_m[2][1]
+        self.in_the_air = limits.in_the_air
+        self.jumps = 0
+        self.station: int | None = None
+        self.attempt: int | None = None
+        self.last_published_s = clock.now()
+        fastest_hz = max((s.rate_hz for s in sensors), default=1 / TICK_S)
+        self.tick_s = TICK_S if monitor.threaded else max(2 / fastest_hz, FINE_S)
+
+    def go(
+        self, target: Pose, speed_m_s: float, *, until: Callable[[], bool] | None = None
+    ) -> bool:
+        """Move and wait; True if the target was reached, False if ``until`` became true first.
+
+        A stage that takes twice as long as it should plus two seconds, or rests elsewhere than
+        told, is at fault. Only a stage that ``turns`` is asked to turn the tool.
+        """
+        target = turned(self.stage, target)
+        length = math.dist(self.monitor.pose()[:3], target[:3])
+        if length < 1e-9:
+            return True
+        self.monitor.move(target, speed_m_s)
+        began_s = self.clock.now()
+        expected_s, slowest = began_s + length / speed_m_s, 1.0
+        while self.monitor.moving():
+            now = self.clock.now()
+            slowest = min(slowest, max(abilities.pace(self.stage), SLOWEST_PACE))
+            if now > began_s + 2 * (expected_s - began_s) / slowest + 2.0:
+                raise MotionFault(self.stage.name, f"has not arrived after {now - began_s:.1f} s")
+            near = 0 <= now - expected_s < 20 * FINE_S
+            self.tick(now + FINE_S if near else max(expected_s, now + FINE_S))
+            if until is not None and until():
+                self.halt()
+                return False
+        here = self.monitor.pose()
+        off = math.dist(here[:3], target[:3])
+        if off > ARRIVED_M:
+            raise MotionFault(self.stage.name, f"came to rest {1e3 * off:.2f} mm from its target")
+        self.monitor.arrived(here)
+        return True
+
+    def halt(self) -> None:
+        """Stop where it is and wait for rest; told again until it is heard."""
+        limit_s = self.clock.now() + 2.0
+        self.stage.stop()
+        while self.monitor.moving():
+            if self.clock.now() > limit_s:
+                raise DeviceFault(self.stage.name, "does not stop")
+            self.tick(self.clock.now() + STOP_AGAIN_S)
+            self.stage.stop()
+        self.monitor.arrived(self.monitor.pose())
+
+    def wait_until(self, time_s: float) -> None:
+        while self.clock.now() < time_s:
+            self.tick(time_s)
+
+    def tick(self, until_s: float) -> None:
+        """Let time pass, at most one tick; read, publish, and obey guards and commands."""
+        self.clock.sleep_until(min(self.clock.now() + self.tick_s, until_s))
+        if not self.monitor.threaded:
+            self.monitor.step()
+        self.monitor.engine_heartbeat()
+        if self.clock.now() - self.last_published_s >= PUBLISH_S:
+            self.publish_samples()
+        self.handle()
+
+    def handle(self) -> None:
+        """Raise `Interrupted` if a guard, the store or the user wants something else."""
+        if self.leaving:
+            return
+        command, trip = self.control.command, self.monitor.trip
+        if command is RunCommand.STOP:
+            raise Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
+        if trip is not None:
+            raise interruption_of(trip)
+        if self.monitor.jumped is not None:
+            self._handle_jump(*self.monitor.jumped)
+        if self.bus.sink_error is not None:
+            raise Interrupted(Finish.FAULTED, self.bus.sink_error, "store", retract=True)
+        if command is RunCommand.ABORT:
+            raise Interrupted(Finish.ABORTED, "aborted by the user", "user", retract=True)
+        if command is RunCommand.PAUSE_NOW and self.phase is not Phase.PAUSED:
+            raise Interrupted(None, "paused by the user", "user", retract=True)
+
+    def _handle_jump(self, device: str, jumped_s: float) -> None:
+        """Samples near a device's clock that stood still have wrong times: press again."""
+        self.monitor.jumped = None
+        reason = f"{device}: its clock stood still for {1e3 * jumped_s:.0f} ms"
+        if self.phase not in PRESSING:
+            self.bus.note("info", device, reason)
+            return
+        self.jumps += 1
+        if self.jumps > MAX_JUMPS:
+            reason = f"{reason}, again and again; see to the controller's load"
+            raise Interrupted(Finish.FAULTED, reason, device, retract=True)
+        raise Interrupted(None, f"{reason}; the press is repeated", device, retract=True)
+
+    def enter(self, phase: Phase) -> float:
+        """Enter a phase; when that was."""
+        self.phase = follow(self.phase, phase)
+        now = self.clock.now()
+        self.bus.publish(PhaseEntered(now, phase, self.station))
+        return now
+
+    def begin_station(self, place: Place, attempt: int) -> None:
+        now = self.clock.now()
+        self.station, self.attempt = place.index, attempt
+        self.bus.label(now, place.index, attempt)
+        self.bus.publish(StationStarted(now, place.index, attempt, place.x_m, place.y_m))
+
+    def end_station(self, *, complete: bool) -> None:
+        """Close the station; it is complete only once every sample of it has been published."""
+        assert self.station is not None
+        assert self.attempt is not None
+        now = self.clock.now()
+        self.last_published_s = (
+            math.inf
+        )  # hold back: what is read now may still belong to this station
+        try:
+            while complete and self.monitor.seen_s() < now:
+                self.tick(math.inf)
+        finally:
+            self.last_published_s = now
+        self.bus.label(now, None, None)
+        self.publish_samples()
+        self.bus.publish(StationEnded(now, self.station, self.attempt, complete))
+        self.station = self.attempt = None
+
+    def publish_samples(self) -> None:
+        self.last_published_s = self.clock.now()
+        self.bus.samples(self.monitor.collect())

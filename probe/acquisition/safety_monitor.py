@@ -1,0 +1,424 @@
+"""Reads every device, runs the guards on each reading, and stops and lifts when one objects.
+
+With the wall clock it lives in threads of its own: one for each sensor, one for the stage, and one
+that only looks whether the others beat, so that nothing that hangs hides anything else. With a
+simulated clock the engine calls `SafetyMonitor.step` itself, at most two sensor samples apart.
+"""
+
+import os
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from functools import partial
+
+import numpy as np
+
+from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Sensor, Stage
+from drivers.core import abilities
+from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.guards import ClockGuard, SensorGuard, Trip
+from probe.acquisition.pose_guard import PoseGuard
+from probe.acquisition.retreat import Retreat
+from probe.planning.limits import Limits
+from probe.planning.plan import Surface
+
+STAGE = "stage"
+STAGE_CHANNELS = tuple(Channel(axis, "m") for axis in "xyz")
+STAGE_PERIOD_S = 0.008
+LOCK_S = 0.25
+SUPERVISOR = "supervisor"
+SUPERVISOR_PERIOD_S = 0.01
+# The supervisor only sleeps and looks. Late by this much, it is the program that did not run, and
+# nobody else is to blame for having been silent meanwhile.
+PAUSE_S = 0.1
+DEAD_S = 1.0  # a supervisor that is later than this is itself at fault
+LIFT_SHARE = 0.25  # of the greatest speed: a lift is no emergency once the stage rests
+RETREATS = 3  # of one run, at most, where something moves the stage again after each
+# A busy Python thread may keep the interpreter this long before a guard gets it. Python's own 5 ms
+# are 2.5 samples at 500 Hz (measured: benchmarks/guards.py).
+GIL_SWITCH_INTERVAL_S = 0.2e-3
+
+
+class SafetyMonitor:
+    """Owner of all readings. The engine moves the stage through it and drains `collect`.
+
+    ``trip`` is the first objection; from then on `move` refuses, and a `Retreat` brings the stage
+    to rest and lifts it to ``lift_z_m`` (None: only to rest) without the engine. Raises
+    `ConfigError` where the force limit would hold no channel at all.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        sensors: Sequence[Sensor],
+        clock: Clock,
+        surface: Surface,
+        limits: Limits,
+        control: Control,
+        *,
+        threaded: bool,
+        lift_z_m: float | None = None,
+    ) -> None:
+        self.trip: Trip | None = None
+        self.jumped: tuple[str, float] | None = None  # device, by how much its clock stood still
+        self.error: BaseException | None = None
+        self.retreat: Retreat | None = None
+        self.threaded = threaded
+        self._stage = stage
+        self._clock = clock
+        self._limits = limits
+        self._control = control
+        self._lift_z_m = lift_z_m
+        self._sensors = [(s, SensorGuard(s.channels, limits)) for s in sensors]
+        if not any(guard.feels for _, guard in self._sensors):
+            raise ConfigError(
+                "safety.max_force_n would hold nothing: no sensor reads a force, and a pressure "
+                "becomes one only over a known face; add a force sensor, or say face_mm2 = 100"
+            )
+        self._pose_guard = PoseGuard(surface, limits)
+        self._clock_guards = [
+            ClockGuard(limits, clock.now, time.monotonic),
+            ClockGuard(limits, time.monotonic),
+        ]
+        self._blocks: dict[str, deque[Block]] = {s.name: deque() for s in sensors}
+        self._poses: deque[tuple[float, float, float, float]] = deque()
+        self._seen_s: dict[str, float] = {}
+        self._posed_s = self._excused_s = -np.inf
+        self._in_motion = self._homing = False
+        self._surface = surface
+        self._engine_s = time.monotonic()
+        self._retreats = 0
+        self._stage_lock = threading.Lock()
+        self._trip_lock = threading.Lock()
+        self._end = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._beats: dict[str, float] = {}
+
+    # --- the engine's side -------------------------------------------------------------------
+
+    def start(self, *, homes: bool = False) -> None:
+        """Begin; every device counts as seen now. ``homes``: the stage has no pose until `home`."""
+        self._homing = homes
+        self._seen_s = dict.fromkeys((*self._blocks, STAGE), self._clock.now())
+        self._engine_s = time.monotonic()
+        if not self.threaded:
+            return
+        self._switch_s = sys.getswitchinterval()
+        sys.setswitchinterval(GIL_SWITCH_INTERVAL_S)
+        self._beats[SUPERVISOR] = time.monotonic()
+        self._run(STAGE, self._step_stage, STAGE_PERIOD_S)
+        for sensor, guard in self._sensors:
+            step = partial(self._step_sensor, sensor, guard)
+            self._run(sensor.name, step, max(0.5 / sensor.rate_hz, 0.5e-3))
+        self._run(SUPERVISOR, self._supervise, SUPERVISOR_PERIOD_S)
+
+    def finish(self) -> None:
+        """End the threads."""
+        self._end.set()
+        for thread in self._threads:
+            thread.join(timeout=1.0)
+        if self._threads:
+            sys.setswitchinterval(self._switch_s)
+
+    def step(self) -> None:
+        """Read and check everything once; only without threads."""
+        for sensor, guard in self._sensors:
+            self._guarded(partial(self._step_sensor, sensor, guard))
+        self._guarded(self._step_stage)
+        self._check_silence()
+
+    def engine_heartbeat(self) -> None:
+        """The engine lives, and looks whether the threads do."""
+        self._engine_s = time.monotonic()
+        if self._threads and not self._end.is_set():
+            self._check_thread(SUPERVISOR)
+
+    def seen_s(self) -> float:
+        """Up to when the samples of every sensor are in."""
+        return min((self._seen_s[s.name] for s, _ in self._sensors), default=self._clock.now())
+
+    def force_n(self) -> float:
+        """The latest force of the first sensor that feels one."""
+        return next((g.force_n for _, g in self._sensors if g.feels), 0.0)
+
+    def levels(self, from_s: float) -> dict[str, tuple[float, float]]:
+        """Mean force [N] since ``from_s`` and its standard error, by sensor that feels one."""
+        return {s.name: g.level(from_s) for s, g in self._sensors if g.feels}
+
+    def collect(self) -> list[tuple[str, Block]]:
+        """All readings since the last call, one block per device that has some."""
+        found = [
+            (name, _joined([waiting.popleft() for _ in range(len(waiting))]))
+            for name, waiting in self._blocks.items()
+            if waiting
+        ]
+        if self._poses:
+            rows = np.array([self._poses.popleft() for _ in range(len(self._poses))])
+            poses = rows[:, 1:].copy()
+            found.append((STAGE, Block(rows[:, 0].copy(), poses, np.zeros(poses.shape, bool))))
+        return found
+
+    def move(self, target: Pose, speed_m_s: float) -> None:
+        """Start a move, unless a guard has stopped the scan. Raises `DeviceFault`."""
+        with self._held():
+            if self.trip is not None:
+                raise DeviceFault(self.trip.device, self.trip.reason)
+            self._start(target, speed_m_s)
+
+    def home(self) -> threading.Event:
+        """Let the stage find its switches; set when it has, or a trip says why it has not.
+
+        Its poses mean nothing meanwhile; force, silence of the sensors and commands are watched.
+        """
+        over = threading.Event()
+
+        def go() -> None:
+            try:
+                self._stage.home()  # type: ignore[attr-defined]  # only one that ``homes``
+            except DeviceFault as fault:
+                self.object(fault.device, fault.reason, can_retract=False)
+            except BaseException as error:  # noqa: BLE001 - whatever it is, the scan must end
+                self.error = error
+                self.object("guard", f"{type(error).__name__}: {error}", can_retract=False)
+            self._pose_guard = PoseGuard(self._surface, self._limits)
+            self._seen_s[STAGE] = self._clock.now()
+            self._homing = False
+            over.set()
+
+        threading.Thread(target=go, name="palpate homing", daemon=True).start()
+        return over
+
+    def arrived(self, pose: Pose) -> None:
+        """The move is over: from now on the tip rests at ``pose``."""
+        self._in_motion = False
+        self._pose_guard.expect_rest(pose)
+
+    def tare(self) -> None:
+        """Take the present load of every sensor as zero; all are read on. Raises `DeviceFault`."""
+        for sensor, guard in self._sensors:
+            sensor.tare()
+            guard.tared = True
+
+    def moving(self) -> bool:
+        """True while the stage moves. Raises `DeviceFault`."""
+        with self._held():
+            return self._stage.moving()
+
+    def pose(self) -> Pose:
+        """The stage's pose. Raises `DeviceFault`."""
+        with self._held():
+            return self._stage.pose()
+
+    def leave(self, *, lift: bool) -> Retreat:
+        """Stop, and lift if so wanted; the way out that is under way already is not begun anew."""
+        with self._trip_lock:
+            if self.retreat is None:
+                self._begin_retreat(lift=lift)
+            assert self.retreat is not None
+            if not lift:
+                self.retreat.stay()
+        self._stage.stop()
+        return self.retreat
+
+    def go_on(self) -> None:
+        """After a pause: there is nothing to get away from any more."""
+        if self.trip is None:
+            self.retreat = None
+
+    # --- objections --------------------------------------------------------------------------
+
+    def object(self, device: str, reason: str, *, can_retract: bool, again: bool = False) -> None:
+        """Stop the stage and begin the way out.
+
+        Stopped twice: a move that was being started is caught by the second. ``again``: what is
+        objected to is dangerous also after a way out that is done.
+        """
+        with self._trip_lock:
+            if self.trip is None:
+                self.trip = Trip(self._clock.now(), device, reason, can_retract)
+            elif not again or self._retreats >= RETREATS:
+                return
+            if self.retreat is not None and not self.retreat.done:
+                return  # it looks after itself
+            self._begin_retreat(lift=can_retract and self.trip.can_retract)
+        self._stage.stop()
+        if self._stage_lock.acquire(timeout=LOCK_S):
+            self._stage.stop()
+            self._stage_lock.release()
+
+    def _begin_retreat(self, *, lift: bool) -> None:
+        self._retreats += 1
+        self.retreat = Retreat(
+            self._stage.stop,
+            self.moving,
+            self._start_held,
+            self.force_n,
+            self._lift_z_m if lift else None,
+            LIFT_SHARE * self._limits.max_speed_m_s,
+            self._clock.now(),
+            self._limits.max_force_n,
+        )
+
+    def _start_held(self, target: Pose, speed_m_s: float) -> None:
+        with self._held():
+            self._start(target, speed_m_s)
+
+    def _start(self, target: Pose, speed_m_s: float) -> None:
+        self._pose_guard.expect(self._stage.pose(), target)
+        self._in_motion = True
+        self._stage.move(target, speed_m_s)
+
+    @contextmanager
+    def _held(self) -> Iterator[None]:
+        """The stage to oneself. Raises `DeviceFault` if another call to it hangs."""
+        if not self._stage_lock.acquire(timeout=2 * self._limits.silence_s):
+            raise DeviceFault(self._stage.name, "does not answer")
+        try:
+            yield
+        finally:
+            self._stage_lock.release()
+
+    # --- the threads -------------------------------------------------------------------------
+
+    def _run(self, name: str, step: Callable[[], None], period_s: float) -> None:
+        self._beats[name] = time.monotonic()
+        thread = threading.Thread(
+            target=self._repeat, args=(name, step, period_s), name=f"palpate {name}", daemon=True
+        )
+        self._threads.append(thread)
+        thread.start()
+
+    def _repeat(self, name: str, step: Callable[[], None], period_s: float) -> None:
+        come_first()
+        while not self._end.wait(period_s):
+            self._guarded(step)
+            self._beats[name] = time.monotonic()
+            if name != SUPERVISOR:
+                self._check_thread(SUPERVISOR)
+
+    def _guarded(self, step: Callable[[], None]) -> None:
+        try:
+            step()
+        except BaseException as error:  # noqa: BLE001 - a guard that dies must stop the stage
+            if not isinstance(error, DeviceFault):
+                self.error = self.error or error
+            self.object("guard", f"{type(error).__name__}: {error}", can_retract=True)
+
+    def _check_thread(self, name: str) -> None:
+        late_s = time.monotonic() - self._beats[name]
+        if late_s > DEAD_S:
+            self.object("guard", f"its {name} has done nothing for {late_s:.2f} s",
+                        can_retract=True)  # fmt: skip
+
+    def _program_pauses(self) -> bool:
+        """The supervisor is late: nothing that is late too is to blame for it."""
+        late_s = time.monotonic() - self._beats.get(SUPERVISOR, np.inf)
+        return PAUSE_S < late_s < DEAD_S
+
+    def _step_sensor(self, sensor: Sensor, guard: SensorGuard) -> None:
+        try:
+            block = sensor.read()
+        except DeviceFault as fault:
+            self.object(fault.device, fault.reason, can_retract=True)
+            return
+        if not len(block.time_s):
+            return
+        if (jump := guard.check_times(block, self._clock.now())) is not None:
+            self.object(sensor.name, jump, can_retract=True)
+            return
+        self._blocks[sensor.name].append(block)
+        self._seen_s[sensor.name] = float(block.time_s[-1])
+        if block.jumped_s > 0:
+            self.jumped = (sensor.name, block.jumped_s)
+        if (why := guard.check(block)) is not None:
+            self.object(sensor.name, why[0], can_retract=why[1], again=True)
+
+    def _step_stage(self) -> None:
+        if self._homing:
+            self._seen_s[STAGE] = self._clock.now()
+            if self.trip is not None:
+                self._stage.stop()  # until it is heard
+            return
+        asked_s, pose, trouble = self._clock.now(), None, ""
+        try:
+            pose = self.pose()
+        except DeviceFault as fault:
+            trouble = str(fault)
+            if self._program_pauses():
+                return  # the next look says whether the stage or this program was late
+            self.object(fault.device, fault.reason, can_retract=True)
+        now = self._clock.now()
+        if pose is not None:
+            self._take(pose, now, asked_s)
+        if (retreat := self.retreat) is not None and not retreat.done:
+            known = pose if pose is not None and np.isfinite(pose[:3]).all() else None
+            retreat.step(now, known, trouble or "its pose is not a number")
+            if retreat.done and known is not None:
+                self.arrived(known)
+
+    def _take(self, pose: Pose, now: float, asked_s: float) -> None:
+        self._seen_s[STAGE] = now
+        if now > self._posed_s:  # a clock that was set back says nothing of when
+            self._posed_s = now
+            self._poses.append((now, pose.x, pose.y, pose.z))
+        if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
+            self.object(self._stage.name, why[0], can_retract=why[1], again=True)
+
+    def _supervise(self) -> None:
+        """What only the wall clock can show: a pause, a jump, a blocked engine, a stop."""
+        late_s = time.monotonic() - self._beats[SUPERVISOR]
+        if late_s > PAUSE_S:
+            self._excused_s = self._clock.now()
+            self._beats = dict.fromkeys(self._beats, time.monotonic())
+            self._engine_s = max(self._engine_s, time.monotonic() - self._limits.engine_s / 2)
+            if late_s > self._limits.silence_s:
+                why = f"this program did not run for {late_s:.2f} s, and nobody looked at the force"
+                self.object("computer", why, can_retract=True)
+        for guard in self._clock_guards:
+            if (jumped := guard.check()) is not None:
+                self.object("clock", jumped[0], can_retract=jumped[1])
+        self._check_silence()
+        if self._homing and self._control.command is RunCommand.ABORT:
+            self.object("user", "stopped by the user", can_retract=False)
+        if self._control.command is RunCommand.STOP:
+            self.object("user", "stopped by the user", can_retract=False)
+            if self.retreat is not None:
+                self.retreat.stay()
+        if time.monotonic() - self._engine_s > self._limits.engine_s:
+            self.object("engine", f"blocked for {self._limits.engine_s:g} s", can_retract=True)
+        if max(time.monotonic() - beat_s for beat_s in self._beats.values()) < PAUSE_S:
+            abilities.keep_alive(self._stage)  # where a guard hangs, a stage with a watchdog halts
+
+    def _check_silence(self) -> None:
+        """Every device has been seen lately: the later, the less while the stage moves."""
+        now = self._clock.now()
+        for sensor, _ in self._sensors:
+            most_s = self._limits.late_s if self._in_motion else self._limits.silence_s
+            self._check_seen(sensor.name, sensor.name, now, max(most_s, 5 / sensor.rate_hz))
+        self._check_seen(STAGE, self._stage.name, now, self._limits.silence_s)
+
+    def _check_seen(self, key: str, device: str, now: float, most_s: float) -> None:
+        silent_s = now - max(self._seen_s[key], self._excused_s)
+        if silent_s > most_s:
+            self.object(device, f"silent for {silent_s:.2f} s", can_retract=True)
+
+
+def come_first() -> None:
+    """Let this thread, and those it begins, run before all others, where the system permits it."""
+    with suppress(AttributeError, OSError):  # Linux only; root, or a limit on `rtprio`
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+
+
+def _joined(blocks: list[Block]) -> Block:
+    if len(blocks) == 1:
+        return blocks[0]
+    return Block(
+        np.concatenate([b.time_s for b in blocks]),
+        np.concatenate([b.values for b in blocks]),
+        np.concatenate([b.saturated for b in blocks]),
+        sum(b.lost for b in blocks),
+        max(b.jumped_s for b in blocks),
+    )

@@ -1,0 +1,121 @@
+"""A scan from a rig to a run file: the one call behind ``palpate scan`` and notebooks."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from drivers import Clock, ConfigError, SimulatedClock, WallClock
+from probe.acquisition.commands import Control
+from probe.acquisition.engine import run_scan
+from probe.acquisition.event_bus import EventSink
+from probe.acquisition.guard_process import Order
+from probe.acquisition.opening import opened_devices
+from probe.acquisition.prepare import prepare
+from probe.acquisition.remote import listening
+from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
+from probe.config.rig_file import load_rig
+from probe.config.scan_plan import limits_for, plan_for
+from probe.core.events import RunEnded
+from probe.core.log import log_event
+from probe.storage.writer import create_store
+from sim_backend.phantom.phantom import Respond
+from sim_backend.scene.scene_file import Scene, load_scene
+
+DEFAULT_SCENE = "TIHA"
+
+
+@dataclass(frozen=True)
+class ScanResult:
+    """Where the run is stored, its last event, and what a person should know of the devices."""
+
+    path: Path
+    ended: RunEnded
+    notes: tuple[str, ...]
+
+
+def scan(
+    rig: Rig | str | Path | None = None,
+    scene: str | Path | None = None,
+    out: str | Path = "runs",
+    *,
+    seed: int = 0,
+    labels: Mapping[str, str] | None = None,
+    fallback: Fallback | None = None,
+    real_time: bool = False,
+    control: Control | None = None,
+    observers: Sequence[EventSink] = (),
+    opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
+    respond: Respond | None = None,
+) -> ScanResult:
+    """Scan with a rig (by default the simulated one) and store the run in a new file in ``out``.
+
+    ``scene``, a built-in name or a file, is what simulated devices feel. A rig of simulated
+    devices only runs on simulated time, as fast as the machine allows, unless ``real_time``.
+    ``labels`` (operator, specimen, notes of your own) are kept in the run for `palpate runs`.
+    ``opened`` is told the run file and the devices' notes before anything moves.
+    Raises `RigError`, `SceneError`, `drivers.ConfigError` and `drivers.DeviceFault` before
+    anything moves, and `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
+    """
+    if seed < 0:
+        raise ConfigError(f"seed = {seed}: must not be negative")
+    rig, _ = resolve_rig(rig, scene)
+    plan = plan_for(rig)
+    limits = limits_for(rig, plan)
+    clock = clock_for(rig, real_time=real_time)
+    control = control or Control()
+    order = Order(rig, clock, None, seed, fallback)
+    with opened_devices(order, respond, control) as devices:
+        felt = devices.scene
+        prepared = prepare(rig, plan, limits, felt, devices, seed)
+        path = new_run_path(Path(out), felt.name if felt is not None else devices.stage.name)
+        with create_store(path) as sink, listening(control, path):
+            opened(path, prepared.notes)
+            ended = run_scan(
+                prepared.plan,
+                devices.stage,
+                devices.sensors,
+                clock,
+                sink,
+                prepared.limits,
+                control=control,
+                observers=(log_event, *observers),
+                config=prepared.config | {"labels": dict(labels or {})},
+                monitor=devices.monitor,
+            )
+    return ScanResult(sink.path, ended, prepared.notes)
+
+
+def resolve_rig(rig: Rig | str | Path | None, scene: str | Path | None) -> tuple[Rig, Scene | None]:
+    """The rig with the scene its simulated devices shall feel, and that scene.
+
+    Without a rig the simulated one, over `DEFAULT_SCENE` if no scene is given either.
+    """
+    if rig is None:
+        name = str(scene or DEFAULT_SCENE)
+        felt = load_scene(name)
+        return default_rig(felt).model_copy(update={"scene": SceneChoice(name=name)}), felt
+    if not isinstance(rig, Rig):
+        rig = load_rig(rig)
+    if scene is not None:
+        lies = None if rig.scene is None else rig.scene.surface_mm
+        choice = SceneChoice(name=str(scene), surface_mm=lies)
+        rig = rig.model_copy(update={"scene": choice})
+    return rig, None if rig.scene is None else load_scene(rig.scene.name)
+
+
+def clock_for(rig: Rig, *, real_time: bool) -> Clock:
+    """Simulated time if every device is simulated and nobody wants to wait."""
+    simulated = all(device.driver == "virtual" for device in (rig.stage, *rig.sensor))
+    return SimulatedClock() if simulated and not real_time else WallClock()
+
+
+def new_run_path(folder: Path, name: str) -> Path:
+    """A file in ``folder`` that does not exist yet; the folder is made."""
+    folder.mkdir(parents=True, exist_ok=True)
+    plain = "".join(c if c.isalnum() or c in " -_." else "_" for c in name).strip(". ") or "run"
+    stem = f"{plain[:100]}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    number = 1
+    while (path := folder / (f"{stem}.run" if number == 1 else f"{stem}-{number}.run")).exists():
+        number += 1
+    return path

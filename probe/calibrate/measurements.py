@@ -1,0 +1,219 @@
+"""Raw readings for a calibration: a table of numbers, or a run in which the rig took them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibration.errors import CalibrationError
+from calibration.touch import find_contact
+from drivers.core.extras import needs
+from drivers.core.units import to_si
+from probe.core.contact_stress import compliance_m_per_n, tactile_device
+from probe.core.events import Phase
+from probe.storage.run import Run, open_run
+
+with needs("data", "palpate calibrate"):
+    import pandas as pd
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+Array = NDArray[np.float64]
+MAX_ROWS = 5_000_000
+SQLITE = b"SQLite format 3\0"
+NO_STATION = "no such complete station; press to the end first"
+SAME_PLACE_MM = 0.05
+AROUND_S = 0.3
+GOING_IN = (Phase.APPROACHING, Phase.INDENTING)
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """A table's columns; asking for one that is not there says which file and what it has.
+
+    ``device`` is the name of the device they are of, empty where the file does not say.
+    """
+
+    path: Path
+    table: pd.DataFrame
+    device: str = ""
+
+    def column(self, name: str) -> Array:
+        """(n,) of one column, without empty cells."""
+        if name not in self.table:
+            has = ", ".join(map(str, self.table))
+            raise CalibrationError(f"{self.path}: column {name} is missing; it has {has}")
+        cells = self.table[name].dropna()
+        values = pd.to_numeric(cells, errors="coerce").to_numpy(float)
+        if (bad := ~np.isfinite(values)).any():
+            row = int(cells.index[int(np.argmax(bad))]) + 1
+            raise CalibrationError(
+                f"{self.path}: column {name}, row {row}: {cells.iloc[int(np.argmax(bad))]!r} is "
+                "not a number"
+            )
+        return values
+
+    def columns(self, *names: str) -> Array:
+        """(n, k)."""
+        found = [self.column(name) for name in names]
+        if len({len(column) for column in found}) > 1:
+            told = ", ".join(f"{n} has {len(c)}" for n, c in zip(names, found, strict=True))
+            raise CalibrationError(f"{self.path}: columns of one length are needed: {told}")
+        return np.column_stack(found)
+
+    def numbered(self, name: str, unit: str = "") -> Array:
+        """``name`` + unit, or ``name_0``, ``name_1``, … with it: (n, k)."""
+        if name + unit in self.table:
+            return self.column(name + unit)[:, None]
+        many = [c for n in range(4096) if (c := f"{name}_{n}{unit}") in self.table]
+        return self.columns(*many) if many else self.columns(name + unit)
+
+
+def read(path: Path, kind: str, device: str = "", station: int | None = None) -> Measurements:
+    """A CSV table or a run file; of a run, what ``kind`` needs. Raises `CalibrationError`."""
+    if not path.is_file():
+        raise CalibrationError(f"{path}: no such file")
+    with path.open("rb") as file:
+        if file.read(len(SQLITE)) == SQLITE:
+            return _from_run(open_run(path), kind, device, station)
+    try:
+        table = pd.read_csv(path, nrows=MAX_ROWS, comment="#", skipinitialspace=True)
+    except (ValueError, UnicodeDecodeError) as error:
+        raise CalibrationError(f"{path}: not a CSV table ({error})") from None
+    return Measurements(path, table.rename(columns=str.strip), device)
+
+
+def _from_run(run: Run, kind: str, device: str, station: int | None) -> Measurements:
+    if kind not in FROM_RUN:
+        raise CalibrationError(
+            f"{run.path}: a run has no readings for {kind}; a run gives {', '.join(FROM_RUN)}, "
+            "all else is a table"
+        )
+    take, of_stage = FROM_RUN[kind]
+    sensor = device if device in run.channels else tactile_device(run.channels)
+    columns = take(run, sensor, station)
+    table = pd.DataFrame({name: pd.Series(column) for name, column in columns.items()})
+    return Measurements(run.path, table, device or (stage_name(run) if of_stage else sensor))
+
+
+def stage_name(run: Run) -> str:
+    """The stage's, as in the rig file that the run was made with."""
+    stage = run.config["rig"]["stage"]
+    return str(stage.get("name", stage["driver"]))
+
+
+def _movement(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
+    """Both courses over all presses at one place, where force belongs to depth."""
+    done = _complete(run)
+    first = done[done["station"] == station] if station is not None else done
+    if not len(first):
+        raise CalibrationError(f"{run.path}: {NO_STATION}")
+    apart = np.hypot(*(done[a] - first[a].iloc[0] for a in ("x_mm", "y_mm")))
+    here = done[apart < SAME_PLACE_MM]["station"]
+    felt = run.samples(sensor)
+    felt = felt.isel(time_s=np.isin(felt["station"], here))
+    first_s, last_s = (float(felt["time_s"][n]) for n in (0, -1))
+    stage = run.samples("stage")  # it must be known for as long as a delay may be
+    stage = stage.sel(time_s=slice(first_s - AROUND_S, last_s + AROUND_S))
+    return {
+        "time_s": np.array(stage["time_s"], float),
+        "depth_mm": -1e3 * np.array(stage["z"], float),
+        "sensor_time_s": np.array(felt["time_s"], float),
+        "force_n": _force_n(run, felt),
+    }
+
+
+def _complete(run: Run) -> pd.DataFrame:
+    table = run.stations()
+    return table[table["complete"]]
+
+
+def _presses(run: Run, sensor: str, station: int | None) -> list[dict[str, Array]]:
+    """The way in, and the hold, of each complete press that is asked for."""
+    stage = run.samples("stage")
+    felt = run.samples(sensor)
+    force = _force_n(run, felt)
+    done = _complete(run)
+    done = done if station is None else done[done["station"] == station]
+    if not len(done):
+        raise CalibrationError(f"{run.path}: {NO_STATION}")
+    found = []
+    for number, attempt in zip(done["station"], done["attempt"], strict=True):
+        mine = (felt["station"] == number) & (felt["attempt"] == attempt)
+        mine &= felt["phase"].isin([str(p) for p in (*GOING_IN, Phase.HOLDING)])
+        time_s = np.array(felt["time_s"], float)[np.array(mine)]
+        place = {a: np.interp(time_s, stage["time_s"], stage[a]) for a in "xyz"}
+        inwards = np.array(felt["phase"].isin([str(p) for p in GOING_IN]))[np.array(mine)]
+        found.append({"time_s": time_s, **place, "force_n": force[np.array(mine)],
+                      "inwards": inwards})  # fmt: skip
+    return found
+
+
+def _curve(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
+    """One press, its depth growing inwards from anywhere, less what the rig gave way."""
+    press = _presses(run, sensor, station)[0]
+    depth_m = press["z"][0] - press["z"] - compliance_m_per_n(run.config) * press["force_n"]
+    return {"time_s": press["time_s"], "depth_mm": 1e3 * depth_m, "force_n": press["force_n"],
+            "held": 1.0 - press["inwards"], "x_mm": 1e3 * press["x"]}  # fmt: skip
+
+
+def _stiffness(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
+    """One press's way in."""
+    press = _presses(run, sensor, station)[0]
+    inwards = press["inwards"]
+    depth_mm = 1e3 * (press["z"][0] - press["z"][inwards])
+    return {"depth_mm": depth_mm, "force_n": press["force_n"][inwards]}
+
+
+def _touches(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
+    """Where each press first touched."""
+    places = []
+    for n, press in enumerate(_presses(run, sensor, station)):
+        inwards = press["inwards"]
+        z = press["z"][inwards]
+        try:
+            contact = -float(find_contact(-z, press["force_n"][inwards]).values[0])
+        except CalibrationError as error:
+            raise CalibrationError(f"{run.path}: press {n + 1}: {error}") from None
+        there = int(np.argmin(np.abs(z - contact)))
+        places.append([press["x"][inwards][there], press["y"][inwards][there], contact])
+    x, y, z = 1e3 * np.array(places).T
+    return {"x_mm": x, "y_mm": y, "z_mm": z}
+
+
+def _pulse(run: Run, _sensor: str, _station: int | None) -> dict[str, Array]:
+    for device, channels in run.channels.items():
+        for channel in channels:
+            if channel.role == "reference":
+                felt = run.samples(device)
+                values = np.array(felt[channel.name], float)
+                return {"time_s": np.array(felt["time_s"], float), "reference": values}
+    raise CalibrationError(f"{run.path}: it has no channel of role reference (PPG, ECG)")
+
+
+def _force_n(run: Run, felt: "xr.Dataset") -> Array:
+    """The normal force: the channel of that role, or a pressure over the probe's face."""
+    for name, channel in felt.data_vars.items():
+        role, unit = channel.attrs.get("role"), channel.attrs.get("units")
+        base, factor = to_si(str(unit))
+        if role == "force" and base == "N":
+            return factor * np.array(felt[name], float)
+        if role == "pressure" and base == "Pa" and run.config.get("face_mm2"):
+            area_m2 = 1e-6 * float(run.config["face_mm2"])
+            return factor * area_m2 * np.array(felt[name], float)
+    raise CalibrationError(f"{run.path}: its sensor reads no normal force")
+
+
+Take = Callable[[Run, str, int | None], dict[str, Array]]
+FROM_RUN: dict[str, tuple[Take, bool]] = {
+    "latency": (_movement, False),
+    "compliance": (_stiffness, True),
+    "surface": (_touches, True),
+    "tissue": (_curve, True),
+    "heart": (_pulse, False),
+}
+"""What takes the columns, and whether they are the stage's."""

@@ -1,0 +1,118 @@
+"""``palpate runs``: a folder of runs, listed, filtered and sorted."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from probe.cli.say import Json, answer, answer_json, key_values
+
+if TYPE_CHECKING:  # commands import what they need when they run
+    from probe.storage.collection import Listed
+
+By = Literal["date", "scene", "operator", "specimen", "finding", "name"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add the commands of this file."""
+    app.command("runs")(list_all)
+
+
+def list_all(
+    folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where the runs are.")] = Path(
+        "runs"
+    ),
+    finding: Annotated[
+        str | None, typer.Option(metavar="TEXT", help="Only runs with this finding, say artery.")
+    ] = None,
+    scene: Annotated[str | None, typer.Option(metavar="NAME", help="Only of this scene.")] = None,
+    operator: Annotated[str | None, typer.Option(metavar="NAME", help="Only of them.")] = None,
+    specimen: Annotated[str | None, typer.Option(metavar="NAME", help="Only of this.")] = None,
+    note: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Only with this note.")
+    ] = None,
+    since: Annotated[str | None, typer.Option(metavar="DATE", help="From 2026-01-31 on.")] = None,
+    simulated: Annotated[
+        bool | None, typer.Option("--simulated/--real", help="Only simulated, or only real, runs.")
+    ] = None,
+    sort: Annotated[By, typer.Option(help="In this order.")] = "date",
+    findings: Annotated[
+        bool, typer.Option("--findings", help="Detect in each run and show what was found.")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """List the runs of a folder and those below it."""
+    from probe.storage.collection import list_runs
+
+    if not folder.is_dir():
+        raise typer.BadParameter(f"{folder}: no such folder")
+    wanted = {"operator": operator, "specimen": specimen, **key_values(note or [])}
+    kept = [
+        one
+        for one in list_runs(folder)
+        if (scene is None or one.scene == scene)
+        and (simulated is None or one.simulated == simulated)
+        and (since is None or one.started_utc >= since)
+        and all(value is None or one.label(key) == value for key, value in wanted.items())
+    ]
+    found: dict[Path, str] = {}
+    if findings or finding is not None or sort == "finding":
+        found = {one.path: _finding(one) for one in kept}
+        kept = [one for one in kept if finding is None or found[one.path] == finding]
+    kept.sort(key=lambda one: _place(one, sort, found))
+    if json:
+        rows = [asdict(o) | {"labels": dict(o.labels), "finding": found.get(o.path)} for o in kept]
+        answer_json({"runs": rows})
+        return
+    show(kept, found)
+
+
+def _finding(one: "Listed") -> str:
+    """What detection says; nothing for a run without a complete station."""
+    from probe.detection import detect
+    from probe.storage.run import open_run
+
+    if one.problem:
+        return ""
+    recording = open_run(one.path).recording()
+    return str(detect(recording).as_json()["finding"]) if recording.stations else ""
+
+
+def _place(one: "Listed", sort: By, found: dict[Path, str]) -> tuple[str, str, str]:
+    keys: dict[str, str] = {
+        "date": one.started_utc,
+        "scene": one.scene,
+        "finding": found.get(one.path, ""),
+        "name": one.path.name,
+    }
+    return keys.get(sort, one.label(sort)), one.started_utc, str(one.path)
+
+
+def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
+    """A table with a line per run."""
+    from rich.box import SIMPLE_HEAD
+    from rich.console import Console
+    from rich.table import Table
+
+    if not runs:
+        answer("no runs")
+        return
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    heads = ["run", "date", "scene", "how", "finish", "who and what"]
+    for head in heads + (["finding"] if found else []):
+        table.add_column(head, overflow="fold")
+    for one in runs:
+        labels = ", ".join(v if k in ("operator", "specimen") else f"{k}={v}"
+                           for k, v in one.labels)  # fmt: skip
+        cells: list[Any] = [
+            str(one.path),
+            one.started_utc[:16].replace("T", " "),
+            one.scene,
+            "" if one.problem else "simulated" if one.simulated else "real",
+            one.problem or one.finish or "not finished",
+            labels,
+        ]
+        table.add_row(*cells, *([found[one.path]] if found else []))
+    console = Console()
+    console.print(table)

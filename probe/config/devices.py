@@ -1,0 +1,194 @@
+"""From a rig to open devices; a simulated stand-in only where the rig or the user says so."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from pydantic import ValidationError
+
+from drivers import (
+    Clock,
+    ConfigError,
+    DeviceAbsent,
+    Sensor,
+    SimulatedClock,
+    Stage,
+    open_driver,
+)
+from drivers.core.registry import Kind
+from probe.config.calibrated import calibrated
+from probe.config.rig import Device, Fallback, Rig, RigError
+from probe.config.scan_plan import plan_for, true_surface
+from probe.planning.plan import Plan
+from sim_backend.phantom.phantom import Phantom, Respond
+from sim_backend.scene.scene_file import Scene, explain, load_scene, scene_names
+
+VIRTUAL = Device(driver="virtual")
+
+
+@dataclass(frozen=True)
+class Devices:
+    """What a scan runs on; ``notes`` name every stand-in. Leaving the context closes all."""
+
+    stage: Stage
+    sensors: tuple[Sensor, ...]
+    phantom: Phantom | None
+    notes: tuple[str, ...]
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self.stage.close()
+        for sensor in self.sensors:
+            sensor.close()
+
+
+def connect(
+    rig: Rig,
+    clock: Clock,
+    scene: Scene | None = None,
+    *,
+    seed: int = 0,
+    fallback: Fallback | None = None,
+    respond: Respond | None = None,
+) -> Devices:
+    """Open every device of the rig.
+
+    ``scene`` overrides the rig's. ``fallback`` allows stand-ins for all devices. With the wall
+    clock every station is solved here, so that no reading waits for the physics.
+    Raises `RigError`, `SceneError`, and `DeviceAbsent` where no stand-in is allowed.
+    """
+    notes: list[str] = []
+    absent: list[str] = []
+    plan = plan_for(rig)
+    world = World(rig, plan, clock, scene, seed, respond)
+    stage: Stage | None = None
+    sensors: list[Sensor] = []
+    try:
+        stage = _open("stages", "stage", rig.stage, fallback, world, {}, notes, absent)
+        follow = {} if stage.name == "virtual" else {"follow": stage}
+        for n, device in enumerate(rig.sensor):
+            extra = {"seed": seed, **follow}
+            where = f"sensor[{n}]"
+            sensors.append(_open("sensors", where, device, fallback, world, extra, notes, absent))
+        check_names(sensors)
+        stage, true, told = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
+        notes += told
+        if world.phantom is not None and not isinstance(clock, SimulatedClock):
+            world.phantom.prepare([(p.x_m, p.y_m) for p in plan.places])
+    except BaseException:
+        for sensor in sensors:
+            sensor.close()
+        if stage is not None:
+            stage.close()
+        raise
+    return Devices(stage, true, world.phantom, tuple(notes))
+
+
+class World:
+    """The one phantom, made when the first simulated device asks for it."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        plan: Plan,
+        clock: Clock,
+        scene: Scene | None,
+        seed: int,
+        respond: Respond | None,
+    ) -> None:
+        self.rig, self.plan, self.clock = rig, plan, clock
+        self.seed, self.respond = seed, respond
+        self.scene = scene
+        self.phantom: Phantom | None = None
+
+    def get(self) -> Phantom:
+        if self.phantom is not None:
+            return self.phantom
+        rig, folder = self.rig, Path()
+        if self.scene is None:
+            if rig.scene is None:
+                raise RigError(
+                    "scene.name is missing: a simulated device needs a scene; "
+                    f"built in: {', '.join(scene_names())}"
+                )
+            self.scene, folder = load_scene(rig.scene.name), Path(rig.scene.name).parent
+        if rig.scan.indentation_mm >= self.scene.surface_mm:
+            raise RigError(
+                f"scan.indentation_mm = {rig.scan.indentation_mm:g}: scene {self.scene.name} is "
+                f"only {self.scene.surface_mm:g} mm thick"
+            )
+        if self.respond is None:
+            from sim_backend.models.station_response import (
+                respond,  # finite elements: only where simulated
+            )
+
+            self.respond = respond
+        plan = self.plan
+        first = plan.places[0]
+        self.phantom = Phantom(
+            self.scene,
+            self.clock,
+            self.respond,
+            seed=self.seed,
+            surface=true_surface(rig) or plan.surface,
+            home=(first.x_m, first.y_m, plan.travel_z_m),
+            depth_m=plan.indentation_m,
+            folder=folder,
+        )
+        return self.phantom
+
+
+def _open(
+    kind: Kind,
+    where: str,
+    device: Device,
+    fallback: Fallback | None,
+    world: World,
+    extra: dict[str, Any],
+    notes: list[str],
+    absent: list[str],
+) -> Any:
+    """One device, connected, or its stand-in if it is absent and one is allowed."""
+    made = make_device(kind, where, device, world, extra)
+    try:
+        made.connect()
+    except DeviceAbsent as missing:
+        if (device.fallback or fallback) is None:
+            raise
+        notes.append(f"{where}: {missing}; a simulated stand-in takes its place")
+        absent.append(made.name)
+        if kind == "sensors":  # under its own name, so that several may be absent
+            extra = {**extra, "name": made.name}
+        made = make_device(kind, where, VIRTUAL, world, extra)
+        made.connect()
+    return made
+
+
+def make_device(kind: Kind, where: str, device: Device, world: World, extra: dict[str, Any]) -> Any:
+    """One device by its driver, not connected; ``where`` names its table. Raises `RigError`."""
+    settings = device.settings
+    try:
+        if device.driver == "virtual":
+            settings = {**extra, **settings, "phantom": world.get()}
+        return open_driver(kind, device.driver, world.clock, settings)
+    except ValidationError as error:
+        raise RigError("\n".join(f"{where}.{line}" for line in explain(error))) from None
+    except ConfigError as error:
+        raise RigError(f"{where}.{error}") from None
+
+
+def check_names(sensors: Sequence[Sensor]) -> None:
+    """Raises `RigError` where two sensors have one name."""
+    names = [sensor.name for sensor in sensors]
+    for n, name in enumerate(names):
+        if name in names[:n] or name == "stage":
+            raise RigError(f"sensor[{n}].name = {name!r}: taken; give each sensor its own name")

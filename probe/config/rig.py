@@ -1,0 +1,191 @@
+"""A rig as data: which devices, what to press where, and what may never be exceeded.
+
+Keys carry their units. `probe.config.rig_file` reads one from a file, `probe.config.scan_plan`
+makes the plan and the limits of one.
+"""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+from probe.config.calibrated import kind_of
+from sim_backend.scene.scene_file import Scene
+
+MAX_PRESSES = 100_000
+Positive = Annotated[float, Field(gt=0)]
+Pair = tuple[float, float]
+Heights = (
+    float | Annotated[tuple[tuple[float, float, float], ...], Field(min_length=3, max_length=500)]
+)
+Fallback = Literal["virtual"]
+
+
+class RigError(ValueError):
+    """A rig that cannot be: the text names file, key, value and what is allowed."""
+
+
+class _Table(BaseModel):
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Device(_Table):
+    """A stage or sensor; every key but these two is a setting of its driver."""
+
+    model_config = ConfigDict(extra="allow")
+    driver: str
+    """Which driver: `virtual`, one of the devices' pages, or your own."""
+    fallback: Fallback | None = None
+    """`virtual`: a simulated stand-in takes the place of an absent device, and is marked so."""
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """The driver's own keys."""
+        return dict(self.model_extra or {})
+
+
+class Scan(_Table):
+    """One row (numbers) or a grid (pairs of x and y) of presses."""
+
+    start_mm: float | Pair = 4.0
+    """Where the first station is: x, or [x, y] of a grid."""
+    pitch_mm: float | Pair = 4.0
+    """From station to station: along x, or [along x, along y] of a grid."""
+    stations: (
+        Annotated[int, Field(ge=1, le=100_000)]
+        | tuple[Annotated[int, Field(ge=1, le=1000)], Annotated[int, Field(ge=1, le=1000)]]
+    ) = 15
+    """How many, or [columns, rows] of a grid, which is scanned to and fro."""
+    indentation_mm: Annotated[float, Field(gt=0, le=50)] = 2.5
+    """How deep each press goes, from the surface along its normal."""
+    ramp_s: Annotated[float, Field(gt=0, le=3600)] = 1.0
+    """How long the press takes."""
+    hold_s: Annotated[float, Field(ge=0, le=3600)] = 0.825
+    """How long the probe stays pressed; at least two heartbeats to find a pulse well."""
+    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
+    """Presses at each place, one after the other; each is a station of its own."""
+    travel_mm_s: Positive = 20.0
+    """Speed between stations, above the surface."""
+    approach_mm_s: Positive = 10.0
+    """Speed down to the surface."""
+    settle_s: Annotated[float, Field(ge=0, le=60)] = 0.05
+    """Rest in the air before each tare."""
+    touch_n: Positive | None = None
+    """Find the surface by touch: the approach goes on until the force reaches this."""
+    search_mm: Positive = 2.0
+    """With `touch_n`: how far below `surface_mm` to look."""
+    surface_mm: Heights = 0.0
+    """Height of the surface: one number, or points [[x, y, z], ...] of it; three make a plane,
+    more a smooth sheet."""
+
+
+class Workspace(_Table):
+    """The box the tip may be in, scan frame."""
+
+    x: Pair = (-5.0, 70.0)
+    """From, to."""
+    y: Pair = (-5.0, 5.0)
+    """From, to."""
+    z: Pair = (-4.0, 50.0)
+    """From, to; negative z is below the surface."""
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        for axis, (low, high) in self:
+            if low >= high:
+                raise ValueError(f"{axis} = [{low:g}, {high:g}]: the first must be the smaller")
+        return self
+
+
+class Safety(_Table):
+    """What stops the scan."""
+
+    max_force_n: Positive = 5.0
+    """The scan lifts the probe when the force along the press, or the norm of all force
+    components that are read, exceeds this."""
+    max_torque_nm: Positive | None = None
+    """The same for the norm of the torque, where a sensor reads it."""
+    max_depth_mm: Positive | None = None
+    """Deepest the tip may be below the surface; by default 0.5 mm beyond the deepest press."""
+    workspace_mm: Workspace = Workspace()
+    """The box the tip may be in."""
+    max_speed_mm_s: Positive = 25.0
+    """No move is commanded faster, and no faster motion is accepted from the stage."""
+    retract_mm: Positive = 2.0
+    """How far above the highest station the probe travels, and lifts to."""
+    silence_s: Annotated[float, Field(ge=0.02, le=10)] = 0.25
+    """A device that says nothing for longer stops the scan. A busy machine may need more."""
+    late_s: Annotated[float, Field(ge=0.01, le=10)] = 0.2
+    """While the stage moves, readings of force may be this old (at least five periods)."""
+    engine_s: Annotated[float, Field(ge=0.1, le=60)] = 2.0
+    """A scan that does nothing for longer is blocked: the probe is lifted without it."""
+    same_readings: Annotated[int, Field(ge=20, le=1_000_000)] = 100
+    """This many equal readings are those of a stuck sensor; more for one coarser than its noise."""
+
+
+class SceneChoice(_Table):
+    """What simulated parts feel."""
+
+    name: str
+    """A built-in scene, or a scene file beside the rig file."""
+    surface_mm: Heights | None = None
+    """Where its surface truly lies, as in `scan`; by default where the scan takes it to be."""
+
+
+class Rig(_Table):
+    """A whole rig file. ``calibration`` maps kinds to files, as `probe.config.calibrated` says."""
+
+    stage: Device = Device(driver="virtual")
+    """What moves the probe."""
+    sensor: Annotated[tuple[Device, ...], Field(min_length=1)] = (Device(driver="virtual"),)
+    """What feels, one table `[[sensor]]` each."""
+    scan: Scan = Scan()
+    """Where and how to press."""
+    safety: Safety = Safety()
+    """What stops the scan."""
+    scene: SceneChoice | None = None
+    """What simulated devices feel."""
+    calibration: dict[str, str] = Field(default_factory=dict)
+    """Calibration files by kind, as `palpate calibrate` writes them: `force = "force-
+    cell.json"`."""
+    face_mm2: Positive | None = None
+    """The probe's face: turns force into mean contact stress, and pressure into force for the
+    limit. Known for simulated scenes."""
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        scan, safety = self.scan, self.safety
+        for key in self.calibration:
+            kind_of(key)
+        columns, rows = pair(scan.stations, 1)
+        if (presses := columns * rows * scan.repeats) > MAX_PRESSES:
+            raise ValueError(
+                f"scan.stations and scan.repeats make {presses:g} presses; "
+                f"at most {MAX_PRESSES} are allowed"
+            )
+        speeds = {
+            "scan.travel_mm_s": scan.travel_mm_s,
+            "scan.approach_mm_s": scan.approach_mm_s,
+            "scan.indentation_mm / scan.ramp_s": scan.indentation_mm / scan.ramp_s,
+        }
+        for key, speed in speeds.items():
+            if speed > safety.max_speed_mm_s:
+                limit = f"safety.max_speed_mm_s = {safety.max_speed_mm_s:g}"
+                raise ValueError(f"{key} = {speed:g} mm/s: must not exceed {limit}")
+        if scan.touch_n is not None and scan.touch_n >= safety.max_force_n:
+            limit = f"safety.max_force_n = {safety.max_force_n:g}"
+            raise ValueError(f"scan.touch_n = {scan.touch_n:g}: must be below {limit}")
+        return self
+
+
+def default_rig(scene: Scene | None = None) -> Rig:
+    """The simulated rig: 15 stations 4 mm apart, or the one over an artery out of tissue."""
+    if scene is None or scene.tissue is not None:
+        return Rig()
+    return Rig(scan=Scan(start_mm=scene.inclusion[0].x_mm, stations=1))
+
+
+def pair(value: float | Pair, second: float) -> Pair:
+    """A key of `Scan` along x and y; one number is a row's."""
+    return value if isinstance(value, tuple) else (value, second)

@@ -1,0 +1,50 @@
+"""Reading a rig file. A fault is named with file, key, value and what is allowed."""
+
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from calibration.errors import CalibrationError
+from drivers import ConfigError
+from drivers.core.files import FileRefused, parse_toml, read_file
+from probe.config.rig import Rig, RigError
+from probe.config.scan_plan import limits_for, plan_for
+from sim_backend.scene.scene_file import MAX_FILE_BYTES, explain, scene_names
+
+
+def load_rig(path: str | Path) -> Rig:
+    """Read a rig file; the paths in it are relative to its folder. Raises `RigError`."""
+    path = Path(path)
+    try:
+        raw = parse_toml(read_file(path, MAX_FILE_BYTES))
+    except FileRefused as error:
+        raise RigError(f"{error}; not a rig file") from None
+    except ValueError as error:
+        raise RigError(f"{path}: {error}") from None
+    try:
+        _find_calibrations(raw, path)
+        rig = Rig.model_validate(raw)
+        limits_for(rig, plan_for(rig))
+    except ValidationError as error:
+        raise RigError("\n".join(f"{path}: {line}" for line in explain(error, Rig))) from None
+    except (RigError, ConfigError, CalibrationError) as error:
+        raise RigError(f"{path}: {error}") from None
+    update: dict[str, Any] = {}
+    if rig.scene is not None and rig.scene.name not in scene_names():
+        name = str(path.parent / rig.scene.name)
+        update["scene"] = rig.scene.model_copy(update={"name": name})
+    return rig.model_copy(update=update)
+
+
+def _find_calibrations(raw: dict[str, Any], path: Path) -> None:
+    """Make the paths of calibrations relative to the rig file's folder, in place."""
+    files = raw.get("calibration")
+    if not isinstance(files, dict):
+        return  # validation says what is wrong
+    for kind, name in files.items():
+        if isinstance(name, str):
+            file = path.parent / name
+            if not file.is_file():
+                raise RigError(f"{path}: calibration.{kind} = {str(file)!r}: no such file")
+            files[kind] = str(file)

@@ -1,0 +1,104 @@
+"""JSON schemas of the files that people write, so that editors complete and check them.
+
+A rig's devices have the keys of their drivers: one branch for each driver that is installed.
+"""
+
+import inspect
+import warnings
+from collections.abc import Callable
+from typing import Any, get_type_hints
+
+from pydantic import BaseModel, ConfigDict, create_model
+
+from drivers import ConfigError, available, find_driver
+from drivers.core.registry import Kind
+from probe.config.rig import Rig
+from sim_backend.scene.scene_file import Scene
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+TABLES: dict[Kind, str] = {"stages": "stage", "sensors": "sensor"}
+GIVEN = ("phantom", "follow", "seed")
+"""What a scan itself gives the simulated devices."""
+
+
+def scene_schema() -> dict[str, Any]:
+    """The schema of a scene file."""
+    return {"$schema": DIALECT, **_untitled(Scene.model_json_schema())}
+
+
+def rig_schema() -> dict[str, Any]:
+    """The schema of a rig file, with the keys of every driver that is installed here."""
+    schema = Rig.model_json_schema()
+    defs = schema["$defs"]
+    common = defs.pop("Device")
+    for kind, table in TABLES.items():
+        branches = []
+        for name in available(kind):
+            try:
+                keys = settings_model(find_driver(kind, name)).model_json_schema()
+            except (ConfigError, ImportError):  # a driver of others that does not load
+                keys = {"properties": {}, "additionalProperties": True}
+            defs.update(keys.pop("$defs", {}))
+            keys["properties"] |= {
+                **common["properties"],
+                "driver": {"const": name, "description": _first_line(keys)},
+            }
+            keys["required"] = ["driver", *keys.get("required", ())]
+            keys.setdefault("additionalProperties", False)
+            defs[f"{table}_{name}"] = keys
+            branches.append(
+                {
+                    "if": {"properties": {"driver": {"const": name}}},
+                    "then": {"$ref": f"#/$defs/{table}_{name}"},
+                }
+            )
+        names = {"enum": available(kind), "description": "What stands there."}
+        defs[f"{table}_device"] = {
+            "type": "object",
+            "properties": {"driver": names},
+            "required": ["driver"],
+            "allOf": branches,
+        }
+    properties = schema["properties"]
+    properties["stage"] = {"$ref": "#/$defs/stage_device"}
+    properties["sensor"] = {
+        "type": "array",
+        "minItems": 1,
+        "items": {"$ref": "#/$defs/sensor_device"},
+    }
+    return {"$schema": DIALECT, **_untitled(schema)}
+
+
+def settings_model(factory: Callable[..., Any]) -> type[BaseModel]:
+    """The keys that a driver's factory takes: its settings model, or its keyword arguments."""
+    hints = get_type_hints(factory, include_extras=True)
+    parameters = list(inspect.signature(factory).parameters.values())[1:]
+    if len(parameters) == 1:
+        found = hints.get(parameters[0].name)
+        if isinstance(found, type) and issubclass(found, BaseModel):
+            return found
+    fields: dict[str, Any] = {
+        p.name: (hints.get(p.name, Any), ... if p.default is p.empty else p.default)
+        for p in parameters
+        if p.name not in GIVEN
+    }
+    config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+    doc = inspect.getdoc(factory) or ""
+    with warnings.catch_warnings():  # a key may be called as a method of the model is
+        warnings.simplefilter("ignore", UserWarning)
+        return create_model(factory.__name__, __config__=config, __doc__=doc, **fields)
+
+
+def _first_line(keys: dict[str, Any]) -> str:
+    return str(keys.pop("description", "")).partition("\n\n")[0].replace("\n", " ")
+
+
+def _untitled(value: Any) -> Any:
+    """Without the titles that pydantic makes of the keys: they only repeat them."""
+    if isinstance(value, dict):
+        return {
+            k: _untitled(v) for k, v in value.items() if not (k == "title" and isinstance(v, str))
+        }
+    if isinstance(value, list):
+        return [_untitled(one) for one in value]
+    return value

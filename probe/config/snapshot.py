@@ -1,0 +1,67 @@
+"""Everything that is needed to know what a run's samples mean, as JSON-able values."""
+
+import math
+import platform
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from pydantic_core import from_json
+
+from drivers.core.files import read_file
+from probe.config.rig import Rig
+from probe.planning.plan import Plan, normal_of
+from sim_backend.scene.scene_file import WAVES, Scene
+
+MAX_CONTENT_BYTES = 4 * 1024**2
+LIBRARIES = ("palpate", "numpy", "scipy")
+
+
+def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str, Any]:
+    """The ``config`` of `RunStarted`.
+
+    ``face_mm2`` is the rig's, or the indenter's of a simulated scene, or None if neither is known.
+    """
+    starts = [plan.at_surface(place) for place in plan.places]
+    face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
+    return {
+        "rig": rig.model_dump(mode="json"),
+        "scene": None if scene is None else scene.model_dump(mode="json"),
+        "wave": None
+        if scene is None or scene.pulse.wave in WAVES
+        else _file(Path(scene.pulse.wave)),
+        "plan": {
+            "stations": [[p.index, 1e3 * p.x_m, 1e3 * p.y_m] for p in plan.places],
+            "columns": ["index", "x_mm", "y_mm"],
+            "surface_mm": [1e3 * start.z for start in starts],
+            "incline_deg": [math.degrees(math.acos(normal_of(start)[2])) for start in starts],
+            "travel_z_mm": 1e3 * plan.travel_z_m,
+            "indentation_mm": 1e3 * plan.indentation_m,
+            "ramp_s": plan.ramp_s,
+            "hold_s": plan.hold_s,
+        },
+        "calibration": {kind: _file(Path(name)) for kind, name in rig.calibration.items()},
+        "versions": library_versions(),
+        "seed": seed,
+        "face_mm2": face_mm2,
+    }
+
+
+def library_versions() -> dict[str, str]:
+    """What computed the numbers."""
+    return {name: version(name) for name in LIBRARIES} | {"python": platform.python_version()}
+
+
+def _file(path: Path) -> dict[str, Any]:
+    """A file with what was in it, so that a run stays readable when the file has changed.
+
+    Raises `drivers.core.files.FileRefused`: the path may come from somebody else's run.
+    """
+    content = read_file(path, MAX_CONTENT_BYTES)
+    text = content.decode("utf-8", errors="replace")
+    try:
+        kept: Any = from_json(text, allow_inf_nan=False)
+    except ValueError:
+        kept = text
+    return {"file": str(path), "sha256": sha256(content).hexdigest(), "content": kept}

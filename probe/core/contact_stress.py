@@ -1,0 +1,295 @@
+"""From a run's events to what detection works on: the tactile signal at each complete station."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import Block, Channel
+from drivers.core.units import to_si, units_of
+from probe.core.errors import RunFileError
+from probe.core.events import (
+    Event,
+    Phase,
+    PhaseEntered,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
+from probe.core.recording import Recording, Station
+
+Array = NDArray[np.float64]
+
+ROLES = ("force", "pressure", "taxel")
+MAX_LEVELS, MAX_PARTS = 20_000, 16
+
+
+def tactile_device(channels: Mapping[str, tuple[Channel, ...]]) -> str:
+    """The device the signal is taken from: the first with a force, pressure or taxel channel.
+
+    Raises `RunFileError` if there is none.
+    """
+    for device, own in channels.items():
+        if any(channel.role in ROLES for channel in own):
+            return device
+    raise RunFileError("no force, pressure or taxel channel: nothing was measured")
+
+
+@dataclass(frozen=True)
+class StressConversion:
+    """Which columns of a device's values make the tactile signal, and Pa per unit of each."""
+
+    columns: tuple[int, ...]
+    pa_per_unit: Array
+
+    def stress_pa(self, values: Array) -> Array:
+        """Contact stress (n, columns) of ``values`` (n, channels)."""
+        return np.asarray(values[:, list(self.columns)] * self.pa_per_unit)
+
+
+def stress_conversion(channels: Sequence[Channel], face_m2: float) -> StressConversion:
+    """From a device's channels to contact stress: the one place where newtons become pascals.
+
+    Forces go before pressures, these before taxels. A force is spread over ``face_m2``; taxels
+    share it. Raises `RunFileError` for a unit that is neither a force nor a pressure, and for a
+    force where ``face_m2`` is NaN.
+    """
+    role = next((r for r in ROLES if any(c.role == r for c in channels)), None)
+    columns = tuple(n for n, channel in enumerate(channels) if channel.role == role)
+    share = len(columns) if role == "taxel" else 1
+    gains = [_pa_per_unit(channels[n], face_m2 / share) for n in columns]
+    return StressConversion(columns, np.array(gains))
+
+
+def _pa_per_unit(channel: Channel, area_m2: float) -> float:
+    unit, factor = to_si(channel.unit)
+    if unit == "Pa":
+        return factor
+    if unit != "N":
+        raise RunFileError(
+            f"channel {channel.name} is in {channel.unit!r}; a tactile signal is in one of "
+            f"{', '.join(units_of('N', 'Pa'))}"
+        )
+    if math.isnan(area_m2):
+        raise RunFileError("the probe's face is not known, so a force is no stress; give face_mm2")
+    return factor / area_m2
+
+
+def face_m2_of(config: Mapping[str, Any], face_mm2: float | None = None) -> float:
+    """The probe's face [m2]: ``face_mm2``, or the run's, or NaN. Raises `RunFileError`."""
+    face_mm2 = face_mm2 or config.get("face_mm2")
+    if face_mm2 is not None and not (isinstance(face_mm2, int | float) and face_mm2 > 0):
+        raise RunFileError(f"config.face_mm2 = {face_mm2!r}: must be above 0")
+    return math.nan if face_mm2 is None else 1e-6 * face_mm2
+
+
+def simulated_channels(channels: Mapping[str, tuple[Channel, ...]]) -> tuple[str, ...]:
+    """``device.channel`` of every simulated channel."""
+    return tuple(f"{d}.{c.name}" for d, own in channels.items() for c in own if c.simulated)
+
+
+def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
+    """The recording of a run; ``face_mm2`` is the probe's face where the run does not say.
+
+    A run that has not ended (killed, or still going) counts as ``faulted``.
+    Raises `RunFileError` if the events do not make a run, or a force has no known face.
+    """
+    signal: _Signal | None = None
+    finish = "faulted"
+    presses: dict[tuple[int, int], _Press] = {}
+    complete: dict[int, Station] = {}
+    quantum_pa: float | None = None
+    for event in events:
+        match event:
+            case RunStarted():
+                signal, finish = signal or _Signal(event, face_mm2), "faulted"
+            case RunEnded():
+                finish = str(event.finish)
+            case StationStarted(_, station, attempt, x_m, y_m):
+                presses = {(station, attempt): _Press(x_m, y_m)}
+            case PhaseEntered(time_s, phase, station) if station is not None:
+                for (at, _), press in presses.items():
+                    if at == station:
+                        press.phases[phase] = time_s
+            case Samples(device, block, station, attempt) if station is not None:
+                if (found := presses.get((station, attempt or 0))) is not None:
+                    found.blocks[device].append(block)
+            case StationEnded(_, station, attempt, True) if signal is not None:
+                whole = presses.pop((station, attempt), _Press(math.nan, math.nan))
+                complete[station] = signal.station(station, whole)  # blocks need more memory
+                if quantum_pa is None:
+                    quantum_pa = signal.quantum_pa(whole)
+    if signal is None:
+        raise RunFileError("the run has no beginning")
+    return Recording(
+        tuple(complete[n] for n in sorted(complete)),
+        signal.names,
+        simulated_channels(signal.channels),
+        signal.face_m2,
+        finish,
+        quantum_pa or 0.0,
+    )
+
+
+@dataclass
+class _Press:
+    """What was told of one attempt: blocks by device, and when each phase began."""
+
+    x_m: float
+    y_m: float
+    blocks: dict[str, list[Block]] = field(default_factory=lambda: defaultdict(list))
+    phases: dict[Phase, float] = field(default_factory=dict)
+
+
+class _Signal:
+    """Which channels make the tactile signal, and in which unit."""
+
+    def __init__(self, started: RunStarted, face_mm2: float | None) -> None:
+        self.channels = started.channels
+        self.device = tactile_device(self.channels)
+        own = self.channels[self.device]
+        config = started.config
+        self.face_m2 = face_m2_of(config, face_mm2)
+        conversion = stress_conversion(own, self.face_m2)
+        self.picked, self.gains = list(conversion.columns), conversion.pa_per_unit
+        self.names = tuple(f"{self.device}.{own[n].name}" for n in self.picked)
+        self.surface_m = _surface(config)
+        self.incline = _incline(config)
+        self.compliance_m_per_n = compliance_m_per_n(config)
+
+    def station(self, index: int, press: _Press) -> Station:
+        time_s, values, saturated = self._measured(press)
+        reference_s, reference = self._reference(press)
+        phase = press.phases
+        return Station(
+            index=index,
+            x_m=press.x_m,
+            y_m=press.y_m,
+            time_s=time_s,
+            signal_pa=values * self.gains,
+            saturated=saturated,
+            indent_s=phase.get(Phase.INDENTING, math.nan),
+            hold_s=phase.get(Phase.HOLDING, math.nan),
+            retract_s=phase.get(Phase.RETRACTING, math.nan),
+            depth_m=self._depth(index, press, time_s),
+            reference_s=reference_s,
+            reference=reference,
+        )
+
+    def quantum_pa(self, press: _Press) -> float | None:
+        """The step of the readings; 0 if they are not multiples of one, None without any."""
+        _, values, _ = self._measured(press)
+        return quantum(values[:, 0]) * float(self.gains[0]) if len(values) else None
+
+    def _measured(self, press: _Press) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """What the sensor measured since its tare: readings before it have another zero."""
+        found = joined(press.blocks[self.device], len(self.picked), self.picked)
+        tared = found[0] > press.phases.get(Phase.APPROACHING, -math.inf)
+        return found[0][tared], found[1][tared], found[2][tared]
+
+    def _depth(self, index: int, press: _Press, time_s: Array) -> Array:
+        """Along the normal from the surface: the plan's, or where a touch found it (where the
+        ramp began), less what the rig has given way."""
+        poses_s, poses, _ = joined(press.blocks["stage"], 3, [0, 1, 2])
+        if not len(poses_s):
+            return np.full(len(time_s), math.nan)
+        z = np.interp(time_s, poses_s, poses[:, 2])
+        surface = self.surface_m.get(index, math.nan)
+        if math.isnan(surface) and Phase.INDENTING in press.phases:
+            surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 2]))
+        depth = (surface - z) / math.cos(self.incline.get(index, 0.0))
+        if self.compliance_m_per_n and math.isfinite(self.face_m2):
+            measured_s, measured, _ = self._measured(press)
+            force_n = self.face_m2 * (measured * self.gains).mean(axis=1)
+            depth = depth - self.compliance_m_per_n * np.interp(time_s, measured_s, force_n)
+        return depth
+
+    def _reference(self, press: _Press) -> tuple[Array, Array]:
+        for device, own in self.channels.items():
+            for n, channel in enumerate(own):
+                if channel.role == "reference":
+                    time_s, values, _ = joined(press.blocks[device], 1, [n])
+                    return time_s, values[:, 0]
+        return np.empty(0), np.empty(0)
+
+
+def joined(
+    blocks: Sequence[Block], channels: int, picked: Sequence[int]
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Times (n,), values (n, channels) and saturation (n, channels) of the ``picked`` columns."""
+    if not blocks:
+        return np.empty(0), np.empty((0, channels)), np.empty((0, channels), bool)
+    if any(block.values.shape[1] <= max(picked) for block in blocks):
+        raise RunFileError("a block of samples has fewer channels than its device")
+    return (
+        np.concatenate([b.time_s for b in blocks]),
+        np.concatenate([b.values[:, picked] for b in blocks]),
+        np.concatenate([b.saturated[:, picked] for b in blocks]),
+    )
+
+
+def quantum(values: Array) -> float:
+    """The step that all differences between ``values`` (n,) are multiples of; 0 if there is none.
+
+    Rounding noise of the subtraction of a tare (1e-6 of a step) is allowed.
+    """
+    levels = np.unique(values[np.isfinite(values)])[:MAX_LEVELS]
+    steps = np.diff(levels)
+    steps = steps[steps > 1e-9 * np.abs(levels).max(initial=0.0)]
+    if not len(steps):
+        return 0.0
+    for parts in range(1, MAX_PARTS if len(steps) >= MAX_PARTS else 2):
+        step = float(steps.min()) / parts  # perhaps no two readings were only one step apart
+        multiples = steps / step
+        if np.abs(multiples - np.round(multiples)).max() < 1e-3:
+            return step
+    return 0.0
+
+
+def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
+    """Where each station of the plan is: x, y [m], NaN where unknown; empty without a plan."""
+    try:
+        return {
+            int(n): (_metres(x_mm), _metres(y_mm)) for n, x_mm, y_mm in config["plan"]["stations"]
+        }
+    except (KeyError, TypeError, ValueError):
+        return {}
+
+
+def _metres(length_mm: float | None) -> float:
+    return math.nan if length_mm is None else 1e-3 * float(length_mm)
+
+
+def compliance_m_per_n(config: Mapping[str, Any]) -> float:
+    """How far the rig itself bends: 0 where its compliance was not calibrated."""
+    one = config.get("calibration", {}).get("compliance")
+    try:
+        return 0.0 if one is None else 1 / float(one["content"]["values"]["stiffness_n_m"]["value"])
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        raise RunFileError("config.calibration.compliance: no stiffness_n_m in it") from None
+
+
+def _incline(config: Mapping[str, Any]) -> dict[int, float]:
+    """Angle [rad] between the planned surface's normal and z by station; empty if not known."""
+    try:
+        degrees = config["plan"]["incline_deg"]
+        return {n: math.radians(a) for n, a in zip(planned(config), degrees, strict=True)}
+    except (KeyError, TypeError, ValueError):
+        return {}
+
+
+def _surface(config: Mapping[str, Any]) -> dict[int, float]:
+    """Height [m] of the planned surface by station; empty where it was to be found by touch."""
+    try:
+        if ((config.get("rig") or {}).get("scan") or {}).get("touch_n") is not None:
+            return {}
+        heights_mm = config["plan"]["surface_mm"]
+        return {n: 1e-3 * float(z) for n, z in zip(planned(config), heights_mm, strict=True)}
+    except (KeyError, TypeError, ValueError, AttributeError):
+        return {}

@@ -1,0 +1,67 @@
+"""What detection works on: one tactile signal per station, wherever it came from."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Station:
+    """One press at one place.
+
+    ``time_s`` (n,) and ``signal_pa`` (n, channels): mean contact stress, positive when pressed.
+    ``saturated`` (n, channels) marks clipped samples. ``indent_s``, ``hold_s`` and ``retract_s``
+    are when the ramp, the hold and the retraction began (NaN where unknown: the whole record is
+    then one hold). ``depth_m`` (n,) is the measured indentation, NaN where unknown.
+    ``reference`` (m,) at ``reference_s`` (m,) is a PPG or ECG beside it; empty without one.
+    ``x_m``, ``y_m`` are NaN for a recording without positions.
+    """
+
+    index: int
+    x_m: float
+    y_m: float
+    time_s: Array
+    signal_pa: Array
+    saturated: NDArray[np.bool_]
+    indent_s: float
+    hold_s: float
+    retract_s: float
+    depth_m: Array
+    reference_s: Array = field(default_factory=lambda: np.empty(0))
+    reference: Array = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def hold_level_pa(self) -> float:
+        """Mean contact stress over hold and channels; NaN without samples in the hold."""
+        begin = self.hold_s if np.isfinite(self.hold_s) else -np.inf
+        end = self.retract_s if np.isfinite(self.retract_s) else np.inf
+        held = self.signal_pa[(self.time_s >= begin) & (self.time_s < end)]
+        return float(held.mean()) if held.size else float("nan")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A scan's stations in the order of their index; only complete ones.
+
+    ``pitch_m`` is the station distance (NaN for one station), ``face_m2`` the probe's face,
+    ``simulated`` the names of simulated channels, ``length_m`` the indenter's length.
+    ``quantum_pa`` is the sensor's resolution (0 = unknown).
+    """
+
+    stations: tuple[Station, ...]
+    channels: tuple[str, ...]
+    simulated: tuple[str, ...]
+    face_m2: float
+    finish: str = "completed"
+    quantum_pa: float = 0.0
+
+    def rows(self) -> list[list[int]]:
+        """Places in ``stations`` of those of equal y; one row where y is unknown."""
+        rows: dict[int, list[int]] = {}
+        for i, station in enumerate(self.stations):
+            key = round(station.y_m / 1e-4) if np.isfinite(station.y_m) else 0
+            rows.setdefault(key, []).append(i)
+        return [rows[key] for key in sorted(rows)]

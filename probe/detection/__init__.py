@@ -1,0 +1,7 @@
+"""Detection: what lies beneath a scan, real or simulated."""
+
+from probe.detection.compare import compare
+from probe.detection.finding import Comparison, Finding, ObjectFinding, StationFinding
+from probe.detection.scan import detect
+
+__all__ = ["Comparison", "Finding", "ObjectFinding", "StationFinding", "compare", "detect"]

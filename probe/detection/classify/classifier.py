@@ -1,0 +1,138 @@
+"""What an object is: its contrast and pulse against the population of solved ones."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from probe.detection.classify.population import KINDS, samples
+from probe.detection.finding import MAX_CONFIDENCE, Kind, stated
+
+Array = NDArray[np.float64]
+
+MIN_POSTERIOR = 0.85
+"""Least posterior probability of a kind to name it."""
+SIZES = np.geomspace(1e-5, 1.0, 101)
+HIDDEN_RATIO = 0.05
+"""Pulses over the force; one so much less likely than none would have shown."""
+PULSE_FLOOR = 3e-4
+"""Pulses (over the force) below this are taken as this: the logarithm needs an end."""
+CONTRAST_BLUR, CONTRAST_SHARE, PULSE_BLUR = 0.04, 0.1, 0.25
+"""Widths of a sample's kernel: contrast, with a share of the contrast itself, and logarithm of the
+pulse. They stand for what the scenes leave out (layers, bones, oblique vessels)."""
+ELSE = "something else"
+PRIOR: dict[str, float] = {
+    "tumour": 0.3, "artery": 0.3, "stenotic artery": 0.3, ELSE: 0.1,
+}  # fmt: skip
+"""Of an object that is there: the three kinds alike, a tenth for what none of them is."""
+CONTRASTS = (-0.3, 3.0)
+"""Range of contrasts over which something else is spread evenly; of its pulses the logarithm is,
+from `PULSE_FLOOR` to 1."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Contrast (force over its surroundings, less 1) and pulse over force, each with its standard
+    deviation. ``chance`` is that of a bump as clear where nothing lies, ``moving`` the posterior
+    probability that what moves is a pulse. Where no pulse was seen, ``hidden`` is the likelihood
+    (n,) that pulses (n,) over the force have beside that of none."""
+
+    contrast: float
+    contrast_sd: float
+    pulse: float
+    pulse_sd: float
+    chance: float = 0.0
+    moving: float = 1.0
+    hidden: Callable[[Array], Array] | None = None
+
+
+@dataclass(frozen=True)
+class Judged:
+    """The kind with its posterior probability; ``reason`` says why it is undecided, and what would
+    decide it."""
+
+    kind: Kind
+    confidence: float
+    reason: str
+
+
+def judge(seen: Seen) -> Judged:
+    """The kind of an object that was found."""
+    share = shares(seen)
+    best = max(share, key=lambda k: share[k])
+    for kind in KINDS:
+        if kind == best and share[best] >= MIN_POSTERIOR:
+            return Judged(kind, stated(share[best]), "")
+    told = ", ".join(f"{k} {100 * stated(v):.0f} %" for k, v in share.items() if v >= 0.005)
+    if seen.hidden is None:
+        advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
+    else:
+        could = SIZES[seen.hidden(SIZES) >= HIDDEN_RATIO].max(initial=SIZES[0])
+        advice = (
+            f"a pulse of up to {100 * could:.2g} % of the force could be hidden: hold for more "
+            "beats, repeat, or take a quieter sensor"
+        )
+    return Judged("undecided", stated(share[best]), f"between {told}; {advice}")
+
+
+def shares(seen: Seen) -> dict[str, float]:
+    """Posterior probability of each kind, of something else and of nothing.
+
+    A kind's likelihood is the mean over its solved samples. Where a pulse was found, vessels are
+    judged by the likelihood of their pulses as its size, and a lump only by the chance that what
+    moves is none. Where none was, every kind is judged by how likely its pulses, a lump's none, are
+    to stay unseen.
+    """
+    likelihood: dict[str, float] = {k: PRIOR[k] * _likelihood(seen, k) for k in KINDS}
+    low, high = CONTRASTS
+    spread = seen.contrast_sd if seen.contrast_sd > 0 else CONTRAST_BLUR
+    inside = float(np.diff(norm.cdf((np.array([low, high]) - seen.contrast) / spread))[0])
+    likelihood[ELSE] = PRIOR[ELSE] * max(inside, 1e-300) / (high - low)
+    if seen.hidden is None:
+        likelihood[ELSE] *= _any_pulse()
+    else:
+        likelihood[ELSE] *= float(np.mean(seen.hidden(SIZES[SIZES >= PULSE_FLOOR])))
+    total = sum(likelihood.values())
+    something = 1 / (1 + against_nothing(seen.chance))
+    share = {kind: something * value / total for kind, value in likelihood.items()}
+    return share | {"nothing": 1 - something}
+
+
+def against_nothing(chance: float) -> float:
+    """Odds of nothing against something that has this ``chance`` where nothing lies, both alike
+    beforehand: at least ``-e p ln p`` (Sellke, Bayarri & Berger 2001)."""
+    p = min(max(chance, 1e-300), 1 / math.e)
+    return float(-math.e * p * np.log(p))
+
+
+def _likelihood(seen: Seen, kind: Kind) -> float:
+    contrast, pulse = _population()[kind]
+    blur = np.hypot(CONTRAST_BLUR, CONTRAST_SHARE * contrast)
+    peak = _normal(seen.contrast - contrast, np.hypot(seen.contrast_sd, blur))
+    if seen.hidden is not None:
+        return float(np.mean(peak * seen.hidden(pulse)))
+    false = max(1 - seen.moving, 1 - MAX_CONFIDENCE)
+    if kind == "tumour":
+        return float(np.mean(peak)) * false * _any_pulse()
+    size = max(seen.pulse, PULSE_FLOOR)
+    spread = np.hypot(PULSE_BLUR, min(seen.pulse_sd / size, 2.0))
+    beat = _normal(np.log(size) - np.log(np.maximum(pulse, PULSE_FLOOR)), spread)
+    return float(np.mean(peak * beat)) * (1 - false)
+
+
+def _any_pulse() -> float:
+    """Density of the logarithm of a pulse over the force that nothing is known of."""
+    return float(-1 / np.log(PULSE_FLOOR))
+
+
+@lru_cache(maxsize=1)
+def _population() -> dict[Kind, tuple[Array, Array]]:
+    return {kind: (values[:, 0], values[:, 1]) for kind, values in samples().items()}
+
+
+def _normal(off: Array, sd: float | Array) -> Array:
+    return np.asarray(np.exp(-0.5 * (off / sd) ** 2) / (sd * np.sqrt(2 * np.pi)))

@@ -1,0 +1,74 @@
+"""Two scans beside each other: which one shows disease."""
+
+from math import isfinite, log
+
+from scipy.stats import norm
+
+from probe.core.recording import Recording
+from probe.detection.finding import Comparison, Diseased
+from probe.detection.pulse.presses import Press, presses_of
+
+FALSE_ALARM = 0.01
+MIN_POSTERIOR = 0.95
+
+
+def compare(a: Recording, b: Recording) -> Comparison:
+    """Which of two scans shows the diseased artery: the stiffer one with the weaker pulse.
+
+    Each scan is represented by the station of its largest pulse. ``neither`` when stiffness and
+    pulse are equal within their doubt, ``undecided`` when they contradict each other or no pulse
+    is seen at all.
+    """
+    presses = [presses_of(recording, FALSE_ALARM / 2) for recording in (a, b)]
+    one, other = (_clearest(some) for some in presses)
+    if one is None or other is None:
+        which = "A" if one is None else "B"
+        return _unknown(f"scan {which} has no press that can be judged")
+    if not any(press.pulsing for some in presses for press in some):
+        return _unknown("neither scan has a pulse: hold for more beats, or press deeper")
+    stiffer = _above(one.level_pa, one.level_sd_pa, other.level_pa, other.level_sd_pa)
+    weaker = _above(other.size_pa, _size_sd(other), one.size_pa, _size_sd(one))
+    diseased, confidence, reason = _judge(stiffer, weaker)
+    peak_ratio, pulse_ratio = one.level_pa / other.level_pa, one.size_pa / other.size_pa
+    return Comparison(diseased, peak_ratio, pulse_ratio, confidence, reason)
+
+
+def _unknown(reason: str) -> Comparison:
+    return Comparison("undecided", float("nan"), float("nan"), 0.0, reason)
+
+
+def _judge(stiffer: float, weaker: float) -> tuple[Diseased, float, str]:
+    """From the probabilities that A is stiffer, and that A's pulse is weaker."""
+    if min(stiffer, weaker) >= MIN_POSTERIOR:
+        return "A", stiffer * weaker, "A is stiffer and its pulse is weaker"
+    if max(stiffer, weaker) <= 1 - MIN_POSTERIOR:
+        return "B", (1 - stiffer) * (1 - weaker), "B is stiffer and its pulse is weaker"
+    certain = [p for p in (stiffer, weaker) if not 1 - MIN_POSTERIOR < p < MIN_POSTERIOR]
+    if not certain:
+        even = 1 - abs(stiffer - 0.5) - abs(weaker - 0.5)
+        return "neither", even, "stiffness and pulse are equal within what the two scans can tell"
+    if len(certain) == 2:
+        return "undecided", 0.5, "the stiffer one has the stronger pulse: not what stenosis does"
+    which = "pulse" if 1 - MIN_POSTERIOR < weaker < MIN_POSTERIOR else "stiffness"
+    reason = f"only one of the two differs, the {which} is equal within its doubt: hold longer"
+    return "undecided", max(certain[0], 1 - certain[0]), reason
+
+
+def _above(x: float, x_sd: float, y: float, y_sd: float) -> float:
+    """Probability that x is above y, by the logarithm of their ratio."""
+    if min(x, y) <= 0:
+        return 0.5
+    spread = ((x_sd / x) ** 2 + (y_sd / y) ** 2) ** 0.5
+    return float(norm.cdf(log(x / y) / max(spread, 1e-12)))
+
+
+def _clearest(presses: tuple[Press, ...]) -> Press | None:
+    """The press of the largest pulse, or where none is seen, of the largest stress."""
+    judged = [p for p in presses if p.pulse and isfinite(p.level_pa)]
+    if any(p.pulsing for p in judged):
+        return max(judged, key=lambda p: p.size_pa)
+    return max(judged, key=lambda p: p.level_pa, default=None)
+
+
+def _size_sd(press: Press) -> float:
+    return press.pulse.size_sd_pa if press.pulse else float("nan")

@@ -1,0 +1,164 @@
+"""What detection says: the finding of a scan, and of two scans compared."""
+
+from dataclasses import dataclass
+from math import isfinite, nan
+from typing import Any, Literal
+
+from sim_backend import html
+
+Kind = Literal["nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see"]
+Diseased = Literal["A", "B", "neither", "undecided"]
+
+MAX_CONFIDENCE = 0.999
+"""No model of the world is surer of itself than this, whatever its likelihoods say."""
+
+
+def stated(confidence: float) -> float:
+    """A posterior probability as it is told: at most `MAX_CONFIDENCE`."""
+    return min(max(confidence, 0.0), MAX_CONFIDENCE)
+
+
+@dataclass(frozen=True)
+class StationFinding:
+    """One press: mean stress over the hold without the pulse, and the pulse from trough to crest.
+
+    NaN where a press gave nothing to judge by; ``note`` then says why. ``clipped`` is the share
+    of samples lost to saturation. ``rate_hz`` is the pulse's, NaN where none was found.
+    """
+
+    index: int
+    x_m: float
+    y_m: float
+    clipped: float
+    note: str = ""
+    baseline_pa: float = nan
+    baseline_sd_pa: float = nan
+    pulse_pa: float = nan
+    pulse_sd_pa: float = nan
+    rate_hz: float = nan
+    p_value: float = 1.0
+
+
+@dataclass(frozen=True)
+class ObjectFinding:
+    """One thing beneath. Positions and the 95 % interval in m, NaN without positions.
+
+    ``peak_pa`` is how much stiffer (negative: softer) it makes the place than its surroundings.
+    ``confidence`` is the posterior probability of ``kind``. ``course`` has a point (x, y) per row
+    of a grid where the object was seen, ``stenosed_m`` the rows (y) between which it is diseased.
+    """
+
+    kind: Kind
+    position_m: float
+    position_ci_m: tuple[float, float]
+    peak_pa: float
+    pulse_pa: float
+    confidence: float
+    reason: str = ""
+    course: tuple[tuple[float, float], ...] = ()
+    stenosed_m: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What lies beneath a scan, with ``reason``: why, and what would decide it if undecided.
+
+    ``needed_pa`` is the smallest pulse, trough to crest, that the scan would have shown (NaN:
+    unknown), ``asked_pa`` the one that it was to show. ``heart_rate_bpm`` is the rate with its 95 %
+    interval, None without a pulse.
+    """
+
+    finding: Kind
+    objects: tuple[ObjectFinding, ...]
+    stations: tuple[StationFinding, ...]
+    reason: str
+    false_alarm: float
+    needed_pa: float = nan
+    asked_pa: float = nan
+    heart_rate_bpm: tuple[float, float, float] | None = None
+
+    def _repr_html_(self) -> str:
+        """The finding, its objects, and level and pulse along x, for notebooks."""
+        rows = [
+            (one.kind, f"{1e3 * one.position_m:.2f}", f"{one.peak_pa:.4g}", f"{one.pulse_pa:.4g}")
+            for one in self.objects
+        ]
+        head = ("kind", "x mm", "peak Pa", "pulse Pa")
+        x_mm = [1e3 * s.x_m for s in self.stations]
+        maps = {"level": [s.baseline_pa for s in self.stations]}
+        pulses = {"pulse": [s.pulse_pa for s in self.stations]}
+        return (
+            f"<b>{html.escape(self.finding)}</b> {html.escape(self.reason)}"
+            + (html.table(rows, head) if rows else "")
+            + html.lines(x_mm, maps, "x mm", "Pa")
+            + html.lines(x_mm, pulses, "x mm", "Pa")
+        )
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON-able; None where a number is unknown."""
+        return {
+            "finding": self.finding,
+            "reason": self.reason,
+            "needed_pa": _known(self.needed_pa),
+            "asked_pa": _known(self.asked_pa),
+            "heart_rate_bpm": self.heart_rate_bpm[0] if self.heart_rate_bpm else None,
+            "heart_rate_ci_bpm": list(self.heart_rate_bpm[1:]) if self.heart_rate_bpm else None,
+            "objects": [_object(one) for one in self.objects],
+            "stations": [
+                {
+                    "x_mm": _mm(s.x_m),
+                    "baseline_pa": _known(s.baseline_pa),
+                    "pulse_pa": _known(s.pulse_pa),
+                    "pulse_sd_pa": _known(s.pulse_sd_pa),
+                    "clipped": s.clipped,
+                    "note": s.note,
+                }
+                for s in self.stations
+            ],
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Which of two scans shows disease; ratios are A over B."""
+
+    diseased: Diseased
+    peak_ratio: float
+    pulse_ratio: float
+    confidence: float
+    reason: str
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON-able; None where a number is unknown."""
+        return {
+            "diseased": self.diseased,
+            "peak_ratio": _known(self.peak_ratio),
+            "pulse_ratio": _known(self.pulse_ratio),
+            "confidence": _known(self.confidence),
+            "reason": self.reason,
+        }
+
+
+def _object(one: ObjectFinding) -> dict[str, Any]:
+    low, high = (_mm(edge) for edge in one.position_ci_m)
+    told: dict[str, Any] = {
+        "kind": one.kind,
+        "position_mm": _mm(one.position_m),
+        "position_ci_mm": None if low is None or high is None else [low, high],
+        "peak_pa": _known(one.peak_pa),
+        "pulse_pa": _known(one.pulse_pa),
+        "confidence": _known(one.confidence),
+    }
+    if one.course:
+        told["course_mm"] = [[1e3 * x, 1e3 * y] for x, y in one.course]
+    if one.stenosed_m is not None:
+        told["stenosed_mm"] = [1e3 * edge for edge in one.stenosed_m]
+    return told
+
+
+def _known(value: float) -> float | None:
+    return float(value) if isfinite(value) else None
+
+
+def _mm(value_m: float) -> float | None:
+    return 1e3 * float(value_m) if isfinite(value_m) else None

@@ -1,0 +1,31 @@
+"""The heart's rate in a scan, with its doubt."""
+
+import numpy as np
+
+from probe.detection.pulse.beat_timing import RATE_VARIABILITY
+from probe.detection.pulse.presses import Press
+
+NORMAL_95 = 1.96
+
+
+def heart_rate(presses: tuple[Press, ...]) -> tuple[float, float, float] | None:
+    """Rate and its 95 % interval [1/min] from the presses that pulse; None where none does.
+
+    The doubt of one hold is that of a sine's frequency (Rife & Boorstyn 1974) together with the
+    heart's own variability over the beats that it saw.
+    """
+    rates, weights = [], []
+    for press in presses:
+        if not press.pulsing or press.pulse is None or press.hold_s <= 0:
+            continue
+        pulse = press.pulse
+        phase_sd = pulse.size_sd_pa / max(pulse.size_pa, 1e-12)
+        by_noise = np.sqrt(12) * phase_sd / (2 * np.pi * press.hold_s)
+        by_heart = pulse.rate_hz * RATE_VARIABILITY / np.sqrt(max(press.hold_s * pulse.rate_hz, 1))
+        rates.append(pulse.rate_hz)
+        weights.append(1 / (by_noise**2 + by_heart**2))
+    if not rates:
+        return None
+    rate = 60 * float(np.average(rates, weights=weights))
+    reach = 60 * NORMAL_95 * float(np.sum(weights) ** -0.5)
+    return rate, max(rate - reach, 0.0), rate + reach

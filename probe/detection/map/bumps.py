@@ -1,0 +1,225 @@
+"""Local bumps and dips in a row of stations, against tilt, curvature, edges and scatter."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.stats import f as f_distribution
+from scipy.stats import t as t_distribution
+
+Array = NDArray[np.float64]
+
+WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
+"""Half widths that are tried, in station distances."""
+PLACES_PER_PITCH = 4
+EDGE_PITCHES = 0.45
+"""How far the free sides of a block are felt inwards, in station distances (an exponential)."""
+CURVATURE, EDGE = 0.2, 0.3
+"""Prior standard deviations over the level: of the square over the row's length, and of an edge."""
+TRUSTED = 5
+"""How many stations' worth the stated scatter is believed against the one that is seen."""
+MIN_DISTANCE = 1.5
+"""Least distance between two objects, in station distances."""
+MAX_OBJECTS = 4
+MIN_STATIONS = 6
+"""Stations that can show a bump apart from a background."""
+
+
+@dataclass(frozen=True)
+class Bump:
+    """``height`` above (below, when negative) the background at ``x_m``, ``half_width_m`` wide.
+
+    ``x_low_m``, ``x_high_m``: 95 % interval; ``p_value``: chance of one as clear anywhere in a row
+    that has none.
+    """
+
+    x_m: float
+    x_low_m: float
+    x_high_m: float
+    height: float
+    height_sd: float
+    half_width_m: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Row:
+    """The bumps of a row, strongest first, and the ``background`` (n,) under them."""
+
+    bumps: tuple[Bump, ...]
+    background: Array
+    scatter: float
+
+
+def find_bumps(
+    x_m: Array, value: Array, sd: Array, base: Array, false_alarm: float, most: int = MAX_OBJECTS
+) -> Row:
+    """Up to ``most`` bumps in ``value`` (n,) at ``x_m`` (n,), ascending; ``sd`` (n,) is at least
+    their scatter.
+
+    ``base`` (n, k) are the columns of what may lie under them: `surroundings` or `floor`. Fewer
+    than 6 stations cannot show a bump apart from a background: none are found.
+    """
+    n = len(x_m)
+    if n < MIN_STATIONS:
+        return Row((), np.full(n, np.median(value)), float(np.median(sd)))
+    pitch = float(np.median(np.diff(x_m)))
+    known: list[tuple[float, float]] = []
+    chances: list[float] = []
+    while len(known) < most and n - base.shape[1] - 3 * len(known) > 3:
+        found, p_value = _next(x_m, value, sd, pitch, base, known)
+        new = [found]
+        if most > 1 and p_value > false_alarm and n - base.shape[1] - 3 * len(known) > 6:
+            # two that are equally clear hide each other: each looks like the other's scatter
+            new, p_value = _next_two(x_m, value, sd, pitch, base, known, found)
+        if p_value > false_alarm:
+            break
+        known = _refined(x_m, value, sd, pitch, base, [*known, *new])
+        chances += [p_value] * len(new)
+    return _row(x_m, value, sd, base, known, chances)
+
+
+def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> Row:
+    """The same bumps' heights in another map of the same stations, their places kept."""
+    if len(x_m) < MIN_STATIONS or not bumps:
+        return Row((), np.full(len(x_m), np.median(value)), float(np.median(sd)))
+    known = [(one.x_m, one.half_width_m) for one in bumps]
+    return _row(x_m, value, sd, surroundings(x_m), known, [1.0] * len(known))
+
+
+def shape(x_m: Array, centre: float, half_width: float) -> Array:
+    """The bump that an inclusion makes: between a Gaussian and a Lorentzian."""
+    return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / 1.5) ** -1.5)
+
+
+def surroundings(x_m: Array) -> Array:
+    """Columns (n, 3 or 5) of a tilted, curved level, of 9 stations or more also its two edges."""
+    pitch = float(np.median(np.diff(x_m)))
+    u = (x_m - x_m.mean()) / np.ptp(x_m)
+    edges = [np.exp(-np.abs(x_m - end) / (EDGE_PITCHES * pitch)) for end in (x_m[0], x_m[-1])]
+    columns = [np.ones_like(u), u, u**2]
+    return np.column_stack([*columns, *edges] if len(x_m) >= 9 else columns)
+
+
+def floor(x_m: Array) -> Array:
+    """The column (n, 1) of what noise alone makes of a size: the same everywhere."""
+    return np.ones((len(x_m), 1))
+
+
+def _weighted(
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]]
+) -> tuple[Array, Array, Array, Array]:
+    """Columns, and weighted with what holds them: columns, values, residual."""
+    columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
+    held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
+    prior = np.diag(np.append(held, np.zeros(len(known)))) / max(float(np.median(value)), 1e-300)
+    a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
+    q, _ = np.linalg.qr(a)
+    return columns, a, b, b - q @ (q.T @ b)
+
+
+def _next(
+    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
+    known: list[tuple[float, float]],
+) -> tuple[tuple[float, float], float]:  # fmt: skip
+    """The clearest further bump and its chance."""
+    inner = np.arange(x_m[0] + pitch, x_m[-1] - pitch + 1e-9, pitch / PLACES_PER_PITCH)
+    free = [c for c in inner if all(abs(c - k[0]) >= MIN_DISTANCE * pitch for k in known)]
+    tried = [(float(c), w * pitch) for c in free for w in WIDTHS]
+    if not tried:
+        return (float(x_m.mean()), pitch), 1.0
+    _, a, _, left = _weighted(x_m, value, sd, base, known)
+    more = np.zeros((len(left), len(tried)))
+    more[: len(x_m)] = np.column_stack([shape(x_m, *one) for one in tried]) / sd[:, None]
+    q, _ = np.linalg.qr(a)
+    more -= q @ (q.T @ more)
+    drop = (left @ more) ** 2 / np.maximum((more**2).sum(axis=0), 1e-300)
+    before, best = float(left @ left), int(np.argmax(drop))
+    dof = len(x_m) - base.shape[1] - 3 * len(known)
+    return tried[best], _chance(before, before - float(drop[best]), 3, dof, len(free))
+
+
+def _next_two(
+    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
+    known: list[tuple[float, float]], first: tuple[float, float],
+) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
+    """``first`` with the bump that is clearest beside it, and the chance of the two together."""
+    second, _ = _next(x_m, value, sd, pitch, base, [*known, first])
+    both = _refined(x_m, value, sd, pitch, base, [*known, first, second])
+    *_, before = _weighted(x_m, value, sd, base, known)
+    *_, after = _weighted(x_m, value, sd, base, both)
+    places = PLACES_PER_PITCH * len(x_m)
+    dof = len(x_m) - base.shape[1] - 3 * len(known)
+    chance = _chance(float(before @ before), float(after @ after), 6, dof,
+                     places**2 // PLACES_PER_PITCH)  # fmt: skip
+    return [first, second], chance
+
+
+def _chance(before: float, after: float, unknowns: int, dof: int, places: int) -> float:
+    """How often bumps with ``unknowns`` explain as much in a row of nothing, anywhere tried."""
+    # the scatter is what is left, but never less than what the stations themselves have
+    left = max(dof - unknowns, 1) + TRUSTED
+    scatter = max((after + TRUSTED) / left, 1.0)
+    ratio = max(before - after, 0.0) / unknowns / scatter
+    one = min(float(f_distribution.sf(ratio, unknowns, left)), 1 - 1e-16)
+    independent = 2 * max(places / PLACES_PER_PITCH, 1.0)
+    return float(-np.expm1(independent * np.log1p(-one)))
+
+
+def _refined(
+    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
+    known: list[tuple[float, float]],
+) -> list[tuple[float, float]]:  # fmt: skip
+    """Places and widths of all bumps together, by least squares."""
+
+    def residual(p: Array) -> Array:
+        bumps = list(zip(p[::2].tolist(), (pitch * np.exp(p[1::2])).tolist(), strict=True))
+        return _weighted(x_m, value, sd, base, bumps)[3][: len(x_m)]
+
+    start = np.array([v for c, w in known for v in (c, np.log(w / pitch))])
+    low = np.tile([x_m[0] + 0.5 * pitch, np.log(0.45)], len(known))
+    high = np.tile([x_m[-1] - 0.5 * pitch, np.log(4.0)], len(known))
+    found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high),
+                          x_scale=np.tile([pitch, 0.3], len(known)))  # fmt: skip
+    return list(zip(found.x[::2].tolist(), (pitch * np.exp(found.x[1::2])).tolist(), strict=True))
+
+
+def _row(
+    x_m: Array, value: Array, sd: Array, base: Array,
+    known: list[tuple[float, float]], chances: list[float],
+) -> Row:  # fmt: skip
+    columns, a, b, left = _weighted(x_m, value, sd, base, known)
+    covariance, rss = np.linalg.pinv(a.T @ a), float(left @ left)
+    coefficients = covariance @ (a.T @ b)
+    count = base.shape[1]
+    dof = max(len(x_m) - count - 3 * len(known), 1)
+    scatter = (rss + TRUSTED) / (dof + TRUSTED)
+    heights = coefficients[count:]
+    height_sd = np.sqrt(scatter * np.diag(covariance)[count:])
+    spread = _place_sd(x_m, sd, base, known, heights) * np.sqrt(scatter)
+    reach = float(t_distribution.ppf(0.975, dof + TRUSTED)) * spread
+    bumps = [
+        Bump(c, c - r, c + r, float(h), float(s), w, p)
+        for (c, w), h, s, r, p in zip(known, heights, height_sd, reach, chances, strict=True)
+    ]
+    bumps.sort(key=lambda b: b.p_value)
+    return Row(tuple(bumps), columns[:, :count] @ coefficients[:count], float(np.sqrt(scatter)))
+
+
+def _place_sd(
+    x_m: Array, sd: Array, base: Array, known: list[tuple[float, float]], heights: Array
+) -> Array:
+    """Standard deviation of each place for unit scatter, from the fit's Jacobian."""
+    if not known:
+        return np.empty(0)
+    step = 1e-6
+    columns = [base]
+    for (c, w), h in zip(known, heights, strict=True):
+        by_place = h * (shape(x_m, c + step, w) - shape(x_m, c - step, w)) / (2 * step)
+        by_width = h * (shape(x_m, c, w + step) - shape(x_m, c, w - step)) / (2 * step)
+        columns.append(np.column_stack([by_place * step, by_width * step, shape(x_m, c, w)]))
+    jacobian = np.hstack(columns) / sd[:, None]
+    covariance = np.linalg.pinv(jacobian.T @ jacobian)
+    at = base.shape[1] + 3 * np.arange(len(known))
+    return np.asarray(step * np.sqrt(np.diag(covariance)[at]))

@@ -1,0 +1,197 @@
+"""What lies under one row of stations: the bumps of its level and pulse maps, put together."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from probe.detection.classify.classifier import Judged, Seen, judge
+from probe.detection.finding import ObjectFinding
+from probe.detection.map.bumps import (
+    MAX_OBJECTS,
+    MIN_DISTANCE,
+    MIN_STATIONS,
+    Bump,
+    at_places,
+    find_bumps,
+    floor,
+    shape,
+    surroundings,
+)
+from probe.detection.pulse.pooled_evidence import hidden
+from probe.detection.pulse.presses import Press
+from probe.detection.pulse.search import Search
+
+Array = NDArray[np.float64]
+
+NORMAL_95 = 1.96
+BEAT_SCATTER = 0.08
+"""What a heart's pulses differ by from press to press, over the largest."""
+MIN_SHARE = 0.3
+"""Stations that feel less than this share of a pulse are not asked about it."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """The presses of one row that can be judged, along x; repeats at one place are averaged."""
+
+    x_m: Array
+    level_pa: Array
+    level_sd_pa: Array
+    pulse_pa: Array
+    pulse_sd_pa: Array
+    searches: tuple[tuple[Search, ...], ...]
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where something is: from the level map, the pulse map, or both."""
+
+    x_m: float
+    sd_m: float
+    low_m: float
+    high_m: float
+    level: Bump | None
+    pulse: Bump | None
+
+
+def line_of(presses: tuple[Press, ...]) -> Line:
+    """A row's maps in order of x. Stations closer than a tenth of the pitch are repeats."""
+    judged = [
+        (p.station.x_m, p, p.pulse)
+        for p in presses
+        if p.pulse is not None and np.isfinite(p.station.x_m)
+    ]
+    judged.sort(key=lambda one: one[0])
+    gaps = np.diff([x_m for x_m, *_ in judged])
+    pitch = float(np.median(gaps[gaps > 1e-6])) if (gaps > 1e-6).any() else 0.0
+    group = np.concatenate([[0], np.cumsum(gaps > 0.1 * pitch)])[: len(judged)]
+    repeats = [
+        [one for one, g in zip(judged, group, strict=True) if g == k] for k in np.unique(group)
+    ]
+    rows = []
+    for some in repeats:
+        level = _mean([p.level_pa for _, p, _ in some], [p.level_sd_pa for _, p, _ in some])
+        pulse = _mean([q.size_pa for *_, q in some], [q.size_sd_pa for *_, q in some])
+        rows.append((float(np.mean([x_m for x_m, *_ in some])), *level, *pulse))
+    searches = tuple(tuple(q.search for *_, q in some if q.search) for some in repeats)
+    x_m, level_pa, level_sd, pulse_pa, pulse_sd = np.array(rows).reshape(-1, 5).T
+    return Line(x_m, level_pa, level_sd, pulse_pa, pulse_sd, searches)
+
+
+def _mean(value: list[float], sd: list[float]) -> tuple[float, float]:
+    """Mean weighted by variance, and its standard deviation."""
+    if len(value) == 1:
+        return value[0], sd[0]
+    weight = 1 / np.maximum(sd, 1e-12) ** 2
+    return float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
+
+
+def objects_in(line: Line, pulse: float | None, false_alarm: float) -> list[ObjectFinding]:
+    """The objects under a row. ``pulse`` is the posterior probability that what moves in it is a
+    pulse, None where nothing moves.
+
+    Each of the two maps gets half of ``false_alarm``.
+    """
+    if len(line.x_m) < MIN_STATIONS:
+        return []
+    base = surroundings(line.x_m)
+    levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
+    beats = _beats(line, false_alarm / 2) if pulse is not None else ()
+    places = _together(levels.bumps, beats, float(np.median(np.diff(line.x_m))))
+    return [_object(place, line, pulse) for place in places]
+
+
+def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
+    """Where a row that pulses does: the clear bumps of its pulse map, or else the likeliest."""
+    x_m, pulse_pa = line.x_m, line.pulse_pa
+    # presses count alike: what a hold shorter than a beat says of its own doubt is doubtful
+    sd_pa = float(np.hypot(np.median(line.pulse_sd_pa), BEAT_SCATTER * pulse_pa.max()))
+    even, base = np.full(len(x_m), sd_pa), floor(x_m)
+    for chance, most in ((false_alarm, MAX_OBJECTS), (1.0, 1)):
+        found = find_bumps(x_m, pulse_pa, even, base, chance, most).bumps
+        if rising := tuple(bump for bump in found if bump.height > 0):
+            return rising
+    at, pitch = float(x_m[int(np.argmax(pulse_pa))]), float(np.median(np.diff(x_m)))
+    return (Bump(at, at - pitch, at + pitch, float(pulse_pa.max()), sd_pa, pitch, 1.0),)
+
+
+def _together(levels: tuple[Bump, ...], beats: tuple[Bump, ...], pitch: float) -> list[Place]:
+    """A bump of either map with the other's nearest, if that is near enough to be the same."""
+    places, left = [], list(beats)
+    for level in levels:
+        near = min(left, key=lambda b: abs(b.x_m - level.x_m), default=None)
+        if near is not None and abs(near.x_m - level.x_m) < MIN_DISTANCE * pitch:
+            left.remove(near)
+            places.append(_joined(level, near))
+        else:
+            places.append(_alone(level, level, None))
+    return places + [_alone(beat, None, beat) for beat in left]
+
+
+def _alone(bump: Bump, level: Bump | None, pulse: Bump | None) -> Place:
+    sd = (bump.x_high_m - bump.x_low_m) / (2 * NORMAL_95)
+    return Place(bump.x_m, sd, bump.x_low_m, bump.x_high_m, level, pulse)
+
+
+def _joined(level: Bump, pulse: Bump) -> Place:
+    """Mean weighted by variance; where the two disagree, the interval grows (Birge 1932)."""
+    one, other = _alone(level, level, None), _alone(pulse, None, pulse)
+    weight = np.array([one.sd_m**-2, other.sd_m**-2])
+    x_m = float(weight @ [one.x_m, other.x_m] / weight.sum())
+    apart = float(weight @ (np.array([one.x_m, other.x_m]) - x_m) ** 2)
+    sd = float(weight.sum() ** -0.5 * np.sqrt(max(1.0, apart)))
+    reach = NORMAL_95 * sd
+    return Place(x_m, sd, x_m - reach, x_m + reach, level, pulse)
+
+
+def _object(place: Place, line: Line, moving: float | None) -> ObjectFinding:
+    at = int(np.argmin(np.abs(line.x_m - place.x_m)))
+    bump = place.level or place.pulse
+    level = at_places(line.x_m, line.level_pa, line.level_sd_pa, (bump,) if bump else ())
+    height, height_sd = level.bumps[0].height, level.bumps[0].height_sd
+    ground, whole = max(float(level.background[at]), 1e-9), max(float(line.level_pa[at]), 1e-9)
+    pulse, pulse_sd = float(line.pulse_pa[at]), float(line.pulse_sd_pa[at])
+    chance = min((b.p_value for b in (place.level, place.pulse) if b is not None), default=1.0)
+    if place.pulse is not None:
+        seen = Seen(height / ground, height_sd / ground, pulse / whole, pulse_sd / whole, chance,
+                    1.0 if moving is None else moving)  # fmt: skip
+    else:
+        # a neighbour's pulse reaches here too: only what rises above it is this object's
+        alone = moving is None
+        likelihood = _unseen(line, place) if alone else _measured(0.0, max(pulse_sd, 0.1 * pulse))
+        pulse = pulse if alone else 0.0
+        seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0,
+                    lambda p: likelihood(whole * p))  # fmt: skip
+    return _finding(place, height, pulse, judge(seen), line)
+
+
+def _unseen(line: Line, place: Place) -> Callable[[Array], Array]:
+    """Likelihood of a pulse's size [Pa] at a place, by all stations that would feel it."""
+    bump = place.level
+    width = bump.half_width_m if bump else float(np.median(np.diff(line.x_m)))
+    near = [
+        (float(share), one)
+        for share, there in zip(shape(line.x_m, place.x_m, width), line.searches, strict=True)
+        for one in there
+        if share >= MIN_SHARE
+    ]
+    if not near:
+        at = int(np.argmin(np.abs(line.x_m - place.x_m)))
+        return _measured(float(line.pulse_pa[at]), float(line.pulse_sd_pa[at]))
+    return lambda size_pa: hidden([one for _, one in near], np.array([s for s, _ in near]), size_pa)
+
+
+def _measured(size_pa: float, sd_pa: float) -> Callable[[Array], Array]:
+    """Likelihood of a pulse's size [Pa] beside that of none, where it was measured."""
+    sd = max(sd_pa, 1e-9)
+    return lambda true_pa: np.exp(0.5 * (size_pa / sd) ** 2 - 0.5 * ((true_pa - size_pa) / sd) ** 2)
+
+
+def _finding(place: Place, height: float, pulse: float, said: Judged, line: Line) -> ObjectFinding:
+    """The interval reaches no further than what was scanned."""
+    low, high = (float(np.clip(x, line.x_m[0], line.x_m[-1])) for x in (place.low_m, place.high_m))
+    return ObjectFinding(
+        said.kind, place.x_m, (low, high), height, pulse, said.confidence, said.reason
+    )

@@ -1,0 +1,204 @@
+"""A pulse as a train of beats whose times are unknown: a renewal process of one arterial wave.
+
+Atrial fibrillation and ectopic beats have no rate that a search over rates could find. Here every
+beat has its own length and size: the hold's likelihood is summed over all sequences of beats by the
+forward algorithm of a hidden semi-Markov model (Rabiner 1989, section IV.D), and the best sequence
+is Viterbi's. Regularity is not asked for; the prior of a beat's length is log-uniform.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+
+from probe.detection.pulse.wave import brachial
+
+Array = NDArray[np.float64]
+Form = Literal["arterial", "symmetric"]
+
+SHORTEST_S, LONGEST_S = 1 / 3, 1.5
+"""Beats from 180 to 40 a minute."""
+GRID_S = 0.04
+"""Beats begin on this grid, or on half samples where samples are further apart."""
+UNEQUAL = 0.3
+"""Standard deviation of a beat's size over the mean: fibrillation varies by about so much."""
+MEMORIES = (0.0, 0.7, 1.0)
+"""Noise of the train: first-order autoregressions from white to a random walk."""
+ROUNDS = 4
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """A hold without relaxation and drift: ``signal`` (n,), ``step_s`` apart. ``nuisance`` (n, k)
+    are the columns that were taken out."""
+
+    signal: Array
+    step_s: float
+    nuisance: Array
+
+
+@dataclass(frozen=True)
+class BeatTrain:
+    """``log_evidence`` of the hold given some train of beats; the likeliest one ``begins_s`` (b,)
+    with ``lengths_s`` (b,) and sizes ``swing_pa`` (b,)."""
+
+    log_evidence: float
+    begins_s: Array
+    lengths_s: Array
+    swing_pa: Array
+
+
+def beat_train(hold: Coarse, form: Form = "arterial") -> BeatTrain:
+    """Sum over all trains of beats of a ``form`` [Rabiner 1989], for the likeliest noise.
+
+    The mean size and the noise's level are those of the best train, found in turns with it; two
+    unknowns cost log n (Schwarz 1978).
+    """
+    n = len(hold.signal)
+    places = _places(n, hold.step_s)
+    whole = [_dictionary(n, hold.step_s, form, memory) for memory in MEMORIES]
+    white = [whiten(hold.signal, memory) for memory in MEMORIES]
+    count = np.array([n - (memory == 1.0) for memory in MEMORIES], float)
+    power = np.array([e @ e for e in white])
+    along = np.array([w @ e.astype(np.float32) for (w, _), e in zip(whole, white, strict=True)])
+    square = np.array([s for _, s in whole])
+    size = np.full(len(MEMORIES), float(np.ptp(np.percentile(hold.signal, [3, 97]))))
+    variance = np.maximum(0.3 * power / count, 1e-300)
+    for _ in range(ROUNDS):
+        ratio, mean, _ = _each_beat(along, square, size, variance)
+        paths = _best(ratio, places)
+        for m, path in enumerate(paths):
+            swings = np.array([mean[m][k, i] for i, k in path])
+            wave = np.sum([a * whole[m][0][k, i] for a, (i, k) in zip(swings, path, strict=True)],
+                          axis=0)  # fmt: skip
+            left = max(float(((white[m] - wave) ** 2).sum()), 1e-9 * power[m], 1e-300)
+            variance[m] = left / max(count[m] - len(path), 8.0)
+            size[m] = max(float(swings.mean()), 1e-9 * float(np.abs(hold.signal).max()), 1e-300)
+    ratio, mean, _ = _each_beat(along, square, size, variance)
+    evidence = (
+        _total(ratio, places) - 0.5 * count * np.log(variance) - 0.5 * power / variance - np.log(n)
+    )
+    best = int(np.argmax(evidence))
+    begins = np.array([places.starts[i] for i, _ in paths[best]]) * places.grid_s
+    lengths = np.array([places.lengths[k] for _, k in paths[best]]) * places.grid_s
+    swings = np.array([mean[best][k, i] for i, k in paths[best]])
+    return BeatTrain(float(evidence[best]), begins, lengths, swings)
+
+
+def whiten(columns: Array, memory: float) -> Array:
+    """Innovations (n, ...) of a first-order autoregression; the first is left out at 1."""
+    white = columns.astype(float, copy=True)
+    white[1:] -= memory * columns[:-1]
+    white[0] *= np.sqrt(1 - memory**2)
+    return white
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where beats may begin and how long they may last, in steps of ``grid_s``."""
+
+    grid_s: float
+    lengths: NDArray[np.int64]
+    starts: NDArray[np.int64]
+    end: int
+    log_prior: Array
+
+
+@lru_cache(maxsize=8)
+def _places(n: int, step_s: float) -> _Places:
+    grid = GRID_S if step_s <= GRID_S else step_s / 2
+    lengths = np.arange(int(np.ceil(SHORTEST_S / grid)), int(LONGEST_S / grid) + 1)
+    end = int(np.ceil((n - 1) * step_s / grid)) + 1
+    prior = -np.log(lengths)
+    return _Places(grid, lengths, np.arange(-lengths[-1], end), end, prior - logsumexp(prior))
+
+
+@lru_cache(maxsize=12)
+def _dictionary(
+    n: int, step_s: float, form: Form, memory: float
+) -> tuple[NDArray[np.float32], Array]:
+    """Whitened beats (lengths, starts, n) of a swing of 1, and their squares."""
+    p = _places(n, step_s)
+    since = np.arange(n) * step_s - p.starts[:, None] * p.grid_s
+    phase = since[None] / (p.lengths[:, None, None] * p.grid_s)
+    inside = (phase >= 0) & (phase < 1)
+    beats = np.zeros(phase.shape)
+    within = phase[inside]
+    beats[inside] = brachial(within) if form == "arterial" else -0.5 * np.cos(2 * np.pi * within)
+    white = np.moveaxis(whiten(np.moveaxis(beats, -1, 0), memory), 0, -1).astype(np.float32)
+    return white, np.einsum("kin,kin->ki", white, white).astype(float)
+
+
+def _each_beat(
+    along: Array, square: Array, size: Array, variance: Array
+) -> tuple[Array, Array, Array]:
+    """Log likelihood ratio of each beat (m, lengths, starts), its size's mean and variance.
+
+    A size is normal about ``size`` (m,) with `UNEQUAL` beforehand.
+    """
+    a, v = size[:, None, None], (UNEQUAL * size[:, None, None]) ** 2
+    b, g = along / variance[:, None, None], square / variance[:, None, None]
+    spread = 1 / (1 / v + g)
+    mean = (a / v + b) * spread
+    return -0.5 * np.log1p(v * g) + 0.5 * (mean**2 / spread - a * a / v), mean, spread
+
+
+def _steps(ratio: Array, p: _Places) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Scores (m, k, s) of beats, those that end at each start (s, m, k), and where they began."""
+    scores = ratio + p.log_prior[:, None]
+    at = np.arange(len(p.starts))[:, None] - p.lengths
+    arriving = np.where(
+        at[:, None, :] >= 0,
+        np.moveaxis(scores, 0, 1)[np.arange(len(p.lengths))[None], :, np.maximum(at, 0)]
+        .transpose(0, 2, 1),
+        -np.inf,
+    )  # fmt: skip
+    return scores, arriving, np.maximum(at, 0)
+
+
+def _open(p: _Places, m: int) -> Array:
+    """Log chance (m, s) that a beat begins at a start: even for the first, one longest beat."""
+    open_ = np.full((m, len(p.starts)), -np.inf)
+    open_[:, : p.lengths[-1] + 1] = -np.log(p.lengths[-1] + 1.0)
+    return open_
+
+
+def _lasting(p: _Places) -> NDArray[np.bool_]:
+    """Beats (k, s) that are the hold's last."""
+    return np.asarray(p.starts[None] + p.lengths[:, None] >= p.end)
+
+
+def _total(ratio: Array, p: _Places) -> Array:
+    """Log of the sum over all trains (m,)."""
+    scores, arriving, at = _steps(ratio, p)
+    open_ = _open(p, len(ratio))
+    for s in range(p.lengths[-1] + 1, len(p.starts)):
+        each = open_[:, at[s]] + arriving[s]
+        top = each.max(axis=1)
+        open_[:, s] = top + np.log(np.exp(each - top[:, None]).sum(axis=1))
+    last = np.where(_lasting(p), open_[:, None, :] + scores, -np.inf)
+    return np.asarray(logsumexp(last.reshape(len(ratio), -1), axis=1))
+
+
+def _best(ratio: Array, p: _Places) -> list[list[tuple[int, int]]]:
+    """The likeliest train of each noise: (start, length) of its beats, as places in ``p``."""
+    scores, arriving, at = _steps(ratio, p)
+    open_ = _open(p, len(ratio))
+    came = np.full(open_.shape, -1)
+    rows = np.arange(len(ratio))
+    for s in range(p.lengths[-1] + 1, len(p.starts)):
+        each = open_[:, at[s]] + arriving[s]
+        came[:, s] = each.argmax(axis=1)
+        open_[:, s] = each[rows, came[:, s]]
+    last = np.where(_lasting(p), open_[:, None, :] + scores, -np.inf)
+    paths = []
+    for m in range(len(ratio)):
+        ends = divmod(int(np.argmax(last[m])), len(p.starts))
+        path = [(ends[1], ends[0])]
+        while (before := int(came[m, path[0][0]])) >= 0:
+            path.insert(0, (path[0][0] - int(p.lengths[before]), before))
+        paths.append(path)
+    return paths

@@ -1,0 +1,124 @@
+"""A hold's pulse: whether there is one, at what rate, and how large."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from probe.detection.pulse.beat_train import beat_train
+from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
+from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.noise import WHITE, Noise, likeliest
+from probe.detection.pulse.rivals import chance_without_pulse, coarse_of
+from probe.detection.pulse.search import FINEST, TESTED, Search, search
+
+Array = NDArray[np.float64]
+
+SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
+"""Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
+MISFIT = 0.008
+"""How far a beat strays from ten harmonics at one rate, over the largest pulse there may be."""
+DECIDED, HOPELESS = 1e-6, 0.4
+"""Chances of a steady pulse between which a hold is also looked at as a train of beats. Of 60 holds
+of fibrillation that only the train finds, the steady search gives none more than `HOPELESS`."""
+SHORTEST_TRAIN_S = 2.0
+"""Three quick beats, two slow ones: less is no train."""
+SWALLOWED = 3.0
+"""How much larger a pulse may be than what a fit of relaxation and drift leaves of it."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How large a pulse may be, trough to crest, and the noise of a sample."""
+
+    swing_pa: float
+    noise_pa: float
+
+
+@dataclass(frozen=True)
+class Pulse:
+    """A station's pulse at ``rate_hz``: ``size_pa`` from trough to crest as fitted, its standard
+    deviation, and ``p_value`` of one at least as clear in a hold without any, at any rate.
+
+    ``baseline_pa`` is the mean over the hold of all but the pulse, with its standard deviation.
+    ``search`` is None where a reference gave the beats.
+    """
+
+    rate_hz: float
+    size_pa: float
+    size_sd_pa: float
+    p_value: float
+    baseline_pa: float
+    baseline_sd_pa: float
+    noise_pa: float
+    scale: Scale
+    fit: Fit
+    search: Search | None
+
+
+def pulse_at(
+    hold: Hold, rate_hz: float, p_value: float, scale: Scale, searched: Search | None,
+    beating_s: Array | None = None,
+) -> Pulse:  # fmt: skip
+    """The pulse at a known rate.
+
+    Harmonics are shrunk towards the sizes that arterial waves have: a hold shorter than a beat, or
+    a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel. The
+    noise's level and spectrum are what the whole wave leaves.
+    ``beating_s`` (n,) where time is counted in another way for the harmonics.
+    """
+    first, _ = described(hold, rate_hz, WHITE, scale, beating_s)
+    noise = likeliest(first.residual_pa, hold.step_s)
+    scale = Scale(scale.swing_pa, max(first.noise_pa, MISFIT * scale.swing_pa))
+    found, columns = described(hold, rate_hz, noise, scale, beating_s)
+    # with harmonics as large as its own size has them, noise adds nothing from trough to crest
+    swing_pa = min(scale.swing_pa, float(np.ptp(columns @ found.coefficients[2:])))
+    found, _ = described(hold, rate_hz, noise, Scale(swing_pa, scale.noise_pa), beating_s)
+    wave = columns @ found.coefficients[2:]
+    high, low = int(np.argmax(wave)), int(np.argmin(wave))
+    slope = columns[high] - columns[low]
+    size_sd = float(np.sqrt(max(slope @ found.covariance[2:, 2:] @ slope, 0.0)))
+    unmodelled = max(1.0, scale.noise_pa / max(found.noise_pa, 1e-12))
+    return Pulse(
+        rate_hz, float(wave[high] - wave[low]), unmodelled * size_sd, p_value,
+        float(found.rest_pa.mean()), unmodelled * found.rest_mean_sd_pa, found.noise_pa,
+        scale, found, searched,
+    )  # fmt: skip
+
+
+def described(
+    hold: Hold, rate_hz: float, noise: Noise, scale: Scale, beating_s: Array | None = None,
+    most: int = len(SHARES),
+) -> tuple[Fit, Array]:  # fmt: skip
+    """The fit of a wave of up to ``most`` harmonics at a rate, and its columns (n, 2 harmonics)."""
+    finest = FINEST * len(hold.time_s) / max(hold.span_s, 1e-9)
+    count = int(np.clip(finest // rate_hz, 1, most))
+    columns = harmonics(hold.time_s if beating_s is None else beating_s, rate_hz, count)
+    ridge = scale.noise_pa / (np.tile(SHARES[:count], 2) * max(scale.swing_pa, 1e-12))
+    return fit(hold, design_of(hold), columns, noise, ridge), columns
+
+
+def scale_of(null: Fit, known: Fit) -> Scale:
+    """From the fits without a pulse and with its first harmonics.
+
+    What relaxation and drift cannot explain is at least a third of the pulse.
+    """
+    left = null.residual_pa
+    return Scale(float(SWALLOWED * np.ptp(np.percentile(left, [2, 98]))), known.noise_pa)
+
+
+def find_pulse(hold: Hold) -> Pulse:
+    """The clearest pulse of a hold, whether or not there is one: ``p_value`` says.
+
+    It passes at one rate or as a train of beats of any lengths; the chance of either is at most
+    twice the smaller one's.
+    """
+    found, null = search(hold)
+    columns = harmonics(hold.time_s, found.rate_hz, TESTED)
+    known = fit(hold, design_of(hold), columns, found.noise)
+    p_value = found.p_value
+    if DECIDED < p_value < HOPELESS and hold.span_s >= SHORTEST_TRAIN_S:
+        coarse = coarse_of(hold, null)
+        p_value = min(p_value, chance_without_pulse(coarse, beat_train(coarse)))
+    p_value = min(1.0, 2 * p_value)
+    return pulse_at(hold, found.rate_hz, p_value, scale_of(null, known), found)

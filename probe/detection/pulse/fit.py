@@ -1,0 +1,114 @@
+"""One joint fit of a hold: relaxation, drift and a periodic pulse, in noise that may wander.
+
+Relaxation is a sum of exponentials with weights >= 0 over a grid of times: any completely monotone
+decay, and nothing that could oscillate. So no filter is needed, though the fastest relaxation and
+the pulse share a band. The noise's level is unknown, its spectrum is one of a family's.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import nnls
+
+from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.noise import WHITE, Noise
+
+Array = NDArray[np.float64]
+
+DECAYS = 16
+
+
+@dataclass(frozen=True)
+class Design:
+    """Columns over the hold's samples: ``drift`` (n, 2), ``decays`` (n, d) with weights >= 0."""
+
+    time_s: Array
+    drift: Array
+    decays: Array
+
+
+@dataclass(frozen=True)
+class Fit:
+    """``coefficients`` of the free columns with their ``covariance``; ``rest_pa`` (n,) is all but
+    the pulse and ``rest_mean_sd_pa`` the doubt of its mean; ``noise_pa`` is the innovation's
+    standard deviation, ``dof`` what is left to judge by, ``decays`` which decays have weight.
+    """
+
+    coefficients: Array
+    covariance: Array
+    rest_pa: Array
+    rest_mean_sd_pa: float
+    residual_pa: Array
+    rss: float
+    dof: int
+    noise_pa: float
+    noise: Noise
+    decays: NDArray[np.int64]
+
+    @property
+    def lost(self) -> int:
+        """Samples' worth of freedom that the fit has used up."""
+        return len(self.residual_pa) - self.dof
+
+
+def design_of(hold: Hold) -> Design:
+    """Drift and decays for a hold."""
+    t = hold.time_s
+    span = max(hold.span_s, 1e-9)
+    step = span / max(len(t) - 1, 1)
+    taus = np.geomspace(max(2 * step, 0.03), 3 * span, DECAYS)
+    drift = np.column_stack([np.ones_like(t), (t - t.mean()) / span])
+    return Design(t, drift, np.exp(-(t[:, None] - t[0]) / taus))
+
+
+def harmonics(time_s: Array, rate_hz: float, count: int) -> Array:
+    """(n, 2 count): cosines and sines of the rate's multiples."""
+    phase = 2 * np.pi * rate_hz * time_s[:, None] * np.arange(1, count + 1)
+    return np.hstack([np.cos(phase), np.sin(phase)])
+
+
+def fit(
+    hold: Hold, design: Design, pulse: Array, noise: Noise = WHITE, ridge: Array | None = None
+) -> Fit:
+    """Least squares of the whole hold with ``pulse`` columns (n, k), k = 0 for none.
+
+    ``ridge`` (k,): noise over the standard deviation that a coefficient has beforehand; its share
+    in the sum of squares counts in ``rss``.
+    """
+    free = np.hstack([design.drift, pulse])
+    scale = np.sqrt(hold.weight)
+    y, a, b = (noise.whiten(scale_rows(v, scale)) for v in (hold.signal_pa, free, design.decays))
+    if ridge is not None:
+        held = np.hstack([np.zeros((len(ridge), design.drift.shape[1])), np.diag(ridge)])
+        y = np.concatenate([y, np.zeros(len(ridge))])
+        a, b = np.vstack([a, held]), np.vstack([b, np.zeros((len(ridge), b.shape[1]))])
+    q, r = np.linalg.qr(a)
+    decay_left = b - q @ (q.T @ b)
+    weight, _ = nnls(decay_left, y - q @ (q.T @ y))
+    residual = y - b @ weight
+    coefficients = np.linalg.solve(r, q.T @ residual)
+    residual = residual - a @ coefficients
+    used = np.flatnonzero(weight > 0)
+    rss = float(residual @ residual)
+    whole = np.hstack([a, b[:, used]])
+    information = np.linalg.pinv(whole.T @ whole)
+    held_back = 0.0 if ridge is None else float(ridge**2 @ np.diag(information)[2 : a.shape[1]])
+    penalty = 0.0 if ridge is None else float(((ridge * coefficients[2:]) ** 2).sum())
+    n = len(hold.time_s)
+    dof = max(round(n - a.shape[1] + held_back - len(used)), 1)
+    variance = max(rss - penalty, 0.0) / dof
+    mean = np.concatenate([free.mean(axis=0), design.decays[:, used].mean(axis=0)])
+    mean[2 : a.shape[1]] = 0.0
+    mean_sd = np.sqrt(max(mean @ information @ mean * variance, 0.0))
+    information = information[: a.shape[1], : a.shape[1]]
+    rest = design.drift @ coefficients[:2] + design.decays @ weight
+    plain = hold.signal_pa - rest - pulse @ coefficients[2:]
+    return Fit(
+        coefficients, information * variance, rest, float(mean_sd), plain, rss, dof,
+        float(np.sqrt(variance)), noise, used,
+    )  # fmt: skip
+
+
+def scale_rows(columns: Array, scale: Array) -> Array:
+    return np.asarray(columns * (scale if columns.ndim == 1 else scale[:, None]))

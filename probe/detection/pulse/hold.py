@@ -1,0 +1,199 @@
+"""One hold as even samples: spikes and clipped samples out, averaged to the pulse's bandwidth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import median_filter
+
+from probe.core.recording import Station
+
+Array = NDArray[np.float64]
+
+BIN_S = 0.02
+"""Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
+SETTLING_S, SETTLING_SAMPLES = 0.01, 2
+"""Left out after the ramp, the longer of both: the stage is still slowing down, and of slow samples
+nobody knows between which two the ramp ended."""
+RISE = 0.7
+"""A record that starts below this share of its highest value begins with a ramp."""
+SPIKE = 8.0
+"""Robust standard deviations beyond which a sample is no sample."""
+NEAR, AHEAD_S = 0.9, 0.25
+"""A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
+MIN_SAMPLES = 12
+CONTACT_SIGMAS = 5.0
+"""Standard errors by which a hold must lie above what was measured before contact."""
+ONLY_NOISE = 1.5
+"""Standard deviation of a signal that is noise and nothing else, over that of its differences."""
+MAX_DEAD = 0.5
+"""Share of a channel's samples that may be missing or clipped before it counts as dead."""
+
+
+class NoHold(ValueError):
+    """There is too little in a hold to say anything; the text says what is missing."""
+
+
+class NoContact(NoHold):
+    """The probe met nothing."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """``signal_pa`` (n,) at ``time_s`` (n,) since the hold began; ``weight`` (n,) is how many
+    samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation,
+    ``start_s`` when the hold began on the recording's clock."""
+
+    time_s: Array
+    signal_pa: Array
+    weight: Array
+    clipped: float
+    start_s: float
+
+    @property
+    def step_s(self) -> float:
+        return round(self.span_s / max(len(self.time_s) - 1, 1), 5)
+
+    @property
+    def span_s(self) -> float:
+        return float(self.time_s[-1] - self.time_s[0])
+
+
+def dead_channels(stations: Sequence[Station]) -> NDArray[np.bool_]:
+    """Channels (c,) of an array that are dead or stuck; left out of all stations, so that their
+    means compare.
+
+    Dead in a station is one whose samples are mostly missing or clipped there while another's are
+    not; stuck is one that shows the same value other than zero in every sample of every station.
+    A lone channel is never left out.
+    """
+    count = max((s.signal_pa.shape[1] for s in stations), default=0)
+    dead, stuck, value = np.zeros(count, bool), np.ones(count, bool), np.full(count, np.nan)
+    if count < 2:
+        return dead
+    for station in stations:
+        if station.signal_pa.shape[1] != count or not len(station.signal_pa):
+            continue
+        lost = (~np.isfinite(station.signal_pa) | station.saturated).mean(axis=0) > MAX_DEAD
+        dead |= lost & ~lost.all()
+        first = station.signal_pa[0]
+        value = np.where(np.isnan(value), first, value)
+        stuck &= (station.signal_pa == value).all(axis=0) & (value != 0)
+    return dead if (dead | stuck).all() else dead | stuck
+
+
+def hold_of(station: Station, dead: NDArray[np.bool_] | None = None) -> Hold:
+    """The mean over the channels during the hold, without ``dead`` ones.
+
+    Raises `NoHold`, of these `NoContact` where the probe met nothing.
+    """
+    if dead is not None and dead.any() and len(dead) == station.signal_pa.shape[1]:
+        station = replace(
+            station, signal_pa=station.signal_pa[:, ~dead], saturated=station.saturated[:, ~dead]
+        )
+    time_s, signal, clipped = _between(station)
+    order = np.argsort(time_s, kind="stable")
+    time_s, signal = time_s[order], signal[order]
+    good = _without_spikes(signal)
+    time_s, signal = time_s[good], signal[good]
+    if len(time_s) < MIN_SAMPLES:
+        raise NoHold(
+            f"station {station.index}: {len(time_s)} usable samples in the hold"
+            + (f" ({100 * clipped:.0f} % are clipped)" if clipped else "")
+            + f"; at least {MIN_SAMPLES} are needed"
+        )
+    _check_contact(station, signal)
+    step = max(BIN_S, 1.001 * float(np.median(np.diff(time_s))))
+    bins = np.floor((time_s - time_s[0]) / step).astype(int)
+    count = np.bincount(bins)
+    there = count > 0
+    mean = [np.bincount(bins, weights=v)[there] / count[there] for v in (time_s, signal)]
+    weight = count[there] / count[there].mean()
+    start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])
+    return Hold(mean[0] - start, mean[1], weight, clipped, start)
+
+
+def _between(station: Station) -> tuple[Array, Array, float]:
+    """Times, channel means and the clipped share of the hold."""
+    clipped = np.asarray(station.saturated.any(axis=1))
+    each = station.signal_pa if station.signal_pa.shape[1] < 2 else _mended(station.signal_pa)
+    whole = np.isfinite(each).all(axis=1) & np.isfinite(station.time_s)
+    mean = np.where(whole, each.mean(axis=1), np.nan)
+    begin, end = _limits(station, mean, whole)
+    inside = (station.time_s >= begin) & (station.time_s <= end)
+    kept = inside & whole & ~clipped
+    share = float(clipped[inside].mean()) if inside.any() else 0.0
+    return station.time_s[kept], mean[kept], share
+
+
+def _mended(signal: Array) -> Array:
+    """An array's channels (n, c), spikes replaced by the median around them: one channel's would
+    hide in the mean."""
+    middle = median_filter(signal, size=(5, 1), mode="nearest")
+    scatter = 1.4826 * np.nanmedian(np.abs(np.diff(signal, axis=0)), axis=0) / np.sqrt(2)
+    off = np.abs(signal - middle) > SPIKE * np.maximum(scatter, 1e-12 * np.abs(middle))
+    return np.asarray(np.where(off & (scatter > 0), middle, signal))
+
+
+def _check_contact(station: Station, signal: Array) -> None:
+    """Raises `NoContact` if the hold's ``signal`` (n,) is not above what was before contact.
+
+    Where nothing was recorded before, only a signal that is constant, or noise about zero, is none.
+    """
+    before = station.signal_pa[station.time_s < station.indent_s]
+    before = before.mean(axis=1) if before.size else np.empty(0)
+    before = before[np.isfinite(before)]
+    noise = 1.4826 * float(np.median(np.abs(np.diff(signal)))) / np.sqrt(2)
+    if len(before) >= MIN_SAMPLES:
+        error = max(noise, float(np.std(before))) * np.sqrt(1 / len(signal) + 1 / len(before))
+        rise = float(np.median(signal) - np.median(before))
+        if rise <= CONTACT_SIGMAS * error:
+            raise NoContact(
+                f"station {station.index}: no contact (the hold is {rise:.3g} Pa above what was "
+                f"measured before it, of {CONTACT_SIGMAS * error:.3g} Pa that would show)"
+            )
+        return
+    near_zero = abs(float(np.median(signal))) <= CONTACT_SIGMAS * noise / np.sqrt(len(signal))
+    if np.ptp(signal) == 0 or (near_zero and float(np.std(signal)) <= ONLY_NOISE * noise):
+        raise NoContact(f"station {station.index}: no contact (the signal is constant)")
+
+
+def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[float, float]:
+    """When the hold begins and ends; seen in the signal where the record does not say."""
+    time_s, mean = station.time_s[whole], mean[whole]
+    if len(time_s) < MIN_SAMPLES:
+        return -np.inf, np.inf
+    step = float(np.median(np.diff(time_s)))
+    begin, end = station.hold_s, station.retract_s
+    settling = max(SETTLING_S, SETTLING_SAMPLES * step)
+    smooth = median_filter(mean, size=3, mode="nearest")
+    if not np.isfinite(begin):
+        begin = time_s[0]
+        top = _top_of_ramp(mean, smooth, step)
+        if smooth[0] < RISE * smooth[top] and top <= len(smooth) - MIN_SAMPLES:
+            begin = time_s[top]
+        else:
+            settling = 0.0
+    if not np.isfinite(end):
+        held = time_s >= begin
+        level = np.median(smooth[held])
+        above = np.flatnonzero(held & (smooth > 0.5 * level)) if level > 0 else np.flatnonzero(held)
+        end = time_s[above[-1]] if len(above) else np.inf
+    return begin + settling, end
+
+
+def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
+    """The first top of those that come near the highest sample, which may be a later beat's."""
+    ahead = max(2, round(AHEAD_S / step_s))
+    near_top = np.flatnonzero(smooth >= smooth.max() - (1 - NEAR) * np.ptp(smooth))
+    top = next(int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max())
+    return max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
+
+
+def _without_spikes(signal: Array) -> NDArray[np.bool_]:
+    if len(signal) < MIN_SAMPLES:
+        return np.ones(len(signal), dtype=bool)
+    off = signal - median_filter(signal, size=5, mode="nearest")
+    scatter = 1.4826 * np.median(np.abs(np.diff(signal))) / np.sqrt(2)
+    return np.asarray(np.abs(off) <= SPIKE * max(scatter, 1e-12 * np.abs(signal).max(initial=1.0)))

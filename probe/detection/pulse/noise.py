@@ -1,0 +1,94 @@
+"""The noise of a hold: a family of spectra, and which of them the hold is likely to have.
+
+No member has a peak at a finite frequency, so none can take a pulse for noise. Spectra over
+frequency f, with a knee at k: white, 1; wander, 1 + (k/f)^2 (a random walk and white noise); sway,
+1 + (k/f)^4 (a smooth drift and white noise); soft, 1 / (1 + (f/k)^2) (a first-order low pass).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+Array = NDArray[np.float64]
+
+WANDER_HZ = (0.25, 0.5, 1.0, 2.0, 4.0)
+SWAY_HZ = (0.25, 0.5, 1.0)
+SOFT_HZ = (1.0, 3.0, 8.0)
+"""Knees, about an octave apart: between two a likelihood changes by less than a test sees."""
+
+CLEARLY = 2.0
+"""Log likelihood ratio over white noise at the 5 % level of a chi-square of one degree."""
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Innovations are ``lfilter(ahead, back, samples)``; the first is ``first`` times a sample.
+
+    Both polynomials begin with 1, so that all members have the same determinant and differ in the
+    likelihood by the sum of squared innovations only.
+    """
+
+    name: str
+    ahead: tuple[float, ...]
+    back: tuple[float, ...]
+    first: float = 1.0
+
+    def whiten(self, columns: Array) -> Array:
+        """Innovations (n, ...) of columns (n, ...)."""
+        if len(self.ahead) == 1:
+            return columns
+        white = np.asarray(lfilter(self.ahead, self.back, columns, axis=0))
+        white[0] *= self.first
+        return white
+
+
+WHITE = Noise("white", (1.0,), (1.0,))
+
+
+@lru_cache(maxsize=32)
+def family(step_s: float) -> tuple[Noise, ...]:
+    """The members that samples ``step_s`` apart can tell from each other."""
+    highest = 0.25 / step_s
+    return (
+        WHITE,
+        *(_wander(hz, step_s) for hz in WANDER_HZ if hz <= highest),
+        *(_sway(hz, step_s) for hz in SWAY_HZ if hz <= highest),
+        *(_soft(hz, step_s) for hz in SOFT_HZ if hz <= highest),
+    )
+
+
+def _wander(knee_hz: float, step_s: float) -> Noise:
+    q = (2 * np.pi * knee_hz * step_s) ** 2
+    return Noise(
+        f"wander {knee_hz:g} Hz", (1.0, -1.0), (1.0, -(2 + q - np.sqrt(q * q + 4 * q)) / 2)
+    )
+
+
+def _sway(knee_hz: float, step_s: float) -> Noise:
+    # |1 - z|^4 + (2 pi k dt)^4 factored: the roots inside the unit circle
+    side = 2 + 1j * (2 * np.pi * knee_hz * step_s) ** 2
+    root = min(np.roots([1.0, -side, 1.0]), key=abs)
+    back = np.real(np.poly([root, root.conjugate()]))
+    return Noise(f"sway {knee_hz:g} Hz", (1.0, -2.0, 1.0), tuple(float(b) for b in back))
+
+
+def _soft(knee_hz: float, step_s: float) -> Noise:
+    kept = float(np.exp(-2 * np.pi * knee_hz * step_s))
+    return Noise(f"soft {knee_hz:g} Hz", (1.0, -kept), (1.0,), float(np.sqrt(1 - kept**2)))
+
+
+def likeliest(residual: Array, step_s: float) -> Noise:
+    """The member that a residual (n,) is likeliest under; `WHITE` unless another is `CLEARLY` so.
+
+    Without pulse columns a pulse's own unevenness would count as noise: take what a pulse leaves.
+    """
+    n = len(residual)
+    members = family(step_s)
+    centred = residual - residual.mean()
+    power = np.array([max(float((w := m.whiten(centred)) @ w), 1e-300) for m in members])
+    gain = 0.5 * n * np.log(power[0] / power)
+    best = int(np.argmax(gain))
+    return members[best] if gain[best] >= CLEARLY else WHITE

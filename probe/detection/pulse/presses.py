@@ -1,0 +1,211 @@
+"""Every press of a recording: its level, its pulse at a rate that all share, and their doubts."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from probe.core.recording import Recording, Station
+from probe.detection.pulse.beat_timing import own_beats_s
+from probe.detection.pulse.beat_train import beat_train
+from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Pulse, find_pulse, pulse_at
+from probe.detection.pulse.fit import design_of, fit
+from probe.detection.pulse.hold import Hold, NoContact, NoHold, dead_channels, hold_of
+from probe.detection.pulse.pooled_evidence import shared_chance, usual_excess
+from probe.detection.pulse.rate import shared_rate
+from probe.detection.pulse.reference import find_pulse_by
+from probe.detection.pulse.rivals import Cause, cause_of, coarse_of, evidence_of
+
+Array = NDArray[np.float64]
+
+REPEATABILITY_M = 10e-6
+"""What a stage's depth differs by from station to station."""
+STIFFENING = 1.15
+"""Exponent of a cylinder's force against depth, between a flat face's 1 and a sphere's 1.5."""
+FOLLOWED_SIGMAS, MIN_BEATS = 8.0, 2.0
+"""Standard deviations of a pulse's size from which the beats found in it are believed, and how many
+a hold must have for that."""
+REACH = 2
+"""Stations to either side that are judged together with one: a vessel is felt that far."""
+UNKNOWN_DEPTH = 0.005
+"""Station scatter over the level where no depth was recorded."""
+JUDGED = 3
+"""Clearest presses that are asked what moves in them: more would not change the answer."""
+MIN_POSTERIOR = 0.85
+"""Least posterior probability of a pulse, among all causes, to count as one."""
+
+
+@dataclass(frozen=True)
+class Press:
+    """A station with its pulse; None where there was nothing to judge by, and ``note`` says why.
+
+    ``clipped`` is the share of the hold's samples that saturation took. ``level_sd_pa`` includes
+    what a stage's repeatability makes of equal tissue. ``pulsing``: it, or it with its neighbours,
+    passes the test for a pulse, and a pulse it is rather than breathing, motion or a machine;
+    ``cause`` says so of those that were asked. ``touched``: the probe met something.
+    """
+
+    station: Station
+    pulse: Pulse | None
+    level_sd_pa: float
+    clipped: float
+    note: str = ""
+    pulsing: bool = False
+    cause: Cause | None = None
+    touched: bool = True
+    step_s: float = 0.0
+
+    @property
+    def hold_s(self) -> float:
+        """How long the pulse was looked at [s]."""
+        return float(len(self.pulse.fit.residual_pa) * self.step_s) if self.pulse else 0.0
+
+    @property
+    def level_pa(self) -> float:
+        return self.pulse.baseline_pa if self.pulse else float("nan")
+
+    @property
+    def size_pa(self) -> float:
+        return self.pulse.size_pa if self.pulse else float("nan")
+
+
+def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
+    """All stations of a recording, in its order.
+
+    Where a pulse passes at ``false_alarm`` for the whole recording, every station's is measured at
+    that heart's rate; p-values stay those of each station's own search.
+    """
+    dead = dead_channels(recording.stations)
+    found = [_own(station, dead) for station in recording.stations]
+    measured = {
+        i: (one.hold, one.pulse)
+        for i, one in enumerate(found)
+        if one.hold is not None and one.pulse is not None
+    }
+    clear = _clear({i: pulse for i, (_, pulse) in measured.items()}, recording, false_alarm)
+    causes, pulsing = _causes({i: measured[i] for i in clear})
+    shared = shared_rate([measured[i] for i in pulsing[: 2 * REACH + 1]]) if pulsing else None
+    return tuple(
+        replace(
+            _press(station, one.hold, _at(one.hold, one.pulse, shared), one.note),
+            pulsing=i in pulsing, cause=causes.get(i), touched=one.touched,
+            step_s=one.hold.step_s if one.hold else 0.0,
+        )
+        for i, (station, one) in enumerate(zip(recording.stations, found, strict=True))
+    )  # fmt: skip
+
+
+def _causes(clear: dict[int, tuple[Hold, Pulse]]) -> tuple[dict[int, Cause], list[int]]:
+    """What moves in the clearest presses, and which of ``clear`` then hold a pulse.
+
+    One that moves for another reason by itself is left out; the rest are asked together, since
+    they share one heart. A reference that beats along has already answered.
+    """
+    asked = [i for i, (_, pulse) in clear.items() if pulse.search is not None][:JUDGED]
+    if not asked:
+        return {}, list(clear)
+    evidence = {}
+    for i in asked:
+        hold = clear[i][0]
+        if hold.span_s < SHORTEST_TRAIN_S:
+            continue
+        coarse = coarse_of(hold, fit(hold, design_of(hold), np.empty((len(hold.time_s), 0))))
+        evidence[i] = evidence_of(coarse, beat_train(coarse))
+    causes = {i: cause_of([one]) for i, one in evidence.items()}
+    disturbed = [i for i, cause in causes.items() if cause.pulse < 1 - MIN_POSTERIOR]
+    steady = [i for i in evidence if i not in disturbed]
+    if not steady:
+        return causes, [i for i in asked if i not in evidence]
+    together = cause_of([evidence[i] for i in steady])
+    causes |= dict.fromkeys(steady, together)
+    if together.pulse < MIN_POSTERIOR:
+        return causes, []
+    return causes, [i for i in clear if i not in disturbed]
+
+
+def _clear(pulses: dict[int, Pulse], recording: Recording, false_alarm: float) -> list[int]:
+    """Stations with a pulse, the clearest first: by themselves, or else the clearest group.
+
+    Each of the two ways gets half of ``false_alarm``, where there are two.
+    """
+    searches = {i: pulse.search for i, pulse in pulses.items() if pulse.search is not None}
+    groups = _groups(recording, list(searches))
+    budget = false_alarm / 2 if groups else false_alarm
+    alone = [i for i in pulses if pulses[i].p_value * len(pulses) <= budget]
+    if alone or not groups:
+        return sorted(alone, key=lambda i: pulses[i].p_value)
+    excess = usual_excess(list(searches.values()))
+    chances = [shared_chance([searches[i] for i in group], excess) for group in groups]
+    best = int(np.argmin(chances))
+    if chances[best] * len(groups) > budget:
+        return []
+    return sorted(groups[best], key=lambda i: pulses[i].p_value)
+
+
+def _groups(recording: Recording, indices: list[int]) -> list[list[int]]:
+    """Around each station of a row, those within `REACH` pitches; each group once."""
+    groups: dict[tuple[int, ...], None] = {}
+    for row in recording.rows():
+        mine = [i for i in row if i in indices]
+        x_m = np.array([recording.stations[i].x_m for i in mine])
+        gaps = np.diff(np.unique(np.round(x_m[np.isfinite(x_m)], 6)))
+        if not len(gaps):
+            continue
+        reach = (REACH + 0.5) * float(np.median(gaps))
+        for x in x_m[np.isfinite(x_m)]:
+            near = tuple(mine[k] for k in np.flatnonzero(np.abs(x_m - x) <= reach))
+            groups[near] = None
+    return [list(group) for group in groups if len(group) > 1]
+
+
+@dataclass(frozen=True)
+class _Own:
+    """A station by itself."""
+
+    hold: Hold | None
+    pulse: Pulse | None
+    note: str = ""
+    touched: bool = True
+
+
+def _own(station: Station, dead: NDArray[np.bool_]) -> _Own:
+    try:
+        hold = hold_of(station, dead)
+    except NoHold as error:
+        return _Own(None, None, str(error), not isinstance(error, NoContact))
+    if len(station.reference):
+        pulse = find_pulse_by(hold, station.reference_s - hold.start_s, station.reference)
+        if pulse is not None:
+            return _Own(hold, pulse)
+        return _Own(hold, find_pulse(hold), "its reference has no beats: judged without it")
+    return _Own(hold, find_pulse(hold))
+
+
+def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | None:
+    if hold is None or own is None or rate_hz is None or own.search is None:
+        return own
+    steady = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search)
+    if hold.span_s * rate_hz < MIN_BEATS:
+        return steady
+    beating_s = own_beats_s(hold, steady)
+    followed = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s)
+    return followed if followed.size_pa >= FOLLOWED_SIGMAS * followed.size_sd_pa else steady
+
+
+def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) -> Press:
+    if hold is None or pulse is None:
+        return Press(station, None, float("nan"), 1.0 if "clipped" in note else 0.0, note)
+    depth_m = _depth_m(station)
+    share = STIFFENING * REPEATABILITY_M / depth_m if depth_m > 0 else UNKNOWN_DEPTH
+    scatter = float(np.hypot(pulse.baseline_sd_pa, share * abs(pulse.baseline_pa)))
+    if hold.clipped > 0:
+        lost = f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep"
+        note = f"{note}; {lost}" if note else lost
+    return Press(station, pulse, scatter, hold.clipped, note)
+
+
+def _depth_m(station: Station) -> float:
+    held = station.time_s >= station.hold_s if np.isfinite(station.hold_s) else station.time_s > 0
+    depth = station.depth_m[held] if len(station.depth_m) == len(held) else station.depth_m
+    depth = depth[np.isfinite(depth)]
+    return float(np.median(depth)) if len(depth) else 0.0

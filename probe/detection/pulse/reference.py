@@ -1,0 +1,69 @@
+"""A pulse known from beside: a PPG or ECG gives the beats, so that only size and shape are open."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import find_peaks
+from scipy.stats import f as f_distribution
+
+from probe.detection.pulse.estimate import Pulse, pulse_at, scale_of
+from probe.detection.pulse.fit import design_of, fit, harmonics
+from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.noise import likeliest
+from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED
+
+Array = NDArray[np.float64]
+
+MIN_PROMINENCE = 0.4
+"""Least prominence of a beat over the reference's own range."""
+
+
+def beats_s(time_s: Array, reference: Array) -> Array:
+    """When the beats of a reference come: its clear maxima, at most one per fastest period."""
+    good = np.isfinite(time_s) & np.isfinite(reference)
+    time_s, reference = time_s[good], reference[good]
+    if len(time_s) < 3:
+        return np.empty(0)
+    step = float(np.median(np.diff(time_s)))
+    low, high = np.percentile(reference, [1, 99])
+    if step <= 0 or high <= low:
+        return np.empty(0)
+    apart = max(1, int(1 / FASTEST_HZ / step))
+    peaks, _ = find_peaks(reference, distance=apart, prominence=MIN_PROMINENCE * (high - low))
+    return np.asarray(time_s[peaks])
+
+
+def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
+    """The pulse that beats as ``reference`` (m,) does at ``time_s`` (m,), counted as the hold's.
+
+    None where the reference has fewer than two beats, or none near the hold. Beats may vary: time
+    is counted in beats before the harmonics are fitted, so a mean over many beats (synchronous
+    averaging) does not smear.
+    """
+    beats = beats_s(time_s, reference)
+    between = np.diff(beats)
+    if len(beats) < 2:
+        return None
+    period = float(np.median(between))
+    if not SLOWEST_HZ / 2 <= 1 / period <= 2 * FASTEST_HZ:
+        return None
+    if hold.time_s[0] < beats[0] - period or hold.time_s[-1] > beats[-1] + period:
+        return None
+    warped = replace(hold, time_s=_in_beats(hold.time_s, beats, period) * period)
+    rate = 1 / period
+    design, none = design_of(hold), np.empty((len(hold.time_s), 0))
+    columns = harmonics(warped.time_s, rate, TESTED)
+    known = fit(hold, design, columns)
+    noise = likeliest(known.residual_pa, hold.step_s)
+    without, with_ = fit(hold, design, none, noise), fit(hold, design, columns, noise)
+    free = columns.shape[1]
+    ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
+    p_value = float(f_distribution.sf(ratio, free, max(with_.dof, 1)))
+    return pulse_at(hold, rate, p_value, scale_of(without, with_), None, warped.time_s)
+
+
+def _in_beats(time_s: Array, beats: Array, period: float) -> Array:
+    """Time as a number of beats (n,), continued at the usual rate before the first and last."""
+    ends = np.concatenate([[beats[0] - period], beats, [beats[-1] + period]])
+    return np.asarray(np.interp(time_s, ends, np.arange(-1.0, len(beats) + 1)))

@@ -1,0 +1,257 @@
+"""The search for a pulse in a hold: how well one explains it at each rate that hearts have."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+from scipy.stats import chi2
+from scipy.stats import f as f_distribution
+
+from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
+from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.noise import Noise, family
+from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD, SWING_MMHG
+
+Array = NDArray[np.float64]
+
+SLOWEST_HZ, FASTEST_HZ = 40 / 60, 180 / 60
+TESTED = 2
+"""Harmonics that decide whether there is a pulse: they carry nine tenths of its power."""
+MOST_SECOND = 1.0
+"""Largest second harmonic over the first: radial and brachial waves have 0.4 to 0.8."""
+SHAPE_HARMONICS = 3
+"""Of the brachial wave, what a pulse looks like to the test. Knowing the shape leaves two unknowns,
+size and phase, instead of four."""
+PHASES = 24
+CHOICE = 0.66
+"""What choosing the best of all phases adds to a chi-square of two degrees, on average; its spread
+stays (400,000 holds of white noise)."""
+FINEST = 0.4
+"""Harmonics above this share of the sampling rate are not looked at: mains hum folds there."""
+SHORT = 20
+"""Samples below which only the fundamental is looked for."""
+FAR_BEHIND = 10.0
+"""Log likelihood by which a noise may trail the best, with a pulse and without one, before it is
+left out of both sums: each then is wrong by less than 12 exp(-10)."""
+EVEN_BINS = 0.1
+"""Of a step: how far samples may stray from even ones to be looked at as even ones."""
+
+
+@dataclass(frozen=True)
+class Search:
+    """What a hold says of a pulse at ``rates_hz`` (r,).
+
+    A pulse of the known shape, ``size`` [Pa] from trough to crest, has the log likelihood ratio
+    ``size * along - size**2 * power / 2`` at each rate and phase (r, PHASES). ``clear`` (r,) is how
+    far its best size and phase explain the hold, as a chi-square of two degrees in a hold without
+    a pulse. ``p_value`` is the chance of one as clear at any rate and of any shape, ``rate_hz`` the
+    clearest. ``gain`` (r,) is how far any two harmonics explain the hold in white noise, as a log
+    likelihood ratio. ``noise`` is the likeliest beside a pulse.
+    """
+
+    rates_hz: Array
+    along: Array
+    power: Array
+    clear: Array
+    gain: Array
+    rate_hz: float
+    p_value: float
+    span_s: float
+    noise: Noise
+
+
+def search(hold: Hold) -> tuple[Search, Fit]:
+    """Look for a pulse, and the fit without one in white noise.
+
+    It passes as a wave of the known shape or as any first two harmonics; the chance of either is
+    at most twice the smaller one's. The likelihoods with and without a pulse are each summed over
+    the family of noises, so that noise is never fitted to what holds a pulse.
+    """
+    design = design_of(hold)
+    rates = rates_hz(hold.span_s)
+    null = fit(hold, design, np.empty((len(hold.time_s), 0)))
+    n = len(hold.time_s)
+    looks = _looks(hold, design, null, rates)
+    without = logsumexp([one.without for one in looks])
+    shaped, free = (
+        np.maximum(logsumexp([one.without + gain for one, gain in each], axis=0) - without, 0.0)
+        for each in ([(one, one.shaped) for one in looks], [(one, one.free) for one in looks])
+    )
+    dof, lost = max(null.dof, 4 + 2 * TESTED), 2 * TESTED
+    chances = _single(shaped, 2, dof - 2), _single(free, lost, dof - lost)
+    one, gain = (chances[0], shaped) if chances[0].min() <= chances[1].min() else (chances[1], free)
+    best = max(looks, key=lambda one: one.without + one.shaped.max())
+    return Search(
+        rates, best.along, best.power,
+        np.maximum(chi2.isf(np.maximum(chances[0], 1e-300), 2) - CHOICE * (n >= SHORT), 0.0),
+        looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
+        min(1.0, 2 * anywhere(float(one.min()), hold.span_s)), hold.span_s, best.noise,
+    ), null  # fmt: skip
+
+
+def rates_hz(span_s: float) -> Array:
+    """Rates to try: four to each resolvable one."""
+    count = max(24, int(np.ceil(4 * (FASTEST_HZ - SLOWEST_HZ) * span_s)))
+    return np.linspace(SLOWEST_HZ, FASTEST_HZ, count)
+
+
+def anywhere(one: float, span_s: float) -> float:
+    """How often a hold without a pulse shows at its best rate what has the chance ``one`` at a
+    given rate: the number of rates that are independent (Davies 1987: crossings of the statistic,
+    here about two for each resolvable rate)."""
+    return float(-np.expm1(independent_rates(span_s) * np.log1p(-min(one, 1 - 1e-16))))
+
+
+def independent_rates(span_s: float) -> float:
+    """Rates that a hold of ``span_s`` tells apart."""
+    return 1 + 2 * (FASTEST_HZ - SLOWEST_HZ) * span_s
+
+
+@dataclass(frozen=True)
+class _Look:
+    """The hold in one ``noise``: log likelihood ``without`` a pulse, and log likelihood ratios (r,)
+    of the known shape and of two free harmonics; see `Search`. The white one comes first."""
+
+    noise: Noise
+    without: float
+    shaped: Array
+    free: Array
+    along: Array
+    power: Array
+
+
+def _single(gain: Array, columns: int, dof: int) -> Array:
+    """Chance at each rate of a log likelihood ratio ``gain`` (r,): F test of ``columns``."""
+    dof = max(dof, 1)
+    ratio = np.expm1(2 * gain / (dof + columns)) * dof / columns
+    return np.asarray(f_distribution.sf(ratio, columns, dof))
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """What a noise makes of a hold: nuisance ``q`` (n, k), signal ``y`` (n,) beside it, and the
+    restricted log likelihood without a pulse (Patterson & Thompson 1971)."""
+
+    q: Array
+    y: Array
+    without: float
+
+
+def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
+    """The hold at each rate in each noise that counts, its decays those of the null fit."""
+    n = len(hold.time_s)
+    step = hold.span_s / max(n - 1, 1)
+    nuisance = np.hstack([design.drift, design.decays[:, null.decays]])
+    dof = n - nuisance.shape[1]
+    even = np.arange(n) * step + hold.time_s[0]
+    if np.abs(hold.time_s - even).max() <= EVEN_BINS * step:
+        key = (n, hold.step_s, round(float(hold.time_s[0]), 4), tuple(rates.tolist()))
+        columns, scale = _even_columns(*key), np.ones(n)
+    else:
+        key, scale = None, np.sqrt(hold.weight)
+        columns = _columns(hold.time_s, rates) * scale[:, None, None]
+    along = np.tensordot(null.residual_pa * scale, columns, 1)[:, [0, columns.shape[2] // 2]]
+    steady = columns[:, int(np.argmax(np.linalg.norm(along, axis=1)))]
+    members = family(hold.step_s)
+    rests = [_rest(hold.signal_pa * scale, nuisance * scale[:, None], m, dof) for m in members]
+    beside = [
+        _rest(hold.signal_pa * scale, np.hstack([nuisance * scale[:, None], steady]), m, dof)
+        for m in members
+    ]
+    count = SHAPE_HARMONICS if n >= SHORT else 1
+    finest = FINEST * (n - 1) / max(hold.span_s, 1e-9)
+    seen = rates[:, None] * np.arange(1, count + 1) <= finest
+    best, best_beside = (max(r.without for r in some) for some in (rests, beside))
+    found = []
+    for i, (noise, rest, other) in enumerate(zip(members, rests, beside, strict=True)):
+        behind = max(rest.without - best, other.without - best_beside)
+        if i and behind < -FAR_BEHIND:
+            continue
+        white = _even_white(*key, i) if key else np.moveaxis(noise.whiten(columns), 0, 1)
+        found.append(_look(noise, rest, white, seen, dof))
+    return found
+
+
+def _columns(time_s: Array, rates: Array) -> Array:
+    """Harmonics (n, r, 2 count) of each rate."""
+    count = SHAPE_HARMONICS if len(time_s) >= SHORT else 1
+    return np.stack([harmonics(time_s, rate, count) for rate in rates], axis=1)
+
+
+@lru_cache(maxsize=4)
+def _even_columns(n: int, step_s: float, start_s: float, rates: tuple[float, ...]) -> Array:
+    time_s = np.asarray(start_s + step_s * np.arange(n), dtype=float)
+    return _columns(time_s, np.array(rates))
+
+
+@lru_cache(maxsize=48)
+def _even_white(
+    n: int, step_s: float, start_s: float, rates: tuple[float, ...], member: int
+) -> Array:
+    """Whitened harmonics (r, n, 2 count): the same for all holds of a scan."""
+    columns = _even_columns(n, step_s, start_s, rates)
+    return np.ascontiguousarray(np.moveaxis(family(step_s)[member].whiten(columns), 0, 1))
+
+
+def _rest(signal: Array, nuisance: Array, noise: Noise, dof: int) -> _Rest:
+    q, r = np.linalg.qr(noise.whiten(nuisance))
+    y = noise.whiten(signal)
+    y = y - q @ (q.T @ y)
+    det = float(np.log(np.maximum(np.abs(np.diag(r)), 1e-300)).sum())
+    return _Rest(q, y, -0.5 * dof * np.log(max(float(y @ y), 1e-300)) - det)
+
+
+def _look(noise: Noise, rest: _Rest, c: Array, seen: NDArray[np.bool_], dof: int) -> _Look:
+    """One noise's likelihoods. The second free harmonic counts only where it is no larger than a
+    pulse's."""
+    y = rest.y
+    beside = rest.q.T @ c  # (r, k, 2 count)
+    right = np.swapaxes(c, 1, 2) @ y
+    gram = np.swapaxes(c, 1, 2) @ c - np.swapaxes(beside, 1, 2) @ beside
+    rss = max(float(y @ y), 1e-300)
+
+    def ratio(drop: Array) -> Array:
+        return np.asarray(-0.5 * dof * np.log(np.clip(1 - drop / rss, 1e-12, 1.0)))
+
+    along, power = _as_wave(right, gram, seen)
+    drop = (np.maximum(along, 0.0) ** 2 / np.maximum(power, 1e-300)).max(axis=1)
+    size, variance = SWING_MMHG, rss / max(dof, 1)
+    return _Look(noise, rest.without, ratio(drop), ratio(_as_harmonics(right, gram, seen)),
+                 along / (size * variance), power / (size**2 * variance))  # fmt: skip
+
+
+def _as_wave(right: Array, gram: Array, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """The hold along the known shape [mmHg], and the shape's own square, both (r, PHASES).
+
+    ``seen`` (r, count): harmonics that the samples can tell from noise near their Nyquist rate.
+    """
+    count = seen.shape[1]
+    order = np.arange(1, count + 1)
+    turn = np.linspace(0, 2 * np.pi, PHASES, endpoint=False)[:, None]
+    turned = PHASES_RAD[:count] + order * turn
+    size = AMPLITUDES_MMHG[:count] * seen[:, None, :]
+    shape = np.concatenate([size * np.cos(turned), -size * np.sin(turned)], axis=2)
+    along = shape @ right[..., None]
+    return np.asarray(along[..., 0]), np.asarray(((shape @ gram) * shape).sum(axis=2))
+
+
+def _as_harmonics(right: Array, gram: Array, seen: NDArray[np.bool_]) -> Array:
+    """What the first one or two harmonics explain (r,)."""
+    count = seen.shape[1]
+    _, one = _explained(right, gram, [0, count])
+    if count == 1:
+        return one
+    a, two = _explained(right, gram, [0, 1, count, count + 1])
+    size = np.hypot(a[:, :2], a[:, 2:])
+    pulse_like = seen[:, 1] & (size[:, 1] <= MOST_SECOND * size[:, 0])
+    return np.asarray(np.where(pulse_like, two, one))
+
+
+def _explained(right: Array, gram: Array, chosen: list[int]) -> tuple[Array, Array]:
+    """Coefficients (r, k) of least squares on the ``chosen`` columns, and what they explain."""
+    b, g = right[:, chosen], gram[:, chosen][:, :, chosen]
+    ridge = 1e-9 * np.trace(g, axis1=1, axis2=2)[:, None, None] * np.eye(len(chosen))
+    solved = np.linalg.solve(g + ridge, b[..., None])[..., 0]
+    return solved, (b * solved).sum(axis=1)

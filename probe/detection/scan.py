@@ -1,0 +1,184 @@
+"""From a recording to its finding: presses, rows, objects, and over a grid a vessel's course."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from probe.core.recording import Recording
+from probe.detection.few_stations import lone_vessel, pulsing_place
+from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
+from probe.detection.heart_rate import heart_rate
+from probe.detection.map.bumps import MIN_STATIONS
+from probe.detection.map.open_row import only_settled
+from probe.detection.map.row_objects import line_of, objects_in
+from probe.detection.map.vessel_tracking import across_rows
+from probe.detection.pulse.presses import Press, presses_of
+
+ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
+"""Which object's kind is the whole finding's: the one that a person would act on."""
+
+SHOWN_SIGMAS = 5.0
+"""Standard deviations of its size above which a pulse shows."""
+HEALTHY_PULSE_N = 0.0455
+"""Pulse of the paper's healthy artery (TIHA), pressed 2.5 mm by a finger 10 mm long, between 80 and
+120 mmHg (`palpate press TIHA --x 32 --depth 2.5 --pressure 80 --pressure 120`)."""
+
+
+def detect(
+    recording: Recording, *, false_alarm: float = 0.01, asked_pa: float | None = None
+) -> Finding:
+    """What lies beneath a scan, and where.
+
+    ``false_alarm`` is the chance that a scan over nothing finds something: half of it is spent on
+    the pulse, half on the level map. ``asked_pa`` is the smallest pulse, trough to crest, that
+    "nothing" is to rule out: where the scan would not have shown it, the finding is "cannot see".
+    By default it is that of the paper's healthy artery on this probe's face. Works on real and
+    simulated recordings alike. Never raises for what was recorded: a press that cannot be judged is
+    a station with a ``note``.
+    """
+    if not 0 < false_alarm < 1:
+        raise ValueError(f"false_alarm is {false_alarm:g}; it is a chance between 0 and 1")
+    if asked_pa is None:
+        asked_pa = HEALTHY_PULSE_N / recording.face_m2
+    elif not asked_pa > 0:
+        raise ValueError(f"asked_pa is {asked_pa:g}; it is a pulse in Pa, more than 0")
+    rows = recording.rows()
+    in_rows = max((len(r) for r in rows), default=0) >= MIN_STATIONS
+    presses = presses_of(recording, false_alarm / 2 if in_rows else false_alarm)
+    judged = [[i for i in row if presses[i].pulse is not None] for row in rows]
+    unfinished = recording.finish != "completed"
+    if max((len(row) for row in judged), default=0) >= MIN_STATIONS:
+        objects = _in_rows(recording, presses, judged, false_alarm, unfinished)
+    elif found := lone_vessel(presses, rows):
+        objects = [found]
+    else:
+        objects = pulsing_place(presses, unfinished)
+    objects = [*objects, *_disturbed(presses)]
+    objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
+    stations = tuple(_station(p) for p in presses)
+    needed_pa = _needed_pa(presses)
+    kind = _whole(objects, presses, unfinished and len(recording.stations) > 1)
+    if kind == "nothing" and needed_pa > asked_pa:
+        kind = "cannot see"
+    reason = _reason(kind, objects, presses, (needed_pa, asked_pa), in_rows)
+    return Finding(
+        kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
+        heart_rate(presses),
+    )  # fmt: skip
+
+
+def _in_rows(
+    recording: Recording, presses: tuple[Press, ...], rows: list[list[int]], false_alarm: float,
+    unfinished: bool,
+) -> list[ObjectFinding]:  # fmt: skip
+    """The objects of all rows. Of an unfinished scan the row of the last station is open."""
+    last = max(range(len(presses)), key=lambda i: presses[i].station.index)
+    found = []
+    for row in rows:
+        if not row:
+            continue
+        line = line_of(tuple(presses[i] for i in row))
+        pulsing = [presses[i] for i in row if presses[i].pulsing]
+        asked = [p.cause.pulse for p in pulsing if p.cause is not None]
+        sure = max(asked, default=stated(1.0)) if pulsing else None
+        objects = objects_in(line, sure, false_alarm / len(rows))
+        if unfinished and last in row:
+            objects = only_settled(objects, line, presses[last].station.x_m)
+        found.append((recording.stations[row[0]].y_m, objects))
+    return across_rows(found, _pitch_m(recording))
+
+
+def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
+    """Where something moves that may be a pulse or not: undecided, with what would decide it.
+
+    Nothing is said of it where another press has a pulse: then the disturbed one is only noted.
+    """
+    moved = [p for p in presses if p.cause is not None and not p.pulsing]
+    if not moved or any(p.pulsing for p in presses):
+        return []
+    one = min(moved, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
+    assert one.cause is not None
+    rival = one.cause.rival
+    advice = {
+        "breathing": "let the breath be held for one hold",
+        "motion": "repeat the press without moving",
+        "a steady line": "switch the machine off or record a reference (PPG or ECG)",
+        "tremor": "support the probe or sample faster",
+    }[rival]
+    x_m = one.station.x_m
+    return [ObjectFinding(
+        "undecided", x_m, (x_m, x_m), float("nan"), one.size_pa, one.cause.pulse,
+        f"something moves at station {one.station.index}: a pulse with {100 * one.cause.pulse:.0f} "
+        f"%, {rival} with {100 * one.cause.share[rival]:.0f} %; {advice}, or hold longer",
+    )]  # fmt: skip
+
+
+def _pitch_m(recording: Recording) -> float:
+    x_m = np.unique([round(s.x_m, 6) for s in recording.stations if np.isfinite(s.x_m)])
+    return float(np.median(np.diff(x_m))) if len(x_m) > 1 else 0.0
+
+
+def _needed_pa(presses: tuple[Press, ...]) -> float:
+    """The smallest pulse that most presses would have shown; NaN where none can be judged."""
+    size_sd = [p.pulse.size_sd_pa for p in presses if p.pulse is not None]
+    return SHOWN_SIGMAS * float(np.median(size_sd)) if size_sd else float("nan")
+
+
+def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished: bool) -> Kind:
+    if not any(p.pulse is not None for p in presses):
+        return "undecided"
+    kinds = {one.kind for one in objects}
+    return next((kind for kind in ORDER if kind in kinds), "undecided" if unfinished else "nothing")
+
+
+def _reason(
+    kind: Kind, objects: list[ObjectFinding], presses: tuple[Press, ...],
+    bounds_pa: tuple[float, float], in_rows: bool,
+) -> str:  # fmt: skip
+    """Why, in a sentence; for a finding of nothing, how much could still be hidden."""
+    judged = [p for p in presses if p.pulse is not None]
+    if not judged:
+        if presses and not any(p.touched for p in presses):
+            return (
+                f"no contact: none of {len(presses)} presses met anything; check the height of the "
+                "surface, the tare and that the sensor answers"
+            )
+        first = next((p.note for p in presses if p.note), "the recording has no complete station")
+        return f"no press can be judged: {first}"
+    told = "; ".join(dict.fromkeys(one.reason for one in objects if one.reason))
+    if objects:
+        return told
+    needed_pa, asked_pa = bounds_pa
+    if kind == "undecided":
+        x_mm = sorted(1e3 * p.station.x_m for p in judged)
+        return f"the row is not finished; nothing between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet"
+    if kind == "cannot see":
+        return (
+            f"a pulse of {asked_pa:.2g} Pa was asked for and one of {needed_pa:.2g} Pa would have "
+            "shown: hold for more beats, repeat, or take a quieter sensor or a larger face"
+        )
+    text = f"no pulse (one of {needed_pa:.2g} Pa would have shown)"
+    if in_rows:
+        return f"{text}, and no place stiffer or softer than its surroundings"
+    return f"{text}; a lump would need a row of {MIN_STATIONS} stations or more to show"
+
+
+def _station(press: Press) -> StationFinding:
+    s, p = press.station, press.pulse
+    note = press.note
+    if press.cause is not None and not press.pulsing:
+        moved = f"what moves is more likely {press.cause.rival} than a pulse"
+        if press.cause.pulse < press.cause.share[press.cause.rival]:
+            note = f"{note}; {moved}" if note else moved
+    found = StationFinding(s.index, s.x_m, s.y_m, press.clipped, note)
+    if p is None:
+        return found
+    return replace(
+        found,
+        baseline_pa=p.baseline_pa,
+        baseline_sd_pa=p.baseline_sd_pa,
+        pulse_pa=p.size_pa,
+        pulse_sd_pa=p.size_sd_pa,
+        rate_hz=p.rate_hz,
+        p_value=p.p_value,
+    )

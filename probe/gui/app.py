@@ -1,0 +1,107 @@
+"""The entries of `palpate live` and `palpate replay`; each call is a process of its own."""
+
+import os
+import threading
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from probe.acquisition.remote import ask
+from probe.core.events import Event
+from probe.gui.replay import PairWindow, ReplayWindow
+from probe.gui.state import ViewState
+from probe.gui.style import application
+from probe.gui.window import RunWindow
+
+READ_BUDGET_S = 0.015  # of a frame of 33 ms
+FINISHED_POLL_S = 1.0
+"""A finished run is looked at once a second: it may be resumed."""
+AFTER_THE_SCAN = 5
+"""Nice value of the window: drawing and detection take only what the scan leaves."""
+
+
+class Follower:
+    """Takes events into a state for at most `READ_BUDGET_S` per frame.
+
+    ``events`` yields None whenever nothing new is there yet. Falling behind costs only
+    lateness: the events stay in the run file until they are read.
+    """
+
+    def __init__(self, events: Iterator[Event | None]) -> None:
+        self._events = events
+        self._again_s = 0.0
+        self.state = ViewState()
+
+    def __call__(self) -> ViewState:
+        now = perf_counter()
+        if self.state.finish is not None and now < self._again_s:
+            return self.state
+        self._again_s = now + FINISHED_POLL_S
+        until = now + READ_BUDGET_S
+        while perf_counter() < until:
+            event = next(self._events, None)
+            if event is None:
+                break
+            self.state.update(event)
+        return self.state
+
+
+class Detective:
+    """Runs detection beside the window whenever another station is complete."""
+
+    def __init__(self, run_path: Path, state: ViewState) -> None:
+        self._run_path, self._state = run_path, state
+        self._looked_at = 0
+        self._worker: threading.Thread | None = None
+        self.latest: Mapping[str, Any] | None = None
+
+    def __call__(self) -> Mapping[str, Any] | None:
+        complete = len(self._state.complete)
+        idle = self._worker is None or not self._worker.is_alive()
+        if idle and complete > self._looked_at:
+            self._looked_at = complete
+            self._worker = threading.Thread(target=self._look, daemon=True)
+            self._worker.start()
+        return self.latest
+
+    def _look(self) -> None:
+        from probe.detection import detect  # here: a window without detection opens faster
+        from probe.storage.run import open_run
+
+        self.latest = detect(open_run(self._run_path).recording()).as_json()
+
+
+def run_live(run_path: Path) -> int:
+    """Follow a run file, growing or finished, until the window is closed; the exit status."""
+    from probe.storage.run import follow
+
+    with suppress(AttributeError):  # not on Windows
+        os.nice(AFTER_THE_SCAN)
+    app = application()
+    follower = Follower(follow(run_path))
+    window = RunWindow(
+        run_path,
+        follower,
+        Detective(run_path, follower.state),
+        lambda word: ask(run_path, word),
+    )
+    window.show()
+    return app.exec()
+
+
+def run_replay(run_path: Path, beside: Path | None = None) -> int:
+    """Replay one run, or two side by side, until the window is closed; the exit status."""
+    from probe.storage.run import open_run
+
+    app = application()
+    events = list(open_run(run_path).events())
+    window: ReplayWindow | PairWindow
+    if beside is None:
+        window = ReplayWindow(run_path, events)
+    else:
+        other = list(open_run(beside).events())
+        window = PairWindow((run_path.name, beside.name), (events, other))
+    window.show()
+    return app.exec()

@@ -1,0 +1,100 @@
+"""What lies under the probe, drawn to scale: outlines of the scene and the rigid finger."""
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+
+from probe.gui.state import ViewState
+from probe.gui.style import plot
+from probe.report.look import GREEN, INK, ORANGE, PINK
+from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
+from sim_backend.scene.scene_file import Artery, Scene
+
+LIFT_MM = 6.0  # room above the surface: a scan's clearance and a little more
+CIRCLE = np.linspace(0, 2 * np.pi, 61)
+
+
+def finger_outline(indenter: Indenter) -> tuple[np.ndarray, np.ndarray]:
+    """The finger's underside (x, y) [mm], its lowest point at the origin."""
+    if not isinstance(indenter, Flat | Punch):
+        r = indenter.radius_mm
+        return r * np.cos(CIRCLE), r + r * np.sin(CIRCLE)
+    half, edge = indenter.width_mm_projected / 2, indenter.edge_radius_mm
+    turn = np.linspace(0, np.pi / 2, 12)
+    right = half - edge + edge * np.sin(turn), edge - edge * np.cos(turn)
+    x = np.concatenate([[-half], -right[0][::-1], right[0], [half]])
+    y = np.concatenate([[3 * edge + 4], right[1][::-1], right[1], [3 * edge + 4]])
+    return x, y
+
+
+def draw_scene(area: pg.PlotItem, scene: Scene) -> None:
+    """Outlines of block, vessels and lumps; heights in mm above the support."""
+    top = scene.surface_mm
+    if scene.tissue is not None:
+        w = scene.tissue.width_mm
+        area.plot([0, w, w, 0, 0], [0, 0, top, top, 0], pen=pg.mkPen(INK, width=2))
+    for one in scene.inclusion:
+        y = top - one.depth_mm if scene.tissue is not None else top / 2
+        radii = [one.outer_radius_mm]
+        colour = PINK
+        if isinstance(one, Artery):
+            inner = one.inner_diameter_mm / 2
+            radii.append(inner)
+            if one.stenosis is not None:
+                radii.append(inner * (1 - one.stenosis.fraction))
+            colour = ORANGE
+        for r in radii:
+            area.plot(
+                one.x_mm + r * np.cos(CIRCLE), y + r * np.sin(CIRCLE), pen=pg.mkPen(colour, width=2)
+            )
+
+
+def frame_scene(area: pg.PlotItem, scene: Scene) -> None:
+    """Keep the view on ``scene`` with a lifted finger, wherever the finger goes."""
+    x, y = finger_outline(scene.indenter)
+    if scene.tissue is not None:
+        left, right = 0.0, scene.tissue.width_mm
+    else:
+        ends = [(one.x_mm - one.outer_radius_mm, one.x_mm + one.outer_radius_mm)
+                for one in scene.inclusion]  # fmt: skip
+        left, right = min(e[0] for e in ends), max(e[1] for e in ends)
+    area.setXRange(left + x.min() / 2, right + x.max() / 2, padding=0)
+    area.setYRange(-1.0, scene.surface_mm + LIFT_MM + y.max(), padding=0)
+
+
+class BodyPanel(QWidget):
+    """Where the probe is over the section; without a known scene, over a plain surface."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.area = plot("", ("x", "mm"), ("height", "mm"))
+        self.area.setAspectLocked(True)
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        layout.addWidget(self.area)
+        self.finger = self.area.plot([], [], pen=pg.mkPen(GREEN, width=3))
+        self._drawn: object = None
+        self._top_mm = 0.0
+        self._outline = finger_outline(Cylinder())
+
+    def show_state(self, state: ViewState) -> None:
+        if state.started_utc and self._drawn != state.started_utc:
+            self._drawn = state.started_utc
+            self._scene(state)
+        tip = state.tip_m()
+        if tip is not None:
+            x, y = self._outline
+            self.finger.setData(x + 1e3 * tip[0], y + self._top_mm + 1e3 * tip[2])
+
+    def _scene(self, state: ViewState) -> None:
+        written = state.config.get("scene")
+        if written:
+            scene = Scene.model_validate(written)
+            self.area.setTitle(f"{scene.name} (known section)")
+            draw_scene(self.area.getPlotItem(), scene)
+            frame_scene(self.area.getPlotItem(), scene)
+            self._top_mm, self._outline = scene.surface_mm, finger_outline(scene.indenter)
+        else:
+            self.area.setTitle("Section unknown: the surface only")
+            ends = [p.x_mm for p in state.plan] or [0.0, 1.0]
+            self.area.plot([min(ends), max(ends)], [0, 0], pen=pg.mkPen(INK, width=2))

@@ -1,0 +1,194 @@
+"""Feel the phantom: press with the mouse or the arrow keys and see what the probe would feel."""
+
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import Future, ProcessPoolExecutor
+from multiprocessing import get_context
+from time import perf_counter
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtCore import QEvent, QObject, Qt, QTimer
+from PySide6.QtGui import QKeyEvent, QMouseEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+
+from probe.core.processes import leave_with_parent
+from probe.gui.body import draw_scene, finger_outline, frame_scene
+from probe.gui.maps import HeatMap
+from probe.gui.style import application, label, plot
+from probe.gui.table import Table, solve
+from probe.report.look import BLUE, GREEN, ORANGE
+from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG, load_wave
+
+FRAME_MS = 16
+PLACE_MM = 2.0  # places are solved on this grid; the probe snaps to it
+MAX_DEPTH_MM = 2.5
+LIFTED_MM = -2.0
+KEY_DEPTH_MM = 0.1
+HISTORY_S = 6.0
+
+Prepare = Callable[[float], "Future[Table]"]
+"""Begins to solve the place at x [mm]."""
+
+
+class FeelWindow(QWidget):
+    """``prepare`` is asked once for each place; until it answers the window says so."""
+
+    def __init__(self, scene: Scene, prepare: Prepare) -> None:
+        super().__init__()
+        self.setWindowTitle(f"palpate feel: {scene.name}")
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.scene, self._prepare = scene, prepare
+        self._wave = load_wave(scene.pulse)
+        self._places: dict[float, Future[Table]] = {}
+        middle = scene.inclusion[0].x_mm if scene.inclusion else 32.0
+        width = scene.tissue.width_mm if scene.tissue is not None else 2 * middle
+        self._reach_mm = (PLACE_MM, width - PLACE_MM)
+        self.x_mm = self._snap(middle)
+        self.depth_mm = LIFTED_MM
+        self._began_s = perf_counter()
+        self.history: deque[tuple[float, float, float]] = deque()
+        self._build(scene)
+        self.resize(1280, 700)
+        self.timer = QTimer(self)
+        self.timer.timeout.connect(self.frame)
+        self.timer.start(FRAME_MS)
+
+    def _build(self, scene: Scene) -> None:
+        head = QLabel("SIMULATED: the phantom " + scene.name)
+        head.setObjectName("simulated")
+        help_text = QLabel(
+            "Hold the left mouse button and drag over the section, or use the arrow keys: "
+            "left and right move, down presses, up lifts."
+        )
+        help_text.setWordWrap(True)
+        self.readout, self.status = QLabel(), QLabel()
+        self.readout.setObjectName("finding")
+        self.section = HeatMap("", "von Mises [kPa]")
+        label(self.section.plot, ("x", "mm"), ("height", "mm"))
+        draw_scene(self.section.plot, scene)
+        frame_scene(self.section.plot, scene)
+        self.finger = self.section.plot.plot([], [], pen=pg.mkPen(GREEN, width=3))
+        self.contact = self.section.plot.plot([], [], pen=pg.mkPen(ORANGE, width=5))
+        self.section.scene().installEventFilter(self)
+        self.section.viewport().installEventFilter(self)
+        self.force = plot("", ("time before now", "s"), ("force", "N"))
+        self.force_curve = self.force.plot(pen=pg.mkPen(BLUE, width=2))
+        self.pulse = plot("", ("time before now", "s"), ("lumen pressure", "mmHg"))
+        self.pulse_curve = self.pulse.plot(pen=pg.mkPen(ORANGE, width=2))
+        self.force.setXRange(-HISTORY_S, 0, padding=0)
+        self.pulse.setXLink(self.force)
+        pulse = scene.pulse
+        self.pulse.setYRange(pulse.diastolic_mmhg, pulse.systolic_mmhg)
+        curves = QVBoxLayout()
+        curves.addWidget(self.force, 3)
+        curves.addWidget(self.pulse, 2)
+        middle = QHBoxLayout()
+        middle.addWidget(self.section, 3)
+        middle.addLayout(curves, 2)
+        layout = QVBoxLayout(self)
+        layout.addWidget(head)
+        layout.addWidget(help_text)
+        layout.addLayout(middle, 1)
+        layout.addWidget(self.readout)
+        layout.addWidget(self.status)
+
+    def touch(self, x_mm: float, depth_mm: float) -> None:
+        """Put the probe over ``x_mm`` at ``depth_mm``, both held to what can be reached."""
+        self.x_mm = self._snap(x_mm)
+        self.depth_mm = float(np.clip(depth_mm, LIFTED_MM, MAX_DEPTH_MM))
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        if watched is self.section.viewport() and isinstance(event, QMouseEvent):
+            if event.type() is QEvent.Type.MouseButtonRelease:
+                self.touch(self.x_mm, LIFTED_MM)
+                return True
+            if event.buttons() & Qt.MouseButton.LeftButton:
+                on_scene = self.section.mapToScene(event.position().toPoint())
+                at = self.section.plot.vb.mapSceneToView(on_scene)
+                self.touch(at.x(), self.scene.surface_mm - at.y())
+                return True
+        return super().eventFilter(watched, event)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        step = {
+            Qt.Key.Key_Left: (-PLACE_MM, 0.0),
+            Qt.Key.Key_Right: (PLACE_MM, 0.0),
+            Qt.Key.Key_Down: (0.0, KEY_DEPTH_MM),
+            Qt.Key.Key_Up: (0.0, -KEY_DEPTH_MM),
+        }.get(Qt.Key(event.key()))
+        if step is None:
+            super().keyPressEvent(event)
+        else:
+            self.touch(self.x_mm + step[0], self.depth_mm + step[1])
+
+    def frame(self) -> None:
+        """Draw the present press; never waits for a solution."""
+        now_s = perf_counter() - self._began_s
+        pressure_pa = float(self._wave.pressure_pa(np.array([now_s]))[0])
+        x, y = finger_outline(self.scene.indenter)
+        self.finger.setData(x + self.x_mm, y + self.scene.surface_mm - self.depth_mm)
+        table = self._table()
+        if table is None:
+            self.section.image.clear()
+            self.contact.setData([], [])
+            return
+        felt = table.press(max(self.depth_mm, 0.0) * 1e-3, pressure_pa)
+        dx, dy = table.x_mm[1] - table.x_mm[0], table.y_mm[1] - table.y_mm[0]
+        box = (table.x_mm[0] - dx / 2, table.y_mm[0] - dy / 2,
+               dx * len(table.x_mm), dy * len(table.y_mm))  # fmt: skip
+        self.section.show_table(table.picture(felt) / 1e3, box, (0.0, table.highest_pa / 1e3))
+        self._numbers(now_s, pressure_pa, felt.force_n, felt.contact_mm)
+
+    def _numbers(
+        self, now_s: float, pressure_pa: float, force_n: float, contact_mm: tuple[float, float]
+    ) -> None:
+        pressing = self.depth_mm > 0
+        force_n = force_n if pressing else 0.0
+        wide = contact_mm[1] - contact_mm[0] if pressing else 0.0
+        height = self.scene.surface_mm - self.depth_mm
+        self.contact.setData(contact_mm if pressing else [], [height] * 2 if pressing else [])
+        self.history.append((now_s, force_n, pressure_pa / PA_PER_MMHG))
+        while self.history[0][0] < now_s - HISTORY_S:
+            self.history.popleft()
+        t, force, pressure = np.array(self.history).T
+        self.force_curve.setData(t - now_s, force)
+        self.pulse_curve.setData(t - now_s, pressure)
+        self.readout.setText(
+            f"x {self.x_mm:.0f} mm   depth {max(self.depth_mm, 0):.2f} mm   force {force_n:.3f} N"
+            f"   stress {force_n / self.scene.face_mm2 * 1e3:.2f} kPa   contact {wide:.1f} mm"
+        )
+
+    def _table(self) -> Table | None:
+        if self.x_mm not in self._places:
+            self._places[self.x_mm] = self._prepare(self.x_mm)
+        place = self._places[self.x_mm]
+        if not place.done():
+            self.status.setText(f"Solving x = {self.x_mm:.0f} mm; other places stay ready")
+            return None
+        error = place.exception()
+        if error is not None:
+            self.status.setText(f"x = {self.x_mm:.0f} mm: {error}; press elsewhere")
+            return None
+        self.status.setText("")
+        return place.result()
+
+    def _snap(self, x_mm: float) -> float:
+        return float(np.clip(PLACE_MM * round(x_mm / PLACE_MM), *self._reach_mm))
+
+
+def run_feel(scene: Scene) -> int:
+    """Feel ``scene`` until the window is closed; the exit status.
+
+    Solving runs in a process of its own, so that no frame waits for it.
+    """
+    app = application()
+    with ProcessPoolExecutor(
+        1, mp_context=get_context("spawn"), initializer=leave_with_parent
+    ) as solver:
+        window = FeelWindow(scene, lambda x_mm: solver.submit(solve, scene, x_mm, MAX_DEPTH_MM))
+        window.show()
+        status = app.exec()
+        solver.shutdown(wait=False, cancel_futures=True)
+    return status

@@ -1,0 +1,183 @@
+"""The tactile map while it grows: a line for a row, a heat map for a grid, an image for taxels."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pyqtgraph as pg
+from numpy.typing import NDArray
+from PySide6.QtWidgets import QStackedWidget, QVBoxLayout, QWidget
+
+from probe.gui.state import ViewState
+from probe.gui.style import heat, label, plot
+from probe.report.look import BLUE, ORANGE
+
+Array = NDArray[np.float64]
+
+
+class Levels(NamedTuple):
+    """One scale for several runs: the lowest and highest baseline and the highest pulse [Pa]."""
+
+    low_pa: float
+    high_pa: float
+    pulse_pa: float
+
+
+class LineMap(QWidget):
+    """Baseline above, pulse below, over one row of stations."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        self.base = plot("Tactile map", ("x", "mm"), ("baseline", "kPa"))
+        self.beat = plot("", ("x", "mm"), ("pulse", "Pa"))
+        self.beat.setXLink(self.base)
+        self.base_curve = self.base.plot(pen=pg.mkPen(BLUE, width=2), symbol="o", symbolBrush=BLUE)
+        self.beat_curve = self.beat.plot(
+            pen=pg.mkPen(ORANGE, width=2), symbol="s", symbolBrush=ORANGE
+        )
+        for each in (self.base, self.beat):
+            layout.addWidget(each)
+
+    def show_state(self, state: ViewState, levels: Levels | None) -> None:
+        rows = [(p.x_mm, *state.maps[p.index]) for p in state.plan if p.index in state.maps]
+        if state.plan:
+            ends = [p.x_mm for p in state.plan]
+            self.base.setXRange(min(ends), max(ends), padding=0.05)
+        x, base, beat = np.array(rows or np.empty((0, 3))).reshape(-1, 3).T
+        order = np.argsort(x)
+        self.base_curve.setData(x[order], base[order] / 1e3)
+        self.beat_curve.setData(x[order], beat[order])
+        if levels is not None:
+            self.base.setYRange(levels.low_pa / 1e3, levels.high_pa / 1e3)
+            self.beat.setYRange(0.0, levels.pulse_pa)
+
+
+class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships no types
+    """An image in true proportions with a colour bar; ``y`` upwards."""
+
+    def __init__(self, title: str, unit: str) -> None:
+        super().__init__()
+        self.plot = self.addPlot(title=title)
+        self.plot.setAspectLocked(True)
+        self.plot.setMouseEnabled(x=False, y=False)
+        self.plot.setMenuEnabled(False)
+        self.plot.hideButtons()
+        self._box: tuple[float, float, float, float] | None = None
+        self.image = pg.ImageItem(axisOrder="row-major")
+        self.plot.addItem(self.image)
+        self.bar = pg.ColorBarItem(colorMap=heat(), label=unit, interactive=False)
+        self.bar.setImageItem(self.image, insert_in=self.plot)
+
+    def show_table(
+        self,
+        table: Array,
+        box: tuple[float, float, float, float],
+        scale: tuple[float, float] | None = None,
+    ) -> None:
+        """``table`` (rows, columns) over ``box`` (left, bottom, width, height); NaN is empty."""
+        known = table[np.isfinite(table)]
+        low, high = scale or ((known.min(), known.max()) if len(known) else (0.0, 1.0))
+        self.image.setImage(table, autoLevels=False)
+        ends = (low, high if high > low else low + 1e-9)
+        if ends != self.bar.levels():  # setting what is set would redraw the axes
+            self.bar.setLevels(ends)
+        if box != self._box:
+            self._box = box
+            self.image.setRect(*box)
+
+
+class MapPanel(QStackedWidget):
+    """Whichever map fits the run."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._known: GridMap | None = None
+        self._levels: Levels | None = None
+        self.line = LineMap()
+        self.grid = HeatMap("Tactile map", "baseline [kPa]")
+        self.grid_pulse = HeatMap("", "pulse [Pa]")
+        self.area = QWidget()
+        both = QVBoxLayout(self.area)
+        both.setContentsMargins(0, 0, 0, 0)
+        for image in (self.grid, self.grid_pulse):
+            label(image.plot, ("x", "mm"), ("y", "mm"))
+            both.addWidget(image)
+        self.taxels = HeatMap("Taxels now", "stress [kPa]")
+        label(self.taxels.plot, ("taxel column", "number"), ("taxel row", "number"))
+        for each in (self.line, self.area, self.taxels):
+            self.addWidget(each)
+
+    def show_state(self, state: ViewState, levels: Levels | None = None) -> None:
+        """Draw the run so far; ``levels`` [Pa] fix the scale (for two runs side by side)."""
+        if state.is_grid:
+            self.setCurrentWidget(self.area)
+            self._show_grid(state, levels)
+        elif len(state.taxels_pa) > 1 and len(state.plan) < 2:
+            self.setCurrentWidget(self.taxels)
+            table = taxel_table(state.taxels_pa)
+            self.taxels.show_table(table / 1e3, (0, 0, table.shape[1], table.shape[0]))
+        else:
+            self.setCurrentWidget(self.line)
+            self.line.show_state(state, levels)
+
+    def _show_grid(self, state: ViewState, levels: Levels | None) -> None:
+        """Large grids take long to draw: only when something is new."""
+        new = self._known is None or self._known.state is not state
+        if new:
+            self._known = GridMap(state)
+        assert self._known is not None
+        if self._known.follow() or new or levels != self._levels:
+            self._levels = levels
+            scale = None if levels is None else (levels.low_pa / 1e3, levels.high_pa / 1e3)
+            self.grid.show_table(self._known.table / 1e3, self._known.box, scale)
+            pulses = None if levels is None else (0.0, levels.pulse_pa)
+            self.grid_pulse.show_table(self._known.pulses, self._known.box, pulses)
+
+
+class GridMap:
+    """A grid's baselines ``table`` and ``pulses`` (rows, columns) [Pa], NaN where not pressed yet.
+
+    They lie over ``box`` (left, bottom, width, height) [mm].
+    """
+
+    def __init__(self, state: ViewState) -> None:
+        xs = sorted({round(p.x_mm, 4) for p in state.plan})
+        ys = sorted({round(p.y_mm, 4) for p in state.plan})
+        column = {x: n for n, x in enumerate(xs)}
+        row = {y: n for n, y in enumerate(ys)}
+        self._cells = {
+            p.index: (row[round(p.y_mm, 4)], column[round(p.x_mm, 4)]) for p in state.plan
+        }
+        self.state, self._read = state, 0
+        self.table = np.full((len(ys), len(xs)), np.nan)
+        self.pulses = np.full((len(ys), len(xs)), np.nan)
+        dx = (xs[-1] - xs[0]) / max(1, len(xs) - 1) or 1.0
+        dy = (ys[-1] - ys[0]) / max(1, len(ys) - 1) or 1.0
+        self.box = (xs[0] - dx / 2, ys[0] - dy / 2, dx * len(xs), dy * len(ys))
+
+    def follow(self) -> bool:
+        """Take in the stations pressed since the last call; whether there were any."""
+        changed = False
+        for index in self.state.pressed[max(0, self._read - 1) :]:  # the last may have gone on
+            cell, (baseline_pa, pulse_pa) = self._cells[index], self.state.maps[index]
+            changed |= self.table[cell] != baseline_pa or self.pulses[cell] != pulse_pa
+            self.table[cell], self.pulses[cell] = baseline_pa, pulse_pa
+        self._read = len(self.state.pressed)
+        return bool(changed)
+
+
+def taxel_table(values: Array) -> Array:
+    """Taxels (n,) as the most nearly square full table (rows >= columns), row by row."""
+    columns = max(d for d in range(1, math.isqrt(len(values)) + 1) if len(values) % d == 0)
+    return values.reshape(-1, columns)
+
+
+def common_levels(states: tuple[ViewState, ...]) -> Levels | None:
+    """One scale for all the runs; None while there is nothing."""
+    known = [one for state in states for one in state.maps.values()]
+    if not known:
+        return None
+    baselines, pulses = zip(*known, strict=True)
+    return Levels(min(baselines), max(baselines), max(pulses))

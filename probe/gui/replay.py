@@ -1,0 +1,161 @@
+"""A stored run again, at any speed; two runs side by side on one colour scale."""
+
+import bisect
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtWidgets import (
+    QComboBox,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QSlider,
+    QVBoxLayout,
+    QWidget,
+)
+
+from probe.core.events import Event, Samples
+from probe.gui.maps import MapPanel, common_levels
+from probe.gui.state import ViewState
+from probe.gui.window import FRAME_MS, RunWindow
+from probe.report.look import simulated_words
+
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0)
+SLIDER_STEPS = 1000
+
+
+class Player:
+    """Events on a time axis that starts at 0. Raises `ValueError` for a run without events."""
+
+    def __init__(self, events: Sequence[Event]) -> None:
+        if not events:
+            raise ValueError("the run holds no events; `palpate verify` says what is in it")
+        self._events = events
+        self._at_s: list[float] = []
+        latest = first = _time(events[0])
+        for event in events:
+            latest = max(latest, _time(event))
+            self._at_s.append(latest - first)
+        self.length_s = self._at_s[-1]
+        self._next = 0
+        self.state = ViewState()
+
+    def seek(self, at_s: float) -> ViewState:
+        """The state at ``at_s`` after the start; going back replays from the start."""
+        goal = bisect.bisect_right(self._at_s, at_s)
+        if goal < self._next:
+            self.state, self._next = ViewState(), 0
+        for event in self._events[self._next : goal]:
+            self.state.update(event)
+        self._next = goal
+        return self.state
+
+
+class TimeBar(QWidget):
+    """Play, speed and a slider; ``now_s`` advances while it plays."""
+
+    def __init__(self, length_s: float) -> None:
+        super().__init__()
+        self.length_s, self.now_s, self.playing = length_s, 0.0, False
+        self._seen_s = time.monotonic()
+        self.play = QPushButton("&Play")
+        self.play.clicked.connect(self.toggle)
+        self.speed = QComboBox()
+        self.speed.addItems([f"{s:g} x" for s in SPEEDS])
+        self.speed.setCurrentIndex(SPEEDS.index(1.0))
+        self.speed.setAccessibleName("speed")
+        self.slider = QSlider(Qt.Orientation.Horizontal)
+        self.slider.setRange(0, SLIDER_STEPS)
+        self.slider.setAccessibleName("time")
+        self.slider.valueChanged.connect(self._moved)
+        self.clock = QLabel()
+        layout = QHBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        for each in (self.play, self.speed):
+            layout.addWidget(each)
+        layout.addWidget(self.slider, 1)
+        layout.addWidget(self.clock)
+
+    def toggle(self) -> None:
+        """Play or pause; at the end, play from the start."""
+        if not self.playing and self.now_s >= self.length_s:
+            self.now_s = 0.0
+        self.playing = not self.playing
+        self._seen_s = time.monotonic()
+        self.play.setText("&Pause" if self.playing else "&Play")
+
+    def tick(self) -> float:
+        """Advance by the time that passed; returns ``now_s``."""
+        seen_s = time.monotonic()
+        if self.playing:
+            self.now_s += (seen_s - self._seen_s) * SPEEDS[self.speed.currentIndex()]
+            if self.now_s >= self.length_s:
+                self.now_s = self.length_s
+                self.toggle()
+            self.slider.blockSignals(True)
+            self.slider.setValue(round(SLIDER_STEPS * self.now_s / max(self.length_s, 1e-9)))
+            self.slider.blockSignals(False)
+        self._seen_s = seen_s
+        self.clock.setText(f"{self.now_s:.1f} s of {self.length_s:.1f} s")
+        return self.now_s
+
+    def _moved(self, step: int) -> None:
+        self.now_s = self.length_s * step / SLIDER_STEPS
+
+
+class ReplayWindow(RunWindow):
+    """One run with a time bar below."""
+
+    def __init__(self, run_path: Path, events: Sequence[Event]) -> None:
+        player = Player(events)
+        self.bar = TimeBar(player.length_s)
+        super().__init__(run_path, lambda: player.seek(self.bar.tick()))
+        self.setWindowTitle(f"palpate replay: {run_path.name}")
+        self.column.addWidget(self.bar)
+
+
+class PairWindow(QWidget):
+    """Two runs at the same time after their starts; both maps have the same scale."""
+
+    def __init__(self, names: tuple[str, str], runs: tuple[Sequence[Event], Sequence[Event]]):
+        super().__init__()
+        self.setWindowTitle(f"palpate: {names[0]} beside {names[1]}")
+        self.players = tuple(Player(events) for events in runs)
+        self.panels = (MapPanel(), MapPanel())
+        self.heads = (QLabel(names[0]), QLabel(names[1]))
+        self.names = names
+        self.bar = TimeBar(max(p.length_s for p in self.players))
+        sides = QGridLayout()
+        sides.setRowStretch(1, 1)
+        for column, (head, panel) in enumerate(zip(self.heads, self.panels, strict=True)):
+            head.setWordWrap(True)
+            sides.addWidget(head, 0, column)
+            sides.addWidget(panel, 1, column)
+        layout = QVBoxLayout(self)
+        layout.addLayout(sides, 1)
+        layout.addWidget(self.bar)
+        self.resize(1280, 700)
+        self.timer = QTimer(self)
+        self.timer.timeout.connect(self.frame)
+        self.timer.start(FRAME_MS)
+
+    def frame(self) -> None:
+        """Draw both runs at the bar's time."""
+        now_s = self.bar.tick()
+        states = tuple(player.seek(now_s) for player in self.players)
+        levels = common_levels(states)
+        for name, head, panel, state in zip(
+            self.names, self.heads, self.panels, states, strict=True
+        ):
+            head.setText(" — ".join(filter(None, (name, simulated_words(state.simulated)))))
+            panel.show_state(state, levels)
+
+
+def _time(event: Event) -> float:
+    """When an event happened; a block is known at its last sample, an empty one at no time."""
+    if isinstance(event, Samples):
+        return float(event.block.time_s[-1]) if len(event.block.time_s) else float("-inf")
+    return event.time_s

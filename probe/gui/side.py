@@ -1,0 +1,153 @@
+"""The column beside the maps: finding, devices, time left, and the controls."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt
+from PySide6.QtGui import QKeyEvent
+from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+
+from probe.acquisition.remote import NotRunning
+from probe.core.events import Finish, Phase
+from probe.gui.state import ViewState
+from probe.report.look import GREEN, ORANGE, simulated_words
+
+Ask = Callable[[str], None]
+"""Passes pause, resume, abort or stop to the scan; raises `NotRunning`."""
+
+
+class SpaceBar(QObject):
+    """Calls ``act`` on every press of the space bar, whatever has the focus.
+
+    A shortcut would not do: a focused button takes the space bar for itself.
+    """
+
+    def __init__(self, act: Callable[[], None], parent: QObject) -> None:
+        super().__init__(parent)
+        self._act = act
+        app = QCoreApplication.instance()
+        assert app is not None  # a widget cannot exist without one
+        app.installEventFilter(self)
+
+    def eventFilter(self, _watched: QObject, event: QEvent) -> bool:
+        if event.type() is not QEvent.Type.KeyPress or not isinstance(event, QKeyEvent):
+            return False
+        if event.key() != Qt.Key.Key_Space or event.isAutoRepeat():
+            return False
+        self._act()
+        return True
+
+
+class SidePanel(QWidget):
+    """Without ``ask`` (a replay) there are no controls."""
+
+    def __init__(self, ask: Ask | None) -> None:
+        super().__init__()
+        self._ask = ask
+        layout = QVBoxLayout(self)
+        self.simulated, self.fault = _label("simulated"), _label("fault")
+        self.finding, self.objects = _label("finding"), _label("objects")
+        self.progress, self.devices, self.answer = (
+            _label("progress"),
+            _label("devices"),
+            _label("answer"),
+        )
+        for each in (self.simulated, self.fault, self.finding, self.objects):
+            layout.addWidget(each)
+        layout.addWidget(self.progress)
+        layout.addWidget(self.devices)
+        layout.addStretch(1)
+        layout.addWidget(self.answer)
+        self.buttons: dict[str, QPushButton] = {}
+        if ask is not None:
+            layout.addLayout(self._controls())
+        self.simulated.hide()
+        self.fault.hide()
+
+    def _controls(self) -> QGridLayout:
+        grid = QGridLayout()
+        for column, word in enumerate(("pause", "resume", "abort")):
+            self._button(word, f"&{word.capitalize()}")
+            grid.addWidget(self.buttons[word], 0, column)
+        self._button("stop", "STOP  (space bar)")
+        grid.addWidget(self.buttons["stop"], 1, 0, 1, 3)
+        self._space = SpaceBar(lambda: self.press("stop"), self)
+        return grid
+
+    def _button(self, word: str, text: str) -> None:
+        button = QPushButton(text)
+        button.setObjectName(word)
+        button.setAccessibleName(word)
+        button.clicked.connect(lambda: self.press(word))
+        self.buttons[word] = button
+
+    def press(self, word: str) -> None:
+        """Ask the scan, and say whether it heard."""
+        if self._ask is None:
+            return
+        try:
+            self._ask(word)
+            self.answer.setText(f"asked the scan to {word}")
+        except NotRunning as why:
+            self.answer.setText(str(why))
+
+    def show_state(self, state: ViewState, finding: Mapping[str, Any] | None) -> None:
+        words = simulated_words(state.simulated)
+        self.simulated.setVisible(bool(words))
+        self.simulated.setText(words)
+        faults = [n for n in state.notes if n.level == "fault"]
+        failed = state.finish is Finish.FAULTED
+        self.fault.setVisible(bool(faults) or failed)
+        if faults:
+            self.fault.setText(f"{faults[-1].device}: {faults[-1].text}")
+        elif failed:
+            self.fault.setText(state.reason)
+        self.finding.setText(f"Finding: {finding['finding']}" if finding else "Finding: none yet")
+        self.objects.setText(
+            "\n".join(object_line(o) for o in finding["objects"]) if finding else ""
+        )
+        self.progress.setText(progress_line(state))
+        rows = (
+            f"<span style='color:{GREEN if s in ('ok', 'closed') else ORANGE}'>&#9679;</span> "
+            f"{name}: {s}"
+            + (f", {state.traces[name].lost} lost" if state.traces[name].lost else "")
+            for name, s in state.device_states().items()
+        )
+        self.devices.setText("<br>".join(rows))
+        running = state.finish is None
+        for word in ("pause", "resume", "abort"):
+            if word in self.buttons:
+                self.buttons[word].setEnabled(running)
+        if "resume" in self.buttons and running:
+            self.buttons["resume"].setEnabled(
+                state.phase is Phase.PAUSED or "pause" in self.answer.text()
+            )
+
+
+def object_line(one: Mapping[str, Any]) -> str:
+    """An object with its place and interval, as a person says it."""
+    place, interval = one.get("position_mm"), one.get("position_ci_mm")
+    where = "place unknown"
+    if place is not None and interval:
+        where = f"at {place:.1f} mm ({interval[0]:.1f} to {interval[1]:.1f} mm)"
+    return f"{one['kind']} {where}, confidence {100 * one['confidence']:.0f} %"
+
+
+def progress_line(state: ViewState) -> str:
+    """Stations done, phase and time left."""
+    done = f"{len(state.complete)} of {len(state.plan)} stations complete"
+    if state.finish is not None:
+        return f"{done}\n{state.finish}: {state.reason}"
+    left = state.time_left_s()
+    station = "" if state.station is None else f", station {state.station + 1}"
+    time = (
+        "time left: known after the first station" if left is None else f"time left: {left:.0f} s"
+    )
+    return f"{done}\n{state.phase}{station}\n{time}"
+
+
+def _label(name: str) -> QLabel:
+    label = QLabel()
+    label.setObjectName(name)
+    label.setWordWrap(True)
+    return label

@@ -1,0 +1,269 @@
+"""What a window shows, as plain data: events in, numbers out, no Qt.
+
+`ViewState.update` takes one event at a time, from a running scan or a replay alike.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import Block, Channel
+from probe.core.contact_stress import StressConversion, face_m2_of, stress_conversion
+from probe.core.errors import RunFileError
+from probe.core.events import (
+    Event,
+    Finish,
+    Note,
+    Phase,
+    PhaseEntered,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
+
+Array = NDArray[np.float64]
+
+TRACE_S = 12.0
+MIN_HOLD_SAMPLES = 8
+FOLD_BINS = 24
+STALE_S = 1.0
+
+
+@dataclass(frozen=True)
+class Place:
+    """A station of the plan, in mm."""
+
+    index: int
+    x_mm: float
+    y_mm: float
+
+
+@dataclass
+class Trace:
+    """The last `TRACE_S` seconds of one device: ``time_s`` (n,) and ``values`` (n, channels)."""
+
+    channels: tuple[Channel, ...]
+    blocks: deque[Block] = field(default_factory=deque)
+    lost: int = 0
+
+    def add(self, block: Block) -> None:
+        self.lost += block.lost
+        if not len(block.time_s):
+            return
+        self.blocks.append(block)
+        while self.blocks[0].time_s[-1] < block.time_s[-1] - TRACE_S:
+            self.blocks.popleft()
+
+    def arrays(self) -> tuple[Array, Array]:
+        if not self.blocks:
+            return np.empty(0), np.empty((0, len(self.channels)))
+        return (
+            np.concatenate([b.time_s for b in self.blocks]),
+            np.concatenate([b.values for b in self.blocks]),
+        )
+
+
+@dataclass
+class ViewState:
+    """A run as seen so far. ``now_s`` is the scan clock's latest time; NaN before the start.
+
+    ``seen`` counts the events: what has not changed need not be drawn again.
+    """
+
+    config: Mapping[str, Any] = field(default_factory=dict)
+    started_utc: str = ""
+    plan: tuple[Place, ...] = ()
+    is_grid: bool = False
+    traces: dict[str, Trace] = field(default_factory=dict)
+    phase: Phase = Phase.IDLE
+    phases: deque[tuple[float, Phase]] = field(default_factory=lambda: deque(maxlen=200))
+    station: int | None = None
+    maps: dict[int, tuple[float, float]] = field(default_factory=dict)  # baseline, pulse [Pa]
+    pressed: list[int] = field(default_factory=list)  # stations of the maps, in order, repeats too
+    complete: set[int] = field(default_factory=set)
+    taxels_pa: Array = field(default_factory=lambda: np.empty(0))
+    notes: list[Note] = field(default_factory=list)
+    finish: Finish | None = None
+    reason: str = ""
+    now_s: float = float("nan")
+    seen: int = 0
+    _conversions: dict[str, StressConversion] = field(default_factory=dict)
+    _hold: list[tuple[Array, Array]] = field(default_factory=list)
+    _hold_from_s: float = float("inf")
+    _hold_to_s: float = float("inf")
+    _began_s: float = float("nan")
+    _spent_s: float = 0.0
+    _timed: int = 0
+
+    def update(self, event: Event) -> None:
+        """Take in the next event."""
+        self.seen += 1
+        match event:
+            case RunStarted():
+                self._start(event)
+            case StationStarted(time_s, station):
+                self.station, self._began_s, self._hold = station, time_s, []
+                self._hold_from_s, self._hold_to_s = np.inf, np.inf
+                self._tick(time_s)
+            case PhaseEntered(time_s, phase, _):
+                if phase is Phase.HOLDING:
+                    self._hold, self._hold_from_s, self._hold_to_s = [], time_s, np.inf
+                elif self.phase is Phase.HOLDING:
+                    self._hold_to_s = time_s
+                self.phase = phase
+                self.phases.append((time_s, phase))
+                self._tick(time_s)
+            case Samples():
+                self._samples(event)
+            case StationEnded(time_s, station, _, complete):
+                if complete:
+                    self.complete.add(station)
+                    self._spent_s += time_s - self._began_s
+                    self._timed += 1
+                self._tick(time_s)
+            case Note():
+                self.notes.append(event)
+                self._tick(event.time_s)
+            case RunEnded(time_s, finish, reason):
+                self.finish, self.reason, self.phase = finish, reason, Phase.FINISHED
+                self._tick(time_s)
+
+    def _tick(self, time_s: float) -> None:
+        self.now_s = time_s if np.isnan(self.now_s) else max(self.now_s, time_s)
+
+    def _start(self, event: RunStarted) -> None:
+        """A resumed run starts again: what was complete stays."""
+        self.config, self.started_utc = event.config, event.started_utc
+        places = event.config.get("plan", {}).get("stations", ())
+        self.plan = tuple(Place(int(i), _known(x), _known(y)) for i, x, y in places)
+        self.is_grid = len({round(p.y_mm, 3) for p in self.plan if np.isfinite(p.y_mm)}) > 1
+        self.traces = {name: Trace(tuple(each)) for name, each in event.channels.items()}
+        self.finish, self.reason = None, ""
+        self.now_s = event.time_s
+        self._conversions = {}
+        for name, channels in event.channels.items():
+            try:
+                found = stress_conversion(channels, face_m2_of(event.config))
+            except RunFileError as error:  # shown without a map
+                self.notes.append(Note(event.time_s, "warning", name, str(error)))
+                continue
+            if found.columns:
+                self._conversions[name] = found
+
+    def _samples(self, event: Samples) -> None:
+        trace = self.traces.setdefault(event.device, Trace(()))
+        trace.add(event.block)
+        if not len(event.block.time_s):
+            return
+        self._tick(float(event.block.time_s[-1]))
+        if event.device != self.signal_device or event.station is None:
+            return
+        pressed = self.stress_pa(event.device, event.block.values)
+        if pressed.shape[1] > 1:
+            self.taxels_pa = pressed[-1]
+        # A block may reach over either end of the hold, and come after the phase has changed.
+        time_s = event.block.time_s
+        held = (time_s >= self._hold_from_s) & (time_s < self._hold_to_s)
+        if held.any():
+            self._hold.append((time_s[held], pressed[held].mean(axis=1)))
+            self._map(event.station)
+
+    def _map(self, station: int) -> None:
+        time_s, stress_pa = self.hold()
+        if len(time_s) >= MIN_HOLD_SAMPLES:
+            _, beat = fold(time_s, stress_pa, self.period_s)
+            known = beat[np.isfinite(beat)]
+            self.maps[station] = float(stress_pa.mean()), float(np.ptp(known))
+            if not self.pressed or self.pressed[-1] != station:
+                self.pressed.append(station)
+
+    def hold(self) -> tuple[Array, Array]:
+        """Times (n,) and mean stress (n,) [Pa] of the current hold."""
+        if not self._hold:
+            return np.empty(0), np.empty(0)
+        times, stresses = zip(*self._hold, strict=True)
+        return np.concatenate(times), np.concatenate(stresses)
+
+    @property
+    def signal_device(self) -> str:
+        """The first device whose values are a contact stress; empty if there is none."""
+        return next(iter(self._conversions), "")
+
+    def stress_pa(self, device: str, values: Array) -> Array:
+        """The tactile channels (n, k) of ``values`` (n, channels) as contact stress [Pa]."""
+        return self._conversions[device].stress_pa(values)
+
+    @property
+    def period_s(self) -> float:
+        """One heartbeat: the scene's, or 60 beats a minute while nothing is known."""
+        pulse = (self.config.get("scene") or {}).get("pulse") or {}
+        return 60.0 / float(pulse.get("rate_bpm", 60.0))
+
+    @property
+    def simulated(self) -> tuple[str, ...]:
+        """Names of the simulated channels, ``device.channel``."""
+        return tuple(
+            f"{name}.{c.name}"
+            for name, trace in self.traces.items()
+            for c in trace.channels
+            if c.simulated
+        )
+
+    def tip_m(self) -> tuple[float, float, float] | None:
+        """Where the probe is (x, y, z) [m], or None before the stage was read."""
+        stage = self.traces.get("stage")
+        if stage is None or not stage.blocks:
+            return None
+        x, y, z = stage.blocks[-1].values[-1, :3]
+        return float(x), float(y), float(z)
+
+    def time_left_s(self) -> float | None:
+        """From the mean of the stations so far; None before the first is complete."""
+        if self.finish is not None:
+            return 0.0
+        if not self._timed:
+            return None
+        running = 0.0 if self.station in self.complete else self.now_s - self._began_s
+        mean = self._spent_s / self._timed
+        return max(0.0, mean * (len(self.plan) - len(self.complete)) - max(0.0, running))
+
+    def device_states(self) -> dict[str, str]:
+        """``ok``, ``silent N s``, ``lost``, ``waiting`` or ``closed``, for each device."""
+        faulted = {n.device for n in self.notes if n.level == "fault"}
+        states = {}
+        for name, trace in self.traces.items():
+            age = self.now_s - trace.blocks[-1].time_s[-1] if trace.blocks else float("inf")
+            if name in faulted:
+                states[name] = "lost"
+            elif self.finish is not None:
+                states[name] = "closed"
+            elif not trace.blocks:
+                states[name] = "waiting"
+            else:
+                states[name] = f"silent {age:.0f} s" if age > STALE_S else "ok"
+        return states
+
+
+def _known(length_mm: float | None) -> float:
+    """An imported recording may know no positions."""
+    return float("nan") if length_mm is None else float(length_mm)
+
+
+def fold(time_s: Array, values: Array, period_s: float) -> tuple[Array, Array]:
+    """Means of ``values`` (n,) over `FOLD_BINS` equal parts of a beat: phase [s] and mean (bins,).
+
+    A part without samples is NaN. The beat starts at the first sample.
+    """
+    phase = np.mod(time_s - time_s[0], period_s)
+    part = np.minimum((phase / period_s * FOLD_BINS).astype(int), FOLD_BINS - 1)
+    count = np.bincount(part, minlength=FOLD_BINS)
+    total = np.bincount(part, weights=values, minlength=FOLD_BINS)
+    mean = np.full(FOLD_BINS, np.nan)
+    mean[count > 0] = total[count > 0] / count[count > 0]
+    return (np.arange(FOLD_BINS) + 0.5) * period_s / FOLD_BINS, mean

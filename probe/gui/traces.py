@@ -1,0 +1,82 @@
+"""Live force with its phases shaded, and the pulse folded at the heart rate."""
+
+import numpy as np
+import pyqtgraph as pg
+from PySide6.QtWidgets import QVBoxLayout, QWidget
+
+from probe.gui.state import TRACE_S, ViewState, fold
+from probe.gui.style import plot, shade
+from probe.report.look import BLUE, GREEN, ORANGE, PHASE_COLOURS, PINK, SKY
+
+MAX_POINTS = 3000
+MAX_CURVES = 4  # of more channels: the least, the mean and the greatest
+COLOURS = (SKY, BLUE, PINK, GREEN)
+SHADES = 40
+
+
+class TracePanel(QWidget):
+    """The last seconds of the tactile signal, and one mean beat of the current hold."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        layout = QVBoxLayout(self)
+        layout.setContentsMargins(0, 0, 0, 0)
+        self.trace = plot("Signal", ("time before now", "s"), ("contact stress", "kPa"))
+        self.trace.setXRange(-TRACE_S, 0, padding=0)  # an axis that stands still is drawn once
+        self._title = ""
+        self.curves: list[pg.PlotDataItem] = []
+        self.shades = [pg.LinearRegionItem(movable=False, pen=(0, 0, 0, 0)) for _ in range(SHADES)]
+        for region in self.shades:
+            region.setZValue(-10)
+            region.hide()
+            self.trace.addItem(region, ignoreBounds=True)
+        self.beat = plot("Pulse, folded", ("time in the beat", "s"), ("change", "Pa"))
+        self.beat_curve = self.beat.plot(
+            pen=pg.mkPen(ORANGE, width=2), symbol="o", symbolSize=6, symbolBrush=ORANGE
+        )
+        layout.addWidget(self.trace, 3)
+        layout.addWidget(self.beat, 2)
+
+    def show_state(self, state: ViewState) -> None:
+        name = state.signal_device
+        if not name:
+            return
+        time_s, values = state.traces[name].arrays()
+        title = f"Signal of {name}: {state.phase}"
+        if title != self._title:
+            self._title = title
+            self.trace.setTitle(title)
+        if len(time_s):
+            step = max(1, len(time_s) // MAX_POINTS)
+            stress = state.stress_pa(name, values[::step]) / 1e3
+            if stress.shape[1] > MAX_CURVES:  # the taxel image tells them apart, curves cannot
+                stress = np.column_stack([stress.min(1), stress.mean(1), stress.max(1)])
+            self._curves(stress.shape[1])
+            for curve, channel in zip(self.curves, stress.T, strict=True):
+                curve.setData(time_s[::step] - state.now_s, channel)
+        self._shade(state)
+        held_s, stress_pa = state.hold()
+        if len(held_s):
+            phase, mean = fold(held_s, stress_pa, state.period_s)
+            known = np.isfinite(mean)
+            self.beat_curve.setData(phase[known], mean[known] - mean[known].mean())
+
+    def _curves(self, count: int) -> None:
+        while len(self.curves) < count:
+            colour = BLUE if count == 1 else COLOURS[len(self.curves)]
+            self.curves.append(self.trace.plot(pen=pg.mkPen(colour, width=1), antialias=False))
+
+    def _shade(self, state: ViewState) -> None:
+        starts = list(state.phases)
+        ends = [t for t, _ in starts[1:]] + [state.now_s] * bool(starts)
+        seen = [
+            (start, end, PHASE_COLOURS[phase])
+            for (start, phase), end in zip(starts, ends, strict=True)
+            if phase in PHASE_COLOURS and end > state.now_s - TRACE_S
+        ][-SHADES:]
+        for n, region in enumerate(self.shades):
+            region.setVisible(n < len(seen))
+            if n < len(seen):
+                start, end, colour = seen[n]
+                region.setRegion((max(start - state.now_s, -TRACE_S), end - state.now_s))
+                region.setBrush(shade(colour))

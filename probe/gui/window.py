@@ -1,0 +1,81 @@
+"""The window on one run: map, section, traces and the side column, redrawn 30 times a second."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtWidgets import QLabel, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+
+from probe.gui.body import BodyPanel
+from probe.gui.maps import MapPanel
+from probe.gui.side import Ask, SidePanel
+from probe.gui.state import ViewState
+from probe.gui.traces import TracePanel
+
+FRAME_MS = 33
+
+
+class RunWindow(QWidget):
+    """Shows ``state()``; ``finding()`` is the latest JSON of detection, or None.
+
+    ``state`` is called once a frame, on the window's thread, and may update itself.
+    """
+
+    def __init__(
+        self,
+        run_path: Path,
+        state: Callable[[], ViewState],
+        finding: Callable[[], Mapping[str, Any] | None] = lambda: None,
+        ask: Ask | None = None,
+    ) -> None:
+        super().__init__()
+        self.setWindowTitle(f"palpate: {run_path.name}")
+        self.state, self.finding = state, finding
+        self._drawn: tuple[int, int] | None = None
+        self.maps, self.body, self.traces = MapPanel(), BodyPanel(), TracePanel()
+        self.side = SidePanel(ask)
+        self.empty = QLabel(
+            f"Waiting for {run_path}\n\nStart a scan with  palpate scan --out {run_path.parent}\n"
+            "or open a finished run with  palpate replay RUN"
+        )
+        self.empty.setObjectName("empty")
+        self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.empty.setWordWrap(True)
+        self.pages = QStackedWidget()
+        self.pages.addWidget(self.empty)
+        self.pages.addWidget(self._panels())
+        self.column = QVBoxLayout(self)
+        self.column.setContentsMargins(6, 6, 6, 6)
+        self.column.addWidget(self.pages, 1)
+        self.resize(1280, 700)
+        self.timer = QTimer(self)
+        self.timer.timeout.connect(self.frame)
+        self.timer.start(FRAME_MS)
+
+    def _panels(self) -> QSplitter:
+        left = QSplitter(Qt.Orientation.Vertical)
+        left.addWidget(self.maps)
+        left.addWidget(self.body)
+        left.setSizes([420, 240])
+        whole = QSplitter(Qt.Orientation.Horizontal)
+        for each in (left, self.traces, self.side):
+            whole.addWidget(each)
+        whole.setSizes([480, 460, 320])
+        return whole
+
+    def frame(self) -> None:
+        """Draw what is known now, if it is not what is drawn."""
+        state = self.state()
+        started = bool(state.started_utc)
+        self.pages.setCurrentIndex(int(started))
+        if not started:
+            return
+        self.side.show_state(state, self.finding())
+        drawn = (id(state), state.seen)
+        if drawn == self._drawn:  # an idle window costs next to nothing
+            return
+        self._drawn = drawn
+        self.maps.show_state(state)
+        self.body.show_state(state)
+        self.traces.show_state(state)

@@ -1,0 +1,34 @@
+"""What a scan may never exceed."""
+
+from dataclasses import dataclass
+
+from probe.planning.plan import Box
+
+LEVER_M = 0.3  # from tip to sensor: longer than any finger in use
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What may never be exceeded.
+
+    ``max_depth_m`` is below the plan's surface. A device is silent after ``silence_s`` without a
+    reading (at least five of a sensor's periods). ``face_m2`` turns pressure channels into force.
+    ``max_force_n`` also limits the norm of a force of which several components are read;
+    ``max_torque_nm`` that of a torque, by default the greatest force on a lever of `LEVER_M`.
+    While the stage moves, readings may be ``late_s`` old (at least five periods). An engine that
+    does nothing for ``engine_s`` is blocked. ``same_readings`` equal ones are a stuck sensor's.
+    ``in_the_air``: a rehearsal, in which no press must be felt.
+    """
+
+    max_force_n: float
+    max_depth_m: float
+    workspace_m: Box
+    max_speed_m_s: float
+    silence_s: float = 0.25
+    clock_jump_s: float = 0.25
+    face_m2: float | None = None
+    max_torque_nm: float | None = None
+    late_s: float = 0.2
+    engine_s: float = 2.0
+    same_readings: int = 100
+    in_the_air: bool = False

@@ -1,0 +1,138 @@
+"""``palpate import FILE.csv --out RUN``: a recording made elsewhere becomes a run file.
+
+Columns carry their unit: ``time_s``, one of ``force_n``, ``pressure_pa`` or ``pressure_mbar``, and
+if known ``x_mm``, ``y_mm``, ``station`` and ``reference`` (a PPG or ECG beside it).
+
+- Rows without a reading (empty or NaN) are left out and counted; times may be uneven.
+- Without ``station``, a change of position begins a new one; without positions all is one.
+- Stations that do not follow in time (each begins at 0) are put one after the other, 1 s apart.
+- What no column says is not invented: no phases, no depth, nothing simulated.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers import Block, Channel
+from probe.config.snapshot import library_versions
+from probe.core.events import (
+    Event,
+    Finish,
+    Note,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
+from probe.storage.csv_columns import Array, CsvError, first_line
+from probe.storage.csv_table import CsvRecording, read_csv
+from probe.storage.import_formats import ENDINGS, as_csv, is_exported
+from probe.storage.writer import create_store
+
+__all__ = ["CsvError", "Imported", "import_csv"]
+
+CHANNELS = {
+    "force_n": Channel("force", "N", "force"),
+    "pressure_pa": Channel("pressure", "Pa", "pressure"),
+    "pressure_mbar": Channel("pressure", "mbar", "pressure"),
+}
+DEVICE, REFERENCE = "imported", "reference"
+BLOCK = 1000  # samples
+FACE_MM2 = 100.0
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What was written; ``notes`` tell what was left out or assumed."""
+
+    path: Path
+    stations: int
+    samples: int
+    notes: tuple[str, ...]
+
+
+def import_csv(
+    source: str | Path, out: str | Path, *, face_mm2: float | None = None, topic: str | None = None
+) -> Imported:
+    """Read a CSV (or .csv.gz) and write it as the new run file ``out``.
+
+    Also what ``palpate export`` wrote, and the wrenches of ``topic`` in an MCAP file: see
+    `probe.storage.import_formats`.
+
+    ``face_mm2`` is the probe's face, which turns a force into the stress that detection works on;
+    it scales what is found and does not change what is found.
+    Raises `CsvError` for a bad recording, `StoreError` if ``out`` exists or cannot be written.
+    """
+    source, out = Path(source), Path(out)
+    if face_mm2 is not None and not 0 < face_mm2 < 1e6:
+        raise CsvError(f"face_mm2 = {face_mm2:g}: must be above 0")
+    content = None
+    if is_exported(first_line(source)) or source.suffix in ENDINGS:
+        content = as_csv(source, topic)
+    try:
+        read = read_csv(source, content)
+    except CsvError as error:
+        text = str(error)
+        raise CsvError(text if text.startswith(str(source)) else f"{source}: {text}") from None
+    notes = read.notes
+    if face_mm2 is None and read.signal == "force_n":
+        notes = (*notes, f"the probe's face is not known; {FACE_MM2:g} mm2 is assumed")
+    config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
+    with create_store(out) as store:
+        for event in _events(read, config, notes):
+            store(event)
+    samples = sum(len(press.time_s) for press in read.presses)
+    return Imported(out, len(read.presses), samples, notes)
+
+
+def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
+    return {
+        "imported": {
+            "file": str(source),
+            "sha256": read.sha256,
+            "rows": read.rows,
+            "columns": list(read.columns),
+        },
+        "rig": None,
+        "scene": None,
+        "plan": {
+            "stations": [[p.station, _mm(p.x_m), _mm(p.y_m)] for p in read.presses],
+            "columns": ["index", "x_mm", "y_mm"],
+        },
+        "calibration": {},
+        "versions": library_versions(),
+        "seed": None,
+    }
+
+
+def _events(read: CsvRecording, config: dict[str, Any], notes: tuple[str, ...]) -> Iterator[Event]:
+    channels = {DEVICE: (CHANNELS[read.signal],)}
+    if read.has_reference:
+        channels[REFERENCE] = (Channel("reference", "", "reference"),)
+    began_s, ended_s = read.presses[0].start_s, read.presses[-1].end_s
+    yield RunStarted(began_s, datetime.now(UTC).isoformat(timespec="seconds"), config, channels)
+    for note in notes:
+        yield Note(began_s, "warning", "import", note)
+    for press in read.presses:
+        yield StationStarted(press.start_s, press.station, 1, press.x_m, press.y_m)
+        yield from _blocks(DEVICE, press.station, press.time_s, press.signal)
+        yield from _blocks(REFERENCE, press.station, press.reference_s, press.reference)
+        yield StationEnded(press.end_s, press.station, 1, complete=True)
+    yield RunEnded(ended_s, Finish.COMPLETED, "imported")
+
+
+def _blocks(device: str, station: int, time_s: Array, values: Array) -> Iterator[Samples]:
+    for first in range(0, len(time_s), BLOCK):
+        part = slice(first, first + BLOCK)
+        column = values[part, None]
+        block = Block(time_s[part], column, np.zeros(column.shape, bool))
+        yield Samples(device, block, station, 1)
+
+
+def _mm(length_m: float) -> float | None:
+    return None if np.isnan(length_m) else 1e3 * length_m

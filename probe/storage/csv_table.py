@@ -1,0 +1,196 @@
+"""Reads a recording made elsewhere: a CSV whose columns carry their unit, cut into stations.
+
+See `probe.storage.csv_import` for what is allowed.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.core.extras import needs
+from probe.storage.csv_columns import SIGNALS, Array, CsvError, read_columns
+
+with needs("data", "palpate import"):
+    import pandas as pd
+
+MAX_STATION = 1_000_000
+GAP_S = 1.0
+SAME_PLACE_MM = 0.05
+MIN_READINGS = 4  # of a station
+
+
+@dataclass(frozen=True)
+class Press:
+    """One station's rows.
+
+    ``time_s`` and ``signal`` (n,) in the file's unit; ``reference_s`` and ``reference`` (m,).
+    All times lie in [``start_s``, ``end_s``).
+    """
+
+    station: int
+    x_m: float
+    y_m: float
+    time_s: Array
+    signal: Array
+    reference_s: Array
+    reference: Array
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class CsvRecording:
+    """A whole recording.
+
+    ``signal`` is the name of its column, ``notes`` what was left out, ``sha256`` of the text.
+    """
+
+    presses: tuple[Press, ...]
+    signal: str
+    has_reference: bool
+    columns: tuple[str, ...]
+    rows: int
+    notes: tuple[str, ...]
+    sha256: str
+
+
+def read_csv(source: Path, content: bytes | None = None) -> CsvRecording:
+    """Read a CSV or .csv.gz, or the ``content`` that another format was turned into.
+
+    Raises `CsvError` naming column and row (1 is the header's).
+    """
+    notes: list[str] = []
+    table, left_out, digest = read_columns(source, content)
+    if left_out:
+        notes.append(f"columns left out: {', '.join(left_out)}")
+    signal = _signal(table)
+    presses = _apart(_presses(table, signal, notes), notes)
+    return CsvRecording(
+        tuple(presses),
+        signal,
+        "reference" in table,
+        tuple(map(str, table.columns)),
+        len(table),
+        tuple(notes),
+        digest,
+    )
+
+
+def _signal(table: pd.DataFrame) -> str:
+    given = [name for name in SIGNALS if name in table]
+    if len(given) != 1:
+        what = "none is there" if not given else f"{' and '.join(given)} are there"
+        raise CsvError(f"exactly one of the columns {', '.join(SIGNALS)} is needed; {what}")
+    return given[0]
+
+
+def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
+    """The table cut into stations, rows without a reading left out."""
+    time_s = _whole(table, "time_s")
+    labels = _labels(table)
+    starts = np.flatnonzero(np.diff(labels, prepend=labels[0] - 1))
+    presses: dict[int, Press] = {}
+    lost = doubled = 0
+    for first, end in zip(starts.tolist(), [*starts[1:].tolist(), len(labels)], strict=True):
+        number, rows, times = int(labels[first]), table.iloc[first:end], time_s[first:end]
+        if number in presses:
+            raise CsvError(
+                f"row {first + 2}: station {number} again; its rows must follow each other"
+            )
+        steps = np.diff(times)
+        if (steps < 0).any():
+            row = first + 1 + int(np.flatnonzero(steps < 0)[0])
+            raise CsvError(
+                f"row {row + 2}, column 'time_s': {time_s[row]:g} goes back; times must ascend "
+                "within a station"
+            )
+        fresh = np.append(True, steps > 0)
+        values = rows[signal].to_numpy()
+        read = fresh & np.isfinite(values)
+        lost += int((fresh & ~read).sum())
+        doubled += int((~fresh).sum())
+        if read.sum() < MIN_READINGS:
+            raise CsvError(
+                f"row {first + 2}: station {number} has only {int(read.sum())} readings, at least "
+                f"{MIN_READINGS} are needed; a column 'station' says which rows belong together"
+            )
+        beside = rows["reference"].to_numpy() if "reference" in rows else np.full(len(rows), np.nan)
+        known = fresh & np.isfinite(beside)
+        presses[number] = Press(
+            number,
+            1e-3 * _middle(rows, "x_mm"),
+            1e-3 * _middle(rows, "y_mm"),
+            times[read],
+            values[read],
+            times[known],
+            beside[known],
+            float(times[0]),
+            float(times[-1] + np.median(steps[steps > 0])),
+        )
+    if lost:
+        notes.append(f"{lost} rows without a reading are left out")
+    if doubled:
+        notes.append(f"{doubled} rows with the time of the row before are left out")
+    return list(presses.values())
+
+
+def _apart(presses: list[Press], notes: list[str]) -> list[Press]:
+    """Stations one after the other in time: those that are not are shifted."""
+    placed: list[Press] = []
+    for press in presses:
+        shift_s = 0.0
+        if placed:
+            last = placed[-1]
+            if press.start_s > max([*last.time_s[-1:], *last.reference_s[-1:]]):
+                placed[-1] = replace(last, end_s=min(last.end_s, press.start_s))
+            else:
+                shift_s = last.end_s + GAP_S - press.start_s
+        placed.append(
+            replace(
+                press,
+                time_s=press.time_s + shift_s,
+                reference_s=press.reference_s + shift_s,
+                start_s=press.start_s + shift_s,
+                end_s=press.end_s + shift_s,
+            )
+        )
+    moved = sum(a.start_s != b.start_s for a, b in zip(presses, placed, strict=True))
+    if moved:
+        notes.append(f"{moved} stations did not follow in time; put {GAP_S:g} s apart")
+    return placed
+
+
+def _labels(table: pd.DataFrame) -> NDArray[np.int64]:
+    """The station of each row (n,)."""
+    if "station" in table:
+        stations = _whole(table, "station")
+        wrong = (stations % 1 != 0) | (stations < 0) | (stations > MAX_STATION)
+        if wrong.any():
+            row = int(np.flatnonzero(wrong)[0])
+            raise CsvError(
+                f"row {row + 2}, column 'station': {stations[row]:g}; allowed are whole numbers "
+                f"from 0 to {MAX_STATION}"
+            )
+        return stations.astype(np.int64)
+    moved = np.zeros(len(table), bool)
+    for name in ("x_mm", "y_mm"):
+        if name in table:
+            at = _whole(table, name)
+            moved |= np.abs(np.diff(at, prepend=at[0])) > SAME_PLACE_MM
+    return np.cumsum(moved).astype(np.int64)
+
+
+def _whole(table: pd.DataFrame, name: str) -> Array:
+    """A column that must have a number in every row."""
+    values: Array = table[name].to_numpy(np.float64)
+    missing = np.flatnonzero(np.isnan(values))
+    if len(missing):
+        raise CsvError(f"row {missing[0] + 2}, column {name!r}: every row needs a number")
+    return values
+
+
+def _middle(rows: pd.DataFrame, name: str) -> float:
+    return float(np.median(_whole(rows, name))) if name in rows else math.nan

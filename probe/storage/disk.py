@@ -1,0 +1,144 @@
+"""Opening a run file for writing: on a local disk, with every safe mode on, by one writer only."""
+
+import fcntl
+import os
+import shutil
+import sqlite3
+from pathlib import Path
+
+from probe.core.errors import RunFileError
+from probe.storage.in_place import identity
+from probe.storage.log import unreadable_frames
+from probe.storage.reader import log_of
+from probe.storage.schema import BUSY_S, VERSION, create, migrate, unseal, version_of
+
+# File systems whose shared memory other machines do not see: a write-ahead log breaks on them.
+NETWORK = (
+    "9p", "afs", "ceph", "cifs", "davfs", "glusterfs", "lustre", "nfs", "smb", "vboxsf",
+    "fuse.davfs", "fuse.gvfs", "fuse.glusterfs", "fuse.rclone", "fuse.s3fs", "fuse.sshfs",
+)  # fmt: skip
+LOG_PAGES = 100  # moved into the file often: little is missing if someone copies it without its log
+
+
+class StoreError(RuntimeError):
+    """The run cannot be stored (any longer); what was committed before stays readable."""
+
+
+def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
+    """A connection in the safe modes, and the lock: a descriptor to close after the connection.
+
+    An older file is brought up to date. Raises `StoreError`, and `RunFileError` for another file.
+    """
+    kind = file_system(path)
+    if kind.startswith(NETWORK):
+        raise StoreError(
+            f"{path}: lies on a network file system ({kind}), where a run is not safe; "
+            f"store it on a local disk and copy it afterwards"
+        )
+    lock = _lock(path)
+    try:
+        connection = sqlite3.connect(
+            path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
+        )
+        try:
+            if not new:
+                _keep_damaged(log_of(path))
+            make_safe(connection, path)
+            if new:
+                create(connection)
+            elif (version := version_of(connection)) == 0:
+                raise RunFileError("nothing has been stored in it yet; begin a new scan")
+            elif version < VERSION:
+                migrate(connection)
+            unseal(connection)
+        except BaseException:
+            connection.close()
+            raise
+    except (sqlite3.OperationalError, RunFileError) as error:
+        release(lock)
+        kind_of = RunFileError if isinstance(error, RunFileError) else StoreError
+        raise kind_of(f"{path}: {explain(error)}") from None
+    except (sqlite3.Error, UnicodeDecodeError) as error:
+        release(lock)
+        raise RunFileError(f"{path}: damaged or not a run file ({error})") from None
+    except BaseException:
+        release(lock)
+        raise
+    return connection, lock
+
+
+def make_safe(connection: sqlite3.Connection, path: Path) -> None:
+    """Switch the safe modes on and read them back: SQLite keeps silent about those it refuses."""
+    (mode,) = connection.execute("PRAGMA journal_mode = WAL").fetchone()
+    if mode != "wal":
+        raise StoreError(
+            f"{path}: this file system allows no write-ahead log (journal mode is {mode}); "
+            f"store the run on a local disk"
+        )
+    connection.execute("PRAGMA synchronous = FULL")
+    (level,) = connection.execute("PRAGMA synchronous").fetchone()
+    if level != 2:
+        raise StoreError(f"{path}: SQLite does not write synchronously (level {level}, not FULL)")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {LOG_PAGES}")
+
+
+def file_system(path: Path) -> str:
+    """The type of the file system that ``path`` is on; empty where that is not known."""
+    try:
+        lines = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return ""
+    where = path.resolve()
+    mounts = [line.split()[1:3] for line in lines]
+    found = [(len(m), n, kind) for n, (m, kind) in enumerate(mounts) if where.is_relative_to(m)]
+    return max(found, default=(0, 0, ""))[2]
+
+
+def explain(error: Exception) -> str:
+    """What an error of SQLite or the system means to whoever scans."""
+    text = str(error)
+    if "full" in text or "No space" in text:
+        return f"the disk is full ({text}); everything committed before is kept"
+    return text
+
+
+def _keep_damaged(log: Path) -> None:
+    """A damaged log, which SQLite would overwrite, is kept for whoever can read more of it."""
+    if log.exists() and unreadable_frames(log):
+        shutil.copyfile(log, log.with_name(f"{log.name}-damaged"))
+
+
+def release(lock: int) -> None:
+    """Give a run file back to other writers; after SQLite's connection to it was closed."""
+    _writing.discard(identity(os.fstat(lock)))
+    os.close(lock)
+
+
+_writing: set[tuple[int, int]] = set()
+
+
+def _lock(path: Path) -> int:
+    """Only one writer; the lock goes with the process, however that ends.
+
+    Closing any descriptor of a file drops SQLite's locks on it. So the descriptor is closed after
+    SQLite's own, and a file that this process writes already is not opened again.
+    """
+    try:
+        found = path.stat()
+        if identity(found) in _writing:
+            raise StoreError(f"{path}: another scan is writing this run")
+        if found.st_nlink > 1:
+            raise StoreError(
+                f"{path}: has another name (hard link), and its log may lie beside that; copy it "
+                "and go on with the copy"
+            )
+        lock = os.open(path, os.O_RDWR)
+    except OSError as error:
+        raise StoreError(f"{path}: {explain(error)}") from None
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        os.close(lock)
+        raise StoreError(f"{path}: another scan is writing this run") from None
+    _writing.add(identity(os.fstat(lock)))
+    return lock

@@ -1,0 +1,186 @@
+"""``palpate export RUN --to csv,hdf5,netcdf,parquet,mcap``: a run for other programs, with units.
+
+CSV and Parquet: one file per device (``-simulated`` if it is), one of stations, the configuration
+as JSON. HDF5 and netCDF: one file with a group per device; units are attributes, as the CF
+conventions have them. MCAP: see `probe.storage.export_mcap`.
+"""
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.core.extras import needs, require
+from probe.storage.run import Run, open_run
+
+with needs("data", "an export"):
+    import pandas as pd
+    import xarray as xr
+
+if TYPE_CHECKING:
+    import h5py
+
+CONVENTIONS = "CF-1.11"
+UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
+
+
+def export(run_path: str | Path, formats: Sequence[str], out_dir: str | Path) -> tuple[Path, ...]:
+    """Write a run in each of ``formats`` (csv, hdf5, netcdf) into ``out_dir``; the files written.
+
+    Files of an earlier export are replaced. Raises `ValueError` for another format, `RunFileError`
+    for a run that cannot be read.
+    """
+    if unknown := [name for name in formats if name not in WRITERS]:
+        raise ValueError(f"format {', '.join(unknown)!r}: known are {', '.join(WRITERS)}")
+    run, out_dir = open_run(run_path), Path(out_dir)
+    out_dir.mkdir(parents=True, exist_ok=True)
+    return tuple(path for name in formats for path in WRITERS[name](run, out_dir))
+
+
+def _csv(run: Run, out_dir: Path) -> list[Path]:
+    stem = out_dir / run.path.stem
+    written = [Path(f"{stem}-stations.csv"), Path(f"{stem}-config.json")]
+    run.stations().to_csv(written[0], index=False)
+    written[1].write_text(_about(run) + "\n", encoding="utf-8")
+    for device in run.channels:
+        path = _device_file(run, device, stem, "csv")
+        _frame(run, device).to_csv(path, index=False)
+        written.append(path)
+    return written
+
+
+def _parquet(run: Run, out_dir: Path) -> list[Path]:
+    """Tables with the units in their schema's metadata, which Arrow readers show."""
+    require("pyarrow", "export", "Parquet")
+    import pyarrow
+    from pyarrow import parquet
+
+    stem = out_dir / run.path.stem
+    written = [Path(f"{stem}-stations.parquet")]
+    tables = [run.stations()]
+    for device in run.channels:
+        written.append(_device_file(run, device, stem, "parquet"))
+        tables.append(_frame(run, device))
+    for path, frame in zip(written, tables, strict=True):
+        table = pyarrow.Table.from_pandas(frame, preserve_index=False)
+        fields = [f.with_metadata({"units": unit_of(f.name)} if unit_of(f.name) else None)
+                  for f in table.schema]  # fmt: skip
+        about = {**(table.schema.metadata or {}), b"palpate": _about(run).encode()}
+        parquet.write_table(table.cast(pyarrow.schema(fields, about)), path)
+    return written
+
+
+def _mcap(run: Run, out_dir: Path) -> list[Path]:
+    from probe.storage.export_mcap import write_mcap
+
+    path = out_dir / f"{run.path.stem}.mcap"
+    write_mcap(run, path)
+    return [path]
+
+
+def _hdf5(run: Run, out_dir: Path) -> list[Path]:
+    require("h5py", "export", "HDF5")
+    import h5py
+
+    path = out_dir / f"{run.path.stem}.h5"
+    with h5py.File(path, "w") as file:
+        file["config"] = _about(run)  # a dataset: attributes hold only 64 KiB
+        file.attrs["Conventions"] = CONVENTIONS
+        file.attrs["started_utc"] = run.started.started_utc
+        file.attrs["simulated"] = ", ".join(run.simulated)
+        _columns(file.create_group("stations"), run.stations())
+        for device in run.channels:
+            data = run.samples(device)
+            group = file.create_group(_plain(device))
+            for name, variable in data.variables.items():
+                group[str(name)] = _storable(variable.values)
+                group[str(name)].attrs.update(variable.attrs)
+    return [path]
+
+
+def _netcdf(run: Run, out_dir: Path) -> list[Path]:
+    require("h5netcdf", "export", "netCDF")
+    path = out_dir / f"{run.path.stem}.nc"
+    table = run.stations()
+    stations = xr.Dataset({name: ("press", table[name].to_numpy()) for name in table})
+    stations.attrs = {
+        "Conventions": CONVENTIONS,
+        "title": f"palpate run {run.path.stem}",
+        "config": _about(run),
+        "started_utc": run.started.started_utc,
+        "simulated": ", ".join(run.simulated),
+    }
+    for name in stations:
+        if unit := unit_of(str(name)):
+            stations[name].attrs["units"] = unit
+    stations.to_netcdf(path, mode="w", engine="h5netcdf")
+    for device in run.channels:
+        run.samples(device).to_netcdf(path, mode="a", group=_plain(device), engine="h5netcdf")
+    return [path]
+
+
+WRITERS: dict[str, Callable[[Run, Path], list[Path]]] = {
+    "csv": _csv,
+    "hdf5": _hdf5,
+    "netcdf": _netcdf,
+    "parquet": _parquet,
+    "mcap": _mcap,
+}
+
+
+def _device_file(run: Run, device: str, stem: Path, ending: str) -> Path:
+    simulated = any(channel.simulated for channel in run.channels[device])
+    return Path(f"{stem}-{_plain(device)}{'-simulated' if simulated else ''}.{ending}")
+
+
+def unit_of(column: str) -> str:
+    """The unit in a column's name, or nothing."""
+    unit = column.rpartition("_")[2]
+    return unit if unit in UNITS else ""
+
+
+def _frame(run: Run, device: str) -> pd.DataFrame:
+    """Samples as a table; each column's name ends in its unit.
+
+    The last two are where the station is, NaN between stations.
+    """
+    data = run.samples(device)
+    columns = {
+        f"{name}_{variable.attrs['units']}" if "role" in variable.attrs else str(name): (
+            variable.values
+        )
+        for name, variable in data.variables.items()
+    }
+    places = run.stations().drop_duplicates("station").set_index("station")
+    for axis in ("x_mm", "y_mm"):
+        columns[axis] = places[axis].reindex(data["station"].to_numpy()).to_numpy()
+    return pd.DataFrame(columns)
+
+
+def _columns(group: "h5py.Group", table: pd.DataFrame) -> None:
+    for name in table:
+        group[name] = table[name].to_numpy()
+        if unit := unit_of(str(name)):
+            group[name].attrs["units"] = unit
+
+
+def _storable(values: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]") -> object:
+    """HDF5 knows no fixed-width Unicode."""
+    return values.astype(object) if values.dtype.kind == "U" else values
+
+
+def _about(run: Run) -> str:
+    about = {
+        "started_utc": run.started.started_utc,
+        "finish": run.finish,
+        "simulated": run.simulated,
+        **run.config,
+    }
+    return json.dumps(about, indent=1, default=str)
+
+
+def _plain(device: str) -> str:
+    """A device's name as part of a file name or group."""
+    return "".join(c if c.isalnum() or c in "-_." else "_" for c in device).strip(".") or "device"

@@ -1,0 +1,236 @@
+"""A run as MCAP, for Foxglove and ROS 2 tools: messages in CDR, schemas in ROS 2's own words.
+
+For each device ``/DEVICE/sample`` holds every sample as it was stored: the scan's clock, station,
+attempt, phase and each channel, to the bit; units stand in the schema's comments and in the
+channel's metadata. What viewers know already is there too: ``/stage/pose`` (geometry_msgs
+PoseStamped, in metres) and ``/DEVICE/wrench`` of a sensor of forces (geometry_msgs WrenchStamped).
+Messages are stamped with the run's wall time. The configuration is an attachment, notes and how
+the run ended are on ``/events``.
+
+Layout of a message: OMG CDR 1 (XCDR1), little-endian, as ROS 2 serialises; after the four bytes of
+the encapsulation each number is aligned to its own size.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import Channel
+from drivers.core.extras import needs
+from probe.core.events import Note, Phase, RunEnded
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+    from probe.storage.run import Run
+
+with needs("export", "MCAP"):
+    from mcap.writer import Writer
+
+Array = NDArray[Any]
+
+ENCAPSULATION = b"\x00\x01\x00\x00"  # CDR, little-endian
+FRAME = "scan"
+HEADER = """\
+================================================================================
+MSG: std_msgs/Header
+builtin_interfaces/Time stamp
+string frame_id
+================================================================================
+MSG: builtin_interfaces/Time
+int32 sec
+uint32 nanosec
+"""
+VECTOR = """\
+================================================================================
+MSG: geometry_msgs/Vector3
+float64 x
+float64 y
+float64 z
+"""
+WRENCH = f"""\
+std_msgs/Header header
+geometry_msgs/Wrench wrench
+================================================================================
+MSG: geometry_msgs/Wrench
+geometry_msgs/Vector3 force
+geometry_msgs/Vector3 torque
+{VECTOR}{HEADER}"""
+POSE = f"""\
+std_msgs/Header header
+geometry_msgs/Pose pose
+================================================================================
+MSG: geometry_msgs/Pose
+geometry_msgs/Point position
+geometry_msgs/Quaternion orientation
+================================================================================
+MSG: geometry_msgs/Point
+float64 x
+float64 y
+float64 z
+================================================================================
+MSG: geometry_msgs/Quaternion
+float64 x
+float64 y
+float64 z
+float64 w
+{HEADER}"""
+TEXT = "string data\n"
+PHASES = tuple(Phase)
+AXES = (("fx", "fy", "fz"), ("mx", "my", "mz"))
+NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
+
+
+def write_mcap(run: "Run", path: Path) -> None:
+    """Write the whole run; an existing file is replaced."""
+    began = datetime.fromisoformat(run.started.started_utc).timestamp()
+    zero_s = began - run.started.time_s
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start(profile="ros2", library="palpate")
+        about = {
+            "started_utc": run.started.started_utc,
+            "simulated": ", ".join(run.simulated),
+            "finish": str(run.finish or ""),
+            "clock_zero_unix_s": repr(zero_s),
+        }
+        writer.add_metadata("palpate", about)
+        config = json.dumps(run.config, indent=1, default=str).encode()
+        at = _ns(np.array([run.started.time_s]), zero_s)[0]
+        writer.add_attachment(at, at, "config.json", "application/json", config)
+        for device, channels in run.channels.items():
+            _write_device(writer, device, channels, run.samples(device), zero_s)
+        _write_events(writer, run, zero_s)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def sample_schema(device: str, channels: Sequence[Channel]) -> tuple[str, str]:
+    """Name and text of the message that holds one sample of a device."""
+    lines = [
+        "std_msgs/Header header",
+        "float64 time_s  # on the scan's clock",
+        "int32 station  # from 0 as in the run file, -1 between stations",
+        "int32 attempt  # from 1, -1 between stations",
+        *(f"uint8 PHASE_{phase.name}={n}" for n, phase in enumerate(PHASES)),
+        "uint8 phase",
+        *(f"float64 {field(c.name)}  # {c.unit}" for c in channels),
+        *(f"bool {field(c.name)}_saturated" for c in channels),
+    ]
+    return f"palpate_msgs/msg/{_camel(device)}Sample", "\n".join(lines) + "\n" + HEADER
+
+
+def field(name: str) -> str:
+    """A channel's name as ROS allows it: lower case, digits, single underscores."""
+    plain = re.sub(r"_+", "_", re.sub(r"\W", "_", name.lower())).strip("_")
+    return plain if plain[:1].isalpha() else f"c_{plain}"
+
+
+def _write_device(
+    writer: Writer, device: str, channels: Sequence[Channel], data: "xr.Dataset", zero_s: float
+) -> None:
+    time_s = data["time_s"].to_numpy()
+    topic = "/" + field(device)
+    stamps = _ns(time_s, zero_s)
+    number = {str(phase): n for n, phase in enumerate(PHASES)}
+    columns: list[tuple[str, Array]] = [
+        ("<f8", time_s),
+        ("<i4", data["station"].to_numpy()),
+        ("<i4", data["attempt"].to_numpy()),
+        ("<u1", np.array([number[p] for p in data["phase"].to_numpy()], int)),
+        *(("<f8", data[c.name].to_numpy()) for c in channels),
+        *(("<u1", data[f"{c.name}_saturated"].to_numpy()) for c in channels),
+    ]
+    schema = sample_schema(device, channels)
+    metadata = {f"unit of {field(c.name)}": c.unit for c in channels}
+    metadata |= {f"role of {field(c.name)}": c.role for c in channels}
+    metadata["simulated"] = ", ".join(c.name for c in channels if c.simulated)
+    _write(writer, f"{topic}/sample", schema, stamps, columns, metadata)
+    if device == "stage":
+        values = [data[axis].to_numpy() for axis in "xyz"]
+        values += [np.full(len(time_s), part) for part in NO_ROTATION]
+        schema = ("geometry_msgs/msg/PoseStamped", POSE)
+        _write(writer, f"{topic}/pose", schema, stamps, [("<f8", v) for v in values],
+               {"unit": "m"})  # fmt: skip
+        return
+    parts = wrench_of(channels, data)
+    if parts is not None:
+        schema = ("geometry_msgs/msg/WrenchStamped", WRENCH)
+        _write(writer, f"{topic}/wrench", schema, stamps, [("<f8", v) for v in parts],
+               {"unit of force": "N", "unit of torque": "Nm"})  # fmt: skip
+
+
+def wrench_of(channels: Sequence[Channel], data: "xr.Dataset") -> list[Array] | None:
+    """Force x, y, z [N] and torque x, y, z [Nm]; a single force is the push along z."""
+    names = {c.name for c in channels if c.unit in ("N", "Nm")}
+    zero = np.zeros(data.sizes["time_s"])
+    if set(AXES[0]) <= names:
+        return [data[n].to_numpy() if n in names else zero for three in AXES for n in three]
+    pushes = [c.name for c in channels if c.role == "force" and c.unit == "N"]
+    return [zero, zero, data[pushes[0]].to_numpy(), zero, zero, zero] if pushes else None
+
+
+def _write_events(writer: Writer, run: "Run", zero_s: float) -> None:
+    schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
+    channel = writer.register_channel("/events", "cdr", schema)
+    for event in run.events():
+        match event:
+            case Note():
+                text = f"{event.level}: {event.device}: {event.text}"
+            case RunEnded():
+                text = f"run {event.finish.value}: {event.reason}"
+            case _:
+                continue
+        told = text.encode() + b"\0"
+        body = ENCAPSULATION + len(told).to_bytes(4, "little") + told
+        at = int(_ns(np.array([event.time_s]), zero_s)[0])
+        writer.add_message(channel, at, body, at)
+
+
+def _write(
+    writer: Writer, topic: str, schema: tuple[str, str], stamps: Array,
+    columns: Sequence[tuple[str, Array]], metadata: dict[str, str],
+) -> None:  # fmt: skip
+    number = writer.register_schema(schema[0], "ros2msg", schema[1].encode())
+    channel = writer.register_channel(topic, "cdr", number, metadata)
+    for sequence, (at, body) in enumerate(zip(stamps.tolist(), _messages(stamps, columns),
+                                              strict=True)):  # fmt: skip
+        writer.add_message(channel, at, body, at, sequence)
+
+
+def _messages(stamps: Array, columns: Sequence[tuple[str, Array]]) -> Iterator[bytes]:
+    """The header (stamp, frame) and one value of each column, each aligned to its size."""
+    frame = FRAME.encode() + b"\0"
+    kinds = ["<i4", "<u4", "<u4", f"S{len(frame)}", *(kind for kind, _ in columns)]
+    offsets, at = [], 0
+    for kind in kinds:
+        size = np.dtype(kind).itemsize
+        align = 1 if kind.startswith("S") else size
+        at += -at % align
+        offsets.append(at)
+        at += size
+    names = [f"f{n}" for n in range(len(kinds))]
+    layout = np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": at})
+    rows = np.zeros(len(stamps), layout)
+    seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
+    first = (seconds, nanoseconds, np.full(len(stamps), len(frame)), np.full(len(stamps), frame))
+    for name, values in zip(names, (*first, *(v for _, v in columns)), strict=True):
+        rows[name] = values
+    whole = rows.tobytes()
+    for n in range(len(stamps)):
+        yield ENCAPSULATION + whole[n * at : (n + 1) * at]
+
+
+def _ns(time_s: Array, zero_s: float) -> NDArray[np.int64]:
+    """Unix time [ns]; the whole seconds apart, since a float holds no nanoseconds of today."""
+    whole = int(np.floor(zero_s))
+    return np.asarray(whole * 1_000_000_000 + np.round(1e9 * (time_s + (zero_s - whole))), np.int64)
+
+
+def _camel(device: str) -> str:
+    return "".join(part.capitalize() for part in field(device).split("_"))

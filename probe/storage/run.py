@@ -1,0 +1,155 @@
+"""A stored run, in one call: ``open_run(path)``.
+
+run = open_run("runs/TIHA-20260101-120000.run")
+run.stations()            # a table, one press per row
+run.samples()             # labelled arrays with units
+run.recording()           # what detection works on
+"""
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drivers import Channel
+from probe.core.contact_stress import record, simulated_channels
+from probe.core.errors import RunFileError
+from probe.core.events import Event, Finish, RunEnded, RunStarted
+from probe.core.recording import Recording
+from probe.storage.reader import NotBegun, reading, rows
+from probe.storage.rows import Row, from_row
+from sim_backend import html
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray as xr
+
+__all__ = ["NotBegun", "Run", "RunFileError", "follow", "open_run"]
+
+FOLLOW_ROWS = 200
+
+
+class Run:
+    """A run file, read anew at each call: a scan may still be writing it.
+
+    ``started`` is the run's first event. Methods raise `RunFileError` for a damaged file.
+    """
+
+    def __init__(self, path: Path, started: RunStarted) -> None:
+        self.path = path
+        self.started = started
+
+    def __repr__(self) -> str:
+        return f"Run({str(self.path)!r}, started {self.started.started_utc})"
+
+    def _repr_html_(self) -> str:
+        """What the run is, and the level at each station in its hold, for notebooks."""
+        recording = self.recording()
+        rows = [
+            ("file", str(self.path)),
+            ("started", self.started.started_utc),
+            ("finish", self.finish or "not ended"),
+            ("stations", f"{len(recording.stations)} complete"),
+            ("simulated", ", ".join(self.simulated) or "nothing"),
+        ]
+        x_mm = [1e3 * one.x_m for one in recording.stations]
+        levels = {"level": [one.hold_level_pa for one in recording.stations]}
+        return html.table(rows) + html.lines(x_mm, levels, "x mm", "Pa")
+
+    @property
+    def config(self) -> Mapping[str, Any]:
+        """``rig``, ``scene``, ``plan``, ``calibration``, ``versions``, ``seed``, ``face_mm2``."""
+        return self.started.config
+
+    @property
+    def channels(self) -> Mapping[str, tuple[Channel, ...]]:
+        """The channels of each device; those of ``stage`` are x, y, z in m."""
+        return self.started.channels
+
+    @cached_property
+    def simulated(self) -> tuple[str, ...]:
+        """``device.channel`` of every simulated channel."""
+        return simulated_channels(self.channels)
+
+    @property
+    def finish(self) -> Finish | None:
+        """How the run ended; None while it goes on and for one that was broken off."""
+        with reading(self.path) as connection:
+            (number,) = connection.execute(
+                "SELECT max(id) FROM event WHERE kind IN ('run_started', 'run_ended')"
+            ).fetchone()
+            last = [_event(*found) for found in rows(connection, (number or 1) - 1, 1)]
+        return last[0].finish if last and isinstance(last[0], RunEnded) else None
+
+    def events(self) -> Iterator[Event]:
+        """Everything that was told, in order; what is committed at the first call."""
+        with reading(self.path) as connection:
+            for number, row in rows(connection):
+                yield _event(number, row)
+
+    def recording(self, face_mm2: float | None = None) -> Recording:
+        """What detection works on; ``face_mm2`` where the run does not know the probe's face."""
+        try:
+            return record(self.events(), face_mm2)
+        except RunFileError as error:
+            raise _at(self.path, error) from None
+
+    def stations(self) -> "pd.DataFrame":
+        """One row per press: see `probe.storage.tables.stations`."""
+        from probe.storage.tables import stations  # here: reading events needs no pandas
+
+        return stations(self)
+
+    def samples(self, device: str | None = None, station: int | None = None) -> "xr.Dataset":
+        """The samples of one device, by default the one that feels: see `probe.storage.tables`."""
+        from probe.storage.tables import samples  # here: reading events needs no xarray
+
+        return samples(self, device, station)
+
+
+def open_run(path: str | Path) -> Run:
+    """Open a run file: finished, growing, or left by a scan that was killed.
+
+    Nothing is written. Raises `RunFileError` if the file is no run, damaged, or too new.
+    """
+    path = Path(path)
+    with reading(path) as connection:
+        first = next(rows(connection, limit=1), None)
+        if first is None:
+            raise NotBegun("nothing has been stored in it yet")
+        started = _event(*first)
+        if not isinstance(started, RunStarted):
+            raise RunFileError("the run has no beginning")
+    return Run(path, started)
+
+
+def follow(path: str | Path) -> Iterator[Event | None]:
+    """The events of a run as they are committed; None whenever there is nothing new.
+
+    Waits for a file that is not there yet; never ends by itself. Raises `RunFileError`.
+    """
+    path, last = Path(path), 0
+    while True:
+        found: list[tuple[int, Row]] = []
+        if path.exists():
+            try:
+                with reading(path) as connection:
+                    found = list(rows(connection, last, FOLLOW_ROWS))
+            except NotBegun:
+                pass
+        if not found:
+            yield None
+        for number, row in found:
+            last = number
+            yield _event(number, row)
+
+
+def _event(number: int, row: Row) -> Event:
+    try:
+        return from_row(row)
+    except RunFileError as error:
+        raise RunFileError(f"event {number}: {error}") from None
+
+
+def _at(path: Path, error: RunFileError) -> RunFileError:
+    return error if str(error).startswith(str(path)) else RunFileError(f"{path}: {error}")

@@ -1,0 +1,123 @@
+"""A run as labelled tables and arrays: every quantity with its unit."""
+
+from collections import Counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drivers.core.extras import needs
+from probe.core.contact_stress import tactile_device
+from probe.core.errors import RunFileError
+from probe.core.events import PhaseEntered, Samples, StationEnded, StationStarted
+
+with needs("data", "a run as tables and arrays"):
+    import pandas as pd
+    import xarray as xr
+
+if TYPE_CHECKING:
+    from probe.storage.run import Run
+
+MAX_SAMPLES = 100_000_000  # in memory at once, times channels
+
+
+def stations(run: "Run") -> pd.DataFrame:
+    """One press per row, in the order in which they were made.
+
+    Columns: station, attempt, x_mm, y_mm, started_s, ended_s (NaN: broken off by a crash),
+    complete, samples (of the device that feels).
+    """
+    device = tactile_device(run.channels)
+    counted: Counter[tuple[int, int]] = Counter()
+    ended: dict[tuple[int, int], StationEnded] = {}
+    started: list[StationStarted] = []
+    for event in run.events():
+        match event:
+            case StationStarted():
+                started.append(event)
+            case StationEnded():
+                ended[event.station, event.attempt] = event
+            case Samples(name, block, int(station), int(attempt)) if name == device:
+                counted[station, attempt] += len(block.time_s)
+    keys = [(e.station, e.attempt) for e in started]
+    ends = [ended.get(key) for key in keys]
+    return pd.DataFrame(
+        {
+            "station": np.array([k[0] for k in keys], int),
+            "attempt": np.array([k[1] for k in keys], int),
+            "x_mm": np.array([1e3 * e.x_m for e in started], float),
+            "y_mm": np.array([1e3 * e.y_m for e in started], float),
+            "started_s": np.array([e.time_s for e in started], float),
+            "ended_s": np.array([np.nan if e is None else e.time_s for e in ends], float),
+            "complete": np.array([e is not None and e.complete for e in ends], bool),
+            "samples": np.array([counted[key] for key in keys], int),
+        }
+    )
+
+
+def samples(run: "Run", device: str | None, station: int | None) -> xr.Dataset:
+    """The samples of one device along ``time_s``, with ``station``, ``attempt`` and ``phase``.
+
+    Each channel is a variable with the attributes ``units``, ``role`` and ``simulated``, and
+    ``NAME_saturated`` marks its clipped samples. Between stations, ``station`` and ``attempt`` are
+    -1. Raises `RunFileError` for a device or station that is not in the run, and where there are
+    more than `MAX_SAMPLES` to hold in memory.
+    """
+    device = device or tactile_device(run.channels)
+    if device not in run.channels:
+        raise RunFileError(f"{run.path}: no device {device!r}; it has {', '.join(run.channels)}")
+    channels = run.channels[device]
+    parts: list[Samples] = []
+    phases: list[tuple[float, str]] = [(-np.inf, "idle")]
+    known: set[int] = set()
+    held = 0
+    for event in run.events():
+        match event:
+            case PhaseEntered(entered_s, phase, _):
+                phases.append((entered_s, str(phase)))
+            case StationStarted(_, number):
+                known.add(number)
+            case Samples(name, block, at) if name == device and station in (None, at):
+                if block.values.shape[1] != len(channels):
+                    raise RunFileError(f"{run.path}: a block of {device} lacks a channel")
+                parts.append(event)
+                held += block.values.size
+                if held > MAX_SAMPLES:
+                    raise RunFileError(f"{run.path}: too large for memory; read it by station")
+    if station is not None and station not in known:
+        raise RunFileError(f"{run.path}: no station {station}")
+    time_s = np.concatenate([p.block.time_s for p in parts] or [np.empty(0)])
+    empty = np.empty((0, len(channels)))
+    values = np.concatenate([p.block.values for p in parts] or [empty])
+    saturated = np.concatenate([p.block.saturated for p in parts] or [empty.astype(bool)])
+    lengths = [len(p.block.time_s) for p in parts]
+    names = np.array([name for _, name in phases])
+    entered = np.searchsorted([at for at, _ in phases], time_s, side="right") - 1
+    data = xr.Dataset(
+        coords={
+            "time_s": ("time_s", time_s, {"units": "s", "long_name": "time on the scan's clock"}),
+            "station": ("time_s", _labels([p.station for p in parts], lengths)),
+            "attempt": ("time_s", _labels([p.attempt for p in parts], lengths)),
+            "phase": ("time_s", names[entered]),
+        },
+        attrs={
+            "device": device,
+            "started_utc": run.started.started_utc,
+            "simulated": ", ".join(run.simulated),
+        },
+    )
+    for n, channel in enumerate(channels):
+        attrs = {
+            "units": channel.unit,
+            "role": channel.role,
+            "simulated": int(channel.simulated),  # netCDF knows no booleans
+        }
+        data[channel.name] = ("time_s", values[:, n], attrs)
+        data[f"{channel.name}_saturated"] = ("time_s", saturated[:, n])
+    return data
+
+
+def _labels(
+    labels: list[int | None], lengths: list[int]
+) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
+    numbers = np.array([-1 if label is None else label for label in labels], np.int64)
+    return np.repeat(numbers, lengths)

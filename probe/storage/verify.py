@@ -1,0 +1,152 @@
+"""``palpate verify RUN``: is a run file whole, and does it hold what it says?"""
+
+import sqlite3
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from probe.core.errors import RunFileError
+from probe.core.events import Finish
+from probe.storage.audit import MAX_PROBLEMS, Audit
+from probe.storage.log import unreadable_frames
+from probe.storage.reader import judged_rows, log_of, reading
+from probe.storage.rows import from_row
+
+WRITING_S = 0.3  # a scan writes its log every 0.05 s: one that rests this long is not being written
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `verify` found; ``problems`` is empty for a sound file.
+
+    ``samples`` and ``lost`` (known to be missing, as the device said) count by device;
+    ``finish`` is None for a run that goes on or was broken off.
+    """
+
+    path: Path
+    problems: tuple[str, ...]
+    events: int
+    samples: dict[str, int]
+    lost: dict[str, int]
+    stations_complete: int
+    stations_planned: int
+    attempts: int
+    sessions: int
+    finish: Finish | None
+
+    @property
+    def ok(self) -> bool:
+        """True if nothing is wrong."""
+        return not self.problems
+
+    def as_json(self) -> dict[str, Any]:
+        """For ``--json``."""
+        return {
+            "run": str(self.path),
+            "ok": self.ok,
+            "problems": list(self.problems),
+            "events": self.events,
+            "samples": self.samples,
+            "lost": self.lost,
+            "stations_complete": self.stations_complete,
+            "stations_planned": self.stations_planned,
+            "attempts": self.attempts,
+            "sessions": self.sessions,
+            "finish": self.finish,
+        }
+
+
+def verify(path: str | Path) -> Report:
+    """Check everything that can be checked; nothing is written.
+
+    The database's own integrity, its log, every row's checksum and its place in the chain, that
+    the last events are there, the order of events, that no sample is there twice or under a
+    station it was not taken at, and that stations marked complete are. Raises `RunFileError` only
+    for a file that is no run at all.
+    """
+    path = Path(path)
+    audit = Audit()
+    log = log_of(path)
+    with reading(path) as connection:
+        lost_log = _judge_log(log)
+        try:
+            for (text,) in connection.execute(f"PRAGMA integrity_check({MAX_PROBLEMS})"):
+                if text != "ok":
+                    audit.add(f"database: {text}")
+            chain = _audit(connection, audit)
+            sealed = _judge_seal(connection, audit.events, chain, has_log=log.exists())
+        except (sqlite3.Error, UnicodeDecodeError) as error:  # say so, and what came before
+            audit.add(f"database: {error}")
+            sealed = ""
+    audit.end()
+    problems = [text for text in (lost_log, sealed, *audit.problems) if text]
+    if audit.more:
+        problems.append(f"and {audit.more} more")
+    return Report(
+        path,
+        tuple(problems),
+        audit.events,
+        dict(audit.samples),
+        {device: lost for device, lost in audit.lost.items() if lost},
+        len(audit.complete),
+        len(audit.planned),
+        sum(audit.attempts.values()),
+        audit.sessions,
+        audit.finish,
+    )
+
+
+def _audit(connection: sqlite3.Connection, audit: Audit) -> bytes:
+    """Judge every event; the chain of the last."""
+    for number, row, fault in judged_rows(connection):
+        if fault:
+            audit.add(fault)
+        try:
+            audit.take(from_row(row))
+        except RunFileError as error:
+            audit.add(f"event {number}: {error}")
+    query = "SELECT chain FROM event ORDER BY id DESC LIMIT 1"
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    found = connection.execute(query).fetchone() if version > 1 else None
+    return found[0] if found else b""
+
+
+def _judge_log(log: Path) -> str:
+    """What a log beside the file has lost; empty if nothing, or while a scan writes it."""
+    while log.exists():
+        before = log.stat()
+        if not (lost := unreadable_frames(log)):
+            return ""
+        time.sleep(WRITING_S)
+        if log.exists() and (log.stat().st_mtime_ns, log.stat().st_size) == (
+            before.st_mtime_ns,
+            before.st_size,
+        ):
+            return (
+                f"log: {lost} pages of {log.name} cannot be read; the events in them, committed "
+                "last, are lost (it was damaged, or power was cut while it was written)"
+            )
+    return ""
+
+
+def _judge_seal(connection: sqlite3.Connection, events: int, chain: bytes, *, has_log: bool) -> str:
+    """Whether the last events are there: as many as there were when the writer closed the file."""
+    (version,) = connection.execute("PRAGMA user_version").fetchone()
+    if version < 3:
+        return ""
+    sealed = connection.execute("SELECT events, chain FROM seal").fetchone()
+    if sealed is None:
+        return "seal: removed"
+    if sealed == (None, None):
+        return (
+            ""
+            if has_log
+            else (
+                "log: the scan did not close this file, and RUN-wal is not beside it: the events "
+                "that were committed last are missing if it was lost (copied without it?)"
+            )
+        )
+    if sealed != (events, chain):
+        return f"seal: {events} events, but there were {sealed[0]} when the scan closed the file"
+    return ""

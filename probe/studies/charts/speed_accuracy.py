@@ -1,0 +1,204 @@
+"""Error against time: every model, element and mesh, and CalculiX and FElupe where installed.
+
+One press of TIHA at two pressures. Errors are those of the force and of the pulse against a
+converged finite-strain solution (six-node triangles, a quarter of the finest size charted).
+"""
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from drivers.core.extras import needs
+from probe.studies.charts.peers import felupe_forces, has_felupe
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.io.deck import ccx_forces_n_per_mm, write_deck
+from sim_backend.fem.newton import CannotSolve
+from sim_backend.fem.small_strain import solve_small
+from sim_backend.models.press import press
+from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.waves import PA_PER_MMHG
+
+with needs("data", "palpate chart"):
+    import pandas as pd
+with needs("report", "palpate chart"):
+    from matplotlib.figure import Figure
+
+X_MM, DEPTH_MM, LEVELS_MMHG = 32.0, 2.5, (80.0, 120.0)
+SIZES_MM = (2.0, 1.4, 1.0, 0.7, 0.5, 0.35)
+REFERENCE_MM = 0.12
+ELEMENTS = {"stress": ("T6", "Q8R", "Q4", "Q4R"), "strain": ("T6", "T6M", "Q8R", "Q4M", "Q4R")}
+NAMES = {
+    ("Q4R", "stress"): "CPS4R", ("Q4", "stress"): "CPS4", ("Q8R", "stress"): "CPS8R",
+    ("T6", "stress"): "CPS6", ("Q4R", "strain"): "CPE4R", ("Q4M", "strain"): "CPE4 mean dilatation",
+    ("Q8R", "strain"): "CPE8R", ("T6", "strain"): "CPE6", ("T6M", "strain"): "CPE6 mixed",
+}  # fmt: skip
+PEER_SIZES_MM = (1.4, 0.7)
+CCX_LIMIT_S = 300.0
+
+Answer = tuple[float, float, int]
+"""Force at the first level and pulse [N/m], degrees of freedom."""
+
+
+def chart(
+    out: Path,
+    scene_name: str = "TIHA",
+    repeats: int = 3,
+    tell: Callable[[str], None] = print,
+    plane: str | None = None,
+) -> pd.DataFrame:
+    """Run all, write ``speed-accuracy.csv`` and ``.png`` into ``out``; the table.
+
+    ``plane`` overrides the scene's; FElupe is compared in plane strain only.
+    """
+    scene = load_scene(scene_name)
+    if plane is not None:
+        scene = scene.model_copy(update={"plane": plane})
+    tell("Solving the reference …")
+    force, pulse, _ = _ours(scene, "finite", "T6", REFERENCE_MM)
+    rows: list[dict[str, Any]] = []
+
+    def add(solver: str, element: str, size_mm: float, solve: Callable[[], Answer], n: int) -> None:
+        row = {"solver": solver, "element": element, "size_mm": size_mm}
+        try:
+            seconds, answer = _timed(solve, n)
+        except CannotSolve as error:
+            rows.append(row | {"reason": str(error)})
+            return
+        rows.append(row | {
+            "dofs": answer[2], "seconds": seconds, "reason": "",
+            "force_error_pct": 100 * abs(answer[0] / force - 1),
+            "pulse_error_pct": 100 * abs(answer[1] / pulse - 1),
+        })  # fmt: skip
+
+    for model in ("finite", "small"):
+        for element in ELEMENTS[scene.plane]:
+            for size in SIZES_MM:
+                tell(f"{model} strain, {NAMES[element, scene.plane]}, {size} mm")
+                add(
+                    f"{model} strain",
+                    NAMES[element, scene.plane],
+                    size,
+                    partial(_ours, scene, model, element, size),
+                    repeats,
+                )
+    for pct in (5.0, 2.0, 1.0, 0.5):
+        tell(f"by itself, {pct:g} %")
+        add(
+            f"palpate, accuracy {pct:g} %",
+            "by itself",
+            0.0,
+            partial(_by_itself, scene, pct),
+            repeats,
+        )
+    if shutil.which("ccx"):
+        for size in PEER_SIZES_MM:
+            tell(f"CalculiX, {size} mm")
+            add(
+                "CalculiX",
+                "CPS6" if scene.plane == "stress" else "CPE6",
+                size,
+                partial(calculix, scene, size),
+                1,
+            )
+    if scene.plane == "strain" and has_felupe():
+        for size in PEER_SIZES_MM:
+            tell(f"FElupe, {size} mm")
+            add("FElupe", NAMES["Q4M", "strain"], size, partial(_felupe, scene, size), 1)
+    table = pd.DataFrame(rows)
+    out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(out / "speed-accuracy.csv", index=False, float_format="%.5g")
+    draw(table, scene_name).savefig(out / "speed-accuracy.png", dpi=150, facecolor="white")
+    return table
+
+
+def _timed(solve: Callable[[], Answer], repeats: int) -> tuple[float, Answer]:
+    """Median seconds of ``repeats``, and the answer."""
+    taken = []
+    answer: Answer = (np.nan, np.nan, 0)
+    for _ in range(repeats):
+        began = perf_counter()
+        answer = solve()
+        taken.append(perf_counter() - began)
+    return float(np.median(taken)), answer
+
+
+def _ours(scene: Scene, model: str, element: str, size_mm: float) -> Answer:
+    solve = solve_finite if model == "finite" else solve_small
+    levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
+    section, found = solve(scene, 1e-3 * X_MM, 1e-3 * DEPTH_MM, levels, 1e-3 * size_mm, element)
+    low, high = (one.force_n_per_m for one in found)
+    return low, high - low, len(section.assembly.free)
+
+
+def _by_itself(scene: Scene, accuracy_pct: float) -> Answer:
+    pressed = press(scene, X_MM, DEPTH_MM, LEVELS_MMHG, accuracy_pct=accuracy_pct)
+    low, high = (1e3 * state.force_n_per_mm for state in pressed.states)
+    return low, high - low, pressed.dofs
+
+
+def calculix(scene: Scene, size_mm: float) -> Answer:
+    """The press by CalculiX on our mesh. Raises `CannotSolve` where it stops."""
+    with tempfile.TemporaryDirectory() as folder:
+        deck = write_deck(scene, X_MM, DEPTH_MM, LEVELS_MMHG, Path(folder) / "press.inp",
+                          size_mm=size_mm)  # fmt: skip
+        try:
+            done = subprocess.run(["ccx", "-i", deck.stem], cwd=folder, capture_output=True,
+                                  timeout=CCX_LIMIT_S, check=False)  # fmt: skip
+        except subprocess.TimeoutExpired:
+            raise CannotSolve("time", f"CalculiX took over {CCX_LIMIT_S:g} s") from None
+        forces = ccx_forces_n_per_mm(deck) if done.returncode == 0 else []
+        if len(forces) < 2:
+            raise CannotSolve("CalculiX", "CalculiX stopped without an answer")
+        nodes = deck.read_text().count("\n")
+    return 1e3 * forces[0], 1e3 * (forces[1] - forces[0]), nodes
+
+
+def _felupe(scene: Scene, size_mm: float) -> Answer:
+    levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
+    (low, high), dofs = felupe_forces(scene, 1e-3 * X_MM, 1e-3 * DEPTH_MM, levels, 1e-3 * size_mm)
+    return low, high - low, dofs
+
+
+def pareto(table: pd.DataFrame, error: str) -> pd.DataFrame:
+    """The rows that no other beats in both time and error, fastest first."""
+    solved = table.dropna(subset=[error]).sort_values(["seconds", error])
+    return solved[solved[error] < solved[error].cummin().shift(fill_value=np.inf)]
+
+
+def draw(table: pd.DataFrame, scene: str) -> Figure:
+    """Two panels, force and pulse, log-log."""
+    from probe.report.look import BLUE, GREEN, INK, ORANGE, PINK, SKY
+
+    colours = {"finite strain": ORANGE, "small strain": BLUE, "CalculiX": GREEN,
+               "FElupe": SKY}  # fmt: skip
+    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    panels = figure.subplots(1, 2, sharex=True)
+    solved = table[table.reason == ""]
+    for axes, quantity in zip(panels, ("force", "pulse"), strict=True):
+        error = f"{quantity}_error_pct"
+        for solver, colour in colours.items():
+            of_it = solved[solved.solver == solver]
+            for element, marker in zip(of_it.element.unique(), "osv^D", strict=False):
+                some = of_it[of_it.element == element]
+                axes.plot(some.seconds, some[error].clip(lower=1e-3), marker + "-", ms=4, lw=0.8,
+                          color=colour, alpha=0.85, label=f"{solver}, {element}")  # fmt: skip
+        chosen = solved[solved.element == "by itself"]
+        axes.plot(chosen.seconds, chosen[error].clip(lower=1e-3), "*", ms=11, color=PINK,
+                  label="palpate press --accuracy 5, 2, 1, 0.5")  # fmt: skip
+        front = pareto(solved, error)
+        axes.step(front.seconds, front[error].clip(lower=1e-3), where="post", color=INK, lw=2.5,
+                  alpha=0.25, label="nothing is better than these")  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="time of one press at two pressures [s]",
+                 ylabel=f"error of the {quantity} [%]")  # fmt: skip
+        axes.set_title(f"{scene}: {quantity}", loc="left")
+        axes.grid(alpha=0.25)
+    figure.legend(*panels[0].get_legend_handles_labels(), frameon=False, fontsize=7, ncols=4,
+                  loc="outside lower center")  # fmt: skip
+    return figure

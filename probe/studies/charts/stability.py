@@ -1,0 +1,202 @@
+"""The stability atlas: presses where methods fail, each solved, refused with a reason, or wrong.
+
+Every answer is compared with an independent one, of another element on another mesh. A cell is
+``wrong`` when the two differ by more than `TOLERANCE_PCT` and three times the stated error, also
+when the independent one is solved again on elements of half the size, and ``hangs`` when the
+answer takes more than `LIMIT_S` of the processor. Rows of single elements show where each breaks;
+there the independent answer is that of the element that is chosen by itself, and a large error is
+``breaks``, not ``wrong``, since nobody is given it.
+"""
+
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from drivers.core.extras import needs
+from probe.studies.charts.cells import Cell, cells
+from probe.studies.solve import first_line
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.model import best_element, build_section
+from sim_backend.fem.newton import Load
+from sim_backend.models.press import CannotSolve, press
+from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.scene.waves import PA_PER_MMHG
+
+with needs("data", "palpate chart"):
+    import pandas as pd
+with needs("report", "palpate chart"):
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+
+TOLERANCE_PCT = 5.0
+LIMIT_S = 120.0
+SMALL_PULSE = 0.01
+"""Pulses below this share of the force are judged against this share: the two meshes differ."""
+CHECK_SHARE = {"Q8R": 0.25, "Q4": 0.08, "Q4M": 0.16, "T6": 0.16, "T6M": 0.16}
+"""Size of the independent solution's triangles over the finger's half width: each is three
+quadrilaterals, and those of four nodes are stiffer."""
+
+Forces = tuple[float, ...]
+
+
+def chart(out: Path, quick: bool = False, tell: Callable[[str], None] = print,
+          workers: int = 2) -> pd.DataFrame:  # fmt: skip
+    """Judge all cells, write ``stability.csv`` and ``.png`` into ``out``; the table."""
+    chosen = cells()[:: 5 if quick else 1]
+    rows = []
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        for number, row in enumerate(pool.map(judge, chosen), start=1):
+            rows.append(row)
+            if number % 20 == 0:
+                tell(f"{number} of {len(chosen)} cells")
+    table = pd.DataFrame(rows)
+    out.mkdir(parents=True, exist_ok=True)
+    table.to_csv(out / "stability.csv", index=False, float_format="%.5g")
+    draw(table).savefig(out / "stability.png", dpi=150, facecolor="white")
+    return table
+
+
+def judge(cell: Cell) -> dict[str, Any]:
+    """One cell's row."""
+    row: dict[str, Any] = {
+        "family": cell.family, "row": cell.row, "value": cell.value, "how": cell.how,
+        "verdict": "solved", "error_pct": np.nan, "estimate_pct": np.nan, "reason": "",
+    }  # fmt: skip
+    signal.signal(signal.SIGPROF, _too_long)
+    began = process_time()
+    try:
+        scene = Scene.model_validate(cell.scene)
+        with _limited():
+            forces, estimate = _answer(cell, scene)
+        row |= {"force_n_per_m": forces[0], "estimate_pct": estimate}
+        row |= _checked(cell, scene, forces, estimate)
+    except (CannotSolve, SceneError, ValueError) as error:
+        row |= {"verdict": "refused", "reason": first_line(error)[:200]}
+    except TimeoutError:
+        row |= {"verdict": "hangs", "reason": f"more than {LIMIT_S:g} s"}
+    return row | {"seconds": process_time() - began}
+
+
+def _answer(cell: Cell, scene: Scene) -> tuple[Forces, float]:
+    """Forces [N/m] at each level by what the cell tries, and their stated error."""
+    levels = [p * PA_PER_MMHG for p in cell.levels_mmhg]
+    x, depth = 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm
+    if cell.how in ("auto", "finite", "small"):
+        pressed = press(scene, cell.x_mm, cell.depth_mm, cell.levels_mmhg, model=cell.how)
+        return tuple(1e3 * s.force_n_per_mm for s in pressed.states), pressed.error_estimate_pct
+    size = 0.1 * 0.5e-3 * scene.indenter.width_mm_projected
+    if cell.how in ("one step", "reversal"):
+        section = build_section(scene, x, depth_m=depth, size_m=size)
+        down = Load(depth, levels[0])
+        path = [down] if cell.how == "one step" else [down, Load(0.0, levels[0]), down]
+        found = list(continuation(section, unloaded(section), path))
+        return (found[-1].force_n_per_m,), 1.0
+    _, solutions = solve_finite(scene, x, depth, levels, size, cell.how)
+    return tuple(s.force_n_per_m for s in solutions), 1.0
+
+
+def _checked(cell: Cell, scene: Scene, forces: Forces, estimate: float) -> dict[str, Any]:
+    """The verdict on an answer."""
+    if not np.isfinite(forces).all():
+        return {"verdict": "wrong", "reason": "not a number"}
+    # small strain's own error is shown, not judged: `auto` never takes it where it matters
+    shown_only = cell.single_element or cell.how == "small"
+    allowed = max(TOLERANCE_PCT, 0.0 if shown_only else 3 * estimate)
+    verdict, reason = {"verdict": "solved, unchecked", "error_pct": estimate}, ""
+    for element in _others(scene, cell):
+        for finer in (1, 2):
+            try:
+                with _limited():
+                    found = _independent(cell, scene, element, finer)
+            except (CannotSolve, TimeoutError) as error:
+                reason = reason or f"the check by {element}: {error or 'too long'}"[:200]
+                break
+            apart = _apart_pct(forces, found)
+            if apart <= allowed:
+                return {"error_pct": apart, "verdict": "solved"}
+            verdict = {"error_pct": apart, "verdict": "breaks" if shown_only else "wrong"}
+        if verdict["verdict"] != "solved, unchecked":
+            return verdict
+    return verdict | {"reason": reason}
+
+
+def _independent(cell: Cell, scene: Scene, element: str, finer: int) -> Forces:
+    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    levels = [p * PA_PER_MMHG for p in cell.levels_mmhg]
+    size_m = CHECK_SHARE[element] * half_m / finer
+    _, found = solve_finite(scene, 1e-3 * cell.x_mm, 1e-3 * cell.depth_mm, levels, size_m, element)
+    return tuple(one.force_n_per_m for one in found)
+
+
+def _apart_pct(forces: Forces, other: Forces) -> float:
+    a, b = np.array(forces), np.array(other)
+    largest = float(np.abs(b).max())
+    if largest < 1e-9:
+        return 100.0 * float(np.abs(a).max() > 1e-6)
+    apart = float(np.abs(a - b).max()) / largest
+    if len(b) > 1:
+        span = max(float(np.ptp(b)), SMALL_PULSE * largest)
+        apart = max(apart, float(abs(np.ptp(a) - np.ptp(b))) / span)
+    return 100 * apart
+
+
+def _others(scene: Scene, cell: Cell) -> tuple[str, ...]:
+    """Independent elements; the second does not wrinkle where the first does."""
+    if cell.single_element and cell.how != best_element(scene):
+        return (best_element(scene),)
+    if best_element(scene) == "Q4M":
+        return "T6M", "T6"
+    return "Q8R", "Q4" if scene.plane == "stress" else "T6M"
+
+
+@contextmanager
+def _limited() -> Iterator[None]:
+    """Raises TimeoutError after `LIMIT_S` of the processor."""
+    signal.setitimer(signal.ITIMER_PROF, LIMIT_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
+def _too_long(_signal: int, _frame: object) -> None:
+    raise TimeoutError
+
+
+def draw(table: pd.DataFrame) -> Figure:
+    """A strip per row of cells: colour is the error, signs are refusals."""
+    from probe.report.look import INK, PINK
+
+    strips = list(table.groupby(["family", "row"], sort=False))
+    figure = Figure(figsize=(11, 0.3 * len(strips) + 1.2), layout="constrained")
+    axes = figure.subplots()
+    shown = None
+    for y, (_, some) in enumerate(strips):
+        solved = some.verdict.isin(["solved", "breaks", "solved, unchecked"])
+        x = np.arange(len(some))
+        shown = axes.scatter(
+            x[solved], np.full(solved.sum(), y), c=some.error_pct[solved].clip(1e-2, 100),
+            norm=LogNorm(1e-2, 100), cmap="cividis", marker="s", s=130,
+        )  # fmt: skip
+        for verdict, sign, colour in (("refused", "x", INK), ("wrong", "o", PINK),
+                                      ("hangs", "^", PINK)):  # fmt: skip
+            those = (some.verdict == verdict).to_numpy()
+            axes.scatter(x[those], np.full(those.sum(), y), marker=sign, color=colour, s=60)
+        for at, value in zip(x, some.value, strict=True):
+            axes.text(float(at), y + 0.42, value, fontsize=5, ha="center", va="center", color=INK)
+    axes.set_yticks(range(len(strips)), [f"{family}: {row}" for (family, row), _ in strips])
+    axes.tick_params(axis="y", labelsize=7)
+    axes.set(xticks=[], ylim=(len(strips) - 0.2, -0.8))
+    axes.set_title("■ solved (colour: difference from an independent solution)    × refused with "
+                   "its physical reason    ○ wrong    △ hangs", loc="left", fontsize=9)  # fmt: skip
+    if shown is not None:
+        figure.colorbar(shown, ax=axes, label="difference [%]", shrink=0.5)
+    return figure

@@ -1,0 +1,80 @@
+"""A round finger over the middle of a round block, over nothing or over a ball below it."""
+
+from dataclasses import replace
+from math import ceil
+
+import numpy as np
+
+from sim_backend.arrays import Array
+from sim_backend.fem.contact.finger import finger_over
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.elements import as_element
+from sim_backend.fem.finite_strain import Solved
+from sim_backend.fem.mesh import block_mesh
+from sim_backend.fem.model import (
+    LOCKING_POISSON,
+    Grading,
+    Section,
+    element_sizes,
+    half_contact,
+    materials,
+    ring_of,
+)
+from sim_backend.fem.newton import Load
+from sim_backend.fem.revolved import revolved
+from sim_backend.fem.support import SlidingConstraint
+from sim_backend.scene.indenter import Punch, Sphere
+from sim_backend.scene.scene_file import Scene, Tumour
+
+FIRST_M, STEP_M = 0.2e-3, 0.6e-3
+"""First depth on the way down, where single nodes come into contact, and the steps from there."""
+
+
+def is_round(scene: Scene, x_mm: float) -> bool:
+    """Whether a press at ``x_mm`` is a body of revolution but for the block's outline."""
+    finger = isinstance(scene.indenter, Sphere | Punch)
+    centred = all(
+        isinstance(one, Tumour) and one.x_mm == x_mm and not one.z_mm for one in scene.inclusion
+    )
+    return scene.plane == "solid" and finger and centred and len(scene.inclusion) <= 1
+
+
+def solve_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: Grading) -> Solved:
+    """The press ``depth_m`` deep into a block of ``radius_m``; its force is the whole finger's [N].
+
+    Raises `CannotSolve`.
+    """
+    section = build_axisymmetric(scene, radius_m, depth_m, grading)
+    first = min(FIRST_M, depth_m)
+    steps = ceil((depth_m - first) / STEP_M - 1e-9)
+    loads = [Load(first, 0.0)]
+    loads += [Load(first + (depth_m - first) * (k + 1) / steps, 0.0) for k in range(steps)]
+    return section, [list(continuation(section, unloaded(section), loads))[-1]]
+
+
+def build_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: Grading) -> Section:
+    """The half section right of the axis x = 0, turned about it; T6, or Q4M where that locks."""
+    assert scene.tissue is not None  # the scene was checked
+    inclusion = tuple(one.model_copy(update={"x_mm": 0.0}) for one in scene.inclusion)
+    moved = scene.model_copy(update={"inclusion": inclusion})
+    height_m = 1e-3 * scene.surface_mm
+    finger = finger_over(scene.indenter, 0.0, height_m)
+    half_m = half_contact(finger, depth_m)
+    rings = [ring_of(one, moved, n) for n, one in enumerate(inclusion)]
+
+    def size(points: Array) -> Array:
+        return element_sizes(points, finger, half_m, rings, grading)
+
+    solids = (scene.tissue, *scene.inclusion)
+    locking = max(one.poisson for one in solids) > LOCKING_POISSON
+    mesh, cells = as_element(
+        block_mesh(radius_m, height_m, rings, size), "Q4M" if locking else "T6"
+    )
+    shear, bulk = materials(moved, mesh.region)
+    on_axis = np.flatnonzero(mesh.nodes[:, 0] < 1e-12)
+    held = np.unique(np.concatenate([2 * on_axis, 2 * mesh.bottom + 1]))
+    nothing = SlidingConstraint(np.empty((1, 0), dtype=np.int64), np.empty(0), 0.0)
+    return Section(
+        replace(mesh, lumens=()), revolved(cells, mesh.nodes), shear, bulk, False, held, (),
+        finger, 1e3 * scene.tissue.modulus_kpa, nothing,
+    )  # fmt: skip

@@ -1,0 +1,100 @@
+"""A lumen that closes: its upper wall comes to rest on its lower wall.
+
+Upper nodes meet lower sides (node to segment, one pass, so that nothing is held twice),
+frictionless. The pressure goes on acting between walls that touch, as a film of blood would.
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from sim_backend.arrays import Array, Bools, Ints
+from sim_backend.fem.lumen import Sides
+from sim_backend.fem.mesh import Mesh
+
+
+@dataclass(frozen=True)
+class Walls:
+    """``nodes`` (l,) once round the lumen, the lumen to their right; ``dofs`` (1, 2l).
+
+    ``upper`` (a,) index the nodes that face down, ``lower`` (b,) the first nodes of sides that
+    face up.
+    """
+
+    nodes: Ints
+    dofs: Ints
+    upper: Ints
+    lower: Ints
+
+    @property
+    def begins(self) -> Bools:
+        """Which sides (b,) of the lower wall have none before them."""
+        return ~np.isin(self.lower - 1, self._wrapped)
+
+    @property
+    def ends(self) -> Bools:
+        """Which sides (b,) of the lower wall have none after them."""
+        return ~np.isin(self.lower + 1, self._wrapped)
+
+    @property
+    def _wrapped(self) -> Ints:
+        count = len(self.nodes)
+        return np.concatenate([self.lower - count, self.lower, self.lower + count])
+
+
+def walls(mesh: Mesh, sides: Sides) -> Walls:
+    """The walls of one lumen, in order round it."""
+    k = sides.nodes.shape[1]
+    path = [0, 1] if k == 4 else [0, 3, 1] if k == 6 else [0, 4, 1]
+    follows = {int(a): int(b) for one in sides.nodes[:, path] for a, b in pairwise(one)}
+    loop = [next(iter(follows))]
+    while follows[loop[-1]] != loop[0]:
+        loop.append(follows[loop[-1]])
+    nodes = np.array(loop)
+    dofs = np.stack([2 * nodes, 2 * nodes + 1], axis=1).reshape(1, -1)
+    height = mesh.nodes[nodes, 1]
+    middle = (height.max() + height.min()) / 2
+    nxt = np.roll(height, -1)
+    lower = np.flatnonzero((height < middle + 1e-9) & (nxt < middle + 1e-9))
+    return Walls(nodes, dofs, np.flatnonzero(height > middle + 1e-9), lower)
+
+
+def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
+    """Gap (a,) [m] from each upper node to the lower wall for ``place`` (l, 2), and its gradient
+    (a, 2l) by the loop's displacements, the normal held.
+
+    The normal goes evenly from node to node, so that nothing jumps where a node slides from side
+    to side. A node that lies past an end of the lower wall is its neighbour round the bend and
+    cannot meet it: its gap is the distance."""
+    a = place[both.upper]
+    start, end = place[both.lower], place[(both.lower + 1) % len(place)]
+    side = end - start
+    length = np.maximum(np.hypot(*side.T), 1e-12)
+    share = np.einsum("abi,bi->ab", a[:, None] - start, side) / length**2
+    share = np.clip(share, 0.0, 1.0)
+    foot = start + share[..., None] * side
+    nearest = np.argmin(np.hypot(*np.moveaxis(a[:, None] - foot, 2, 0)), axis=1)
+    row = np.arange(len(a))
+    s = share[row, nearest]
+    normal = _normals(place)
+    first = both.lower[nearest]
+    second = (first + 1) % len(place)
+    normal = (1 - s)[:, None] * normal[first] + s[:, None] * normal[second]
+    normal /= np.hypot(*normal.T)[:, None]
+    offset = a - foot[row, nearest]
+    gap = np.einsum("ai,ai->a", offset, normal)
+    past = (s == 0) & both.begins[nearest] | (s == 1) & both.ends[nearest]
+    gap = np.where(past, np.hypot(*offset.T), gap)
+    gradient = np.zeros((len(a), len(place), 2))
+    gradient[row, both.upper] += normal
+    gradient[row, first] -= (1 - s)[:, None] * normal
+    gradient[row, second] -= s[:, None] * normal
+    return gap, gradient.reshape(len(a), -1)
+
+
+def _normals(place: Array) -> Array:
+    """At each node (l, 2) the mean normal of its two sides, into the lumen."""
+    chord = np.roll(place, -1, axis=0) - np.roll(place, 1, axis=0)
+    across = np.stack([chord[:, 1], -chord[:, 0]], axis=1)
+    return np.asarray(across / np.hypot(*chord.T)[:, None])

@@ -1,0 +1,68 @@
+"""A press at finite strain, from the scene to its solutions."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from math import ceil
+
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.mesh_transfer import continued
+from sim_backend.fem.model import Grading, Section, build_section
+from sim_backend.fem.newton import CannotSolve, Load, NotConverged, Solution
+from sim_backend.scene.scene_file import Scene
+
+Solved = tuple[Section, list[Solution]]
+
+RAMP_STEP_M = 0.6e-3
+FIRST_TOUCH = (0.2, 0.55)
+
+
+def solve_finite(
+    scene: Scene,
+    x_m: float,
+    depth_m: float,
+    pressures_pa: Sequence[float],
+    size_m: float,
+    element: str | None = None,
+    *,
+    grading: Grading | None = None,
+    coarser: Solved | None = None,
+) -> Solved:
+    """One solution per lumen pressure, ``depth_m`` deep at ``x_m``. Raises `CannotSolve`.
+
+    The lumen is filled before the press, which holds soft vessels open on the way down; the
+    answer does not depend on the order, since nothing here slides with friction. Where filling
+    first meets a limit, pressing first is tried. With what was solved on a ``coarser`` mesh the way
+    down need not be gone again.
+    """
+    section = build_section(
+        scene, x_m, depth_m=depth_m, size_m=size_m, element=element, grading=grading
+    )
+    if coarser is not None:
+        with suppress(NotConverged):
+            first_there = continued(coarser[0], coarser[1][0], section)
+            others = [Load(depth_m, p) for p in pressures_pa[1:]]
+            return section, [first_there, *continuation(section, first_there, others)]
+    depths = _ramp(scene, depth_m)
+    first = pressures_pa[0] if section.lumens else 0.0
+    ramp = [Load(d, first) for d in depths]
+    if first:
+        ramp.insert(0, Load(-depth_m, first))
+    rest = [Load(depth_m, p) for p in pressures_pa[1:]]
+    try:
+        solutions = list(continuation(section, unloaded(section), [*ramp, *rest]))
+    except CannotSolve as error:
+        if not first or error.limit != "limit pressure":
+            raise
+        ramp = [Load(d, 0.0) for d in depths]
+        rest = [Load(depth_m, p) for p in pressures_pa]
+        solutions = list(continuation(section, unloaded(section), [*ramp, *rest]))
+    return section, solutions[-len(pressures_pa) :]
+
+
+def _ramp(scene: Scene, depth_m: float) -> list[float]:
+    """Depths on the way down; nearly incompressible plane strain must be touched gently, or the
+    first contact presses single nodes and steps are halved again and again."""
+    steps = max(1, ceil(depth_m / RAMP_STEP_M))
+    depths = [depth_m * (k + 1) / steps for k in range(steps)]
+    gentle = [s * depths[0] for s in FIRST_TOUCH] if scene.plane == "strain" else []
+    return [*gentle, *depths]

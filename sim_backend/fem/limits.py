@@ -1,0 +1,57 @@
+"""Where physics ends: why there is no equilibrium beyond a load, in words."""
+
+from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
+from sim_backend.fem.internal import smallest_area_ratio
+from sim_backend.fem.mesh import TISSUE
+from sim_backend.fem.model import Section
+from sim_backend.fem.newton import (
+    CannotSolve,
+    Load,
+    NotConverged,
+    SkinPressedFlat,
+    Solution,
+    Unstable,
+)
+
+
+def physical_limit(
+    section: Section, last: Solution, goal: Load, failure: NotConverged
+) -> CannotSolve:
+    """Why there is no equilibrium between ``last`` and ``goal``."""
+    ratio, cell = smallest_area_ratio(section, last.displacement)
+    x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
+    depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322
+    where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
+    if not (section.mesh.region == TISSUE).any():
+        return CannotSolve(
+            "greatest depth",
+            f"found no equilibrium beyond {depth_mm:.4g} mm at {mmhg:.4g} mmHg: the wall "
+            "of the lone vessel folds or is crushed "
+            f"({failure}; smallest det F {ratio:.2g} {where}). Press over its middle or less deep.",
+        )
+    if isinstance(failure, Unstable):
+        return CannotSolve(
+            "stability",
+            f"found no stable equilibrium beyond {depth_mm:.4g} mm and {mmhg:.4g} mmHg: the body "
+            f"snaps or rolls away there (smallest det F {ratio:.2g} {where}). Press less deep.",
+        )
+    if goal.pressure_pa > last.load.pressure_pa:
+        return CannotSolve(
+            "limit pressure",
+            f"found no equilibrium above {mmhg:.4g} mmHg ({depth_mm:.3g} mm deep): the wall "
+            f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
+            "Take a lower pressure, a thicker or a stiffer wall.",
+        )
+    if isinstance(failure, SkinPressedFlat):
+        return CannotSolve(
+            "skin",
+            f"found no equilibrium deeper than {depth_mm:.4g} mm: {failure}, and is modelled up to "
+            f"{100 * MAX_STRAIN:.0f} %. Press less deep or take a stiffer skin.",
+        )
+    folds = bool(section.lumens) and section.mesh.region[cell] != TISSUE
+    what = "the vessel's wall folds" if folds else "the tissue under the finger is crushed"
+    return CannotSolve(
+        "greatest depth",
+        f"found no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg: {what} {where} "
+        f"(det F = {ratio:.2g}; {failure}). Press less deep.",
+    )

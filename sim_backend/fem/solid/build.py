@@ -1,0 +1,285 @@
+"""From a solid scene to its meshed body: the section is meshed once, extruded, then bent."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_backend.arrays import Array, Bools, Ints
+from sim_backend.fem.contact.finger import Finger
+from sim_backend.fem.mesh import T6_EDGES, TISSUE
+from sim_backend.fem.model import (
+    Grading,
+    Section,
+    build_section,
+    half_contact,
+    materials,
+)
+from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.finger import solid_finger
+from sim_backend.fem.solid.forces import Faces
+from sim_backend.fem.solid.layers import graded_edges
+from sim_backend.fem.solid.prism import extrude, quad_shape, triangle_shape, wedges_of
+from sim_backend.fem.solid.warp import BALL_CORE, cylinder_to_ball
+from sim_backend.fem.support import HOLD_WIDTH_M
+from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
+from sim_backend.scene.scene_file import Artery, Scene, SceneError, Tumour
+
+GROWTH = 0.6
+"""How fast elements grow away from contact and inclusions."""
+COARSEST = 0.24
+"""Largest element over the block's height."""
+WALL_SHARE = 0.4
+"""Element size at an inclusion over its radius, at most."""
+HOLD_STIFFNESS = 100.0
+"""Of an average that is held, over the tissue's modulus times the width of the hold."""
+
+
+@dataclass(frozen=True)
+class _Span:
+    """The modelled stretch along z [m] and the finger's place on it."""
+
+    low: float
+    high: float
+    finger: float
+
+    @property
+    def halved(self) -> bool:
+        return self.low == self.finger
+
+
+def build_body(
+    scene: Scene, x_m: float, *, depth_m: float, size_m: float, z_m: float = 0.0,
+    tilt_deg: float = 0.0,
+) -> Body:  # fmt: skip
+    """Mesh a solid ``scene`` for a press at (``x_m``, ``z_m``) about ``depth_m`` deep.
+
+    ``size_m`` is the element size in the contact. Where scene and finger are symmetric about
+    z = 0, one half is modelled. Raises `SceneError` where inclusions leave no room for elements.
+    """
+    tissue = scene.tissue
+    assert tissue is not None and tissue.length_mm is not None  # the scene was checked
+    half_m = 0.5e-3 * tissue.length_mm
+    span = _Span(0.0 if z_m == 0.0 and _symmetric(scene) else -half_m, half_m, z_m)
+    across, along = footprint(scene.indenter)
+
+    def at_wall(radius_m: float) -> float:
+        return min(max(size_m, 0.15 * radius_m), WALL_SHARE * radius_m)
+
+    grading = Grading(size_m, at_wall, GROWTH, COARSEST * 1e-3 * tissue.height_mm)
+    flat = section_scene(scene, across)
+    section = build_section(
+        flat, x_m, depth_m=depth_m, size_m=size_m, element="T6", grading=grading
+    )
+    edges = _edges(scene, span, along, depth_m, grading)
+    nodes, cells = extrude(section.mesh.nodes, section.mesh.cells, edges)
+    solid = _solid_part(scene, section, edges)
+    placed = _bent(scene, nodes)
+    wedges_at = cells[solid]
+    try:
+        wedges = wedges_of(placed, wedges_at)
+    except ValueError as error:
+        raise SceneError(f"{scene.name}: inclusions leave no room for elements: {error}") from None
+    region = _regions(scene, section, edges)[solid]
+    shear, bulk = materials(flat, region)
+    surface = np.flatnonzero(np.abs(nodes[:, 1] - 1e-3 * scene.surface_mm) < 1e-9)
+    lumens = tuple(
+        faces
+        for n, one in enumerate(scene.inclusion)
+        if isinstance(one, Artery)
+        for faces in _lumen(section, cells, solid, one, n, scene)
+    )
+    return Body(
+        wedges, region, shear, bulk,
+        _held(scene, nodes, span), lumens, surface, _leaning(scene, nodes, span),
+        solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm, z_m, tilt_deg),
+        0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
+    )  # fmt: skip
+
+
+def footprint(indenter: Indenter) -> tuple[Finger, Finger]:
+    """The finger's outline across and along the vessels, at the origin."""
+    if isinstance(indenter, Punch):
+        edge = 1e-3 * indenter.edge_radius_mm
+        both = Finger(0.5e-3 * indenter.diameter_mm - edge, edge, 0.0, 0.0)
+        return both, both
+    if isinstance(indenter, Cylinder):
+        edge = 1e-3 * (indenter.edge_radius_mm or 0.0)
+        ends = Finger(0.5e-3 * indenter.length_mm - edge, edge, 0.0, 0.0)
+        side = Finger(0.0, 1e-3 * indenter.radius_mm, 0.0, 0.0)
+        return (ends, side) if indenter.axis == "across" else (side, ends)
+    ball = Finger(0.0, 0.5e-3 * indenter.width_mm_projected, 0.0, 0.0)
+    return ball, ball
+
+
+def section_scene(scene: Scene, across: Finger) -> Scene:
+    """A plane scene whose mesh can be extruded: lumps as cylinders that will become balls."""
+    assert scene.tissue is not None
+    finger: Indenter = Cylinder(radius_mm=1e3 * across.radius)
+    if across.half_flat:
+        width_mm = 2e3 * (across.half_flat + across.radius)
+        finger = Flat(shape="flat", width_mm=width_mm, edge_radius_mm=1e3 * across.radius)
+    tissue = scene.tissue.model_copy(update={"length_mm": None, "ends": None})
+    inclusion = tuple(
+        one.model_copy(update={"diameter_mm": BALL_CORE * one.diameter_mm})
+        if isinstance(one, Tumour)
+        else one
+        for one in scene.inclusion
+    )
+    changed = {"plane": "strain", "tissue": tissue, "inclusion": inclusion, "indenter": finger}
+    return scene.model_copy(update=changed)
+
+
+def _symmetric(scene: Scene) -> bool:
+    """Whether z -> -z changes nothing."""
+    for one in scene.inclusion:
+        if isinstance(one, Tumour):
+            if one.z_mm:
+                return False
+            continue
+        ring = one.stenosis
+        if ring and ring.z_mm and ring.z_mm[0] != -ring.z_mm[1]:
+            return False
+    return True
+
+
+def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Grading) -> Array:
+    """Edges of the layers [m]."""
+    reach = half_contact(along, depth_m)
+    spots: list[tuple[float, float]] = []  # (z, element size there)
+    for one in scene.inclusion:
+        wall = grading.at_wall(1e-3 * one.outer_radius_mm)
+        if isinstance(one, Tumour):
+            core = BALL_CORE * 0.5e-3 * one.diameter_mm
+            middle = 1e-3 * (one.z_mm or 0.0)
+            spots += [(middle - core, wall), (middle + core, wall)]
+        elif one.stenosis is not None and one.stenosis.z_mm is not None:
+            spots += [(1e-3 * z, wall) for z in one.stenosis.z_mm]
+
+    def size(z: Array) -> Array:
+        away = np.abs(z - span.finger)
+        beyond = np.maximum(np.maximum(away - reach, along.half_flat - along.radius - away), 0.0)
+        wanted = grading.contact_m + grading.growth * beyond
+        for spot, wall in spots:
+            wanted = np.minimum(wanted, wall + grading.growth * np.abs(z - spot))
+        return np.minimum(wanted, grading.coarsest_m)
+
+    inner = {z for z, _ in spots if span.low < z < span.high}
+    if not span.halved:
+        inner.add(span.finger)
+    return graded_edges([span.low, *sorted(inner), span.high], size)
+
+
+def _solid_part(scene: Scene, section: Section, edges: Array) -> Bools:
+    """Which wedges (l, m) exist: a stenosis lies in its stretch only, else there is lumen."""
+    middle = (edges[1:] + edges[:-1]) / 2
+    solid = np.ones((len(middle), len(section.mesh.cells)), dtype=bool)
+    for n, one in enumerate(scene.inclusion):
+        ring = one.stenosis if isinstance(one, Artery) else None
+        if ring is not None and ring.z_mm is not None:
+            outside = (middle < 1e-3 * ring.z_mm[0]) | (middle > 1e-3 * ring.z_mm[1])
+            solid &= ~(outside[:, None] & (section.mesh.region == 2 + 2 * n))
+    return solid
+
+
+def _regions(scene: Scene, section: Section, edges: Array) -> Ints:
+    """Region (l, m) of each wedge: a lump's cylinder ends, beyond it is tissue."""
+    middle = (edges[1:] + edges[:-1]) / 2
+    region = np.tile(section.mesh.region, (len(middle), 1))
+    for n, one in enumerate(scene.inclusion):
+        if isinstance(one, Tumour):
+            core = BALL_CORE * 0.5e-3 * one.diameter_mm
+            beyond = np.abs(middle - 1e-3 * (one.z_mm or 0.0)) > core
+            region[beyond[:, None] & (region == 1 + 2 * n)] = TISSUE
+    return region
+
+
+def _bent(scene: Scene, nodes: Array) -> Array:
+    placed = nodes
+    for one in scene.inclusion:
+        if isinstance(one, Tumour):
+            centre = 1e-3 * np.array([one.x_mm, scene.surface_mm - one.depth_mm, one.z_mm or 0.0])
+            room = 1e-3 * _room_mm(scene, one)
+            placed = cylinder_to_ball(placed, centre, 0.5e-3 * one.diameter_mm, room)
+    return placed
+
+
+def _room_mm(scene: Scene, one: Tumour) -> float:
+    """How far from a lump's centre nothing else is: sides, ends, other inclusions."""
+    tissue = scene.tissue
+    assert tissue is not None and tissue.length_mm is not None
+    room = [one.depth_mm, tissue.height_mm - one.depth_mm, one.x_mm, tissue.width_mm - one.x_mm,
+            tissue.length_mm / 2 - abs(one.z_mm or 0.0)]  # fmt: skip
+    room += [
+        float(np.hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm))
+        - other.outer_radius_mm
+        for other in scene.inclusion
+        if other is not one
+    ]
+    return 0.98 * min(room)
+
+
+def _held(scene: Scene, nodes: Array, span: _Span) -> Ints:
+    """The bottom rests on its support; symmetry and held ends keep their places along z."""
+    assert scene.tissue is not None
+    held = [3 * np.flatnonzero(nodes[:, 1] < 1e-9) + 1]
+    levels = [span.low] if span.halved else []
+    if scene.tissue.ends == "held":
+        levels += [span.low, span.high]
+    held += [3 * np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9) + 2 for z in levels]
+    return np.unique(np.concatenate(held))
+
+
+def _leaning(scene: Scene, nodes: Array, span: _Span) -> tuple[tuple[float, Array], ...]:
+    """The middle of the bottom slides and turns on its support not at all, on average."""
+    assert scene.tissue is not None
+    middle = 0.5e-3 * scene.tissue.width_mm
+    away = np.hypot(nodes[:, 0] - middle, nodes[:, 2])
+    bell = np.where(nodes[:, 1] < 1e-9, np.exp(-0.5 * (away / HOLD_WIDTH_M) ** 2), 0.0)
+    bell = np.where(bell > 1e-3, bell, 0.0) / bell[bell > 1e-3].sum()
+    ways = [np.column_stack([bell, 0 * bell, 0 * bell])]
+    if not span.halved and scene.tissue.ends != "held":
+        turn = np.column_stack([nodes[:, 2], 0 * bell, middle - nodes[:, 0]]) / HOLD_WIDTH_M
+        ways += [np.column_stack([0 * bell, 0 * bell, bell]), bell[:, None] * turn]
+    stiffness = HOLD_STIFFNESS * 1e3 * scene.tissue.modulus_kpa * HOLD_WIDTH_M
+    return tuple((stiffness, way.ravel()) for way in ways)
+
+
+def _lumen(
+    section: Section, cells: Ints, solid: Bools, one: Artery, n: int, scene: Scene
+) -> list[Faces]:
+    """The faces on which a lumen's pressure acts: round it, and on a stenosis's two ends."""
+    mesh = section.mesh
+    centre = 1e-3 * np.array([one.x_mm, scene.surface_mm - one.depth_mm])
+    distance = np.hypot(*(mesh.nodes - centre).T)
+    inner = 0.5e-3 * one.inner_diameter_mm
+    ring = mesh.region == 2 + 2 * n
+    narrow = inner * (1 - one.stenosis.fraction) if one.stenosis is not None else inner
+    # outside its stretch a stenosis is lumen, and the wall's inner circle bounds it
+    around = [(narrow, ring if one.stenosis else mesh.region == 1 + 2 * n)]
+    if one.stenosis is not None:
+        around.append((inner, mesh.region == 1 + 2 * n))
+    quads = []
+    for radius, wall in around:
+        for edge in T6_EDGES:
+            on = wall & np.all(np.abs(distance[mesh.cells[:, edge]] - radius) < 1e-9, axis=1)
+            bounds = solid & on
+            if one.stenosis is not None and radius == inner:
+                bounds = bounds & ~np.any(solid & ring, axis=1)[:, None]
+            columns = [6 * plane + side for plane in range(3) for side in edge]
+            quads.append(cells[bounds][:, columns])
+    found = [Faces(np.concatenate(quads), *quad_shape())]
+    caps = _caps(cells, solid, ring)
+    if len(caps):
+        found.append(Faces(caps, *triangle_shape()))
+    return found
+
+
+def _caps(cells: Ints, solid: Bools, ring: Bools) -> Ints:
+    """Ends (s, 6) of a stenosis that face the lumen, seen from there clockwise."""
+    here = solid & ring
+    later = np.zeros_like(here)
+    later[:-1] = ring & ~solid[1:]
+    earlier = np.zeros_like(here)
+    earlier[1:] = ring & ~solid[:-1]
+    top, bottom = cells[here & later][:, 12:], cells[here & earlier][:, :6]
+    return np.concatenate([top[:, [0, 2, 1, 5, 4, 3]], bottom])

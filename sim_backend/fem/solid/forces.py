@@ -1,0 +1,99 @@
+"""Internal forces and exact tangents of wedges, and the pressure on a lumen's faces."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_backend.arrays import Array, Ints
+from sim_backend.fem.solid.material import (
+    determinant_and_cofactor,
+    stress_and_tangent,
+    unforeseen_volume,
+)
+from sim_backend.fem.solid.prism import Wedges
+
+_CHUNK = 400
+"""Wedges at a time: their tangents' parts stay in the cache and below 100 MB."""
+
+
+@dataclass(frozen=True)
+class Faces:
+    """Faces (s, k) of a lumen with shape functions ``value`` (q, k), slopes ``by_a`` and ``by_b``
+    (q, k) and weights (q,): da x db points from the lumen into the wall."""
+
+    nodes: Ints
+    value: Array
+    by_a: Array
+    by_b: Array
+    weight: Array
+
+    @property
+    def dofs(self) -> Ints:
+        """(s, 3k): displacement numbers of each face."""
+        return (3 * self.nodes[:, :, None] + np.arange(3)).reshape(len(self.nodes), -1)
+
+
+def deformation(wedges: Wedges, u: Array) -> Array:
+    """F (m, 9, 3, 3) at the quadrature points for displacements ``u`` (n, 3) [m]."""
+    moved = np.swapaxes(u[wedges.cells], 1, 2)[:, None]  # (m, 1, 3, 18)
+    return np.asarray(moved @ wedges.gradient + np.eye(3))
+
+
+def smallest_volume_ratio(wedges: Wedges, u: Array) -> tuple[float, int]:
+    """The smallest det F and the wedge where it is."""
+    j = determinant_and_cofactor(deformation(wedges, u))[0].min(axis=1)
+    worst = int(np.argmin(j))
+    return float(j[worst]), worst
+
+
+def forces_and_tangents(
+    wedges: Wedges, shear: Array, bulk: Array, u: Array, change: Array | None = None
+) -> tuple[Array, Array]:
+    """Wedge forces (m, 54) [N] and tangents (m, 54, 54) [N/m]; ``shear``, ``bulk`` (m,) [Pa].
+
+    ``change`` (n, 3) is the Newton step that led to ``u``: the pressure in the tangent is then the
+    one that it foresaw.
+    """
+    m = len(wedges.cells)
+    force, tangent = np.empty((m, 54)), np.empty((m, 54, 54))
+    f = deformation(wedges, u)
+    lag = np.zeros(f.shape[:2])
+    if change is not None:
+        lag = unforeseen_volume(f, deformation(wedges, change) - np.eye(3))
+    for start in range(0, m, _CHUNK):
+        part = slice(start, start + _CHUNK)
+        gradient, weight = wedges.gradient[part], wedges.weight[part]
+        stress, moduli = stress_and_tangent(f[part], shear[part, None], bulk[part, None], lag[part])
+        each = np.swapaxes(gradient.reshape(len(gradient), -1, 18, 3), 2, 3)  # (m, q, J, k)
+        across = np.swapaxes(each.reshape(len(gradient), -1, 18), 1, 2)  # (m, k, qJ)
+        weighted = np.swapaxes(stress * weight[..., None, None], 2, 3)
+        force[part] = (across @ weighted.reshape(len(gradient), -1, 3)).reshape(-1, 54)
+        # dP_iJ/dF_kL g_Ll, then g_kJ: (m, q, J i k, L) @ (m, q, L, l)
+        turned = np.moveaxis(moduli, 3, 2) * weight[..., None, None, None, None]
+        inner = turned.reshape(*weight.shape, 27, 3) @ each
+        outer = across @ inner.reshape(len(gradient), -1, 9 * 18)  # (m, k, i j l)
+        outer = outer.reshape(-1, 18, 3, 3, 18)
+        tangent[part] = np.swapaxes(outer, 3, 4).reshape(-1, 54, 54)
+    return force, tangent
+
+
+def unit_pressure(faces: Faces, place: Array) -> tuple[Array, Array]:
+    """Forces (s, 3k) on deformed faces ``place`` (n, 3) [m] at 1 Pa, and their tangent."""
+    here = place[faces.nodes]
+    s, k = faces.nodes.shape
+    a = np.einsum("qk,ski->sqi", faces.by_a, here)
+    b = np.einsum("qk,ski->sqi", faces.by_b, here)
+    weighted = faces.weight[:, None] * faces.value
+    force = np.einsum("qk,sqi->ski", weighted, np.cross(a, b))
+    turn = np.einsum("ql,sqij->sqlij", faces.by_b, _spin(a))
+    turn -= np.einsum("ql,sqij->sqlij", faces.by_a, _spin(b))
+    stiffness = np.einsum("qk,sqlij->skilj", weighted, turn, optimize=True)
+    return force.reshape(s, 3 * k), stiffness.reshape(s, 3 * k, 3 * k)
+
+
+def _spin(v: Array) -> Array:
+    """(..., 3) as the matrix (..., 3, 3) of the cross product v x."""
+    spin = np.zeros((*v.shape, 3))
+    spin[..., 0, 1], spin[..., 0, 2], spin[..., 1, 2] = -v[..., 2], v[..., 1], -v[..., 0]
+    spin[..., 1, 0], spin[..., 2, 0], spin[..., 2, 1] = v[..., 2], -v[..., 1], v[..., 0]
+    return spin

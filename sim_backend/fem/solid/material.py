@@ -1,0 +1,79 @@
+"""The neo-Hookean material of `sim_backend.fem.material` with all nine components of F.
+
+W = G/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2 (Ogden 1984, sec. 7.2), F (..., 3, 3) = dx_i / dX_J.
+"""
+
+import numpy as np
+
+from sim_backend.arrays import Array
+
+
+def determinant_and_cofactor(f: Array) -> tuple[Array, Array]:
+    """J (...) and J F^-T (..., 3, 3): row i is the cross product of the two other rows."""
+    cofactor = np.empty_like(f)
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        cofactor[..., i, :] = np.cross(f[..., j, :], f[..., k, :])
+    return np.asarray((f[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)), cofactor
+
+
+def unforeseen_volume(f: Array, step: Array) -> Array:
+    """The part of J (...) at ``f`` that a Newton ``step`` (..., 3, 3) of F did not foresee:
+    what is quadratic and cubic in it."""
+    before = f - step
+    j, _ = determinant_and_cofactor(f)
+    j_before, cofactor = determinant_and_cofactor(before)
+    return np.asarray(j - j_before - (cofactor * step).sum(axis=(-1, -2)))
+
+
+def stress_and_tangent(
+    f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """First Piola-Kirchhoff stress (..., 3, 3) [Pa] and dP_iJ/dF_kL (..., 3, 3, 3, 3).
+
+    ``lag`` (...) is taken off J where the pressure turns the tangent, and only there: see
+    `sim_backend.fem.internal.forces_and_tangents`.
+    """
+    j, cofactor = determinant_and_cofactor(f)
+    h = cofactor / j[..., None, None]
+    scale = shear * np.cbrt(j) ** -2
+    third = (f * f).sum(axis=(-1, -2)) / 3
+    pressure = bulk * (j - 1) * j
+    stress = _over(scale) * f + _over(pressure - scale * third) * h
+    hh = h[..., :, :, None, None] * h[..., None, None, :, :]
+    fh = f[..., :, :, None, None] * h[..., None, None, :, :]
+    hf = h[..., :, :, None, None] * f[..., None, None, :, :]
+    # dF^-T_iJ / dF_kL = -F^-T_iL F^-T_kJ
+    turning = bulk * (j - 1 - lag) * j
+    tangent = _over(scale * third * 2 / 3 + bulk * j**2 + turning, 4) * hh
+    tangent += _over(scale * third - turning, 4) * np.swapaxes(hh, -1, -3)
+    tangent -= _over(2 / 3 * scale, 4) * (fh + hf)
+    for a in range(3):
+        for b in range(3):
+            tangent[..., a, b, a, b] += scale
+    return stress, tangent
+
+
+def cofactor_tangent(f: Array) -> Array:
+    """d2J/dF2 (..., 3, 3, 3, 3)."""
+    j, cofactor = determinant_and_cofactor(f)
+    pairs = cofactor[..., :, :, None, None] * cofactor[..., None, None, :, :]
+    return np.asarray((pairs - np.swapaxes(pairs, -1, -3)) / _over(j, 4))
+
+
+def energy_density(f: Array, shear: Array, bulk: Array) -> Array:
+    """W (...) [J/m3]."""
+    j, _ = determinant_and_cofactor(f)
+    i1 = (f * f).sum(axis=(-1, -2))
+    return np.asarray(shear / 2 * (np.cbrt(j) ** -2 * i1 - 3) + bulk / 2 * (j - 1) ** 2)
+
+
+def von_mises(f: Array, shear: Array) -> Array:
+    """Von Mises equivalent (...) [Pa] of the Cauchy stress G J^(-5/3) dev(F F^T)."""
+    j, _ = determinant_and_cofactor(f)
+    b = f @ np.swapaxes(f, -1, -2)
+    b = b - _over(np.trace(b, axis1=-2, axis2=-1) / 3) * np.eye(3)
+    return np.asarray(shear * j ** (-5 / 3) * np.sqrt(1.5 * (b * b).sum(axis=(-1, -2))))
+
+
+def _over(scalar: Array, axes: int = 2) -> Array:
+    return np.asarray(scalar.reshape(scalar.shape + (1,) * axes))

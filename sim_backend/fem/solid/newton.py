@@ -1,0 +1,184 @@
+"""Equilibrium of a solid under finger and lumen pressure, as `sim_backend.fem.newton` in a plane.
+
+Contact is the same semismooth Newton at nodes (Hintermueller, Ito and Kunisch 2003): a node is
+active while its multiplier outweighs its gap.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_backend.arrays import Array, Bools
+from sim_backend.fem.assembly import gather
+from sim_backend.fem.newton import MIN_AREA_RATIO, CannotSolve, Load, NotConverged
+from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.forces import (
+    forces_and_tangents,
+    smallest_volume_ratio,
+    unit_pressure,
+)
+from sim_backend.fem.solid.linear import LinearSolver, Singular
+
+MAX_ITERATIONS = 25
+MIN_STEP = 1 / 64
+PENALTY = 100.0
+"""Contact stiffness over modulus times element size: each iteration leaves about 1 / PENALTY of a
+gap, and factors of an earlier contact still precondition well."""
+CLOSED_SHARE = 2e-6
+"""Largest gap left where contact is, over the element size."""
+TOLERANCE = 1e-6
+"""Residual over the sum of contact forces."""
+
+
+@dataclass(frozen=True)
+class SolidSolution:
+    """``displacement`` (n, 3) [m], ``multiplier`` (s,) [N] of the surface's nodes, and
+    ``force_n`` [N], the whole finger's."""
+
+    load: Load
+    displacement: Array
+    multiplier: Array
+    force_n: float
+    iterations: int
+
+
+def unloaded(body: Body) -> SolidSolution:
+    """The finger just over the surface, the lumens without pressure."""
+    still = np.zeros_like(body.wedges.nodes)
+    return SolidSolution(Load(0.0, 0.0), still, np.zeros(len(body.surface)), 0.0, 0)
+
+
+def continuation(
+    body: Body, start: SolidSolution, loads: Iterable[Load]
+) -> Iterator[SolidSolution]:
+    """Solve ``loads`` one after another, each from the one before. Raises `CannotSolve`."""
+    solver, now = body.solver(), start
+    for load in loads:
+        now = _advance(body, solver, now, load)
+        yield now
+
+
+def _advance(body: Body, solver: LinearSolver, now: SolidSolution, goal: Load) -> SolidSolution:
+    origin, share, step = now.load, 0.0, 1.0
+    while share < 1.0:
+        target = origin.between(goal, min(1.0, share + step))
+        try:
+            now = equilibrium(body, solver, now, target)
+        except NotConverged as failure:
+            step /= 2
+            if step < MIN_STEP:
+                raise _physical_limit(body, now, goal, failure) from None
+            continue
+        share += step
+        step *= 1.5
+    return now
+
+
+def equilibrium(
+    body: Body, solver: LinearSolver, start: SolidSolution, load: Load
+) -> SolidSolution:
+    """The equilibrium at ``load``, in one step from ``start``. Raises `NotConverged`."""
+    finger = body.finger.lowered_by(load.depth_m)
+    complementarity = body.tissue_pa * body.contact_m
+    penalty = PENALTY * complementarity
+    u, multiplier = start.displacement.copy(), start.multiplier.copy()
+    before: Bools | None = None
+    change: Array | None = None
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        place = body.wedges.nodes + u
+        gap, normal, hessian = finger.gap(place[body.surface])
+        if before is None:
+            active = _first_active(gap, multiplier)
+        else:
+            active = multiplier > complementarity * gap
+        multiplier = np.where(active, multiplier, 0.0)
+        residual, blocks = _body_forces(body, u, load.pressure_pa, change)
+        if not np.all(np.isfinite(residual)):
+            raise NotConverged("elements were crushed")
+        residual -= gather(body.size, body.contact_dofs, multiplier[:, None] * normal)
+        scale = (
+            multiplier.sum()
+            + load.pressure_pa * body.contact_m**2
+            + 1e-6 * complementarity * body.contact_m
+        )
+        error = float(np.linalg.norm(residual[body.free]))
+        apart = float(np.abs(gap[active]).max(initial=0.0))
+        same = before is not None and np.array_equal(active, before)
+        if error < TOLERANCE * scale and apart < CLOSED_SHARE * body.contact_m and same:
+            force = -float((multiplier * normal[:, 1]).sum()) / body.share
+            return SolidSolution(load, u, multiplier, force, iteration)
+        spring = np.where(active, penalty * gap, 0.0)
+        residual += gather(body.size, body.contact_dofs, spring[:, None] * normal)
+        multiplier = multiplier - spring
+        blocks.append(
+            np.where(active, penalty, 0.0)[:, None, None] * normal[:, :, None] * normal[:, None, :]
+            - multiplier[:, None, None] * hessian
+        )
+        try:
+            change = solver.solve(solver.matrix(blocks), -residual).reshape(-1, 3)
+        except Singular:
+            raise NotConverged("the tangent became singular") from None
+        change = _not_inside_out(body, u, change)
+        u += change
+        closing = (normal * change[body.surface]).sum(axis=1)
+        multiplier = np.where(active, multiplier - penalty * closing, 0.0)
+        before = active
+    raise NotConverged(f"Newton's method did not converge within {MAX_ITERATIONS} steps")
+
+
+def _first_active(gap: Array, multiplier: Array) -> Bools:
+    """Nodes (s,) in contact in a step's first iteration: those that were.
+
+    That makes the iteration the exact slope by depth and pressure. What penetrates the finger
+    before anything has given way is far more than what will touch; of a first touch take the
+    deeper half, as in the contact of a ball (Johnson 1985, eq. 3.42: a^2 = R d, not 2 R d).
+    """
+    return multiplier > 0 if multiplier.any() else gap < min(0.5 * float(gap.min()), 0.0)
+
+
+def _body_forces(
+    body: Body, u: Array, pressure_pa: float, change: Array | None
+) -> tuple[Array, list[Array]]:
+    """Residual (3n,) of wedges, lumens and what leans, and the tangent blocks of the first two."""
+    force, tangent = forces_and_tangents(body.wedges, body.shear, body.bulk, u, change)
+    residual = gather(body.size, body.wedges.dofs, force)
+    blocks = [tangent]
+    for faces in body.lumens:
+        unit, turning = unit_pressure(faces, body.wedges.nodes + u)
+        residual -= gather(body.size, faces.dofs, pressure_pa * unit)
+        blocks.append(-pressure_pa * turning)
+    for stiffness, weight in body.leaning:
+        residual += stiffness * float(weight @ u.ravel()) * weight
+    return residual, blocks
+
+
+def _not_inside_out(body: Body, u: Array, change: Array) -> Array:
+    for _ in range(6):
+        if smallest_volume_ratio(body.wedges, u + change)[0] > MIN_AREA_RATIO:
+            return change
+        change = change / 2
+    raise NotConverged("elements were crushed")
+
+
+def _physical_limit(
+    body: Body, last: SolidSolution, goal: Load, failure: NotConverged
+) -> CannotSolve:
+    ratio, cell = smallest_volume_ratio(body.wedges, last.displacement)
+    x, y, z = 1e3 * body.wedges.nodes[body.wedges.cells[cell]].mean(axis=0)
+    depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322
+    where = (
+        f"({failure}; smallest det F {ratio:.2g} at x = {x:.2f} mm, z = {z:.2f} mm, "
+        f"{y:.2f} mm above the support)"
+    )
+    if goal.pressure_pa > last.load.pressure_pa:
+        return CannotSolve(
+            "limit pressure",
+            f"found no equilibrium above {mmhg:.4g} mmHg, {depth_mm:.3g} mm deep {where}. Take a "
+            "lower pressure, a thicker or a stiffer wall.",
+        )
+    return CannotSolve(
+        "greatest depth",
+        f"found no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg {where}. "
+        "Press less deep.",
+    )

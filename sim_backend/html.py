@@ -1,0 +1,92 @@
+"""What notebooks show of a result: a table and a small picture, as HTML that needs nothing else."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from html import escape as escape
+from math import isfinite
+
+WIDTH, HEIGHT, MARGIN = 420, 160, 34
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # Okabe & Ito 2008
+
+
+def table(rows: Iterable[Sequence[object]], head: Sequence[str] = ()) -> str:
+    """Rows of cells as a table; every cell is escaped."""
+    top = "".join(f"<th>{escape(name)}</th>" for name in head)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+    )
+    return f"<table>{f'<tr>{top}</tr>' if top else ''}{body}</table>"
+
+
+def lines(
+    x: Sequence[float], series: Mapping[str, Sequence[float]], x_name: str, y_name: str
+) -> str:
+    """Curves over ``x`` with the extremes of both axes written beside them; empty if no number."""
+    finite = [v for ys in series.values() for v in ys if isfinite(v)]
+    if not finite or not any(isfinite(v) for v in x):
+        return ""
+    left, right = _span([v for v in x if isfinite(v)])
+    low, high = _span(finite)
+
+    def at(xv: float, yv: float) -> str:
+        across = MARGIN + (WIDTH - 2 * MARGIN) * (xv - left) / (right - left)
+        down = HEIGHT - MARGIN - (HEIGHT - 2 * MARGIN) * (yv - low) / (high - low)
+        return f"{across:.1f},{down:.1f}"
+
+    drawn = []
+    for (name, ys), colour in zip(series.items(), COLOURS, strict=False):
+        points = [at(a, b) for a, b in zip(x, ys, strict=True) if isfinite(a) and isfinite(b)]
+        drawn.append(
+            f'<polyline fill="none" stroke="{colour}" stroke-width="2" points="{" ".join(points)}">'
+            f"<title>{escape(name)}</title></polyline>"
+        )
+        drawn += [
+            f'<circle r="3" fill="{colour}" cx="{p.split(",")[0]}" cy="{p.split(",")[1]}"/>'
+            for p in points
+        ]
+    words = [
+        (MARGIN, HEIGHT - MARGIN + 14, "start", f"{left:g}"),
+        (WIDTH - MARGIN, HEIGHT - MARGIN + 14, "end", f"{right:g}"),
+        (WIDTH / 2, HEIGHT - 6, "middle", x_name),
+        (MARGIN, MARGIN - 6, "start", f"{high:.4g} {y_name}: {', '.join(series)}"),
+        (MARGIN + 4, HEIGHT - MARGIN - 4, "start", f"{low:.4g}"),
+    ]
+    return _svg("".join(drawn) + "".join(_word(*word) for word in words))
+
+
+def section(
+    width_mm: float, height_mm: float, circles: Iterable[tuple[float, float, float, str]]
+) -> str:
+    """A block to scale with ``circles`` (x, depth, radius [mm], what it is)."""
+    scale = (WIDTH - 2 * MARGIN) / width_mm
+    high = height_mm * scale
+    drawn = [
+        f'<rect x="{MARGIN}" y="{MARGIN}" width="{width_mm * scale:.1f}" height="{high:.1f}" '
+        'fill="#f3d9c9" stroke="#666"/>'
+    ]
+    for x_mm, depth_mm, radius_mm, what in circles:
+        drawn.append(
+            f'<circle cx="{MARGIN + x_mm * scale:.1f}" cy="{MARGIN + depth_mm * scale:.1f}" '
+            f'r="{radius_mm * scale:.1f}" fill="#c44" fill-opacity="0.5" stroke="#a22">'
+            f"<title>{escape(what)}</title></circle>"
+        )
+    caption = _word(WIDTH / 2, MARGIN + high + 16, "middle", f"{width_mm:g} x {height_mm:g} mm")
+    return _svg("".join(drawn) + caption, MARGIN + high + 24)
+
+
+def _span(values: Sequence[float]) -> tuple[float, float]:
+    low, high = min(values), max(values)
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _word(x: float, y: float, anchor: str, text: str) -> str:
+    return (
+        f'<text x="{x:.1f}" y="{y:.1f}" font-size="11" text-anchor="{anchor}" '
+        f'fill="currentColor">{escape(text)}</text>'
+    )
+
+
+def _svg(inside: str, height: float = HEIGHT) -> str:
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{WIDTH}" height="{height:.0f}" '
+        f'viewBox="0 0 {WIDTH} {height:.0f}" role="img">{inside}</svg>'
+    )

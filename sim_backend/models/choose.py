@@ -1,0 +1,117 @@
+"""No more model than the scene needs: what can be left out, and what leaving it out costs.
+
+Bounds measured on usual scenes tell what might be left out. Before it is, the effect itself is
+measured: the press is solved with and without it on the first, coarse mesh.
+"""
+
+from dataclasses import dataclass
+from math import exp
+
+from sim_backend.fem.newton import CannotSolve
+from sim_backend.models.refine import first_force_n_per_m
+from sim_backend.scene.scene_file import Artery, Inclusion, Scene, SceneError
+
+SMALL_PCT, SMALL_POWER = 45.0, 1.35
+SMALL_LIMIT_PCT = 10.0
+"""Small strain that misses more of the force is refused."""
+SMALL_PULSE_PCT = 75.0
+"""What small strain misses of a pulse: half when just touching, two thirds at 2.5 mm."""
+FAR_PCT, FAR_SHARE = 150.0, 0.121
+SAFETY = 2.0
+"""What is left out costs at most this times its effect on a coarse mesh."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The ``model`` to solve, the ``scene`` that it must see, and the error of both [%], in force
+    and in pulse."""
+
+    model: str
+    scene: Scene
+    error_pct: float
+    pulse_error_pct: float = 0.0
+
+
+def named(model: str, scene: Scene, depth_mm: float, pressures_mmhg: tuple[float, ...]) -> Choice:
+    """The model that a user names. Raises `CannotSolve` for small strain where it is nonsense."""
+    if model in ("axisymmetric", "solid"):
+        raise SceneError(
+            f"model = {model!r}: scene {scene.name} is plane = {scene.plane!r}, to be solved by "
+            "finite or small strain"
+        )
+    if model != "small":
+        return Choice(model, scene, 0.0)
+    if scene.indenter.bonded:
+        raise CannotSolve("small strain", "a bonded finger needs the finite-strain model.")
+    pct = small_strain_error_pct(scene, depth_mm)
+    if pct > SMALL_LIMIT_PCT:
+        half_mm = scene.indenter.width_mm_projected / 2
+        limit_mm = half_mm * (SMALL_LIMIT_PCT / SMALL_PCT) ** (1 / SMALL_POWER)
+        raise CannotSolve(
+            "small strain",
+            f"small strain misses about {pct:.0f} % of the force {depth_mm:g} mm deep: press less "
+            f"than {limit_mm:.2g} mm deep or take the finite-strain model.",
+        )
+    beats = bool(scene.arteries) and len(set(pressures_mmhg)) > 1
+    return Choice(model, scene, pct, SMALL_PULSE_PCT if beats else 0.0)
+
+
+def choose(
+    scene: Scene, x_mm: float, depth_mm: float, pressures_mmhg: tuple[float, ...], budget_pct: float
+) -> Choice:
+    """Leave out what costs at most half of ``budget_pct``; the mesh may use the rest.
+
+    Inclusions too far away to be felt go first, then finite strain. A filled vessel is always
+    kept, at finite strain: its pressure is felt tens of millimetres away, and small strain misses
+    half of its pulse at any depth. Raises `CannotSolve`.
+    """
+    filled = any(p > 0 for p in pressures_mmhg)
+    kept, far_pct = _without_far(scene, x_mm, filled, budget_pct)
+    whole = Choice("finite", scene, 0.0)
+    if kept != scene:
+        effect_pct = _effect_pct(whole, Choice("finite", kept, 0.0), x_mm, depth_mm)
+        if effect_pct > budget_pct / 4:
+            kept, far_pct = scene, 0.0
+        far_pct = max(far_pct, effect_pct) if kept != scene else 0.0
+    small_pct = small_strain_error_pct(scene, depth_mm)
+    stiff_only = not (filled and kept.arteries) and scene.tissue is not None
+    if stiff_only and not scene.indenter.bonded and small_pct <= budget_pct / 4:
+        effect_pct = _effect_pct(Choice("finite", kept, 0.0), Choice("small", kept, 0.0), x_mm,
+                                 depth_mm)  # fmt: skip
+        if effect_pct <= budget_pct / 4:
+            return Choice("small", kept, far_pct + max(small_pct, effect_pct))
+    return Choice("finite", kept, far_pct)
+
+
+def _effect_pct(whole: Choice, less: Choice, x_mm: float, depth_mm: float) -> float:
+    """How much force the lesser model misses, measured on the first mesh of a press and taken
+    `SAFETY` times [%]. Lumens are empty: what is filled is kept."""
+    force = [
+        first_force_n_per_m(one.model, one.scene, 1e-3 * x_mm, 1e-3 * depth_mm)
+        for one in (whole, less)
+    ]
+    return SAFETY * 100 * abs(force[1] / force[0] - 1)
+
+
+def _without_far(scene: Scene, x_mm: float, filled: bool, budget_pct: float) -> tuple[Scene, float]:
+    """The scene without what may be too far away to be felt, and what that costs [%]."""
+    near, far_pct = [], 0.0
+    for one in scene.inclusion:
+        pct = far_error_pct(scene, one, x_mm)
+        pulsing = filled and isinstance(one, Artery)
+        if scene.tissue is None or pulsing or far_pct + pct > budget_pct / 4:
+            near.append(one)
+        else:
+            far_pct += pct
+    return scene.model_copy(update={"inclusion": tuple(near)}), far_pct
+
+
+def small_strain_error_pct(scene: Scene, depth_mm: float) -> float:
+    """Of the force over a scene without pressure, by depth over the finger's half width."""
+    return float(SMALL_PCT * (2 * depth_mm / scene.indenter.width_mm_projected) ** SMALL_POWER)
+
+
+def far_error_pct(scene: Scene, one: Inclusion, x_mm: float) -> float:
+    """Of the force when an unfilled inclusion is left out: it fades with distance over height."""
+    apart = max(abs(one.x_mm - x_mm) - one.outer_radius_mm, 0.0)
+    return FAR_PCT * exp(-apart / (FAR_SHARE * scene.surface_mm))

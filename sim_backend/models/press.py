@@ -1,0 +1,318 @@
+"""One press into a scene, as accurate as asked for and no more."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from math import isfinite, nan
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from sim_backend import html
+from sim_backend.arrays import Array, Ints
+from sim_backend.fem.axisymmetric import is_round
+from sim_backend.fem.internal import smallest_area_ratio
+from sim_backend.fem.model import Section
+from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
+from sim_backend.fem.solid import stress as solid_stress
+from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.forces import smallest_volume_ratio
+from sim_backend.fem.solid.newton import SolidSolution
+from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
+from sim_backend.models.choose import choose, named
+from sim_backend.models.refine import refine
+from sim_backend.models.solid_press import refine_axisymmetric, refine_solid
+from sim_backend.scene.scene_file import Scene, SceneError, as_scene
+from sim_backend.scene.waves import PA_PER_MMHG
+
+__all__ = ["CannotSolve", "Press", "PressMesh", "State", "check_press", "press"]
+
+MODELS = ("auto", "finite", "small", "axisymmetric", "solid")
+SELF_CONTACT_PCT = 3.0
+"""Error of a pulse where a lumen's walls touch: elements differ by up to 6 % there."""
+HALVES = ([0, 1, 2], [0, 2, 3])
+
+
+@dataclass(frozen=True)
+class State:
+    """The answer at one lumen pressure; ``displacement_m`` (n, 2) of the mesh's nodes, (n, 3)
+    in a solid, which has no ``force_n_per_mm``: NaN.
+
+    ``force_n`` is the whole finger's. ``stable``: the body would stay so if it were nudged;
+    None in a solid, where that is not checked.
+    """
+
+    pressure_mmhg: float
+    force_n_per_mm: float
+    force_n: float
+    von_mises_pa: float
+    contact_mm: tuple[float, float]
+    min_jacobian: float
+    stable: bool | None
+    displacement_m: Array
+
+
+@dataclass(frozen=True)
+class PressMesh:
+    """The undeformed section: ``nodes`` (n, 2) [m] and, for pictures, ``triangles`` (m, 3)."""
+
+    section: Section
+
+    @property
+    def nodes(self) -> Array:
+        return self.section.mesh.nodes
+
+    @property
+    def triangles(self) -> Ints:
+        """Each six-node cell as four triangles, each quadrilateral as two."""
+        cells = self.section.mesh.cells
+        four = ([0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5])
+        return np.vstack([cells[:, c] for c in (four if cells.shape[1] == 6 else HALVES)])
+
+    def von_mises(self, state: State) -> Array:
+        """Von Mises stress (n,) [Pa] at the nodes."""
+        return nodal_von_mises(self.section, state.displacement_m)
+
+
+@dataclass(frozen=True)
+class Press:
+    """A press with one state per pressure.
+
+    ``error_estimate_pct`` is the larger of those of force and of pulse;
+    ``pulse_error_estimate_pct`` that of the span of forces alone, None at a single pressure.
+    """
+
+    scene: Scene
+    x_mm: float
+    depth_mm: float
+    model: str
+    dofs: int
+    seconds: float
+    error_estimate_pct: float
+    pulse_error_estimate_pct: float | None
+    states: tuple[State, ...]
+    mesh: PressMesh | None
+
+    @property
+    def plane_mesh(self) -> PressMesh:
+        """The section's mesh, for pictures. Raises `SceneError` for a solid."""
+        if self.mesh is None:
+            raise SceneError(f"{self.scene.name}: only a plane section can be drawn, not a solid")
+        return self.mesh
+
+    def __repr__(self) -> str:
+        forces = ", ".join(f"{s.force_n:.4g}" for s in self.states)
+        return (
+            f"Press({self.scene.name}, x {self.x_mm:g} mm, depth {self.depth_mm:g} mm: {forces} "
+            f"N, {self.model}, error {self.error_estimate_pct:.2g} %)"
+        )
+
+    def _repr_html_(self) -> str:
+        """A table of the states and, for several, force over pressure, for notebooks."""
+        rows = [
+            (
+                f"{s.pressure_mmhg:g}",
+                f"{s.force_n:.5g}",
+                f"{s.von_mises_pa:.4g}",
+                f"{s.contact_mm[0]:.2f} to {s.contact_mm[1]:.2f}",
+            )
+            for s in self.states
+        ]
+        head = ("pressure mmHg", "force N", "von Mises Pa", "contact mm")
+        pressures = [s.pressure_mmhg for s in self.states]
+        forces = {"force": [s.force_n for s in self.states]}
+        picture = html.lines(pressures, forces, "pressure mmHg", "N") if len(rows) > 1 else ""
+        return f"<code>{html.escape(repr(self))}</code>" + html.table(rows, head) + picture
+
+    @property
+    def pulse_n(self) -> float | None:
+        """Span of the finger's force over the pressures [N]; None at a single one."""
+        forces = [s.force_n for s in self.states]
+        return max(forces) - min(forces) if len(forces) > 1 else None
+
+    def as_json(self) -> dict[str, object]:
+        """The contract of ``palpate press --json``."""
+        return {
+            "scene": self.scene.name,
+            "x_mm": self.x_mm,
+            "depth_mm": self.depth_mm,
+            "model": self.model,
+            "dofs": self.dofs,
+            "seconds": round(self.seconds, 4),
+            "error_estimate_pct": _rounded(self.error_estimate_pct),
+            "pulse_error_estimate_pct": _rounded(self.pulse_error_estimate_pct),
+            "pulse_n": self.pulse_n,
+            "states": [
+                {
+                    "pressure_mmhg": s.pressure_mmhg,
+                    "force_n_per_mm": s.force_n_per_mm if isfinite(s.force_n_per_mm) else None,
+                    "force_n": s.force_n,
+                    "von_mises_pa": s.von_mises_pa,
+                    "contact_mm": list(s.contact_mm),
+                    "min_jacobian": s.min_jacobian,
+                    "stable": s.stable,
+                }
+                for s in self.states
+            ],
+        }
+
+
+def press(
+    scene: Scene | str | Path,
+    x_mm: float,
+    depth_mm: float,
+    pressures_mmhg: Iterable[float] = (),
+    *,
+    model: str = "auto",
+    accuracy_pct: float = 1.0,
+) -> Press:
+    """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg when none is given.
+
+    ``scene`` is a `Scene`, a built-in name or a scene file.
+
+    Model and mesh are the cheapest that keep force and pulse within ``accuracy_pct``, unless
+    ``model`` names one: ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in
+    space. Meshes are refined until what changes is
+    small enough; where that cannot be reached, the stated error is above ``accuracy_pct``. Raises
+    `SceneError` for a press that cannot be meant and `CannotSolve` where physics ends.
+    """
+    scene = as_scene(scene)
+    pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
+    _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
+    began = perf_counter()
+    if scene.plane == "solid":
+        return _press_solid(scene, x_mm, depth_mm, pressures, model, accuracy_pct, began)
+    if model == "auto":
+        choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct)
+    else:
+        choice = named(model, scene, depth_mm, pressures)
+    levels_pa = [p * PA_PER_MMHG for p in pressures]
+    model_pct = np.array([choice.error_pct, choice.pulse_error_pct])
+    left_pct = np.maximum(accuracy_pct - model_pct, accuracy_pct / 2)
+    place = 1e-3 * x_mm, 1e-3 * depth_mm
+    refined = refine(choice.model, choice.scene, *place, levels_pa, left_pct)
+    section, solutions = refined.solved
+    states = tuple(_state(scene, section, s, p) for s, p in zip(solutions, pressures, strict=True))
+    left_out = len(scene.inclusion) - len(choice.scene.inclusion)
+    name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")
+    error_pct = model_pct + refined.error_pct
+    if len(pressures) > 1 and any(len(s.multiplier) > PAIRS_WITH_OPEN_LUMENS for s in solutions):
+        error_pct[1] = max(error_pct[1], SELF_CONTACT_PCT)
+    pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
+    return Press(
+        scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
+        float(error_pct.max()), pulse_pct, states, PressMesh(section),
+    )  # fmt: skip
+
+
+def _rounded(pct: float | None) -> float | None:
+    return None if pct is None else float(f"{pct:.3g}")
+
+
+def _press_solid(
+    scene: Scene,
+    x_mm: float,
+    depth_mm: float,
+    pressures: tuple[float, ...],
+    model: str,
+    accuracy_pct: float,
+    began: float,
+) -> Press:
+    """A solid scene as a body of revolution where that is near enough, else as a solid."""
+    place = scene, 1e-3 * x_mm, 1e-3 * depth_mm
+    if model in ("auto", "axisymmetric") and is_round(scene, x_mm):
+        section, solution, pct = refine_axisymmetric(*place, accuracy_pct)
+        if pct <= accuracy_pct or model == "axisymmetric":
+            # of a whole turn, its force is in newtons
+            states = tuple(
+                replace(
+                    _state(scene, section, solution, p),
+                    force_n=solution.force_n_per_m,
+                    force_n_per_mm=nan,
+                )
+                for p in pressures
+            )
+            return Press(
+                scene, x_mm, depth_mm, "axisymmetric", len(section.assembly.free),
+                perf_counter() - began, pct, None if len(pressures) == 1 else 0.0, states, None,
+            )  # fmt: skip
+    if model not in ("auto", "solid"):
+        raise SceneError(
+            f"model = {model!r}: scene {scene.name} is a solid, to be solved as solid, or as "
+            "axisymmetric under a sphere or a round flat, over nothing or over one ball right below"
+        )
+    levels_pa = [p * PA_PER_MMHG for p in pressures]
+    (body, solutions), error_pct = refine_solid(*place, levels_pa, np.full(2, accuracy_pct))
+    pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
+    return Press(
+        scene, x_mm, depth_mm, "solid", len(body.free), perf_counter() - began,
+        float(max(error_pct[0], pulse_pct or 0.0)), pulse_pct,
+        tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True)), None,
+    )  # fmt: skip
+
+
+def _solid_state(body: Body, solution: SolidSolution, pressure_mmhg: float) -> State:
+    left, right = solid_stress.contact_m(body, solution)
+    return State(
+        pressure_mmhg,
+        nan,
+        solution.force_n,
+        solid_stress.under_finger_pa(body, solution),
+        (1e3 * left, 1e3 * right),
+        smallest_volume_ratio(body.wedges, solution.displacement)[0],
+        None,
+        solution.displacement,
+    )
+
+
+def _state(scene: Scene, section: Section, solution: Solution, pressure_mmhg: float) -> State:
+    u = solution.displacement
+    left, right = contact_m(section, solution)
+    return State(
+        pressure_mmhg,
+        1e-3 * solution.force_n_per_m,
+        1e-3 * scene.indenter.length_mm * solution.force_n_per_m,
+        under_finger_pa(section, u),
+        (1e3 * left, 1e3 * right),
+        smallest_area_ratio(section, u)[0],
+        solution.stable,
+        u,
+    )
+
+
+def _check(
+    scene: Scene,
+    x_mm: float,
+    depth_mm: float,
+    pressures: tuple[float, ...],
+    model: str,
+    accuracy_pct: float,
+) -> None:
+    if model not in MODELS:
+        raise SceneError(f"model = {model!r}: must be one of {', '.join(MODELS)}")
+    if not 0.01 <= accuracy_pct <= 50:
+        raise SceneError(f"accuracy = {accuracy_pct:g} %: must lie between 0.01 and 50")
+    check_press(scene, x_mm, depth_mm)
+    for p in pressures:
+        if not 0 <= p <= 1000:
+            raise SceneError(f"pressure = {p:g} mmHg: must lie between 0 and 1000")
+
+
+def check_press(scene: Scene, x_mm: float, depth_mm: float) -> None:
+    """Raises `SceneError` for a press that cannot be meant."""
+    if not 0 < depth_mm < scene.surface_mm:
+        raise SceneError(
+            f"depth_mm = {depth_mm:g}: must lie between 0 and the {scene.surface_mm:g} mm "
+            f"of {scene.name}"
+        )
+    left, right = reach_mm(scene)
+    if not left <= x_mm <= right:
+        raise SceneError(f"x_mm = {x_mm:g}: the finger must stay between {left:g} and {right:g}")
+
+
+def reach_mm(scene: Scene) -> tuple[float, float]:
+    """Where a press can begin: over the block, or over the middle half of a lone vessel."""
+    if scene.tissue is not None:
+        return 0.0, scene.tissue.width_mm
+    one = scene.inclusion[0]
+    return one.x_mm - one.outer_radius_mm / 2, one.x_mm + one.outer_radius_mm / 2

@@ -1,0 +1,126 @@
+"""Meshes refined until force and pulse stand still, and what is then still left of their errors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim_backend.arrays import Array
+from sim_backend.fem.axisymmetric import solve_axisymmetric
+from sim_backend.fem.finite_strain import Solved, solve_finite
+from sim_backend.fem.model import FINEST_WALL, Grading
+from sim_backend.fem.newton import CannotSolve, Solution
+from sim_backend.fem.small_strain import solve_small
+from sim_backend.scene.scene_file import Scene
+
+FIRST_SHARE, SECOND_SHARE, SMALLEST_SHARE = 0.5, 0.35, 0.01
+"""Element size over the finger's half width: of the first mesh, the second at most, the last."""
+LEAST_FINER, MOST_FINER = 1.4, 2.0
+"""How much finer each mesh is than the one before."""
+ORDER = 1.6
+"""The error falls at least as this power of the size."""
+FLOOR_PCT = np.array([6.0, 20.0])
+"""What a mesh misses of force and pulse at least, over the square of the element size over the
+finger's half width: two meshes may agree by chance."""
+SMALL_PULSE = 1e-3
+"""A pulse below this share of the force is judged against the share: no sensor feels it."""
+WORTHLESS_PCT = 50.0
+"""A force that meshes disagree on by more is no answer."""
+MAX_UNKNOWNS = 15_000
+"""No mesh above this is refined again: it would cost a minute."""
+CONTACT_SHARE, WALL_SHARE, GROWTH = 0.1, 0.5, 0.45
+"""Sizes in the contact and at inclusions over the mesh's, and how fast they grow from there. Nodes
+that enter the contact one by one are what a pulse far from its vessel is lost in."""
+COARSEST, COARSEST_AT_LEAST = 0.6, 0.14
+"""Largest size over the block's height: this times the share, but not below that."""
+
+
+@dataclass(frozen=True)
+class Refined:
+    """What was solved on the finest mesh, and the error left [%] of (force, pulse)."""
+
+    solved: Solved
+    error_pct: Array
+
+
+def first_force_n_per_m(model: str, scene: Scene, x_m: float, depth_m: float) -> float:
+    """The force on the first mesh, lumens empty. Raises `CannotSolve`."""
+    size_m = FIRST_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
+    solve = solve_small if model == "small" else solve_finite
+    grading = _grading(scene, size_m, FIRST_SHARE)
+    _, (found,) = solve(scene, x_m, depth_m, [0.0], size_m, grading=grading)
+    return found.force_n_per_m
+
+
+def refine(
+    model: str,
+    scene: Scene,
+    x_m: float,
+    depth_m: float,
+    pressures_pa: Sequence[float],
+    budget_pct: Array,
+) -> Refined:
+    """Solve on ever finer meshes until the errors left are within ``budget_pct`` (force, pulse).
+
+    With ``model`` axisymmetric, ``x_m`` is the radius of the round block. A mesh too fine to be
+    solved, or to be worth it, ends the refinement too. Raises `CannotSolve`.
+    """
+    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    floor_pct = FLOOR_PCT * [1.0, len(pressures_pa) > 1]
+
+    def solve(share: float, coarser: Solved | None) -> Solved:
+        place = scene, x_m, depth_m, pressures_pa, share * half_m
+        grading = _grading(scene, share * half_m, share)
+        if model == "axisymmetric":
+            return solve_axisymmetric(scene, x_m, depth_m, grading)
+        if model == "small":
+            return solve_small(*place, grading=grading)
+        return solve_finite(*place, grading=grading, coarser=coarser)
+
+    share = FIRST_SHARE
+    solved = solve(share, None)
+    error_pct = np.full(2, np.inf)
+    wanted = float(np.sqrt((budget_pct / np.maximum(floor_pct, 1e-9)).min()))
+    finer = share / min(wanted, SECOND_SHARE)
+    while (error_pct > budget_pct).any() and share > SMALLEST_SHARE:
+        finer = float(np.clip(finer, LEAST_FINER, MOST_FINER))
+        share /= finer
+        coarser = solved
+        try:
+            solved = solve(share, coarser)
+        except CannotSolve:
+            if np.isinf(error_pct).any():
+                raise
+            error_pct = error_pct * finer**ORDER  # the mesh before, whose answer is kept
+            break
+        left_pct = _changes_pct(coarser[1], solved[1]) / (finer**ORDER - 1)
+        least_pct = floor_pct * share**2
+        error_pct = np.maximum(left_pct, least_pct)
+        if len(solved[0].assembly.free) > MAX_UNKNOWNS:
+            break
+        over, least_over = (left_pct / budget_pct).max(), (least_pct / budget_pct).max()
+        finer = max(float(over) ** (1 / ORDER), float(least_over) ** 0.5)
+    if error_pct[0] > WORTHLESS_PCT:
+        raise CannotSolve(
+            "mesh",
+            f"forces differ by {error_pct[0]:.0f} % between meshes: walls fold so sharply that no "
+            f"mesh of up to {MAX_UNKNOWNS} unknowns settles it; press less deep",
+        )
+    return Refined(solved, error_pct)
+
+
+def _grading(scene: Scene, size_m: float, share: float) -> Grading:
+    def at_wall(radius_m: float) -> float:
+        return float(np.clip(WALL_SHARE * size_m, FINEST_WALL * radius_m, 0.5 * radius_m))
+
+    coarsest_m = max(COARSEST * share, COARSEST_AT_LEAST) * 1e-3 * scene.surface_mm
+    return Grading(CONTACT_SHARE * size_m, at_wall, GROWTH, coarsest_m)
+
+
+def _changes_pct(coarse: list[Solution], fine: list[Solution]) -> Array:
+    """Largest change of force, and that of the span of forces over the pressures (2,) [%]."""
+    a, b = (np.array([s.force_n_per_m for s in each]) for each in (coarse, fine))
+    largest = max(float(np.abs(b).max()), 1e-12)
+    span, before = float(np.ptp(b)), float(np.ptp(a))
+    of_span = abs(span - before) / max(span, SMALL_PULSE * largest)
+    return 100 * np.array([np.abs(a - b).max() / largest, of_span])

@@ -1,0 +1,209 @@
+"""A whole scan in about a second: every station at finite strain, each at the least cost.
+
+- The mesh is fine under the finger and round vessels only; the rest of a block needs little.
+- Newton starts from the block's own answer, which scans share (its displacements do not depend on
+  its modulus), moved under the finger, plus the vessel's answer to its pressure alone. Where that
+  start fails, the finger is lowered step by step as in `sim_backend.fem.finite_strain`.
+- The pulse is the exact slope by pressure at the mean of diastole and systole, times their
+  difference: right to second order. How forces bend between the two is solved over the vessel.
+
+The station nearest to the vessel is solved again on elements of half the size. What that changes
+corrects all stations, and with what a correction was seen to leave (benchmarks/fleet.py) bounds
+their error.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from sim_backend.arrays import Array
+from sim_backend.fem.contact.pairs import walls_cross
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.mesh_transfer import Field
+from sim_backend.fem.model import Grading, Section, build_section
+from sim_backend.fem.newton import (
+    CannotSolve,
+    Load,
+    NotConverged,
+    Solution,
+    equilibrium,
+    pressure_slope,
+)
+from sim_backend.models.station_response import element_size_m
+from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.scene.waves import PA_PER_MMHG
+
+Displacements = Callable[[Array], Array]
+
+CONTACT_SHARE, WALL_SHARE, GROWTH, COARSEST_M = 0.08, 0.35, 0.6, 6e-3
+"""Element size: in the contact over the finger's half width, at inclusions over their radius, how
+fast it grows from there, and its end."""
+CANONICAL_KPA = 50.0
+"""Modulus at which the bare block is solved; any would do."""
+TOUCHING_SHARE = 0.02
+"""First guess of the contact: nodes this near to the finger, over its half width. As much times the
+tissue's modulus is the guess of their force."""
+FINER = 0.5
+"""Element size of what is solved again, over the first."""
+FORCE_LEFT, PULSE_LEFT = 0.003, 0.03
+"""What a correction leaves at most: of the force, and of the scan's largest pulse."""
+
+
+@dataclass(frozen=True)
+class ScanEstimate:
+    """Per station (n,), the force [N] on the whole finger; NaN where ``reasons`` is not empty.
+
+    ``force_n`` at diastole, ``pulse_n`` from there to systole, ``half_pulse_n`` to the mean of
+    both pressures; ``force_error_n`` and ``pulse_error_n`` bound what they are off by.
+    """
+
+    x_m: Array
+    force_n: Array
+    pulse_n: Array
+    half_pulse_n: Array
+    force_error_n: Array
+    pulse_error_n: Array
+    reasons: tuple[str, ...]
+
+
+def estimate_scan(scene: Scene, x_m: Sequence[float], depth_m: float) -> ScanEstimate:
+    """Press ``depth_m`` deep at each of ``x_m`` [m], with the lumens from diastole to systole.
+
+    Raises `SceneError` for a lone vessel, and `CannotSolve` where filling the vessel or pressing
+    the station nearest to it meets a physical limit; elsewhere that is the station's reason.
+    """
+    if scene.tissue is None:
+        raise SceneError(f"{scene.name}: a quick scan needs a block of tissue")
+    if scene.indenter.bonded:
+        raise SceneError(f"{scene.name}: a quick scan needs a finger that is not bonded")
+    x = np.asarray(x_m, dtype=float)
+    ends = (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg) if scene.arteries else (0, 0)
+    low, high = (PA_PER_MMHG * p for p in ends)
+    load, half = Load(depth_m, (low + high) / 2), (high - low) / 2
+    nearest = _nearest(scene, x)
+    section = _section(scene, float(x[nearest]), depth_m)
+    filled = _filled(section, load)
+    over = _press(section, load, _guess(scene, section, load, filled))
+    ratio, bend = _again(scene, over, load, low)
+    values, reasons = np.full((2, len(x)), np.nan), [""] * len(x)
+    for k, place in enumerate(x):
+        here = section if k == nearest else _section(scene, float(place), depth_m)
+        try:
+            at = over if k == nearest else _press(here, load, _guess(scene, here, load, filled))
+            values[:, k] = at.solution.force_n_per_m, half * at.slope
+        except CannotSolve as limit:
+            reasons[k] = str(limit)
+    force, swing = 1e-3 * scene.indenter.length_mm * ratio[:, None] * values
+    off = np.abs(ratio - 1)
+    pulse_error = 2 * (PULSE_LEFT * np.nanmax(np.abs(swing)) + off[1] * np.abs(swing))
+    force_error = (FORCE_LEFT + off[0]) * force + pulse_error / 2 + abs(bend) * np.abs(swing)
+    return ScanEstimate(
+        x, force - (1 - bend) * swing, 2 * swing, (1 - bend) * swing, force_error, pulse_error,
+        tuple(reasons),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Pressed:
+    """``slope`` of the force by pressure [N/m/Pa]."""
+
+    section: Section
+    solution: Solution
+    slope: float
+
+    @property
+    def field(self) -> Field:
+        return Field(self.section.mesh.nodes, self.solution.displacement)
+
+
+def _press(section: Section, load: Load, guess: Array) -> _Pressed:
+    """Solve from displacements ``guess`` (n, 2); where that fails, or presses the walls of a vessel
+    through each other, step by step from nothing."""
+    surface = section.mesh.surface
+    lowered = section.finger.lowered_to(section.finger.y - load.depth_m)
+    gap, _, _ = lowered.gap((section.mesh.nodes + guess)[surface])
+    near_m = TOUCHING_SHARE * (section.finger.half_flat + section.finger.radius)
+    multiplier = np.where(gap < near_m, near_m * section.tissue_pa, 0.0)
+    start = Solution(load, guess, (multiplier, np.zeros(len(section.mesh.resting))), 0.0, 0)
+    try:
+        solution = equilibrium(section, start, load)
+        straight = not walls_cross(section, solution.displacement)
+    except NotConverged:
+        straight = False
+    if not straight:
+        steps = [Load(load.depth_m / 2, load.pressure_pa / 2), load]
+        *_, solution = continuation(section, unloaded(section), steps)
+    slope = pressure_slope(section, solution)[1] if section.lumens else 0.0
+    return _Pressed(section, solution, slope)
+
+
+def _guess(scene: Scene, section: Section, load: Load, filled: Displacements) -> Array:
+    """The bare block's displacements, moved under the finger, and the filled vessel's."""
+    assert scene.tissue is not None
+    width = 1e-3 * scene.tissue.width_mm
+    tissue = scene.tissue.model_copy(update={"modulus_kpa": CANONICAL_KPA})
+    bare = _bare(Scene(name="bare", plane=scene.plane, tissue=tissue, indenter=scene.indenter),
+                 load.depth_m)  # fmt: skip
+    nodes, held = section.mesh.nodes, section.sliding.dofs[0] // 2
+
+    def moved(points: Array, slid: float) -> Array:
+        across = np.clip(points[:, 0] + slid + width / 2 - section.finger.x, 1e-9, width - 1e-9)
+        found = np.asarray(bare(np.column_stack([across, points[:, 1]])))
+        found[:, 0] += slid
+        return found
+
+    slid = 0.0  # the bare block was held under its finger, this one is held in its middle
+    for _ in range(3):
+        slid -= float(section.sliding.weight @ moved(nodes[held], slid)[:, 0])
+    return moved(nodes, slid) + np.asarray(filled(nodes))
+
+
+@lru_cache(maxsize=8)
+def _bare(scene: Scene, depth_m: float) -> Displacements:
+    """Displacements of a block without inclusions, pressed in its middle."""
+    assert scene.tissue is not None
+    middle_m = 0.5e-3 * scene.tissue.width_mm
+    section, (solution,) = solve_finite(scene, middle_m, depth_m, [0.0], element_size_m(scene))
+    return _Pressed(section, solution, 0.0).field
+
+
+def _filled(section: Section, load: Load) -> Displacements:
+    """Displacements by the lumens' pressure alone."""
+    if not section.lumens:
+        return lambda points: np.zeros_like(points)
+    (solution,) = continuation(section, unloaded(section), [Load(-load.depth_m, load.pressure_pa)])
+    return _Pressed(section, solution, 0.0).field
+
+
+def _again(scene: Scene, over: _Pressed, load: Load, low_pa: float) -> tuple[Array, float]:
+    """Force and slope on smaller elements over those found (2,); and how far the force at
+    ``low_pa`` lies above the tangent at the mean pressure, over the tangent's fall to there."""
+    section = _section(scene, over.section.finger.x, load.depth_m, FINER)
+    fine = _press(section, load, np.asarray(over.field(section.mesh.nodes)))
+    force = fine.solution.force_n_per_m / over.solution.force_n_per_m
+    if not over.slope:
+        return np.array([force, 1.0]), 0.0
+    (lowest,) = continuation(over.section, over.solution, [Load(load.depth_m, low_pa)])
+    fall = over.solution.force_n_per_m - lowest.force_n_per_m
+    bend = 1 - fall / (over.slope * (load.pressure_pa - low_pa))
+    return np.array([force, fine.slope / over.slope]), float(bend)
+
+
+def _nearest(scene: Scene, x_m: Array) -> int:
+    """The station nearest to any inclusion, or the middle one."""
+    if not scene.inclusion:
+        return len(x_m) // 2
+    centres = 1e-3 * np.array([one.x_mm for one in scene.inclusion])
+    return int(np.abs(x_m[:, None] - centres).min(axis=1).argmin())
+
+
+def _section(scene: Scene, x_m: float, depth_m: float, share: float = 1.0) -> Section:
+    """Fine under the finger and round inclusions, by ``share`` of this file's element sizes."""
+    contact_m = share * CONTACT_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
+    grading = Grading(
+        contact_m, lambda radius_m: share * WALL_SHARE * radius_m, GROWTH, share * COARSEST_M
+    )
+    return build_section(scene, x_m, depth_m=depth_m, size_m=contact_m, grading=grading)

@@ -1,0 +1,88 @@
+"""A press into a solid scene: meshes refined until force and pulse stand still."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from sim_backend.arrays import Array
+from sim_backend.fem.model import Section
+from sim_backend.fem.newton import CannotSolve, Solution
+from sim_backend.fem.solid.solve import SolvedSolid, solve_solid
+from sim_backend.models.refine import refine
+from sim_backend.scene.scene_file import Scene
+
+SHARES = (0.5, 0.36, 0.26, 0.19)
+"""Element sizes in the contact over the finger's smaller half width, one mesh after the other."""
+ORDER = 1.6
+"""The error falls at least as this power of the size, as in `sim_backend.models.refine`."""
+MOST_UNKNOWNS = 60_000
+"""No mesh above this is solved: its factors take more than 1.5 GB."""
+SMALL_PULSE = 1e-3
+"""A pulse below this share of the force is judged against the share: no sensor feels it."""
+
+
+def refine_solid(
+    scene: Scene, x_m: float, depth_m: float, pressures_pa: Sequence[float], budget_pct: Array
+) -> tuple[SolvedSolid, Array]:
+    """The finest solution needed for ``budget_pct`` (force, pulse), and what is left of both errors
+    [%]. Raises `CannotSolve`."""
+    half_m = 0.5e-3 * min(scene.indenter.width_mm_projected, scene.indenter.breadth_mm_projected)
+    solved = solve_solid(scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m)
+    error_pct = np.full(2, np.inf)
+    for before, share in pairwise(SHARES):
+        finer = before / share
+        if len(solved[0].free) * finer**2 > MOST_UNKNOWNS:
+            break
+        coarser = solved
+        try:
+            solved = solve_solid(scene, x_m, depth_m, pressures_pa, share * half_m)
+        except CannotSolve:
+            if np.isinf(error_pct).any():
+                raise
+            break
+        error_pct = changes_pct(coarser, solved) / (finer**ORDER - 1)
+        if (error_pct <= budget_pct).all():
+            break
+    if np.isinf(error_pct).any():
+        raise CannotSolve(
+            "mesh",
+            f"a second mesh of the solid would have more than {MOST_UNKNOWNS} unknowns, so that "
+            "its error would not be known: take a larger finger or a smaller block",
+        )
+    return solved, error_pct
+
+
+def refine_axisymmetric(
+    scene: Scene, x_m: float, depth_m: float, accuracy_pct: float
+) -> tuple[Section, Solution, float]:
+    """A press over round things by a body of revolution, its force and its error [%].
+
+    The block lies between the round one that fits into it and the round one that holds it. The
+    force is the mean of both; half of their difference is the block's part of the error.
+    """
+    tissue = scene.tissue
+    assert tissue is not None and tissue.length_mm is not None
+    half_length_m = 0.5e-3 * tissue.length_mm
+    sides = x_m, 1e-3 * tissue.width_mm - x_m, half_length_m
+    inner, outer = min(sides), float(np.hypot(max(sides[:2]), half_length_m))
+    budget = np.array([max(0.3 * accuracy_pct, 0.05), np.inf])
+    small, large = (
+        refine("axisymmetric", scene, radius, depth_m, [0.0], budget) for radius in (inner, outer)
+    )
+    (section, (low,)), (_, (high,)) = small.solved, large.solved
+    forces = np.array([low.force_n_per_m, high.force_n_per_m])  # of a whole turn: newtons
+    force_n = float(forces.mean())
+    block_pct = 50 * abs(float(np.ptp(forces))) / max(abs(force_n), 1e-12)
+    mesh_pct = max(float(small.error_pct[0]), float(large.error_pct[0]))
+    return section, replace(low, force_n_per_m=force_n), block_pct + mesh_pct
+
+
+def changes_pct(coarse: SolvedSolid, fine: SolvedSolid) -> Array:
+    """Largest change of force, and that of the span of forces over the pressures (2,) [%]."""
+    a, b = (np.array([s.force_n for s in each]) for _, each in (coarse, fine))
+    largest = max(float(np.abs(b).max()), 1e-12)
+    span = float(np.ptp(b))
+    of_span = abs(span - float(np.ptp(a))) / max(span, SMALL_PULSE * largest)
+    return 100 * np.array([np.abs(a - b).max() / largest, of_span])

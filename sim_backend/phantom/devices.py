@@ -1,0 +1,292 @@
+"""A simulated stage and a simulated force sensor in one phantom.
+
+The default sensor is a good laboratory load cell: 0.5 mN rms at 500 Hz, 0.1 mN steps, 10 N full
+scale. A Robotiq FT300 would be ``rate_hz = 100, noise_mn = 100, quantum_mn = 10``.
+"""
+
+import math
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Stage
+from sim_backend.phantom.phantom import Phantom
+
+Array = NDArray[np.float64]
+Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+AHEAD_S = 0.25  # samples are computed this far ahead; a new command discards what it changes
+TARE_S = 0.1  # a tare is the mean over this long
+NOISE_CHUNK = 4096
+WIDE: Limits = ((-500.0, 500.0), (-500.0, 500.0), (-100.0, 500.0))
+
+
+class VirtualStage:
+    """A stage without inertia but with a bounded speed and acceleration."""
+
+    simulated = True
+
+    def __init__(
+        self,
+        clock: Clock,
+        phantom: Phantom,
+        limits_mm: Limits,
+        max_speed: float,
+        acceleration: float,
+    ) -> None:
+        self.name = "virtual"
+        self._clock = clock
+        self._tip = phantom.tip
+        self._limits_mm = limits_mm
+        self._max_speed = max_speed
+        self._acceleration = acceleration
+
+    def connect(self) -> None:
+        """Nothing to open."""
+
+    def pose(self) -> Pose:
+        """Where the tip is now."""
+        return Pose(*self._tip.point(self._clock.now()))
+
+    def move(self, target: Pose, speed_m_s: float) -> None:
+        """Set off. Raises `DeviceFault` outside the limits, when too fast or still moving."""
+        if self.moving():
+            raise DeviceFault(self.name, "still moving; wait or stop before the next move")
+        if not 0 < speed_m_s <= self._max_speed * (1 + 1e-9):
+            raise DeviceFault(
+                self.name,
+                f"speed {1e3 * speed_m_s:g} mm/s; allowed: up to {1e3 * self._max_speed:g} mm/s",
+            )
+        for axis, at, (low, high) in zip("xyz", target[:3], self._limits_mm, strict=True):
+            if not low <= 1e3 * at <= high:
+                raise DeviceFault(
+                    self.name, f"{axis} = {1e3 * at:g} mm; allowed: {low:g} to {high:g} mm"
+                )
+        self._tip.move(self._clock.now(), target[:3], speed_m_s, self._acceleration)
+
+    def moving(self) -> bool:
+        """True until the last move has ended."""
+        return self._tip.moving(self._clock.now())
+
+    def stop(self) -> None:
+        """Slow down at the stage's acceleration."""
+        self._tip.halt(self._clock.now(), self._acceleration)
+
+    def close(self) -> None:
+        """Stop."""
+        self.stop()
+
+
+class VirtualSensor:
+    """A force sensor on the phantom's tip, and the paper's surface stress beside it.
+
+    Reading = quantised(clipped(gain force(t - latency) + bias + drift t + noise)) - tare. Noise
+    belongs to the sample's index, so a seed gives the same bytes however the samples are read. The
+    stress channel is exact: no device measures it.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        phantom: Phantom,
+        *,
+        name: str,
+        rate_hz: float,
+        noise_n: float,
+        quantum_n: float,
+        full_scale_n: float,
+        gain: float,
+        bias_n: float,
+        drift_n_s: float,
+        latency_s: float,
+        seed: int,
+        follow: Stage | None,
+    ) -> None:
+        self.name = name
+        self.rate_hz = rate_hz
+        self.channels = (
+            Channel("force", "N", "force", simulated=True, full_scale=full_scale_n),
+            Channel("von_mises", "Pa", "other", simulated=True),
+        )
+        self._clock = clock
+        self._phantom = phantom
+        self._noise_n = noise_n
+        self._quantum_n = quantum_n
+        self._full_scale_n = full_scale_n
+        self._gain = gain
+        self._bias_n = bias_n
+        self._drift_n_s = drift_n_s
+        self._latency_s = latency_s
+        self._key = (seed, crc32(name.encode()))
+        self._follow = follow
+        self._chunk = (-1, np.empty(0))
+        self._tare_n = 0.0
+        self._running = False
+        self._first = self._next = 1
+        self._begin(clock.now())
+
+    def connect(self) -> None:
+        """Nothing to open."""
+
+    def start(self) -> None:
+        """Sample from now on; the first sample is taken one period later."""
+        self._begin(self._clock.now())
+        self._running = True
+
+    def read(self) -> Block:
+        """All samples due since the last call."""
+        now = self._clock.now()
+        if self._follow is not None:
+            self._phantom.tip.record(now, self._follow.pose()[:3])
+        due = math.floor((now - self._start_s) * self.rate_hz + 1e-6) if self._running else 0
+        end = max(due + 1, self._next)
+        self._compute_to(end)
+        part = slice(self._next - self._first, end - self._first)
+        self._next = end
+        values = self._values[part].copy()
+        values[:, 0] -= self._tare_n
+        return Block(self._times[part], values, self._saturated[part])
+
+    def tare(self) -> None:
+        """The mean of the last tenth of a second becomes zero."""
+        newest = self._next - self._first
+        recent = self._values[max(newest - round(TARE_S * self.rate_hz), 0) : newest, 0]
+        if len(recent):
+            self._tare_n = float(recent.mean())
+
+    def stop(self) -> None:
+        """End sampling."""
+        self._running = False
+
+    def close(self) -> None:
+        """Stop."""
+        self.stop()
+
+    def _begin(self, start_s: float) -> None:
+        self._start_s = start_s
+        self._first = 1  # index of the first sample kept
+        self._next = 1  # index of the next sample to hand out
+        self._revision = self._phantom.tip.revision
+        self._times: Array = np.empty(0)
+        self._values: Array = np.empty((0, 2))
+        self._saturated: NDArray[np.bool_] = np.empty((0, 2), dtype=bool)
+
+    def _compute_to(self, end: int) -> None:
+        """Have samples up to index ``end`` (exclusive), valid for the tip's present course."""
+        tip = self._phantom.tip
+        have = self._first + len(self._times)
+        if tip.revision != self._revision:
+            self._revision = tip.revision
+            valid = np.searchsorted(self._times, tip.changed_s + self._latency_s)
+            have = self._first + int(valid)
+        if end <= have == self._first + len(self._times):
+            return
+        ahead = 0 if self._follow is not None else round(AHEAD_S * self.rate_hz)
+        keep_from = max(self._next - round(TARE_S * self.rate_hz) - 1, self._first)
+        kept = slice(keep_from - self._first, have - self._first)
+        times, values, saturated = self._sample(np.arange(have, max(end, have) + ahead))
+        self._times = np.concatenate([self._times[kept], times])
+        self._values = np.concatenate([self._values[kept], values])
+        self._saturated = np.concatenate([self._saturated[kept], saturated])
+        self._first = keep_from
+
+    def _sample(self, index: NDArray[np.int64]) -> tuple[Array, Array, NDArray[np.bool_]]:
+        time_s = self._start_s + index / self.rate_hz
+        felt_s = time_s - self._latency_s
+        noise = np.array([self._noise(int(i)) for i in index]) if self._noise_n else 0.0
+        force = self._gain * self._phantom.force_n(felt_s) + self._bias_n + noise
+        force += self._drift_n_s * (time_s - self._start_s)
+        clipped = np.clip(force, -self._full_scale_n, self._full_scale_n)
+        if self._quantum_n:
+            clipped = np.round(clipped / self._quantum_n) * self._quantum_n
+        saturated = np.zeros((len(index), 2), dtype=bool)
+        saturated[:, 0] = np.abs(force) >= self._full_scale_n
+        stress = self._phantom.von_mises_pa(felt_s)
+        return time_s, np.column_stack([clipped, stress]), saturated
+
+    def _noise(self, index: int) -> float:
+        chunk, offset = divmod(index, NOISE_CHUNK)
+        if chunk != self._chunk[0]:
+            rng = np.random.default_rng([*self._key, chunk])
+            self._chunk = (chunk, self._noise_n * rng.standard_normal(NOISE_CHUNK))
+        return float(self._chunk[1][offset])
+
+
+def virtual_stage(
+    clock: Clock,
+    *,
+    phantom: Phantom,
+    limits_mm: Limits = WIDE,
+    max_speed_mm_s: float = 50.0,
+    acceleration_mm_s2: float = 1000.0,
+    stiffness_n_mm: float | None = None,
+) -> VirtualStage:
+    """A stage in the phantom; the defaults are a small laboratory gantry's, and a rigid one.
+
+    With ``stiffness_n_mm`` the rig gives way: the tip is less deep than the stage reports.
+    """
+    for key, value in (
+        ("max_speed_mm_s", max_speed_mm_s),
+        ("acceleration_mm_s2", acceleration_mm_s2),
+        ("stiffness_n_mm", stiffness_n_mm),
+    ):
+        if value is not None:
+            _at_least(key, value, 0, strictly=True)
+    if stiffness_n_mm is not None:
+        phantom.stiffness_n_m = 1e3 * stiffness_n_mm
+    return VirtualStage(clock, phantom, limits_mm, 1e-3 * max_speed_mm_s, 1e-3 * acceleration_mm_s2)
+
+
+def virtual_sensor(
+    clock: Clock,
+    *,
+    phantom: Phantom,
+    name: str = "force",
+    rate_hz: float = 500.0,
+    noise_mn: float = 0.5,
+    quantum_mn: float = 0.1,
+    full_scale_n: float = 10.0,
+    gain: float = 1.0,
+    bias_mn: float = 0.0,
+    drift_mn_s: float = 0.0,
+    latency_ms: float = 0.0,
+    seed: int = 0,
+    follow: Stage | None = None,
+) -> VirtualSensor:
+    """A force sensor in the phantom.
+
+    ``gain``: newtons read per newton. ``follow``: a real stage whose reported pose carries the
+    phantom's tip.
+    """
+    _at_least("rate_hz", rate_hz, 0, strictly=True)
+    _at_least("full_scale_n", full_scale_n, 0, strictly=True)
+    _at_least("gain", gain, 0, strictly=True)
+    for key, value in (
+        ("noise_mn", noise_mn),
+        ("quantum_mn", quantum_mn),
+        ("latency_ms", latency_ms),
+    ):
+        _at_least(key, value, 0)
+    return VirtualSensor(
+        clock,
+        phantom,
+        name=name,
+        rate_hz=rate_hz,
+        noise_n=1e-3 * noise_mn,
+        quantum_n=1e-3 * quantum_mn,
+        full_scale_n=full_scale_n,
+        gain=gain,
+        bias_n=1e-3 * bias_mn,
+        drift_n_s=1e-3 * drift_mn_s,
+        latency_s=1e-3 * latency_ms,
+        seed=seed,
+        follow=follow,
+    )
+
+
+def _at_least(key: str, value: float, low: float, *, strictly: bool = False) -> None:
+    if not math.isfinite(value) or value < low or (strictly and value == low):
+        raise ConfigError(
+            f"{key} = {value:g}: must be {'above' if strictly else 'at least'} {low:g}"
+        )

@@ -1,0 +1,397 @@
+"""The scene file: what lies in the phantom, how it is pressed and how it beats.
+
+Keys carry their units (``depth_mm``, ``modulus_kpa``); ``depth_mm`` is from the surface to a
+centre. Impossible geometry is refused with the key, the value and what is allowed.
+"""
+
+from difflib import get_close_matches
+from importlib import resources
+from math import hypot
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from drivers.core.files import FileRefused, parse_toml, read_file
+from sim_backend import html
+from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch, Sphere
+from sim_backend.scene.table import Positive, Table, is_unset
+
+MAX_FILE_BYTES = 1_000_000
+MAX_NAME = 100  # characters
+WAVES = ("paper", "brachial")
+Poisson = Annotated[float, Field(ge=0, lt=0.5)]
+
+
+class SceneError(ValueError):
+    """A scene that cannot be: the text names file, key, value and what is allowed."""
+
+
+class Tissue(Table):
+    """The block; ``relaxation`` is a Prony series of [weight, tau_s] pairs of the stiffness.
+
+    A solid reaches ``length_mm`` / 2 to either side of z = 0; its ``ends`` are free, or held along
+    z as by neighbouring tissue.
+    """
+
+    width_mm: Positive
+    height_mm: Positive
+    length_mm: Annotated[Positive | None, Field(exclude_if=is_unset)] = None
+    ends: Annotated[Literal["free", "held"] | None, Field(exclude_if=is_unset)] = None
+    modulus_kpa: Positive
+    poisson: Poisson
+    relaxation: tuple[tuple[float, Positive], ...] = ()
+
+    @field_validator("relaxation")
+    @classmethod
+    def _weights(cls, pairs: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        if any(g <= 0 for g, _ in pairs) or sum(g for g, _ in pairs) >= 1:
+            raise ValueError("weights must be positive and sum to less than 1")
+        return pairs
+
+
+class Stenosis(Table):
+    """A concentric ring that takes ``fraction`` of the lumen's diameter."""
+
+    fraction: Annotated[float, Field(gt=0, lt=1)]
+    modulus_kpa: Positive
+    z_mm: tuple[float, float] | None = None
+
+
+class _Round(Table):
+    x_mm: float
+    depth_mm: Positive
+    modulus_kpa: Positive
+    poisson: Poisson
+
+    @property
+    def outer_radius_mm(self) -> float:
+        raise NotImplementedError
+
+
+class Tumour(_Round):
+    """A round lump, glued to the tissue; a ball centred at ``z_mm`` in grids and solids (there 0
+    if not given)."""
+
+    kind: Literal["tumour"]
+    diameter_mm: Positive
+    z_mm: float | None = None
+
+    @property
+    def outer_radius_mm(self) -> float:
+        return self.diameter_mm / 2
+
+
+class Artery(_Round):
+    """A tube with a lumen under pressure; ``path`` of [z_mm, x_mm, depth_mm] for grids."""
+
+    kind: Literal["artery"]
+    inner_diameter_mm: Positive
+    wall_mm: Positive
+    stenosis: Stenosis | None = None
+    path: tuple[tuple[float, float, float], ...] = ()
+
+    @property
+    def outer_radius_mm(self) -> float:
+        return self.inner_diameter_mm / 2 + self.wall_mm
+
+    @model_validator(mode="after")
+    def _wall(self) -> Self:
+        if self.wall_mm > self.outer_radius_mm - 0.01:
+            raise ValueError(
+                f"wall_mm = {self.wall_mm:g} leaves no lumen: it must stay below the outer radius"
+            )
+        if self.path and any(b[0] <= a[0] for a, b in zip(self.path, self.path[1:], strict=False)):
+            raise ValueError("path: z_mm must increase from point to point")
+        return self
+
+
+class Support(Table):
+    """What the body rests on: rigid, flat, frictionless unless it is ``bonded``.
+
+    A block's bottom is held in the direction of compression, as in the paper, also where it would
+    lift; with ``lifts`` it may, except right under the finger.
+    """
+
+    contact: Literal["bonded", "frictionless"] | None = None
+    lifts: bool = False
+
+
+class Pulse(Table):
+    """How the lumen's pressure beats.
+
+    ``wave``: ``paper``, ``brachial`` or a CSV file (columns time_s, pressure_mmhg).
+    ``start``: ``hold`` starts the beat with the hold, as the paper does (until then the lumen
+    rests at the wave's first value); ``free`` beats all the time.
+    """
+
+    wave: str = "paper"
+    rate_bpm: Annotated[float, Field(ge=20, le=300)] = 60 / 0.825
+    systolic_mmhg: Annotated[float, Field(gt=0, le=400)] = 120.0
+    diastolic_mmhg: Annotated[float, Field(ge=0, le=400)] = 80.0
+    start: Literal["hold", "free"] = "hold"
+
+    @model_validator(mode="after")
+    def _levels(self) -> Self:
+        if self.systolic_mmhg <= self.diastolic_mmhg:
+            raise ValueError(
+                f"systolic_mmhg = {self.systolic_mmhg:g} must be above "
+                f"diastolic_mmhg = {self.diastolic_mmhg:g}"
+            )
+        return self
+
+
+Inclusion = Annotated[Tumour | Artery, Field(discriminator="kind")]
+
+
+def _one_line(name: str) -> str:
+    """A name is printed, and begins the names of run files."""
+    if not 0 < len(name) <= MAX_NAME or not name.isprintable() or "/" in name or "\\" in name:
+        raise ValueError(f"at most {MAX_NAME} printable characters, no slashes")
+    return name
+
+
+class Scene(Table):
+    """A whole scene. Without ``tissue`` the one artery stands alone on a rigid flat support."""
+
+    name: Annotated[str, AfterValidator(_one_line)]
+    plane: Literal["stress", "strain", "solid"] = "stress"
+    tissue: Tissue | None = None
+    inclusion: tuple[Inclusion, ...] = ()
+    indenter: Indenter = Cylinder()
+    support: Support = Support()
+    pulse: Pulse = Pulse()
+
+    @property
+    def surface_mm(self) -> float:
+        """Height of the untouched surface above the support."""
+        if self.tissue is not None:
+            return self.tissue.height_mm
+        return 2 * self.inclusion[0].outer_radius_mm
+
+    def _repr_html_(self) -> str:
+        """A table and a picture to scale, for notebooks."""
+        what = [("plane", self.plane), ("finger", self.indenter.shape), ("wave", self.pulse.wave)]
+        what += [
+            (one.kind, f"x {one.x_mm:g} mm, depth {one.depth_mm:g} mm, {one.modulus_kpa:g} kPa")
+            for one in self.inclusion
+        ]
+        width_mm = self.tissue.width_mm if self.tissue else 2 * self.inclusion[0].x_mm
+        circles = [(i.x_mm, i.depth_mm, i.outer_radius_mm, i.kind) for i in self.inclusion]
+        picture = html.section(width_mm, self.surface_mm, circles)
+        return f"<b>{html.escape(self.name)}</b>" + html.table(what) + picture
+
+    @property
+    def arteries(self) -> tuple[Artery, ...]:
+        return tuple(i for i in self.inclusion if isinstance(i, Artery))
+
+    @property
+    def bonded_support(self) -> bool:
+        """Whether what rests on the support sticks to it: by default a lone vessel does."""
+        contact = self.support.contact
+        return self.tissue is None if contact is None else contact == "bonded"
+
+    @property
+    def face_mm2(self) -> float:
+        """The indenter's projected area, the default face of the tactile signal."""
+        return self.indenter.face_mm2
+
+    @model_validator(mode="after")
+    def _dimensions(self) -> Self:
+        if self.plane == "solid":
+            _need_solid(self)
+        else:
+            _need_plane(self)
+        return self
+
+    @model_validator(mode="after")
+    def _geometry(self) -> Self:
+        if self.tissue is None:
+            if len(self.inclusion) != 1 or not isinstance(self.inclusion[0], Artery):
+                raise ValueError("without a [tissue] table there must be exactly one artery")
+            if self.support.lifts:
+                raise ValueError("support.lifts = true: a block's; a lone vessel lifts by itself")
+            return self
+        width, height = self.tissue.width_mm, self.tissue.height_mm
+        for n, one in enumerate(self.inclusion):
+            r = one.outer_radius_mm
+            where = f"inclusion[{n}] ({one.kind})"
+            if one.depth_mm - r <= 0:
+                raise ValueError(
+                    f"{where}: depth_mm = {one.depth_mm:g} breaks the surface; "
+                    f"it must be above the outer radius {r:g}"
+                )
+            if one.depth_mm + r >= height:
+                raise ValueError(
+                    f"{where}: depth_mm = {one.depth_mm:g} breaks the bottom; "
+                    f"it must be below {height - r:g}"
+                )
+            if not r < one.x_mm < width - r:
+                raise ValueError(
+                    f"{where}: x_mm = {one.x_mm:g} breaks a side; "
+                    f"it must lie between {r:g} and {width - r:g}"
+                )
+            for m, other in enumerate(self.inclusion[:n]):
+                apart = _apart_mm(one, other, solid=self.plane == "solid")
+                if apart <= r + other.outer_radius_mm:
+                    raise ValueError(
+                        f"{where} overlaps inclusion[{m}]: centres are {apart:.3g} mm apart; "
+                        f"they must be more than {r + other.outer_radius_mm:g} mm apart"
+                    )
+        return self
+
+
+def _need_plane(scene: Scene) -> None:
+    """Keys that only a solid has are refused in a plane scene."""
+    told = {
+        "tissue.length_mm": scene.tissue and scene.tissue.length_mm,
+        "tissue.ends": scene.tissue and scene.tissue.ends,
+        "indenter.axis": getattr(scene.indenter, "axis", None),
+    }
+    if isinstance(scene.indenter, Cylinder):
+        told["indenter.edge_radius_mm"] = scene.indenter.edge_radius_mm
+    if isinstance(scene.indenter, Sphere | Punch):
+        told["indenter.shape"] = scene.indenter.shape
+    for key, value in told.items():
+        if value is not None:
+            raise ValueError(
+                f'{key} = {value}: only with plane = "solid"; this scene is plane = {scene.plane!r}'
+            )
+
+
+def _need_solid(scene: Scene) -> None:
+    if scene.tissue is None:
+        raise ValueError('plane = "solid" needs a [tissue] table: a lone vessel is plane')
+    if scene.tissue.length_mm is None:
+        raise ValueError('tissue.length_mm is missing: plane = "solid" needs the block\'s length')
+    finger = scene.indenter
+    if isinstance(finger, Flat):
+        flat = "indenter.width_mm: a flat finger of a solid is round; give diameter_mm instead"
+        raise ValueError(flat)  # noqa: TRY004 - pydantic reports ValueErrors only
+    if finger.bonded or finger.skin is not None:
+        raise ValueError("indenter: bonded and skin are known in plane scenes only")
+    if isinstance(finger, Cylinder) and finger.edge_radius_mm is None:
+        raise ValueError("indenter.edge_radius_mm is missing: a solid's cylinder has rounded ends")
+    if scene.support != Support():
+        raise ValueError("[support] is of plane scenes: a solid rests on its bottom, frictionless")
+    if any(one.path for one in scene.arteries):
+        raise ValueError("inclusion.path: vessels of a solid are straight along z")
+    half_mm = scene.tissue.length_mm / 2
+    for n, one in enumerate(scene.inclusion):
+        if isinstance(one, Tumour) and abs(one.z_mm or 0.0) + one.outer_radius_mm >= half_mm:
+            raise ValueError(
+                f"inclusion[{n}] (tumour): z_mm = {one.z_mm or 0:g} breaks an end; "
+                f"it must stay within {half_mm - one.outer_radius_mm:g} of 0"
+            )
+
+
+def _apart_mm(one: Inclusion, other: Inclusion, *, solid: bool) -> float:
+    """How far apart the centres are: balls in a solid may lie behind each other."""
+    along = 0.0
+    if solid and isinstance(one, Tumour) and isinstance(other, Tumour):
+        along = (one.z_mm or 0.0) - (other.z_mm or 0.0)
+    return hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm, along)
+
+
+def mirrored(scene: Scene) -> Scene:
+    """The scene seen from the other side; a block only."""
+    assert scene.tissue is not None
+    width = scene.tissue.width_mm
+    inclusion = tuple(
+        one.model_copy(update={"x_mm": round(width - one.x_mm, 9)}) for one in scene.inclusion
+    )
+    return scene.model_copy(update={"inclusion": inclusion})
+
+
+def scene_names() -> list[str]:
+    """The scenes that are built in."""
+    folder = resources.files("sim_backend.scene") / "builtin"
+    return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
+
+
+def as_scene(scene: Scene | str | Path) -> Scene:
+    """The scene itself, a built-in one by name, or one from a file. Raises `SceneError`."""
+    return scene if isinstance(scene, Scene) else load_scene(scene)
+
+
+def load_scene(name_or_path: str | Path) -> Scene:
+    """A built-in scene by name, or a scene file. Raises `SceneError`.
+
+    A wave file is looked for beside the scene file; the scene holds its full path.
+    """
+    path = Path(name_or_path)
+    if str(name_or_path) in scene_names():
+        built_in = resources.files("sim_backend.scene") / "builtin" / f"{name_or_path}.toml"
+        return scene_from_text(built_in.read_bytes(), str(name_or_path))
+    if not path.exists():
+        raise SceneError(
+            f"{name_or_path}: neither a file nor a built-in scene ({', '.join(scene_names())})"
+        )
+    try:
+        content = read_file(path, MAX_FILE_BYTES)
+    except FileRefused as error:
+        raise SceneError(f"{error}; not a scene file") from None
+    scene = scene_from_text(content, str(path))
+    if scene.pulse.wave in WAVES:
+        return scene
+    wave = str((path.parent / scene.pulse.wave).resolve())
+    return scene.model_copy(update={"pulse": scene.pulse.model_copy(update={"wave": wave})})
+
+
+def scene_from_text(text: str | bytes, source: str) -> Scene:
+    """Read a scene from TOML text; ``source`` is named in errors. Raises `SceneError`."""
+    try:
+        return Scene.model_validate(parse_toml(text.encode() if isinstance(text, str) else text))
+    except ValidationError as error:
+        raise SceneError("\n".join(f"{source}: {line}" for line in explain(error, Scene))) from None
+    except ValueError as error:
+        raise SceneError(f"{source}: {error}") from None
+
+
+def explain(error: ValidationError, model: type[BaseModel] | None = None) -> list[str]:
+    """One line per fault: key, value, what is allowed; of ``model``, what keys there are."""
+    lines = []
+    for fault in error.errors():
+        key = ".".join(str(part) for part in fault["loc"])
+        value = fault["input"]
+        shown = "" if isinstance(value, dict) or fault["type"] == "missing" else f" = {value!r}"
+        text = fault["msg"].removeprefix("Value error, ")
+        if model is not None and fault["type"] == "extra_forbidden":
+            text = _unknown_key(model, fault["loc"])
+        lines.append(f"{key}{shown}: {text}".lstrip(": "))
+    return lines
+
+
+def _unknown_key(model: type[BaseModel], where: tuple[int | str, ...]) -> str:
+    """What the table at ``where`` knows, the likeliest first."""
+    tables = [model]
+    for part in where[:-1]:
+        fields = [t.model_fields[part] for t in tables if part in t.model_fields]
+        tables = [one for f in fields for one in _tables(f.annotation)] or tables
+        tables = [t for t in tables if str(part) == _kind(t)] or tables  # the tag of a union
+    known = sorted({key for table in tables for key in table.model_fields})
+    near = get_close_matches(str(where[-1]), known, 1)
+    guess = f"did you mean {near[0]}? " if near else ""
+    return f"unknown key; {guess}Known here: {', '.join(known)}"
+
+
+def _tables(annotation: Any) -> list[type[BaseModel]]:
+    """Every table within an annotation."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in _tables(part)]
+
+
+def _kind(table: type[BaseModel]) -> str:
+    """The word that tells a table from others in its place, such as artery or cylinder."""
+    for key in ("kind", "shape"):
+        if key in table.model_fields:
+            return str(next(iter(get_args(table.model_fields[key].annotation)), ""))
+    return ""

@@ -1,0 +1,177 @@
+"""The fault campaign's own parts: a truth that is physics, and a judge that finds what is wrong."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from campaign import simulated
+from campaign.board import ORIGIN_MM, Board
+from campaign.cell import ZERO_N, Cell
+from campaign.faults import BY_NAME, KINDS, SIMULATED, Draw, draw, of_kinds
+from campaign.judge import judge
+from campaign.world import HARDENING_PER_M, PULSE_N, TAU_S, Bed, World
+
+DEEP = (0.0, 0.0, -2e-3)
+
+
+def world(bed: Bed | None = None, z_m: float = 5e-3) -> World:
+    return World(bed or Bed(), 0.0, (0.0, 0.0, z_m))
+
+
+def test_a_move_takes_the_time_of_its_trapezium() -> None:
+    tip = world()
+    tip.move((0.0, 0.0, -5e-3), 10e-3)
+    while tip.moving:
+        tip.advance(tip.time_s + 1e-3)
+    assert tip.place == (0.0, 0.0, -5e-3)
+    assert tip.time_s == pytest.approx(10e-3 / 10e-3 + 10e-3 / 1.0, abs=5e-3)
+
+
+def test_a_halt_takes_the_way_of_its_deceleration() -> None:
+    tip = world()
+    tip.move((0.0, 0.0, -5e-3), 20e-3)
+    tip.advance(0.1)
+    before = tip.place[2]
+    tip.halt()
+    tip.advance(0.2)
+    assert not tip.moving
+    assert before - tip.place[2] == pytest.approx(20e-3**2 / 2, abs=25e-6)
+
+
+def test_the_bed_hardens_and_relaxes() -> None:
+    tip = world()
+    tip.move(DEEP, 20e-3)
+    tip.advance(2.0 + 20 * TAU_S)
+    spring = Bed().stiffness_n_m * 2e-3 * (1 + HARDENING_PER_M * 2e-3)
+    assert spring <= tip.force_n <= spring + PULSE_N + 1e-6
+    assert max(row[4] for row in tip.rows) > spring + 0.1  # the arm that has relaxed since
+
+
+def test_the_skin_sticks() -> None:
+    tip = world(z_m=-1e-3)
+    tip.advance(0.01)
+    tip.move((2e-3, 0.0, -1e-3), 10e-3)
+    tip.advance(1.0)
+    assert tip.side_n == pytest.approx(Bed().shear_n_m * 2e-3, rel=0.01)
+
+
+def test_the_board_speaks_grbl() -> None:
+    board = Board(world())
+    board.received(b"?$J=G21G90G53Z-57.0F600\n?")
+    board.world.advance(0.1)
+    assert board.due().startswith(b"<Idle|MPos:-80.000,-20.000,-47.000")
+    board.received(b"?")
+    board.world.advance(0.11)
+    assert b"<Jog|" in board.due()
+    board.received(b"\x85")
+    board.world.advance(0.3)
+    assert not board.world.moving
+    assert board.stops == [pytest.approx(0.11)]
+    board.received(b"$J=G21G90G53Z10F600\n")
+    board.world.advance(0.31)
+    assert board.due() == b"error:15\r\n"
+    assert board.world.place[2] < 5e-3 == pytest.approx(-47e-3 - 1e-3 * ORIGIN_MM[2])
+
+
+def test_the_cell_prints_what_it_feels() -> None:
+    tip = world(z_m=-2e-3)
+    cell = Cell(tip, seed=1)
+    said: list[float] = []
+    for n in range(1, 201):
+        tip.advance(5e-3 * n)
+        said += [float(line.split()[1]) for line in cell.due().splitlines()]
+    assert len(said) == pytest.approx(200, abs=1)
+    assert np.mean(said[100:]) - ZERO_N == pytest.approx(tip.force_n, abs=10e-3)
+
+
+def test_a_seed_is_a_run() -> None:
+    assert draw(17, 2) == draw(17, 2)
+    assert draw(17, 2) != draw(17 + len(KINDS), 2)
+    assert {draw(seed, 1).name for seed in range(len(KINDS))} == {kind.name for kind in KINDS}
+
+
+@pytest.mark.parametrize("kind", ["cell silent", "board slow", "hard bed", "higher bed"])
+def test_a_fault_on_simulated_time_harms_nobody(kind: str) -> None:
+    drawn = of_kinds(5, [BY_NAME[kind]], np.random.default_rng(5))
+    assert simulated.run_draw(drawn)["wrong"] == []
+
+
+def hard(monkeypatch: pytest.MonkeyPatch, **limits: float) -> list[str]:
+    """What is said of a scan of a hard bed whose limits were lifted."""
+    monkeypatch.setattr(simulated, "LIMITS", replace(simulated.LIMITS, **limits))
+    drawn = of_kinds(5, [BY_NAME["hard bed"]], np.random.default_rng(5))
+    wrong: list[str] = simulated.run_draw(drawn)["wrong"]
+    return wrong
+
+
+def test_the_judge_finds_a_force_beyond_the_physics_of_stopping(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert "allowed" in hard(monkeypatch, max_force_n=50.0)[0]
+
+
+def test_the_judge_finds_a_probe_left_in_the_tissue(monkeypatch: pytest.MonkeyPatch) -> None:
+    move = simulated.BenchStage.move
+
+    def sinks(self: simulated.BenchStage, target: simulated.Pose, speed_m_s: float) -> None:
+        if target.z <= self.pose().z or self.pose().z > 0:  # out of the bed it never goes
+            move(self, target, speed_m_s)
+
+    monkeypatch.setattr(simulated.BenchStage, "move", sinks)
+    said = " ".join(hard(monkeypatch))
+    assert "left" in said
+
+
+def test_the_judge_finds_samples_that_were_never_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    read = simulated.BenchSensor.read
+
+    def doctored(self: simulated.BenchSensor) -> simulated.Block:
+        block = read(self)
+        return replace(block, values=1.001 * block.values)
+
+    monkeypatch.setattr(simulated.BenchSensor, "read", doctored)
+    drawn = Draw(1, (), Bed(), serial=False)
+    assert any("never sent" in text for text in simulated.run_draw(drawn)["wrong"])
+
+
+def test_the_judge_finds_a_station_that_was_somewhere_else(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def wrong_place(self: simulated.BenchStage) -> simulated.Pose:
+        self._answer()
+        x, y, z = self._bench.world.place
+        return simulated.Pose(x - 2e-3, y, z)
+
+    def move(self: simulated.BenchStage, target: simulated.Pose, speed_m_s: float) -> None:
+        self._answer()
+        x, y, z = (1e3 * v for v in target[:3])
+        self._bench.board.jog((x + 2.0, y, z), speed_m_s)
+
+    monkeypatch.setattr(simulated.BenchStage, "pose", wrong_place)
+    monkeypatch.setattr(simulated.BenchStage, "move", move)
+    drawn = Draw(1, (), Bed(), serial=False)
+    assert any("off its place" in text for text in simulated.run_draw(drawn)["wrong"])
+
+
+@pytest.mark.parametrize(
+    ("status", "answer", "said", "found"),
+    [
+        (None, None, "", "hangs"),
+        (70, None, "This is a mistake in palpate itself", "a bug"),
+        (0, {"finish": "faulted"}, "", "but faulted"),
+        (137, None, "", "killed"),
+    ],
+)
+def test_the_judge_reads_status_and_words(
+    status: int | None, answer: dict[str, str] | None, said: str, found: str
+) -> None:
+    bench = simulated.Bench(Draw(1, (), Bed(), serial=False), simulated.SimulatedClock())
+    bench.clock.sleep_until(0.1)
+    bench.catch_up()
+    verdict = judge(bench.drawn, bench.truth(), status=status, answer=answer, said=said, run=None)
+    assert any(found in text for text in verdict.wrong)
+
+
+def test_every_simulated_kind_exists() -> None:
+    assert all(math.isfinite(kind.blind_s) or kind.where == "cell" for kind in SIMULATED)

@@ -1,0 +1,44 @@
+"""A function in a process of its own, also from a script without a guard."""
+
+import subprocess
+import sys
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+import pytest
+
+from drivers.core.child import Child
+
+SCRIPT = """
+from drivers.core.child import Child
+import echo
+child = Child(echo.twice, (3,), pipes=1)
+print(child.pipes[0].recv(), flush=True)
+child.end(5.0)
+"""
+ECHO = "def twice(number, pipe):\n    pipe.send(2 * number)\n"
+
+
+def twice(number: int, pipe: "Connection[int, int]") -> None:
+    pipe.send(2 * number)
+    pipe.recv()
+
+
+def test_a_script_without_a_guard_starts_it_once(tmp_path: Path) -> None:
+    (tmp_path / "echo.py").write_text(ECHO)
+    script = tmp_path / "script.py"
+    script.write_text(SCRIPT)
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.stdout, done.stderr, done.returncode) == ("6\n", "", 0)
+
+
+def test_it_ends_with_its_pipes_or_by_force() -> None:
+    child = Child(twice, (4,), pipes=1)
+    assert child.pipes[0].recv() == 8
+    assert child.alive()
+    child.end(timeout_s=0.05)  # an `EOFError` of its own, or killed
+    assert not child.alive()
+    with pytest.raises(OSError):
+        child.pipes[0].recv()

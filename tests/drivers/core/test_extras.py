@@ -1,0 +1,61 @@
+"""What is not installed is named with the line that installs it."""
+
+import subprocess
+import sys
+
+import pytest
+
+from drivers import MissingExtra
+from drivers.core.extras import needs, require
+
+
+def test_an_import_that_fails_says_what_to_install() -> None:
+    with pytest.raises(MissingExtra) as said, needs("data", "a table"):
+        import no_such_library  # type: ignore[import-not-found]  # noqa: F401
+    assert str(said.value) == (
+        "a table needs no_such_library, which is not installed: "
+        f"{sys.executable} -m pip install 'palpate[data]'"
+    )
+
+
+def test_what_is_installed_passes() -> None:
+    require("numpy", "data", "a table")
+    with pytest.raises(MissingExtra, match="a stage needs no_such_library"):
+        require("no_such_library", "ur", "a stage")
+
+
+WITHOUT = """
+import sys
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in {absent!r}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+sys.meta_path.insert(0, Absent())
+from probe.cli import main
+sys.exit(main({arguments!r}))
+"""
+
+
+@pytest.mark.parametrize(
+    ("absent", "extra", "arguments"),
+    [
+        (["meshio"], "mesh", ["press", "TI", "--x", "20", "--depth", "1", "--vtu", "x.vtu"]),
+        (["pandas", "xarray"], "data", ["sweep", "TI", "--vary", "modulus_kpa=10,20"]),
+        (["matplotlib"], "report", ["paper"]),
+        (["pandas", "xarray"], "data", ["calibrate", "tare", "x.csv", "--device", "d"]),
+    ],
+)
+def test_a_command_without_its_library_is_one_line(
+    absent: list[str], extra: str, arguments: list[str]
+) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT.format(absent=absent, arguments=arguments)],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+    )
+    assert done.returncode == 2
+    (line,) = done.stderr.strip().splitlines()
+    assert line.endswith(f"{sys.executable} -m pip install 'palpate[{extra}]'")
+    assert absent[0] in line

@@ -1,0 +1,116 @@
+"""The thread and the buffer that sensors on a line share."""
+
+import threading
+import time
+
+import pytest
+
+from drivers import Channel, DeviceAbsent, DeviceFault, WallClock
+from drivers.core.reader import BUFFER_S, LineSensor, Sample
+
+
+class Feed:
+    """A line on which the test says what arrives."""
+
+    def __init__(self) -> None:
+        self.coming: list[Sample] = [Sample(0.0, [0.0])]
+        self.error: Exception | None = None
+        self.closed_by: threading.Thread | None = None
+
+    def read(self) -> list[Sample]:
+        if self.error is not None:
+            raise self.error
+        found, self.coming = self.coming, []
+        time.sleep(0.002)
+        return found
+
+    def close(self) -> None:
+        self.closed_by = threading.current_thread()
+
+
+def sensor_on(feed: Feed, full_scale: float | None = None) -> LineSensor:
+    channel = Channel("force", "N", "force", full_scale=full_scale)
+    made = LineSensor(WallClock(), "cell", (channel,), 100.0, lambda: feed)
+    made.connect()
+    made.start()
+    return made
+
+
+def send(feed: Feed, samples: list[Sample]) -> None:
+    feed.coming = samples
+    while feed.coming:
+        time.sleep(0.001)
+    time.sleep(0.01)
+
+
+def test_what_is_not_read_is_dropped_oldest_first_and_counted() -> None:
+    feed = Feed()
+    sensor = sensor_on(feed)
+    room = round(BUFFER_S * 100)
+    send(feed, [Sample(0.01 * k, [float(k)], 1 if k == 3 else 0) for k in range(room + 20)])
+    block = sensor.read()
+    assert len(block.time_s) == room
+    assert block.values[0, 0] == 20.0
+    assert block.lost == 21  # twenty overrun, and the one that was missing before one of them
+    assert sensor.read().lost == 0
+    sensor.close()
+
+
+def test_tare_is_subtracted_but_saturation_is_of_the_raw_reading() -> None:
+    feed = Feed()
+    sensor = sensor_on(feed, full_scale=10.0)
+    now = time.monotonic()
+    send(feed, [Sample(0.0, [6.0])] * 20)
+    sensor._clock = WallClock()  # the reading is of this moment
+    sensor.tare()
+    send(feed, [Sample(0.1, [9.0]), Sample(0.11, [10.0])])
+    block = sensor.read()
+    assert block.values[-2:, 0].tolist() == [3.0, 4.0]
+    assert block.saturated[-2:, 0].tolist() == [False, True]
+    assert time.monotonic() - now < 5
+    sensor.close()
+
+
+def test_an_old_reading_is_no_zero() -> None:
+    feed = Feed()
+    sensor = sensor_on(feed)
+    sensor._clock = WallClock(start_s=10.0)
+    with pytest.raises(DeviceFault, match="no fresh reading"):
+        sensor.tare()
+    sensor.close()
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError("unplugged"), "connection lost (unplugged)"),
+        (DeviceFault("cell", "overheated"), "overheated"),
+        (ZeroDivisionError("oops"), "driver: ZeroDivisionError: oops"),
+    ],
+)
+def test_a_line_that_ends_is_told_after_the_last_sample(error: Exception, words: str) -> None:
+    feed = Feed()
+    sensor = sensor_on(feed)
+    send(feed, [Sample(1.0, [1.0])])
+    feed.error = error
+    time.sleep(0.02)
+    assert len(sensor.read().time_s) == 1
+    with pytest.raises(DeviceFault) as told:
+        sensor.read()
+    assert told.value.reason == words
+    sensor.close()
+
+
+def test_the_line_is_closed_by_the_thread_that_reads_it() -> None:
+    feed = Feed()
+    sensor = sensor_on(feed)
+    sensor.close()
+    assert feed.closed_by is not None
+    assert feed.closed_by.name == "palpate cell"
+
+
+def test_a_device_that_says_nothing_is_absent() -> None:
+    feed = Feed()
+    feed.coming = []
+    with pytest.raises(DeviceAbsent, match="no reading within 1 s"):
+        sensor_on(feed)

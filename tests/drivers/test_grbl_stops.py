@@ -1,0 +1,141 @@
+"""The GRBL driver's stops and refusals, against a board written apart from palpate's emulator.
+
+The board is the fault campaign's: it can lose stops, fall silent and lie, and notes every order to
+stop that came over the wire.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from campaign.board import ORIGIN_MM, Board
+from campaign.world import Bed, World
+
+from drivers import DeviceFault, Pose, WallClock
+from drivers.grbl.stage import GrblSettings, GrblStage, open_stage
+from sim_backend.emulators.serving import Served, served
+
+HOME = (0.010, 0.0, 0.008)
+FAR = Pose(0.060, 0.0, 0.008)
+LIMITS_MM = ((-5.0, 70.0), (-5.0, 5.0), (-4.0, 50.0))
+
+
+class Bench:
+    """The board as a device of `served`."""
+
+    faults = ()
+
+    def __init__(self) -> None:
+        self.board = Board(World(Bed(), time.monotonic(), HOME))
+
+    def received(self, data: bytes) -> bytes:
+        self.board.received(data)
+        return self.due()
+
+    def due(self) -> bytes:
+        self.board.world.advance(time.monotonic())
+        return self.board.due()
+
+    def fail(self, fault: str) -> None: ...
+
+
+@pytest.fixture
+def board() -> Board:
+    return Bench().board
+
+
+@pytest.fixture
+def line(board: Board) -> Iterator[Served]:
+    bench = Bench()
+    bench.board = board
+    with served(bench, "pty", "grbl") as device:
+        yield device
+
+
+@pytest.fixture
+def stage(line: Served) -> Iterator[GrblStage]:
+    settings = GrblSettings(
+        port=line.address, origin_mm=ORIGIN_MM, limits_mm=LIMITS_MM, status_hz=100.0
+    )
+    made = open_stage(WallClock(), settings)
+    made.connect()
+    yield made
+    made.close()
+
+
+def until(ready: Callable[[], bool], timeout_s: float = 3.0) -> None:
+    end_s = time.monotonic() + timeout_s
+    while not ready():
+        assert time.monotonic() < end_s, "took too long"
+        time.sleep(0.002)
+
+
+def set_off(stage: GrblStage, board: Board) -> None:
+    stage.move(FAR, 0.02)
+    until(lambda: board.world.speed_m_s > 0)
+
+
+def test_a_stop_is_on_the_wire_at_once(stage: GrblStage, board: Board) -> None:
+    set_off(stage, board)
+    began_s = time.monotonic()
+    stage.stop()
+    until(lambda: not board.world.moving)
+    assert board.stops[0] - began_s < 0.05
+    assert board.world.place[0] < 0.03
+
+
+@pytest.mark.parametrize("lost", [1, 5, 12])
+def test_a_stop_that_is_not_heard_is_repeated(lost: int, stage: GrblStage, board: Board) -> None:
+    board.ills.lost_stops = lost
+    set_off(stage, board)
+    stage.stop()
+    until(lambda: not board.world.moving, 1.0)
+    assert len(board.stops) > lost
+
+
+def test_a_stop_while_the_board_thinks_about_a_move_is_not_lost(
+    stage: GrblStage, board: Board
+) -> None:
+    """The order reaches a board at rest; the move that it was meant for is accepted after it."""
+    command = stage._line().command
+
+    def stopped_meanwhile(text: str, timeout_s: float) -> None:
+        stage.stop()
+        until(lambda: not stage._stopping.is_set())
+        command(text, timeout_s)
+
+    stage._line().command = stopped_meanwhile  # type: ignore[method-assign]
+    stage.move(FAR, 0.02)
+    until(lambda: bool(board.jogs))
+    until(lambda: not board.world.moving, 0.5)
+    assert board.world.place[0] < 0.02
+
+
+def test_a_silent_board_is_not_believed(stage: GrblStage, board: Board) -> None:
+    set_off(stage, board)
+    board.ills.mute_until_s = time.monotonic() + 60.0
+    time.sleep(0.6)
+    with pytest.raises(DeviceFault, match=r"silent|no status"):
+        stage.moving()
+
+
+def test_a_target_beyond_the_rigs_limits_is_not_sent(stage: GrblStage, board: Board) -> None:
+    with pytest.raises(DeviceFault, match=r"z = -4\.5 mm"):
+        stage.move(Pose(0.010, 0.0, -4.5e-3), 0.01)
+    assert not board.jogs
+
+
+@pytest.mark.parametrize("speed_m_s", [0.026, 0.0, -0.01, float("nan")])
+def test_a_speed_beyond_the_stages_is_not_sent(
+    speed_m_s: float, stage: GrblStage, board: Board
+) -> None:
+    with pytest.raises(DeviceFault, match="speed"):
+        stage.move(FAR, speed_m_s)
+    assert not board.jogs
+
+
+def test_an_unplugged_board_is_lost_at_once(stage: GrblStage, line: Served) -> None:
+    line.fail("drop")
+    time.sleep(0.15)
+    with pytest.raises(DeviceFault, match="connection lost"):
+        stage.moving()

@@ -1,0 +1,119 @@
+"""Every recorded device, replayed byte by byte, is understood as it was when recorded."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from drivers import ConfigError, WallClock
+from drivers.testing.exchange import Exchange, Replay, load, replay, save
+from drivers.testing.record import exercise, record
+from sim_backend import load_scene
+from sim_backend.emulators import ft300, grbl, lines, modbus, taxels
+from sim_backend.phantom.phantom import Phantom, Respond
+
+EXCHANGES = Path(__file__).parent / "exchanges"
+
+
+@pytest.mark.parametrize("path", sorted(EXCHANGES.glob("*.toml")), ids=lambda path: path.stem)
+def test_a_recorded_device_is_understood_as_then(path: Path) -> None:
+    exchange = load(path)
+    with replay(exchange) as device:
+        place: dict[str, Any] = {"port": device.address}
+        if "host" in exchange.settings:
+            place = {"host": "127.0.0.1", "tcp_port": device.port}
+        rows = exercise(
+            exchange.kind,
+            exchange.driver,
+            {**exchange.settings, **place},
+            0.4,
+            exchange.move_m,
+        )
+        assert device.unexpected == b"", "the driver says what the device was never told"
+    assert rows
+    if exchange.kind == "stages":
+        assert rows == exchange.rows
+    else:
+        assert overlap(rows, exchange.rows) >= 3
+
+
+Rows = tuple[tuple[float, ...], ...]
+
+
+def overlap(a: Rows, b: Rows) -> int:
+    """Readings in common, if one goes on where the other left off; both are part of one stream."""
+    spans = (
+        (a[max(shift, 0) : len(b) + shift], b[max(-shift, 0) : len(a) - shift])
+        for shift in range(-len(b) + 1, len(a))
+    )
+    return max(len(x) for x, y in spans if x == y)
+
+
+EMULATED: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
+    "grbl": (partial(grbl.emulate, homed=True), {"origin_mm": grbl.ORIGIN_MM}),
+    "ft300": (ft300.emulate, {}),
+    "lines": (
+        lines.emulate,
+        {
+            "pattern": "[0-9]+ (?P<force>[-+0-9.]+) N",
+            "channel": [{"name": "force", "unit": "N", "role": "force"}],
+            "rate_hz": 80.0,
+        },
+    ),
+    "modbus": (
+        modbus.emulate,
+        {"register": [{"name": "f", "address": 100, "unit": "N", "type": "int32"}]},
+    ),
+    "taxels": (
+        taxels.emulate,
+        {"rows": 4, "columns": 7, "header": "AA55", "rate_hz": 100.0, "counter": True,
+         "check": "crc16-modbus", "scale": 10.0},
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EMULATED)
+def test_a_device_can_be_recorded_and_replayed(name: str, winkler: Respond, tmp_path: Path) -> None:
+    emulate, keys = EMULATED[name]
+    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.032, 0.0, -0.001))
+    kind = "stages" if name == "grbl" else "sensors"
+    with emulate(phantom, at=str(tmp_path / "tty")) as served:
+        found = record(
+            kind, name, {"port": served.address, **keys},
+            seconds=0.3, move_mm=1.0, device=f"emulated {name}",
+        )  # fmt: skip
+    save(found, tmp_path / "found.toml")
+    again = load(tmp_path / "found.toml")
+    assert (again.pairs, again.rows) == (found.pairs, found.rows)
+    assert any(received for _, received in found.pairs)
+    test_a_recorded_device_is_understood_as_then(tmp_path / "found.toml")
+
+
+@settings(max_examples=50)
+@given(st.lists(st.tuples(st.binary(max_size=20), st.binary(max_size=20)), max_size=5))
+def test_any_bytes_survive_the_file(pairs: list[tuple[bytes, bytes]]) -> None:
+    import tempfile
+
+    exchange = Exchange("sensors", "lines", {"a": [1, {"b": "c"}]}, "d", "now", tuple(pairs))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "x.toml"
+        save(exchange, path)
+        assert load(path).pairs == exchange.pairs
+
+
+def test_a_driver_that_says_something_else_is_found_out() -> None:
+    pairs = ((b"?", b"1"), (b"?", b"2"), (b"go\n", b"ok"), (b"?", b"3"))
+    device = Replay(Exchange("stages", "x", {}, "", "", pairs))
+    assert [device.answer(s) for s in (b"?", b"go\n", b"?", b"?")] == [b"1", b"ok", b"3", b"3"]
+    assert device.answer(b"gone\n") is None
+    device.close()
+
+
+def test_a_file_that_is_none_is_told(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("pairs = 3")
+    with pytest.raises(ConfigError, match="not an exchange file"):
+        load(tmp_path / "a.toml")

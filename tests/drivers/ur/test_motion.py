@@ -1,0 +1,69 @@
+"""A UR's rest is what the controller says; its watchdog is whoever checks the force."""
+
+import math
+import time
+
+import pytest
+from emulated_ur import connected
+
+from drivers import MotionFault, Pose
+from sim_backend.phantom.phantom import Respond
+
+
+@pytest.mark.parametrize("slider", [1.0, 0.2])
+def test_a_slow_press_is_no_rest(winkler: Respond, slider: float) -> None:
+    """0.2 mm/s moves the pose by 4 um in the 20 ms over which it was once called still."""
+    with connected(winkler) as (made, robot):
+        made.stage.enable()
+        robot.robot.slide(slider)
+        target = Pose(0.03, 0.0, 0.004 - 1e-4)
+        began_s = made.clock.now()
+        made.stage.move(target, 0.2e-3)
+        made.arrive(8.0)
+        assert made.clock.now() - began_s > 0.9 * 0.5 / slider
+        assert math.dist(made.stage.pose()[:3], target[:3]) < 5e-5
+
+
+def test_a_slider_at_zero_is_no_rest_and_no_fault(winkler: Respond) -> None:
+    with connected(winkler) as (made, robot):
+        made.stage.enable()
+        made.stage.move(Pose(0.03, 0.0, 0.002), 2e-3)
+        time.sleep(0.2)
+        robot.robot.slide(0.0)
+        time.sleep(0.1)
+        assert made.stage.pace == 0.0
+        end_s = made.clock.now() + 0.8
+        while made.clock.now() < end_s:
+            assert made.stage.moving()
+            time.sleep(0.01)
+        robot.robot.slide(1.0)
+        made.arrive()
+        assert made.stage.pose().z == pytest.approx(0.002, abs=1e-5)
+
+
+def test_an_arm_that_rests_elsewhere_can_still_be_lifted(winkler: Respond) -> None:
+    with connected(winkler) as (made, _):
+        made.stage.enable()
+        made.stage.move(Pose(0.03, 0.0, -0.002), 2e-3)
+        time.sleep(0.3)
+        made.phantom.tip.halt(made.clock.now(), 10.0)
+        with pytest.raises(MotionFault, match="came to rest"):
+            made.arrive()
+        made.stage.move(Pose(0.03, 0.0, 0.004), 0.02)
+        made.arrive()
+
+
+def test_the_robot_stops_when_nobody_checks_the_force(winkler: Respond) -> None:
+    with connected(winkler, keys={"watchdog_s": 0.5}) as (made, robot):
+        made.stage.enable()
+        made.stage.move(Pose(0.05, 0.0, 0.004), 0.01)
+        for _ in range(30):
+            made.stage.keep_alive()
+            time.sleep(0.02)
+        assert robot.robot.playing
+        checked_s = made.clock.now()
+        while robot.robot.playing:  # this process lives on, and its client too
+            assert made.clock.now() - checked_s < 2.0
+            time.sleep(0.005)
+        time.sleep(0.1)
+        assert not made.phantom.tip.moving(made.clock.now())

@@ -1,0 +1,81 @@
+"""A base mounted in any way, and a press along any normal."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+from emulated_ur import connected
+from scipy.spatial.transform import Rotation
+
+from drivers import Pose
+from drivers.ur.sensor import pressed_n
+from sim_backend.phantom.phantom import Respond
+
+MOUNTED = [(0.0, 0.0, 0.0), (90.0, 0.0, 0.0), (180.0, 0.0, 30.0), (20.0, -35.0, 110.0)]
+
+
+@pytest.mark.parametrize("turned", MOUNTED, ids=["table", "wall", "ceiling", "any"])
+def test_any_mounting_moves_and_feels_in_the_scan_frame(
+    winkler: Respond, turned: tuple[float, float, float]
+) -> None:
+    keys = dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), turned, strict=True))
+    with connected(winkler, keys=keys, rotation_deg=turned) as (made, _):
+        made.stage.enable()
+        made.sensor.tare()
+        made.sensor.start()
+        made.stage.move(Pose(0.031, 0.0, -0.002), 0.02)
+        made.arrive()
+        assert made.phantom.tip.point(made.clock.now()) == pytest.approx(
+            (0.031, 0.0, -0.002), abs=1e-6
+        )
+        assert made.stage.pose() == pytest.approx((0.031, 0.0, -0.002, 0, 0, 0), abs=1e-5)
+        began_s = made.clock.now()
+        time.sleep(0.3)
+        block = made.sensor.read()
+        felt_n = block.values[block.time_s > began_s, 0].mean()
+        true_n = made.phantom.force_n(np.array([began_s + 0.15]))[0]
+        assert felt_n == pytest.approx(true_n, rel=0.02)
+
+
+@pytest.mark.parametrize("slope_deg", [0.0, 29.0, -29.0])
+def test_force_on_a_slope_is_the_one_along_the_press(winkler: Respond, slope_deg: float) -> None:
+    slope = math.tan(math.radians(slope_deg))
+
+    def surface(x: float, _y: float) -> float:
+        return slope * (x - 0.03)
+
+    with connected(winkler, surface=surface) as (made, _):
+        made.stage.enable()
+        tilt = Rotation.from_euler("y", -slope_deg, degrees=True)
+        turn = tilt.as_rotvec()
+        start = Pose(0.03, 0.0, 0.004, *turn)
+        made.stage.move(start, 0.02)
+        made.arrive()
+        made.sensor.tare()
+        made.sensor.start()
+        x, y, z = np.array([0.03, 0.0, 0.0]) - 2e-3 * tilt.apply([0.0, 0.0, 1.0])
+        made.stage.move(Pose(x, y, z, *turn), 0.02)
+        made.arrive()
+        began_s = made.clock.now()
+        time.sleep(0.3)
+        block = made.sensor.read()
+        held = block.values[block.time_s > began_s]
+        true_n = made.phantom.force_n(np.array([began_s + 0.15]))[0]
+        assert true_n > 0.2
+        assert held[:, 0].mean() == pytest.approx(true_n, rel=0.02)
+        upward_n = held[:, 3].mean()  # what was once taken for the force
+        assert upward_n == pytest.approx(true_n * math.cos(math.radians(slope_deg)), rel=0.02)
+
+
+def test_a_component_in_the_base_frame_can_be_asked_for() -> None:
+    wrench, pose = (1.0, 2.0, 3.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, math.pi, 0.0)
+    assert pressed_n(wrench, pose, "-fy") == -2.0
+    assert pressed_n(wrench, pose, "tool") == pytest.approx(3.0)
+
+
+def test_places_out_of_reach_are_known_before_moving(winkler: Respond) -> None:
+    with connected(winkler, reach_mm=430.0) as (made, _):
+        made.stage.enable()
+        near, far = Pose(0.0, 0.0, 0.004), Pose(0.06, 0.0, 0.004)
+        assert made.stage.unreachable([near, far, near]) == [far]

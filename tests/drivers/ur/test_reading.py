@@ -1,0 +1,86 @@
+"""Reading only reads; control is taken when it is asked for, and from nobody who runs."""
+
+import time
+
+import numpy as np
+import pytest
+from emulated_ur import Rig, connected, fresh_host
+
+from drivers import DeviceAbsent, DeviceFault
+from sim_backend.emulators import ur
+from sim_backend.emulators.ur.robot import SET_TCP
+from sim_backend.phantom.phantom import Respond
+
+TCP = {"tcp_mm_rad": (0.0, 0.0, 120.0, 0.0, 0.0, 0.0), "payload_kg": 0.4}
+
+
+def test_reading_leaves_another_program_and_the_settings_alone(winkler: Respond) -> None:
+    with connected(winkler, keys=TCP) as (made, robot):
+        robot.fail("other program")
+        time.sleep(0.05)
+        made.stage.pose()
+        made.sensor.start()
+        time.sleep(0.2)
+        assert len(made.sensor.read().time_s) > 20
+        made.sensor.tare()
+        made.close()
+        assert robot.robot.foreign
+        assert robot.robot.playing
+        assert robot.robot.uploads == 0
+
+
+def test_another_program_is_replaced_only_if_told(winkler: Respond) -> None:
+    with connected(winkler) as (made, robot):
+        robot.fail("other program")
+        time.sleep(0.05)
+        with pytest.raises(DeviceFault, match=r"another program runs.*replace_program"):
+            made.stage.enable()
+        assert robot.robot.foreign
+    with connected(winkler, keys={"replace_program": True}) as (made, robot):
+        robot.fail("other program")
+        time.sleep(0.05)
+        made.stage.enable()
+        assert not robot.robot.foreign
+        assert robot.robot.uploads == 1
+
+
+def test_what_holds_is_told(winkler: Respond) -> None:
+    with connected(winkler, keys=TCP) as (made, robot):
+        robot.robot.slide(0.2)
+        notes = " / ".join(made.stage.enable())
+        assert "tool centre 0.0, 0.0, 120.0 mm, payload 0.40 kg" in notes
+        assert "PolyScope 5.11.0 at 500 Hz, safety mode normal, speed slider 20 %" in notes
+        assert "slows every move to 20 %" in notes
+        assert made.stage.enable() == []  # nothing new
+
+
+def test_a_refused_setting_is_a_fault(winkler: Respond) -> None:
+    with connected(winkler, keys=TCP) as (made, robot):
+        robot.robot.refuses = frozenset({SET_TCP})
+        with pytest.raises(DeviceFault, match="setTcp"):
+            made.stage.enable()
+
+
+def test_a_cb3_is_read_at_its_own_rate(winkler: Respond) -> None:
+    with connected(winkler, version=ur.CB3) as (made, _):
+        assert made.sensor.rate_hz == 125.0
+        made.sensor.start()
+        time.sleep(0.5)
+        block = made.sensor.read()
+        assert np.median(np.diff(block.time_s)) == pytest.approx(1 / 125, rel=0.01)
+    made = Rig(winkler, fresh_host(), frequency_hz=500.0)
+    with (
+        ur.emulate(made.phantom, at=made.host, version=ur.CB3),
+        pytest.raises(DeviceAbsent, match=r"CB3, PolyScope 3\.15\.0.* sends up to 125"),
+    ):
+        made.stage.connect()
+
+
+def test_polyscope_x_is_told_by_name(winkler: Respond) -> None:
+    with (
+        connected(winkler, version=ur.POLYSCOPE_X) as (made, robot),
+        pytest.raises(DeviceAbsent, match=r"PolyScope X 10\.7\.0.*only reading"),
+    ):
+        made.stage.pose()
+        made.stage.enable()
+    assert robot.robot.uploads == 0

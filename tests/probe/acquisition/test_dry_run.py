@@ -1,0 +1,157 @@
+import json
+import shutil
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibration import fit_force, fit_tare, record, save
+from drivers import SimulatedClock
+from probe.acquisition.doctor import listen
+from probe.acquisition.dry_run import draw_path, dry_run, scan_seconds
+from probe.config.devices import connect
+from probe.config.rig import Rig, Workspace, default_rig
+from probe.config.scan_plan import plan_for
+from sim_backend.scene.scene_file import load_scene
+
+
+def levels(report: Any) -> dict[str, str]:
+    return {check.name: check.level for check in report.checks}
+
+
+def test_the_default_rig_can_scan_and_sees_the_pulse(tmp_path: Path, winkler: Any) -> None:
+    report = dry_run(default_rig(), load_scene("TIHA"), tmp_path, winkler)
+    assert report.can_scan
+    assert levels(report)["pulse on virtual"] == "ok"
+    assert report.seconds == pytest.approx(38, abs=1)
+    assert json.loads(json.dumps(report.as_json()))["can_scan"]
+
+
+def test_a_noisy_sensor_is_warned_of(tmp_path: Path) -> None:
+    rig = Rig.model_validate({"sensor": [{"driver": "ft300"}], "face_mm2": 50})
+    report = dry_run(rig, None, tmp_path)
+    assert levels(report)["pulse on ft300"] == "warning"
+
+
+LINES = {"driver": "lines", "port": "x", "pattern": "(?P<p>.*)", "rate_hz": 10}
+
+
+def lines(unit: str, role: str) -> dict[str, Any]:
+    return LINES | {"channel": [{"name": "p", "unit": unit, "role": role}]}
+
+
+@pytest.mark.parametrize(
+    ("sensor", "face", "level"),
+    [
+        (lines("Pa", "pressure"), None, "fault"),
+        (lines("Pa", "pressure"), 100.0, "ok"),
+        (lines("V", "reference"), 100.0, "fault"),
+        (lines("N", "force"), None, "ok"),
+    ],
+)
+def test_a_force_limit_that_holds_nothing_is_a_fault(
+    sensor: dict[str, Any], face: float | None, level: str, tmp_path: Path
+) -> None:
+    rig = Rig.model_validate({"sensor": [sensor], "face_mm2": face})
+    assert levels(dry_run(rig, None, tmp_path))["force limit"] == level
+
+
+@pytest.mark.parametrize(
+    ("keys", "where", "text"),
+    [
+        ({"sensor": [{"driver": "netft", "host": "x"}]}, "sensor[0]", "pip install 'palpate"),
+        ({"stage": {"driver": "standa", "x_uri": "x"}}, "stage", "pip install 'palpate[standa]'"),
+        ({}, "stage", "scene.name is missing"),
+        ({"sensor": [{"driver": "lines", "port": "x"}]}, "sensor[0]", "pattern"),
+        (
+            {"sensor": [{"driver": "ft300", "port": "x"}], "scan": {"indentation_mm": 20.0}},
+            "stage",
+            "only 16.83 mm thick",
+        ),
+    ],
+    ids=["no netft", "no standa", "no scene", "no pattern", "through the block"],
+)
+def test_what_would_stop_a_scan_is_a_fault_of_the_dry_run(
+    keys: dict[str, Any], where: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same devices are made as for a scan, without the libraries of netft and standa."""
+    for library in ("pynetft", "libximc"):
+        monkeypatch.setitem(sys.modules, library, None)
+    thick = load_scene("TIHA") if text.startswith("only") else None
+    box = {"workspace_mm": {"z": [-30.0, 50.0]}}
+    report = dry_run(Rig.model_validate({"safety": box} | keys), thick, tmp_path)
+    assert not report.can_scan
+    (told,) = (check for check in report.checks if check.name == where)
+    assert told.level == "fault"
+    assert text in told.text
+
+
+def test_a_calibration_of_another_device_is_a_fault(tmp_path: Path, winkler: Any) -> None:
+    load = np.linspace(0, 5, 8)
+    file = tmp_path / "force.json"
+    save(record(fit_force(2.0 * load, load), "another cell", {"raw_0": 2.0 * load}), file)
+    rig = default_rig().model_copy(update={"calibration": {"force": str(file)}})
+    report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
+    assert levels(report)["devices together"] == "fault"
+    assert "made for 'another cell'" in str(report.checks)
+
+
+def test_two_sensors_of_one_name_are_a_fault(tmp_path: Path, winkler: Any) -> None:
+    rig = Rig.model_validate({"sensor": [{"driver": "virtual"}, {"driver": "virtual"}]})
+    report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
+    assert levels(report)["devices together"] == "fault"
+
+
+def test_a_stage_outside_its_workspace_is_a_fault(winkler: Any) -> None:
+    scene, clock = load_scene("TIHA"), SimulatedClock()
+    with connect(default_rig(), clock, scene, respond=winkler) as devices:
+        here = list(listen(devices, clock, Workspace(x=(30.0, 70.0)), seconds=0.1))
+        there = list(listen(devices, clock, Workspace(), seconds=0.1))
+    assert (here[0].level, there[0].level) == ("fault", "ok")
+    assert "x is outside the workspace, which allows 30 to 70 mm" in here[0].text
+
+
+def test_an_unknown_driver_is_a_fault(tmp_path: Path) -> None:
+    rig = Rig.model_validate({"stage": {"driver": "warp"}})
+    report = dry_run(rig, None, tmp_path)
+    assert levels(report)["stage"] == "fault"
+    assert not report.can_scan
+
+
+def test_a_full_disk_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(10, 9, 1))
+    assert not dry_run(default_rig(), None, tmp_path / "not" / "yet").can_scan
+
+
+def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
+    loads = np.arange(6.0)[:, None]
+    made = fit_force(loads + 1e-3 * np.sin(9 * loads), loads)
+    tare = fit_tare(np.arange(20.0), np.sin(np.arange(20.0)))
+    now = datetime.now(UTC)
+    files = {name: tmp_path / f"{name}.json" for name in ("new", "old", "bad", "other")}
+    save(record(made, "cell", {}, valid_days=2.0, now=now), files["new"])
+    save(record(made, "cell", {}, valid_days=2.0, now=now - timedelta(days=3)), files["old"])
+    files["bad"].write_text("{}")
+    save(record(tare, "cell", {}, now=now), files["other"])
+    named = {f"force_{name}": str(file) for name, file in files.items()}
+    rig = Rig.model_validate({"calibration": named})
+    report = dry_run(rig, None, tmp_path)
+    found = levels(report)
+    assert found["calibration force_new"] == "ok"
+    assert found["calibration force_old"] == "warning"
+    assert found["calibration force_bad"] == "fault"
+    assert found["calibration force_other"] == "fault"
+    assert not report.can_scan
+
+
+def test_the_time_of_a_row_is_its_moves_ramps_and_holds() -> None:
+    plan = plan_for(Rig.model_validate({"scan": {"stations": 2}}))
+    assert scan_seconds(plan) == pytest.approx(2 * (0.05 + 1 + 0.825 + 0.2 + 0.225) + 0.2)
+
+
+def test_the_path_is_drawn(tmp_path: Path) -> None:
+    draw_path(default_rig(), tmp_path / "path.png")
+    assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")

@@ -1,0 +1,111 @@
+"""The force limit holds something on every rig, whatever kind of sensor it has."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from springs import HARD_N_M, LIMIT_N, SpringSensor, on_springs, run_springs, spring_rig
+
+from drivers import Block, Channel, ConfigError
+from probe.acquisition.guards import SensorGuard
+from probe.acquisition.prepare import Prepared, prepare
+from probe.config.devices import Devices
+from probe.config.rig import Rig, RigError
+from probe.config.scan_plan import limits_for, plan_for
+from probe.planning.limits import Limits
+from sim_backend.scene.scene_file import Scene, load_scene
+
+FT = tuple(
+    Channel(name, unit, role)
+    for name, unit, role in (("force", "N", "force"), ("fx", "N", "other"), ("fy", "N", "other"),
+                             ("fz", "N", "other"), ("mx", "Nm", "other"))
+)  # fmt: skip
+LIMITS = Limits(1.0, 3e-3, ((-1.0, 1.0),) * 3, 25e-3)
+
+
+@pytest.mark.parametrize("role", ["taxel", "pressure", "reference"])
+def test_a_rig_whose_limit_holds_nothing_does_not_move(role: str) -> None:
+    bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M)
+    ran = run_springs(bed, stage, [SpringSensor(bed, "skin", role, "Pa")])
+    assert isinstance(ran.raised, ConfigError)
+    assert "max_force_n would hold nothing" in str(ran.raised)
+    assert stage.orders == []
+
+
+@pytest.mark.parametrize("role", ["taxel", "pressure"])
+def test_a_rig_of_pressures_without_a_face_is_refused(role: str) -> None:
+    bed, stage, _ = on_springs()
+    devices = Devices(stage, (SpringSensor(bed, "skin", role, "Pa"),), None, ())
+    with pytest.raises(RigError, match=r"face_mm2 is missing: sensor 'skin' reads a pressure"):
+        ready_for(spring_rig(), None, devices)
+
+
+def test_the_face_of_the_scene_makes_a_limit_of_pressures() -> None:
+    bed, stage, _ = on_springs()
+    devices = Devices(stage, (SpringSensor(bed, "skin", "taxel", "Pa"),), None, ())
+    scene = load_scene("TI")
+    limits = ready_for(spring_rig(), scene, devices).limits
+    assert limits.face_m2 == pytest.approx(1e-6 * scene.face_mm2)
+
+
+def ready_for(rig: Rig, scene: Scene | None, devices: Devices) -> Prepared:
+    plan = plan_for(rig)
+    return prepare(rig, plan, limits_for(rig, plan), scene, devices, 0)
+
+
+def block(values: Any, saturated: Any = False) -> Block:
+    values = np.atleast_2d(np.asarray(values, float))
+    return Block(np.arange(1.0, 1.0 + len(values)), values, np.full(values.shape, saturated))
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ([0.6, 0.0, 0.0, 0.6, 0.0], None),
+        ([0.6, 0.7, 0.6, 0.6, 0.0], "force in all directions 1.100 N; the limit is 1 N"),
+        ([0.0, 150.0, 0.0, 0.0, 0.0], "force in all directions 150.000 N"),
+        ([0.0, float("nan"), 0.0, 0.0, 0.0], "force in all directions nan N"),
+        ([0.6, 0.0, 0.0, 0.6, 0.4], "torque 0.400 Nm; the limit is 0.3 Nm"),
+    ],
+)
+def test_sideways_force_and_torque_are_limited(row: list[float], said: str | None) -> None:
+    guard = SensorGuard(FT, LIMITS)
+    guard.tared = True
+    why = guard.check(block(row))
+    assert why is None if said is None else why is not None and said in why[0]
+
+
+def test_a_payload_is_not_taken_for_a_sideways_force_before_the_first_tare() -> None:
+    guard = SensorGuard(FT, LIMITS)
+    assert guard.check(block([0.0, 8.0, 0.0, 0.0, 0.0])) is None
+
+
+def test_a_saturated_pressure_is_noticed_without_a_face() -> None:
+    guard = SensorGuard((Channel("p", "Pa", "pressure"),), LIMITS)
+    why = guard.check(block([1e4], saturated=True))
+    assert why is not None
+    assert "saturated" in why[0]
+
+
+def test_a_sideways_force_ends_the_scan_and_lifts() -> None:
+    bed, stage, _ = on_springs()
+
+    class SixAxis(SpringSensor):
+        channels = FT
+
+        def block(self, time_s: Any, force: Any) -> Block:
+            pushed = self.bed.tip.point(self.bed.clock.now())[2] < -1e-3
+            one = [[f, 3.0 * pushed, 0.0, f, 0.0] for f in force]
+            return block_at(time_s, one)
+
+    sensor = SixAxis(bed)
+    sensor.channels = FT
+    ran = run_springs(bed, stage, [sensor])
+    assert "force in all directions" in ran.reason
+    assert f"limit is {LIMIT_N:g} N" in ran.reason
+    assert ran.lifted
+
+
+def block_at(time_s: Any, rows: Any) -> Block:
+    values = np.asarray(rows, float).reshape(len(time_s), len(FT))
+    return Block(time_s, values, np.zeros(values.shape, bool))

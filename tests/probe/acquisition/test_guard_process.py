@@ -1,0 +1,197 @@
+"""Guards in a process of their own, on emulated devices that a third process tells the truth of.
+
+Whatever happens to the scan's process, the probe is stopped and lifted.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from drivers import WallClock
+from probe.storage.run import open_run
+from sim_backend import load_scene
+from sim_backend.emulators import ft300, grbl
+from sim_backend.phantom.phantom import Phantom, Respond
+
+RIG = """
+face_mm2 = 100.0
+[stage]
+driver = "grbl"
+port = "{board}"
+simulated = true
+origin_mm = [-80.0, -20.0, -52.0]
+[[sensor]]
+driver = "ft300"
+port = "{sensor}"
+simulated = true
+[scan]
+start_mm = 32.0
+stations = 1
+hold_s = {hold_s}
+settle_s = 0.15
+[safety]
+max_force_n = {limit_n}
+silence_s = 5.0
+late_s = 5.0
+"""
+SCAN = """
+import ctypes, sys, time
+from probe.acquisition.commands import Control, ctrl_c
+from probe.acquisition.session import scan
+from probe.core.events import PhaseEntered, Samples
+
+entered = []
+
+def say(event):
+    if isinstance(event, PhaseEntered):
+        entered.append(event.phase.value)
+        print(event.phase.value, flush=True)
+    elif isinstance(event, Samples) and entered[-1] == sys.argv[3]:
+        entered.append("")
+        if sys.argv[3]:
+            ctypes.PyDLL(None).usleep(1_800_000)  # keeps the interpreter all the while
+
+control = Control()
+with ctrl_c(control):
+    ended = scan(sys.argv[1], out=sys.argv[2], control=control, observers=[say]).ended
+print("END", ended.finish.value, ended.reason, flush=True)
+"""
+
+
+class Bench:
+    """The world, and a scan of it in another process."""
+
+    def __init__(self, world: Phantom, scanning: "subprocess.Popen[str]", out: Path) -> None:
+        self.world, self.scanning, self.out = world, scanning, out
+
+    def wait_for(self, word: str) -> str:
+        """The next line of the scan that begins with ``word``."""
+        assert self.scanning.stdout is not None
+        line = ""
+        for line in self.scanning.stdout:
+            if line.startswith(word):
+                return line
+        pytest.fail(f"the scan ended before it said {word!r}: {line}")
+
+    def guard(self) -> int:
+        """The process that guards: the scan's only child."""
+        task = Path(f"/proc/{self.scanning.pid}/task/{self.scanning.pid}/children")
+        return int(task.read_text().split()[0])
+
+    def height_m(self) -> float:
+        return float(self.world.tip.point(self.world.clock.now())[2])
+
+    def peak_n(self) -> float:
+        return float(self.world.force_n(np.arange(0.0, self.world.clock.now(), 1e-3)).max())
+
+    def lifted_within(self, seconds: float) -> float:
+        """How long until the true tip rests at the height of travel, 2 mm."""
+        began = time.monotonic()
+        while time.monotonic() - began < seconds:
+            if self.height_m() > 1.9e-3:
+                return time.monotonic() - began
+            time.sleep(0.01)
+        pytest.fail(f"after {seconds} s the tip is at {1e3 * self.height_m():.2f} mm")
+
+
+@pytest.fixture(autouse=True)
+def _emulators_come_before_other_tests() -> Iterator[None]:
+    """Real controllers do not share a machine with a test suite; where we may, nor do these."""
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, -10)
+    yield
+    with suppress(OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, before)
+
+
+@contextmanager
+def bench(
+    respond: Respond, folder: Path, *, hold_s: float = 20.0, limit_n: float = 5.0, block: str = ""
+) -> Iterator[Bench]:
+    world = Phantom(load_scene("TIHA"), WallClock(), respond, home=(0.032, 0.0, 0.003))
+    with (
+        grbl.emulate(world, at=str(folder / "board"), homed=True) as board,
+        ft300.emulate(world, at=str(folder / "ft"), noise_n=0.02) as sensor,
+    ):
+        rig = folder / "rig.toml"
+        rig.write_text(
+            RIG.format(board=board.address, sensor=sensor.address, hold_s=hold_s, limit_n=limit_n)
+        )
+        scanning = subprocess.Popen(
+            [sys.executable, "-c", SCAN, str(rig), str(folder / "runs"), block],
+            stdout=subprocess.PIPE, text=True, start_new_session=True,
+        )  # fmt: skip
+        try:
+            yield Bench(world, scanning, folder / "runs")
+        finally:
+            scanning.kill()
+            scanning.communicate()
+
+
+def test_a_scan_completes_and_leaves_no_process(winkler: Respond, tmp_path: Path) -> None:
+    with bench(winkler, tmp_path, hold_s=0.2) as on:
+        on.wait_for("holding")
+        guard = on.guard()
+        assert "END completed" in on.wait_for("END")
+        assert on.scanning.wait(20) == 0
+        with pytest.raises(ProcessLookupError):
+            os.kill(guard, 0)
+    recording = open_run(next(on.out.glob("*.run"))).recording()
+    assert len(recording.stations[0].time_s) > 100
+
+
+@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
+def test_a_scan_that_stands_still_or_dies_is_lifted(
+    number: signal.Signals, winkler: Respond, tmp_path: Path
+) -> None:
+    with bench(winkler, tmp_path) as on:
+        on.wait_for("holding")
+        time.sleep(0.3)
+        assert on.height_m() < -2.4e-3
+        os.killpg(on.scanning.pid, number)  # the whole group, as a terminal would
+        on.lifted_within(8.0)
+        os.killpg(on.scanning.pid, signal.SIGKILL)
+
+
+def test_ctrl_c_at_the_terminal_lifts(winkler: Respond, tmp_path: Path) -> None:
+    with bench(winkler, tmp_path) as on:
+        on.wait_for("holding")
+        os.killpg(on.scanning.pid, signal.SIGINT)
+        assert "END aborted" in on.wait_for("END")
+        assert on.height_m() > 1.9e-3
+
+
+def test_nothing_in_the_scan_s_process_delays_a_guard(winkler: Respond, tmp_path: Path) -> None:
+    """An observer keeps the interpreter through the whole ramp, in which the limit is exceeded."""
+    with bench(winkler, tmp_path, limit_n=0.5, block="indenting") as on:
+        on.wait_for("indenting")
+        on.lifted_within(1.7)  # while the scan's process stands still
+        assert "the limit is 0.5 N" in on.wait_for("END")
+        # 2.5 mm/s on 480 N/m is 12 mN per sample of 100 Hz; a loaded machine takes some
+        assert on.peak_n() < 0.5 + 12 * 0.012
+
+
+def test_a_guard_that_dies_is_told_and_nothing_goes_on(winkler: Respond, tmp_path: Path) -> None:
+    with bench(winkler, tmp_path) as on:
+        on.wait_for("holding")
+        os.kill(on.guard(), signal.SIGKILL)
+        line = on.wait_for("END")
+        assert "END faulted" in line
+        assert "the process that guards has ended: the probe may be in the tissue" in line
+
+
+def test_a_guard_that_is_told_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:
+    with bench(winkler, tmp_path) as on:
+        on.wait_for("holding")
+        os.kill(on.guard(), signal.SIGTERM)
+        on.lifted_within(8.0)
+        assert "END faulted" in on.wait_for("END")

@@ -1,0 +1,92 @@
+"""The guards that look after clocks and after each other."""
+
+import threading
+import time
+from dataclasses import replace
+
+import pytest
+from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs, spring_rig
+
+from drivers import Block
+from probe.acquisition.commands import Control
+from probe.acquisition.guards import ClockGuard
+from probe.acquisition.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
+from probe.config.scan_plan import limits_for, plan_for
+from probe.planning.limits import Limits
+from probe.planning.plan import flat
+
+LIMITS = Limits(1.0, 3e-3, ((-1.0, 1.0),) * 3, 25e-3, clock_jump_s=0.25)
+
+
+@pytest.mark.parametrize(
+    ("jump_s", "said"),
+    [(0.0, None), (0.2, None), (0.4, "jumped by +0.400 s"), (-0.2, None), (-0.4, "stood")],
+)
+def test_a_clock_is_held_to_another(jump_s: float, said: str | None) -> None:
+    times = iter((0.0, 1.0, 2.0 + jump_s))
+    others = iter((5.0, 6.0, 7.0))
+    guard = ClockGuard(LIMITS, lambda: next(times), lambda: next(others))
+    assert guard.check() is None
+    why = guard.check()
+    assert why is None if said is None else why is not None and said in why[0]
+
+
+def monitored(sensor: SpringSensor, stage: SpringStage) -> SafetyMonitor:
+    rig = spring_rig()
+    limits = replace(limits_for(rig, plan_for(rig)), max_force_n=LIMIT_N)
+    return SafetyMonitor(stage, [sensor], sensor.bed.clock, flat, limits, Control(), threaded=True)
+
+
+def test_the_engine_misses_a_supervisor_that_died() -> None:
+    _, stage, sensor = on_springs()
+    monitor = monitored(sensor, stage)
+    hangs, go_on = threading.Event(), threading.Event()
+
+    def hang() -> None:
+        hangs.set()
+        go_on.wait(10.0)
+
+    monitor._supervise = hang  # type: ignore[method-assign]
+    monitor.start()
+    try:
+        assert hangs.wait(2.0)
+        end_s = time.monotonic() + DEAD_S + 2.0
+        while monitor.trip is None and time.monotonic() < end_s:
+            monitor.engine_heartbeat()
+            time.sleep(0.01)
+    finally:
+        go_on.set()
+        monitor.finish()
+    assert monitor.trip is not None
+    assert f"its {SUPERVISOR} has done nothing" in monitor.trip.reason
+    assert "stop" in {what for _, what in stage.orders}
+
+
+def test_a_guard_that_fails_stops_lifts_and_is_a_fault_of_the_program() -> None:
+    bed, stage, _ = on_springs()
+
+    class Broken(SpringSensor):
+        def read(self) -> Block:
+            if self.bed.tip.point(self.bed.clock.now())[2] < -1e-3:
+                raise ZeroDivisionError("a driver's mistake")
+            return super().read()
+
+    ran = run_springs(bed, stage, [Broken(bed)])
+    assert isinstance(ran.raised, ZeroDivisionError)
+    assert any("ZeroDivisionError: a driver's mistake" in text for text in ran.notes)
+    assert ran.lifted
+
+
+def test_a_trip_ends_a_long_hold() -> None:
+    bed, stage, _ = on_springs()
+
+    class Knocked(SpringSensor):
+        def raw(self, time_s: float) -> float:
+            held = self.bed.tip.point(time_s)[2] < -2.4e-3
+            return super().raw(time_s) + (20.0 if held else 0.0)
+
+    began_s = bed.clock.now()
+    ran = run_springs(bed, stage, [Knocked(bed)], rig=spring_rig(scan={"hold_s": 30.0}))
+    assert f"limit is {LIMIT_N:g} N" in ran.reason
+    assert ran.lifted
+    assert bed.clock.now() - began_s < 15.0

@@ -1,0 +1,79 @@
+"""A window's command reaches the scan, quickly, and nobody else's does."""
+
+import json
+import socket
+import stat
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.remote import NotRunning, ask, control_path, listening
+
+
+@pytest.mark.parametrize(
+    ("word", "command"),
+    [
+        ("pause", RunCommand.PAUSE_AFTER_STATION),
+        ("abort", RunCommand.ABORT),
+        ("stop", RunCommand.STOP),
+    ],
+)
+def test_each_word_is_heard(word: str, command: RunCommand, tmp_path: Path) -> None:
+    control = Control()
+    with listening(control, tmp_path / "a.run"):
+        began = time.perf_counter()
+        ask(tmp_path / "a.run", word)
+        assert time.perf_counter() - began < 0.1
+        assert control.command is command
+
+
+def test_resume_takes_back_a_pause(tmp_path: Path) -> None:
+    control = Control()
+    with listening(control, tmp_path / "a.run"):
+        ask(tmp_path / "a.run", "pause")
+        ask(tmp_path / "a.run", "resume")
+    assert control.command is RunCommand.RESUME
+
+
+def test_without_a_scan_the_user_is_told_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(NotRunning, match=r"rig's own stop"):
+        ask(tmp_path / "a.run", "stop")
+    with listening(Control(), tmp_path / "a.run"):
+        left_behind = control_path(tmp_path / "a.run").read_text()
+    assert not control_path(tmp_path / "a.run").exists()
+    control_path(tmp_path / "a.run").write_text(left_behind)  # as after kill -9
+    with pytest.raises(NotRunning, match="does not answer"):
+        ask(tmp_path / "a.run", "stop")
+
+
+@pytest.mark.parametrize(
+    "line", [b"", b"{}", b"[]", b'"stop"', b"\xff\xfe", b'{"token": "guess", "word": "stop"}']
+)
+def test_strangers_and_noise_change_nothing(line: bytes, tmp_path: Path) -> None:
+    control = Control()
+    with listening(control, tmp_path / "a.run"):
+        path = control_path(tmp_path / "a.run")
+        assert stat.S_IMODE(path.stat().st_mode) == 0o600
+        port = json.loads(path.read_text())["port"]
+        with socket.create_connection(("127.0.0.1", port), 1) as peer:
+            peer.sendall(line + b"\n")
+            assert peer.recv(100) != b"ok\n"
+    assert control.command is RunCommand.RESUME
+
+
+def test_a_flood_of_connections_takes_no_threads_and_hides_no_stop(tmp_path: Path) -> None:
+    """Anybody on this machine may connect; only who has the secret is heard, and at once."""
+    control, before = Control(), threading.active_count()
+    with listening(control, tmp_path / "a.run"):
+        port = json.loads(control_path(tmp_path / "a.run").read_text())["port"]
+        crowd = [socket.create_connection(("127.0.0.1", port), 5) for _ in range(300)]
+        assert threading.active_count() <= before + 1
+        began = time.perf_counter()
+        ask(tmp_path / "a.run", "stop")
+        assert time.perf_counter() - began < 1.0
+        assert control.command is RunCommand.STOP
+        for peer in crowd:
+            peer.close()

@@ -1,0 +1,108 @@
+"""The engine with an emulated UR: what its controller does wrong ends well.
+
+A CB3's 125 Hz ask less of a machine that other tests keep busy.
+"""
+
+import threading
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from emulated_ur import connected
+
+from probe.acquisition.engine import run_scan
+from probe.core.events import (
+    Event,
+    Finish,
+    Note,
+    Phase,
+    PhaseEntered,
+    RunEnded,
+    Samples,
+    StationEnded,
+)
+from probe.planning.limits import Limits
+from probe.planning.plan import Place, Plan
+from sim_backend.emulators.ur import CB3, UrController
+from sim_backend.phantom.phantom import Respond
+
+PLAN = Plan(
+    places=(Place(0, 0.03, 0.0),), indentation_m=1.5e-3, ramp_s=0.6, hold_s=0.6,
+    clearance_m=2e-3, travel_m_s=0.02, approach_m_s=0.01,
+)  # fmt: skip
+BOX = ((-0.01, 0.07), (-0.01, 0.01), (-0.01, 0.05))
+LIMITS = Limits(5.0, 3e-3, BOX, 0.03, silence_s=2.0, late_s=2.0)
+
+
+def scan(
+    made: Any, robot: UrController, struck: dict[Phase, str], plan: Plan = PLAN
+) -> tuple[RunEnded, list[Event]]:
+    """One press; each fault strikes the first time that its phase is entered."""
+    events: list[Event] = []
+    waiting = dict(struck)
+
+    def sink(event: Event) -> None:
+        events.append(event)
+        if isinstance(event, PhaseEntered) and event.phase in waiting:
+            robot.fail(waiting.pop(event.phase))
+
+    ended = run_scan(plan, made.stage, [made.sensor], made.clock, sink, LIMITS)
+    return ended, events
+
+
+def test_a_press_during_which_cycles_were_missed_is_made_again(winkler: Respond) -> None:
+    with connected(winkler, version=CB3) as (made, robot):
+        ended, events = scan(made, robot, {Phase.HOLDING: "missed cycles"})
+        assert ended.finish is Finish.COMPLETED, ended.reason
+        stations = [e for e in events if isinstance(e, StationEnded)]
+        complete = [e.complete for e in stations]
+        assert complete == [False] * (len(complete) - 1) + [True]  # the stall, or this machine's
+        assert len(complete) > 1
+        assert any("clock stood still" in e.text for e in events if isinstance(e, Note))
+        began = [e.time_s for e in events if isinstance(e, PhaseEntered) and
+                 e.phase is Phase.HOLDING][-1]  # fmt: skip
+        blocks = [e.block for e in events if isinstance(e, Samples) and e.device == "ur force"]
+        time_s = np.concatenate([e.time_s for e in blocks])
+        force_n = np.concatenate([e.values[:, 0] for e in blocks])
+        held = (time_s > began) & (time_s < began + PLAN.hold_s)
+        true_n = made.phantom.force_n(time_s[held])
+        assert np.abs(force_n[held] - true_n).max() < 0.02
+
+
+def test_a_slowed_controller_makes_the_scan_slower_and_says_so(winkler: Respond) -> None:
+    with connected(winkler, version=CB3) as (made, robot):
+        robot.fail("slow slider")
+        ended, events = scan(made, robot, {})
+        assert ended.finish is Finish.COMPLETED, ended.reason
+        told = " ".join(e.text for e in events if isinstance(e, Note))
+        assert "slows every move to 20 %" in told
+
+
+def test_a_scan_that_cannot_be_reached_moves_nothing(winkler: Respond) -> None:
+    with connected(winkler, version=CB3, reach_mm=400.0) as (made, robot):
+        before = made.phantom.tip.all_legs()
+        ended, _ = scan(made, robot, {})
+        assert ended.finish is Finish.FAULTED
+        assert "cannot go to 2 of 2 planned poses" in ended.reason
+        assert made.phantom.tip.all_legs() == before
+
+
+def test_a_fault_of_motion_lifts_the_probe(winkler: Respond) -> None:
+    with connected(winkler, version=CB3) as (made, robot):
+
+        def jam(phase: str) -> None:
+            assert phase == "jam"
+
+            def hold() -> None:
+                while made.phantom.tip.point(made.clock.now())[2] > -0.2e-3:
+                    time.sleep(0.002)
+                made.phantom.tip.halt(made.clock.now(), 10.0)
+
+            threading.Thread(target=hold, daemon=True).start()
+
+        robot.fail = jam  # type: ignore[method-assign]
+        ended, _ = scan(made, robot, {Phase.INDENTING: "jam"})
+        assert ended.finish is Finish.FAULTED
+        assert "came to rest" in ended.reason
+        assert made.stage.pose().z == pytest.approx(PLAN.travel_z_m, abs=1e-4)

@@ -1,0 +1,111 @@
+"""The way out when the first lift does not succeed: refused, or met by a patient who moves."""
+
+from collections.abc import Callable
+
+import pytest
+
+from drivers import DeviceFault, Pose
+from probe.acquisition.levels import nothing_felt
+from probe.acquisition.retreat import LIFTS, Retreat
+
+STEP_S, UP_M, DOWN_M = 0.01, 2e-3, -2e-3
+
+
+class Stage:
+    """A stage that lifts at the speed it is told, unless ``refuses`` more orders than that."""
+
+    def __init__(self, force_n: Callable[[float, float], float], refuses: int = 0) -> None:
+        self.now_s, self.z_m = 0.0, DOWN_M
+        self.lifts: list[float] = []
+        self.refuses = refuses
+        self._force = force_n
+        self._target_m, self._speed_m_s = DOWN_M, 0.0
+
+    def step(self, retreat: Retreat) -> None:
+        self.now_s += STEP_S
+        way = self._target_m - self.z_m
+        self.z_m += max(min(way, self._speed_m_s * STEP_S), -self._speed_m_s * STEP_S)
+        retreat.step(self.now_s, Pose(0.0, 0.0, self.z_m), "")
+
+    def stop(self) -> None:
+        self._target_m = self.z_m
+
+    def moving(self) -> bool:
+        return abs(self._target_m - self.z_m) > 1e-9
+
+    def start(self, target: Pose, speed_m_s: float) -> None:
+        if self.refuses > 0:
+            self.refuses -= 1
+            raise DeviceFault("stage", "busy")
+        self.lifts.append(self.now_s)
+        self._target_m, self._speed_m_s = target.z, speed_m_s
+
+    def force_n(self) -> float:
+        return self._force(self.now_s, self.z_m)
+
+    def out(self, most_s: float = 30.0) -> Retreat:
+        """Go the way out to its end."""
+        retreat = Retreat(
+            self.stop, self.moving, self.start, self.force_n, UP_M, 6e-3, self.now_s, 1.6
+        )
+        while not retreat.done and self.now_s < most_s:
+            self.step(retreat)
+        return retreat
+
+
+def spring(_now_s: float, z_m: float) -> float:
+    return max(-500.0 * z_m, 0.0)
+
+
+def test_a_lift_that_was_refused_is_tried_again() -> None:
+    stage = Stage(spring, refuses=3)
+    retreat = stage.out()
+    assert retreat.why_not is None
+    assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
+
+
+def test_a_lift_that_met_a_cough_is_tried_again() -> None:
+    def cough(now_s: float, z_m: float) -> float:
+        rises_m = 3e-3 if 0.05 < now_s < 0.35 else 0.0
+        return max(500.0 * (rises_m - z_m), 0.0)
+
+    stage = Stage(cough)
+    retreat = stage.out()
+    assert len(stage.lifts) > 1
+    assert retreat.why_not is None
+    assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
+
+
+def test_a_lift_that_makes_it_worse_again_and_again_is_given_up_with_the_reason() -> None:
+    stage = Stage(lambda _now_s, z_m: 1.0 + 800.0 * (z_m - DOWN_M))  # hooked under something
+    retreat = stage.out()
+    assert len(stage.lifts) == LIFTS
+    assert retreat.done
+    assert retreat.why_not is not None
+    assert "lifting raised the force" in retreat.why_not
+    assert not stage.moving()
+
+
+def test_a_stage_that_never_gets_there_is_not_asked_for_ever() -> None:
+    stage = Stage(spring)
+    stage.start = lambda _target, _speed_m_s: stage.lifts.append(stage.now_s)  # type: ignore[method-assign]
+    retreat = stage.out(most_s=60.0)
+    assert retreat.done
+    assert retreat.why_not == "the stage: it has not arrived"
+    assert len(stage.lifts) > 1
+    assert stage.now_s < 30.0
+
+
+@pytest.mark.parametrize(
+    ("levels", "felt"),
+    [
+        ({"cell": (1.0, 0.01)}, True),
+        ({"cell": (-1.0, 0.01)}, False),  # a probe that presses is never pulled
+        ({"cell": (0.01, 0.01)}, False),
+        ({"cell": (float("nan"), float("inf"))}, True),  # too few readings say nothing
+        ({"cell": (-1.0, 0.01), "other": (1.0, 0.01)}, True),
+        ({}, True),  # nothing that could feel: refused elsewhere
+    ],
+)
+def test_a_press_is_felt_as_a_push(levels: dict[str, tuple[float, float]], felt: bool) -> None:
+    assert (nothing_felt(levels) is None) == felt

@@ -1,0 +1,169 @@
+"""``palpate calibrate``: from tables and runs to files, scenes and warnings."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from paths import ROOT
+
+import probe.calibrate.fits as module
+from calibration import fit_heart
+from calibration.errors import CalibrationError
+from probe.acquisition.session import scan
+from probe.calibrate.fits import proportional
+from probe.calibrate.measurements import read
+from probe.calibrate.scene_from_measurement import write_heart_scene, write_scene
+from probe.cli import main
+from probe.cli.guide import GUIDE
+from probe.config.rig import Rig
+from sim_backend.scene.scene_file import load_scene, scene_names
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
+    """Twelve light presses in a grid on springs of 400 N/m, the surface tilted by 1 in 40."""
+    rig = Rig.model_validate(
+        {
+            "scan": {"start_mm": [8, -4], "pitch_mm": [8, 4], "stations": [4, 3], "hold_s": 0.1},
+            "safety": {"workspace_mm": {"z": [-6, 50]}},
+            "scene": {"name": "TI", "surface_mm": [[0, 0, 0], [40, 0, 1], [0, 4, 0]]},
+        }
+    )
+    return scan(rig, out=tmp_path_factory.mktemp("runs"), respond=winkler).path
+
+
+@pytest.mark.parametrize("kind", GUIDE)
+def test_without_readings_it_tells_how_to_take_them(
+    kind: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", kind]) == 0
+    assert f"palpate calibrate {kind}" in capsys.readouterr().out
+
+
+def test_a_run_shows_where_the_surface_is(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "s.json"
+    assert main(["calibrate", "surface", str(run), "--out", str(out)]) == 0
+    told = json.loads(out.read_text())
+    assert told["device"] == "virtual"
+    assert told["values"]["coefficients"]["value"][1] == pytest.approx(1 / 40, abs=1e-4)
+    assert len(told["raw"]["x_mm"]) == 12
+
+
+def test_a_run_gives_stiffness_and_modulus(
+    run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    depths = np.linspace(0, 4e-3, 9)[1:]
+    monkeypatch.setattr(
+        module, "force_of_modulus", lambda *_, **__: proportional(depths, 8e-3 * depths)
+    )  # 400 N/m at 50 kPa
+    found = {}
+    for kind in ("compliance", "tissue"):
+        out = tmp_path / f"{kind}.json"
+        assert main(["calibrate", kind, str(run), "--station", "5", "--out", str(out)]) == 0
+        found[kind] = json.loads(out.read_text())["values"]
+    assert found["compliance"]["stiffness_n_m"]["value"] == pytest.approx(400, rel=2e-3)
+    assert found["tissue"]["modulus_pa"]["value"][0] == pytest.approx(50e3, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["force", "RUN"], "a run has no readings for force; a run gives latency, compliance"),
+        (["heart", "RUN"], "no channel of role reference"),
+        (["tissue", "RUN", "--station", "99"], "no such complete station"),
+        (["latency", "RUN"], "too short to tell a delay from a clock's drift; record a chirp"),
+        (["force", "gone.csv"], "gone.csv: no such file"),
+        (["heart", "RUN", "--cuff", "high"], "--cuff 'high': say it as 120/80"),
+        (["wood", "RUN"], "kind 'wood': allowed are force"),
+    ],
+)
+def test_what_cannot_be_is_explained(
+    run: Path, arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", *(str(run) if a == "RUN" else a for a in arguments)]) == 2
+    assert told in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_table_says_not_whose_it_is_nor_what_a_word_means(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    table.write_text("raw,load_n\n1,1\ntwo,2\n3,\n")
+    with pytest.raises(CalibrationError, match="column raw, row 2: 'two' is not a number"):
+        read(table, "force").numbered("raw")
+    assert main(["calibrate", "force", str(table)]) == 2
+
+
+def loads(path: Path, gain: float) -> Path:
+    rows = [f"{gain * n + 1e-3 * (n % 3 - 1)},{n}" for n in range(12)]
+    path.write_text("\n".join(["raw,load_n", *rows]))
+    return path
+
+
+def test_a_calibration_that_no_longer_holds_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = ["--device", "cell", "--out", str(tmp_path / "f.json")]
+    for gain, worn in ((1.3, False), (1.3, False), (1.31, True)):
+        table = loads(tmp_path / "loads.csv", gain)
+        assert main(["calibrate", "force", str(table), *out]) == 0
+        assert ("times what its residuals allow" in capsys.readouterr().err) is worn
+    assert main(["calibrate", "force", str(table), "--device", "other", *out[2:]]) == 2
+    assert "holds a calibration of force of 'cell'" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_written_scene_is_the_scene(name: str, tmp_path: Path) -> None:
+    scene = load_scene(name).model_copy(update={"name": "twin"})
+    write_scene(scene, tmp_path / "twin.toml")
+    assert load_scene(tmp_path / "twin.toml") == scene
+
+
+def test_a_subjects_pulse_becomes_a_scene(tmp_path: Path) -> None:
+    time_s = np.arange(0, 20, 0.01)
+    beat = 100 + 20 * np.sin(2 * np.pi * 1.1 * time_s) + 8 * np.sin(4 * np.pi * 1.1 * time_s)
+    found = fit_heart(time_s, beat, (131.0, 77.0), is_pressure=True)
+    write_heart_scene(load_scene("TIHA"), found, tmp_path / "me.toml")
+    pulse = load_scene(tmp_path / "me.toml").pulse
+    assert pulse.rate_bpm == pytest.approx(66, rel=0.01)
+    assert (pulse.systolic_mmhg, pulse.diastolic_mmhg) == (131.0, 77.0)
+    assert Path(pulse.wave) == tmp_path / "me-wave.csv"
+    levels = np.loadtxt(pulse.wave, delimiter=",", skiprows=1)[:, 1]
+    assert (levels.min(), levels.max()) == pytest.approx((77.0, 131.0), abs=0.01)
+
+
+def test_a_block_that_is_none_gives_no_scene(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A stiff layer below 1 mm: the force bends where no homogeneous block's does."""
+    depths = np.linspace(0, 4e-3, 9)[1:]
+    monkeypatch.setattr(
+        module, "force_of_modulus", lambda *_, **__: proportional(depths, 8e-3 * depths)
+    )
+    rng, deep = np.random.default_rng(1), np.linspace(0, 2.0, 200)
+    force = 0.4 * deep + 1.2 * np.maximum(deep - 1, 0) + 1e-3 * rng.standard_normal(200)
+    table = tmp_path / "t.csv"
+    table.write_text("depth_mm,force_n\n" + "\n".join(f"{d},{f}" for d, f in
+                                                      zip(deep, force, strict=True)))  # fmt: skip
+    twin = tmp_path / "twin.toml"
+    done = main(["calibrate", "tissue", str(table), "--device", "block", "--scene-out", str(twin),
+                 "--out", str(tmp_path / "c.json")])  # fmt: skip
+    assert done == 2
+    assert not twin.exists()
+    assert "a homogeneous block does not explain the curve" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_the_pages_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = (ROOT / "docs" / "how-to" / "calibration.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    for name, text in re.findall(r"^```csv (\S+)\n(.*?)^```", page, re.MULTILINE | re.DOTALL):
+        Path(name).write_text(text)
+    commands = re.findall(r"^\$ palpate (.*)$", page, re.MULTILINE)
+    assert len(commands) >= 5
+    for command in commands:
+        words = [w for part in command.split() for w in (sorted(map(str, Path().glob(part)))
+                                                         if "*" in part else [part])]  # fmt: skip
+        assert main(words) == 0, command
+    assert load_scene("block.toml").tissue.modulus_kpa == pytest.approx(50.0, rel=2e-3)  # type: ignore[union-attr]

@@ -1,0 +1,38 @@
+"""``palpate --help`` is grouped and complete; each command's help has an example that parses."""
+
+import shlex
+
+import pytest
+import typer
+
+from probe.cli import build, main
+from probe.cli.layout import SECTIONS
+
+EXAMPLES = {name: line for each in SECTIONS.values() for name, line in each.items()}
+
+
+def test_every_command_stands_in_one_section() -> None:
+    listed = [name for each in SECTIONS.values() for name in each]
+    assert sorted(listed) == sorted(typer.main.get_command(build()).commands)  # type: ignore[attr-defined]
+
+
+def test_help_is_grouped(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--help"]) == 0
+    text = capsys.readouterr().out
+    places = [text.index(f"{title}:") for title in SECTIONS]
+    assert places == sorted(places)
+    assert "5 aborted" in text
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_the_example_is_shown_and_parses(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = shlex.split(EXAMPLES[name])
+    assert words[:2] == ["palpate", name]
+    command = typer.main.get_command(build())
+    rest = words[1:]
+    while hasattr(command, "commands"):  # a group: its example names a command of it
+        command, rest = command.commands[rest[0]], rest[1:]
+    command.make_context(rest[0] if rest else name, list(rest))
+    if name != "chart":
+        assert main([name, "--help"]) == 0
+        assert f"Example: {EXAMPLES[name]}" in " ".join(capsys.readouterr().out.split())

@@ -1,0 +1,67 @@
+"""``palpate runs``: a folder of runs is listed, filtered and sorted."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.storage.run import open_run
+
+ONE = Rig.model_validate({"scan": {"start_mm": 32, "stations": 1}})
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
+    out = tmp_path_factory.mktemp("runs")
+    scan(ONE, "TIHA", out, labels={"operator": "Ann", "gel": "yes"}, respond=winkler)
+    scan(ONE, "TI", out / "more", labels={"operator": "Bob"}, respond=winkler)
+    (out / "torn.run").write_bytes(b"SQLite format 3\0 and no more")
+    return out
+
+
+def listed(palpate: Any, folder: Path, *options: str) -> list[dict[str, Any]]:
+    outcome = palpate("runs", folder, "--json", *options)
+    assert outcome.status == 0, outcome.err
+    return outcome.json["runs"]  # type: ignore[no-any-return]
+
+
+def test_all_runs_are_listed_and_a_torn_one_says_why(palpate: Any, folder: Path) -> None:
+    found = {one["scene"]: one for one in listed(palpate, folder)}
+    assert set(found) == {"TIHA", "TI", ""}
+    assert "damaged or not a run file" in found[""]["problem"]
+    assert found["TIHA"]["labels"] == {"operator": "Ann", "gel": "yes"}
+    assert found["TIHA"]["simulated"]
+    assert found["TIHA"]["finish"] == "completed"
+
+
+@pytest.mark.parametrize(
+    ("options", "scenes"),
+    [
+        (("--operator", "Ann"), ["TIHA"]),
+        (("--note", "gel=yes"), ["TIHA"]),
+        (("--scene", "TI"), ["TI"]),
+        (("--real",), [""]),
+        (("--since", "2999-01-01"), []),
+        (("--simulated", "--sort", "scene"), ["TI", "TIHA"]),
+    ],
+)
+def test_filters(palpate: Any, folder: Path, options: tuple[str, ...], scenes: list[str]) -> None:
+    assert [one["scene"] for one in listed(palpate, folder, *options)] == scenes
+
+
+def test_the_table_names_each_run(palpate: Any, folder: Path) -> None:
+    outcome = palpate("runs", folder)
+    assert "Ann, gel=yes" in " ".join(outcome.out.split())
+
+
+def test_a_note_needs_a_value(palpate: Any, folder: Path) -> None:
+    outcome = palpate("runs", folder, "--note", "gel")
+    assert outcome.status == 2
+    assert "say it as KEY=VALUE" in outcome.err
+
+
+def test_labels_are_in_the_run(folder: Path) -> None:
+    (path,) = folder.glob("TIHA*.run")
+    assert open_run(path).config["labels"] == {"operator": "Ann", "gel": "yes"}

@@ -1,0 +1,156 @@
+import contextlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from paths import ROOT
+from pydantic import ValidationError
+
+from drivers import ConfigError, DeviceAbsent, SimulatedClock
+from probe.config import devices
+from probe.config.devices import connect
+from probe.config.rig import Rig, RigError, default_rig
+from probe.config.rig_file import load_rig
+from probe.config.scan_plan import limits_for, plan_for
+from probe.config.snapshot import run_config
+from sim_backend.scene.scene_file import load_scene
+
+VIRTUAL = '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n'
+SCENE = '[scene]\nname = "TI"\n'
+
+
+def write(folder: Path, text: str) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_the_example_is_the_default_rig() -> None:
+    example, usual = load_rig(ROOT / "rigs" / "virtual.toml"), default_rig()
+    plan = plan_for(example)
+    assert (example.scan, plan.places) == (usual.scan, plan_for(usual).places)
+    assert limits_for(example, plan) == limits_for(usual, plan_for(usual))
+    assert example.scan.indentation_mm / example.scan.ramp_s == 2.5
+
+
+def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
+    (place,) = plan_for(default_rig(load_scene("HAOT"))).places
+    assert place.x_m == pytest.approx(0.032)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("[scan]\nstations = 30\n", "station 18 .* x = 72 mm"),
+        ("[scan]\nstations = 0\n", "scan.stations.* = 0: .*greater than or equal to 1"),
+        ("[scan]\nramp_s = -1\n", "scan.ramp_s = -1"),
+        ("[scan]\nramp_s = 0.01\n", "250 mm/s: must not exceed safety.max_speed_mm_s = 25"),
+        ("[scan]\nindent_mm = 2\n", "scan.indent_mm = 2: unknown key; did you mean indentation_mm"),
+        ("[scan]\nhold_s = nan\n", "scan.hold_s = nan"),
+        ("[scan]\ntouch_n = 9\n", "scan.touch_n = 9: must be below safety.max_force_n = 5"),
+        ("[safety]\nmax_depth_mm = 1\n", "safety.max_depth_mm = 1: the scan goes 2.5 mm"),
+        ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
+        ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
+        ("[scan\n", "not TOML"),
+        ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
+        ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),
+    ],
+)
+def test_wrong_rigs_name_file_key_and_value(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(RigError, match=said) as caught:
+        load_rig(write(tmp_path, VIRTUAL + text))
+    assert str(caught.value).startswith(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        (VIRTUAL.replace("virtual", "warp", 1) + SCENE, "stage.driver = 'warp': .*known: .*ur"),
+        (VIRTUAL + "rate_hz = 'fast'\n" + SCENE, "sensor.0..rate_hz = 'fast'"),
+        (VIRTUAL + "rate_hz = 0\n" + SCENE, "sensor.0..rate_hz = 0: must be above 0"),
+        (VIRTUAL + "colour = 1\n" + SCENE, "sensor.0..colour = 1: Extra"),
+        (VIRTUAL, "scene.name is missing"),
+        (VIRTUAL + "name = 'stage'\n" + SCENE, "name = 'stage': taken"),
+        (VIRTUAL + "[[sensor]]\ndriver = 'virtual'\n" + SCENE, r"sensor\[1\].name = 'force'"),
+        (VIRTUAL + SCENE + "[scan]\nindentation_mm = 17\nramp_s = 9\n[safety.workspace_mm]\n"
+         "z = [-20, 20]\n", "only 16.83 mm thick"),
+    ],
+)  # fmt: skip
+def test_wrong_devices_name_key_and_value(
+    tmp_path: Path, winkler: Any, text: str, said: str
+) -> None:
+    with pytest.raises(RigError, match=said):
+        connect(load_rig(write(tmp_path, text)), SimulatedClock(), respond=winkler)
+
+
+def test_a_measured_surface_is_a_plane_through_three_points() -> None:
+    rig = Rig.model_validate({"scan": {"surface_mm": [[0, 0, 0], [60, 0, 3], [0, 5, 0]]}})
+    assert plan_for(rig).surface(0.030, 0.002) == pytest.approx(1.5e-3, abs=1e-6)
+
+
+class Absent:
+    """A device that is not there."""
+
+    name = "absent"
+
+    def connect(self) -> None:
+        raise DeviceAbsent("absent", "no answer at 10.0.0.9")
+
+    def close(self) -> None:
+        """Nothing was opened."""
+
+
+def test_a_stand_in_takes_over_only_where_it_is_allowed(
+    winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = devices.open_driver
+    monkeypatch.setattr(
+        devices,
+        "open_driver",
+        lambda kind, name, *more: Absent() if name == "mine" else real(kind, name, *more),
+    )
+    rig = Rig.model_validate({"stage": {"driver": "mine"}, "scene": {"name": "TI"}})
+    with pytest.raises(DeviceAbsent):
+        connect(rig, SimulatedClock(), respond=winkler)
+    with connect(rig, SimulatedClock(), fallback="virtual", respond=winkler) as opened:
+        assert opened.stage.simulated
+        assert "no answer at 10.0.0.9; a simulated stand-in" in opened.notes[0]
+
+
+def test_the_configuration_of_a_run_is_complete() -> None:
+    scene, rig = load_scene("TIHA"), default_rig()
+    config = run_config(rig, scene, plan_for(rig), seed=7)
+    assert config["face_mm2"] == 100.0
+    assert config["seed"] == 7
+    assert len(config["plan"]["stations"]) == 15
+    assert config["versions"]["palpate"]
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.binary(max_size=200))
+def test_any_file_is_a_rig_or_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "any.toml"
+    path.write_bytes(content)
+    with contextlib.suppress(RigError):
+        load_rig(path)
+
+
+VALUES = st.one_of(
+    st.floats(), st.integers(-(2**40), 2**40), st.text(max_size=5), st.booleans(),
+    st.lists(st.floats(-1e6, 1e6), max_size=4),
+)  # fmt: skip
+
+
+@settings(deadline=None)
+@given(
+    st.sampled_from(["scan", "safety", "scene", "stage", "calibration"]),
+    st.dictionaries(
+        st.sampled_from([*Rig().scan.model_dump(), *Rig().safety.model_dump()]), VALUES
+    ),
+)
+def test_any_setting_is_taken_or_refused_with_a_reason(table: str, keys: dict[str, Any]) -> None:
+    with contextlib.suppress(ValidationError, RigError, ConfigError):
+        rig = Rig.model_validate({table: keys})
+        limits_for(rig, plan_for(rig))

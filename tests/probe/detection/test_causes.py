@@ -1,0 +1,89 @@
+"""What moves in a hold: a pulse, regular or not, or breathing, a machine, a hand."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_presses import recording, station
+from numpy.typing import NDArray
+
+from probe.core.recording import Station
+from probe.detection import detect
+
+Array = NDArray[np.float64]
+Motion = Callable[[Array, np.random.Generator], Array]
+
+
+def moved(seed: int, by: Motion, sample_hz: float = 500.0) -> Station:
+    """A relaxing press of 5 s in which something moves; its size is over the level."""
+    rng = np.random.default_rng(seed)
+    one = station(rng, sample_hz=sample_hz, noise_pa=15.0)
+    t = one.time_s - one.time_s[0]
+    return replace(one, signal_pa=one.signal_pa + 9000.0 * by(t, rng)[:, None])
+
+
+def breathing(t: Array, rng: np.random.Generator) -> Array:
+    """3 % trough to crest, with harmonics."""
+    rate = rng.uniform(0.2, 0.4)
+    sizes = (1.0, 0.4, 0.2, 0.1)
+    turns = [2 * np.pi * k * rate * t + rng.uniform(0, 6.28) for k in range(1, 5)]
+    wave = sum(a * np.cos(turn) for a, turn in zip(sizes, turns, strict=True))
+    return np.asarray(0.03 * wave / np.ptp(wave))
+
+
+def line(t: Array, rng: np.random.Generator) -> Array:
+    """A machine of 0.3 %, trough to crest."""
+    return np.asarray(0.0015 * np.cos(2 * np.pi * rng.uniform(0.8, 3.5) * t + rng.uniform(0, 6.28)))
+
+
+def steps(t: Array, rng: np.random.Generator) -> Array:
+    """A hand that slips, three times."""
+    return np.asarray(sum(0.01 * rng.normal() * (t > rng.uniform(0, 5)) for _ in range(3)))
+
+
+def bumps(t: Array, rng: np.random.Generator) -> Array:
+    """Coughs of 1 to 3 %."""
+    each = [(rng.uniform(0.01, 0.03), rng.uniform(0, 5), rng.uniform(0.1, 0.4)) for _ in range(3)]
+    return np.asarray(sum(a * np.exp(-0.5 * ((t - at) / sd) ** 2) for a, at, sd in each))
+
+
+def fibrillation(t: Array, rng: np.random.Generator) -> Array:
+    """3 %; beats of any length, of a wave that is not the search's: straight up, e-fold down."""
+    lengths = np.clip(0.75 * np.exp(0.22 * rng.standard_normal(30)), 0.35, 1.5)
+    begins = np.cumsum(lengths) - rng.uniform(2, 4)
+    beat = np.searchsorted(begins, t, side="right") - 1
+    phase = (t - begins[beat]) / lengths[beat + 1]
+    sizes = 1 + 0.15 * rng.standard_normal(30)
+    wave = np.where(phase < 0.15, phase / 0.15, np.exp(-(phase - 0.15) / 0.35))
+    return np.asarray(0.03 * sizes[beat] * wave)
+
+
+@pytest.mark.parametrize("by", [breathing, line, steps, bumps])
+def test_what_is_no_pulse_is_not_called_an_artery(by: Motion) -> None:
+    said = [detect(recording([moved(seed, by)])) for seed in range(8)]
+    assert all(found.finding in ("undecided", "nothing") for found in said)
+
+
+@pytest.mark.parametrize("sample_hz", [10.0, 500.0])
+def test_fibrillation_is_an_artery(sample_hz: float) -> None:
+    said = [detect(recording([moved(seed, fibrillation, sample_hz)])) for seed in range(8)]
+    assert sum(found.finding == "artery" for found in said) >= 7
+
+
+def test_what_moves_is_named_with_what_would_decide_it() -> None:
+    found = detect(recording([moved(1, breathing)]))
+    assert found.finding == "undecided"
+    assert "breath" in found.reason
+    assert found.heart_rate_bpm is None
+
+
+def test_the_heart_rate_comes_with_its_interval() -> None:
+    rng = np.random.default_rng(3)
+    held = 0
+    for rate_hz in np.linspace(0.8, 2.0, 12):
+        found = detect(recording([station(rng, pulse_pa=150.0, rate_hz=rate_hz)]))
+        assert found.heart_rate_bpm is not None
+        _, low, high = found.heart_rate_bpm
+        held += low <= 60 * rate_hz <= high
+    assert held >= 10

@@ -1,0 +1,130 @@
+"""Whole scans with a known truth."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_presses import recording, row, station
+
+from probe.detection import compare, detect
+
+
+def test_false_findings_are_as_rare_as_stated() -> None:
+    """60 tilted, scattered, relaxing rows over nothing, at 5 %: at most 6 in 95 % of cases."""
+    rng = np.random.default_rng(1)
+    wrong = sum(
+        detect(recording(row(rng, hold_s=1.0, sample_hz=100.0)), false_alarm=0.05).finding
+        not in ("nothing", "cannot see")
+        for _ in range(60)
+    )
+    assert wrong <= 6
+
+
+def test_a_stiff_place_without_pulse_is_a_tumour_at_its_place() -> None:
+    rng = np.random.default_rng(2)
+    off = []
+    for centre in (21.0, 30.5, 33.0, 44.2):
+        found = detect(recording(row(rng, centre_mm=centre, bump=0.2, noise_pa=5.0)))
+        (one,) = found.objects
+        assert one.kind == found.finding == "tumour"
+        off.append(1e3 * one.position_m - centre)
+        assert 1e3 * one.position_ci_m[0] - 0.5 <= centre <= 1e3 * one.position_ci_m[1] + 0.5
+    assert np.sqrt(np.mean(np.square(off))) < 0.5
+
+
+def test_pulse_size_tells_healthy_from_stenotic() -> None:
+    rng = np.random.default_rng(3)
+    healthy = detect(recording(row(rng, bump=0.1, pulse_pa=600.0)))
+    stenotic = detect(recording(row(rng, bump=0.25, pulse_pa=25.0, noise_pa=5.0)))
+    assert healthy.finding == "artery"
+    assert stenotic.finding == "stenotic artery"
+
+
+def test_a_dip_that_pulses_is_an_artery() -> None:
+    """A soft-walled vessel can make its place softer."""
+    found = detect(recording(row(np.random.default_rng(4), bump=-0.06, pulse_pa=600.0)))
+    (one,) = found.objects
+    assert one.kind == "artery"
+    assert one.peak_pa < 0
+    assert 1e3 * one.position_m == pytest.approx(33.0, abs=0.7)
+
+
+def test_what_could_hide_a_pulse_is_undecided() -> None:
+    """A stiff place under a sensor too noisy to see a stenotic pulse."""
+    found = detect(recording(row(np.random.default_rng(5), bump=0.25, noise_pa=900.0, hold_s=1.0)))
+    assert found.finding in ("undecided", "nothing")
+    assert found.finding == "nothing" or "hold for more beats" in found.reason
+
+
+def test_two_objects() -> None:
+    rng = np.random.default_rng(6)
+    one = row(rng, centre_mm=18.0, bump=0.3, scatter=0.001, tilt=0.0, noise_pa=4.0)
+    other = row(
+        rng, centre_mm=46.0, bump=0.1, pulse_pa=600.0, scatter=0.001, tilt=0.0, noise_pa=4.0
+    )
+    both = [replace(a, signal_pa=a.signal_pa + b.signal_pa - 9000.0) for a, b in
+            zip(one, other, strict=True)]  # fmt: skip
+    found = detect(recording(both))
+    places = {o.kind: 1e3 * o.position_m for o in found.objects}
+    assert places["artery"] == pytest.approx(46.0, abs=1.0)
+    assert places["tumour"] == pytest.approx(18.0, abs=1.0)
+
+
+def test_a_grid_gives_the_course_and_its_stenosed_stretch() -> None:
+    rng = np.random.default_rng(7)
+    stations = []
+    for k in range(6):
+        sick = k in (2, 3)
+        stations += row(rng, centre_mm=24.0 + 2 * k, y_mm=4.0 * k, first=15 * k, tilt=0.0,
+                        bump=0.3 if sick else 0.1, pulse_pa=20.0 if sick else 600.0,
+                        noise_pa=4.0, hold_s=2.5)  # fmt: skip
+    found = detect(recording(stations))
+    (one,) = found.objects
+    assert one.kind == found.finding == "stenotic artery"
+    assert len(one.course) == 6
+    x = np.array([1e3 * p[0] for p in one.course])
+    assert np.abs(x - (24.0 + 2 * np.arange(6))).max() < 1.5
+    assert one.stenosed_m == pytest.approx((8e-3, 12e-3))
+
+
+def test_one_press_tells_a_pulse_and_no_more() -> None:
+    rng = np.random.default_rng(8)
+    nothing = detect(recording([station(rng)]))
+    assert nothing.finding == "nothing"
+    assert "would have shown" in nothing.reason
+    pulse = detect(recording([station(rng, pulse_pa=200.0)]))
+    assert pulse.finding == "artery"
+    assert json.loads(json.dumps(pulse.as_json(), allow_nan=False))["objects"][0]["peak_pa"] is None
+
+
+def test_repeats_at_one_place_are_one_station() -> None:
+    rng = np.random.default_rng(9)
+    twice = row(rng, bump=0.2, noise_pa=5.0) + row(rng, bump=0.2, noise_pa=5.0, first=15)
+    found = detect(recording(twice))
+    assert found.finding == "tumour"
+    assert len(found.stations) == 30
+
+
+def test_compare_names_the_stiffer_with_the_weaker_pulse() -> None:
+    rng = np.random.default_rng(10)
+    healthy = recording([station(rng, pulse_pa=300.0, relaxing=0.0)])
+    sick = recording([station(rng, level_pa=20000.0, pulse_pa=200.0, relaxing=0.0)])
+    assert compare(healthy, sick).diseased == "B"
+    assert compare(sick, healthy).diseased == "A"
+    same = recording([station(rng, pulse_pa=300.0, relaxing=0.0)])
+    assert compare(healthy, same).diseased == "neither"
+    none = recording([station(rng, relaxing=0.0)])
+    assert compare(none, none).diseased == "undecided"
+
+
+@pytest.mark.parametrize("false_alarm", [0.0, 1.0, -1.0, float("nan")])
+def test_a_chance_is_between_0_and_1(false_alarm: float) -> None:
+    with pytest.raises(ValueError, match="between 0 and 1"):
+        detect(recording([]), false_alarm=false_alarm)
+
+
+def test_an_empty_recording_is_undecided() -> None:
+    found = detect(recording([]))
+    assert found.finding == "undecided"
+    assert "no complete station" in found.reason

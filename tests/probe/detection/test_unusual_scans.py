@@ -1,0 +1,104 @@
+"""Scans in which something is missing: contact, a channel, the rest of a row, a good sensor."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from known_presses import recording, row, station
+
+from probe.core.recording import Recording, Station
+from probe.detection import detect
+
+
+def untouched(one: Station, rng: np.random.Generator, noise_pa: float = 5.0) -> Station:
+    """The same press where nothing was met: the sensor's noise before the hold and in it."""
+    t = np.arange(9.0, 15.0, 0.01)
+    return replace(
+        one, time_s=t, signal_pa=noise_pa * rng.standard_normal((len(t), 1)), indent_s=9.5,
+        saturated=np.zeros((len(t), 1), dtype=bool), depth_m=np.full(len(t), 2.5e-3),
+    )  # fmt: skip
+
+
+def test_no_contact_is_not_clean_tissue() -> None:
+    rng = np.random.default_rng(1)
+    constant = [replace(s, signal_pa=np.zeros_like(s.signal_pa)) for s in row(rng, hold_s=1.0)[:8]]
+    noisy = [untouched(s, rng) for s in row(rng, hold_s=1.0)[:8]]
+    for stations in (constant, noisy):
+        found = detect(recording(stations))
+        assert found.finding == "undecided"
+        assert found.reason.startswith("no contact")
+
+
+def test_what_the_sensor_cannot_see_is_not_called_nothing() -> None:
+    rng = np.random.default_rng(2)
+    quiet = [station(rng, noise_pa=5.0, hold_s=2.5)]
+    loud = [station(rng, noise_pa=2000.0, hold_s=2.5)]
+    assert detect(recording(quiet)).finding == "nothing"
+    blind = detect(recording(loud))
+    assert blind.finding == "cannot see"
+    assert blind.needed_pa > blind.asked_pa
+    assert detect(recording(loud), asked_pa=2 * blind.needed_pa).finding == "nothing"
+    with pytest.raises(ValueError, match="asked_pa"):
+        detect(recording(quiet), asked_pa=-1.0)
+
+
+@pytest.mark.parametrize("count", [5, 7, 9])
+def test_an_unfinished_row_names_nothing_that_may_change(count: int) -> None:
+    rng = np.random.default_rng(3)
+    whole = row(rng, centre_mm=32.0, bump=0.3, pulse_pa=20.0, noise_pa=4.0, hold_s=2.5)
+    part = replace(recording(whole[:count]), finish="faulted")
+    found = detect(part)
+    assert found.finding == "undecided"
+    for one in found.objects:
+        assert one.kind == "undecided"
+        low, high = one.position_ci_m
+        assert low >= whole[0].x_m - 1e-9
+        assert high <= whole[count - 1].x_m + 1e-9
+
+
+def array(one: Station, rng: np.random.Generator) -> Station:
+    """The press as nine taxels that feel the same, with noise of their own."""
+    nine = one.signal_pa + 20.0 * rng.standard_normal((len(one.time_s), 9))
+    return replace(one, signal_pa=nine, saturated=np.zeros(nine.shape, dtype=bool))
+
+
+def test_a_dead_or_stuck_taxel_costs_nothing() -> None:
+    rng = np.random.default_rng(4)
+    whole = array(station(rng, pulse_pa=150.0, hold_s=2.5), rng)
+    level = detect(Recording((whole,), tuple("abcdefghi"), (), 1e-4)).stations[0].baseline_pa
+    for value, saturated in ((np.nan, False), (123.0, False), (1e6, True)):
+        signal, clipped = whole.signal_pa.copy(), whole.saturated.copy()
+        signal[:, 3], clipped[:, 3] = value, saturated
+        hurt = replace(whole, signal_pa=signal, saturated=clipped)
+        found = detect(Recording((hurt,), tuple("abcdefghi"), (), 1e-4))
+        assert found.finding == "artery"
+        assert found.stations[0].clipped == 0
+        assert found.stations[0].baseline_pa == pytest.approx(level, rel=0.01)
+
+
+def test_spikes_in_one_channel_cost_nothing() -> None:
+    rng = np.random.default_rng(5)
+    for _ in range(3):
+        whole = array(station(rng, pulse_pa=100.0, hold_s=2.5), rng)
+        signal = whole.signal_pa.copy()
+        signal[rng.uniform(size=len(signal)) < 0.02, 5] += 3000.0
+        found = detect(Recording((replace(whole, signal_pa=signal),), tuple("abcdefghi"), (), 1e-4))
+        assert found.finding == "artery"
+
+
+@pytest.mark.parametrize(
+    ("level_pa", "pulse_pa", "kind"),
+    [(5000.0, 2200.0, "artery"), (30000.0, 1500.0, "stenotic artery")],
+)
+def test_a_vessel_out_of_tissue_needs_no_row(level_pa: float, pulse_pa: float, kind: str) -> None:
+    """Three presses meet it, twelve meet nothing: the pulse over the force decides."""
+    rng = np.random.default_rng(6)
+    stations = [untouched(s, rng) for s in row(rng, hold_s=1.0)]
+    for k, share in ((6, 0.6), (7, 1.0), (8, 0.6)):
+        pressed = station(rng, index=k, x_mm=1e3 * stations[k].x_m, level_pa=share * level_pa,
+                          pulse_pa=share * pulse_pa, relaxing=0.0, hold_s=2.5)  # fmt: skip
+        stations[k] = pressed
+    found = detect(recording(stations))
+    assert found.finding == kind
+    assert found.objects[0].confidence <= 0.999
+    assert 1e3 * found.objects[0].position_m == pytest.approx(32.0, abs=1.0)

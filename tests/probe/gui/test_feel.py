@@ -1,0 +1,115 @@
+"""Pressing is interpolation in a solved table: exact where it must be, and quick to draw."""
+
+from collections.abc import Callable
+from concurrent.futures import Future
+
+import numpy as np
+import pytest
+from PySide6.QtCore import QPoint, QPointF, Qt
+from PySide6.QtTest import QTest
+
+from probe.gui.feel import LIFTED_MM, MAX_DEPTH_MM, FeelWindow
+from probe.gui.style import application
+from probe.gui.table import Table, came_mm
+from sim_backend import load_scene
+
+LEFT = Qt.MouseButton.LeftButton
+TIHA = load_scene("TIHA")
+HEIGHT_MM = 16.83
+
+
+def table(x0_mm: float = 32.0) -> Table:
+    """A dent of Gaussian shape; force in proportion to depth, a little more at high pressure."""
+    x, y = np.arange(-3.0, 67.0, 0.35), np.arange(-1.0, 19.0, 0.35)
+    xx, yy = np.meshgrid(x, y)
+    inside = (xx >= 0) & (xx <= 64) & (yy >= 0) & (yy <= HEIGHT_MM)
+    depth = np.linspace(0, 2.5e-3, 6)
+    shape = np.exp(-(((xx - x0_mm) / 8) ** 2)) * np.clip(yy / HEIGHT_MM, 0, 1)
+    moved = np.zeros((6, 2, *xx.shape, 2))
+    moved[..., 1] = -1e3 * depth[:, None, None, None] * shape
+    stress = 2e6 * depth[:, None, None, None] * np.stack([shape, 1.1 * shape])
+    contact = np.zeros((6, 2, 2)) + x0_mm
+    contact[..., 0] -= 1e3 * depth[:, None]
+    contact[..., 1] += 1e3 * depth[:, None]
+    force = 400 * depth[:, None] * np.array([1.0, 1.02])
+    pressure = np.array([80.0, 120.0]) * 133.322
+    came = np.array([[came_mm(one, (x, y)) for one in pair] for pair in moved])
+    return Table(x, y, inside, depth, pressure, came, stress, contact, depth, force)
+
+
+def solved(_x_mm: float) -> "Future[Table]":
+    place: Future[Table] = Future()
+    place.set_result(table(_x_mm))
+    return place
+
+
+def test_force_is_linear_between_states_and_held_beyond_them() -> None:
+    one = table()
+    assert one.press(1e-3, one.pressure_pa[0]).force_n == pytest.approx(0.4)
+    assert one.press(1e-3, one.pressure_pa.mean()).force_n == pytest.approx(0.404)
+    assert one.press(9e-3, one.pressure_pa[1]).force_n == pytest.approx(1.02)
+    assert one.press(0.0, one.pressure_pa[0]).von_mises_pa.max() == 0
+
+
+def test_the_picture_shows_the_dent_and_not_the_old_surface() -> None:
+    one = table()
+    picture = one.picture(one.press(2.5e-3, one.pressure_pa[0]))
+    middle = np.argmin(abs(one.x_mm - 32))
+    top_mm = one.y_mm[np.isfinite(picture[:, middle])].max()
+    assert top_mm == pytest.approx(HEIGHT_MM - 2.5, abs=0.4)  # one cell
+    far = np.argmin(abs(one.x_mm - 4))
+    assert one.y_mm[np.isfinite(picture[:, far])].max() == pytest.approx(HEIGHT_MM, abs=0.4)
+
+
+def test_the_mouse_presses_and_letting_go_lifts(shoot: Callable[..., None]) -> None:
+    application()
+    window = FeelWindow(TIHA, solved)
+    shoot(window, "feel_lifted")
+    area = window.section.viewport()
+    vb = window.section.plot.vb
+    at = window.section.mapFromScene(vb.mapViewToScene(QPointF(40.0, HEIGHT_MM - 1.5)))
+    QTest.mousePress(area, LEFT, pos=QPoint(at.x(), at.y()))
+    shoot(window, "feel_pressed")
+    assert window.x_mm == 40
+    assert window.depth_mm == pytest.approx(1.5, abs=0.2)
+    assert window.history[-1][1] > 0.4
+    QTest.mouseRelease(area, LEFT, pos=QPoint(at.x(), at.y()))
+    assert window.depth_mm == LIFTED_MM
+
+
+def test_the_arrow_keys_press_within_reach() -> None:
+    application()
+    window = FeelWindow(TIHA, solved)
+    for _ in range(100):
+        QTest.keyClick(window, Qt.Key.Key_Right)
+        QTest.keyClick(window, Qt.Key.Key_Down)
+    assert window.x_mm == 62
+    assert window.depth_mm == MAX_DEPTH_MM
+
+
+def test_while_solving_and_when_it_fails_the_window_says_so(shoot: Callable[..., None]) -> None:
+    application()
+    place: Future[Table] = Future()
+    window = FeelWindow(TIHA, lambda _x: place)
+    shoot(window, "feel_solving")
+    assert "Solving x = 32 mm" in window.status.text()
+    place.set_exception(RuntimeError("the mesh turned inside out"))
+    window.frame()
+    assert "turned inside out; press elsewhere" in window.status.text()
+
+
+def test_the_next_frame_shows_the_press_and_waits_for_nothing() -> None:
+    application()
+    solving: Future[Table] = Future()  # never done: a frame that waited would hang
+    window = FeelWindow(TIHA, lambda x_mm: solved(x_mm) if x_mm == 32 else solving)
+    window.timer.stop()
+    for depth_mm in (0.5, 1.0, 2.5):
+        window.touch(32.0, depth_mm)
+        window.frame()
+        lowest = window.finger.getData()[1].min()
+        assert lowest == pytest.approx(HEIGHT_MM - depth_mm, abs=0.01)
+        force_n = window.force_curve.getData()[1][-1]
+        assert 0.4 * depth_mm <= force_n <= 0.408 * depth_mm  # at 80 and at 120 mmHg
+    window.touch(40.0, 1.0)
+    window.frame()
+    assert "Solving" in window.status.text()

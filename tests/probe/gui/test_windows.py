@@ -1,0 +1,214 @@
+"""Every control is clicked, every state is drawn; the pictures are kept to be looked at."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PySide6.QtCore import Qt
+from PySide6.QtTest import QTest
+
+from probe.acquisition.remote import NotRunning
+from probe.core.events import Event, Finish, Note, RunEnded
+from probe.gui.app import Follower
+from probe.gui.maps import MapPanel
+from probe.gui.replay import SPEEDS, PairWindow, Player, ReplayWindow
+from probe.gui.state import ViewState
+from probe.gui.style import application
+from probe.gui.window import RunWindow
+
+Make = Callable[..., list[Event]]
+Shoot = Callable[..., None]
+LEFT = Qt.MouseButton.LeftButton
+FINDING = {
+    "finding": "artery",
+    "objects": [
+        {"kind": "artery", "position_mm": 32.0, "position_ci_mm": [31.5, 32.5], "confidence": 0.98}
+    ],
+}
+
+
+@pytest.fixture(autouse=True)
+def _plain_size() -> None:
+    application()
+
+
+def window_on(events: list[Event], asked: list[str] | None = None, **kwargs: Any) -> RunWindow:
+    state = ViewState()
+    for event in events:
+        state.update(event)
+    ask = None if asked is None else asked.append
+    return RunWindow(Path("a.run"), lambda: state, ask=ask, **kwargs)
+
+
+def test_each_control_asks_for_its_word(make_run: Make, shoot: Shoot) -> None:
+    asked: list[str] = []
+    running = [e for e in make_run() if not isinstance(e, RunEnded)]
+    window = window_on(running[:500], asked, finding=lambda: FINDING)
+    shoot(window, "live_running")
+    for word in ("pause", "resume", "abort", "stop"):
+        window.frame()
+        QTest.mouseClick(window.side.buttons[word], LEFT)
+        window.frame()
+    assert asked == ["pause", "resume", "abort", "stop"]
+    assert "artery at 32.0 mm (31.5 to 32.5 mm)" in window.side.objects.text()
+    assert "SIMULATED" in window.side.simulated.text()
+
+
+@pytest.mark.parametrize("count", [0, 40, 10**9], ids=["empty", "running", "finished"])
+def test_space_stops_in_any_state(count: int, make_run: Make, shoot: Shoot) -> None:
+    asked: list[str] = []
+    window = window_on(make_run()[:count], asked)
+    shoot(window, f"live_space_{count}")
+    window.activateWindow()
+    for word in ("", "pause", "abort"):  # wherever the focus is
+        target = window.side.buttons[word] if word else window
+        target.setFocus()
+        QTest.keyClick(target, Qt.Key.Key_Space)
+    assert asked == ["stop"] * 3
+
+
+def test_a_scan_that_does_not_answer_is_said(make_run: Make) -> None:
+    def deaf(_word: str) -> None:
+        raise NotRunning("no scan answers; use the rig's own stop")
+
+    window = window_on(make_run())
+    panel = type(window.side)(deaf)
+    panel.press("stop")
+    assert "rig's own stop" in panel.answer.text()
+
+
+def test_before_the_run_the_window_says_what_to_do(shoot: Shoot) -> None:
+    window = window_on([])
+    shoot(window, "live_empty")
+    assert window.pages.currentWidget() is window.empty
+    assert "palpate scan" in window.empty.text()
+
+
+def test_a_lost_device_is_shown_in_words(make_run: Make, shoot: Shoot) -> None:
+    lost = [
+        Note(5.0, "fault", "virtual", "no samples for 0.5 s: check the cable, then palpate resume"),
+        RunEnded(5.1, Finish.FAULTED, "virtual: no samples for 0.5 s"),
+    ]
+    window = window_on([*make_run()[:200], *lost], [])
+    shoot(window, "live_device_lost")
+    assert "check the cable" in window.side.fault.text()
+    assert "virtual: lost" in window.side.devices.text()
+
+
+@pytest.mark.parametrize("size", [(1366, 768), (3840, 2160)], ids=["1366x768", "4k"])
+def test_a_finished_grid_fits_small_and_large_screens(
+    size: tuple[int, int], make_run: Make, shoot: Shoot
+) -> None:
+    application(size[1] / 1080 if size[1] > 1080 else None)
+    window = window_on(make_run(rows=6, columns=15))
+    shoot(window, f"live_grid_{size[0]}", size)
+    assert window.maps.currentWidget() is window.maps.area
+    assert np.nanmax(window.maps.grid_pulse.image.image) > 0
+    assert window.maps.grid.image.image.shape == (6, 15)
+    assert np.isfinite(window.maps.grid.image.image).all()
+
+
+def test_a_grid_drawn_while_it_grows_ends_as_one_drawn_at_once(make_run: Make) -> None:
+    application()
+    events = make_run(rows=3, columns=5)
+    state, panel = ViewState(), MapPanel()
+    for n, event in enumerate(events):
+        state.update(event)
+        if n % 7 == 0 and state.is_grid:
+            panel.show_state(state)
+    panel.show_state(state)
+    at_once = MapPanel()
+    at_once.show_state(state)
+    assert np.isfinite(at_once.grid.image.image).all()
+    assert np.array_equal(panel.grid.image.image, at_once.grid.image.image)
+
+
+def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
+    window = window_on(make_run(columns=1, taxels=28)[:45])
+    shoot(window, "live_taxels")
+    assert window.maps.currentWidget() is window.maps.taxels
+    assert window.maps.taxels.image.image.shape == (7, 4)
+
+
+def test_replay_follows_slider_speed_and_play(make_run: Make, shoot: Shoot) -> None:
+    application()
+    window = ReplayWindow(Path("a.run"), make_run())
+    window.bar.slider.setValue(500)
+    shoot(window, "replay")
+    half = set(window.state().complete)
+    assert 6 <= len(half) <= 8
+    window.bar.slider.setValue(100)
+    assert window.state().complete < half
+    window.bar.speed.setCurrentIndex(SPEEDS.index(100.0))
+    QTest.mouseClick(window.bar.play, LEFT)
+    assert window.bar.playing
+    QTest.qWait(500)
+    assert len(window.state().complete) == 15
+    assert not window.bar.playing
+
+
+def test_seeking_forwards_and_backwards_gives_the_same(make_run: Make) -> None:
+    player = Player(make_run())
+    straight = dict(player.seek(10.0).maps)
+    player.seek(player.length_s)
+    assert player.seek(10.0).maps == straight
+
+
+def test_two_runs_share_one_scale(make_run: Make, shoot: Shoot) -> None:
+    application()
+    window = PairWindow(("healthy.run", "stenotic.run"), (make_run(rows=4), make_run(rows=2)))
+    window.bar.slider.setValue(1000)
+    shoot(window, "replay_pair")
+    assert window.panels[0].grid.bar.levels() == window.panels[1].grid.bar.levels()
+
+
+def test_a_frame_reads_no_longer_than_its_budget(make_run: Make) -> None:
+    endless = (event for _ in iter(int, 1) for event in make_run())
+    follower = Follower(endless)
+    follower()
+    seen = follower.state.now_s
+    assert np.isfinite(seen)
+    assert Follower(iter([None]))().started_utc == ""
+
+
+def test_a_run_that_has_only_begun_is_drawn() -> None:
+    """In real time the first event comes long before the first phase."""
+    from probe.core.events import RunStarted
+
+    window = window_on([RunStarted(5.0, "2026-01-01T00:00:00+00:00", {}, {"stage": ()})])
+    window.frame()
+    assert "0 of 0 stations" in window.side.progress.text()
+
+
+def test_what_has_not_changed_is_not_drawn_again(
+    make_run: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window, drawn = window_on(make_run()), list[object]()
+    monkeypatch.setattr(window.traces, "show_state", drawn.append)
+    for _ in range(5):
+        window.frame()
+    assert len(drawn) == 1
+    window.state().update(Note(1.0, "info", "stage", "something new"))
+    window.frame()
+    assert len(drawn) == 2
+
+
+def test_a_finished_run_is_looked_at_once_a_second(make_run: Make) -> None:
+    asked = 0
+
+    def events() -> Any:
+        nonlocal asked
+        yield from make_run()
+        while True:
+            asked += 1
+            yield None
+
+    follower = Follower(events())
+    while follower().finish is None:
+        pass
+    before = asked
+    for _ in range(50):
+        follower()
+    assert asked - before <= 1

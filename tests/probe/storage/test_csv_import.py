@@ -1,0 +1,199 @@
+"""Recordings made elsewhere become runs like any other."""
+
+import gzip
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from paths import SHARED
+
+from probe.core.events import Finish, Note
+from probe.storage.csv_import import CsvError, import_csv
+from probe.storage.csv_table import read_csv
+from probe.storage.run import open_run
+from probe.storage.verify import verify
+from probe.storage.writer import StoreError
+
+REAL = SHARED / "real"
+
+
+def csv(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def table(header: str, *rows: str) -> str:
+    return "\n".join([header, *rows]) + "\n"
+
+
+STEADY = [f"{n / 100:g},{n % 7}" for n in range(50)]
+
+
+def test_one_recording_without_a_place(tmp_path: Path) -> None:
+    source = csv(tmp_path / "a.csv", table("time_s,pressure_mbar", *STEADY))
+    imported = import_csv(source, tmp_path / "a.run")
+    assert (imported.stations, imported.samples, imported.notes) == (1, 50, ())
+    report = verify(imported.path)
+    assert report.ok, report.problems
+    run = open_run(imported.path)
+    (station,) = run.recording().stations
+    assert station.signal_pa[:8, 0] == pytest.approx(100.0 * (np.arange(8) % 7))
+    assert station.time_s == pytest.approx(np.arange(50) / 100)
+    assert np.isnan([station.x_m, station.y_m, station.indent_s, station.hold_s]).all()
+    assert np.isnan(station.depth_m).all()
+    assert run.simulated == ()
+    assert run.finish is Finish.COMPLETED
+    assert run.samples()["pressure"].attrs["units"] == "mbar"
+
+
+def test_stations_places_and_a_reference(tmp_path: Path) -> None:
+    rows = [
+        f"{n / 100:g},{station + 0.01 * n:g},{10 * station},{5},{station},{np.sin(n):.6f}"
+        for station in (3, 1, 7)
+        for n in range(20)
+    ]
+    text = table("time_s, force_n, x_mm, y_mm, station, reference", *rows)
+    source = tmp_path / "a.csv.gz"
+    source.write_bytes(gzip.compress(text.encode("utf-8-sig")))
+    imported = import_csv(source, tmp_path / "a.run", face_mm2=50.0)
+    assert imported.notes == ("2 stations did not follow in time; put 1 s apart",)
+    assert verify(imported.path).ok
+    run = open_run(imported.path)
+    stations = run.recording().stations
+    assert [s.index for s in stations] == [1, 3, 7]
+    assert [s.x_m for s in stations] == pytest.approx([0.01, 0.03, 0.07])
+    assert stations[0].signal_pa[:3, 0] == pytest.approx(np.array([1.0, 1.01, 1.02]) / 50e-6)
+    assert stations[2].reference == pytest.approx(np.sin(np.arange(20)), abs=1e-6)
+    for station in stations:
+        assert station.time_s - station.time_s[0] == pytest.approx(np.arange(20) / 100)
+        assert (station.reference_s == station.time_s).all()
+
+
+def test_a_new_position_is_a_new_station(tmp_path: Path) -> None:
+    rows = [f"{n / 100:g},1,{4 * (n // 25)}" for n in range(100)]
+    imported = import_csv(
+        csv(tmp_path / "a.csv", table("time_s,force_n,x_mm", *rows)), tmp_path / "a"
+    )
+    assert imported.stations == 4
+    run = open_run(imported.path)
+    assert run.stations()["x_mm"].to_list() == pytest.approx([0, 4, 8, 12])
+    assert np.isnan(run.stations()["y_mm"]).all()
+    notes = [event.text for event in run.events() if isinstance(event, Note)]
+    assert notes == ["the probe's face is not known; 100 mm2 is assumed"]
+
+
+def test_gaps_doubles_and_uneven_times_are_kept_honestly(tmp_path: Path) -> None:
+    rows = ["0,1", "0.01,2", "0.013,", "0.05,NaN", "0.05,4", "0.3,5", "0.31,n/a", "1.7,7", "1.8,8"]
+    imported = import_csv(
+        csv(tmp_path / "a.csv", table("time_s,pressure_pa", *rows)), tmp_path / "a"
+    )
+    (station,) = open_run(imported.path).recording().stations
+    assert station.time_s.tolist() == [0, 0.01, 0.3, 1.7, 1.8]
+    assert station.signal_pa[:, 0].tolist() == [1, 2, 5, 7, 8]
+    assert imported.notes == (
+        "3 rows without a reading are left out",
+        "1 rows with the time of the row before are left out",
+    )
+    assert verify(imported.path).ok
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "not a table"),
+        ("time_s,force_n\n", "no rows"),
+        (table("force_n", "1"), "'time_s' is missing; allowed columns: time_s, force_n"),
+        (table("time_s,force_mn", "0,1"), "'force_mn': unknown unit; allowed columns"),
+        (table("time_ms,force_n", "0,1"), "'time_ms': unknown unit"),
+        (table("time_s,x_mm", "0,1"), "exactly one of the columns force_n, .* none is there"),
+        (table("time_s,force_n,pressure_pa", "0,1,2"), "force_n and pressure_pa are there"),
+        (table("time_s,force_n", "0,1", "1,two"), "row 3, column 'force_n': 'two' is not a number"),
+        (table("time_s,force_n", "0,1", "1,inf"), "row 3, column 'force_n': 'inf'"),
+        (table("time_s,force_n", "0,1", ",2"), "row 3, column 'time_s': every row"),
+        (table("time_s,force_n", "0,1", "2,1", "1,1", "3,1"), "row 4, .*1 goes back"),
+        (table("time_s,force_n", "0,1", "1,1", "2,1"), "only 3 readings, at least 4"),
+        (table("time_s,force_n,station", "0,1,0.5", "1,1,1"), "row 2, column 'station': 0.5"),
+        (table("time_s,force_n,station", "0,1,-1", "1,1,1"), "row 2, column 'station': -1"),
+        (table("time_s,force_n,force_n", "0,1,2"), "twice"),
+        ("time_s;force_n\n0;1\n", "'time_s' is missing"),
+        (table("time_s,force_n", "0,1,2,3"), "not a table|every row|not a number"),
+        (
+            table("time_s,force_n,station", *[f"{n},1,{s}" for s in (1, 2, 1) for n in range(5)]),
+            "row 12: station 1 again",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_with_column_and_row(text: str, said: str, tmp_path: Path) -> None:
+    source = csv(tmp_path / "bad.csv", text)
+    with pytest.raises(CsvError, match=said) as caught:
+        import_csv(source, tmp_path / "a.run")
+    assert str(source) in str(caught.value)
+    assert not (tmp_path / "a.run").exists()
+
+
+def test_files_that_cannot_be_read(tmp_path: Path) -> None:
+    (tmp_path / "a.csv.gz").write_bytes(b"no gzip")
+    (tmp_path / "b.csv").write_bytes(b"time_s,force_n\n\xff\xfe\n")
+    for name, said in (("c.csv", "no such file"), ("a.csv.gz", "cannot be read"), ("b.csv", "UTF")):
+        with pytest.raises(CsvError, match=said):
+            import_csv(tmp_path / name, tmp_path / "a.run")
+
+
+def test_a_gzip_bomb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("probe.storage.csv_columns.MAX_BYTES", 10_000)
+    (tmp_path / "a.csv.gz").write_bytes(gzip.compress(b"0" * 10**7))
+    with pytest.raises(CsvError, match="larger than"):
+        import_csv(tmp_path / "a.csv.gz", tmp_path / "a.run")
+
+
+def test_a_run_is_not_overwritten(tmp_path: Path) -> None:
+    source = csv(tmp_path / "a.csv", table("time_s,force_n", *STEADY))
+    import_csv(source, tmp_path / "a.run")
+    with pytest.raises(StoreError, match="never overwritten"):
+        import_csv(source, tmp_path / "a.run")
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.one_of(
+        st.binary(max_size=400),
+        st.builds(
+            lambda header, rows: (header + "\n" + "\n".join(rows)).encode(),
+            st.sampled_from(["time_s,force_n", "time_s,pressure_pa,x_mm,station,reference"]),
+            st.lists(st.text(alphabet='0123456789.,-+eEnaN "\r\x00;#', max_size=30), max_size=12),
+        ),
+    )
+)
+def test_no_bytes_break_the_reader(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "a.csv").write_bytes(content)
+    try:
+        read = read_csv(tmp_path / "a.csv")
+    except CsvError:
+        return
+    for press in read.presses:
+        assert (np.diff(press.time_s) > 0).all()
+        assert np.isfinite(press.signal).all()
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="the real recordings are not on this machine")
+def test_real_recordings(tmp_path: Path) -> None:
+    meat = pd.read_csv(REAL / "meat_indent_hold.csv")
+    meat = meat.rename(columns={"curve": "station", "t_s": "time_s"})
+    meat.to_csv(tmp_path / "meat.csv", index=False)
+    imported = import_csv(tmp_path / "meat.csv", tmp_path / "meat.run")
+    assert (imported.stations, imported.samples) == (30, len(meat))
+    assert imported.notes[0] == "columns left out: displacement_mm"
+    assert verify(imported.path).ok
+    pulse = pd.read_csv(REAL / "radial_pulse.csv.gz")
+    pulse["station"] = pulse.groupby("record", sort=False).ngroup()
+    pulse = pulse.rename(columns={"t_s": "time_s", "optical": "reference"})
+    pulse[pulse["station"] < 3].to_csv(tmp_path / "pulse.csv.gz", index=False)
+    imported = import_csv(tmp_path / "pulse.csv.gz", tmp_path / "pulse.run")
+    assert verify(imported.path).ok
+    recording = open_run(imported.path).recording()
+    assert len(recording.stations) == 3
+    assert recording.quantum_pa == pytest.approx(10.0)  # 0.1 mbar
+    assert len(recording.stations[0].reference) == len(recording.stations[0].time_s)

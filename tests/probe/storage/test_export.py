@@ -1,0 +1,82 @@
+"""Runs for other programs: the numbers and their units arrive."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pandas as pd
+import pytest
+import xarray as xr
+
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.storage.export import export
+from probe.storage.run import RunFileError, open_run
+
+RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
+    return scan(RIG, "TIHA", tmp_path_factory.mktemp("runs"), seed=4, respond=winkler).path
+
+
+def test_csv(path: Path, tmp_path: Path) -> None:
+    written = {p.name.removeprefix(f"{path.stem}-"): p for p in export(path, ["csv"], tmp_path)}
+    assert set(written) == {
+        "stations.csv",
+        "config.json",
+        "force-simulated.csv",
+        "stage-simulated.csv",
+    }
+    data, table = open_run(path).samples(), pd.read_csv(written["force-simulated.csv"])
+    assert list(table)[:5] == ["time_s", "station", "attempt", "phase", "force_N"]
+    assert (table["force_N"].to_numpy() == data["force"].values).all()  # to the bit
+    assert (table["time_s"].to_numpy() == data["time_s"].values).all()
+    assert pd.read_csv(written["stations.csv"])["x_mm"].to_list() == pytest.approx([28, 32])
+    about = json.loads(written["config.json"].read_text())
+    assert about["seed"] == 4
+    assert "force.force" in about["simulated"]
+
+
+def test_hdf5(path: Path, tmp_path: Path) -> None:
+    (written,) = export(path, ["hdf5"], tmp_path)
+    data = open_run(path).samples()
+    with h5py.File(written) as file:
+        assert file["force/force"].attrs["units"] == "N"
+        assert file["force/force"].attrs["simulated"] == 1
+        assert file["stage/z"].attrs["units"] == "m"
+        assert file["stations/x_mm"].attrs["units"] == "mm"
+        assert (file["force/force"][:] == data["force"].values).all()
+        assert "holding" in file["force/phase"].asstr()[:]
+        assert json.loads(file["config"].asstr()[()])["rig"]["scan"]["stations"] == 2
+        assert "stage.z" in file.attrs["simulated"]
+
+
+def test_netcdf(path: Path, tmp_path: Path) -> None:
+    (written,) = export(path, ["netcdf"], tmp_path)
+    data = open_run(path).samples()
+    with xr.open_dataset(written, group="force", engine="h5netcdf") as found:
+        assert found["force"].attrs["units"] == "N"
+        np.testing.assert_array_equal(found["force"], data["force"])
+        np.testing.assert_array_equal(found["phase"], data["phase"])
+        assert found["force_saturated"].dtype == bool
+    with xr.open_dataset(written, engine="h5netcdf") as found:
+        assert found["x_mm"].attrs["units"] == "mm"
+        assert found["complete"].values.all()
+        assert json.loads(found.attrs["config"])["seed"] == 4
+
+
+def test_again_replaces(path: Path, tmp_path: Path) -> None:
+    first = export(path, ["csv", "hdf5", "netcdf"], tmp_path)
+    assert export(path, ["csv", "hdf5", "netcdf"], tmp_path) == first
+
+
+def test_wrong_formats_and_runs_are_named(path: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="'matlab': known are csv, hdf5, netcdf"):
+        export(path, ["csv", "matlab"], tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    with pytest.raises(RunFileError):
+        export(tmp_path / "missing.run", ["csv"], tmp_path)

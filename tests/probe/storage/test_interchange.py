@@ -1,0 +1,136 @@
+"""What is exported opens elsewhere, and comes back to the bit."""
+
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+from pyarrow import parquet
+from rosbags.rosbag2.storage_mcap import McapReader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.storage.csv_import import CsvError, import_csv
+from probe.storage.export import export
+from probe.storage.run import open_run
+
+RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
+    return scan(RIG, "TIHA", tmp_path_factory.mktemp("runs"), seed=4, respond=winkler).path
+
+
+def messages(file: Path, topic: str) -> list[Any]:
+    """The messages of one topic by rosbags, which has its own MCAP reader and CDR decoder."""
+    store = get_typestore(Stores.EMPTY)
+    reader = McapReader(file)
+    reader.open()
+    try:
+        (channel,) = (c for c in reader.connections if c.topic == topic)
+        types = get_types_from_msg(channel.msgdef.data, channel.msgtype)
+        store.register({k: v for k, v in types.items() if k not in store.fielddefs})
+        return [
+            store.deserialize_cdr(data, channel.msgtype)
+            for _, _, data in reader.messages(connections=[channel])
+        ]
+    finally:
+        reader.close()
+
+
+def test_mcap_samples_are_read_to_the_bit_by_another_library(path: Path, tmp_path: Path) -> None:
+    (file,) = export(path, ["mcap"], tmp_path)
+    data, read = open_run(path).samples("force"), messages(file, "/force/sample")
+    assert np.array_equal([m.time_s for m in read], data["time_s"].values)
+    for name in ("force", "von_mises"):
+        assert np.array_equal([getattr(m, name) for m in read], data[name].values)
+    assert np.array_equal([m.station for m in read], data["station"].values)
+    assert np.array_equal([m.force_saturated for m in read], data["force_saturated"].values)
+    holding = read[0].PHASE_HOLDING
+    assert np.array_equal([m.phase == holding for m in read], data["phase"].values == "holding")
+    stamps = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in read])
+    assert np.diff(stamps) == pytest.approx(np.diff(data["time_s"].values), abs=1e-6)
+
+
+def test_mcap_has_what_viewers_know(path: Path, tmp_path: Path) -> None:
+    (file,) = export(path, ["mcap"], tmp_path)
+    run = open_run(path)
+    wrench = messages(file, "/force/wrench")
+    assert np.array_equal([m.wrench.force.z for m in wrench], run.samples()["force"].values)
+    pose = messages(file, "/stage/pose")
+    assert np.array_equal([m.pose.position.z for m in pose], run.samples("stage")["z"].values)
+    assert {m.pose.orientation.w for m in pose} == {1.0}
+    assert {m.header.frame_id for m in pose} == {"scan"}
+    with file.open("rb") as stream:
+        reader = make_reader(stream, validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        units = {c.topic: c.metadata.get("unit of force") for c in summary.channels.values()}
+        assert units["/force/sample"] == "N"
+        (about,) = reader.iter_attachments()
+        assert b'"TIHA"' in about.data
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) -> None:
+    files = export(path, [form], tmp_path)
+    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    back = open_run(import_csv(file, tmp_path / "back.run", face_mm2=100.0).path)
+    then, now = open_run(path).samples(), back.samples()
+    pressed = then.isel(time_s=then["station"].values >= 0)
+    assert np.array_equal(now["force"].values, pressed["force"].values)
+    assert np.array_equal(now["time_s"].values, pressed["time_s"].values)
+    assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
+
+
+def test_parquet_carries_units(path: Path, tmp_path: Path) -> None:
+    file = next(f for f in export(path, ["parquet"], tmp_path) if "-force-" in f.name)
+    schema = parquet.read_schema(file)
+    assert schema.field("force_N").metadata == {b"units": b"N"}
+    assert schema.field("time_s").metadata == {b"units": b"s"}
+
+
+def wrenches(file: Path, topics: dict[str, list[float]]) -> None:
+    """An MCAP file as a ROS 2 recorder writes it: one WrenchStamped per force, 10 ms apart."""
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("geometry_msgs/msg/WrenchStamped", "ros2msg", b"")
+        for topic, forces in topics.items():
+            channel = writer.register_channel(topic, "cdr", schema)
+            for n, force in enumerate(forces):
+                head = struct.pack("<iII", 100, n * 10_000_000, 5) + b"tool\0"
+                body = head.ljust(-(-len(head) // 8) * 8, b"\0")
+                body += struct.pack("<6d", 1.0, 2.0, force, 0.0, 0.0, 0.0)
+                writer.add_message(channel, n, b"\0\1\0\0" + body, n)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+def test_wrenches_of_others_are_imported(tmp_path: Path) -> None:
+    forces = [0.1 * n for n in range(20)]
+    wrenches(tmp_path / "other.mcap", {"/ft": forces})
+    run = open_run(import_csv(tmp_path / "other.mcap", tmp_path / "a.run", face_mm2=50.0).path)
+    assert run.samples()["force"].values.tolist() == forces
+    assert np.diff(run.samples()["time_s"].values) == pytest.approx(0.01)
+
+
+def test_of_two_wrenches_one_must_be_named(tmp_path: Path) -> None:
+    file = tmp_path / "two.mcap"
+    wrenches(file, {"/a": [1.0] * 9, "/b": [2.0] * 9})
+    with pytest.raises(CsvError, match=r"--topic must name one topic.*found: /a, /b"):
+        import_csv(file, tmp_path / "a.run")
+    made = import_csv(file, tmp_path / "b.run", topic="/b")
+    assert set(open_run(made.path).samples()["force"].values) == {2.0}
+
+
+@pytest.mark.parametrize("ending", [".mcap", ".parquet", ".h5", ".nc"])
+def test_a_file_that_is_none_is_refused(ending: str, tmp_path: Path) -> None:
+    file = tmp_path / f"none{ending}"
+    file.write_bytes(b"nothing of the kind" * 10)
+    with pytest.raises(CsvError, match="none"):
+        import_csv(file, tmp_path / "a.run")

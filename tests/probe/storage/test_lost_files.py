@@ -1,0 +1,320 @@
+"""Runs that are deleted, moved, linked, looked at or damaged while a scan writes them or after."""
+
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, example, given, settings
+from hypothesis import strategies as st
+from paths import ROOT
+
+from drivers import Block, Channel
+from probe.acquisition.commands import Control
+from probe.acquisition.remote import ask, listening
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.core.errors import RunFileError
+from probe.core.events import Event, Finish, RunEnded, RunStarted, Samples, StationStarted
+from probe.storage.run import NotBegun, open_run
+from probe.storage.verify import verify
+from probe.storage.writer import Store, StoreError, create_store, reopen_store
+
+CHANNELS = {"cell": (Channel("force", "N", "force", simulated=True),)}
+STARTED = RunStarted(
+    0.0, "2026-01-01T00:00:00+00:00", {"plan": {"stations": [[0, 1, 0]]}}, CHANNELS
+)
+HEADER, FRAME = 32, 24 + 4096  # bytes of the log's header and of each page in it
+
+
+def samples(n: int) -> Samples:
+    time_s = 0.05 * n + 2e-3 * np.arange(1, 26)
+    values = np.sin(time_s)[:, None]
+    return Samples("cell", Block(time_s, values, values > 2), 0, 1)
+
+
+def write(store: Store, blocks: int) -> None:
+    """Events, one commit each; the last stay in the log."""
+    store(STARTED)
+    store(StationStarted(0.0, 0, 1, 1e-3, 0.0))
+    for n in range(blocks):
+        store(samples(n))
+        store.flush()
+
+
+def killed(folder: Path, blocks: int = 60) -> Path:
+    """A run as `kill -9` leaves it: a copy of the file and its log, while both are written."""
+    folder.mkdir(exist_ok=True)
+    source = folder / "source.run"
+    with create_store(source) as store:
+        write(store, blocks)
+        for end in ("", "-wal"):
+            shutil.copyfile(f"{source}{end}", folder / f"killed.run{end}")
+    return folder / "killed.run"
+
+
+@pytest.fixture(scope="module")
+def killed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return killed(tmp_path_factory.mktemp("killed"))
+
+
+def log(path: Path) -> Path:
+    return path.with_name(path.name + "-wal")
+
+
+def delete(path: Path) -> None:
+    path.unlink()
+
+
+def replace(path: Path) -> None:
+    path.with_suffix(".other").write_bytes(b"another file")
+    path.with_suffix(".other").rename(path)
+
+
+def move(path: Path) -> None:
+    path.rename(path.with_suffix(".moved"))
+
+
+def delete_log(path: Path) -> None:
+    log(path).unlink()
+
+
+def delete_all(path: Path) -> None:
+    shutil.rmtree(path.parent)
+
+
+@pytest.mark.parametrize("harm", [delete, replace, move, delete_log, delete_all])
+def test_a_run_that_goes_while_it_is_written_stops_the_scan_and_is_kept(
+    harm: Callable[[Path], None], tmp_path: Path
+) -> None:
+    path = tmp_path / "runs" / "a.run"
+    with create_store(path) as store:
+        write(store, 5)
+        harm(path)
+        with pytest.raises(StoreError, match=r"deleted, moved or replaced.*kept in .*rescued"):
+            for n in range(5, 9):
+                store(samples(n))
+                store.flush()
+    assert store.path == path.with_name("a-rescued.run")
+    report = verify(store.path)
+    assert report.ok, report.problems
+    assert report.samples["cell"] >= 6 * 25
+    reopen_store(store.path).close()
+
+
+def test_a_scan_says_where_a_replaced_run_is_kept(tmp_path: Path, winkler: Any) -> None:
+    def harm(event: Event) -> None:
+        if isinstance(event, StationStarted) and event.station == 1:
+            for path in tmp_path.glob("*.run"):
+                replace(path)
+
+    rig = Rig.model_validate({"scan": {"start_mm": 24, "stations": 4}})
+    done = scan(rig, "TIHA", tmp_path, observers=[harm], respond=winkler)
+    assert done.ended.finish is Finish.FAULTED
+    assert done.path.name.endswith("-rescued.run")
+    assert str(done.path) in done.ended.reason
+    report = verify(done.path)
+    assert report.ok, report.problems
+    assert report.stations_complete == 1
+
+
+LOOK = """
+import sqlite3, sys
+connection = sqlite3.connect(sys.argv[1])
+print(connection.execute("SELECT count(*) FROM event").fetchone()[0])
+connection.close()  # the last to close a database deletes its log
+"""
+
+
+@pytest.mark.parametrize("look", ["not at all", "read", "try to write"])
+def test_looking_at_a_run_in_the_scanning_process_keeps_its_locks(
+    look: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 5)
+        if look == "read":
+            assert open_run(path).finish is None
+            assert verify(path).ok
+        elif look == "try to write":
+            with pytest.raises(StoreError, match="another scan"):
+                reopen_store(path)
+        other = subprocess.run([sys.executable, "-c", LOOK, path], capture_output=True, check=True)
+        assert int(other.stdout) == 7
+        assert log(path).exists()
+        write_more = [samples(n) for n in range(5, 9)]
+        for event in write_more:
+            store(event)
+            store.flush()
+        for end in ("", "-wal"):
+            shutil.copyfile(f"{path}{end}", tmp_path / f"b.run{end}")
+    assert verify(tmp_path / "b.run").samples == {"cell": 9 * 25}
+
+
+def test_a_killed_run_is_whole_through_a_link(tmp_path: Path) -> None:
+    path = killed(tmp_path / "runs")
+    whole = verify(path)
+    assert whole.ok
+    assert whole.events == 62
+    link = tmp_path / "latest.run"
+    link.symlink_to(path)
+    assert verify(link).events == whole.events
+    assert sum(1 for _ in open_run(link).events()) == whole.events
+    with reopen_store(link) as store:
+        store(RunEnded(9.0, Finish.ABORTED, ""))
+    assert verify(path).events == whole.events + 1
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["latest.run", "runs"]
+
+
+def test_a_scan_is_reached_through_a_link(tmp_path: Path) -> None:
+    path, link = tmp_path / "a.run", tmp_path / "latest.run"
+    path.touch()
+    link.symlink_to(path)
+    control = Control()
+    with listening(control, path):
+        ask(link, "abort")
+
+
+def test_a_killed_run_under_a_second_name_is_not_taken_for_whole(tmp_path: Path) -> None:
+    path = killed(tmp_path)
+    other = tmp_path / "other.run"
+    os.link(path, other)
+    report = verify(other)
+    assert not report.ok
+    assert "RUN-wal is not beside it" in report.problems[0]
+    with pytest.raises(StoreError, match="hard link"):
+        reopen_store(other)
+
+
+def test_a_lost_log_is_said(tmp_path: Path) -> None:
+    path = killed(tmp_path)
+    log(path).unlink()
+    report = verify(path)
+    assert not report.ok
+    assert "RUN-wal is not beside it" in report.problems[0]
+
+
+@settings(
+    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@example(17)  # the salt of the log itself
+@example(HEADER + 12)  # the salt of the first page
+@example(HEADER + 100)
+@example(HEADER + 20 * FRAME + 500)
+@given(st.integers(0, HEADER + 35 * FRAME))
+def test_a_flipped_bit_of_a_log_is_said_or_harmless(
+    tmp_path: Path, killed_once: Path, at: int
+) -> None:
+    path = tmp_path / "flipped.run"
+    shutil.copyfile(killed_once, path)
+    content = bytearray(log(killed_once).read_bytes())
+    content[at] ^= 1
+    log(path).write_bytes(content)
+    Path(f"{path}-shm").unlink(missing_ok=True)
+    report = verify(path)
+    assert report.ok == (report.events == 62), report.problems
+
+
+def test_a_damaged_log_is_kept_when_a_run_goes_on(tmp_path: Path) -> None:
+    path = killed(tmp_path)
+    content = bytearray(log(path).read_bytes())
+    content[HEADER + 100] ^= 1
+    log(path).write_bytes(content)
+    report = verify(path)
+    assert report.events < 62
+    assert "pages of killed.run-wal cannot be read" in report.problems[0]
+    with reopen_store(path) as store:
+        kept = log(path).with_name("killed.run-wal-damaged")
+        assert kept.read_bytes() == content
+        store(RunEnded(9.0, Finish.ABORTED, ""))
+    assert verify(path).ok
+
+
+def test_a_log_that_was_used_twice_is_sound(tmp_path: Path) -> None:
+    path = killed(tmp_path, blocks=400)  # frames of an earlier generation stay behind the new
+    assert verify(path).ok
+    assert verify(path).events == 402
+
+
+def test_a_lost_end_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 9)
+    assert verify(path).ok
+    with sqlite3.connect(path, isolation_level=None) as other:
+        other.execute("DELETE FROM event WHERE id > 8")
+    other.close()
+    assert verify(path).problems == (
+        "seal: 8 events, but there were 11 when the scan closed the file",
+    )
+
+
+WRITER = """
+import sys
+from pathlib import Path
+from probe.storage.run import open_run
+from probe.storage.writer import create_store
+events = list(open_run(sys.argv[1]).events())
+for n in range(60):
+    with create_store(Path(sys.argv[2]) / f"{n}.run") as store:
+        for event in events:
+            store(event)
+"""
+
+
+def test_a_run_is_read_at_the_instant_it_is_begun_and_closed(tmp_path: Path) -> None:
+    source = tmp_path / "source.run"
+    with create_store(source) as store:
+        write(store, 3)
+    out = tmp_path / "out"
+    out.mkdir()
+    with subprocess.Popen([sys.executable, "-c", WRITER, source, out], cwd=ROOT) as writer:
+        reads = 0
+        while writer.poll() is None:
+            for path in sorted(out.glob("*.run"), key=os.path.getmtime)[-1:]:
+                with suppress(NotBegun):
+                    open_run(path)
+                    assert open_run(path).finish is None
+                    reads += 1
+    assert writer.returncode == 0
+    assert reads > 20
+
+
+@pytest.mark.parametrize("command", ["ANALYZE", "PRAGMA optimize", "PRAGMA wal_checkpoint"])
+def test_what_other_programs_do_to_a_database_keeps_it_a_run(command: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 3)
+        with sqlite3.connect(path, isolation_level=None) as other:
+            other.execute(command)
+        other.close()
+        store(samples(3))
+    assert verify(path).ok
+    reopen_store(path).close()
+
+
+def test_a_trigger_behind_many_tables_is_found(tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 3)
+    copies = (
+        "INSERT INTO sqlite_schema SELECT s.type, s.name || x, s.tbl_name, s.rootpage, s.sql FROM "
+        "sqlite_schema s, (WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c WHERE "
+        "x < 10) SELECT x FROM c)"
+    )
+    trap = "CREATE TRIGGER zz AFTER INSERT ON event BEGIN DELETE FROM event; END"
+    with sqlite3.connect(path, isolation_level=None) as other:
+        other.execute("PRAGMA writable_schema = 1")
+        other.execute(copies)
+        other.execute("INSERT INTO sqlite_schema VALUES ('trigger', 'zz', 'event', 0, ?)", (trap,))
+    other.close()
+    for reader in (open_run, verify, reopen_store):
+        with pytest.raises(RunFileError):
+            reader(path)

@@ -1,0 +1,206 @@
+"""What `palpate verify` finds; damage to the file itself is in test_run.py."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.core.events import (
+    Event,
+    Finish,
+    Note,
+    Phase,
+    PhaseEntered,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
+from probe.storage.run import open_run
+from probe.storage.verify import Report, verify
+from probe.storage.writer import create_store
+
+Tamper = Callable[[list[Event]], list[Event]]
+
+
+@pytest.fixture(scope="module")
+def events(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> list[Event]:
+    rig = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
+    ran = scan(rig, "TIHA", tmp_path_factory.mktemp("runs"), respond=winkler)
+    return list(open_run(ran.path).events())
+
+
+def stored(events: list[Event], path: Path) -> Report:
+    with create_store(path) as store:
+        for event in events:
+            store(event)
+    return verify(path)
+
+
+def test_a_sound_run(events: list[Event], tmp_path: Path) -> None:
+    report = stored(events, tmp_path / "a.run")
+    assert report.ok
+    assert (report.stations_complete, report.stations_planned, report.attempts) == (2, 2, 2)
+    assert report.finish is Finish.COMPLETED
+    assert report.samples["force"] == pytest.approx(2 * 500 * 2.75, rel=0.1)
+    assert report.events == len(events)
+
+
+def test_a_run_cut_off_anywhere_is_sound(events: list[Event], tmp_path: Path) -> None:
+    for n, length in enumerate(range(1, len(events), 7)):
+        report = stored(events[:length], tmp_path / f"{n}.run")
+        assert report.ok, report.problems
+        assert report.finish is None
+
+
+def test_a_note_while_a_press_is_being_closed_is_in_order(
+    events: list[Event], tmp_path: Path
+) -> None:
+    at, ended = next((n, e) for n, e in enumerate(events) if isinstance(e, StationEnded))
+    note = Note(ended.time_s + 0.004, "warning", "observer", "window closed")
+    assert stored([*events[:at], note, *events[at:]], tmp_path / "a.run").ok
+    early = replace(note, time_s=ended.time_s - 3.0)
+    assert not stored([*events[: at + 1], early, *events[at + 1 :]], tmp_path / "b.run").ok
+
+
+def samples_of(events: list[Event], station: int) -> list[int]:
+    return [n for n, e in enumerate(events) if isinstance(e, Samples) and e.station == station]
+
+
+def swapped(events: list[Event]) -> list[Event]:
+    first, second = samples_of(events, 0)[4:7:2]
+    events[first], events[second] = events[second], events[first]
+    return events
+
+
+def twice(events: list[Event]) -> list[Event]:
+    at = samples_of(events, 1)[3]
+    return [*events[: at + 1], events[at], *events[at + 1 :]]
+
+
+def mislabelled(events: list[Event]) -> list[Event]:
+    at = samples_of(events, 1)[3]
+    one = events[at]
+    assert isinstance(one, Samples)
+    return [*events[:at], replace(one, station=0), *events[at + 1 :]]
+
+
+def unlabelled(events: list[Event]) -> list[Event]:
+    at = samples_of(events, 1)[3]
+    one = events[at]
+    assert isinstance(one, Samples)
+    return [*events[:at], replace(one, station=None, attempt=None), *events[at + 1 :]]
+
+
+def tail_lost(events: list[Event]) -> list[Event]:
+    lost = set(samples_of(events, 1)[-12:])
+    return [e for n, e in enumerate(events) if n not in lost]
+
+
+def without_hold(events: list[Event]) -> list[Event]:
+    return [e for e in events if not (isinstance(e, PhaseEntered) and e.phase is Phase.HOLDING)]
+
+
+def station_missing(events: list[Event]) -> list[Event]:
+    return [
+        replace(e, complete=False) if isinstance(e, StationEnded) and e.station == 1 else e
+        for e in events
+    ]
+
+
+def renumbered(events: list[Event]) -> list[Event]:
+    return [
+        replace(e, attempt=3)
+        if isinstance(e, StationStarted | StationEnded) and e.station == 1
+        else e
+        for e in events
+    ]
+
+
+def elsewhere(events: list[Event]) -> list[Event]:
+    return [
+        replace(e, x_m=e.x_m + 1e-4) if isinstance(e, StationStarted) and e.station == 1 else e
+        for e in events
+    ]
+
+
+def never_begun(events: list[Event]) -> list[Event]:
+    return [e for e in events if not (isinstance(e, StationStarted) and e.station == 1)]
+
+
+def back_in_time(events: list[Event]) -> list[Event]:
+    return [replace(e, time_s=0.1) if isinstance(e, RunEnded) else e for e in events]
+
+
+def after_the_end(events: list[Event]) -> list[Event]:
+    return [*events, PhaseEntered(99.0, Phase.FINISHED, None)]
+
+
+def other_channels(events: list[Event]) -> list[Event]:
+    at = samples_of(events, 1)[3]
+    one = events[at]
+    assert isinstance(one, Samples)
+    wide = replace(
+        one.block,
+        values=np.repeat(one.block.values, 2, axis=1),
+        saturated=np.repeat(one.block.saturated, 2, axis=1),
+    )
+    return [*events[:at], replace(one, block=wide), *events[at + 1 :]]
+
+
+def timeless(events: list[Event]) -> list[Event]:
+    at = samples_of(events, 1)[3]
+    one = events[at]
+    assert isinstance(one, Samples)
+    time_s = one.block.time_s.copy()
+    time_s[len(time_s) // 2] = np.nan
+    return [*events[:at], replace(one, block=replace(one.block, time_s=time_s)), *events[at + 1 :]]
+
+
+def no_beginning(events: list[Event]) -> list[Event]:
+    return [e for e in events if not isinstance(e, RunStarted)]
+
+
+@pytest.mark.parametrize(
+    ("tamper", "said"),
+    [
+        (swapped, "out of order"),
+        (twice, "samples of .* twice"),
+        (mislabelled, "do not belong to station 0"),
+        (unlabelled, "belong to station 1"),
+        (tail_lost, "its last samples are not in"),
+        (without_hold, "complete without holding"),
+        (without_hold, "retracting cannot follow indenting"),
+        (station_missing, "ended as completed without stations [1]"),
+        (renumbered, "attempt 3 at station 1 should be 1"),
+        (elsewhere, "not where it was planned"),
+        (never_begun, "do not belong to station 1"),
+        (back_in_time, "at 0.1000 s, after one at"),
+        (after_the_end, "outside of a run"),
+        (other_channels, "does not fit the channels"),
+        (timeless, "out of order"),
+        (no_beginning, "the run has no beginning"),
+    ],
+)
+def test_what_is_wrong_is_said(
+    tamper: Tamper, said: str, events: list[Event], tmp_path: Path
+) -> None:
+    report = stored(tamper(list(events)), tmp_path / "a.run")
+    assert not report.ok
+    words = said.split(".*")
+    assert any(all(word in problem for word in words) for problem in report.problems), (
+        report.problems
+    )
+    assert report.as_json()["ok"] is False
+
+
+def test_problems_are_counted_not_flooded(events: list[Event], tmp_path: Path) -> None:
+    report = stored([*events, *[PhaseEntered(0.0, Phase.HOLDING, None)] * 300], tmp_path / "a.run")
+    assert len(report.problems) == 101
+    assert report.problems[-1].startswith("and ")

@@ -1,0 +1,324 @@
+"""The run file's writer."""
+
+import os
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from paths import ROOT
+
+import probe.storage.disk
+import probe.storage.writer
+from drivers import Block, Channel
+from probe.acquisition.session import scan
+from probe.core.events import (
+    Event,
+    Finish,
+    Note,
+    Phase,
+    PhaseEntered,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
+from probe.storage.rows import Row, from_row, to_row
+from probe.storage.run import RunFileError, open_run
+from probe.storage.schema import VERSION, create
+from probe.storage.verify import verify
+from probe.storage.writer import Store, StoreError, create_store, reopen_store
+
+CHANNELS = {"cell": (Channel("force", "N", "force", simulated=True),)}
+STARTED = RunStarted(
+    0.0, "2026-01-01T00:00:00+00:00", {"plan": {"stations": [[0, 1, 0]]}}, CHANNELS
+)
+
+
+def samples(start_s: float, n: int = 25, station: int | None = 0) -> Samples:
+    time_s = start_s + 2e-3 * np.arange(1, n + 1)
+    values = np.sin(time_s)[:, None]
+    attempt = None if station is None else 1
+    return Samples("cell", Block(time_s, values, values > 0.9), station, attempt)
+
+
+def short_run(store: Store, blocks: int = 5) -> None:
+    store(STARTED)
+    store(StationStarted(0.0, 0, 1, 1e-3, 0.0))
+    for n in range(blocks):
+        store(samples(0.05 * n))
+
+
+def one(connection: sqlite3.Connection, query: str) -> Any:
+    return connection.execute(query).fetchone()[0]
+
+
+def same(a: Event, b: Event) -> bool:
+    if isinstance(a, Samples) and isinstance(b, Samples):
+        arrays = ("time_s", "values", "saturated")
+        return (a.device, a.station, a.attempt, a.block.lost) == (
+            b.device,
+            b.station,
+            b.attempt,
+            b.block.lost,
+        ) and all(getattr(a.block, n).tobytes() == getattr(b.block, n).tobytes() for n in arrays)
+    return a == b
+
+
+def test_every_event_comes_back_as_it_was(tmp_path: Path) -> None:
+    told: list[Event] = [
+        STARTED,
+        PhaseEntered(0.0, Phase.CONNECTING, None),
+        StationStarted(0.1, 0, 1, 1e-3, 0.0),
+        samples(0.1),
+        Note(0.2, "warning", "cell", "Kraft über 1 N"),
+        StationEnded(0.3, 0, 1, complete=False),
+        RunEnded(0.3, Finish.ABORTED, "enough"),
+    ]
+    with create_store(tmp_path / "a.run") as store:
+        for event in told:
+            store(event)
+    found = list(open_run(tmp_path / "a.run").events())
+    assert len(found) == len(told)
+    assert all(map(same, told, found))
+
+
+@given(
+    st.integers(0, 40),
+    st.integers(0, 4),
+    st.randoms(use_true_random=False),
+    st.one_of(st.none(), st.integers(0, 10**6)),
+)
+def test_samples_are_kept_to_the_bit(n: int, channels: int, random: Any, station: Any) -> None:
+    draw = np.random.default_rng(random.getrandbits(32))
+    bits = draw.integers(0, 2**64, (n, channels), dtype=np.uint64)
+    block = Block(
+        np.sort(draw.normal(size=n)), bits.view(np.float64), bits % 2 == 0, int(bits.sum() % 100)
+    )
+    event = Samples("d", block, station, None if station is None else 1)
+    assert same(event, from_row(to_row(event)))
+
+
+@settings(max_examples=200)
+@given(st.text(max_size=200), st.sampled_from(["run_started", "samples", "note", "x"]))
+def test_no_row_of_nonsense_is_believed(body: str, kind: str) -> None:
+    with pytest.raises(RunFileError):
+        from_row(Row(kind, body, b"", b"", b""))
+
+
+def test_rows_that_lie_about_their_shape_are_refused() -> None:
+    row = to_row(samples(0.0))
+    for wrong in ("[25,2]", "[24,1]", "[2147483648,1]", "[-1,1]", "[25]", '"25"'):
+        with pytest.raises(RunFileError):
+            from_row(row._replace(body=row.body.replace("[25,1]", wrong)))
+    with pytest.raises(RunFileError, match=r"nest|recursion|JSON"):
+        from_row(Row("note", "[" * 100_000, None, None, None))
+
+
+def test_safe_modes_are_on_and_said_in_the_file(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        assert one(store._connection, "PRAGMA journal_mode") == "wal"
+        assert one(store._connection, "PRAGMA synchronous") == 2
+        assert one(store._connection, "PRAGMA user_version") == VERSION
+    with sqlite3.connect(tmp_path / "a.run") as other:
+        assert one(other, "PRAGMA journal_mode") == "wal"
+
+
+@pytest.mark.parametrize("kind", ["nfs4", "cifs", "9p", "fuse.sshfs"])
+def test_network_file_systems_are_refused(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(probe.storage.disk, "file_system", lambda _path: kind)
+    with pytest.raises(StoreError, match=rf"network file system \({kind}\).*local disk"):
+        create_store(tmp_path / "a.run")
+    assert not (tmp_path / "a.run").exists()
+
+
+def test_the_file_system_of_a_path_is_known() -> None:
+    assert probe.storage.disk.file_system(Path("/proc/self")) == "proc"
+
+
+def test_a_file_system_without_a_log_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="journal mode is memory"):
+        probe.storage.disk.make_safe(sqlite3.connect(":memory:"), tmp_path / "a.run")
+
+
+def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store, blocks=0)
+        waited_s: list[float] = []
+        for n in range(8):
+            store.flush()
+            began_s = time.monotonic()
+            store(samples(0.05 * n))
+            while store.committed < n + 3:
+                time.sleep(2e-3)
+            waited_s.append(time.monotonic() - began_s)
+            held = open_run(tmp_path / "a.run").samples("cell")
+            assert len(held.time_s) == 25 * (n + 1)
+        assert min(waited_s) < 0.15  # nobody asked for it; the best, since others use the machine
+
+
+def test_the_end_of_a_run_is_committed_when_it_is_told(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+        store(RunEnded(1.0, Finish.ABORTED, "enough"))
+        assert open_run(tmp_path / "a.run").finish is Finish.ABORTED
+
+
+def test_a_run_is_never_overwritten(tmp_path: Path) -> None:
+    create_store(tmp_path / "a.run").close()
+    with pytest.raises(StoreError, match="never overwritten"):
+        create_store(tmp_path / "a.run")
+
+
+def test_only_one_writer(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+        with pytest.raises(StoreError, match="another scan is writing"):
+            reopen_store(tmp_path / "a.run")
+    reopen_store(tmp_path / "a.run").close()
+
+
+def test_a_run_goes_on_only_as_it_began(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+    other = {"cell": (Channel("force", "N", "force"),)}  # now real, then simulated
+    with reopen_store(tmp_path / "a.run") as store:
+        with pytest.raises(StoreError, match=r"already holds samples up to 0\.25 s"):
+            store(STARTED)
+        with pytest.raises(StoreError, match="channels"):
+            store(RunStarted(9.0, "", {}, other))
+        store(RunStarted(9.0, "", STARTED.config, CHANNELS))
+
+
+def test_the_file_refuses_a_station_twice(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+        store(StationStarted(1.0, 0, 1, 1e-3, 0.0))
+        with pytest.raises(StoreError, match="UNIQUE"):
+            store.flush()
+    assert open_run(tmp_path / "a.run").started == STARTED
+
+
+def test_a_number_that_is_none_is_not_stored(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+        store(Note(float("nan"), "info", "x", "y"))
+        with pytest.raises(StoreError, match="not JSON compliant"):
+            store.flush()
+        with pytest.raises(StoreError):
+            store(samples(1.0))
+
+
+def test_a_full_disk_keeps_what_was_committed(tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        short_run(store)
+        store.flush()
+        store._connection.execute("PRAGMA max_page_count = 20")
+        with pytest.raises(StoreError, match=r"disk is full.*committed before is kept"):
+            for n in range(5, 5000):
+                store(samples(0.05 * n))
+                store.flush()
+    report = verify(path)
+    assert report.ok
+    assert report.samples["cell"] >= 5 * 25
+
+
+FULL = """
+import resource, sys
+from pathlib import Path
+resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
+sys.path.insert(0, sys.argv[3])
+from conftest import respond_winkler
+from probe.acquisition.session import scan
+print(scan(scene="TIHA", out=sys.argv[1], respond=respond_winkler).ended.reason)
+"""
+
+
+def test_a_scan_survives_a_file_that_may_not_grow(tmp_path: Path) -> None:
+    tests = ROOT / "tests"
+    done = subprocess.run(
+        [sys.executable, "-c", FULL, str(tmp_path), "500000", str(tests)],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tests.parent,
+        env={**os.environ, "PYTHONPATH": str(tests.parent)},
+        timeout=200,
+    )
+    assert "can no longer be stored" in done.stdout
+    (path,) = tmp_path.glob("*.run")
+    report = verify(path)
+    assert report.ok, report.problems
+    assert report.events > 10
+    assert report.finish is None
+
+
+def test_a_disk_that_hangs_stops_the_scan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(probe.storage.writer, "LATE_S", 0.3)
+    store = create_store(tmp_path / "a.run")
+    store(STARTED)
+    with sqlite3.connect(tmp_path / "a.run", isolation_level=None) as other:
+        other.execute("BEGIN IMMEDIATE")  # someone holds the file
+        until_s = time.monotonic() + 5
+        with pytest.raises(StoreError, match="not taken anything"):
+            while time.monotonic() < until_s:
+                store(samples(0.05))
+        other.execute("ROLLBACK")
+    other.close()
+    store.close()
+
+
+def test_one_seed_gives_the_same_bytes(tmp_path: Path, winkler: Any) -> None:
+    paths = [scan(scene="TIHA", out=tmp_path / name, seed=3, respond=winkler).path for name in "ab"]
+    query = "SELECT body, times, readings, saturated, sha256 FROM event WHERE kind = 'samples'"
+    one_, two = (sqlite3.connect(path).execute(query).fetchall() for path in paths)
+    assert len(one_) > 1000
+    assert one_ == two
+    assert open_run(paths[0]).config["seed"] == 3
+
+
+def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: Any) -> None:
+    new = scan(scene="TIHA", out=tmp_path, respond=winkler).path
+    old = tmp_path / "old.run"
+    kept = "id, kind, body, times, readings, saturated, sha256"
+    with sqlite3.connect(old, isolation_level=None) as connection:
+        create(connection, version=1)
+        connection.execute("ATTACH ? AS new", (str(new),))
+        connection.execute(f"INSERT INTO main.event ({kept}) SELECT {kept} FROM new.event")
+    connection.close()
+    before = old.read_bytes()
+    assert verify(old).ok
+    assert open_run(old).stations().equals(open_run(new).stations())
+    assert old.read_bytes() == before  # reading changes nothing
+    reopen_store(old).close()
+    with sqlite3.connect(old) as one_, sqlite3.connect(new) as two:
+        assert one(one_, "PRAGMA user_version") == VERSION
+        for query in ("SELECT chain FROM event", "SELECT sql FROM sqlite_schema ORDER BY sql"):
+            assert one_.execute(query).fetchall() == two.execute(query).fetchall()
+
+
+def test_a_damaged_file_is_not_added_to(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+    with sqlite3.connect(tmp_path / "a.run", isolation_level=None) as other:
+        other.execute("UPDATE event SET body = '{}' WHERE id = 1")
+    other.close()
+    for _ in range(2):  # the lock is given back
+        with pytest.raises(RunFileError, match=r"damaged.*palpate verify"):
+            reopen_store(tmp_path / "a.run")
+
+
+def test_an_empty_file_is_not_added_to(tmp_path: Path) -> None:
+    (tmp_path / "a.run").touch()
+    with pytest.raises(RunFileError, match="begin a new scan"):
+        reopen_store(tmp_path / "a.run")

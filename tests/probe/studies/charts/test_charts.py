@@ -1,0 +1,57 @@
+"""The charts' cells and verdicts."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from matplotlib.figure import Figure
+
+from probe.studies.charts.cells import Cell, cells
+from probe.studies.charts.speed_accuracy import pareto
+from probe.studies.charts.stability import draw, judge
+from sim_backend.scene.scene_file import Scene
+
+
+def test_at_least_300_cells_that_are_all_scenes() -> None:
+    all_cells = cells()
+    assert len(all_cells) >= 300
+    assert len({(c.family, c.row, c.value) for c in all_cells}) == len(all_cells)
+    for cell in all_cells[::7]:
+        Scene.model_validate(cell.scene)
+
+
+def cell_of(family: str, row: str, value: str) -> Cell:
+    return next(c for c in cells() if (c.family, c.row, c.value) == (family, row, value))
+
+
+@pytest.mark.parametrize(
+    ("family", "row", "value"),
+    [
+        ("contrast", "TIT, stress", "10000"),
+        ("cover [mm]", "TIT, stress", "0.3"),
+        ("finger at x [mm]", "cylinder, stress", "1"),
+        ("way of loading: depth [mm]", "reversal, stress", "1"),
+    ],
+)
+def test_hard_cells_agree_with_an_independent_solution(family: str, row: str, value: str) -> None:
+    judged = judge(cell_of(family, row, value))
+    assert judged["verdict"] == "solved", judged
+    assert judged["error_pct"] < 5
+
+
+def test_a_limit_is_refused_with_its_physics() -> None:
+    judged = judge(cell_of("pressure [mmHg]", "wall of 25 kPa", "400"))
+    assert judged["verdict"] == "refused"
+    assert "mmHg" in judged["reason"]
+
+
+def test_the_front_is_what_nothing_beats() -> None:
+    table = pd.DataFrame({"seconds": [1.0, 2.0, 3.0, 4.0], "e": [5.0, 6.0, 1.0, np.nan]})
+    assert list(pareto(table, "e").seconds) == [1.0, 3.0]
+
+
+def test_every_verdict_is_drawn() -> None:
+    rows = [
+        {"family": "f", "row": "r", "value": str(n), "verdict": verdict, "error_pct": 1.0}
+        for n, verdict in enumerate(["solved", "breaks", "refused", "wrong", "hangs"])
+    ]
+    assert isinstance(draw(pd.DataFrame(rows)), Figure)

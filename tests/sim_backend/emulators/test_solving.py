@@ -1,0 +1,74 @@
+"""A controller holds a press until its place is solved; serving goes on meanwhile."""
+
+import time
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from emulated_ur import connected
+
+from drivers import Pose, SimulatedClock, WallClock
+from sim_backend import load_scene
+from sim_backend.emulators.solving import Solver
+from sim_backend.models.station_response import respond
+from sim_backend.phantom.phantom import Phantom, Respond, Response
+from sim_backend.scene.scene_file import Scene
+
+OFF_THE_RASTER = (0.0223, 0.0, -0.0015)
+
+
+def never(_scene: Scene, _x_m: float, _depth_m: float) -> Response:
+    raise AssertionError("nothing is solved where it is served")
+
+
+@pytest.fixture
+def solver() -> Iterator[Solver]:
+    phantom = Phantom(load_scene("TI"), WallClock(), never, home=(0.0223, 0.0, 0.004))
+    made = Solver(phantom)
+    yield made
+    made.close()
+
+
+def wait_for(solver: Solver, target: tuple[float, float, float]) -> None:
+    end_s = time.monotonic() + 60
+    while not solver.ready(target):
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
+
+
+def test_a_place_is_solved_elsewhere_and_to_the_digit(solver: Solver) -> None:
+    began = time.monotonic()
+    assert not solver.ready(OFF_THE_RASTER)
+    assert time.monotonic() - began < 0.5  # whatever it takes to solve
+    wait_for(solver, OFF_THE_RASTER)
+    phantom = solver._phantom
+    phantom.tip.move(phantom.clock.now(), OFF_THE_RASTER, 1.0, 100.0)
+    felt = phantom.force_n(np.array([phantom.clock.now() + 1.0]))
+    here = Phantom(load_scene("TI"), SimulatedClock(), respond, home=(0.0223, 0.0, 0.004))
+    here.tip.move(0.0, OFF_THE_RASTER, 1.0, 100.0)
+    assert felt == here.force_n(np.array([1.0]))
+    assert felt[0] > 0.1
+
+
+def test_the_air_needs_no_solution_but_asks_for_it(solver: Solver) -> None:
+    above = (0.0223, 0.0, 0.004)
+    assert solver.ready(above)
+    wait_for(solver, OFF_THE_RASTER)  # asked for while the tip was above
+
+
+def test_a_robot_holds_its_move_and_goes_on_telling(winkler: Respond) -> None:
+    solved = [False]
+    with connected(winkler, ready=lambda target: solved[0] or target[2] > 0) as (made, _):
+        made.stage.enable()
+        made.stage.move(Pose(0.031, 0.0, 0.002), 0.02)
+        made.arrive()
+        made.stage.move(Pose(0.031, 0.0, -0.002), 0.02)
+        end_s = made.clock.now() + 1.0
+        while made.clock.now() < end_s:
+            assert made.stage.moving()
+            assert made.stage.pose().z == pytest.approx(0.002, abs=1e-6)
+            time.sleep(0.02)
+        assert made.stage.pace == 0.0
+        solved[0] = True
+        made.arrive()
+        assert made.stage.pose().z == pytest.approx(-0.002, abs=1e-6)

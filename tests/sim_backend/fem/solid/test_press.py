@@ -1,0 +1,82 @@
+"""Presses into solids against the plane section, the body of revolution and CalculiX."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from paths import SHARED
+
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.model import Grading
+from sim_backend.fem.solid.build import COARSEST, GROWTH
+from sim_backend.fem.solid.solve import solve_solid
+from sim_backend.models.press import press
+from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG
+
+ARTERY = {"kind": "artery", "x_mm": 12.0, "depth_mm": 6.5, "inner_diameter_mm": 4.5,
+          "wall_mm": 0.63, "modulus_kpa": 400.0, "poisson": 0.45}  # fmt: skip
+TISSUE = {"width_mm": 24.0, "height_mm": 12.0, "modulus_kpa": 50.0, "poisson": 0.45}
+
+
+def test_a_long_finger_on_a_held_block_is_plane_strain() -> None:
+    """Same triangles, so that nothing but the third dimension could make a difference."""
+    finger = {"shape": "cylinder", "radius_mm": 5.0, "length_mm": 40.0}
+    solid = Scene.model_validate(
+        {"name": "long", "plane": "solid", "inclusion": [ARTERY],
+         "tissue": {**TISSUE, "length_mm": 4.0, "ends": "held"},
+         "indenter": {**finger, "edge_radius_mm": 0.5}}
+    )  # fmt: skip
+    flat = Scene.model_validate(
+        {"name": "flat", "plane": "strain", "inclusion": [ARTERY], "tissue": TISSUE,
+         "indenter": finger}
+    )  # fmt: skip
+    levels = [0.0, 100 * PA_PER_MMHG]
+    _, solved = solve_solid(solid, 12e-3, 1e-3, levels, 1.5e-3)
+    grading = Grading(1.5e-3, lambda r: min(1.5e-3, 0.4 * r), GROWTH, COARSEST * 12e-3)
+    _, plane = solve_finite(flat, 12e-3, 1e-3, levels, 1.5e-3, "T6", grading=grading)
+    space = np.array([s.force_n for s in solved])
+    section = np.array([4e-3 * s.force_n_per_m for s in plane])
+    np.testing.assert_allclose(space, section, rtol=1e-3)
+    assert np.ptp(space) == pytest.approx(np.ptp(section), rel=5e-3)
+
+
+def test_a_press_off_the_middle_is_the_same_on_either_side() -> None:
+    """Then nothing is symmetric, and the block is held on average only."""
+    scene = Scene.model_validate(
+        {"name": "side", "plane": "solid", "tissue": {**TISSUE, "length_mm": 20.0},
+         "indenter": {"shape": "sphere", "radius_mm": 4.0}}
+    )  # fmt: skip
+    forces = [
+        solve_solid(scene, x, 0.3e-3, [0.0], 2.5e-3, z_m=z)[1][0].force_n
+        for x, z in ((9e-3, 2e-3), (15e-3, -2e-3))
+    ]
+    assert forces[0] == pytest.approx(forces[1], rel=0.02)  # the meshes are no mirror images
+
+
+def reference(name: str) -> dict[str, Any]:
+    """The finer of CalculiX's two meshes."""
+    path = SHARED / "reference" / "solid" / f"{name}.json"
+    if not path.is_file():
+        pytest.skip("the shared references are not here")
+    finest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))[-1]
+    return finest
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(900)
+def test_a_ball_over_an_artery_by_calculix() -> None:
+    case = reference("TIHA-ball")
+    artery = {"kind": "artery", "x_mm": case["W_mm"] / 2, "poisson": 0.49, **case["artery"]}
+    scene = Scene.model_validate(
+        {"name": "TIHA-ball", "plane": "solid", "inclusion": [artery],
+         "tissue": {"width_mm": case["W_mm"], "height_mm": case["H_mm"], "poisson": 0.49,
+                    "length_mm": case["length_mm"], "modulus_kpa": case["modulus_kpa"]},
+         "indenter": {"shape": "sphere", "radius_mm": case["ball_radius_mm"]}}
+    )  # fmt: skip
+    pressed = press(scene, 32.0, case["depth_mm"], case["pressures_mmhg"], accuracy_pct=5.0)
+    ours = np.array([s.force_n for s in pressed.states])
+    np.testing.assert_allclose(ours, case["force_n"], rtol=0.02)
+    np.testing.assert_allclose(np.diff(ours), np.diff(case["force_n"]), rtol=0.05)
+    assert pressed.error_estimate_pct < 5.0

@@ -1,0 +1,88 @@
+"""Unstable equilibria are seen and left; lone vessels do not stand on them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import eigs
+
+from sim_backend import load_scene
+from sim_backend.fem import continuation as following
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.model import build_section
+from sim_backend.fem.newton import CannotSolve, Load, Solution, tangent
+from sim_backend.fem.support import SlidingConstraint
+from sim_backend.scene.scene_file import Scene, Support
+from sim_backend.scene.waves import PA_PER_MMHG
+
+BEAT_PA = [80 * PA_PER_MMHG, 120 * PA_PER_MMHG]
+
+
+def supported(name: str, contact: str) -> Scene:
+    return load_scene(name).model_copy(update={"support": Support(contact=contact)})
+
+
+def rolling(aside_m: float) -> Solution:
+    """A lone vessel on its glued arc alone, which may roll, pressed 0.5 mm deep."""
+    section = build_section(
+        supported("HAOT", "frictionless"), 32e-3 + aside_m, depth_m=2.5e-3, size_m=0.4e-3
+    )
+    free = SlidingConstraint(np.empty((1, 0), dtype=np.int64), np.empty(0), 0.0)
+    section = replace(section, sliding=free)
+    loads = [Load(d, BEAT_PA[0]) for d in (0.0, 0.5e-3)]
+    return list(continuation(section, unloaded(section), loads))[-1]
+
+
+@pytest.mark.slow
+def test_a_vessel_that_can_roll_is_found_rolled_also_from_right_above(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    found = rolling(0.0)
+    assert found.stable
+    assert found.force_n_per_m == pytest.approx(rolling(20e-6).force_n_per_m, rel=0.01)
+    monkeypatch.setattr(following, "stable_branch", lambda _, unstable: unstable)
+    balanced = rolling(0.0)
+    assert not balanced.stable
+    assert balanced.force_n_per_m > 1.1 * found.force_n_per_m
+
+
+def test_an_unstable_state_without_a_stable_one_beside_it_is_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(following, "BRANCH_M", ())
+    with pytest.raises(CannotSolve, match="unstable"):
+        rolling(0.0)
+
+
+@pytest.mark.parametrize("contact", ["bonded", "frictionless"])
+@pytest.mark.parametrize("name", ["HAOT", "SAOT"])
+def test_a_lone_vessel_feels_the_same_a_little_aside(name: str, contact: str) -> None:
+    scene = supported(name, contact)
+    forces = []
+    for x_m in (32e-3, 32.02e-3, 32.4e-3):
+        section, solved = solve_finite(scene, x_m, 2.5e-3, BEAT_PA, 0.8e-3)
+        assert all(one.stable for one in solved)
+        matrix = section.assembly.factor(tangent(section, solved[-1])[0]).matrix
+        lowest = eigs(matrix, k=1, sigma=0.0, return_eigenvectors=False)  # nearest to zero
+        assert lowest[0].real > 0
+        forces.append([one.force_n_per_m for one in solved])
+    middle, near, aside = np.array(forces)
+    np.testing.assert_allclose(near, middle, rtol=1e-3)
+    np.testing.assert_allclose(aside, middle, rtol=0.01)
+    assert np.ptp(aside) == pytest.approx(np.ptp(middle), rel=0.02)
+
+
+def test_a_block_that_may_lift_lifts_beside_the_finger_and_is_softer() -> None:
+    held = load_scene("TI")
+    lifting = held.model_copy(update={"support": Support(lifts=True)})
+    (_, (fixed,)), (section, (free,)) = (
+        solve_finite(scene, 32e-3, 2.5e-3, [0.0], 1e-3) for scene in (held, lifting)
+    )
+    assert 0.7 * fixed.force_n_per_m < free.force_n_per_m < 0.99 * fixed.force_n_per_m
+    bottom = section.mesh.resting
+    height = free.displacement[bottom, 1]
+    assert height.min() > -1e-9, "nothing sinks into the support"
+    far = np.abs(section.mesh.nodes[bottom, 0] - 32e-3) > 28e-3
+    assert (height[far] > 1e-6).all()
+    assert (free.multiplier[1] >= 0).all(), "nothing is pulled down"

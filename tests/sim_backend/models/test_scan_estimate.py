@@ -1,0 +1,80 @@
+"""Quick scans beside the full model."""
+
+import numpy as np
+import pytest
+
+from sim_backend import load_scene
+from sim_backend.fem.newton import CannotSolve
+from sim_backend.models.press import press
+from sim_backend.models.scan_estimate import estimate_scan
+from sim_backend.scene.scene_file import Scene, SceneError
+
+SCENES = {name: load_scene(name) for name in ("TI", "TIT", "TIHA", "TISA")}
+FLAT = {"shape": "flat", "width_mm": 8.0, "edge_radius_mm": 1.0}
+
+
+def changed(name: str, **values: object) -> Scene:
+    return Scene.model_validate(SCENES[name].model_dump() | values)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [*SCENES.values(), changed("TIHA", plane="strain"), changed("TIHA", indenter=FLAT)],
+    ids=[*SCENES, "plane strain", "flat finger"],
+)
+def test_stations_agree_with_presses_within_the_stated_error(scene: Scene) -> None:
+    x_mm = (8.0, 24.0, 32.0)
+    scan = estimate_scan(scene, [1e-3 * x for x in x_mm], 2.5e-3)
+    ends = (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg) if scene.arteries else (0.0,)
+    pressed = press(scene, x_mm[1], 2.5, ends, model="finite", accuracy_pct=1.0)
+    force_n = scene.indenter.length_mm * np.array([s.force_n_per_mm for s in pressed.states])
+    assert abs(scan.force_n[1] - force_n[0]) <= scan.force_error_n[1] <= 0.02 * force_n[0]
+    assert abs(scan.pulse_n[1] - np.ptp(force_n)) <= scan.pulse_error_n[1]
+    assert np.all(scan.pulse_error_n <= 0.1 * scan.pulse_n.max())
+
+
+def test_a_beat_bends_towards_the_middle_as_a_press_does() -> None:
+    scene = SCENES["TIHA"]
+    soft = scene.inclusion[0].model_copy(update={"modulus_kpa": 150.0, "depth_mm": 8.0})
+    scene = scene.model_copy(update={"inclusion": (soft,)})
+    scan = estimate_scan(scene, [28e-3], 2.5e-3)
+    low, middle, high = (
+        scene.indenter.length_mm * s.force_n_per_mm
+        for s in press(scene, 28.0, 2.5, (80.0, 100.0, 120.0), model="finite").states
+    )
+    bend, ours = (middle - low) / (high - low), scan.half_pulse_n[0] / scan.pulse_n[0]
+    assert bend < 0.49
+    assert ours == pytest.approx(bend, abs=0.01)
+
+
+def test_forces_scale_with_all_moduli_and_pressures() -> None:
+    scene = SCENES["TIHA"]
+    assert scene.tissue is not None
+    vessel = scene.inclusion[0]
+    twice = scene.model_copy(
+        update={
+            "tissue": scene.tissue.model_copy(update={"modulus_kpa": 100.0}),
+            "inclusion": (vessel.model_copy(update={"modulus_kpa": 2 * vessel.modulus_kpa}),),
+            "pulse": scene.pulse.model_copy(
+                update={"diastolic_mmhg": 160.0, "systolic_mmhg": 240.0}
+            ),
+        }
+    )
+    one, two = (estimate_scan(s, [20e-3, 32e-3], 2.5e-3) for s in (scene, twice))
+    np.testing.assert_allclose(two.force_n, 2 * one.force_n, rtol=1e-5)
+    np.testing.assert_allclose(two.pulse_n, 2 * one.pulse_n, rtol=1e-4)
+
+
+def test_a_lone_vessel_is_refused() -> None:
+    with pytest.raises(SceneError, match="needs a block"):
+        estimate_scan(load_scene("HAOT"), [0.0], 1e-3)
+
+
+def test_a_vessel_that_bursts_says_so() -> None:
+    scene = SCENES["TIHA"]
+    thin = scene.inclusion[0].model_copy(update={"modulus_kpa": 5.0, "wall_mm": 0.2})
+    assert scene.tissue is not None
+    soft = scene.tissue.model_copy(update={"modulus_kpa": 2.0})
+    burst = scene.model_copy(update={"inclusion": (thin,), "tissue": soft})
+    with pytest.raises(CannotSolve, match="mmHg"):
+        estimate_scan(burst, [32e-3], 2.5e-3)

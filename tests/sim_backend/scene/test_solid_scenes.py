@@ -1,0 +1,104 @@
+"""Solid scenes: what they need, what plane scenes refuse, and what ships."""
+
+from typing import Any
+
+import pytest
+
+from sim_backend.fem.model import build_section
+from sim_backend.models.press import press
+from sim_backend.scene.indenter import Punch, Sphere
+from sim_backend.scene.scene_file import Scene, SceneError, load_scene, scene_from_text, scene_names
+
+SOLID = """
+name = "mine"
+plane = "solid"
+[tissue]
+width_mm = 64.0
+height_mm = 16.83
+length_mm = 40.0
+modulus_kpa = 50.0
+poisson = 0.49
+"""
+SPHERE = '[indenter]\nshape = "sphere"\nradius_mm = 5.0\n'
+
+
+def test_each_scene_in_tissue_has_a_solid_twin() -> None:
+    for name in scene_names():
+        scene = load_scene(name)
+        if scene.plane == "solid" or scene.tissue is None:
+            continue
+        twin = load_scene(f"{name}-solid")
+        assert twin.plane == "solid" and twin.tissue is not None
+        flat = twin.tissue.model_copy(update={"length_mm": None, "ends": None})
+        assert flat == scene.tissue and twin.pulse == scene.pulse
+        assert [(one.x_mm, one.depth_mm) for one in twin.inclusion] == [
+            (one.x_mm, one.depth_mm) for one in scene.inclusion
+        ]
+
+
+def test_a_plane_scene_writes_no_key_of_solids() -> None:
+    table = load_scene("TIHA").model_dump(mode="json")
+    assert set(table["tissue"]) == {"width_mm", "height_mm", "modulus_kpa", "poisson", "relaxation"}
+    assert set(table["indenter"]) == {"shape", "radius_mm", "length_mm", "bonded", "skin"}
+
+
+def test_round_fingers() -> None:
+    ball = scene_from_text(SOLID + SPHERE, "a")
+    assert isinstance(ball.indenter, Sphere)
+    assert ball.face_mm2 == pytest.approx(78.54, abs=0.01)
+    flat = '[indenter]\nshape = "flat"\ndiameter_mm = 8.0\nedge_radius_mm = 1.0\n'
+    punch = scene_from_text(SOLID + flat, "a")
+    assert isinstance(punch.indenter, Punch)
+    assert punch.face_mm2 == pytest.approx(50.27, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "key"),
+    [
+        (SOLID.replace("length_mm = 40.0\n", "") + SPHERE, "tissue.length_mm is missing"),
+        (SOLID, "indenter.edge_radius_mm is missing"),
+        (SOLID.replace('"solid"', '"strain"'), 'length_mm = 40.0: only with plane = "solid"'),
+        (
+            SOLID.replace('"solid"', '"stress"').replace("length_mm = 40.0\n", "") + SPHERE,
+            'shape = sphere: only with plane = "solid"',
+        ),
+        (
+            SOLID + '[indenter]\nshape = "flat"\nwidth_mm = 8.0\nedge_radius_mm = 1.0\n',
+            "give diameter_mm instead",
+        ),
+        (
+            SOLID + '[indenter]\nshape = "cylinder"\nlength_mm = 10.0\nedge_radius_mm = 5.5\n',
+            "must not exceed 5",
+        ),
+        (
+            SOLID + SPHERE + '[[inclusion]]\nkind = "tumour"\nx_mm = 32.0\ndepth_mm = 8.0\n'
+            "z_mm = 18.0\ndiameter_mm = 5.0\nmodulus_kpa = 500.0\npoisson = 0.49\n",
+            "must stay within 17.5 of 0",
+        ),
+        ('name = "a"\nplane = "solid"\n', "needs a"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_by_its_key(text: str, key: str) -> None:
+    with pytest.raises(SceneError, match="(?s)" + key.replace("[", r"\[")):
+        scene_from_text(text, "mine.toml")
+
+
+def test_balls_may_lie_behind_each_other() -> None:
+    def lump(z_mm: float) -> dict[str, Any]:
+        return {"kind": "tumour", "x_mm": 32.0, "depth_mm": 8.0, "z_mm": z_mm, "diameter_mm": 4.0,
+                "modulus_kpa": 500.0, "poisson": 0.49}  # fmt: skip
+
+    table = load_scene("TI-solid").model_dump() | {"inclusion": [lump(-6.0), lump(6.0)]}
+    assert len(Scene.model_validate(table).inclusion) == 2
+    with pytest.raises(ValueError, match="overlaps"):
+        Scene.model_validate(table | {"inclusion": [lump(-1.0), lump(2.0)]})
+
+
+def test_plane_models_refuse_a_solid() -> None:
+    solid = load_scene("TI-solid")
+    with pytest.raises(SceneError, match="is a solid"):
+        build_section(solid, 32e-3, depth_m=1e-3, size_m=1e-3)
+    with pytest.raises(SceneError, match="is a solid, to be solved as"):
+        press(solid, 32.0, 1.0, model="finite")
+    with pytest.raises(SceneError, match="plane = 'stress'"):
+        press(load_scene("TI"), 32.0, 1.0, model="solid")

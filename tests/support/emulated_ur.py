@@ -1,0 +1,76 @@
+"""An emulated UR in a phantom, and the drivers for it."""
+
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
+from typing import Any
+
+from drivers import WallClock
+from drivers.ur.sensor import UrForce, open_sensor
+from drivers.ur.settings import UrSensorSettings, UrStageSettings
+from drivers.ur.stage import UrStage, open_stage
+from sim_backend import load_scene
+from sim_backend.emulators import ur
+from sim_backend.phantom.phantom import Phantom, Respond, Surface
+
+ORIGIN_MM = (400.0, -20.0, 150.0)
+PATIENT_S = 1.0  # the emulator shares this machine with other tests
+_numbers = count(1)
+
+
+def fresh_host() -> str:
+    """An address that no other test process uses."""
+    return f"127.{1 + os.getpid() % 250}.{os.getpid() // 250 % 250}.{next(_numbers)}"
+
+
+class Rig:
+    """A phantom, and a stage and a sensor for a robot in it; not connected."""
+
+    def __init__(
+        self, respond: Respond, host: str, surface: Surface = lambda _x, _y: 0.0, **keys: Any
+    ) -> None:
+        self.clock = WallClock()
+        self.host = host
+        home = (0.03, 0.0, 0.004)
+        scene = load_scene("TIHA")
+        self.phantom = Phantom(scene, self.clock, respond, surface=surface, home=home)
+        usual = {
+            "host": host,
+            "origin_mm": ORIGIN_MM,
+            "silence_s": PATIENT_S,
+            "watchdog_s": PATIENT_S,
+        }
+        stage = UrStageSettings(**(usual | keys))
+        self.stage: UrStage = open_stage(self.clock, stage)
+        self.sensor: UrForce = open_sensor(
+            self.clock, UrSensorSettings(host=host, silence_s=PATIENT_S)
+        )
+
+    def arrive(self, timeout_s: float = 3.0) -> None:
+        end = self.clock.now() + timeout_s
+        while self.stage.moving():
+            assert self.clock.now() < end
+            time.sleep(0.003)
+
+    def close(self) -> None:
+        self.sensor.close()
+        self.stage.close()
+
+
+@contextmanager
+def connected(
+    respond: Respond, *, surface: Surface = lambda _x, _y: 0.0, keys: dict[str, Any] | None = None,
+    **emulated: Any,
+) -> Iterator[tuple[Rig, ur.UrController]]:  # fmt: skip
+    """Both, connected for reading. ``emulated``: of `sim_backend.emulators.ur.emulate`."""
+    made = Rig(respond, fresh_host(), surface, **(keys or {}))
+    settings = {"origin_mm": ORIGIN_MM, "noise_n": 0.001, **emulated}
+    with ur.emulate(made.phantom, at=made.host, **settings) as robot:
+        try:
+            made.stage.connect()
+            made.sensor.connect()
+            yield made, robot
+        finally:
+            made.close()
