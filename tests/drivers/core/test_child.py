@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from multiprocessing.connection import Connection
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -16,12 +16,7 @@ child = Child(echo.twice, (3,), pipes=1)
 print(child.pipes[0].recv(), flush=True)
 child.end(5.0)
 """
-ECHO = "def twice(number, pipe):\n    pipe.send(2 * number)\n"
-
-
-def twice(number: int, pipe: "Connection[int, int]") -> None:
-    pipe.send(2 * number)
-    pipe.recv()
+ECHO = "def twice(number, pipe):\n    pipe.send(2 * number)\n    pipe.poll(60.0)\n"
 
 
 def test_a_script_without_a_guard_starts_it_once(tmp_path: Path) -> None:
@@ -34,11 +29,15 @@ def test_a_script_without_a_guard_starts_it_once(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr, done.returncode) == ("6\n", "", 0)
 
 
-def test_it_ends_with_its_pipes_or_by_force() -> None:
-    child = Child(twice, (4,), pipes=1)
+def test_it_ends_with_its_pipes_or_by_force(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "echo_later.py").write_text(ECHO)
+    monkeypatch.syspath_prepend(tmp_path)
+    child = Child(import_module("echo_later").twice, (4,), pipes=1)
     assert child.pipes[0].recv() == 8
     assert child.alive()
-    child.end(timeout_s=0.05)  # an `EOFError` of its own, or killed
+    child.end(timeout_s=0.05)  # it sees the pipe end, or is killed
     assert not child.alive()
     with pytest.raises(OSError):
         child.pipes[0].recv()
