@@ -25,7 +25,7 @@ from scipy.signal import periodogram
 
 from probe.core.recording import Station
 from probe.detection.pulse.estimate import find_pulse
-from probe.detection.pulse.hold import hold_of
+from probe.detection.pulse.hold_samples import hold_of
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
 from probe.report.look import BLUE, GREEN, ORANGE
 

@@ -23,7 +23,7 @@ from scipy.stats import beta
 from probe.core.recording import Recording, Station
 from probe.detection import detect
 from probe.detection.pulse.fit import design_of, fit, harmonics
-from probe.detection.pulse.hold import Hold, hold_of
+from probe.detection.pulse.hold_samples import Hold, hold_of
 from probe.detection.pulse.search import rates_hz
 
 Array = NDArray[np.float64]

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from probe.acquisition.session import ScanResult, scan
     from probe.calibrate.fits import calibrate
     from probe.config.devices import connect
+    from probe.config.load_rig import load_rig
     from probe.config.rig import Rig, RigError, default_rig
-    from probe.config.rig_file import load_rig
     from probe.config.scan_plan import limits_for, plan_for
     from probe.core.errors import RunFileError
     from probe.core.recording import Recording, Station
@@ -103,7 +103,7 @@ _HOMES = {
     "probe.calibrate.fits": ("calibrate",),
     "probe.config.devices": ("connect",),
     "probe.config.rig": ("Rig", "RigError", "default_rig"),
-    "probe.config.rig_file": ("load_rig",),
+    "probe.config.load_rig": ("load_rig",),
     "probe.config.scan_plan": ("limits_for", "plan_for"),
     "probe.core.errors": ("RunFileError",),
     "probe.core.recording": ("Recording", "Station"),

@@ -2,10 +2,11 @@
 
 from mutants.mutant import Mutant
 
-GUARDS, POSE = "probe/acquisition/guards.py", "probe/acquisition/pose_guard.py"
+GUARDS, POSE = "probe/acquisition/force_limit.py", "probe/acquisition/pose_guard.py"
 MONITOR, RETREAT = "probe/acquisition/safety_monitor.py", "probe/acquisition/retreat.py"
 ENGINE, ALIVE = "probe/acquisition/engine.py", "probe/acquisition/plausibility.py"
-LOOP = "probe/acquisition/run_loop.py"
+LOOP, RULES = "probe/acquisition/run_loop.py", "probe/acquisition/stop_rules.py"
+CLOCKS = "probe/acquisition/clock_guard.py"
 LEVELS = "probe/acquisition/levels.py"
 TEST_MONITOR = "tests/probe/acquisition/test_safety_monitor.py"
 TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
@@ -129,12 +130,12 @@ GUARDED = (
         ("simulated 30 pulled sideways",),
     ),
     Mutant(
-        "a clock may stand", GUARDS,
+        "a clock may stand", CLOCKS,
         "if jump_s < -self._limit_s:", "if jump_s < -1e9:",
         (f"{TEST_WORLDS}::test_a_computer_that_slept_is_noticed",),
     ),
     Mutant(
-        "a clock may jump ahead", GUARDS,
+        "a clock may jump ahead", CLOCKS,
         "if jump_s > self._limit_s:", "if jump_s > 1e9:",
         ("tests/probe/acquisition/test_guards_of_guards.py",),
     ),
@@ -194,19 +195,18 @@ GUARDED = (
         (f"{TEST_MONITOR}::test_a_stop_acts_while_the_engine_is_blocked",),
     ),
     Mutant(
-        "the scan goes on after a trip", LOOP,
-        "        if trip is not None:\n            raise interruption_of(trip)\n", "",
+        "the scan goes on after a trip", RULES,
+        "return None if seen.trip is None else interruption_of(seen.trip)", "return None",
         ("tests/probe/acquisition/test_guards_of_guards.py::test_a_trip_ends_a_long_hold",),
     ),
     Mutant(
-        "a full disk is ignored", LOOP,
-        "        if self.bus.sink_error is not None:\n            raise Interrupted",
-        "        if False:\n            raise Interrupted",
+        "a full disk is ignored", RULES,
+        "if seen.sink_error is None:", "if True:",
         (f"{TEST_ENGINE}::test_a_full_disk_lifts_the_probe",),
     ),
     Mutant(
-        "an abort is ignored", LOOP,
-        "if command is RunCommand.ABORT:", "if command is None:",
+        "an abort is ignored", RULES,
+        "if seen.command is not RunCommand.ABORT:", "if True:",
         (f"{TEST_ENGINE}::test_abort_retracts",),
     ),
     Mutant(

@@ -19,7 +19,7 @@ from calibration.errors import CalibrationError
 from drivers import ConfigError, Sensor, SimulatedClock
 from drivers.core.extras import needs
 from drivers.core.registry import Kind
-from probe.acquisition.guards import SensorGuard
+from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.prepare import prepare
 from probe.config.calibrated import calibrated, named
 from probe.config.devices import Devices, World, check_names, make_device

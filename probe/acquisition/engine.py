@@ -17,11 +17,12 @@ from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
-from probe.acquisition.levels import LEVEL_S, Levels, changed, nothing_felt
+from probe.acquisition.levels import LEVEL_S, Levels, changed
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.retreat import STOP_AGAIN_S
-from probe.acquisition.run_loop import FINE_S, STOPPED, TICK_S, RunLoop
+from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
 from probe.acquisition.safety_monitor import STAGE, STAGE_CHANNELS, SafetyMonitor
+from probe.acquisition.stop_rules import STOPPED, no_contact
 from probe.core.events import (
     Finish,
     Phase,
@@ -259,9 +260,9 @@ class _Scan(RunLoop):
         self._indent(surface)
         holding_s = self.enter(Phase.HOLDING)
         self.handle()
-        self._check_felt()
+        self._check_contact()
         self.wait_until(holding_s + plan.hold_s)
-        self._check_felt()
+        self._check_contact()
         self.enter(Phase.RETRACTING)
         self.go(above, plan.travel_m_s)
         self.end_station(complete=True)
@@ -315,12 +316,10 @@ class _Scan(RunLoop):
             self.tick(math.inf)
         return self.monitor.levels(from_s)
 
-    def _check_felt(self) -> None:
+    def _check_contact(self) -> None:
         levels = self.monitor.levels(self.monitor.seen_s() - LEVEL_S)
-        if not self.in_the_air and (why := nothing_felt(levels)) is not None:
-            reason = f"{why} {1e3 * self.plan.indentation_m:g} mm deep: the surface is lower than "
-            reason += "planned, or the sensor does not feel"
-            raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
+        if not self.in_the_air and (why := no_contact(levels, self.plan.indentation_m)) is not None:
+            raise why
 
     def _indent(self, surface: Pose) -> None:
         """Go in along the normal, then on by what the rig itself has given way."""

@@ -18,7 +18,7 @@ from typing import Any, Self
 from drivers import Block, DeviceFault, Pose
 from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.guard_process import Facts, Order, SensorFacts, Status
-from probe.acquisition.guards import Trip
+from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
 
 ANSWER_S = 20.0  # longer than any call takes: a tare, or a stage that hangs

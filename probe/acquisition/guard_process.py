@@ -21,7 +21,7 @@ from typing import Any
 from drivers import Block, Channel, Clock, Pose
 from drivers.core import abilities
 from probe.acquisition.commands import Control, RunCommand
-from probe.acquisition.guards import Trip
+from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
 from probe.acquisition.prepare import prepare
 from probe.acquisition.safety_monitor import SafetyMonitor, come_first

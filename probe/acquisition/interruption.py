@@ -1,7 +1,18 @@
 """Why a scan cannot simply go on."""
 
-from probe.acquisition.guards import Trip
+from dataclasses import dataclass
+
 from probe.core.events import Finish
+
+
+@dataclass(frozen=True)
+class Trip:
+    """Why a guard stopped the stage. ``can_retract``: the stage itself is still trusted."""
+
+    time_s: float
+    device: str
+    reason: str
+    can_retract: bool
 
 
 class Interrupted(Exception):

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 from drivers import Sensor, Stage
-from probe.acquisition.guards import FORCE_ROLES
+from probe.acquisition.force_limit import FORCE_ROLES
 from probe.acquisition.rehearsal import in_the_air, lift_m, needs_rehearsal
 from probe.config.rig import Rig, RigError
 from probe.config.snapshot import run_config

@@ -8,14 +8,15 @@ from collections.abc import Callable, Sequence
 
 from drivers import Clock, DeviceFault, MotionFault, Pose, Sensor, Stage
 from drivers.core import abilities
-from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.commands import Control
 from probe.acquisition.event_bus import EventBus
 from probe.acquisition.guard_client import GuardClient
-from probe.acquisition.interruption import Interrupted, interruption_of
+from probe.acquisition.interruption import Interrupted
 from probe.acquisition.levels import Levels
 from probe.acquisition.readiness import turned
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.safety_monitor import SafetyMonitor
+from probe.acquisition.stop_rules import Seen, interrupted
 from probe.core.events import (
     Finish,
     Phase,
@@ -34,7 +35,6 @@ ARRIVED_M = 0.1e-3
 PRESSING = (Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
 MAX_JUMPS = 3  # of a clock, in one press
 SLOWEST_PACE = 0.01  # a slower controller is taken for one that stands
-STOPPED = "stopped by the user"
 
 
 class RunLoop:
@@ -132,19 +132,11 @@ class RunLoop:
         """Raise `Interrupted` if a guard, the store or the user wants something else."""
         if self.leaving:
             return
-        command, trip = self.control.command, self.monitor.trip
-        if command is RunCommand.STOP:
-            raise Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
-        if trip is not None:
-            raise interruption_of(trip)
+        seen = Seen(self.control.command, self.monitor.trip, self.bus.sink_error, self.phase)
+        if (why := interrupted(seen)) is not None:
+            raise why
         if self.monitor.jumped is not None:
             self._handle_jump(*self.monitor.jumped)
-        if self.bus.sink_error is not None:
-            raise Interrupted(Finish.FAULTED, self.bus.sink_error, "store", retract=True)
-        if command is RunCommand.ABORT:
-            raise Interrupted(Finish.ABORTED, "aborted by the user", "user", retract=True)
-        if command is RunCommand.PAUSE_NOW and self.phase is not Phase.PAUSED:
-            raise Interrupted(None, "paused by the user", "user", retract=True)
 
     def _handle_jump(self, device: str, jumped_s: float) -> None:
         """Samples near a device's clock that stood still have wrong times: press again."""

@@ -18,8 +18,10 @@ import numpy as np
 
 from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Sensor, Stage
 from drivers.core import abilities
+from probe.acquisition.clock_guard import ClockGuard
 from probe.acquisition.commands import Control, RunCommand
-from probe.acquisition.guards import ClockGuard, SensorGuard, Trip
+from probe.acquisition.force_limit import SensorGuard
+from probe.acquisition.interruption import Trip
 from probe.acquisition.pose_guard import PoseGuard
 from probe.acquisition.retreat import Retreat
 from probe.planning.limits import Limits

@@ -13,8 +13,8 @@ from probe.acquisition.guard_process import Order
 from probe.acquisition.opening import opened_devices
 from probe.acquisition.prepare import prepare
 from probe.acquisition.remote import listening
+from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
-from probe.config.rig_file import load_rig
 from probe.config.scan_plan import limits_for, plan_for
 from probe.core.events import RunEnded
 from probe.core.log import log_event

@@ -59,7 +59,7 @@ def schema(
 
 def schema_text(kind: str) -> str:
     """The schema as it is kept in a file."""
-    from probe.config.schema import rig_schema, scene_schema
+    from probe.config.json_schema import rig_schema, scene_schema
 
     made: dict[str, Any] = rig_schema() if kind == "rig" else scene_schema()
     return json.dumps(made, indent=1, ensure_ascii=False) + "\n"

@@ -35,8 +35,8 @@ def record(
     """
     from drivers.testing.exchange import save
     from drivers.testing.record import record as listen
+    from probe.config.load_rig import load_rig
     from probe.config.rig import RigError
-    from probe.config.rig_file import load_rig
 
     loaded = load_rig(rig)
     found: list[tuple[Kind, Device]] = [("stages", loaded.stage)]

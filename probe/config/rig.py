@@ -1,6 +1,6 @@
 """A rig as data: which devices, what to press where, and what may never be exceeded.
 
-Keys carry their units. `probe.config.rig_file` reads one from a file, `probe.config.scan_plan`
+Keys carry their units. `probe.config.load_rig` reads one from a file, `probe.config.scan_plan`
 makes the plan and the limits of one.
 """
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from probe.core.recording import Recording
-from probe.detection.few_stations import lone_vessel, pulsing_place
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
+from probe.detection.lone_vessel import lone_vessel, pulsing_place
 from probe.detection.map.bumps import MIN_STATIONS
 from probe.detection.map.open_row import only_settled
 from probe.detection.map.row_objects import line_of, objects_in

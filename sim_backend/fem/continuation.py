@@ -12,7 +12,7 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.assembly import SingularMatrix
-from sim_backend.fem.contact.pairs import contact_pairs, walls_cross
+from sim_backend.fem.contact.groups import contact_pairs, walls_cross
 from sim_backend.fem.limits import physical_limit
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import (

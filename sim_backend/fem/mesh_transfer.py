@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
 from sim_backend.arrays import Array
-from sim_backend.fem.contact.pairs import contact_pairs, walls_cross
+from sim_backend.fem.contact.groups import contact_pairs, walls_cross
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, NotConverged, Solution, equilibrium
 

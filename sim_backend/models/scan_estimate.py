@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.contact.pairs import walls_cross
+from sim_backend.fem.contact.groups import walls_cross
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.mesh_transfer import Field

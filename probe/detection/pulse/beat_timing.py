@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from probe.detection.pulse.estimate import SHARES, Pulse
 from probe.detection.pulse.fit import harmonics
-from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.search import FINEST
 
 Array = NDArray[np.float64]

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from probe.detection.pulse.beat_train import beat_train
 from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
-from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
 from probe.detection.pulse.rivals import chance_without_pulse, coarse_of
 from probe.detection.pulse.search import FINEST, TESTED, Search, search

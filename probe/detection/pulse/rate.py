@@ -4,7 +4,7 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from probe.detection.pulse.estimate import SHARES, Pulse, described
-from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, likeliest
 from probe.detection.pulse.pooled_evidence import unusual
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED, rates_hz

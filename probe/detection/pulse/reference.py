@@ -9,7 +9,7 @@ from scipy.stats import f as f_distribution
 
 from probe.detection.pulse.estimate import Pulse, pulse_at, scale_of
 from probe.detection.pulse.fit import design_of, fit, harmonics
-from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED
 

@@ -14,7 +14,7 @@ from scipy.special import logsumexp
 
 from probe.detection.pulse.beat_train import MEMORIES, BeatTrain, Coarse, beat_train, whiten
 from probe.detection.pulse.fit import Fit, design_of
-from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
 

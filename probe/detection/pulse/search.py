@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
 from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
-from probe.detection.pulse.hold import Hold
+from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise, family
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD, SWING_MMHG
 

@@ -1,16 +1,11 @@
-"""Pairs that may touch: finger and surface, support and vessel, the two walls of a lumen."""
+"""Pairs that may touch, whoever they are: gaps, gradients, forces and tangents."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.fem.assembly import gather
-from sim_backend.fem.contact.bonded import BondedContact
-from sim_backend.fem.contact.finger import Finger
-from sim_backend.fem.contact.lumen_self_contact import wall_gaps
-from sim_backend.fem.model import Section
 
 
 @dataclass(frozen=True)
@@ -63,40 +58,13 @@ class ContactPairs:
         return np.asarray((self.gradient * moved).sum(axis=1))
 
 
-def contact_pairs(
-    section: Section, finger: Finger, u: Array, bonds: Sequence[BondedContact] = ()
-) -> list[ContactPairs]:
-    """Finger, support, then the walls of lumens that may close, as in the assembly's groups.
-
-    ``bonds`` are what the finger and what the support hold.
-    """
-    place = section.mesh.nodes + u
-    surface, resting = section.mesh.surface, section.mesh.resting
-    gap, normal, curvature = finger.gap(place[surface])
-    up = np.tile([0.0, 1.0], (len(resting), 1))
-    found = [_rigid(gap, normal, _dofs(surface), curvature),
-             _rigid(place[resting, 1], up, _dofs(resting), np.zeros(len(resting)))]  # fmt: skip
-    if finger.skin_m:
-        found[0] = replace(found[0], compliance=finger.skin_m_per_pa / section.surface_share_m)
-    for number, bond in enumerate(bonds):
-        found[number] = replace(found[number], bonded=bond.bonded)
-    for walls in section.walls if section.self_contact else ():
-        gap, gradient = wall_gaps(walls, place[walls.nodes])
-        found.append(_rigid(gap, gradient, walls.dofs, np.zeros(len(gap))))
-    return found
-
-
-def _rigid(gap: Array, gradient: Array, dofs: Ints, turning: Array) -> ContactPairs:
+def rigid_pairs(gap: Array, gradient: Array, dofs: Ints, turning: Array) -> ContactPairs:
+    """Pairs whose partners do not give way and do not stick."""
     return ContactPairs(
         gap, gradient, dofs, turning, np.zeros(len(gap)), np.zeros(len(gap), dtype=bool)
     )
 
 
-def walls_cross(section: Section, u: Array) -> bool:
-    """Whether any lumen's walls have passed through each other."""
-    place = section.mesh.nodes + u
-    return any(wall_gaps(w, place[w.nodes])[0].min() < 0 for w in section.walls)
-
-
-def _dofs(nodes: Ints) -> Ints:
+def node_dofs(nodes: Ints) -> Ints:
+    """Degrees of freedom (n, 2) of nodes (n,) of a section."""
     return np.stack([2 * nodes, 2 * nodes + 1], axis=1)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.contact.finger import Finger, finger_over
+from sim_backend.fem.contact.finger_contact import Finger, finger_over
 from sim_backend.fem.model import Section, build_section
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG

@@ -7,7 +7,7 @@ import pytest
 from springs import HARD_N_M, LIMIT_N, SpringSensor, on_springs, run_springs, spring_rig
 
 from drivers import Block, Channel, ConfigError
-from probe.acquisition.guards import SensorGuard
+from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.prepare import Prepared, prepare
 from probe.config.devices import Devices
 from probe.config.rig import Rig, RigError

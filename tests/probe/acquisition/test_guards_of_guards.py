@@ -8,8 +8,8 @@ import pytest
 from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs, spring_rig
 
 from drivers import Block
+from probe.acquisition.clock_guard import ClockGuard
 from probe.acquisition.commands import Control
-from probe.acquisition.guards import ClockGuard
 from probe.acquisition.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
 from probe.config.scan_plan import limits_for, plan_for
 from probe.planning.limits import Limits

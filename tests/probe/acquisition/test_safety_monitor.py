@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from drivers import Block, Channel, DeviceFault, Pose, WallClock
 from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
-from probe.acquisition.guards import SensorGuard
+from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.pose_guard import PoseGuard
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig

@@ -309,7 +309,7 @@ def test_a_computer_that_slept_is_noticed(monkeypatch: pytest.MonkeyPatch) -> No
     bed, stage, sensor = on_springs()
     asleep_s = [0.0]
     monkeypatch.setattr(
-        "probe.acquisition.guards._since_boot", lambda: time.monotonic() + asleep_s[0]
+        "probe.acquisition.clock_guard._since_boot", lambda: time.monotonic() + asleep_s[0]
     )
 
     def sleep(event: Event) -> None:

@@ -14,9 +14,9 @@ from jsonschema import Draft202012Validator
 from paths import ROOT
 
 from probe.cli.files import schema_text
+from probe.config.json_schema import rig_schema, scene_schema
+from probe.config.load_rig import load_rig
 from probe.config.rig import RigError
-from probe.config.rig_file import load_rig
-from probe.config.schema import rig_schema, scene_schema
 from sim_backend.scene.scene_file import SceneError, load_scene
 
 SCENES = ROOT / "sim_backend" / "scene" / "builtin"

@@ -18,8 +18,8 @@ from probe.acquisition.session import scan
 from probe.cli import main
 from probe.config.calibrated import CalibratedSensor, calibrated
 from probe.config.devices import connect
+from probe.config.load_rig import load_rig
 from probe.config.rig import Rig
-from probe.config.rig_file import load_rig
 from probe.config.scan_plan import plan_for
 from probe.core.contact_stress import stress_conversion
 from probe.storage.run import open_run

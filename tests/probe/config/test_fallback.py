@@ -11,8 +11,8 @@ from drivers import ConfigError, DeviceAbsent, WallClock
 from probe.acquisition.engine import run_scan
 from probe.acquisition.prepare import prepare
 from probe.config.devices import connect
+from probe.config.load_rig import load_rig
 from probe.config.rig import RigError
-from probe.config.rig_file import load_rig
 from probe.config.scan_plan import limits_for, plan_for
 from probe.core.events import Event, Finish, RunStarted, Samples
 from sim_backend import load_scene

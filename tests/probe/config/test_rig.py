@@ -11,8 +11,8 @@ from pydantic import ValidationError
 from drivers import ConfigError, DeviceAbsent, SimulatedClock
 from probe.config import devices
 from probe.config.devices import connect
+from probe.config.load_rig import load_rig
 from probe.config.rig import Rig, RigError, default_rig
-from probe.config.rig_file import load_rig
 from probe.config.scan_plan import limits_for, plan_for
 from probe.config.snapshot import run_config
 from sim_backend.scene.scene_file import load_scene

@@ -8,7 +8,7 @@ from known_presses import station
 
 from probe.core.recording import Recording
 from probe.detection.pulse.estimate import find_pulse
-from probe.detection.pulse.hold import NoHold, hold_of
+from probe.detection.pulse.hold_samples import NoHold, hold_of
 from probe.detection.pulse.presses import presses_of
 
 

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sim_backend.fem.assembly import Assembly, gather
-from sim_backend.fem.contact.finger import Finger
+from sim_backend.fem.contact.finger_contact import Finger
 from sim_backend.fem.elements import as_element
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_sides, unit_pressure

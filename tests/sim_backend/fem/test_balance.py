@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_backend.fem.contact.pairs import contact_pairs
+from sim_backend.fem.contact.groups import contact_pairs
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.internal import deformation

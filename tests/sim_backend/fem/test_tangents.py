@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from sim_backend.fem.contact.finger import Finger
+from sim_backend.fem.contact.finger_contact import Finger
+from sim_backend.fem.contact.groups import contact_pairs
 from sim_backend.fem.contact.lumen_self_contact import wall_gaps
-from sim_backend.fem.contact.pairs import contact_pairs
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.elements import ELEMENTS
 from sim_backend.fem.internal import forces_and_tangents

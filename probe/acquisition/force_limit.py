@@ -1,14 +1,11 @@
-"""The limits of a scan, checked on what the devices report, never on what was commanded.
+"""The limit of force and torque, checked on what each sensor reports, never on what was commanded.
 
-Pure checks: each takes a reading and returns why it may not go on, or None. The safety monitor
-calls them for every sample and acts.
+Pure checks: each takes a reading and returns why the scan may not go on, or None. The safety
+monitor calls them for every sample and acts.
 """
 
 import math
-import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,16 +20,6 @@ FUTURE_S = 0.1
 LEVEL_MEMORY_S = 2.0
 FORCE_ROLES = ("force", "pressure", "taxel")
 VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
-
-
-@dataclass(frozen=True)
-class Trip:
-    """Why a guard stopped the stage. ``can_retract``: the stage itself is still trusted."""
-
-    time_s: float
-    device: str
-    reason: str
-    can_retract: bool
 
 
 class SensorGuard:
@@ -112,34 +99,3 @@ class SensorGuard:
                 what = "force in all directions" if unit == "N" else "torque"
                 return f"{what} {norm:.3f} {unit}; the limit is {limit:g} {unit}", True
         return None
-
-
-class ClockGuard:
-    """The scan's clock against another that also runs while the computer sleeps.
-
-    Linux stops its monotonic clock in a suspend; the one since boot goes on. Where there is no
-    such clock, ``other`` is the monotonic one and only a clock that is set is noticed.
-    """
-
-    def __init__(
-        self, limits: Limits, now: Callable[[], float], other: Callable[[], float] | None = None
-    ) -> None:
-        self._now, self._other = now, other or _since_boot
-        self._lag_s = self._now() - self._other()
-        self._limit_s = limits.clock_jump_s
-
-    def check(self) -> tuple[str, bool] | None:
-        """Why the clock cannot be trusted."""
-        lag_s = self._now() - self._other()
-        jump_s, self._lag_s = lag_s - self._lag_s, lag_s
-        if jump_s < -self._limit_s:
-            return f"the clock stood for {-jump_s:.3f} s: the computer slept, or it was set", True
-        if jump_s > self._limit_s:
-            return f"the clock jumped by {jump_s:+.3f} s", True
-        return None
-
-
-def _since_boot() -> float:
-    """Seconds since boot, those asleep included where the system tells."""
-    number = getattr(time, "CLOCK_BOOTTIME", None)
-    return time.monotonic() if number is None else time.clock_gettime(number)

@@ -1,16 +1,18 @@
-"""A finger on the surface: signed gaps, normals and their curvature.
+"""Contact between finger and tissue: signed gaps, normals and their curvature, as pairs.
 
 The finger is a flat of half width ``half_flat`` whose edges are rounded by ``radius`` (a cylinder
 has no flat); above the rounding its flanks rise straight. Contact is frictionless, at nodes; the
 multipliers are nodal forces, so nothing has to be integrated over the partly touched side. A skin
 is compressed by its pressure times ``skin_m_per_pa``; a bonded finger holds what it has touched.
+Which pairs touch, and with what force, is found with the displacements in `sim_backend.fem.newton`.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim_backend.arrays import Array
+from sim_backend.arrays import Array, Ints
+from sim_backend.fem.contact.pairs import ContactPairs, node_dofs, rigid_pairs
 from sim_backend.scene.indenter import Cylinder, Indenter, Sphere
 
 
@@ -60,3 +62,17 @@ def finger_over(indenter: Indenter, x_m: float, surface_m: float) -> Finger:
     edge = 1e-3 * indenter.edge_radius_mm
     half_flat = 0.5e-3 * indenter.width_mm_projected - edge
     return Finger(half_flat, edge, x_m, surface_m, indenter.bonded, *face)
+
+
+def finger_pairs(
+    finger: Finger, place: Array, surface: Ints, surface_share_m: Array
+) -> ContactPairs:
+    """The finger and each node of the ``surface`` (k,), at their ``place`` (n, 2) [m].
+
+    ``surface_share_m`` (k,) is the length of surface that belongs to each of these nodes.
+    """
+    gap, normal, curvature = finger.gap(place[surface])
+    pairs = rigid_pairs(gap, normal, node_dofs(surface), curvature)
+    if finger.skin_m:
+        return replace(pairs, compliance=finger.skin_m_per_pa / surface_share_m)
+    return pairs

@@ -10,7 +10,8 @@ from probe.detection.classify.classifier import PULSE_BLUR, PULSE_FLOOR
 from probe.detection.classify.population import lone_samples
 from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS
-from probe.detection.pulse.presses import MIN_POSTERIOR, Press
+from probe.detection.pulse.has_pulse import MIN_POSTERIOR
+from probe.detection.pulse.presses import Press
 
 Array = NDArray[np.float64]
 

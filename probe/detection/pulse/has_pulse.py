@@ -1,0 +1,94 @@
+"""Which holds have a pulse: one that passes by itself or with its neighbours, and is no rival."""
+
+import numpy as np
+
+from probe.core.recording import Recording
+from probe.detection.pulse.beat_train import beat_train
+from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Pulse
+from probe.detection.pulse.fit import design_of, fit
+from probe.detection.pulse.hold_samples import Hold
+from probe.detection.pulse.pooled_evidence import shared_chance, usual_excess
+from probe.detection.pulse.rivals import Cause, cause_of, coarse_of, evidence_of
+
+REACH = 2
+"""Stations to either side that are judged together with one: a vessel is felt that far."""
+JUDGED = 3
+"""Clearest presses that are asked what moves in them: more would not change the answer."""
+MIN_POSTERIOR = 0.85
+"""Least posterior probability of a pulse, among all causes, to count as one."""
+
+
+def which_pulse(
+    measured: dict[int, tuple[Hold, Pulse]], recording: Recording, false_alarm: float
+) -> tuple[list[int], dict[int, Cause]]:
+    """Stations that have a pulse, the clearest first, and what moves in those that were asked.
+
+    ``measured`` are the holds of ``recording`` and their clearest pulses, by station;
+    ``false_alarm`` is the chance for the whole recording.
+    """
+    clear = _clear({i: pulse for i, (_, pulse) in measured.items()}, recording, false_alarm)
+    causes, pulsing = _causes({i: measured[i] for i in clear})
+    return pulsing, causes
+
+
+def _causes(clear: dict[int, tuple[Hold, Pulse]]) -> tuple[dict[int, Cause], list[int]]:
+    """What moves in the clearest presses, and which of ``clear`` then hold a pulse.
+
+    One that moves for another reason by itself is left out; the rest are asked together, since
+    they share one heart. A reference that beats along has already answered.
+    """
+    asked = [i for i, (_, pulse) in clear.items() if pulse.search is not None][:JUDGED]
+    if not asked:
+        return {}, list(clear)
+    evidence = {}
+    for i in asked:
+        hold = clear[i][0]
+        if hold.span_s < SHORTEST_TRAIN_S:
+            continue
+        coarse = coarse_of(hold, fit(hold, design_of(hold), np.empty((len(hold.time_s), 0))))
+        evidence[i] = evidence_of(coarse, beat_train(coarse))
+    causes = {i: cause_of([one]) for i, one in evidence.items()}
+    disturbed = [i for i, cause in causes.items() if cause.pulse < 1 - MIN_POSTERIOR]
+    steady = [i for i in evidence if i not in disturbed]
+    if not steady:
+        return causes, [i for i in asked if i not in evidence]
+    together = cause_of([evidence[i] for i in steady])
+    causes |= dict.fromkeys(steady, together)
+    if together.pulse < MIN_POSTERIOR:
+        return causes, []
+    return causes, [i for i in clear if i not in disturbed]
+
+
+def _clear(pulses: dict[int, Pulse], recording: Recording, false_alarm: float) -> list[int]:
+    """Stations with a pulse, the clearest first: by themselves, or else the clearest group.
+
+    Each of the two ways gets half of ``false_alarm``, where there are two.
+    """
+    searches = {i: pulse.search for i, pulse in pulses.items() if pulse.search is not None}
+    groups = _groups(recording, list(searches))
+    budget = false_alarm / 2 if groups else false_alarm
+    alone = [i for i in pulses if pulses[i].p_value * len(pulses) <= budget]
+    if alone or not groups:
+        return sorted(alone, key=lambda i: pulses[i].p_value)
+    excess = usual_excess(list(searches.values()))
+    chances = [shared_chance([searches[i] for i in group], excess) for group in groups]
+    best = int(np.argmin(chances))
+    if chances[best] * len(groups) > budget:
+        return []
+    return sorted(groups[best], key=lambda i: pulses[i].p_value)
+
+
+def _groups(recording: Recording, indices: list[int]) -> list[list[int]]:
+    """Around each station of a row, those within `REACH` pitches; each group once."""
+    groups: dict[tuple[int, ...], None] = {}
+    for row in recording.rows():
+        mine = [i for i in row if i in indices]
+        x_m = np.array([recording.stations[i].x_m for i in mine])
+        gaps = np.diff(np.unique(np.round(x_m[np.isfinite(x_m)], 6)))
+        if not len(gaps):
+            continue
+        reach = (REACH + 0.5) * float(np.median(gaps))
+        for x in x_m[np.isfinite(x_m)]:
+            near = tuple(mine[k] for k in np.flatnonzero(np.abs(x_m - x) <= reach))
+            groups[near] = None
+    return [list(group) for group in groups if len(group) > 1]

@@ -1,0 +1,48 @@
+"""CONTRIBUTING's table of questions leads to files that are there, and to what is asked for."""
+
+import re
+
+import pytest
+from paths import ROOT
+
+ROWS = re.findall(r"^\| (.+\?) \| (.+) \|$", (ROOT / "CONTRIBUTING.md").read_text("utf-8"), re.M)
+PACKAGES = ("palpate", "probe", "sim_backend", "drivers", "calibration")
+DEFINED = {
+    "force limit": "the limit is",
+    "newtons into pascals": "class StressConversion",
+    "stop rule": "RULES: tuple[Rule, ...]",
+    "hold has a pulse": "def which_pulse",
+    "tumour or artery": "def judge",
+    "run file's layout": "CREATE TABLE",
+    "finger and tissue": "def finger_pairs",
+    "material law": "def plane_stress",
+    "rig file": "class Scan(",
+    "every driver": "class Sensor(Protocol)",
+}
+
+
+def test_ten_questions_are_answered() -> None:
+    assert len(ROWS) == 10
+    for about in DEFINED:
+        assert sum(about in question for question, _ in ROWS) == 1, about
+
+
+@pytest.mark.parametrize(("question", "answer"), ROWS, ids=[question for question, _ in ROWS])
+def test_the_answer_holds_what_is_asked_for(question: str, answer: str) -> None:
+    files = re.findall(r"`([^`]+)`", answer)
+    assert files
+    for file in files:
+        assert (ROOT / file).is_file(), file
+    about = next(about for about in DEFINED if about in question)
+    assert DEFINED[about] in (ROOT / files[0]).read_text(encoding="utf-8")
+
+
+def test_every_room_is_named() -> None:
+    """The table of rooms has each folder of a package, and none that is gone."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    for package in ("probe", "sim_backend"):
+        said = re.search(rf"^\| `{package}`.*?\| (.+) \|$", text, re.M)
+        assert said is not None
+        named = set(re.findall(r"`(\w+)`", said.group(1)))
+        there = {path.parent.name for path in (ROOT / package).glob("*/__init__.py")}
+        assert named == there

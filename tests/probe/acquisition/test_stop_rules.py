@@ -1,0 +1,55 @@
+"""What ends a scan early, rule by rule, and which of two goes first."""
+
+import pytest
+
+from probe.acquisition.commands import RunCommand
+from probe.acquisition.interruption import Trip
+from probe.acquisition.levels import Levels
+from probe.acquisition.stop_rules import Seen, interrupted, no_contact
+from probe.core.events import Finish, Phase
+
+GO_ON = Seen(RunCommand.RESUME, None, None, Phase.HOLDING)
+TRIP = Trip(1.0, "cell", "force 6 N; the limit is 5 N", can_retract=False)
+
+
+def test_nothing_wrong_is_no_reason_to_stop() -> None:
+    assert interrupted(GO_ON) is None
+
+
+@pytest.mark.parametrize(
+    ("seen", "finish", "device", "lifts"),
+    [
+        (Seen(RunCommand.STOP, TRIP, None, Phase.HOLDING), Finish.ABORTED, "user", False),
+        (Seen(RunCommand.ABORT, TRIP, "full", Phase.HOLDING),
+         Finish.FAULTED, "cell", False),
+        (Seen(RunCommand.ABORT, None, "full", Phase.HOLDING),
+         Finish.FAULTED, "store", True),
+        (Seen(RunCommand.ABORT, None, None, Phase.PAUSED), Finish.ABORTED, "user", True),
+        (Seen(RunCommand.PAUSE_NOW, None, None, Phase.HOLDING), None, "user", True),
+    ],
+    ids=["a stop before a trip", "a trip before a full disk", "a full disk before an abort",
+         "an abort in a pause", "a pause"],
+)  # fmt: skip
+def test_the_first_rule_decides(
+    seen: Seen, finish: Finish | None, device: str, lifts: bool
+) -> None:
+    why = interrupted(seen)
+    assert why is not None
+    assert (why.finish, why.device, why.retract) == (finish, device, lifts)
+
+
+def test_a_pause_is_not_begun_twice() -> None:
+    assert interrupted(Seen(RunCommand.PAUSE_NOW, None, None, Phase.PAUSED)) is None
+
+
+@pytest.mark.parametrize(
+    ("levels", "met"),
+    [({"cell": (0.5, 0.01)}, True), ({"cell": (0.01, 0.01)}, False), ({}, True),
+     ({"cell": (-0.5, 0.01)}, False), ({"cell": (0.01, 0.01), "pad": (0.5, 0.01)}, True)],
+)  # fmt: skip
+def test_contact_is_more_force_than_noise(levels: Levels, met: bool) -> None:
+    why = no_contact(levels, 2.5e-3)
+    assert (why is None) == met
+    if why is not None:
+        assert why.finish is Finish.FAULTED
+        assert "2.5 mm deep" in why.reason
