@@ -13,11 +13,14 @@ for longer than `judge.STARVED_S` says nothing and is repeated, at most `TRIES` 
 
 import argparse
 import json
+import math
 import os
 import sys
+import time
 from collections.abc import Iterator
-from concurrent.futures import as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -77,14 +80,19 @@ def run_task(task: Task) -> dict[str, Any]:
     return {"clock": clock, "faults": count, "seed": seed, "at": now, **row}
 
 
-def tasks(singles: int, pairs: int) -> Iterator[Task]:
-    """Half of each on the wall clock, an eighth of those with the arm."""
+def tasks(singles: int, pairs: int) -> list[Task]:
+    """Half of each on the wall clock, an eighth of those with the arm.
+
+    In such an order that a campaign that is broken off has some of everything.
+    """
+    parts: list[list[Task]] = []
     for count, total in ((1, singles), (2, pairs)):
         wall = (total + 1) // 2
         arm = wall // 8
-        yield from (("wall", count, seed) for seed in range(wall - arm))
-        yield from (("arm", count, seed) for seed in range(arm))
-        yield from (("simulated", count, seed) for seed in range(total - wall))
+        sizes = {"wall": wall - arm, "arm": arm, "simulated": total - wall}
+        parts += [[(clock, count, seed) for seed in range(n)] for clock, n in sizes.items()]
+    placed = [((n + 0.5) / len(part), task) for part in parts for n, task in enumerate(part)]
+    return [task for _, task in sorted(placed)]
 
 
 def done(log: Path) -> set[Task]:
@@ -115,16 +123,30 @@ def run(arguments: argparse.Namespace) -> int:
     left = [task for task in tasks(arguments.singles, arguments.pairs) if task not in before]
     if arguments.clock:
         left = [task for task in left if task[0] == arguments.clock]
-    wrong = 0
+    wrong, until_s = 0, time.monotonic() + 60.0 * arguments.minutes
     with beside(arguments.jobs) as pool, arguments.log.open("a") as log:
-        for future in as_completed([pool.submit(run_task, task) for task in left]):
-            row = future.result()
+        for row in _in_time(pool, left, until_s, arguments.jobs):
             log.write(json.dumps(row) + "\n")
             log.flush()
             if row["wrong"]:
                 wrong += 1
                 print(row["clock"], row["faults"], row["seed"], row["kinds"], row["wrong"])
     return wrong
+
+
+def _in_time(
+    pool: ProcessPoolExecutor, left: list[Task], until_s: float, jobs: int
+) -> Iterator[dict[str, Any]]:
+    """The rows of the tasks that begin before ``until_s``, as they end."""
+    waiting: set[Future[dict[str, Any]]] = set()
+    todo = iter(left)
+    while True:
+        if time.monotonic() < until_s:
+            waiting |= {pool.submit(run_task, task) for task in islice(todo, jobs - len(waiting))}
+        if not waiting:
+            return
+        ended, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+        yield from (future.result() for future in ended)
 
 
 def one(arguments: argparse.Namespace) -> int:
@@ -164,6 +186,7 @@ def main() -> int:
     many.add_argument("--log", type=Path, default=Path("campaign.jsonl"))
     many.add_argument("--jobs", type=int, default=4)
     many.add_argument("--clock", choices=CLOCKS)
+    many.add_argument("--minutes", type=float, default=math.inf, help="begin none after that")
     many.set_defaults(do=run)
     single = commands.add_parser("one")
     single.add_argument("kinds", nargs="*", help="in place of what the seed draws")

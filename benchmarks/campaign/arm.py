@@ -76,6 +76,10 @@ class Tip:
         """What it felt."""
         return np.array([self._row(float(t))[4] for t in at_s])
 
+    def surface(self, x_m: float, _y_m: float) -> float:
+        """How high the bed is; level but for its step."""
+        return self._world.bed.surface_m(x_m)
+
     def locked(self) -> threading.RLock:
         """Held while the world is looked at from outside."""
         return self._lock

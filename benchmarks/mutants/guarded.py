@@ -222,7 +222,7 @@ GUARDED = (
     Mutant(
         "nothing touched is a touch", ENGINE,
         "if self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
-        "if not self._go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
+        "if not self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
         (f"{TEST_ENGINE}::test_touch_finds_the_surface",
          f"{TEST_ENGINE}::test_nothing_to_touch_is_a_fault"),
     ),

@@ -19,9 +19,10 @@ from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
 from probe.acquisition.levels import LEVEL_S, Levels, changed
 from probe.acquisition.readiness import make_ready
+from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
-from probe.acquisition.safety_monitor import STAGE, STAGE_CHANNELS, SafetyMonitor
+from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.acquisition.stop_rules import STOPPED, no_contact
 from probe.core.events import (
     Finish,

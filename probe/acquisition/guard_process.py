@@ -21,10 +21,11 @@ from typing import Any
 from drivers import Block, Channel, Clock, Pose
 from drivers.core import abilities
 from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.guard_threads import come_first
 from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
 from probe.acquisition.prepare import prepare
-from probe.acquisition.safety_monitor import SafetyMonitor, come_first
+from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.config.devices import Devices, connect
 from probe.config.rig import Fallback, Rig
 from probe.config.scan_plan import limits_for, plan_for

@@ -5,30 +5,27 @@ that only looks whether the others beat, so that nothing that hangs hides anythi
 simulated clock the engine calls `SafetyMonitor.step` itself, at most two sensor samples apart.
 """
 
-import os
-import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from functools import partial
 
 import numpy as np
 
-from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Sensor, Stage
+from drivers import Block, Clock, ConfigError, DeviceFault, Pose, Sensor, Stage
 from drivers.core import abilities
 from probe.acquisition.clock_guard import ClockGuard
 from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.force_limit import SensorGuard
+from probe.acquisition.guard_threads import GuardThreads
 from probe.acquisition.interruption import Trip
 from probe.acquisition.pose_guard import PoseGuard
+from probe.acquisition.readings import STAGE, Readings
 from probe.acquisition.retreat import Retreat
 from probe.planning.limits import Limits
 from probe.planning.plan import Surface
 
-STAGE = "stage"
-STAGE_CHANNELS = tuple(Channel(axis, "m") for axis in "xyz")
 STAGE_PERIOD_S = 0.008
 LOCK_S = 0.25
 SUPERVISOR = "supervisor"
@@ -39,9 +36,6 @@ PAUSE_S = 0.1
 DEAD_S = 1.0  # a supervisor that is later than this is itself at fault
 LIFT_SHARE = 0.25  # of the greatest speed: a lift is no emergency once the stage rests
 RETREATS = 3  # of one run, at most, where something moves the stage again after each
-# A busy Python thread may keep the interpreter this long before a guard gets it. Python's own 5 ms
-# are 2.5 samples at 500 Hz (measured: benchmarks/guards.py).
-GIL_SWITCH_INTERVAL_S = 0.2e-3
 
 
 class SafetyMonitor:
@@ -85,45 +79,34 @@ class SafetyMonitor:
             ClockGuard(limits, clock.now, time.monotonic),
             ClockGuard(limits, time.monotonic),
         ]
-        self._blocks: dict[str, deque[Block]] = {s.name: deque() for s in sensors}
-        self._poses: deque[tuple[float, float, float, float]] = deque()
-        self._seen_s: dict[str, float] = {}
-        self._posed_s = self._excused_s = -np.inf
+        self._readings = Readings(s.name for s in sensors)
+        self._excused_s = -np.inf
         self._in_motion = self._homing = False
         self._surface = surface
         self._engine_s = time.monotonic()
         self._retreats = 0
         self._stage_lock = threading.Lock()
         self._trip_lock = threading.Lock()
-        self._end = threading.Event()
-        self._threads: list[threading.Thread] = []
-        self._beats: dict[str, float] = {}
+        self._threads = GuardThreads(self._watch_supervisor)
 
     # --- the engine's side -------------------------------------------------------------------
 
     def start(self, *, homes: bool = False) -> None:
         """Begin; every device counts as seen now. ``homes``: the stage has no pose until `home`."""
         self._homing = homes
-        self._seen_s = dict.fromkeys((*self._blocks, STAGE), self._clock.now())
+        self._readings.all_seen(self._clock.now())
         self._engine_s = time.monotonic()
         if not self.threaded:
             return
-        self._switch_s = sys.getswitchinterval()
-        sys.setswitchinterval(GIL_SWITCH_INTERVAL_S)
-        self._beats[SUPERVISOR] = time.monotonic()
-        self._run(STAGE, self._step_stage, STAGE_PERIOD_S)
+        self._threads.run(STAGE, partial(self._guarded, self._step_stage), STAGE_PERIOD_S)
         for sensor, guard in self._sensors:
-            step = partial(self._step_sensor, sensor, guard)
-            self._run(sensor.name, step, max(0.5 / sensor.rate_hz, 0.5e-3))
-        self._run(SUPERVISOR, self._supervise, SUPERVISOR_PERIOD_S)
+            step = partial(self._guarded, partial(self._step_sensor, sensor, guard))
+            self._threads.run(sensor.name, step, max(0.5 / sensor.rate_hz, 0.5e-3))
+        self._threads.run(SUPERVISOR, partial(self._guarded, self._supervise), SUPERVISOR_PERIOD_S)
 
     def finish(self) -> None:
         """End the threads."""
-        self._end.set()
-        for thread in self._threads:
-            thread.join(timeout=1.0)
-        if self._threads:
-            sys.setswitchinterval(self._switch_s)
+        self._threads.finish()
 
     def step(self) -> None:
         """Read and check everything once; only without threads."""
@@ -135,12 +118,12 @@ class SafetyMonitor:
     def engine_heartbeat(self) -> None:
         """The engine lives, and looks whether the threads do."""
         self._engine_s = time.monotonic()
-        if self._threads and not self._end.is_set():
+        if self._threads.running:
             self._check_thread(SUPERVISOR)
 
     def seen_s(self) -> float:
         """Up to when the samples of every sensor are in."""
-        return min((self._seen_s[s.name] for s, _ in self._sensors), default=self._clock.now())
+        return self._readings.all_in_s(self._clock.now())
 
     def force_n(self) -> float:
         """The latest force of the first sensor that feels one."""
@@ -152,16 +135,7 @@ class SafetyMonitor:
 
     def collect(self) -> list[tuple[str, Block]]:
         """All readings since the last call, one block per device that has some."""
-        found = [
-            (name, _joined([waiting.popleft() for _ in range(len(waiting))]))
-            for name, waiting in self._blocks.items()
-            if waiting
-        ]
-        if self._poses:
-            rows = np.array([self._poses.popleft() for _ in range(len(self._poses))])
-            poses = rows[:, 1:].copy()
-            found.append((STAGE, Block(rows[:, 0].copy(), poses, np.zeros(poses.shape, bool))))
-        return found
+        return self._readings.collect()
 
     def move(self, target: Pose, speed_m_s: float) -> None:
         """Start a move, unless a guard has stopped the scan. Raises `DeviceFault`."""
@@ -186,7 +160,7 @@ class SafetyMonitor:
                 self.error = error
                 self.object("guard", f"{type(error).__name__}: {error}", can_retract=False)
             self._pose_guard = PoseGuard(self._surface, self._limits)
-            self._seen_s[STAGE] = self._clock.now()
+            self._readings.seen_s[STAGE] = self._clock.now()
             self._homing = False
             over.set()
 
@@ -285,21 +259,9 @@ class SafetyMonitor:
 
     # --- the threads -------------------------------------------------------------------------
 
-    def _run(self, name: str, step: Callable[[], None], period_s: float) -> None:
-        self._beats[name] = time.monotonic()
-        thread = threading.Thread(
-            target=self._repeat, args=(name, step, period_s), name=f"palpate {name}", daemon=True
-        )
-        self._threads.append(thread)
-        thread.start()
-
-    def _repeat(self, name: str, step: Callable[[], None], period_s: float) -> None:
-        come_first()
-        while not self._end.wait(period_s):
-            self._guarded(step)
-            self._beats[name] = time.monotonic()
-            if name != SUPERVISOR:
-                self._check_thread(SUPERVISOR)
+    def _watch_supervisor(self, name: str) -> None:
+        if name != SUPERVISOR:
+            self._check_thread(SUPERVISOR)
 
     def _guarded(self, step: Callable[[], None]) -> None:
         try:
@@ -310,15 +272,14 @@ class SafetyMonitor:
             self.object("guard", f"{type(error).__name__}: {error}", can_retract=True)
 
     def _check_thread(self, name: str) -> None:
-        late_s = time.monotonic() - self._beats[name]
+        late_s = self._threads.late_s(name)
         if late_s > DEAD_S:
             self.object("guard", f"its {name} has done nothing for {late_s:.2f} s",
                         can_retract=True)  # fmt: skip
 
     def _program_pauses(self) -> bool:
         """The supervisor is late: nothing that is late too is to blame for it."""
-        late_s = time.monotonic() - self._beats.get(SUPERVISOR, np.inf)
-        return PAUSE_S < late_s < DEAD_S
+        return PAUSE_S < self._threads.late_s(SUPERVISOR) < DEAD_S
 
     def _step_sensor(self, sensor: Sensor, guard: SensorGuard) -> None:
         try:
@@ -331,8 +292,7 @@ class SafetyMonitor:
         if (jump := guard.check_times(block, self._clock.now())) is not None:
             self.object(sensor.name, jump, can_retract=True)
             return
-        self._blocks[sensor.name].append(block)
-        self._seen_s[sensor.name] = float(block.time_s[-1])
+        self._readings.take(sensor.name, block)
         if block.jumped_s > 0:
             self.jumped = (sensor.name, block.jumped_s)
         if (why := guard.check(block)) is not None:
@@ -340,7 +300,7 @@ class SafetyMonitor:
 
     def _step_stage(self) -> None:
         if self._homing:
-            self._seen_s[STAGE] = self._clock.now()
+            self._readings.seen_s[STAGE] = self._clock.now()
             if self.trip is not None:
                 self._stage.stop()  # until it is heard
             return
@@ -362,19 +322,16 @@ class SafetyMonitor:
                 self.arrived(known)
 
     def _take(self, pose: Pose, now: float, asked_s: float) -> None:
-        self._seen_s[STAGE] = now
-        if now > self._posed_s:  # a clock that was set back says nothing of when
-            self._posed_s = now
-            self._poses.append((now, pose.x, pose.y, pose.z))
+        self._readings.take_pose(pose, now)
         if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1], again=True)
 
     def _supervise(self) -> None:
         """What only the wall clock can show: a pause, a jump, a blocked engine, a stop."""
-        late_s = time.monotonic() - self._beats[SUPERVISOR]
+        late_s = self._threads.late_s(SUPERVISOR)
         if late_s > PAUSE_S:
             self._excused_s = self._clock.now()
-            self._beats = dict.fromkeys(self._beats, time.monotonic())
+            self._threads.excuse()
             self._engine_s = max(self._engine_s, time.monotonic() - self._limits.engine_s / 2)
             if late_s > self._limits.silence_s:
                 why = f"this program did not run for {late_s:.2f} s, and nobody looked at the force"
@@ -391,7 +348,7 @@ class SafetyMonitor:
                 self.retreat.stay()
         if time.monotonic() - self._engine_s > self._limits.engine_s:
             self.object("engine", f"blocked for {self._limits.engine_s:g} s", can_retract=True)
-        if max(time.monotonic() - beat_s for beat_s in self._beats.values()) < PAUSE_S:
+        if self._threads.latest_s() < PAUSE_S:
             abilities.keep_alive(self._stage)  # where a guard hangs, a stage with a watchdog halts
 
     def _check_silence(self) -> None:
@@ -403,24 +360,6 @@ class SafetyMonitor:
         self._check_seen(STAGE, self._stage.name, now, self._limits.silence_s)
 
     def _check_seen(self, key: str, device: str, now: float, most_s: float) -> None:
-        silent_s = now - max(self._seen_s[key], self._excused_s)
+        silent_s = now - max(self._readings.seen_s[key], self._excused_s)
         if silent_s > most_s:
             self.object(device, f"silent for {silent_s:.2f} s", can_retract=True)
-
-
-def come_first() -> None:
-    """Let this thread, and those it begins, run before all others, where the system permits it."""
-    with suppress(AttributeError, OSError):  # Linux only; root, or a limit on `rtprio`
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
-
-
-def _joined(blocks: list[Block]) -> Block:
-    if len(blocks) == 1:
-        return blocks[0]
-    return Block(
-        np.concatenate([b.time_s for b in blocks]),
-        np.concatenate([b.values for b in blocks]),
-        np.concatenate([b.saturated for b in blocks]),
-        sum(b.lost for b in blocks),
-        max(b.jumped_s for b in blocks),
-    )

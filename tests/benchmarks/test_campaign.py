@@ -1,16 +1,21 @@
 """The fault campaign's own parts: a truth that is physics, and a judge that finds what is wrong."""
 
 import math
+import time
 from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from campaign import simulated
+from campaign.arm import Tip
 from campaign.board import ORIGIN_MM, Board
 from campaign.cell import ZERO_N, Cell
 from campaign.faults import BY_NAME, KINDS, SIMULATED, Draw, draw, of_kinds
 from campaign.judge import judge
 from campaign.world import HARDENING_PER_M, PULSE_N, TAU_S, Bed, World
+
+from sim_backend.emulators.ur.robot import Mounting, Robot
 
 DEEP = (0.0, 0.0, -2e-3)
 
@@ -72,6 +77,16 @@ def test_the_board_speaks_grbl() -> None:
     board.world.advance(0.31)
     assert board.due() == b"error:15\r\n"
     assert board.world.place[2] < 5e-3 == pytest.approx(-47e-3 - 1e-3 * ORIGIN_MM[2])
+
+
+def test_the_arm_feels_the_world() -> None:
+    """All that the emulated controller asks of a phantom is asked of the campaign's own truth."""
+    tip = World(Bed(), time.monotonic(), DEEP)
+    arm = Robot(cast(Any, Tip(tip, Board(tip))), Mounting(), 0.0, 0, 0.002)
+    time.sleep(0.01)
+    said = arm.outputs(4)
+    assert said["actual_TCP_pose"][:3] == pytest.approx(DEEP)
+    assert said["actual_TCP_force"][2] == pytest.approx(tip.rows[-1][4], abs=0.2)
 
 
 def test_the_cell_prints_what_it_feels() -> None:
