@@ -35,12 +35,17 @@ class Child:
         where = (function.__module__, function.__name__)
         with Listener(authkey=key) as listener:
             self._process = subprocess.Popen([sys.executable, "-c", BOOT], stdin=subprocess.PIPE)
-            assert self._process.stdin is not None
-            with self._process.stdin as stdin:
-                stdin.write(
-                    pickle.dumps((sys.path, listener.address, key, pipes, *where, arguments))
-                )
-            self.pipes = [listener.accept() for _ in range(pipes)]
+            try:
+                assert self._process.stdin is not None
+                with self._process.stdin as stdin:
+                    stdin.write(
+                        pickle.dumps((sys.path, listener.address, key, pipes, *where, arguments))
+                    )
+                self.pipes = [listener.accept() for _ in range(pipes)]
+            except BaseException:  # nobody will hold it, to end it later
+                self._process.kill()
+                self._process.wait()
+                raise
 
     @property
     def pid(self) -> int:

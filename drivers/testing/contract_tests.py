@@ -1,32 +1,46 @@
 """What every driver must do; collected by `drivers.testing.contract`, or imported by a test file.
 
-A test file that imports these tests gives a fixture ``palpate_bench``.
+A test file that imports these tests gives a fixture ``palpate_bench``. Upper limits count the
+time in which this machine kept up (`drivers.testing.awake`), so that a busy one fails nobody.
 """
 
 import math
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 import pytest
 
+from drivers.core.abilities import enable
 from drivers.core.errors import DeviceFault
 from drivers.core.protocols import Array, Block, Pose, Sensor, Stage
+from drivers.testing.awake import AwakeTime
 from drivers.testing.contract import Bench
 
 PROMPT_S = 0.25  # no call may take longer, connecting and closing apart
 SOON_S = 3.0
 ARRIVED_M = 0.1e-3
+TRIES = 5
 UNIT_OF_ROLE = {"force": {"N"}, "pressure": {"Pa"}, "taxel": {"Pa"}}
 ROLES = {"force", "pressure", "taxel", "reference", "other"}
+_awake = AwakeTime()
+
+
+@pytest.fixture(autouse=True)
+def machine_keeps_up() -> Iterator[None]:
+    """Count the time in which it does."""
+    with _awake:
+        yield
 
 
 @pytest.fixture
 def stage(palpate_bench: Bench) -> Iterator[Stage]:
-    """A connected stage."""
+    """A connected stage, ready to move."""
     made = palpate_bench.open_stage()
     made.connect()
+    enable(made)
     yield made
     made.close()
 
@@ -57,14 +71,15 @@ def test_stage_moves_without_blocking_in_metres_and_seconds(
     stage: Stage, palpate_bench: Bench
 ) -> None:
     here, there, speed = _way(stage, palpate_bench)
-    began = time.monotonic()
-    stage.move(there, speed)
-    assert time.monotonic() - began < PROMPT_S
-    assert stage.moving()
     expected_s = (there.z - here.z) / speed
+    began, awake = time.monotonic(), _awake.now()
+    stage.move(there, speed)
+    assert _awake.now() - awake < PROMPT_S
+    if time.monotonic() - began < 0.5 * expected_s:
+        assert stage.moving()
     _until(lambda: not stage.moving(), expected_s + SOON_S)
-    took_s = time.monotonic() - began
-    assert took_s == pytest.approx(expected_s, rel=0.3, abs=0.3)
+    assert time.monotonic() - began > 0.7 * expected_s
+    assert _awake.now() - awake < 1.3 * expected_s + 0.3
     assert math.dist(stage.pose()[:3], there[:3]) < ARRIVED_M
     stage.move(here, speed)
     _until(lambda: not stage.moving(), expected_s + SOON_S)
@@ -75,40 +90,50 @@ def test_stage_tells_where_it_is_promptly_while_it_moves(
     stage: Stage, palpate_bench: Bench
 ) -> None:
     here, there, speed = _way(stage, palpate_bench)
-    stage.move(there, speed)
-    heights = []
-    while stage.moving():
-        began = time.monotonic()
-        heights.append(stage.pose().z)
-        assert time.monotonic() - began < PROMPT_S
-    assert len(set(heights)) > 5
-    assert (np.diff(heights) >= -ARRIVED_M).all()
-    assert min(heights) >= here.z - ARRIVED_M
-    assert max(heights) <= there.z + ARRIVED_M
-    stage.move(here, speed)
-    _until(lambda: not stage.moving(), SOON_S)
+    seen: set[float] = set()
+    for _ in range(TRIES):  # a busy machine looks a few times only on one way
+        stage.move(there, speed)
+        heights = [here.z]
+        while stage.moving():
+            began = _awake.now()
+            heights.append(stage.pose().z)
+            assert _awake.now() - began < PROMPT_S
+        seen |= set(heights)
+        assert (np.diff(heights) >= -ARRIVED_M).all()
+        assert max(heights) <= there.z + ARRIVED_M
+        stage.move(here, speed)
+        _until(lambda: not stage.moving(), (there.z - here.z) / speed + SOON_S)
+        if len(seen) > 5:
+            return
+    pytest.fail(f"{len(seen)} different positions on {TRIES} ways")
 
 
 def test_stage_stops_from_another_thread_however_often(stage: Stage, palpate_bench: Bench) -> None:
     here, there, speed = _way(stage, palpate_bench)
-    stage.move(there, speed)
-    time.sleep(0.3 * (there.z - here.z) / speed)
-    others = [threading.Thread(target=stage.stop) for _ in range(3)]
-    for other in others:
-        other.start()
-    for other in others:
-        other.join(timeout=PROMPT_S)
-        assert not other.is_alive(), "stop blocks"
-    _until(lambda: not stage.moving(), 1.0)
-    rested = stage.pose()
-    assert here.z - ARRIVED_M <= rested.z < there.z - ARRIVED_M
-    stage.stop()
-    time.sleep(0.2)
-    assert math.dist(stage.pose()[:3], rested[:3]) < ARRIVED_M
-    assert not stage.moving()
-    stage.move(here, speed)  # and it can go on from there
-    _until(lambda: not stage.moving(), SOON_S)
-    assert math.dist(stage.pose()[:3], here[:3]) < ARRIVED_M
+    expected_s = (there.z - here.z) / speed
+    for _ in range(TRIES):
+        began = time.monotonic()
+        stage.move(there, speed)
+        time.sleep(0.3 * expected_s)
+        others = [threading.Thread(target=stage.stop) for _ in range(3)]
+        for other in others:
+            other.start()
+        for other in others:
+            _until(partial(_ended, other), PROMPT_S)
+        in_time = time.monotonic() - began < 0.7 * expected_s  # of a machine that is not too busy
+        _until(lambda: not stage.moving(), 1.0)
+        rested = stage.pose()
+        stage.stop()
+        time.sleep(0.2)
+        assert math.dist(stage.pose()[:3], rested[:3]) < ARRIVED_M
+        assert not stage.moving()
+        stage.move(here, speed)  # and it can go on from there
+        _until(lambda: not stage.moving(), expected_s + SOON_S)
+        assert math.dist(stage.pose()[:3], here[:3]) < ARRIVED_M
+        if in_time:
+            assert here.z - ARRIVED_M <= rested.z < there.z - ARRIVED_M
+            return
+    pytest.fail(f"stop takes longer than {0.4 * expected_s:.2f} s in each of {TRIES} tries")
 
 
 def test_stage_that_is_closed_answers_nothing_and_leaves_no_thread(palpate_bench: Bench) -> None:
@@ -170,22 +195,24 @@ def test_sensor_samples_in_order_on_the_scan_clock_at_its_rate(
     sensor: Sensor, palpate_bench: Bench
 ) -> None:
     duration_s = max(1.0, 10 / sensor.rate_hz)
-    began_s = palpate_bench.clock.now()
+    began_s, awake = palpate_bench.clock.now(), _awake.now()
     block = _gather(sensor, duration_s)
+    awake_s = _awake.now() - awake
+    took_s = palpate_bench.clock.now() - began_s
     times = block.time_s
     assert (np.diff(times) > 0).all(), "times must ascend, also from block to block"
     assert times[0] > began_s - 0.5
     assert palpate_bench.clock.now() + 0.01 > times[-1] > began_s + 0.5 * duration_s
     arrived = len(times) + block.lost
-    assert arrived == pytest.approx(duration_s * sensor.rate_hz, rel=0.25, abs=3)
+    assert 0.75 * awake_s * sensor.rate_hz - 3 <= arrived <= 1.25 * took_s * sensor.rate_hz + 3
     assert np.isfinite(block.values).all()
 
 
 def test_sensor_read_never_blocks(sensor: Sensor) -> None:
     for _ in range(20):
-        began = time.monotonic()
+        began = _awake.now()
         sensor.read()
-        assert time.monotonic() - began < PROMPT_S
+        assert _awake.now() - began < PROMPT_S
 
 
 def test_sensor_tare_makes_the_present_load_zero(sensor: Sensor) -> None:
@@ -255,29 +282,33 @@ def _way(stage: Stage, bench: Bench) -> tuple[Pose, Pose, float]:
     return here, here._replace(z=here.z + 1e-3 * bench.travel_mm), 1e-3 * bench.speed_mm_s
 
 
+def _ended(thread: threading.Thread) -> bool:
+    return not thread.is_alive()
+
+
 def _until(ready: Callable[[], bool], timeout_s: float) -> None:
-    end = time.monotonic() + timeout_s
+    end = _awake.now() + timeout_s
     while not ready():
-        assert time.monotonic() < end, f"not within {timeout_s:.1f} s"
+        assert _awake.now() < end, f"not within {timeout_s:.1f} s"
         time.sleep(0.005)
 
 
 def _until_raises(call: Callable[[], object]) -> None:
-    end = time.monotonic() + SOON_S
+    end = _awake.now() + SOON_S
     with pytest.raises(DeviceFault):
-        while time.monotonic() < end:
+        while _awake.now() < end:
             call()
             time.sleep(0.01)
 
 
 def _until_connected(device: Stage | Sensor) -> None:
     """A device that is plugged in needs a moment to be found."""
-    end = time.monotonic() + SOON_S
+    end = _awake.now() + SOON_S
     while True:
         try:
             device.connect()
         except DeviceFault:
-            if time.monotonic() > end:
+            if _awake.now() > end:
                 raise
             time.sleep(0.1)
         else:

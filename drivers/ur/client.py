@@ -25,22 +25,25 @@ NICE_LEVEL = -10
 """Samples and the watchdog wait for nobody's computing."""
 NORMAL, REDUCED = 1, 2  # safety modes in which the arm may move
 VARIABLES = [
-    "timestamp", "actual_TCP_pose", "actual_TCP_force", "robot_mode", "safety_mode",
-    "runtime_state", "speed_scaling", "target_speed_fraction", "payload",
+    "timestamp", "actual_TCP_pose", "actual_TCP_force", "target_TCP_speed", "robot_mode",
+    "safety_mode", "runtime_state", "speed_scaling", "target_speed_fraction", "payload",
 ]  # fmt: skip
 
 
 class State(NamedTuple):
     """One whole sample: the controller's time, and what was true then (SI, base frame).
 
-    ``arrival_s`` is on this machine's monotonic clock. ``pace`` is the share of a commanded speed
-    that the controller allows. ``busy``: our program says that a move or a stop is under way.
+    ``arrival_s`` is on this machine's monotonic clock. ``target_speed`` is what the controller
+    asks of the tool now (m/s and rad/s). ``pace`` is the share of a commanded speed that the
+    controller allows. ``busy``: our program says that a move or a stop is under way; it comes by
+    another stream than the rest, and may be earlier or later.
     """
 
     timestamp_s: float
     arrival_s: float
     pose: tuple[float, ...]
     wrench: tuple[float, ...]
+    target_speed: tuple[float, ...]
     safety_mode: int
     robot_mode: int
     runtime_state: int
@@ -232,8 +235,8 @@ def whole_state(receive: Any, last_s: float, *, busy: bool = False) -> State | N
         return None
     state = State(
         before_s, time.monotonic(), tuple(receive.getActualTCPPose()),
-        tuple(receive.getActualTCPForce()), int(receive.getSafetyMode()),
-        int(receive.getRobotMode()), int(receive.getRuntimeState()),
+        tuple(receive.getActualTCPForce()), tuple(receive.getTargetTCPSpeed()),
+        int(receive.getSafetyMode()), int(receive.getRobotMode()), int(receive.getRuntimeState()),
         receive.getSpeedScaling() * receive.getTargetSpeedFraction(), busy,
     )  # fmt: skip
     return state if receive.getTimestamp() == before_s and before_s > 0 else None

@@ -26,8 +26,9 @@ class UrStageSettings(Settings):
 
     What a busy machine may need longer: ``watchdog_s``, after which the arm halts by itself when
     nobody has checked the force (half a millimetre at 2.5 mm/s); ``stop_s``, after which a stop
-    that was not answered goes to the dashboard, which ends the program; ``silence_s``, after which
-    the newest state is a fault (of a stage and a sensor on one robot, the first counts).
+    that was not answered goes to the dashboard, which ends the program; ``answer_s``, after which
+    a command that was not answered is a fault; ``silence_s``, after which the newest state is a
+    fault (of a stage and a sensor on one robot, the first counts).
     """
 
     name: str = "ur"
@@ -46,6 +47,7 @@ class UrStageSettings(Settings):
     replace_program: bool = False
     watchdog_s: Positive = 0.2
     stop_s: Positive = 0.1
+    answer_s: Positive = 0.5
     silence_s: Positive = SILENCE_S
 
 

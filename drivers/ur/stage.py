@@ -16,6 +16,7 @@ from drivers.ur.settings import UrStageSettings
 
 ARRIVED_M = 0.1e-3
 STILL_M, STILL_S = 5e-6, 0.02
+REST = 1e-6  # m/s and rad/s asked of the tool: a move that has ended asks for 0
 SETTLES_S = 0.2  # the joints follow their targets within this long
 REACH_S = 0.02  # a question to the controller takes a few of its cycles
 FULL_PACE = 0.995
@@ -75,9 +76,9 @@ class UrStage:
 
     def unreachable(self, poses: Sequence[Pose]) -> list[Pose]:
         """Those that the controller says it cannot go to, or may not by its safety limits."""
-        link = self._there()
+        link, timeout_s = self._there(), self._settings.answer_s
         asked = [self._base(pose) for pose in poses]
-        within = link.command("reachable", *asked, timeout_s=1.0 + REACH_S * len(asked))
+        within = link.command("reachable", *asked, timeout_s=timeout_s + REACH_S * len(asked))
         return [pose for pose, can in zip(poses, within, strict=True) if not can]
 
     def move(self, target: Pose, speed_m_s: float) -> None:
@@ -94,7 +95,9 @@ class UrStage:
         link.state()  # a program that has ended is not started again by a move
         self._target, self._rests_since_s = target, None
         acceleration_m_s2 = 1e-3 * keys.acceleration_mm_s2
-        link.command("move", self._base(target), speed_m_s, acceleration_m_s2)
+        link.command(
+            "move", self._base(target), speed_m_s, acceleration_m_s2, timeout_s=keys.answer_s
+        )
         self._set_off_s = time.monotonic()
 
     def moving(self) -> bool:
@@ -106,7 +109,8 @@ class UrStage:
         state, before = link.state(), link.earlier(STILL_S)
         # by the controller's time: on a busy machine states come late, and the arm is not at rest
         still = before is not None and math.dist(state.pose[:3], before.pose[:3]) < STILL_M
-        if state.busy or not still or state.arrival_s < self._set_off_s:
+        rests = still and max(map(abs, state.target_speed)) < REST  # of one packet with the pose
+        if state.busy or not rests or state.arrival_s < self._set_off_s:
             self._rests_since_s = None
             return True
         if self._target is None:

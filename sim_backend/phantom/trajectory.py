@@ -141,6 +141,13 @@ class Trajectory:
         """Position at one time."""
         return self._legs[bisect_right(self._starts, time_s) - 1].point(time_s)
 
+    def velocity(self, time_s: float) -> Point:
+        """Velocity at one time [m/s]."""
+        leg = self._legs[bisect_right(self._starts, time_s) - 1]
+        speed = leg.speed_at(time_s) if time_s < leg.end_s else 0.0
+        u, v, w = leg.direction
+        return (speed * u, speed * v, speed * w)
+
     def rest_before(self, time_s: float) -> Rest:
         """The last rest that began before ``time_s``; the start if there was none."""
         n = bisect_right(self._starts, time_s) - 1

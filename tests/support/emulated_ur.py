@@ -8,6 +8,7 @@ from itertools import count
 from typing import Any
 
 from drivers import WallClock
+from drivers.testing.awake import AwakeTime
 from drivers.ur.sensor import UrForce, open_sensor
 from drivers.ur.settings import UrSensorSettings, UrStageSettings
 from drivers.ur.stage import UrStage, open_stage
@@ -16,7 +17,7 @@ from sim_backend.emulators import ur
 from sim_backend.phantom.phantom import Phantom, Respond, Surface
 
 ORIGIN_MM = (400.0, -20.0, 150.0)
-PATIENT_S = 1.0  # the emulator shares this machine with other tests
+PATIENT_S = 5.0  # the emulator shares this machine with other tests; what is silent has its own
 _numbers = count(1)
 
 
@@ -41,6 +42,7 @@ class Rig:
             "origin_mm": ORIGIN_MM,
             "silence_s": PATIENT_S,
             "watchdog_s": PATIENT_S,
+            "answer_s": PATIENT_S,
         }
         stage = UrStageSettings(**(usual | keys))
         self.stage: UrStage = open_stage(self.clock, stage)
@@ -49,10 +51,11 @@ class Rig:
         )
 
     def arrive(self, timeout_s: float = 3.0) -> None:
-        end = self.clock.now() + timeout_s
-        while self.stage.moving():
-            assert self.clock.now() < end
-            time.sleep(0.003)
+        with AwakeTime() as awake:
+            end = awake.now() + timeout_s
+            while self.stage.moving():
+                assert awake.now() < end
+                time.sleep(0.003)
 
     def close(self) -> None:
         self.sensor.close()

@@ -17,17 +17,24 @@ from scipy.spatial.transform import Rotation
 
 from sim_backend.emulators.serving import on_this_machine
 from sim_backend.emulators.ur import wire
-from sim_backend.emulators.ur.robot import EMERGENCY_MODE, PROTECTIVE_MODE, Mounting, Point, Robot
+from sim_backend.emulators.ur.robot import (
+    EMERGENCY_MODE,
+    PROTECTIVE_MODE,
+    TICK_S,
+    Mounting,
+    Point,
+    Robot,
+)
 from sim_backend.phantom.phantom import Phantom
 
 RTDE_PORT, DASHBOARD_PORT = 30004, 29999
 CB3_HZ = 125.0
 SCRIPT_PORTS = (30001, 30002, 30003)
 LATE_S = 0.2
+LAG_S = 0.1
 MISSED_S = 0.06  # as seen of a controller in a container
 SLOW = 0.2
 JITTER_S = 0.002
-TICK_S = 0.01
 CATCH_UP = 0.3
 """What passes at least between two states to one client, over the period."""
 LONGEST_BEHIND = 100
@@ -54,7 +61,7 @@ class UrController:
 
     faults = ("protective stop", "emergency stop", "lost program", "silence", "drop", "garbage",
               "late", "mute", "blink", "no start", "other program", "slow slider", "missed cycles",
-              "jitter")  # fmt: skip
+              "jitter", "late readings")  # fmt: skip
 
     def __init__(self, robot: Robot, host: str, version: Version = E_SERIES) -> None:
         self.address = host
@@ -179,7 +186,8 @@ class UrController:
                 elif kind in (wire.START, wire.PAUSE):
                     streaming = kind == wire.START
                     self._send(client, kind, b"\x01")
-            behind = -robot.until_s(cycle) / robot.period_s
+            lag_s = LAG_S if self._fault == "late readings" and not inputs else 0.0
+            behind = -(robot.until_s(cycle) + lag_s) / robot.period_s
             if behind < 0:
                 continue
             if output is None or not streaming or behind > LONGEST_BEHIND:

@@ -25,6 +25,7 @@ NORMAL_MODE, PROTECTIVE_MODE, EMERGENCY_MODE = 1, 3, 7
 POWERED_BITS = 0b11  # power on, program running
 TOOL_DOWN = (0.0, np.pi, 0.0)
 STOP_M_S2 = 10.0
+TICK_S = 0.01
 RUNNING_BIT, NUMBER_SHIFT, NUMBERS = 1 << 15, 24, 128
 """Of the register in which the library's script tells of an asynchronous move."""
 REMEMBERED = 250
@@ -71,6 +72,8 @@ class Robot:
         """Programs do not start."""
         self.foreign = False
         """The program that plays is somebody else's."""
+        self.floor_m = -np.inf
+        """Height (scan frame) below which something keeps the arm from going."""
         self._ready = ready
         self._held = False
         self._phantom = phantom
@@ -79,7 +82,7 @@ class Robot:
         self._rng = np.random.default_rng(seed)
         self._lock = threading.RLock()
         self._start_s = phantom.clock.now()
-        self._measured: dict[int, tuple[Point, Point]] = {}
+        self._measured: dict[int, tuple[Point, Point, Point]] = {}
         rx, ry, rz = (mounting.turn * Rotation.from_rotvec(TOOL_DOWN)).as_rotvec().tolist()
         self._rotation = (rx, ry, rz)
         self._zero = np.zeros(3)
@@ -93,7 +96,7 @@ class Robot:
         self._playing = False
         self._blocked = False
         self._watchdog_s = np.inf
-        self._kicked_s = 0.0
+        self._unheard_s, self._ticked_s = 0.0, 0.0
         self._safety = NORMAL_MODE
 
     def upload(self) -> None:
@@ -152,7 +155,7 @@ class Robot:
         """Input registers that a client has set."""
         with self._lock:
             self._inputs.update(values)
-            self._kicked_s = self._phantom.clock.now()
+            self._unheard_s = 0.0
             command = self._inputs.get("input_int_register_0", 0)
             if not self._playing or self.foreign:
                 if command == STOP_SCRIPT:
@@ -171,9 +174,17 @@ class Robot:
                 self.end_program()  # as a script that fails does
 
     def tick(self) -> None:
-        """Let the program go on, whether or not anybody listens."""
+        """Let the program go on, whether or not anybody listens.
+
+        A time in which this machine did not come to tick is not held against the client.
+        """
         with self._lock:
-            self._go_on(self._phantom.clock.now())
+            now = self._phantom.clock.now()
+            self._unheard_s += min(now - self._ticked_s, 2 * TICK_S)
+            self._ticked_s = now
+            self._go_on(now)
+            if self._playing and self._unheard_s > self._watchdog_s:
+                self.end_program()
 
     def until_s(self, cycle: int) -> float:
         """Seconds until a cycle begins; below 0 once it has."""
@@ -187,7 +198,7 @@ class Robot:
             if cycle not in self._measured:
                 self._measured[cycle] = self._measure(self._start_s + cycle * self.period_s)
                 self._measured.pop(cycle - REMEMBERED, None)
-            tip, force = self._measured[cycle]
+            tip, velocity, force = self._measured[cycle]
             pose = (*tip, *self._rotation)
             fx, fy, fz = (np.array(force) - self._zero).tolist()
             wrench = (fx, fy, fz, 0.0, 0.0, 0.0)
@@ -195,6 +206,7 @@ class Robot:
                 "timestamp": cycle * self.period_s,
                 "actual_TCP_pose": pose,
                 "target_TCP_pose": pose,
+                "target_TCP_speed": (*velocity, 0.0, 0.0, 0.0),
                 "actual_TCP_force": wrench,
                 "ft_raw_wrench": wrench,
                 "robot_mode": 7,
@@ -208,8 +220,8 @@ class Robot:
                 **self._said,
             }
 
-    def _measure(self, time_s: float) -> tuple[Point, Point]:
-        """Tip [m] and force [N] before zeroing, with its noise; both in the base frame.
+    def _measure(self, time_s: float) -> tuple[Point, Point, Point]:
+        """Tip [m], its velocity, and force [N] before zeroing, with its noise; in the base frame.
 
         Without friction the tissue pushes along the surface's normal.
         """
@@ -218,8 +230,9 @@ class Robot:
         force_n += self._noise_n * float(self._rng.standard_normal())
         pushed = force_n * self._mounting.turn.apply(_normal(self._phantom, place))
         x, y, z = self._mounting.to_base(np.array(place)).tolist()
+        vx, vy, vz = self._mounting.turn.apply(self._phantom.tip.velocity(time_s)).tolist()
         fx, fy, fz = pushed.tolist()
-        return (x, y, z), (fx, fy, fz)
+        return (x, y, z), (vx, vy, vz), (fx, fy, fz)
 
     def _go_on(self, now: float) -> None:
         if self._held and self._under_way is not None:
@@ -233,8 +246,6 @@ class Robot:
             self._blocked = False
             if self._playing:
                 self._said["output_int_register_0"] = DONE
-        if self._playing and now - self._kicked_s > self._watchdog_s:
-            self.end_program()
 
     def _obey(self, command: int) -> bool:
         """Begin a command; False while it blocks the program (a move that is waited for)."""
@@ -281,7 +292,18 @@ class Robot:
         if self._slider <= 0:
             self._phantom.tip.halt(now, STOP_M_S2)
         else:
-            self._phantom.tip.move(now, target, self._slider * speed, acceleration)
+            way = self._unhindered(now, target)
+            self._phantom.tip.move(now, way, self._slider * speed, acceleration)
+
+    def _unhindered(self, now: float, target: Point) -> Point:
+        """How far on the way to ``target`` the arm gets."""
+        here = np.array(self._phantom.tip.point(now))
+        way = np.array(target) - here
+        share = 1.0
+        if target[2] < min(self.floor_m, here[2]):
+            share = max((self.floor_m - here[2]) / way[2], 0.0)
+        x, y, z = (here + share * way).tolist()
+        return (x, y, z)
 
     def _halt(self) -> None:
         self._under_way, self._held = None, False

@@ -82,7 +82,7 @@ def on_a_robot(
             # ... and beside other tests, which may hold it up; silence has tests of its own
             unplug, replug = partial(robot.fail, "drop"), partial(robot.fail, None)
             yield Bench(
-                "ur", {"host": host, "silence_s": 1.0, **settings}, unplug, replug, clock=clock
+                "ur", {"host": host, "silence_s": 2.0, **settings}, unplug, replug, clock=clock
             )
     finally:
         sys.setswitchinterval(before_s)
@@ -102,13 +102,14 @@ ARRAY = {
     "check": "crc16-modbus", "scale": 10.0,
 }  # fmt: skip
 BOARD = {"origin_mm": grbl.ORIGIN_MM}
+PATIENT = dict.fromkeys(("answer_s", "stop_s", "watchdog_s"), 2.0)  # limits have their own tests
 homed = partial(grbl.emulate, homed=True)
 STAGES: dict[str, Make] = {
     "virtual": virtual,
     "standa": standa,
     "grbl": partial(on_a_line, "grbl", homed, "pty", BOARD),
     "grbl over tcp": partial(on_a_line, "grbl", homed, "tcp", BOARD),
-    "ur": partial(on_a_robot, {"origin_mm": (400.0, -20.0, 150.0)}),
+    "ur": partial(on_a_robot, {"origin_mm": (400.0, -20.0, 150.0), **PATIENT}),
 }
 SENSORS: dict[str, Make] = {
     "virtual": virtual,

@@ -1,43 +1,76 @@
 """A controller that misses cycles loses time; stamps must not."""
 
-import time
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from emulated_ur import connected
 
-from drivers import Block, Pose
-from drivers.core.timestamps import DeviceTime
-from sim_backend.phantom.phantom import Respond
+from drivers import SimulatedClock
+from drivers.core.timestamps import LASTING_S, DeviceTime
+from drivers.ur import sensor
+from drivers.ur.client import State
+from sim_backend import load_scene
+from sim_backend.emulators.ur import MISSED_S
+from sim_backend.emulators.ur.robot import Mounting, Robot
+from sim_backend.phantom.phantom import Phantom, Respond
+
+EVERY, AT = 600, 200
 
 
-def test_missed_cycles_are_told_and_times_put_right(winkler: Respond) -> None:
-    with connected(winkler) as (made, robot):
-        made.stage.enable()
-        made.sensor.tare()
-        made.sensor.start()
-        blocks: list[Block] = []
-        for n in range(5):
-            robot.fail("missed cycles")
-            made.stage.move(Pose(0.03, 0.0, -0.002 if n % 2 else 0.0), 0.02)
-            made.arrive()
-            end_s = made.clock.now() + 3.0
-            while not (found := made.sensor.read()).jumped_s:
-                assert made.clock.now() < end_s
-                time.sleep(0.02)
-            blocks.append(found)
-        began_s = made.clock.now()
-        made.stage.move(Pose(0.03, 0.0, -0.002), 2e-3)
-        made.arrive(5.0)
-        time.sleep(0.1)
-        last = made.sensor.read()
-    # Each stall of 60 ms is told, less what the machine was late; a busy one adds its own.
-    assert sum(block.jumped_s for block in blocks) > 0.5 * 5 * 0.06
-    ramp = last.time_s > began_s
-    true_n = made.phantom.force_n(last.time_s[ramp])
-    # 400 N/m at 2 mm/s: 60 ms of error are 48 mN, the 300 of five stalls 0.24 N
-    assert np.median(np.abs(last.values[ramp, 0] - true_n)) < 0.03
+class Cycles:
+    """A link to the emulated controller's inside, without this machine's time between them.
+
+    Each cycle arrives 0.3 ms after it began, or up to 2 ms later.
+    """
+
+    def __init__(self, robot: Robot, clock: SimulatedClock) -> None:
+        self.rate_hz = 1 / robot.period_s
+        self._robot, self._clock = robot, clock
+        self._cycle = 0
+        self._rng = np.random.default_rng(0)
+
+    def samples(self, _timeout_s: float) -> list[State]:
+        """The next one."""
+        self._clock.sleep_until(self._clock.now() + self._robot.until_s(self._cycle))
+        told = self._robot.outputs(self._cycle)
+        self._cycle += 1
+        arrival_s = self._clock.now() + 3e-4 + min(float(self._rng.exponential(3e-4)), 2e-3)
+        return [
+            State(
+                told["timestamp"], arrival_s, told["actual_TCP_pose"], told["actual_TCP_force"],
+                told["target_TCP_speed"], 1, 7, 2, 1.0, busy=False,
+            )
+        ]  # fmt: skip
+
+    def began_s(self) -> float:
+        """When the newest cycle did, in the world."""
+        return self._robot.until_s(self._cycle - 1) + self._clock.now()
+
+
+def test_missed_cycles_are_told_and_times_put_right(
+    winkler: Respond, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = SimulatedClock()
+    monkeypatch.setattr(sensor.time, "monotonic", clock.now)
+    home = (0.03, 0.0, -0.001)
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=home)
+    robot = Robot(phantom, Mounting(), 0.0, 0, 0.002)
+    cycles = Cycles(robot, clock)
+    source = sensor.WrenchSource(clock, cycles, "tool")  # type: ignore[arg-type]
+    off_s, jumps = [], []
+    for n in range(5 * EVERY):
+        if n % EVERY == AT:
+            robot.miss_cycles(MISSED_S)
+        (sample,) = source.read()
+        off_s.append(sample.time_s - cycles.began_s())
+        jumps.append(sample.jumped_s)
+    told = [jump for jump in jumps if jump > 0]
+    assert len(told) == 5
+    assert told == pytest.approx([MISSED_S] * 5, abs=1e-3)
+    lasting = round(2 * LASTING_S / robot.period_s)
+    right = np.abs([off for n, off in enumerate(off_s) if not AT <= n % EVERY < AT + lasting])
+    assert right.max() < 1e-3
+    assert min(off_s) == pytest.approx(-MISSED_S, abs=1e-3)  # until it was told
 
 
 def stamps(arrivals: list[float], devices: list[float]) -> tuple[list[float], list[float]]:
