@@ -2,6 +2,9 @@
 
 Each ``fit_*`` is a pure function on arrays that returns a small frozen result; its methods apply
 it. `record`/`save`/`use` keep it in a file. Degenerate data raise `CalibrationError`.
+
+Every command reads rigs, and rigs name calibrations; so the parts of SciPy that take as long to
+import as a scan to store (interpolate, optimize, signal) are imported inside the fits.
 """
 
 from calibration.axes import AxesCalibration, fit_axes

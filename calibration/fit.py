@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import approx_fprime, least_squares
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from calibration.errors import CalibrationError
 
@@ -49,7 +48,7 @@ class Fit:
 
     def interval(self, level: float = 0.95) -> Array:
         """Confidence intervals (p, 2) of ``values``."""
-        half = student.ppf((1 + level) / 2, self.dof) * self.sigma
+        half = stdtrit(self.dof, (1 + level) / 2) * self.sigma
         return np.column_stack([self.values - half, self.values + half])
 
     def derived(self, names: Sequence[str], values: Array, jacobian: Array) -> "Fit":
@@ -138,6 +137,8 @@ def nonlinear_fit(
     deviations off, and fits the rest. ``residuals`` are -misfit of the readings kept.
     Raises `CalibrationError` where the values are not determined or nothing converges.
     """
+    from scipy.optimize import approx_fprime, least_squares
+
     kept = np.ones(len(misfit(start)), dtype=bool)
     if robust:
         scale = max(1.4826 * float(np.median(np.abs(misfit(start)))), 1e-300)

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import butter, find_peaks, sosfiltfilt
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, same_length
@@ -120,6 +119,8 @@ def _beat(grid: Array, level: Array, foot: float, length: float, phase: Array) -
 
 def _feet(grid: Array, level: Array, step: float) -> Array:
     """Times (beats,) [s] at which each upstroke is steepest, moved back to its foot."""
+    from scipy.signal import butter, find_peaks, sosfiltfilt
+
     band = butter(2, [RATES_HZ[0], 10.0], "bandpass", fs=1 / step, output="sos")
     calm = sosfiltfilt(band, level)
     power = float(calm @ calm)

@@ -10,8 +10,6 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from scipy.interpolate import BSpline, CubicSpline
-from scipy.signal import correlate
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, correlated, nonlinear_fit, same_length
@@ -53,6 +51,8 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     to 0.25 s are searched. Raises `CalibrationError` when nothing moves, when the movement
     repeats itself (the delay is then ambiguous) or when the two have nothing in common.
     """
+    from scipy.interpolate import CubicSpline
+
     ts, s = as_columns(stage_s, "stage_s", 1)[:, 0], as_columns(stage, "stage", 1)[:, 0]
     tf, f = as_columns(sensor_s, "sensor_s", 1)[:, 0], as_columns(sensor, "sensor", 1)[:, 0]
     same_length(stage_s=ts, stage=s)
@@ -122,6 +122,8 @@ def _knots(course: Array, y: Array) -> Array:
 
 def _pieces(values: Array, knots: Array) -> tuple[Array, Array]:
     """Quadratic B-splines (n, knots + 1) at ``values`` (n,), and their derivatives."""
+    from scipy.interpolate import BSpline
+
     full = np.concatenate([[knots[0]] * DEGREE, knots, [knots[-1]] * DEGREE])
     at = np.clip(values, knots[0], knots[-1])
     basis = BSpline(full, np.eye(len(full) - DEGREE - 1), DEGREE)
@@ -130,6 +132,8 @@ def _pieces(values: Array, knots: Array) -> tuple[Array, Array]:
 
 def _coarse(ts: Array, s: Array, tf: Array, f: Array) -> float:
     """The delay to within a sample, by cross-correlation of the rates of change."""
+    from scipy.signal import correlate
+
     step = max(float(np.median(np.diff(ts))), float(np.median(np.diff(tf))))
     begin, end = max(ts[0], tf[0]), min(ts[-1], tf[-1])
     if end - begin < 4 * MAX_DELAY_S:

@@ -11,7 +11,7 @@ from typing import Any, Literal, get_type_hints
 
 import numpy as np
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
-from scipy.stats import f as fisher
+from scipy.special import fdtri
 
 from calibration.axes import AxesCalibration
 from calibration.compliance import ComplianceCalibration
@@ -212,7 +212,7 @@ def worse_than(one: Record, residuals: Array) -> str | None:
     """
     old = one.residual_rms**2 * len(one.estimates.residuals) / one.estimates.dof
     new = float(np.mean(np.square(residuals)))
-    if new <= old * fisher.ppf(0.999, len(residuals), one.estimates.dof):
+    if new <= old * fdtri(len(residuals), one.estimates.dof, 0.999):
         return None
     return (
         f"{one.kind} calibration of {one.device}: readings now miss it by {np.sqrt(new):.3g} rms, "

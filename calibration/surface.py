@@ -8,14 +8,16 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
 from math import comb
-from typing import ClassVar, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
-from scipy.interpolate import RBFInterpolator
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, Mask, as_columns, linear_fit
+
+if TYPE_CHECKING:
+    from scipy.interpolate import RBFInterpolator
 
 Model = Literal["plane", "quadric", "map"]
 TERMS = {"plane": 3, "quadric": 6, "map": 3}
@@ -51,7 +53,7 @@ class SurfaceCalibration:
     fit: Fit = field(repr=False)
 
     @cached_property
-    def _map(self) -> RBFInterpolator:
+    def _map(self) -> "RBFInterpolator":
         return _sheet(self.touches_m, self.smoothing)
 
     def heights(self, x_m: Array, y_m: Array) -> Array:
@@ -155,7 +157,7 @@ def _core(design: Array, z: Array, max_outliers: int) -> Mask:
         score = np.abs(residual) / np.sqrt(max(variance, 1e-30) * (1 + leverage))
         score[kept] = np.inf
         nearest = int(np.argmin(score))
-        if score[nearest] > student.ppf(1 - REJECT / 2, max(dof, 1)):
+        if score[nearest] > stdtrit(max(dof, 1), 1 - REJECT / 2):
             break
         kept[nearest] = True
     return kept
@@ -192,7 +194,9 @@ def _left_out(points: Array, smoothing: float) -> tuple[Array, Array]:
     return -(inverse @ points[:, 2]) / precision, 1 / np.sqrt(precision)
 
 
-def _sheet(points: Array, smoothing: float) -> RBFInterpolator:
+def _sheet(points: Array, smoothing: float) -> "RBFInterpolator":
+    from scipy.interpolate import RBFInterpolator
+
     return RBFInterpolator(
         points[:, :2], points[:, 2], kernel="thin_plate_spline", degree=1, smoothing=smoothing
     )

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
@@ -70,7 +70,7 @@ def fit_taxels(raw: Array, pressure_pa: Array) -> TaxelCalibration:
         fits.append(linear_fit(design, channel[below], ("offset", "sensitivity"), ADVICE))
     slope = np.array([fit.values[1] for fit in fits])
     sigma = np.array([fit.sigma[1] for fit in fits])
-    certain = np.array([student.ppf(0.9995, fit.dof) for fit in fits])
+    certain = np.array([stdtrit(fit.dof, 0.9995) for fit in fits])
     dead = (np.abs(slope) <= certain * sigma) | (
         np.abs(slope) < DEAD_FRACTION * np.median(np.abs(slope))
     )

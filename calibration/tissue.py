@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from scipy.signal import lfilter
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, nonlinear_fit, same_length
@@ -230,6 +229,8 @@ class _Model:
 
     def _memory(self, elastic: Array, tau_s: float) -> Array:
         """H (n,): the elastic force with exponentially fading memory, exact between samples."""
+        from scipy.signal import lfilter
+
         even = np.interp(self.grid, self.time, elastic)
         decay = np.exp(-self.step / tau_s)
         gain = tau_s / self.step * (1 - decay)
