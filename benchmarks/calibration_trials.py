@@ -23,7 +23,7 @@ from calibration import (
     fit_tissue,
     fit_tool,
 )
-from probe.calibrate.fits import Forward, force_of_modulus
+from probe.calibrate.tissue_force import Forward, force_of_modulus
 from sim_backend.models.press import press
 from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import load_scene

@@ -79,8 +79,8 @@ def same_length(**arrays: Array) -> int:
     """The common number of rows. Raises `CalibrationError` if there is none."""
     lengths = {name: len(array) for name, array in arrays.items()}
     if len(set(lengths.values())) != 1:
-        told = ", ".join(f"{name} has {n}" for name, n in lengths.items())
-        raise CalibrationError(f"every column needs the same number of rows: {told}")
+        each = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        raise CalibrationError(f"every column needs the same number of rows: {each}")
     return next(iter(lengths.values()))
 
 

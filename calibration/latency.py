@@ -111,10 +111,10 @@ def _knots(course: Array, y: Array) -> Array:
     sensor's change over them, so that the air above a touch takes one piece, not all.
     """
     order = np.argsort(course)
-    levels, felt = course[order], y[order]
+    levels, force = course[order], y[order]
     groups = np.array_split(np.arange(len(order)), 4 * KNOTS)
     at = np.array([levels[g].mean() for g in groups])
-    change = np.abs(np.gradient(np.array([felt[g].mean() for g in groups])))
+    change = np.abs(np.gradient(np.array([force[g].mean() for g in groups])))
     share = np.cumsum(change / max(change.sum(), 1e-300) + AIR * np.gradient(at) / np.ptp(at))
     inner = np.interp(np.linspace(share[0], share[-1], KNOTS)[1:-1], share, at)
     return np.unique(np.concatenate([[levels[0]], inner, [levels[-1]]]))

@@ -170,10 +170,10 @@ def restore(one: Record, source: str = "calibration") -> Calibration:
             ):  # dead taxels are NaN
                 np.asarray_chkfinite(values[name])
         except (ValueError, TypeError, OverflowError):
-            told = repr(written)
-            told = told if len(told) <= 60 else told[:57] + "..."
+            shown = repr(written)
+            shown = shown if len(shown) <= 60 else shown[:57] + "..."
             raise CalibrationError(
-                f"{source}: values.{name} = {told} cannot be one of a calibration of {one.kind}; "
+                f"{source}: values.{name} = {shown} cannot be one of a calibration of {one.kind}; "
                 "calibrate again, or restore the file"
             ) from None
     fit = Fit(e.names, np.array(e.values), np.array(e.covariance), np.array(e.residuals), e.dof)

@@ -23,7 +23,7 @@ Model = Literal["plane", "quadric", "map"]
 TERMS = {"plane": 3, "quadric": 6, "map": 3}
 ADVICE = "touch at more places, spread over the scanned area, not along one line"
 SEARCH = 6000  # subsets tried for the cleanest core of the touches
-STRANGE = 4.0  # robust standard deviations from which a touch is none of a height map
+OUTLIER_SIGMAS = 4.0  # robust standard deviations from which a touch is none of a height map
 REJECT = 0.001  # chance that a good touch is called an outlier
 
 
@@ -177,7 +177,7 @@ def _good_for_map(points: Array, max_outliers: int) -> tuple[Mask, float]:
         score = np.abs(missed) / share
         worst = int(np.argmax(score))
         spread = 1.4826 * float(np.median(score))
-        if (~kept).sum() >= max_outliers or score[worst] <= STRANGE * spread:
+        if (~kept).sum() >= max_outliers or score[worst] <= OUTLIER_SIGMAS * spread:
             return kept, smoothing
         kept[np.flatnonzero(kept)[worst]] = False
 

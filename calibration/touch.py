@@ -10,7 +10,7 @@ from calibration.fit import Array, Fit, as_columns, nonlinear_fit, same_length
 
 ADVICE = "begin above the surface, and press until the force is well above its noise"
 POWERS = (0.5, 3.0)  # a flat face has 1, a sphere 1.5, a cone 2
-NEAR = 0.35  # of the greatest force: up to there the curve is looked at
+FITTED_FORCE_SHARE = 0.35  # of the greatest force: up to there the curve is looked at
 
 
 def find_contact(travel_m: Array, force_n: Array) -> Fit:
@@ -30,7 +30,7 @@ def find_contact(travel_m: Array, force_n: Array) -> Fit:
     first, last = float(np.mean(force[:end])), float(np.mean(force[-end:]))
     if last - first < 40 * noise / np.sqrt(len(force)) or last <= first:
         raise CalibrationError(f"the force rises by {last - first:.3g} N only; {ADVICE}")
-    far = force > first + max(NEAR * (last - first), 30 * noise)
+    far = force > first + max(FITTED_FORCE_SHARE * (last - first), 30 * noise)
     near = len(force) - int(np.argmin(far[::-1])) if far.any() else len(force)
     travel, force = travel[:near], force[:near]  # deep down the power is another one
     size, span = float(np.mean(force[-end:])) - first, float(np.ptp(travel))

@@ -25,7 +25,7 @@ from drivers.core.reader import LineSensor, Sample
 from drivers.core.settings import NonNegative, Positive, Settings
 from drivers.core.units import to_si
 
-logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # what matters, faults tell
+logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # faults say what matters
 MAX_REGISTERS = 125
 MAX_FAILED = 3
 LATE_S = 0.5

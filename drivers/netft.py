@@ -1,7 +1,7 @@
 """ATI Net F/T over Ethernet by ``pynetft``, which reads the box's own calibration by HTTP.
 
 Records carry a sequence number: it counts what the network lost and is the device's time, at the
-box's RDT output rate, which the rig file must tell (``rate_hz``) and the driver checks.
+box's RDT output rate, which the rig file must give (``rate_hz``) and the driver checks.
 """
 
 import time

@@ -92,7 +92,7 @@ class StandaStage:
             if abs(distance) > STILL_MM:
                 steps, micro = self._steps(axis, 1e3 * getattr(target, axis))
                 self._ask(axis, "command_move", steps, micro)
-        if stops != self._stops:  # stopped while the axes were being told
+        if stops != self._stops:  # stopped while the axes were being commanded
             self.stop()
 
     def moving(self) -> bool:

@@ -71,8 +71,8 @@ AROUND = (
     ),
     Mutant(
         "a simulated force guards a real stage", REHEARSAL,
-        "return not stage.simulated and bool(felt) and all(c.simulated for c in felt)",
-        "return not stage.simulated and bool(felt) and not felt",
+        "and all(c.simulated for c in force_channels)",
+        "and not force_channels",
         (f"{TEST_FALLBACK}::test_a_real_stage_with_a_virtual_sensor_rehearses_a_scan",),
     ),
     Mutant(
@@ -82,7 +82,7 @@ AROUND = (
     ),
     Mutant(
         "newtons over no face", "probe/acquisition/prepare.py",
-        "if felt and face_mm2 is None:", "if felt is None:",
+        "if force_channels and face_mm2 is None:", "if force_channels is None:",
         (f"{TEST_RIG}::test_wrong_devices_name_key_and_value",
          "tests/probe/acquisition/test_force_limit.py"),
     ),

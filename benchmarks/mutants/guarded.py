@@ -80,14 +80,14 @@ GUARDED = (
     ),
     Mutant(
         "the sensor's own noise is not learned", ALIVE,
-        "LEARNED = 100", "LEARNED = 1_000_000_000",
+        "MIN_PAIRS = 100", "LEARNED = 1_000_000_000",
         (f"{TEST_WORLDS}::test_a_sensor_that_does_not_feel_is_found_out",),
         ("simulated 3 cell stuck",),
     ),
     Mutant(
         "a press that is not felt goes on", LEVELS,
-        "if not levels or any(not mean < SURE * error for mean, error in levels.values()):",
-        "if not levels or levels:",
+        "any(not mean < MIN_STANDARD_ERRORS * error for mean, error in levels.values())",
+        "levels",
         ("tests/probe/acquisition/test_way_out.py::test_a_press_is_felt_as_a_push",),
     ),
     Mutant(

@@ -14,7 +14,7 @@ class DeviceFault(RuntimeError):
         self.reason = reason
 
     def __reduce__(self) -> tuple[type["DeviceFault"], tuple[str, str]]:
-        """As two words, so that it can be told from one process to another."""
+        """As two words, so that it can pass from one process to another."""
         return type(self), (self.device, self.reason)
 
 

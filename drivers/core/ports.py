@@ -102,7 +102,7 @@ class SerialPort:
 
 @contextmanager
 def _as_os_error() -> Iterator[None]:
-    """termios' error told as an `OSError`; there is none on Windows."""
+    """termios' error as an `OSError`; there is none on Windows."""
     try:
         yield
     except Exception as error:

@@ -80,7 +80,7 @@ class FrameTime:
     """Scan time of frames that come at a fixed rate and carry no time.
 
     Their true period, within `PERIOD_SLACK` of the nominal one, is learnt from the arrivals. A
-    frame known to be lost is told by ``skipped``; frames that vanished unseen show as a lateness
+    frame known to be lost is given by ``skipped``; frames that vanished unseen show as a lateness
     that none of `LATE_READS` reads makes up for.
     """
 

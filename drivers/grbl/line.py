@@ -35,7 +35,7 @@ _SETTING = re.compile(r"\$(\d+)=(-?\d+(?:\.\d+)?)(?: .*)?")  # grblHAL also has 
 class Status:
     """One status report. ``position`` is the machine's, in the report's unit.
 
-    It is None as long as the board has told only work positions, and not where their zero is.
+    It is None as long as the board has reported only work positions, and not where their zero is.
     ``number`` counts the requests sent before the one it answers.
     """
 
@@ -65,7 +65,7 @@ class Conversation:
         self._period_s = period_s
         self._answered = True
         self._asked_s = -1.0
-        self._offset: Point | None = None  # of work coordinates, once told
+        self._offset: Point | None = None  # of work coordinates, once reported
         self._partial = b""
         self._replies: list[str] = []
         self._one_line = threading.Lock()

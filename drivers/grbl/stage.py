@@ -69,7 +69,7 @@ class GrblStage:
         self._talk: Conversation | None = None
         self._unit_mm = 1.0
         self._probing = self._homing = False
-        self._stops = self._stops_before = 0  # now, and when the last move was told
+        self._stops = self._stops_before = 0  # now, and when the last move was sent
         self._stopping = threading.Event()
         self._moved_after = 0  # status requests sent before the last move was accepted
         self._restarts = 0  # those we asked for
@@ -138,7 +138,7 @@ class GrblStage:
         self._tell_slow_axes(talk)
 
     def _find_position(self, talk: Conversation) -> None:
-        """Wait until the machine's position is known: some boards tell it every thirty reports."""
+        """Wait until the machine's position is known: some boards say it in every 30th report."""
         wait_s = ANSWER_S + OFFSET_REPORTS * max(self._period_s, REPORT_S)
         try:
             talk.wait(
@@ -157,7 +157,7 @@ class GrblStage:
         status = talk.fresh(STALE_S)
         self._check(talk, status)
         if status.position is None:
-            raise DeviceFault(self.name, "has not told where the machine is ($10)")
+            raise DeviceFault(self.name, "has not reported where the machine is ($10)")
         return Pose(*self._scan_m(status.position))
 
     def move(self, target: Pose, speed_m_s: float) -> None:

@@ -20,7 +20,7 @@ NO_ANSWER = -1  # number of a command that nobody waits for
 READ_S = 2e-4
 SEND_S = 0.004
 KICKS = 4  # in the time that the robot's watchdog waits
-BEGINS_S = 1.0  # an accepted move is told as under way within a few cycles, on a busy machine later
+BEGINS_S = 1.0  # an accepted move is under way within a few cycles, on a busy machine later
 NICE_LEVEL = -10
 """Samples and the watchdog wait for nobody's computing."""
 NORMAL, REDUCED = 1, 2  # safety modes in which the arm may move
@@ -171,7 +171,7 @@ class _Client:
         raise ValueError(name)
 
     def _take_control(self, setup: Control) -> tuple[bool, Any]:
-        """Upload the program, set what is to be set, and tell what then holds."""
+        """Upload the program, set what is to be set, and return what then holds."""
         import rtde_control
 
         if self.control is None:
@@ -223,7 +223,7 @@ class _Client:
         status = control.getAsyncOperationProgressEx()
         number, asked_s = self._before
         if status.operationId() == number and time.monotonic() - asked_s < BEGINS_S:
-            return True  # not yet told of
+            return True  # not yet reported
         return bool(status.isAsyncOperationRunning())
 
 

@@ -54,7 +54,7 @@ class Link:
         fastest_hz = self.controller.fastest_hz
         if rate_hz is not None and rate_hz > fastest_hz:
             raise DeviceAbsent(
-                name, f"{rate_hz:g} Hz: this controller ({self.controller.told}) sends up to "
+                name, f"{rate_hz:g} Hz: this controller ({self.controller.described}) sends up to "
                 f"{fastest_hz:g}; leave the key out"
             )  # fmt: skip
         self.name = name
@@ -118,8 +118,8 @@ class Link:
             raise DeviceFault(self.name, words)
         # A playing program implies a running robot; the mode only tells why none plays.
         if state.runtime_state != PLAYING and state.robot_mode != RUNNING:
-            told = MODES.get(state.robot_mode, str(state.robot_mode))
-            raise DeviceFault(self.name, f"the robot is not running ({told})")
+            mode = MODES.get(state.robot_mode, str(state.robot_mode))
+            raise DeviceFault(self.name, f"the robot is not running ({mode})")
         if self.controls and state.runtime_state != PLAYING:
             raise DeviceFault(self.name, "its control program has stopped: connect again")
         return state
@@ -216,12 +216,12 @@ class Link:
 
     def _answer(self, number: int, timeout_s: float) -> tuple[bool, Any]:
         with self._fresh:
-            told = self._fresh.wait_for(
+            answered = self._fresh.wait_for(
                 lambda: number in self._answers or bool(self._gone), timeout_s
             )
             if number in self._answers:
                 return self._answers.pop(number)
-        return False, self._gone or ("" if told else f"no answer within {timeout_s:g} s")
+        return False, self._gone or ("" if answered else f"no answer within {timeout_s:g} s")
 
     def _first(self) -> bool:
         with self._fresh:
@@ -233,14 +233,14 @@ class Link:
             while True:
                 for pipe in wait([self._states, self._commands]):
                     got: Any = self._states.recv() if pipe is self._states else None
-                    told: Any = self._commands.recv() if pipe is self._commands else None
+                    message: Any = self._commands.recv() if pipe is self._commands else None
                     with self._fresh:
                         if got is not None:
                             self._samples.extend(got)
                             self._recent.extend(got)
                             self._state = got[-1]
-                        if told is not None:
-                            self._answers[told[0]] = told[1:]
+                        if message is not None:
+                            self._answers[message[0]] = message[1:]
                         self._fresh.notify_all()
         except (EOFError, OSError):
             with self._fresh:

@@ -29,7 +29,7 @@ class Controller(NamedTuple):
         return CB3_HZ if self.major == CB3 else E_SERIES_HZ
 
     @property
-    def told(self) -> str:
+    def described(self) -> str:
         """Its name in words."""
         family = {CB3: "CB3, PolyScope", POLYSCOPE_X: "PolyScope X"}.get(self.major, "PolyScope")
         return f"{family} {self.major}.{self.minor}.{self.bugfix}"
@@ -55,8 +55,8 @@ def check_control(name: str, host: str, controller: Controller) -> None:
     """
     if controller.major >= POLYSCOPE_X:
         raise DeviceAbsent(
-            name, f"{host} runs {controller.told}, which has no dashboard server to stop it by: "
-            "only reading is supported; moving needs PolyScope 3 or 5"
+            name, f"{host} runs {controller.described}, which has no dashboard server to stop it "
+            "by: only reading is supported; moving needs PolyScope 3 or 5"
         )  # fmt: skip
     with _connected(name, host, DASHBOARD_PORT) as line:
         line.recv(64)
@@ -66,7 +66,7 @@ def check_control(name: str, host: str, controller: Controller) -> None:
 
 @contextmanager
 def _connected(name: str, host: str, port: int) -> Iterator[socket.socket]:
-    """A connection whose failures are told as an absent robot."""
+    """A connection whose failures are reported as an absent robot."""
     try:
         with socket.create_connection((host, port), PREFLIGHT_S) as line:
             yield line

@@ -103,7 +103,7 @@ class UrStage:
     def moving(self) -> bool:
         """True until the controller says that the move has ended and the tip rests.
 
-        Raises `MotionFault` if it rests elsewhere than told.
+        Raises `MotionFault` if it rests elsewhere than commanded.
         """
         link = self._there()
         state, before = link.state(), link.earlier(STILL_S)
@@ -166,7 +166,7 @@ def _in_words(link: Link, found: dict[str, object]) -> list[str]:
     place = ", ".join(f"{1e3 * v:.1f}" for v in tcp[:3])
     reduced = "reduced" if state.safety_mode == REDUCED else "normal"
     notes = [
-        f"{link.controller.told} at {link.rate_hz:g} Hz, safety mode {reduced}, speed slider "
+        f"{link.controller.described} at {link.rate_hz:g} Hz, safety mode {reduced}, speed slider "
         f"{100 * state.pace:.0f} %, tool centre {place} mm, payload {found['payload_kg']:.2f} kg"
     ]
     if state.pace < FULL_PACE:

@@ -43,8 +43,8 @@ def machine() -> Iterator[Check]:
     yield Check("python", "ok", f"{platform.python_version()} ({sys.executable})")
     yield Check("sqlite", "ok", sqlite3.sqlite_version)
     why = why_no_windows()
-    told = "they open on this screen" if why is None else why
-    yield Check("windows", "ok" if why is None else "warning", told)
+    said = "they open on this screen" if why is None else why
+    yield Check("windows", "ok" if why is None else "warning", said)
     for kind in KINDS:
         for name in available(kind):
             try:

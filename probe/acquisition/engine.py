@@ -36,7 +36,7 @@ from probe.planning.plan import Place, Plan, pressed
 
 TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
 TOUCH_M_S = 1e-3
-NOTED = 0.5  # of the drift that a tare asks about (`levels.HIDDEN`): this much is told
+NOTED_SHARE = 0.5  # of the drift that a tare asks about (`levels.MAX_HIDDEN_SHARE`) is noted
 TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
 DEEP_ENOUGH_M = 5e-6
 HOME_STOPS_S = 5.0
@@ -302,7 +302,7 @@ class _Scan(RunLoop):
         """A zero that moved since the tare was in every force of that press."""
         if self.known_levels is None:
             return
-        drift = changed(self.known_levels, in_the_air, NOTED * self.most_n)
+        drift = changed(self.known_levels, in_the_air, NOTED_SHARE * self.most_n)
         if drift is not None:
             self.bus.note("warning", "engine", f"{drift} in the air since the last tare: the "
                           "forces of the press before are off by up to that")  # fmt: skip
@@ -323,16 +323,17 @@ class _Scan(RunLoop):
             raise why
 
     def _indent(self, surface: Pose) -> None:
-        """Go in along the normal, then on by what the rig itself has given way."""
+        """Go in along the normal, then on by what the rig itself has yielded."""
         plan, depth = self.plan, self.plan.indentation_m
         bottom = pressed(surface, depth)
         speed = math.dist(self.monitor.pose()[:3], bottom[:3]) / plan.ramp_s
         self.go(bottom, speed)
-        for _ in range(TOP_UPS if plan.give_m_n else 0):
-            given = min(max(plan.give_m_n * self.monitor.force_n(), 0.0), plan.give_m)
-            if abs(plan.indentation_m + given - depth) < DEEP_ENOUGH_M:
+        for _ in range(TOP_UPS if plan.compliance_m_per_n else 0):
+            yielded_m = max(plan.compliance_m_per_n * self.monitor.force_n(), 0.0)
+            yielded_m = min(yielded_m, plan.max_deflection_m)
+            if abs(plan.indentation_m + yielded_m - depth) < DEEP_ENOUGH_M:
                 break
-            depth = plan.indentation_m + given
+            depth = plan.indentation_m + yielded_m
             self.go(pressed(surface, depth), speed)
 
     def _seek(self, surface: Pose, touch_n: float) -> Pose:

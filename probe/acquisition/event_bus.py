@@ -1,4 +1,4 @@
-"""How a scan tells what happens: every event to the sink first, then to the observers.
+"""How a scan publishes what happens: every event goes to the sink first, then to the observers.
 
 Readings arrive after the fact, so samples are labelled with the station they belong to by their
 time, not by when they were read.

@@ -221,10 +221,10 @@ class GuardClient:
 
     def _pass_on(self) -> None:
         """The user's command goes over whatever the engine is doing."""
-        told = RunCommand.RESUME
+        sent = RunCommand.RESUME
         while not self._gone:
-            if (command := self._control.command) > told and command >= RunCommand.ABORT:
-                told = command
+            if (command := self._control.command) > sent and command >= RunCommand.ABORT:
+                sent = command
                 with suppress(OSError):
                     self._urgent.send(command)
             time.sleep(COMMAND_LOOK_S)
@@ -315,7 +315,7 @@ class RemoteRetreat:
 
     @property
     def lifting(self) -> bool:
-        """It was told to lift."""
+        """It was commanded to lift."""
         out = self._client.status().leaving
         return out is not None and out[1]
 

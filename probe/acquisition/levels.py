@@ -4,28 +4,29 @@ import math
 from collections.abc import Mapping
 
 LEVEL_S = 0.1  # a level is the mean force over this long
-HIDDEN = 0.1  # share of the force limit that a tare may hide at most
-SURE = 6.0  # standard errors that tell two levels apart: once in 500 million by chance
+MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
+MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
 
 
 def changed(these: Levels, those: Levels, most_n: float) -> str | None:
-    """Which sensor's force is another by more than noise and `HIDDEN` of ``most_n``; else None."""
+    """Which sensor's force changed by more than noise and `MAX_HIDDEN_SHARE` of ``most_n``."""
     for name, (mean, error) in these.items():
         other, its_error = those[name]
         change_n = other - mean
-        if not abs(change_n) <= max(HIDDEN * most_n, SURE * math.hypot(error, its_error)):
+        noise_n = MIN_STANDARD_ERRORS * math.hypot(error, its_error)
+        if not abs(change_n) <= max(MAX_HIDDEN_SHARE * most_n, noise_n):
             return f"{name}: the force changed by {change_n:+.3f} N"
     return None
 
 
-def nothing_felt(levels: Levels) -> str | None:
-    """Says so if no sensor feels a push that its own noise does not explain; else None.
+def no_force(levels: Levels) -> str | None:
+    """Says so if no sensor measures a force that its own noise does not explain; else None.
 
     A level of fewer than two readings (NaN) says nothing.
     """
-    if not levels or any(not mean < SURE * error for mean, error in levels.values()):
+    if not levels or any(not mean < MIN_STANDARD_ERRORS * error for mean, error in levels.values()):
         return None
     said = ", ".join(f"{name} {mean:.3g} N" for name, (mean, _) in levels.items())
-    return f"nothing is felt that pushes back ({said})"
+    return f"no force above the noise ({said})"

@@ -5,10 +5,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-CHANCE = 1e-9  # how unlikely a run of equal readings must be before it counts as stuck
-LEARNED = 100  # readings before the sensor's own rate of repetitions is believed
-CHANGES = 10  # and so many changes: a tare changes what a stuck sensor says, too
-FEWEST = 20  # a shorter run is never taken for one
+MAX_CHANCE = 1e-9  # how unlikely a run of equal readings must be before it counts as stuck
+MIN_PAIRS = 100  # readings before the sensor's own rate of repetitions is believed
+MIN_CHANGES = 10  # and so many changes: a tare changes what a stuck sensor says, too
+MIN_RUN = 20  # a shorter run is never taken for one
 
 
 class Alive:
@@ -46,7 +46,7 @@ class Alive:
 
     def _longest(self) -> float:
         """The run of equal pairs that chance does not explain."""
-        if self._pairs < LEARNED or self._pairs - self._equal < CHANGES:
+        if self._pairs < MIN_PAIRS or self._pairs - self._equal < MIN_CHANGES:
             return self._most_same
         share = (self._equal + 1) / (self._pairs + 2)
-        return max(FEWEST, math.log(CHANCE) / math.log(share))
+        return max(MIN_RUN, math.log(MAX_CHANCE) / math.log(share))

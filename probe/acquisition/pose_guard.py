@@ -1,4 +1,4 @@
-"""Where the tip may be: above the depth limit, in the workspace, on the way it was told to go."""
+"""Where the tip may be: above the depth limit, in the workspace, on its commanded way."""
 
 import math
 
@@ -62,7 +62,7 @@ class PoseGuard:
             start, target, allowed_m = self._way
             off_m = _off_the_way(pose, start, target)
             if off_m > allowed_m:
-                return f"is {1e3 * off_m:.2f} mm from where it was told to be", True
+                return f"is {1e3 * off_m:.2f} mm from where it was commanded to be", True
         return self._check_speed(pose, now_s, now_s if asked_s is None else asked_s)
 
     def _check_speed(self, pose: Pose, now_s: float, asked_s: float) -> tuple[str, bool] | None:

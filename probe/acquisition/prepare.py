@@ -59,9 +59,9 @@ def prepare(
 
 def _check_face(face_mm2: float | None, sensors: Sequence[Sensor]) -> None:
     """Newtons and pascals become each other, for detection and limits, over a known face only."""
-    felt = [(s.name, c) for s in sensors for c in s.channels if c.role in FORCE_ROLES]
-    if felt and face_mm2 is None:
-        name, channel = felt[0]
+    force_channels = [(s.name, c) for s in sensors for c in s.channels if c.role in FORCE_ROLES]
+    if force_channels and face_mm2 is None:
+        name, channel = force_channels[0]
         reads = "a force" if channel.role == "force" else "a pressure"
         raise RigError(
             f"face_mm2 is missing: sensor {name!r} reads {reads}, and without a simulated scene "

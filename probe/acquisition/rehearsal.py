@@ -18,8 +18,8 @@ SURFACE_M = 0.5e-3  # and between the planned surface and where a guard stops th
 
 def needs_rehearsal(stage: Stage, sensors: tuple[Sensor, ...]) -> bool:
     """Whether the stage is real and everything that would feel its force is simulated."""
-    felt = [c for s in sensors for c in s.channels if c.role in FORCE_ROLES]
-    return not stage.simulated and bool(felt) and all(c.simulated for c in felt)
+    force_channels = [c for s in sensors for c in s.channels if c.role in FORCE_ROLES]
+    return not stage.simulated and bool(force_channels) and all(c.simulated for c in force_channels)
 
 
 def lift_m(plan: Plan) -> float:

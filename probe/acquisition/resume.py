@@ -71,7 +71,7 @@ def unfinished(path: str | Path) -> Unfinished:
     try:
         rig = Rig.model_validate(run.config["rig"])
         scene = run.config.get("scene")
-        felt = None if scene is None else Scene.model_validate(scene)
+        scene_of_run = None if scene is None else Scene.model_validate(scene)
         seed = int(run.config["seed"])
     except ValidationError as error:
         raise RunFileError(f"{path}: " + "; ".join(explain(error))) from None
@@ -96,7 +96,7 @@ def unfinished(path: str | Path) -> Unfinished:
         path,
         rig,
         plan_for(rig),
-        felt,
+        scene_of_run,
         seed + NOISE_STEP * sessions,
         frozenset(completed),
         dict(attempts),

@@ -106,7 +106,7 @@ class Retreat:
         aside_m = math.dist(self._from[:2], pose[:2])
         force_n = abs(self._force_n())
         if down_m > WRONG_WAY_M or aside_m > 5 * WRONG_WAY_M:
-            self._break_off(now_s, "told to lift, the stage went another way")
+            self._break_off(now_s, "commanded to lift, the stage went another way")
         elif force_n > self._limit_n > 0:
             self._break_off(now_s, f"lifting raised the force to {force_n:.3f} N")
         elif now_s > self._deadline_s:

@@ -77,7 +77,7 @@ class RunLoop:
         """Move and wait; True if the target was reached, False if ``until`` became true first.
 
         A stage that takes twice as long as it should plus two seconds, or rests elsewhere than
-        told, is at fault. Only a stage that ``turns`` is asked to turn the tool.
+        commanded, is at fault. Only a stage that ``turns`` is asked to turn the tool.
         """
         target = turned(self.stage, target)
         length = math.dist(self.monitor.pose()[:3], target[:3])
@@ -104,7 +104,7 @@ class RunLoop:
         return True
 
     def halt(self) -> None:
-        """Stop where it is and wait for rest; told again until it is heard."""
+        """Stop where it is and wait for rest; repeated until it rests."""
         limit_s = self.clock.now() + 2.0
         self.stage.stop()
         while self.monitor.moving():

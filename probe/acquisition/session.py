@@ -53,7 +53,7 @@ def scan(
     ``scene``, a built-in name or a file, is what simulated devices feel. A rig of simulated
     devices only runs on simulated time, as fast as the machine allows, unless ``real_time``.
     ``labels`` (operator, specimen, notes of your own) are kept in the run for `palpate runs`.
-    ``opened`` is told the run file and the devices' notes before anything moves.
+    ``opened`` is given the run file and the devices' notes before anything moves.
     Raises `RigError`, `SceneError`, `drivers.ConfigError` and `drivers.DeviceFault` before
     anything moves, and `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
     """
@@ -66,9 +66,10 @@ def scan(
     control = control or Control()
     order = Order(rig, clock, None, seed, fallback)
     with opened_devices(order, respond, control) as devices:
-        felt = devices.scene
-        prepared = prepare(rig, plan, limits, felt, devices, seed)
-        path = new_run_path(Path(out), felt.name if felt is not None else devices.stage.name)
+        simulated = devices.scene
+        prepared = prepare(rig, plan, limits, simulated, devices, seed)
+        name = devices.stage.name if simulated is None else simulated.name
+        path = new_run_path(Path(out), name)
         with create_store(path) as sink, listening(control, path):
             opened(path, prepared.notes)
             ended = run_scan(
@@ -93,8 +94,9 @@ def resolve_rig(rig: Rig | str | Path | None, scene: str | Path | None) -> tuple
     """
     if rig is None:
         name = str(scene or DEFAULT_SCENE)
-        felt = load_scene(name)
-        return default_rig(felt).model_copy(update={"scene": SceneChoice(name=name)}), felt
+        simulated = load_scene(name)
+        chosen = SceneChoice(name=name)
+        return default_rig(simulated).model_copy(update={"scene": chosen}), simulated
     if not isinstance(rig, Rig):
         rig = load_rig(rig)
     if scene is not None:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from probe.acquisition.commands import RunCommand
 from probe.acquisition.interruption import Interrupted, Trip, interruption_of
-from probe.acquisition.levels import Levels, nothing_felt
+from probe.acquisition.levels import Levels, no_force
 from probe.core.events import Finish, Phase
 
 STOPPED = "stopped by the user"
@@ -73,9 +73,9 @@ def interrupted(seen: Seen) -> Interrupted | None:
 
 def no_contact(levels: Levels, indentation_m: float) -> Interrupted | None:
     """In a hold: a probe that feels nothing that deep has not met the tissue."""
-    if (felt := nothing_felt(levels)) is None:
+    if (why := no_force(levels)) is None:
         return None
-    reason = f"{felt} {1e3 * indentation_m:g} mm deep: the surface is lower than planned, or the "
+    reason = f"{why} {1e3 * indentation_m:g} mm deep: the surface is lower than planned, or the "
     return Interrupted(
         Finish.FAULTED, reason + "sensor does not measure force", "engine", retract=True
     )

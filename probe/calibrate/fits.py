@@ -11,36 +11,17 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from calibration import (
-    Calibration,
-    TissueCalibration,
-    fit_axes,
-    fit_compliance,
-    fit_force,
-    fit_gravity,
-    fit_heart,
-    fit_latency,
-    fit_surface,
-    fit_tare,
-    fit_taxels,
-    fit_tissue,
-    fit_tool,
-    load,
-    restore,
-    worse_than,
-)
+import calibration
 from calibration.errors import CalibrationError
 from calibration.touch import find_contact
 from probe.calibrate.measurements import Measurements, read
+from probe.calibrate.tissue_force import force_of_modulus
 from sim_backend.scene.scene_file import Scene, as_scene
 
 Array = NDArray[np.float64]
-Forward = Callable[[Array, Array], tuple[Array, Array]]
 
-CURVE_POINTS = 11
 KINDS = (
     "force", "taxels", "gravity", "tare", "tool", "axes", "surface", "latency", "compliance",
     "tissue", "heart",
@@ -71,7 +52,7 @@ def calibrate(
     scene: Scene | str | Path = "TI",
     relaxation_s: Sequence[float] = (),
     cuff_mmhg: tuple[float, float] = (120.0, 80.0),
-) -> Calibration:
+) -> calibration.Calibration:
     """Fit one calibration to a table or a run of raw measurements.
 
     Parameters
@@ -101,138 +82,101 @@ def calibrate(
     return fit_measurements(kind, read(Path(measurements), kind, device, station), chosen)
 
 
-def fit_measurements(kind: str, r: Measurements, choices: Choices) -> Calibration:
+def fit_measurements(
+    kind: str, measured: Measurements, choices: Choices
+) -> calibration.Calibration:
     """The calibration of ``kind``. Raises `CalibrationError` naming file and column, or what the
     readings leave open."""
     if kind == "tissue":
-        return _tissue(r, choices)
-    arguments = _arguments(kind, r)
+        return _tissue(measured, choices)
+    arguments = _arguments(kind, measured)
     if kind == "surface":
-        return fit_surface(arguments[0], choices.surface_model)
+        return calibration.fit_surface(arguments[0], choices.surface_model)
     if kind == "heart":
-        wave = "pressure" in r.table
-        return fit_heart(arguments[0], arguments[1], choices.cuff_mmhg, is_pressure=wave)
-    fits: dict[str, Callable[..., Calibration]] = {
-        "force": fit_force, "taxels": fit_taxels, "gravity": fit_gravity, "tare": fit_tare,
-        "tool": fit_tool, "axes": fit_axes, "latency": fit_latency, "compliance": fit_compliance,
-    }  # fmt: skip
-    return fits[kind](*arguments)
+        wave = "pressure" in measured.table
+        return calibration.fit_heart(
+            arguments[0], arguments[1], choices.cuff_mmhg, is_pressure=wave
+        )
+    fit: Callable[..., calibration.Calibration] = getattr(calibration, f"fit_{kind}")
+    return fit(*arguments)
 
 
-def check_drift(file: Path, kind: str, r: Measurements) -> str | None:
+def check_drift(file: Path, kind: str, measured: Measurements) -> str | None:
     """A warning if the calibration in ``file`` misses new readings by more than its residuals
-    allow; None if it holds, if there is none, or if its kind cannot be told so."""
+    allow; None if it holds, if there is none, or if its kind cannot be checked so."""
     if not file.is_file():
         return None
-    one = load(file)
-    if one.kind != kind or (r.device and one.device != r.device):
+    one = calibration.load(file)
+    if one.kind != kind or (measured.device and one.device != measured.device):
         raise CalibrationError(
             f"{file}: holds a calibration of {one.kind} of {one.device!r}; give another --out"
         )
-    misses = getattr(restore(one, str(file)), "misses", None)
-    return None if misses is None else worse_than(one, misses(*_arguments(kind, r)))
+    misses = getattr(calibration.restore(one, str(file)), "misses", None)
+    return (
+        None if misses is None else calibration.worse_than(one, misses(*_arguments(kind, measured)))
+    )
 
 
-def _arguments(kind: str, r: Measurements) -> tuple[Array, ...]:
+def _arguments(kind: str, measured: Measurements) -> tuple[Array, ...]:
     """What `calibration`'s functions of ``kind`` take, SI."""
     match kind:
         case "force":
-            warm = (r.column("temperature_c"),) if "temperature_c" in r.table else ()
-            return r.numbered("raw"), r.numbered("load", "_n"), *warm
+            warm = (measured.column("temperature_c"),) if "temperature_c" in measured.table else ()
+            return measured.numbered("raw"), measured.numbered("load", "_n"), *warm
         case "taxels":
-            return r.numbered("raw"), r.column("pressure_pa")
+            return measured.numbered("raw"), measured.column("pressure_pa")
         case "gravity":
-            return r.columns("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"), _turns(r)
+            return measured.columns("fx_n", "fy_n", "fz_n", "mx_nm", "my_nm", "mz_nm"), _turns(
+                measured
+            )
         case "tare":
-            return r.column("time_s"), r.numbered("value")
+            return measured.column("time_s"), measured.numbered("value")
         case "tool":
-            return 1e-3 * r.columns("x_mm", "y_mm", "z_mm"), _turns(r)
+            return 1e-3 * measured.columns("x_mm", "y_mm", "z_mm"), _turns(measured)
         case "axes":
-            true = r.columns("true_x_mm", "true_y_mm", "true_z_mm")
-            return 1e-3 * r.columns("x_mm", "y_mm", "z_mm"), 1e-3 * true
+            true = measured.columns("true_x_mm", "true_y_mm", "true_z_mm")
+            return 1e-3 * measured.columns("x_mm", "y_mm", "z_mm"), 1e-3 * true
         case "surface":
-            return (1e-3 * r.columns("x_mm", "y_mm", "z_mm"),)
+            return (1e-3 * measured.columns("x_mm", "y_mm", "z_mm"),)
         case "latency":
-            stage = r.columns("time_s", "depth_mm")
-            sensor = r.columns("sensor_time_s", "force_n")
+            stage = measured.columns("time_s", "depth_mm")
+            sensor = measured.columns("sensor_time_s", "force_n")
             return stage[:, 0], 1e-3 * stage[:, 1], sensor[:, 0], sensor[:, 1]
         case "heart":
-            felt = r.columns("time_s", "pressure" if "pressure" in r.table else "reference")
-            return felt[:, 0], felt[:, 1]
+            beats = measured.columns(
+                "time_s", "pressure" if "pressure" in measured.table else "reference"
+            )
+            return beats[:, 0], beats[:, 1]
         case _:
-            curve = r.columns("depth_mm", "force_n")
+            curve = measured.columns("depth_mm", "force_n")
             return 1e-3 * curve[:, 0], curve[:, 1]
 
 
-def _turns(r: Measurements) -> Array:
-    return Rotation.from_rotvec(r.columns("rx_rad", "ry_rad", "rz_rad")).as_matrix()
+def _turns(measured: Measurements) -> Array:
+    return Rotation.from_rotvec(measured.columns("rx_rad", "ry_rad", "rz_rad")).as_matrix()
 
 
-def _tissue(r: Measurements, choices: Choices) -> TissueCalibration:
+def _tissue(measured: Measurements, choices: Choices) -> calibration.TissueCalibration:
     scene = choices.scene
     if scene is None or scene.tissue is None:
         raise CalibrationError("a scene with a block of tissue is needed: TI or one of your own")
-    names = ("depth_mm", "force_n", *(("time_s",) if "time_s" in r.table else ()))
-    columns = r.columns(*names)
-    if "held" in r.table and not choices.relaxation_s:
-        columns = columns[r.column("held") == 0]  # a hold is of use to relaxation only
+    names = ("depth_mm", "force_n", *(("time_s",) if "time_s" in measured.table else ()))
+    columns = measured.columns(*names)
+    if "held" in measured.table and not choices.relaxation_s:
+        columns = columns[measured.column("held") == 0]  # a hold is of use to relaxation only
     depth, force = 1e-3 * columns[:, 0], columns[:, 1]
     with suppress(CalibrationError):  # without readings in the air depths are taken as they are
         depth = depth - float(find_contact(depth, force).values[0])
     plain = scene.model_copy(update={"inclusion": ()})
-    at_mm = float(np.median(r.column("x_mm"))) if "x_mm" in r.table else None
+    at_mm = float(np.median(measured.column("x_mm"))) if "x_mm" in measured.table else None
     forward = force_of_modulus(plain, float(depth.max()), x_mm=at_mm)
-    return fit_tissue(
+    return calibration.fit_tissue(
         depth, force, forward, [1e3 * scene.tissue.modulus_kpa],
         time_s=columns[:, 2] if len(names) == 3 else None,
         relaxation_start_s=choices.relaxation_s,
     )  # fmt: skip
 
 
-def force_of_modulus(
-    scene: Scene, deepest_m: float, model: str | None = None, x_mm: float | None = None
-) -> Forward:
-    """Force (n,) [N] of moduli (1,) [Pa] and depths (n,) [m] on plain tissue, with its derivative
-    (n, 1), by the finite elements: a homogeneous block's force is proportional to its modulus.
-    Pressed at ``x_mm`` of the block, by default in its middle. A solid's block under a round finger
-    is solved as a body of revolution."""
-    from sim_backend.fem.axisymmetric import is_round  # finite elements: for nothing else here
-    from sim_backend.models.press import press
-
-    if scene.tissue is None:
-        raise CalibrationError(f"scene {scene.name} has no tissue")
-    depths = 1.1 * deepest_m * np.linspace(0.0, 1.0, CURVE_POINTS)[1:] ** 1.5
-    width_mm = scene.tissue.width_mm
-    x_mm = 0.5 * width_mm if x_mm is None else x_mm
-    if not 0 < x_mm < width_mm:
-        raise CalibrationError(f"pressed at x = {x_mm:g} mm; the scene's block is {width_mm:g} mm "
-                               "wide, from 0")  # fmt: skip
-    round_one = is_round(scene, x_mm)
-    solid = scene.plane == "solid"
-    model = model or ("axisymmetric" if round_one else "solid" if solid else "finite")
-    accuracy_pct = 3.0 if solid and not round_one else 0.2
-    force = [
-        press(scene, x_mm, 1e3 * d, model=model, accuracy_pct=accuracy_pct).states[0].force_n
-        for d in depths
-    ]
-    return proportional(depths, np.array(force) / (1e3 * scene.tissue.modulus_kpa))
-
-
-def proportional(depths: Array, force_per_pa: Array) -> Forward:
-    """The forward model through forces per modulus (k,) at ``depths`` (k,) > 0, none in the air.
-
-    The force over the depth is interpolated: it varies little.
-    """
-    slope = CubicSpline(depths, force_per_pa / depths)
-
-    def forward(moduli: Array, depth_m: Array) -> tuple[Array, Array]:
-        sunk = np.clip(depth_m, 0.0, depths[-1])
-        unit = sunk * slope(np.maximum(sunk, depths[0]))
-        return moduli[0] * unit, unit[:, None]
-
-    return forward
-
-
-def raw_columns(r: Measurements) -> dict[str, Array]:
+def raw_columns(measured: Measurements) -> dict[str, Array]:
     """Every column, for the file."""
-    return {str(name): r.column(str(name)) for name in r.table}
+    return {str(name): measured.column(str(name)) for name in measured.table}

@@ -61,8 +61,8 @@ class Measurements:
         """(n, k)."""
         found = [self.column(name) for name in names]
         if len({len(column) for column in found}) > 1:
-            told = ", ".join(f"{n} has {len(c)}" for n, c in zip(names, found, strict=True))
-            raise CalibrationError(f"{self.path}: columns of one length are needed: {told}")
+            lengths = ", ".join(f"{n} has {len(c)}" for n, c in zip(names, found, strict=True))
+            raise CalibrationError(f"{self.path}: columns of one length are needed: {lengths}")
         return np.column_stack(found)
 
     def numbered(self, name: str, unit: str = "") -> Array:
@@ -107,23 +107,23 @@ def stage_name(run: Run) -> str:
 
 
 def _movement(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
-    """Both courses over all presses at one place, where force belongs to depth."""
+    """Depth and force over all presses at one place, where force belongs to depth."""
     done = _complete(run)
     first = done[done["station"] == station] if station is not None else done
     if not len(first):
         raise CalibrationError(f"{run.path}: {NO_STATION}")
-    apart = np.hypot(*(done[a] - first[a].iloc[0] for a in ("x_mm", "y_mm")))
-    here = done[apart < SAME_PLACE_MM]["station"]
-    felt = run.samples(sensor)
-    felt = felt.isel(time_s=np.isin(felt["station"], here))
-    first_s, last_s = (float(felt["time_s"][n]) for n in (0, -1))
+    distance_mm = np.hypot(*(done[a] - first[a].iloc[0] for a in ("x_mm", "y_mm")))
+    here = done[distance_mm < SAME_PLACE_MM]["station"]
+    samples = run.samples(sensor)
+    samples = samples.isel(time_s=np.isin(samples["station"], here))
+    first_s, last_s = (float(samples["time_s"][n]) for n in (0, -1))
     stage = run.samples("stage")  # it must be known for as long as a delay may be
     stage = stage.sel(time_s=slice(first_s - AROUND_S, last_s + AROUND_S))
     return {
         "time_s": np.array(stage["time_s"], float),
         "depth_mm": -1e3 * np.array(stage["z"], float),
-        "sensor_time_s": np.array(felt["time_s"], float),
-        "force_n": _force_n(run, felt),
+        "sensor_time_s": np.array(samples["time_s"], float),
+        "force_n": _force_n(run, samples),
     }
 
 
@@ -135,19 +135,19 @@ def _complete(run: Run) -> pd.DataFrame:
 def _presses(run: Run, sensor: str, station: int | None) -> list[dict[str, Array]]:
     """The way in, and the hold, of each complete press that is asked for."""
     stage = run.samples("stage")
-    felt = run.samples(sensor)
-    force = _force_n(run, felt)
+    samples = run.samples(sensor)
+    force = _force_n(run, samples)
     done = _complete(run)
     done = done if station is None else done[done["station"] == station]
     if not len(done):
         raise CalibrationError(f"{run.path}: {NO_STATION}")
     found = []
     for number, attempt in zip(done["station"], done["attempt"], strict=True):
-        mine = (felt["station"] == number) & (felt["attempt"] == attempt)
-        mine &= felt["phase"].isin([str(p) for p in (*GOING_IN, Phase.HOLDING)])
-        time_s = np.array(felt["time_s"], float)[np.array(mine)]
+        mine = (samples["station"] == number) & (samples["attempt"] == attempt)
+        mine &= samples["phase"].isin([str(p) for p in (*GOING_IN, Phase.HOLDING)])
+        time_s = np.array(samples["time_s"], float)[np.array(mine)]
         place = {a: np.interp(time_s, stage["time_s"], stage[a]) for a in "xyz"}
-        inwards = np.array(felt["phase"].isin([str(p) for p in GOING_IN]))[np.array(mine)]
+        inwards = np.array(samples["phase"].isin([str(p) for p in GOING_IN]))[np.array(mine)]
         found.append({"time_s": time_s, **place, "force_n": force[np.array(mine)],
                       "inwards": inwards})  # fmt: skip
     return found
@@ -189,22 +189,22 @@ def _pulse(run: Run, _sensor: str, _station: int | None) -> dict[str, Array]:
     for device, channels in run.channels.items():
         for channel in channels:
             if channel.role == "reference":
-                felt = run.samples(device)
-                values = np.array(felt[channel.name], float)
-                return {"time_s": np.array(felt["time_s"], float), "reference": values}
+                samples = run.samples(device)
+                values = np.array(samples[channel.name], float)
+                return {"time_s": np.array(samples["time_s"], float), "reference": values}
     raise CalibrationError(f"{run.path}: it has no channel of role reference (PPG, ECG)")
 
 
-def _force_n(run: Run, felt: "xr.Dataset") -> Array:
+def _force_n(run: Run, samples: "xr.Dataset") -> Array:
     """The normal force: the channel of that role, or a pressure over the probe's face."""
-    for name, channel in felt.data_vars.items():
+    for name, channel in samples.data_vars.items():
         role, unit = channel.attrs.get("role"), channel.attrs.get("units")
         base, factor = to_si(str(unit))
         if role == "force" and base == "N":
-            return factor * np.array(felt[name], float)
+            return factor * np.array(samples[name], float)
         if role == "pressure" and base == "Pa" and run.config.get("face_mm2"):
             area_m2 = 1e-6 * float(run.config["face_mm2"])
-            return factor * area_m2 * np.array(felt[name], float)
+            return factor * area_m2 * np.array(samples[name], float)
     raise CalibrationError(f"{run.path}: its sensor reads no normal force")
 
 

@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - the one place for all
             status, text = status_of(error)
             if text:
-                say.tell(text)
+                say.inform(text)
                 if as_json:
                     say.answer_json({"error": text, "status": status})
     return status if isinstance(status, int) else 0

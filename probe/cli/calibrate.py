@@ -7,7 +7,7 @@ import typer
 
 from probe.cli.arguments import calibration_kinds
 from probe.cli.guide import GUIDE
-from probe.cli.say import Json, answer, answer_json, plain, tell
+from probe.cli.say import Json, answer, answer_json, inform, plain
 
 UNITS: dict[str, dict[str, str]] = {
     "force": {"offset": "raw", "sensitivity": "raw/N", "temperature": "raw/K"},
@@ -67,7 +67,7 @@ def calibrate(
 ) -> None:
     """Fit one calibration to raw readings, show how well it holds, and write its file.
 
-    The rig file then names it: [calibration] force = "force-NAME.json". Without readings, tells
+    The rig file then names it: [calibration] force = "force-NAME.json". Without readings, says
     how to take them.
     """
     if kind not in GUIDE:
@@ -91,7 +91,7 @@ def calibrate(
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
     path = out or Path(f"{kind}-{r.device.replace(' ', '-')}.json")
     if (worn := check_drift(path, kind, r)) is not None:
-        tell(f"what {path} held until now: {worn.removesuffix(': calibrate again')}")
+        inform(f"what {path} held until now: {worn.removesuffix(': calibrate again')}")
     result = fit_measurements(kind, r, choices)
     one = record(result, r.device, raw_columns(r), note=note)
     save(one, path)
@@ -101,7 +101,7 @@ def calibrate(
         _show(result, path, one)
     if scene_out is not None:
         _write_scene_found(block, result, scene_out)
-        tell(f"scene: {scene_out}")
+        inform(f"scene: {scene_out}")
 
 
 def _cuff(text: str) -> tuple[float, float]:

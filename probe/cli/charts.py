@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from probe.cli.say import Json, answer, answer_json, plain, tell
+from probe.cli.say import Json, answer, answer_json, inform, plain
 
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Where the picture and its table go.")]
 
@@ -30,7 +30,7 @@ def speed_accuracy(
     """Error against time for every model, element and mesh, beside CalculiX and FElupe."""
     from probe.studies.charts.speed_accuracy import chart
 
-    table = chart(out, scene, repeats, tell, plane)
+    table = chart(out, scene, repeats, inform, plane)
     shown = table[table.reason == ""].sort_values("seconds")
     if json:
         answer_json(plain({"out": out, "rows": table.fillna("").to_dict("records")}))
@@ -50,12 +50,12 @@ def stability(
     """Go where methods fail, and draw what is solved, what is refused, and why."""
     from probe.studies.charts.stability import chart
 
-    table = chart(out, quick, tell)
+    table = chart(out, quick, inform)
     counts = table.verdict.value_counts().to_dict()
     if json:
         answer_json(plain({"out": out, "cells": len(table), **counts}))
         return
     for row in table[table.verdict == "refused"].itertuples():
-        tell(f"{row.family} {row.value}: {row.reason}")
+        inform(f"{row.family} {row.value}: {row.reason}")
     answer(", ".join(f"{count} {verdict}" for verdict, count in counts.items())
            + f" of {len(table)} cells: {out / 'stability.png'}")  # fmt: skip

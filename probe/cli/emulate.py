@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from probe.cli.arguments import emulated_devices
-from probe.cli.say import answer, tell
+from probe.cli.say import answer, inform
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from sim_backend.emulators.serving import Served
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # commands import what they need when they run
 
 DEVICES = ("ur", "grbl", "ft300", "modbus", "netft", "lines", "taxels")
 STAGES = ("ur", "grbl")
-HASTE = -10
+NICE_LEVEL = -10
 """Priority of the emulated controllers."""
 
 
@@ -68,7 +68,7 @@ def emulate(
     phantom = Phantom(load_scene(scene), WallClock(), solve_here, seed=seed)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: take the links away
     with suppress(OSError):  # only root may: a controller keeps its time whatever else runs
-        os.setpriority(os.PRIO_PROCESS, 0, HASTE)
+        os.setpriority(os.PRIO_PROCESS, 0, NICE_LEVEL)
     with ExitStack() as open_devices:
         solver = open_devices.enter_context(closing(Solver(phantom)))
         served: dict[str, Served] = {}
@@ -103,14 +103,14 @@ def obey(served: "Mapping[str, Served]") -> None:
         if not name:
             continue
         if name not in served:
-            tell(f"{name!r}: serving {', '.join(served)}")
+            inform(f"{name!r}: serving {', '.join(served)}")
             continue
         try:
             served[name].fail(None if fault in ("", "ok") else fault)
         except ValueError as error:
-            tell(str(error))
+            inform(str(error))
         else:
-            tell(f"{name}: {fault or 'ok'}")
+            inform(f"{name}: {fault or 'ok'}")
 
 
 def _addresses(given: list[str], devices: list[str]) -> dict[str, str]:

@@ -42,7 +42,7 @@ EXTRA_OF = {
 
 
 def status_of(error: BaseException) -> tuple[int, str]:
-    """Exit status, and what to tell the user (empty if it was told already)."""
+    """Exit status, and what to say to the user (empty if it was said already)."""
     if isinstance(error, typer.Exit):
         return error.exit_code, ""
     if isinstance(error, KeyboardInterrupt | typer.Abort):

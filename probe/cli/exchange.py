@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from probe.cli.arguments import RunFiles, export_formats
-from probe.cli.say import Json, answer, answer_json, tell
+from probe.cli.say import Json, answer, answer_json, inform
 
 
 def register(app: typer.Typer) -> None:
@@ -73,7 +73,7 @@ def import_run(
         raise typer.BadParameter(f"--face-mm2 {face_mm2:g}: must be above 0")
     made = import_csv(file, out, face_mm2=face_mm2, topic=topic)
     for note in made.notes:
-        tell(f"note: {note}")
+        inform(f"note: {note}")
     if json:
         answer_json(
             {

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from probe.cli.say import answer, tell
+from probe.cli.say import answer, inform
 
 NEXT = {
     "rig": "palpate scan {folder}/rig.toml --dry-run",
@@ -43,7 +43,7 @@ def init(
     for name, text in sorted(files.items()):
         (folder / name).write_text(text, encoding="utf-8")
         answer(str(folder / name))
-    tell("Next: " + NEXT[kind].format(folder=folder))
+    inform("Next: " + NEXT[kind].format(folder=folder))
 
 
 def schema(

@@ -56,15 +56,15 @@ def compare(
     from probe.storage.run import open_run
 
     both = compare_recordings(open_run(run_a).recording(), open_run(run_b).recording())
-    told = plain(both.as_json())
+    found = plain(both.as_json())
     if json:
-        answer_json(told)
+        answer_json(found)
         return
     ratios = ", ".join(
-        f"{name} {told[key]:.3g}" if told[key] is not None else f"{name} unknown"
+        f"{name} {found[key]:.3g}" if found[key] is not None else f"{name} unknown"
         for name, key in (("peak A/B", "peak_ratio"), ("pulse A/B", "pulse_ratio"))
     )
-    answer(f"diseased: {told['diseased']} ({ratios}; confidence {_percent(told['confidence'])})")
+    answer(f"diseased: {found['diseased']} ({ratios}; confidence {_percent(found['confidence'])})")
 
 
 def finding_json(
@@ -78,7 +78,7 @@ def finding_json(
     from probe.detection import detect as detect_in
 
     found = detect_in(recording, false_alarm=false_alarm, asked_pa=asked_pa).as_json()
-    told: dict[str, Any] = plain(
+    found: dict[str, Any] = plain(
         {
             "run": run_path,
             **found,
@@ -87,7 +87,7 @@ def finding_json(
             "seconds": time.perf_counter() - began_s,
         }
     )
-    return told
+    return found
 
 
 def show_finding(found: Mapping[str, Any]) -> None:

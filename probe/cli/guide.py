@@ -1,4 +1,4 @@
-"""How to take the readings for each calibration, told by ``palpate calibrate KIND``."""
+"""How to take the readings for each calibration, as printed by ``palpate calibrate KIND``."""
 
 GUIDE: dict[str, str] = {
     "force": """\

@@ -1,4 +1,4 @@
-"""Where a scan is and how long it will take, told on standard error."""
+"""Where a scan is and how long it will take, written to standard error."""
 
 import sys
 import time
@@ -10,7 +10,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from probe.cli.say import tell
+from probe.cli.say import inform
 from probe.core.events import Event, Phase, PhaseEntered, StationEnded, StationStarted
 
 
@@ -82,7 +82,7 @@ class ScanProgress:
         if self._bar is not None:
             self._bar.update(self._task, description=text, left=left)
         else:
-            tell(f"{text}, {left}" if left else text)
+            inform(f"{text}, {left}" if left else text)
 
 
 @contextmanager

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from probe.cli.say import answer, tell
+from probe.cli.say import answer, inform
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from drivers.core.registry import Kind
@@ -46,7 +46,7 @@ def record(
         raise RigError(f"{rig}: no device with a port or a host to record")
     out.mkdir(parents=True, exist_ok=True)
     for kind, one in wanted:
-        tell(f"Recording {one.driver} …")
+        inform(f"Recording {one.driver} …")
         exchange = listen(
             kind, one.driver, one.settings, seconds=seconds, move_mm=move_mm, device=device
         )

@@ -48,9 +48,9 @@ def doctor(
 
     checks, noises = list(machine()), []
     if rig is not None:
-        whole, felt = resolve_rig(rig, scene)
+        whole, simulated = resolve_rig(rig, scene)
         clock = clock_for(whole, real_time=False)
-        own = device_checks(whole, plan_for(whole), felt)
+        own = device_checks(whole, plan_for(whole), simulated)
         checks += own
         if not any(check.level == "fault" for check in own):
             try:
@@ -111,15 +111,16 @@ def plan(
     from probe.config.scan_plan import plan_for
     from sim_backend.models.station_response import respond
 
-    whole, felt = resolve_rig(rig, scene)
+    whole, simulated = resolve_rig(rig, scene)
     press = plan_for(whole)
     places = press.places
     if not can_i_see:
-        checks = list(dry_run(whole, felt, Path(), respond).checks)
+        checks = list(dry_run(whole, simulated, Path(), respond).checks)
     else:
-        pulse_n, source = expected_pulse(whole, felt, respond)
-        beat_hz = felt.pulse.rate_bpm / 60 if felt is not None else 1.2
-        face_m2 = 1e-6 * (whole.face_mm2 or (felt.face_mm2 if felt is not None else 0.0))
+        pulse_n, source = expected_pulse(whole, simulated, respond)
+        beat_hz = simulated.pulse.rate_bpm / 60 if simulated is not None else 1.2
+        scene_face_mm2 = simulated.face_mm2 if simulated is not None else 0.0
+        face_m2 = 1e-6 * (whole.face_mm2 or scene_face_mm2)
         checks = []
         for device in whole.sensor:
             known_n, rate_hz = known_noise(device)
@@ -152,8 +153,8 @@ def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_js
     picture = out / "path.png"
     draw_path(rig, picture)
     if as_json:
-        told: dict[str, Any] = report.as_json()
-        answer_json(told | {"path_picture": picture})
+        dry_run_json: dict[str, Any] = report.as_json()
+        answer_json(dry_run_json | {"path_picture": picture})
     else:
         show_checks(report.checks)
         answer(f"The probe's way: {picture}")

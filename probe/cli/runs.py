@@ -79,8 +79,8 @@ def verify(runs: RunFiles, json: Json = False) -> None:
 
     checked = [(run, check(run)) for run in runs]
     if json:
-        told = [{"run": run, **found.as_json()} for run, found in checked]
-        answer_json(told[0] if len(told) == 1 else {"runs": told})
+        findings = [{"run": run, **found.as_json()} for run, found in checked]
+        answer_json(findings[0] if len(findings) == 1 else {"runs": findings})
     for run, found in () if json else checked:
         for problem in found.problems:
             answer(f"PROBLEM  {problem}")

@@ -17,7 +17,7 @@ Json = Annotated[
 _json_file: list[int] = []
 
 
-def tell(text: str) -> None:
+def inform(text: str) -> None:
     """A line for the person at the terminal, never part of the answer."""
     with suppress(OSError):  # the terminal may be gone; the scan and its file are not
         print(visible(text), file=sys.stderr, flush=True)

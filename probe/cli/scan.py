@@ -13,7 +13,7 @@ import typer
 from probe.cli.arguments import scene_names
 from probe.cli.errors import ABORTED, FAULT
 from probe.cli.finding import RunFile
-from probe.cli.say import Json, answer, answer_json, key_values, tell
+from probe.cli.say import Json, answer, answer_json, inform, key_values
 from probe.cli.windows import need_windows
 
 if TYPE_CHECKING:  # commands import what they need when they run
@@ -112,7 +112,7 @@ def scan(
 
 
 def publishers(lsl: bool) -> "list[EventSink]":
-    """Who else is told of a scan."""
+    """Who else follows a scan."""
     if not lsl:
         return []
     from probe.acquisition.lsl_publisher import LslPublisher
@@ -170,7 +170,7 @@ def keeping(live: bool) -> Iterator[Callable[[Path, Sequence[str]], None]]:
     def opened(path: Path, notes: Sequence[str]) -> None:
         files.append(path)
         for note in notes:
-            tell(f"note: {note}")
+            inform(f"note: {note}")
         if live:
             open_window(path)
 
@@ -178,7 +178,7 @@ def keeping(live: bool) -> Iterator[Callable[[Path, Sequence[str]], None]]:
         yield opened
     except BaseException:
         if files:
-            tell(f"What was read is kept in {files[-1]}")
+            inform(f"What was read is kept in {files[-1]}")
         raise
 
 
@@ -211,6 +211,6 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
         answer(f"Run: {path}")
         answer(f"Report: {found.get('report', f'palpate report {path}')}")
     if ended.finish is not Finish.COMPLETED:
-        tell(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
-        tell(f"To go on where it broke off: palpate resume {path}")
+        inform(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
+        inform(f"To go on where it broke off: palpate resume {path}")
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

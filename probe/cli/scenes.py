@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from probe.cli.arguments import scene_names
-from probe.cli.say import Json, answer, answer_json, plain, tell
+from probe.cli.say import Json, answer, answer_json, inform, plain
 from probe.cli.windows import need_windows
 
 
@@ -55,24 +55,24 @@ def press(
         from sim_backend.fem.io.deck import write_deck
 
         write_deck(pressed.scene, x, depth, pressure or (0.0,), deck)
-        tell(f"deck: {deck}")
+        inform(f"deck: {deck}")
     if vtu is not None:
         from sim_backend.fem.io.vtu import write_vtu
 
         mesh, states = pressed.plane_mesh, pressed.states
         moved, stress = zip(*((s.displacement_m, mesh.von_mises(s)) for s in states), strict=True)
         for path in write_vtu(mesh.section, moved, stress, vtu):
-            tell(f"VTU: {path}")
-    told: dict[str, Any] = plain(pressed.as_json())
+            inform(f"VTU: {path}")
+    found: dict[str, Any] = plain(pressed.as_json())
     if json:
-        answer_json(told)
+        answer_json(found)
         return
     answer(
-        f"{told['scene']}, x = {told['x_mm']:g} mm, {told['depth_mm']:g} mm deep: {told['model']}, "
-        f"{told['dofs']} degrees of freedom, {told['seconds']:.2f} s, "
-        f"error about {told['error_estimate_pct']:.2g} %"
+        f"{found['scene']}, x = {found['x_mm']:g} mm, {found['depth_mm']:g} mm deep: "
+        f"{found['model']}, {found['dofs']} degrees of freedom, {found['seconds']:.2f} s, "
+        f"error about {found['error_estimate_pct']:.2g} %"
     )
-    for state in told["states"]:
+    for state in found["states"]:
         per_mm = state["force_n_per_mm"]
         force = f"{state['force_n']:.5g} N" + (f" ({per_mm:.5g} N/mm)" if per_mm else "")
         left, right = state["contact_mm"]

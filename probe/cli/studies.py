@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from probe.cli.say import Json, answer, answer_json, plain, tell
+from probe.cli.say import Json, answer, answer_json, inform, plain
 
 Table = Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per processor.")]
@@ -63,7 +63,7 @@ def sweep(
             scheduler=scheduler, progress=progress,
         )  # fmt: skip
     failed = table[table["reason"] != ""]
-    told = {
+    summary = {
         "table": out,
         "points": int(table["point"].nunique()),
         "rows": len(table),
@@ -71,9 +71,9 @@ def sweep(
         "seconds": time.perf_counter() - began_s,
     }
     for _, row in failed.head(5).iterrows():
-        tell(f"point {row['point']}: {row['reason']}")
+        inform(f"point {row['point']}: {row['reason']}")
     if json:
-        answer_json(plain(told))
+        answer_json(plain(summary))
         return
     answer(f"{len(table)} rows, {len(failed)} without an answer: {out}")
 
@@ -113,7 +113,7 @@ def paper(
     from probe.studies.paper import paper as redo
 
     began_s = time.perf_counter()
-    statements = redo(out, tell)
+    statements = redo(out, inform)
     if json:
         answer_json(
             plain(
@@ -128,4 +128,4 @@ def paper(
     for one in statements:
         answer(f"{one.verdict}: {one.text}\n    {one.ours}")
     answer((out / "sensitivity.txt").read_text(encoding="utf-8"))
-    tell(f"Pictures and tables: {out}")
+    inform(f"Pictures and tables: {out}")

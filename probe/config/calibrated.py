@@ -192,8 +192,8 @@ def calibrated(
         if device in stand_ins:
             notes.append(f"calibration.{key} is {device}'s, which is simulated: not applied")
             continue
-        one, told = use(Path(name), device)
-        notes += told
+        one, remarks = use(Path(name), device)
+        notes += remarks
         if one.KIND in found.setdefault(device, {}):
             raise CalibrationError(f"calibration.{key}: {device} has two of {one.KIND}; keep one")
         found[device][one.KIND] = one

@@ -80,8 +80,8 @@ def connect(
             where = f"sensor[{n}]"
             sensors.append(_open("sensors", where, device, fallback, world, extra, notes, absent))
         check_names(sensors)
-        stage, true, told = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
-        notes += told
+        stage, true, remarks = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
+        notes += remarks
         if world.phantom is not None and not isinstance(clock, SimulatedClock):
             world.phantom.prepare([(p.x_m, p.y_m) for p in plan.places])
     except BaseException:

@@ -19,7 +19,7 @@ def plan_for(rig: Rig) -> Plan:
     (x, dx, columns), (y, dy, rows) = zip(
         pair(scan.start_mm, 0.0), pair(scan.pitch_mm, 0.0), pair(scan.stations, 1), strict=True
     )
-    give = compliance_of(files["compliance"]) if "compliance" in files else 0.0
+    compliance_m_per_n = compliance_of(files["compliance"]) if "compliance" in files else 0.0
     places = grid((1e-3 * x, 1e-3 * y), (1e-3 * dx, 1e-3 * dy), (int(columns), int(rows)))
     return Plan(
         places=repeated(places, scan.repeats),
@@ -37,8 +37,8 @@ def plan_for(rig: Rig) -> Plan:
             if "surface" in files
             else _surface("scan.surface_mm", scan.surface_mm)
         ),
-        give_m_n=give,
-        give_m=give * rig.safety.max_force_n,
+        compliance_m_per_n=compliance_m_per_n,
+        max_deflection_m=compliance_m_per_n * rig.safety.max_force_n,
     )
 
 

@@ -139,7 +139,7 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
 
 @dataclass
 class _Press:
-    """What was told of one attempt: blocks by device, and when each phase began."""
+    """What was recorded of one attempt: blocks by device, and when each phase began."""
 
     x_m: float
     y_m: float

@@ -31,7 +31,7 @@ ALLOWED: dict[Phase, tuple[Phase, ...]] = {
     Phase.STOPPING: (Phase.RETRACTING, Phase.FINISHED),
     Phase.FINISHED: (),
 }
-for _phase in _RUNNING:  # whatever it is doing, it can be told to stop
+for _phase in _RUNNING:  # whatever it is doing, it can be stopped
     ALLOWED[_phase] = (*ALLOWED[_phase], Phase.STOPPING)
 
 

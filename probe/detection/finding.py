@@ -14,7 +14,7 @@ MAX_CONFIDENCE = 0.999
 
 
 def stated(confidence: float) -> float:
-    """A posterior probability as it is told: at most `MAX_CONFIDENCE`."""
+    """A posterior probability as it is reported: at most `MAX_CONFIDENCE`."""
     return min(max(confidence, 0.0), MAX_CONFIDENCE)
 
 
@@ -141,7 +141,7 @@ class Comparison:
 
 def _object(one: ObjectFinding) -> dict[str, Any]:
     low, high = (_mm(edge) for edge in one.position_ci_m)
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "kind": one.kind,
         "position_mm": _mm(one.position_m),
         "position_ci_mm": None if low is None or high is None else [low, high],
@@ -150,10 +150,10 @@ def _object(one: ObjectFinding) -> dict[str, Any]:
         "confidence": _known(one.confidence),
     }
     if one.course:
-        told["course_mm"] = [[1e3 * x, 1e3 * y] for x, y in one.course]
+        fields["course_mm"] = [[1e3 * x, 1e3 * y] for x, y in one.course]
     if one.stenosed_m is not None:
-        told["stenosed_mm"] = [1e3 * edge for edge in one.stenosed_m]
-    return told
+        fields["stenosed_mm"] = [1e3 * edge for edge in one.stenosed_m]
+    return fields
 
 
 def _known(value: float) -> float | None:

@@ -39,15 +39,15 @@ def lone_vessel(presses: tuple[Press, ...], rows: list[list[int]]) -> ObjectFind
     place = float(np.average(x_m, weights=level)) if level.sum() > 0 else above.station.x_m
     every = np.unique([presses[i].station.x_m for i in row])
     pitch = float(np.median(np.diff(every))) if len(every) > 1 else float("nan")
-    sure = share[best] * _pulse(above)
-    if sure < MIN_POSTERIOR:
-        told = ", ".join(f"{k} {100 * v:.0f} %" for k, v in share.items())
+    chance = share[best] * _pulse(above)
+    if chance < MIN_POSTERIOR:
+        chances = ", ".join(f"{k} {100 * v:.0f} %" for k, v in share.items())
         return ObjectFinding(
             "undecided", place, (place - pitch, place + pitch), above.level_pa, above.size_pa,
-            stated(sure), f"a vessel out of tissue, between {told}: hold for more beats",
+            stated(chance), f"a vessel out of tissue, between {chances}: hold for more beats",
         )  # fmt: skip
     return ObjectFinding(
-        best, place, (place - pitch, place + pitch), above.level_pa, above.size_pa, stated(sure),
+        best, place, (place - pitch, place + pitch), above.level_pa, above.size_pa, stated(chance),
         "it pulses and nothing lies beside it: a vessel out of tissue, judged by its pulse over "
         f"its force ({100 * above.size_pa / above.level_pa:.2g} %)",
     )  # fmt: skip

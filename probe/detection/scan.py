@@ -145,9 +145,9 @@ def _reason(
             )
         first = next((p.note for p in presses if p.note), "the recording has no complete station")
         return f"no press can be judged: {first}"
-    told = "; ".join(dict.fromkeys(one.reason for one in objects if one.reason))
+    reasons = "; ".join(dict.fromkeys(one.reason for one in objects if one.reason))
     if objects:
-        return told
+        return reasons
     needed_pa, asked_pa = bounds_pa
     if kind == "undecided":
         x_mm = sorted(1e3 * p.station.x_m for p in judged)

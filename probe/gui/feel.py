@@ -134,12 +134,12 @@ class FeelWindow(QWidget):
             self.section.image.clear()
             self.contact.setData([], [])
             return
-        felt = table.press(max(self.depth_mm, 0.0) * 1e-3, pressure_pa)
+        state = table.press(max(self.depth_mm, 0.0) * 1e-3, pressure_pa)
         dx, dy = table.x_mm[1] - table.x_mm[0], table.y_mm[1] - table.y_mm[0]
         box = (table.x_mm[0] - dx / 2, table.y_mm[0] - dy / 2,
                dx * len(table.x_mm), dy * len(table.y_mm))  # fmt: skip
-        self.section.show_table(table.picture(felt) / 1e3, box, (0.0, table.highest_pa / 1e3))
-        self._numbers(now_s, pressure_pa, felt.force_n, felt.contact_mm)
+        self.section.show_table(table.picture(state) / 1e3, box, (0.0, table.highest_pa / 1e3))
+        self._numbers(now_s, pressure_pa, state.force_n, state.contact_mm)
 
     def _numbers(
         self, now_s: float, pressure_pa: float, force_n: float, contact_mm: tuple[float, float]

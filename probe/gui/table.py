@@ -26,7 +26,7 @@ CELL_MM = 0.25
 PULLS = 8  # fixed-point steps of the pull-back; the error shrinks by |grad u| < 1 each
 
 
-class Felt(NamedTuple):
+class PressState(NamedTuple):
     """What a press answers: total force, contact (left, right) and the pictures' fields."""
 
     force_n: float
@@ -56,7 +56,7 @@ class Table:
     force_depth_m: Array
     force_n: Array
 
-    def press(self, depth_m: float, pressure_pa: float) -> Felt:
+    def press(self, depth_m: float, pressure_pa: float) -> PressState:
         """The answer at a depth (held to the solved range) and a lumen pressure."""
         depth_m = float(np.clip(depth_m, 0.0, self.depth_m[-1]))
         low, high = self.pressure_pa
@@ -71,17 +71,17 @@ class Table:
 
         force = [np.interp(depth_m, self.force_depth_m, self.force_n[:, n]) for n in (0, 1)]
         left, right = between(self.contact_mm)
-        return Felt(
+        return PressState(
             float((1 - w) * force[0] + w * force[1]),
             (float(left), float(right)),
             between(self.came_mm),
             between(self.von_mises_pa),
         )
 
-    def picture(self, felt: Felt) -> Array:
+    def picture(self, state: PressState) -> Array:
         """Von Mises stress (rows, columns) [Pa] where the material is now; NaN outside."""
-        at = _origin(felt.came_mm, (self.x_mm, self.y_mm))
-        stress = map_coordinates(felt.von_mises_pa, at, order=1, mode="nearest")
+        at = _origin(state.came_mm, (self.x_mm, self.y_mm))
+        stress = map_coordinates(state.von_mises_pa, at, order=1, mode="nearest")
         solid = map_coordinates(self._solid, at, order=1, mode="constant")
         return np.where(solid > 0.5, stress, np.nan)
 

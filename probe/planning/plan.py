@@ -41,8 +41,8 @@ class Plan:
     ``approach_m_s``, then goes ``indentation_m`` down from the surface in ``ramp_s`` and stays
     ``hold_s``. With ``touch_n`` the surface is not taken from ``surface`` but found: the approach
     goes on, at most ``search_m`` deep, until the force reaches it. ``settle_s`` of rest in the
-    air precede each tare. A rig that gives way by ``give_m_n`` metres per newton is moved on by
-    that much, at most ``give_m``, until the tip itself is deep enough.
+    air precede each tare. A rig that yields by ``compliance_m_per_n`` is moved on by
+    that much, at most ``max_deflection_m``, until the tip itself is deep enough.
     """
 
     places: tuple[Place, ...]
@@ -56,8 +56,8 @@ class Plan:
     touch_n: float | None = None
     search_m: float = 2e-3
     surface: Surface = flat
-    give_m_n: float = 0.0
-    give_m: float = 0.0
+    compliance_m_per_n: float = 0.0
+    max_deflection_m: float = 0.0
 
     @property
     def travel_z_m(self) -> float:
@@ -68,7 +68,7 @@ class Plan:
     def deepest_m(self) -> float:
         """How far from the nominal surface, along its normal, a press may go."""
         search = self.search_m if self.touch_n is not None else 0.0
-        return self.indentation_m + search + self.give_m
+        return self.indentation_m + search + self.max_deflection_m
 
     @property
     def deepest_below_m(self) -> float:

@@ -32,7 +32,7 @@ PAPER_WIDTH_IN = 3.5  # one column of a journal page
 
 
 def simulated_words(simulated: tuple[str, ...]) -> str:
-    """What a reader must be told first; empty for a wholly real run.
+    """What a reader must know first; empty for a wholly real run.
 
     ``simulated`` holds ``device.channel`` names; many channels of one device are counted.
     """

@@ -36,8 +36,8 @@ def write_report(run_path: Path, out_dir: Path, *, without_names: bool = False) 
     found = detect(recording)
     rates_hz = [s.rate_hz for s in found.stations if np.isfinite(s.rate_hz)]
     rate_bpm = 60.0 * float(np.median(rates_hz)) if rates_hz else None
-    told = {"heart_rate_bpm": rate_bpm, **found.as_json()}
-    return report(recording, started, told, run_path, out_dir)
+    answers = {"heart_rate_bpm": rate_bpm, **found.as_json()}
+    return report(recording, started, answers, run_path, out_dir)
 
 
 def report(

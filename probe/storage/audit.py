@@ -26,7 +26,7 @@ from probe.core.events import (
 )
 from probe.core.states import ALLOWED
 
-TAIL_S = 0.25  # a press must be felt to within this of its end
+TAIL_S = 0.25  # a press must be measured to within this of its end
 PRESS = (Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
 POSITION_M = 1e-9
 RECENT = 4  # presses that samples just read may belong to
@@ -36,7 +36,7 @@ MAX_UNLABELLED = 10_000  # blocks between two stations: minutes at any rate
 
 @dataclass
 class Attempt:
-    """One press as told so far; ``end_s`` is infinite while it goes on."""
+    """One press as recorded so far; ``end_s`` is infinite while it goes on."""
 
     start_s: float
     end_s: float = math.inf
@@ -202,7 +202,7 @@ class Audit:
             press.felt_s = max(press.felt_s, last)
 
     def _break_off(self) -> None:
-        """A scan that was killed has not said when its press ended: no later than it was felt."""
+        """A killed scan has not said when its press ended: no later than its last sample."""
         if self._open is not None:
             press = self._presses[self._open]
             press.end_s = max(press.start_s, press.last_s)

@@ -186,8 +186,8 @@ def _write_events(writer: Writer, run: "Run", zero_s: float) -> None:
                 text = f"run {event.finish.value}: {event.reason}"
             case _:
                 continue
-        told = text.encode() + b"\0"
-        body = ENCAPSULATION + len(told).to_bytes(4, "little") + told
+        encoded = text.encode() + b"\0"
+        body = ENCAPSULATION + len(encoded).to_bytes(4, "little") + encoded
         at = int(_ns(np.array([event.time_s]), zero_s)[0])
         writer.add_message(channel, at, body, at)
 

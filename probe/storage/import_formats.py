@@ -131,10 +131,10 @@ def _mcap(source: Path, topic: str | None) -> pd.DataFrame:
 def _wrench(encoding: str, message: Any) -> tuple[float, float]:
     """Time [s] of the header, or of the log where it has none, and the force along z [N]."""
     if encoding == "json":
-        told = json.loads(message.data)
-        stamp = told["header"]["stamp"]
+        decoded = json.loads(message.data)
+        stamp = decoded["header"]["stamp"]
         nanosec = stamp.get("nanosec", stamp.get("nsec", 0))
-        return _time_s(stamp["sec"], nanosec, message), float(told["wrench"]["force"]["z"])
+        return _time_s(stamp["sec"], nanosec, message), float(decoded["wrench"]["force"]["z"])
     if encoding != "cdr":
         raise CsvError(f"messages in {encoding!r}: cdr and json are read")
     order = "<" if message.data[1] & 1 else ">"

@@ -82,7 +82,7 @@ class Run:
         return last[0].finish if last and isinstance(last[0], RunEnded) else None
 
     def events(self) -> Iterator[Event]:
-        """Everything that was told, in order; what is committed at the first call."""
+        """Every event, in order; what is committed at the first call."""
         with reading(self.path) as connection:
             for number, row in rows(connection):
                 yield _event(number, row)

@@ -2,7 +2,7 @@
 
 Write-ahead log and ``synchronous = FULL``: what has been committed survives. A thread writes and
 commits, so that a slow disk does not hold up the scan; it commits within `COMMIT_S` of the first
-event that waits, and the engine tells its samples every 50 ms.
+event that waits, and the engine publishes its samples every 50 ms.
 """
 
 import os
@@ -27,7 +27,7 @@ from probe.storage.schema import seal
 __all__ = ["Store", "StoreError", "create_store", "reopen_store"]
 
 COMMIT_S = 0.05
-OLD_S = 0.15  # when an event waits this long, whoever tells more waits up to `YIELD_S`
+OLD_S = 0.15  # when an event waits this long, whoever publishes more waits up to `YIELD_S`
 YIELD_S = 0.02
 LATE_S = 2.0  # a disk that keeps the scan waiting longer has failed
 BEFORE_OTHERS = -10  # nice value: a machine that computes is not a disk that hangs
@@ -85,7 +85,7 @@ class Store:
             self.flush()
 
     def flush(self) -> None:
-        """Return once everything told so far is committed. Raises `StoreError`."""
+        """Return once everything published so far is committed. Raises `StoreError`."""
         with self._change:
             wanted, self._hurry = self._told, True
             self._change.notify_all()

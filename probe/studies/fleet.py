@@ -62,13 +62,13 @@ def fleet(
     tables = []
     for n, (kind, scene) in enumerate(KINDS.items()):
 
-        def told(done: int, _all: int, before: int = n * count) -> None:
+        def report(done: int, _all: int, before: int = n * count) -> None:
             progress(before + done, len(KINDS) * count)
 
         part = out.with_name(f"{out.stem}-{kind.replace(' ', '-')}{out.suffix}")
         table = solve_points(
             load_scene(scene), drawn(kind, count, seed), part, x_mm=x_mm, model="quick",
-            seed=seed + n, workers=workers, scheduler=scheduler, progress=told,
+            seed=seed + n, workers=workers, scheduler=scheduler, progress=report,
         )  # fmt: skip
         table.insert(0, "kind", kind)
         tables.append(table)

@@ -165,14 +165,14 @@ READINGS: dict[str, tuple[tuple[tuple[str, Any], ...], tuple[float, float]]] = {
 two columns of each."""
 
 
-def paper(out: Path, tell: Callable[[str], None] = print, workers: int = 2) -> list[Statement]:
+def paper(out: Path, progress: Callable[[str], None] = print, workers: int = 2) -> list[Statement]:
     """Solve everything, write ``paper.csv``, ``statements.csv`` and a picture per figure."""
     from probe.studies.paper_figures import draw
 
     out.mkdir(parents=True, exist_ok=True)
     all_tasks = tasks()
     flat = [(figure, task) for figure, some in all_tasks.items() for task in some]
-    tell(f"Solving {len(flat)} presses …")
+    progress(f"Solving {len(flat)} presses …")
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
         rows = list(pool.map(answer, [task for _, task in flat], chunksize=2))
     table = pd.DataFrame([{"figure": f, **row} for (f, _), row in zip(flat, rows, strict=True)])
@@ -214,12 +214,12 @@ def _flat(table: pd.DataFrame) -> Statement:
 
 def _tumour(table: pd.DataFrame) -> Statement:
     maps = [_map(table, "TIT", level) for level in LEVELS_MMHG]
-    apart = max(float((m - maps[0]).abs().max()) for m in maps)
+    difference_pa = max(float((m - maps[0]).abs().max()) for m in maps)
     return Statement(
         "Fig. 3b: TIT has a peak, equal at 1.1, 1.3 and 1.4 s",
         f"peak {maps[0].max() - maps[0].loc[12]:.0f} Pa at {maps[0].idxmax():.0f} mm, the three "
-        f"maps differ by {apart:.2g} Pa", "holds" if apart < 1e-6 * maps[0].max() else
-        "does not hold")  # fmt: skip
+        f"maps differ by {difference_pa:.2g} Pa",
+        "holds" if difference_pa < 1e-6 * maps[0].max() else "does not hold")  # fmt: skip
 
 
 def _unequal(table: pd.DataFrame, scene: str) -> Statement:
@@ -243,22 +243,22 @@ def _pulse_of_tisa(table: pd.DataFrame) -> Statement:
     rows = sensitivity(table)
     solved = rows[(rows.reason == "")]
     near = solved[["pulse_pa_off_pct", "von_mises_pulse_pa_off_pct"]].abs() <= AGREES_PCT
-    told = []
+    findings = []
     for model, some in solved.groupby("model", sort=False):
         first = some.iloc[0]
-        told.append(f"{model} strain {first.pulse_pa:.1f} Pa of contact stress, "
+        findings.append(f"{model} strain {first.pulse_pa:.1f} Pa of contact stress, "
                     f"{first.von_mises_pulse_pa:.1f} Pa von Mises as documented, "
                     f"{some.von_mises_pulse_pa.min():.1f} to {some.von_mises_pulse_pa.max():.1f} "
                     "by reading")  # fmt: skip
     agree = solved[near.von_mises_pulse_pa_off_pct]
     names = ", ".join(f"{one.reading} ({one.model})" for one in agree.itertuples())
-    told.append(f"von Mises within {AGREES_PCT:g} %: {names or 'none'}")
-    told += [f"unsolved: {one.reading} ({one.model}): {one.reason}"
+    findings.append(f"von Mises within {AGREES_PCT:g} %: {names or 'none'}")
+    findings += [f"unsolved: {one.reading} ({one.model}): {one.reason}"
              for one in rows[rows.reason != ""].itertuples()]  # fmt: skip
     share = float(near.to_numpy().mean())
     verdict = "holds" if share == 1 else "holds in part" if len(agree) else "does not hold"
     return Statement(f"Fig. 4b: the pulse of TISA at 32 mm is {PAPER_PULSE_PA} Pa",
-                     "; ".join(told), verdict)  # fmt: skip
+                     "; ".join(findings), verdict)  # fmt: skip
 
 
 def _lone(table: pd.DataFrame) -> list[Statement]:
@@ -279,7 +279,7 @@ def _trend(table: pd.DataFrame, figure: str, name: str) -> Statement:
     """Judged at finite strain; where some press has no answer, only up to the last that has."""
     key, values, wanted = FIGURES[figure]
     sign = 1.0 if wanted == "rises" else -1.0
-    told, reached = [], []
+    findings, reached = [], []
     rows = table[table.figure == figure]
     for (model, plane), every in rows.groupby(["model", "plane"], sort=False):
         some = every[every.reason == ""]
@@ -287,7 +287,7 @@ def _trend(table: pd.DataFrame, figure: str, name: str) -> Statement:
         pulse = (some.contact_pa_120 - some.contact_pa_80).to_numpy(float)
         wrong = np.flatnonzero(sign * np.diff(pulse) <= 0)
         upto = x[wrong[0]] if len(wrong) else x[-1]
-        told.append(f"{model} strain, plane {plane}: {pulse[0]:.0f} to {pulse[-1]:.0f} Pa"
+        findings.append(f"{model} strain, plane {plane}: {pulse[0]:.0f} to {pulse[-1]:.0f} Pa"
                     + (f", {wanted} only up to {upto:g}" if len(wrong) else "")
                     + "".join(f", no answer at {one:g}" for one in every[every.reason != ""][key])
                     )  # fmt: skip
@@ -298,4 +298,4 @@ def _trend(table: pd.DataFrame, figure: str, name: str) -> Statement:
     else:
         verdict = "holds" if min(reached) >= values[-1] else f"holds up to {min(reached):g}"
     return Statement(f"Fig. {figure}: the pulse of TIHA {wanted} with the {name}",
-                     "; ".join(told), verdict)  # fmt: skip
+                     "; ".join(findings), verdict)  # fmt: skip

@@ -70,8 +70,8 @@ class Ft300:
 
     def _counts(self, time_s: float) -> list[int]:
         force = float(self._phantom.force_n(np.array([time_s]))[0])
-        felt = np.array([0.0, 0.0, -force, 0.0, 0.0, 0.0])
-        counts = COUNTS_PER_N * (felt + self._noise_n * self._rng.standard_normal(6))
+        wrench = np.array([0.0, 0.0, -force, 0.0, 0.0, 0.0])
+        counts = COUNTS_PER_N * (wrench + self._noise_n * self._rng.standard_normal(6))
         return [int(v) for v in np.clip(np.round(counts), -LIMIT, LIMIT)]
 
     def _written(self, address: int, value: int) -> None:

@@ -21,7 +21,7 @@ REQUEST_BYTES = 8  # of every request but a write of many
 
 
 class ModbusSlave:
-    """Bytes in, bytes out; ``written`` is told of every register written."""
+    """Bytes in, bytes out; ``written`` is called with every register written."""
 
     def __init__(
         self,

@@ -106,8 +106,10 @@ class NetFtBox:
             self._bias_n = self._force_n()
 
     def _record(self, late_s: float) -> bytes:
-        felt = -(self._force_n(late_s) - self._bias_n) + self._noise_n * self._rng.standard_normal()
-        counts = round(COUNTS_PER_N * felt)
+        measured_n = (
+            -(self._force_n(late_s) - self._bias_n) + self._noise_n * self._rng.standard_normal()
+        )
+        counts = round(COUNTS_PER_N * measured_n)
         return struct.pack(
             ">3I6i", self._sequence, 7 * self._sequence % 2**32, 0, 0, 0, counts, 0, 0, 0
         )

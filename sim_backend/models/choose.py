@@ -113,5 +113,5 @@ def small_strain_error_pct(scene: Scene, depth_mm: float) -> float:
 
 def far_error_pct(scene: Scene, one: Inclusion, x_mm: float) -> float:
     """Of the force when an unfilled inclusion is left out: it fades with distance over height."""
-    apart = max(abs(one.x_mm - x_mm) - one.outer_radius_mm, 0.0)
-    return FAR_PCT * exp(-apart / (FAR_SHARE * scene.surface_mm))
+    distance_mm = max(abs(one.x_mm - x_mm) - one.outer_radius_mm, 0.0)
+    return FAR_PCT * exp(-distance_mm / (FAR_SHARE * scene.surface_mm))

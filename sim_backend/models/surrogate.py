@@ -161,8 +161,8 @@ def _places(scene: Scene) -> Array:
     high = width / 2 if mirrored(scene) == scene else width - low
     x = [low]
     while x[-1] < high - 1e-9:
-        apart = [abs(1e-3 * one.x_mm - x[-1]) - NEAR_M for one in scene.inclusion]
-        near = bool(apart) and min(apart) < 0
+        beyond_m = [abs(1e-3 * one.x_mm - x[-1]) - NEAR_M for one in scene.inclusion]
+        near = bool(beyond_m) and min(beyond_m) < 0
         x.append(min(x[-1] + (NEAR_STEP_M if near else FAR_STEP_M), high))
     return np.array(x)
 

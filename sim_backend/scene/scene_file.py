@@ -239,10 +239,10 @@ class Scene(Table):
                     f"it must lie between {r:g} and {width - r:g}"
                 )
             for m, other in enumerate(self.inclusion[:n]):
-                apart = _apart_mm(one, other, solid=self.plane == "solid")
-                if apart <= r + other.outer_radius_mm:
+                distance_mm = _distance_mm(one, other, solid=self.plane == "solid")
+                if distance_mm <= r + other.outer_radius_mm:
                     raise ValueError(
-                        f"{where} overlaps inclusion[{m}]: centres are {apart:.3g} mm apart; "
+                        f"{where} overlaps inclusion[{m}]: centres are {distance_mm:.3g} mm apart; "
                         f"they must be more than {r + other.outer_radius_mm:g} mm apart"
                     )
         return self
@@ -250,16 +250,16 @@ class Scene(Table):
 
 def _need_plane(scene: Scene) -> None:
     """Keys that only a solid has are refused in a plane scene."""
-    told = {
+    checked = {
         "tissue.length_mm": scene.tissue and scene.tissue.length_mm,
         "tissue.ends": scene.tissue and scene.tissue.ends,
         "indenter.axis": getattr(scene.indenter, "axis", None),
     }
     if isinstance(scene.indenter, Cylinder):
-        told["indenter.edge_radius_mm"] = scene.indenter.edge_radius_mm
+        checked["indenter.edge_radius_mm"] = scene.indenter.edge_radius_mm
     if isinstance(scene.indenter, Sphere | Punch):
-        told["indenter.shape"] = scene.indenter.shape
-    for key, value in told.items():
+        checked["indenter.shape"] = scene.indenter.shape
+    for key, value in checked.items():
         if value is not None:
             raise ValueError(
                 f'{key} = {value}: only with plane = "solid"; this scene is plane = {scene.plane!r}'
@@ -292,7 +292,7 @@ def _need_solid(scene: Scene) -> None:
             )
 
 
-def _apart_mm(one: Inclusion, other: Inclusion, *, solid: bool) -> float:
+def _distance_mm(one: Inclusion, other: Inclusion, *, solid: bool) -> float:
     """How far apart the centres are: balls in a solid may lie behind each other."""
     along = 0.0
     if solid and isinstance(one, Tumour) and isinstance(other, Tumour):

@@ -67,7 +67,7 @@ def judge(seen: Seen) -> Judged:
     for kind in KINDS:
         if kind == best and share[best] >= MIN_POSTERIOR:
             return Judged(kind, stated(share[best]), "")
-    told = ", ".join(f"{k} {100 * stated(v):.0f} %" for k, v in share.items() if v >= 0.005)
+    chances = ", ".join(f"{k} {100 * stated(v):.0f} %" for k, v in share.items() if v >= 0.005)
     if seen.hidden is None:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
     else:
@@ -76,7 +76,7 @@ def judge(seen: Seen) -> Judged:
             f"a pulse of up to {100 * could:.2g} % of the force could be hidden: hold for more "
             "beats, repeat, or take a quieter sensor"
         )
-    return Judged("undecided", stated(share[best]), f"between {told}; {advice}")
+    return Judged("undecided", stated(share[best]), f"between {chances}; {advice}")
 
 
 def shares(seen: Seen) -> dict[str, float]:

@@ -10,7 +10,7 @@ from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
 from probe.detection.pulse.rivals import chance_without_pulse, coarse_of
-from probe.detection.pulse.search import FINEST, TESTED, Search, search
+from probe.detection.pulse.search import FINEST, TESTED_HARMONICS, Search, search
 
 Array = NDArray[np.float64]
 
@@ -18,12 +18,12 @@ SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.
 """Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
 MISFIT = 0.008
 """How far a beat strays from ten harmonics at one rate, over the largest pulse there may be."""
-DECIDED, HOPELESS = 1e-6, 0.4
+MAX_CLEAR_CHANCE, MAX_TRAIN_CHANCE = 1e-6, 0.4
 """Chances of a steady pulse between which a hold is also looked at as a train of beats. Of 60 holds
-of fibrillation that only the train finds, the steady search gives none more than `HOPELESS`."""
+of fibrillation that only the train finds, the steady search gives none more than the second."""
 SHORTEST_TRAIN_S = 2.0
 """Three quick beats, two slow ones: less is no train."""
-SWALLOWED = 3.0
+SWING_OVER_RESIDUAL = 3.0
 """How much larger a pulse may be than what a fit of relaxation and drift leaves of it."""
 
 
@@ -104,7 +104,7 @@ def scale_of(null: Fit, known: Fit) -> Scale:
     What relaxation and drift cannot explain is at least a third of the pulse.
     """
     left = null.residual_pa
-    return Scale(float(SWALLOWED * np.ptp(np.percentile(left, [2, 98]))), known.noise_pa)
+    return Scale(float(SWING_OVER_RESIDUAL * np.ptp(np.percentile(left, [2, 98]))), known.noise_pa)
 
 
 def find_pulse(hold: Hold) -> Pulse:
@@ -114,10 +114,10 @@ def find_pulse(hold: Hold) -> Pulse:
     twice the smaller one's.
     """
     found, null = search(hold)
-    columns = harmonics(hold.time_s, found.rate_hz, TESTED)
+    columns = harmonics(hold.time_s, found.rate_hz, TESTED_HARMONICS)
     known = fit(hold, design_of(hold), columns, found.noise)
     p_value = found.p_value
-    if DECIDED < p_value < HOPELESS and hold.span_s >= SHORTEST_TRAIN_S:
+    if MAX_CLEAR_CHANCE < p_value < MAX_TRAIN_CHANCE and hold.span_s >= SHORTEST_TRAIN_S:
         coarse = coarse_of(hold, null)
         p_value = min(p_value, chance_without_pulse(coarse, beat_train(coarse)))
     p_value = min(1.0, 2 * p_value)

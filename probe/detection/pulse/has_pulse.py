@@ -12,7 +12,7 @@ from probe.detection.pulse.rivals import Cause, cause_of, coarse_of, evidence_of
 
 REACH = 2
 """Stations to either side that are judged together with one: a vessel is felt that far."""
-JUDGED = 3
+MAX_PRESSES_ASKED = 3
 """Clearest presses that are asked what moves in them: more would not change the answer."""
 MIN_POSTERIOR = 0.85
 """Least posterior probability of a pulse, among all causes, to count as one."""
@@ -37,7 +37,7 @@ def _causes(clear: dict[int, tuple[Hold, Pulse]]) -> tuple[dict[int, Cause], lis
     One that moves for another reason by itself is left out; the rest are asked together, since
     they share one heart. A reference that beats along has already answered.
     """
-    asked = [i for i, (_, pulse) in clear.items() if pulse.search is not None][:JUDGED]
+    asked = [i for i, (_, pulse) in clear.items() if pulse.search is not None][:MAX_PRESSES_ASKED]
     if not asked:
         return {}, list(clear)
     evidence = {}

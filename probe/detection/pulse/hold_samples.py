@@ -16,11 +16,11 @@ BIN_S = 0.02
 SETTLING_S, SETTLING_SAMPLES = 0.01, 2
 """Left out after the ramp, the longer of both: the stage is still slowing down, and of slow samples
 nobody knows between which two the ramp ended."""
-RISE = 0.7
+RAMP_RISE = 0.7
 """A record that starts below this share of its highest value begins with a ramp."""
-SPIKE = 8.0
+SPIKE_SIGMAS = 8.0
 """Robust standard deviations beyond which a sample is no sample."""
-NEAR, AHEAD_S = 0.9, 0.25
+NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
 """A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
 MIN_SAMPLES = 12
 CONTACT_SIGMAS = 5.0
@@ -132,7 +132,7 @@ def _mended(signal: Array) -> Array:
     hide in the mean."""
     middle = median_filter(signal, size=(5, 1), mode="nearest")
     scatter = 1.4826 * np.nanmedian(np.abs(np.diff(signal, axis=0)), axis=0) / np.sqrt(2)
-    off = np.abs(signal - middle) > SPIKE * np.maximum(scatter, 1e-12 * np.abs(middle))
+    off = np.abs(signal - middle) > SPIKE_SIGMAS * np.maximum(scatter, 1e-12 * np.abs(middle))
     return np.asarray(np.where(off & (scatter > 0), middle, signal))
 
 
@@ -171,7 +171,7 @@ def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[fl
     if not np.isfinite(begin):
         begin = time_s[0]
         top = _top_of_ramp(mean, smooth, step)
-        if smooth[0] < RISE * smooth[top] and top <= len(smooth) - MIN_SAMPLES:
+        if smooth[0] < RAMP_RISE * smooth[top] and top <= len(smooth) - MIN_SAMPLES:
             begin = time_s[top]
         else:
             settling = 0.0
@@ -186,7 +186,7 @@ def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[fl
 def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
     """The first top of those that come near the highest sample, which may be a later beat's."""
     ahead = max(2, round(AHEAD_S / step_s))
-    near_top = np.flatnonzero(smooth >= smooth.max() - (1 - NEAR) * np.ptp(smooth))
+    near_top = np.flatnonzero(smooth >= smooth.max() - (1 - NEAR_TOP_SHARE) * np.ptp(smooth))
     top = next(int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max())
     return max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
 
@@ -196,4 +196,5 @@ def _without_spikes(signal: Array) -> NDArray[np.bool_]:
         return np.ones(len(signal), dtype=bool)
     off = signal - median_filter(signal, size=5, mode="nearest")
     scatter = 1.4826 * np.median(np.abs(np.diff(signal))) / np.sqrt(2)
-    return np.asarray(np.abs(off) <= SPIKE * max(scatter, 1e-12 * np.abs(signal).max(initial=1.0)))
+    scatter = max(scatter, 1e-12 * np.abs(signal).max(initial=1.0))
+    return np.asarray(np.abs(off) <= SPIKE_SIGMAS * scatter)

@@ -7,7 +7,7 @@ from probe.detection.pulse.estimate import SHARES, Pulse, described
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, likeliest
 from probe.detection.pulse.pooled_evidence import unusual
-from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED, rates_hz
+from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED_HARMONICS, rates_hz
 
 SMOOTH = 0.75
 """Cycles that the last harmonic looked at may gain in a hold from one rate tried to the next: of
@@ -31,9 +31,11 @@ def shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
         for each in ([(s, s.gain) for s in searches], [(s, s.clear / 2) for s in searches])
     ]
     span_s = max(hold.span_s for hold, _ in clear)
-    smooth = int(np.clip(round(SMOOTH / (reach * span_s)), TESTED + 1, len(SHARES)))
+    smooth = int(np.clip(round(SMOOTH / (reach * span_s)), TESTED_HARMONICS + 1, len(SHARES)))
     tried = {int(k) for one in likely for k in np.argsort(one)[-CANDIDATES:]}
-    if smooth > TESTED + 1:  # in a short hold the wave's shape tells more than the search knows
+    if (
+        smooth > TESTED_HARMONICS + 1
+    ):  # in a short hold the wave's shape tells more than the search knows
         tried = set(range(len(rates)))
     rate = min((float(rates[k]) for k in tried), key=lambda one: unlikely(one, smooth))
     for most, share in ((smooth, 1.0), (len(SHARES), 0.25)):

@@ -11,7 +11,7 @@ from probe.detection.pulse.estimate import Pulse, pulse_at, scale_of
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
-from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED
+from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED_HARMONICS
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
     warped = replace(hold, time_s=_in_beats(hold.time_s, beats, period) * period)
     rate = 1 / period
     design, none = design_of(hold), np.empty((len(hold.time_s), 0))
-    columns = harmonics(warped.time_s, rate, TESTED)
+    columns = harmonics(warped.time_s, rate, TESTED_HARMONICS)
     known = fit(hold, design, columns)
     noise = likeliest(known.residual_pa, hold.step_s)
     without, with_ = fit(hold, design, none, noise), fit(hold, design, columns, noise)

@@ -17,7 +17,7 @@ from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD, SWING_MMHG
 Array = NDArray[np.float64]
 
 SLOWEST_HZ, FASTEST_HZ = 40 / 60, 180 / 60
-TESTED = 2
+TESTED_HARMONICS = 2
 """Harmonics that decide whether there is a pulse: they carry nine tenths of its power."""
 MOST_SECOND = 1.0
 """Largest second harmonic over the first: radial and brachial waves have 0.4 to 0.8."""
@@ -79,7 +79,7 @@ def search(hold: Hold) -> tuple[Search, Fit]:
         np.maximum(logsumexp([one.without + gain for one, gain in each], axis=0) - without, 0.0)
         for each in ([(one, one.shaped) for one in looks], [(one, one.free) for one in looks])
     )
-    dof, lost = max(null.dof, 4 + 2 * TESTED), 2 * TESTED
+    dof, lost = max(null.dof, 4 + 2 * TESTED_HARMONICS), 2 * TESTED_HARMONICS
     chances = _single(shaped, 2, dof - 2), _single(free, lost, dof - lost)
     one, gain = (chances[0], shaped) if chances[0].min() <= chances[1].min() else (chances[1], free)
     best = max(looks, key=lambda one: one.without + one.shaped.max())

@@ -50,7 +50,7 @@ def chart(
     out: Path,
     scene_name: str = "TIHA",
     repeats: int = 3,
-    tell: Callable[[str], None] = print,
+    progress: Callable[[str], None] = print,
     plane: str | None = None,
 ) -> pd.DataFrame:
     """Run all, write ``speed-accuracy.csv`` and ``.png`` into ``out``; the table.
@@ -60,7 +60,7 @@ def chart(
     scene = load_scene(scene_name)
     if plane is not None:
         scene = scene.model_copy(update={"plane": plane})
-    tell("Solving the reference …")
+    progress("Solving the reference …")
     force, pulse, _ = _ours(scene, "finite", "T6", REFERENCE_MM)
     rows: list[dict[str, Any]] = []
 
@@ -80,7 +80,7 @@ def chart(
     for model in ("finite", "small"):
         for element in ELEMENTS[scene.plane]:
             for size in SIZES_MM:
-                tell(f"{model} strain, {NAMES[element, scene.plane]}, {size} mm")
+                progress(f"{model} strain, {NAMES[element, scene.plane]}, {size} mm")
                 add(
                     f"{model} strain",
                     NAMES[element, scene.plane],
@@ -89,7 +89,7 @@ def chart(
                     repeats,
                 )
     for pct in (5.0, 2.0, 1.0, 0.5):
-        tell(f"by itself, {pct:g} %")
+        progress(f"by itself, {pct:g} %")
         add(
             f"palpate, accuracy {pct:g} %",
             "by itself",
@@ -99,7 +99,7 @@ def chart(
         )
     if shutil.which("ccx"):
         for size in PEER_SIZES_MM:
-            tell(f"CalculiX, {size} mm")
+            progress(f"CalculiX, {size} mm")
             add(
                 "CalculiX",
                 "CPS6" if scene.plane == "stress" else "CPE6",
@@ -109,7 +109,7 @@ def chart(
             )
     if scene.plane == "strain" and has_felupe():
         for size in PEER_SIZES_MM:
-            tell(f"FElupe, {size} mm")
+            progress(f"FElupe, {size} mm")
             add("FElupe", NAMES["Q4M", "strain"], size, partial(_felupe, scene, size), 1)
     table = pd.DataFrame(rows)
     out.mkdir(parents=True, exist_ok=True)

@@ -47,7 +47,7 @@ quadrilaterals, and those of four nodes are stiffer."""
 Forces = tuple[float, ...]
 
 
-def chart(out: Path, quick: bool = False, tell: Callable[[str], None] = print,
+def chart(out: Path, quick: bool = False, progress: Callable[[str], None] = print,
           workers: int = 2) -> pd.DataFrame:  # fmt: skip
     """Judge all cells, write ``stability.csv`` and ``.png`` into ``out``; the table."""
     chosen = cells()[:: 5 if quick else 1]
@@ -56,7 +56,7 @@ def chart(out: Path, quick: bool = False, tell: Callable[[str], None] = print,
         for number, row in enumerate(pool.map(judge, chosen), start=1):
             rows.append(row)
             if number % 20 == 0:
-                tell(f"{number} of {len(chosen)} cells")
+                progress(f"{number} of {len(chosen)} cells")
     table = pd.DataFrame(rows)
     out.mkdir(parents=True, exist_ok=True)
     table.to_csv(out / "stability.csv", index=False, float_format="%.5g")
@@ -119,10 +119,10 @@ def _checked(cell: Cell, scene: Scene, forces: Forces, estimate: float) -> dict[
             except (CannotSolve, TimeoutError) as error:
                 reason = reason or f"the check by {element}: {error or 'too long'}"[:200]
                 break
-            apart = _apart_pct(forces, found)
-            if apart <= allowed:
-                return {"error_pct": apart, "verdict": "solved"}
-            verdict = {"error_pct": apart, "verdict": "breaks" if shown_only else "wrong"}
+            difference = _difference_pct(forces, found)
+            if difference <= allowed:
+                return {"error_pct": difference, "verdict": "solved"}
+            verdict = {"error_pct": difference, "verdict": "breaks" if shown_only else "wrong"}
         if verdict["verdict"] != "solved, unchecked":
             return verdict
     return verdict | {"reason": reason}
@@ -136,16 +136,16 @@ def _independent(cell: Cell, scene: Scene, element: str, finer: int) -> Forces:
     return tuple(one.force_n_per_m for one in found)
 
 
-def _apart_pct(forces: Forces, other: Forces) -> float:
+def _difference_pct(forces: Forces, other: Forces) -> float:
     a, b = np.array(forces), np.array(other)
     largest = float(np.abs(b).max())
     if largest < 1e-9:
         return 100.0 * float(np.abs(a).max() > 1e-6)
-    apart = float(np.abs(a - b).max()) / largest
+    difference = float(np.abs(a - b).max()) / largest
     if len(b) > 1:
         span = max(float(np.ptp(b)), SMALL_PULSE * largest)
-        apart = max(apart, float(abs(np.ptp(a) - np.ptp(b))) / span)
-    return 100 * apart
+        difference = max(difference, float(abs(np.ptp(a) - np.ptp(b))) / span)
+    return 100 * difference
 
 
 def _others(scene: Scene, cell: Cell) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ TICK_S = 0.01
 RUNNING_BIT, NUMBER_SHIFT, NUMBERS = 1 << 15, 24, 128
 """Of the register in which the library's script tells of an asynchronous move."""
 REMEMBERED = 250
-"""Cycles whose measurement is kept: every client of a cycle is told the same."""
+"""Cycles whose measurement is kept: every client of a cycle gets the same."""
 
 Point = tuple[float, float, float]
 Array = NDArray[np.float64]

@@ -103,9 +103,9 @@ def equilibrium(
             + 1e-6 * complementarity * body.contact_m
         )
         error = float(np.linalg.norm(residual[body.free]))
-        apart = float(np.abs(gap[active]).max(initial=0.0))
+        open_m = float(np.abs(gap[active]).max(initial=0.0))
         same = before is not None and np.array_equal(active, before)
-        if error < TOLERANCE * scale and apart < CLOSED_SHARE * body.contact_m and same:
+        if error < TOLERANCE * scale and open_m < CLOSED_SHARE * body.contact_m and same:
             force = -float((multiplier * normal[:, 1]).sum()) / body.share
             return SolidSolution(load, u, multiplier, force, iteration)
         spring = np.where(active, penalty * gap, 0.0)

@@ -158,7 +158,7 @@ def test_a_stage_beyond_its_orders_is_stopped(winkler: Any) -> None:
             opened.stage.move(Pose(0.028, 0.0, -8e-3), 2e-3)
 
     ended, events, _ = scan(winkler, hook=run_away)
-    assert "mm from where it was told to be" in ended.reason
+    assert "mm from where it was commanded to be" in ended.reason
     assert of(events, "stage").values[:, 2].min() > -3.1e-3
 
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from drivers import DeviceFault, Pose
-from probe.acquisition.levels import nothing_felt
+from probe.acquisition.levels import no_force
 from probe.acquisition.retreat import LIFTS, Retreat
 
 STEP_S, UP_M, DOWN_M = 0.01, 2e-3, -2e-3
@@ -108,4 +108,4 @@ def test_a_stage_that_never_gets_there_is_not_asked_for_ever() -> None:
     ],
 )
 def test_a_press_is_felt_as_a_push(levels: dict[str, tuple[float, float]], felt: bool) -> None:
-    assert (nothing_felt(levels) is None) == felt
+    assert (no_force(levels) is None) == felt

@@ -132,7 +132,7 @@ class Deaf(SpringSensor):
         (Stuck, "stuck or clipped", 0.0),
         (StuckSlowly, "stuck or clipped", 2 * LIMIT_N),
         (Clips, "stuck or clipped", 2 * LIMIT_N),
-        (Deaf, "nothing is felt", np.inf),  # only a press shows that it feels nothing
+        (Deaf, "no force above the noise", np.inf),  # only a press shows that it feels nothing
     ],
 )
 def test_a_sensor_that_does_not_feel_is_found_out(sensor: Any, said: str, most_n: float) -> None:
@@ -234,7 +234,7 @@ def test_a_probe_that_somebody_else_moves_is_noticed(way_m: tuple[float, float, 
             bed.tip.move(bed.clock.now(), there, APPROACH_M_S, 1.0)
 
     ran = run_springs(bed, stage, [sensor], rig=spring_rig(scan={"hold_s": 1.5}), observers=[push])
-    assert "mm from where it was told to be" in ran.reason
+    assert "mm from where it was commanded to be" in ran.reason
     assert ran.complete == []
     assert ran.lifted
 

@@ -13,9 +13,9 @@ import probe.calibrate.fits as module
 from calibration import fit_heart
 from calibration.errors import CalibrationError
 from probe.acquisition.session import scan
-from probe.calibrate.fits import proportional
 from probe.calibrate.measurements import read
 from probe.calibrate.scene_from_measurement import write_heart_scene, write_scene
+from probe.calibrate.tissue_force import proportional
 from probe.cli import main
 from probe.cli.guide import GUIDE
 from probe.config.rig import Rig

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from probe.cli.say import tell
+from probe.cli.say import inform
 
 
 class Gone:
@@ -20,4 +20,4 @@ class Gone:
 
 def test_words_to_nobody_are_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", Gone())
-    tell("the scan was aborted")
+    inform("the scan was aborted")

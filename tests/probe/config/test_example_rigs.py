@@ -50,7 +50,7 @@ def test_a_transmitter_and_an_array_are_read_together(winkler: Respond, tmp_path
                 events.append,
                 limits_for(rig, plan),
             )
-    assert ended.finish is Finish.COMPLETED or "nothing is felt that pushes back" in ended.reason
+    assert ended.finish is Finish.COMPLETED or "no force above the noise" in ended.reason
     told = {e.device for e in events if isinstance(e, Samples)}
     assert told == {"stage", "modbus", "taxels"}
     (started,) = [e for e in events if isinstance(e, RunStarted)]

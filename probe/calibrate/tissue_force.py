@@ -1,0 +1,59 @@
+"""The force of a press on plain tissue, as a function of its modulus: what a fit compares with."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+
+from calibration.errors import CalibrationError
+from sim_backend.scene.scene_file import Scene
+
+Array = NDArray[np.float64]
+Forward = Callable[[Array, Array], tuple[Array, Array]]
+
+CURVE_POINTS = 11
+
+
+def force_of_modulus(
+    scene: Scene, deepest_m: float, model: str | None = None, x_mm: float | None = None
+) -> Forward:
+    """Force (n,) [N] of moduli (1,) [Pa] and depths (n,) [m] on plain tissue, with its derivative
+    (n, 1), by the finite elements: a homogeneous block's force is proportional to its modulus.
+    Pressed at ``x_mm`` of the block, by default in its middle. A solid's block under a round finger
+    is solved as a body of revolution."""
+    from sim_backend.fem.axisymmetric import is_round  # finite elements: for nothing else here
+    from sim_backend.models.press import press
+
+    if scene.tissue is None:
+        raise CalibrationError(f"scene {scene.name} has no tissue")
+    depths = 1.1 * deepest_m * np.linspace(0.0, 1.0, CURVE_POINTS)[1:] ** 1.5
+    width_mm = scene.tissue.width_mm
+    x_mm = 0.5 * width_mm if x_mm is None else x_mm
+    if not 0 < x_mm < width_mm:
+        raise CalibrationError(f"pressed at x = {x_mm:g} mm; the scene's block is {width_mm:g} mm "
+                               "wide, from 0")  # fmt: skip
+    round_one = is_round(scene, x_mm)
+    solid = scene.plane == "solid"
+    model = model or ("axisymmetric" if round_one else "solid" if solid else "finite")
+    accuracy_pct = 3.0 if solid and not round_one else 0.2
+    force = [
+        press(scene, x_mm, 1e3 * d, model=model, accuracy_pct=accuracy_pct).states[0].force_n
+        for d in depths
+    ]
+    return proportional(depths, np.array(force) / (1e3 * scene.tissue.modulus_kpa))
+
+
+def proportional(depths: Array, force_per_pa: Array) -> Forward:
+    """The forward model through forces per modulus (k,) at ``depths`` (k,) > 0, none in the air.
+
+    The force over the depth is interpolated: it varies little.
+    """
+    slope = CubicSpline(depths, force_per_pa / depths)
+
+    def forward(moduli: Array, depth_m: Array) -> tuple[Array, Array]:
+        sunk = np.clip(depth_m, 0.0, depths[-1])
+        unit = sunk * slope(np.maximum(sunk, depths[0]))
+        return moduli[0] * unit, unit[:, None]
+
+    return forward
