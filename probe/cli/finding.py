@@ -78,7 +78,7 @@ def finding_json(
     from probe.detection import detect as detect_in
 
     found = detect_in(recording, false_alarm=false_alarm, asked_pa=asked_pa).as_json()
-    found: dict[str, Any] = plain(
+    printed: dict[str, Any] = plain(
         {
             "run": run_path,
             **found,
@@ -87,7 +87,7 @@ def finding_json(
             "seconds": time.perf_counter() - began_s,
         }
     )
-    return found
+    return printed
 
 
 def show_finding(found: Mapping[str, Any]) -> None:
