@@ -21,7 +21,7 @@ from campaign.cell import Cell
 from campaign.faults import Draw
 from campaign.serve import HOME, TICK_S, Presses, due_s, save
 from campaign.strikes import strike
-from campaign.world import Point, World
+from campaign.world import SLICE_S, Point, World
 from sim_backend.emulators.ur import emulate
 
 FAILS = {
@@ -71,6 +71,11 @@ class Tip:
         """Where the tip was."""
         row = self._row(at_s)
         return (row[1], row[2], row[3])
+
+    def velocity(self, at_s: float) -> Point:
+        """How fast the tip went, over one slice."""
+        (x, y, z), (u, v, w) = self.point(at_s), self.point(at_s - SLICE_S)
+        return ((x - u) / SLICE_S, (y - v) / SLICE_S, (z - w) / SLICE_S)
 
     def force_n(self, at_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """What it felt."""

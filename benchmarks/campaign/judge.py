@@ -23,6 +23,7 @@ from campaign.faults import Draw
 from campaign.limits import MAX_DEPTH_M, MAX_FORCE_N
 from campaign.scanning import Resumed
 from campaign.stored import check_stored
+from campaign.truth import DEPTH, FORCE, MOVING, SIDE, T, Truth, X, Y, Z
 from campaign.world import HARDENING_PER_M
 
 Array = NDArray[np.float64]
@@ -34,19 +35,6 @@ SIDEWAYS_M, SEEN_S = 1e-3, 0.25
 STARVED_S = 0.03  # the truth itself stood still for longer: the machine was the fault, not the scan
 STATUSES = (0, 3, 5)
 HUNG, KILLED, BUG = None, 137, 70
-T, X, Y, Z, FORCE, SIDE, DEPTH, MOVING = range(8)
-
-
-@dataclass(frozen=True)
-class Truth:
-    """What the process of the truth wrote; see `serve.save`."""
-
-    rows: Array
-    lines: Array
-    stops: Array
-    jogs: Array
-    struck: Array
-    late_s: float
 
 
 @dataclass(frozen=True)

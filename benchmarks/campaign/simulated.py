@@ -15,7 +15,7 @@ import numpy as np
 from campaign.board import Board
 from campaign.cell import RATE_HZ, Cell
 from campaign.faults import Draw
-from campaign.judge import Truth, judge
+from campaign.judge import judge
 from campaign.limits import (
     HOLD_S,
     INDENTATION_M,
@@ -30,6 +30,7 @@ from campaign.limits import (
 from campaign.serve import HOME, Presses, due_s
 from campaign.stored import complete_bytes
 from campaign.strikes import strike
+from campaign.truth import Truth
 from campaign.world import Bed, World
 from drivers import Block, Channel, Clock, DeviceFault, Pose, SimulatedClock
 from probe.acquisition.engine import run_scan

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from campaign.faults import Draw
 from campaign.limits import HOLD_S, INDENTATION_M
+from campaign.truth import FORCE, T, Truth, X, Y, Z
 from probe.core.events import (
     Note,
     Phase,
@@ -22,9 +23,6 @@ from probe.core.events import (
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify
 
-if TYPE_CHECKING:
-    from campaign.judge import Truth
-
 Array = NDArray[np.float64]
 
 RUN_OF = 12  # so many differences in a row are found once only in what the cell sent
@@ -35,7 +33,7 @@ PLACE_OFF_M, DEPTH_OFF_M = 0.3e-3, 0.15e-3
 CELL = "lines"
 
 
-def check_stored(draw: Draw, truth: "Truth", path: Path) -> list[str]:
+def check_stored(draw: Draw, truth: Truth, path: Path) -> list[str]:
     """The file is sound, every sample in it is one that was sent, complete stations are true."""
     try:
         report = verify(path)
@@ -131,13 +129,12 @@ def _complete(events: list[Any]) -> Iterator[tuple[StationStarted, float, float]
 
 
 def _check_station(
-    truth: "Truth",
+    truth: Truth,
     station: tuple[StationStarted, float, float],
     events: list[Any],
     zero_s: float,
 ) -> list[str]:
     """A station that is called complete was pressed where it says, as deep, and as hard."""
-    from campaign.judge import FORCE, T, X, Y, Z
 
     begun, from_s, to_s = station
     rows = truth.rows

@@ -34,6 +34,6 @@ def calibration_kinds(begun: str) -> list[str]:
 
 def emulated_devices(begun: str) -> list[str]:
     """Devices that can be emulated and begin so."""
-    from probe.cli.emulate import known_devices
+    from sim_backend.emulators import DEVICES
 
-    return [name for name in known_devices() if name.startswith(begun)]
+    return [name for name in DEVICES if name.startswith(begun)]

@@ -7,21 +7,19 @@ import threading
 from collections.abc import Mapping
 from contextlib import ExitStack, closing, suppress
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from probe.cli.arguments import emulated_devices
 from probe.cli.say import answer, inform
+from sim_backend.emulators import DEVICES, STAGES
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from sim_backend.emulators.serving import Served
     from sim_backend.phantom.phantom import Response
     from sim_backend.scene.scene_file import Scene
 
-DEVICES = ("ur", "grbl", "ft300", "modbus", "netft", "lines", "taxels")
-STAGES = ("ur", "grbl")
 NICE_LEVEL = -10
 """Priority of the emulated controllers."""
 
@@ -55,10 +53,9 @@ def emulate(
 
     Each address goes into a rig file. Type `DEVICE FAULT` to make one fail, `DEVICE ok` to mend it.
     """
-    known = known_devices()
     for name in devices:
-        if name not in known:
-            raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(known)}")
+        if name not in DEVICES:
+            raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(DEVICES)}")
     places = _addresses(at or [], devices)
     from drivers import WallClock
     from sim_backend.emulators.solving import Solver
@@ -89,11 +86,6 @@ def solve_here(scene: "Scene", x_m: float, max_depth_m: float) -> "Response":
     from sim_backend.models.station_response import respond
 
     return respond(scene, x_m, max_depth_m)
-
-
-def known_devices() -> list[str]:
-    """The devices that can be emulated here."""
-    return [name for name in DEVICES if find_spec(f"sim_backend.emulators.{name}") is not None]
 
 
 def obey(served: "Mapping[str, Served]") -> None:

@@ -98,13 +98,16 @@ class Run:
         """One row per press: see `probe.storage.tables.stations`."""
         from probe.storage.tables import stations  # here: reading events needs no pandas
 
-        return stations(self)
+        return stations(self.started, self.events())
 
     def samples(self, device: str | None = None, station: int | None = None) -> "xr.Dataset":
         """The samples of one device, by default the one that feels: see `probe.storage.tables`."""
         from probe.storage.tables import samples  # here: reading events needs no xarray
 
-        return samples(self, device, station)
+        try:
+            return samples(self.started, self.events(), device, station)
+        except RunFileError as error:
+            raise _at(self.path, error) from None
 
 
 def open_run(path: str | Path) -> Run:

@@ -1,26 +1,30 @@
 """A run as labelled tables and arrays: every quantity with its unit."""
 
 from collections import Counter
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
 
 import numpy as np
 
 from drivers.core.extras import needs
-from probe.core.contact_stress import tactile_device
+from probe.core.contact_stress import simulated_channels, tactile_device
 from probe.core.errors import RunFileError
-from probe.core.events import PhaseEntered, Samples, StationEnded, StationStarted
+from probe.core.events import (
+    Event,
+    PhaseEntered,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
 
 with needs("data", "a run as tables and arrays"):
     import pandas as pd
     import xarray as xr
 
-if TYPE_CHECKING:
-    from probe.storage.run import Run
-
 MAX_SAMPLES = 100_000_000  # in memory at once, times channels
 
 
-def stations(run: "Run") -> pd.DataFrame:
+def stations(run: RunStarted, events: Iterable[Event]) -> pd.DataFrame:
     """One press per row, in the order in which they were made.
 
     Columns: station, attempt, x_mm, y_mm, started_s, ended_s (NaN: broken off by a crash),
@@ -30,7 +34,7 @@ def stations(run: "Run") -> pd.DataFrame:
     counted: Counter[tuple[int, int]] = Counter()
     ended: dict[tuple[int, int], StationEnded] = {}
     started: list[StationStarted] = []
-    for event in run.events():
+    for event in events:
         match event:
             case StationStarted():
                 started.append(event)
@@ -54,7 +58,9 @@ def stations(run: "Run") -> pd.DataFrame:
     )
 
 
-def samples(run: "Run", device: str | None, station: int | None) -> xr.Dataset:
+def samples(
+    run: RunStarted, events: Iterable[Event], device: str | None, station: int | None
+) -> xr.Dataset:
     """The samples of one device along ``time_s``, with ``station``, ``attempt`` and ``phase``.
 
     Each channel is a variable with the attributes ``units``, ``role`` and ``simulated``, and
@@ -64,13 +70,13 @@ def samples(run: "Run", device: str | None, station: int | None) -> xr.Dataset:
     """
     device = device or tactile_device(run.channels)
     if device not in run.channels:
-        raise RunFileError(f"{run.path}: no device {device!r}; it has {', '.join(run.channels)}")
+        raise RunFileError(f"no device {device!r}; it has {', '.join(run.channels)}")
     channels = run.channels[device]
     parts: list[Samples] = []
     phases: list[tuple[float, str]] = [(-np.inf, "idle")]
     known: set[int] = set()
     held = 0
-    for event in run.events():
+    for event in events:
         match event:
             case PhaseEntered(entered_s, phase, _):
                 phases.append((entered_s, str(phase)))
@@ -78,13 +84,13 @@ def samples(run: "Run", device: str | None, station: int | None) -> xr.Dataset:
                 known.add(number)
             case Samples(name, block, at) if name == device and station in (None, at):
                 if block.values.shape[1] != len(channels):
-                    raise RunFileError(f"{run.path}: a block of {device} lacks a channel")
+                    raise RunFileError(f"a block of {device} lacks a channel")
                 parts.append(event)
                 held += block.values.size
                 if held > MAX_SAMPLES:
-                    raise RunFileError(f"{run.path}: too large for memory; read it by station")
+                    raise RunFileError("too large for memory; read it by station")
     if station is not None and station not in known:
-        raise RunFileError(f"{run.path}: no station {station}")
+        raise RunFileError(f"no station {station}")
     time_s = np.concatenate([p.block.time_s for p in parts] or [np.empty(0)])
     empty = np.empty((0, len(channels)))
     values = np.concatenate([p.block.values for p in parts] or [empty])
@@ -101,8 +107,8 @@ def samples(run: "Run", device: str | None, station: int | None) -> xr.Dataset:
         },
         attrs={
             "device": device,
-            "started_utc": run.started.started_utc,
-            "simulated": ", ".join(run.simulated),
+            "started_utc": run.started_utc,
+            "simulated": ", ".join(simulated_channels(run.channels)),
         },
     )
     for n, channel in enumerate(channels):

@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.core.extras import needs
+from probe.studies.paper_figures import draw
+from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.press import CannotSolve, press
@@ -27,22 +29,12 @@ with needs("data", "palpate paper"):
 
 Array = NDArray[np.float64]
 
-TIMES_S = (1.1, 1.3, 1.4)
-LEVELS_MMHG = (120.0, 90.0, 80.0)
-"""The documented wave's values at those times; the beat starts at 1 s."""
 STATIONS_MM = tuple(4.0 * n for n in range(1, 16))
-PAPER_PULSE_PA = 22.6
 ACCURACY_PCT = 2.0
 FLAT_PCT = 2.0
 AGREES_PCT = 10.0
 """A reading gives the paper's figure if it comes this near: its only quoted digits are three, but
 the finite-element model behind them is one of first order."""
-FIGURES: dict[str, tuple[str, tuple[float, ...], str]] = {
-    "6": ("inclusion.0.depth_mm", (4.5, 6.5, 8.5, 10.5, 12.66), "falls"),
-    "7": ("indentation_mm", (0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.5, 7.0, 8.5), "rises"),
-    "8": ("inclusion.0.inner_diameter_mm", (2.0, 3.0, 4.0, 4.5, 5.0), "rises"),
-    "9": ("inclusion.0.modulus_kpa", (100.0, 200.0, 400.0, 800.0, 1600.0), "falls"),
-}
 
 
 @dataclass(frozen=True)
@@ -167,8 +159,6 @@ two columns of each."""
 
 def paper(out: Path, progress: Callable[[str], None] = print, workers: int = 2) -> list[Statement]:
     """Solve everything, write ``paper.csv``, ``statements.csv`` and a picture per figure."""
-    from probe.studies.paper_figures import draw
-
     out.mkdir(parents=True, exist_ok=True)
     all_tasks = tasks()
     flat = [(figure, task) for figure, some in all_tasks.items() for task in some]

@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers.core.extras import needs
 from probe.report.look import BLUE, GREEN, ORANGE
-from probe.studies.paper import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA, TIMES_S
+from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA, TIMES_S
 
 with needs("data", "palpate paper"):
     import pandas as pd

@@ -12,7 +12,6 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.assembly import SingularMatrix
-from sim_backend.fem.contact.groups import contact_pairs, walls_cross
 from sim_backend.fem.limits import physical_limit
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import (
@@ -25,6 +24,7 @@ from sim_backend.fem.newton import (
     equilibrium,
     tangent,
 )
+from sim_backend.fem.section_contact import contact_pairs, walls_cross
 
 MIN_STEP = 1 / 256
 MAX_FAILURES = 14

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.elements import Cells, quadrature_points
-from sim_backend.fem.solid.material import (
+from sim_backend.fem.material_3d import (
     cofactor_tangent,
     determinant_and_cofactor,
     stress_and_tangent,

@@ -19,7 +19,6 @@ from functools import lru_cache
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.contact.groups import walls_cross
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.mesh_transfer import Field
@@ -32,6 +31,7 @@ from sim_backend.fem.newton import (
     equilibrium,
     pressure_slope,
 )
+from sim_backend.fem.section_contact import walls_cross
 from sim_backend.models.station_response import element_size_m
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.solid.material import (
+from sim_backend.fem.material_3d import (
     determinant_and_cofactor,
     stress_and_tangent,
     unforeseen_volume,

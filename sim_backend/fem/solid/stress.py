@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from sim_backend.fem.material_3d import von_mises
 from sim_backend.fem.solid.body import Body
-from sim_backend.fem.solid.material import von_mises
 from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.solid.prism import wedge_gradient
 

@@ -5,10 +5,7 @@ import pandas as pd
 import pytest
 
 from probe.studies.paper import (
-    FIGURES,
-    LEVELS_MMHG,
     READINGS,
-    TIMES_S,
     Task,
     _pulse_of_tisa,
     _trend,
@@ -16,6 +13,7 @@ from probe.studies.paper import (
     changed,
     tasks,
 )
+from probe.studies.paper_values import FIGURES, LEVELS_MMHG, TIMES_S
 from sim_backend import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from sim_backend.fem.contact.groups import contact_pairs
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.internal import deformation
@@ -11,6 +10,7 @@ from sim_backend.fem.lumen import lumen_area_m2
 from sim_backend.fem.material import energy_density, plane_stress
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
+from sim_backend.fem.section_contact import contact_pairs
 from sim_backend.scene.scene_file import load_scene, mirrored, scene_from_text
 from sim_backend.scene.waves import PA_PER_MMHG
 

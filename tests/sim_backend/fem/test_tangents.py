@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from sim_backend.fem.contact.finger_contact import Finger
-from sim_backend.fem.contact.groups import contact_pairs
 from sim_backend.fem.contact.lumen_self_contact import wall_gaps
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.elements import ELEMENTS
@@ -12,6 +11,7 @@ from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_area_m2, unit_pressure
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load, pressure_slope
+from sim_backend.fem.section_contact import contact_pairs
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 

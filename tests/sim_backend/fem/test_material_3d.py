@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim_backend.fem import material as plane
-from sim_backend.fem.solid.material import energy_density, stress_and_tangent, von_mises
+from sim_backend.fem.material_3d import energy_density, stress_and_tangent, von_mises
 
 RNG = np.random.default_rng(1)
 F = np.eye(3) + 0.2 * RNG.standard_normal((4, 3, 3))
