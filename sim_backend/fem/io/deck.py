@@ -15,19 +15,21 @@ from pathlib import Path
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.contact.finger_contact import Finger, finger_over
-from sim_backend.fem.model import Section, build_section
-from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.fem.io.slab import (
+    MM,
+    MPA,
+    contact_mpa_per_mm,
+    exported_section,
+    held_average,
+    material_groups,
+    rigid_bodies,
+    sides_on,
+)
+from sim_backend.fem.model import Section
+from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
-CONTACT_PER_MM = 500.0
-"""Penalty over the tissue's modulus [1/mm]: the force is 0.03 % low."""
 THICKNESS_MM = {"CPS6": 0.1, "CPE6": 1.0}
-RIGID_DEG = 2.0
-"""Arc of the rigid finger per element."""
-FLAT_ELEMENTS = 40
-MM = 1e3
-MPA = 1e-6
 
 
 def write_deck(
@@ -44,20 +46,7 @@ def write_deck(
     Six-node triangles on the mesh of our own solver; ``size_mm`` is its element size at the
     finger. The walls of a lumen may not touch in it. Raises `SceneError` as `press` does.
     """
-    if scene.indenter.bonded:
-        raise SceneError(f"{scene.name}: indenter.bonded cannot be written as a deck")
-    if scene.tissue is None and scene.bonded_support:
-        raise SceneError(
-            f'{scene.name}: support.contact = "bonded" cannot be written as a deck; take '
-            '"frictionless"'
-        )
-    if scene.support.lifts:
-        raise SceneError(f"{scene.name}: support.lifts cannot be written as a deck")
-    finger = finger_over(scene.indenter, 0.0, 0.0)
-    size_m = 1e-3 * size_mm if size_mm else 0.06 * (finger.half_flat + finger.radius)
-    section = build_section(
-        scene, 1e-3 * x_mm, depth_m=1e-3 * depth_mm, size_m=size_m, element="T6"
-    )
+    section = exported_section(scene, x_mm, depth_mm, size_mm)
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     path = Path(path)
     path.write_text("\n".join(_deck(scene, section, depth_mm, pressures)) + "\n")
@@ -83,12 +72,7 @@ def _deck(
     yield f"** {scene.name}, {depth_mm:g} mm deep at x = {MM * section.finger.x:g} mm"
     thick = f"{THICKNESS_MM[kind]:g}"
     yield f"** mm, N, MPa; {thick} mm thick. The finger's force stands in the .dat file."
-    finger = _finger_profile(section.finger)
-    bodies = [_Strip("FINGER", finger, np.array([0.0, section.finger.radius / 2]))]
-    if len(mesh.resting):
-        wide = np.linspace(mesh.nodes[:, 0].min(), mesh.nodes[:, 0].max(), 101)
-        ground = np.column_stack([wide[::-1], np.zeros_like(wide)])
-        bodies.append(_Strip("SUPPORT", ground, np.array([0.0, -2e-3])))
+    bodies = rigid_bodies(section)
     yield "*NODE, NSET=TISSUE"
     yield from _table(1 + np.arange(len(mesh.nodes)), MM * mesh.nodes)
     yield f"*ELEMENT, TYPE={kind}, ELSET=TISSUE"
@@ -110,39 +94,6 @@ def _deck(
     yield from _steps(section, depth_mm, pressures)
 
 
-class _Strip:
-    """A rigid strip of eight-node quadrilaterals whose side 1 is ``profile`` (2n + 1, 2) [m],
-    the rigid body to its left; ``thick`` (2,) [m] leads into it."""
-
-    def __init__(self, name: str, profile: Array, thick: Array) -> None:
-        self.name, self._profile, self._thick = name, profile, thick
-
-    def mesh(self) -> tuple[Array, Ints]:
-        """Nodes [m] and cells (n, 8) of the strip."""
-        count = len(self._profile)
-        back = self._profile + self._thick
-        nodes = np.vstack([self._profile, back, (self._profile + back) / 2])
-        a = np.arange(0, count - 1, 2)
-        cells = [a, a + 2, count + a + 2, count + a]
-        cells += [a + 1, 2 * count + a + 2, count + a + 1, 2 * count + a]
-        return nodes, np.stack(cells, axis=1).astype(np.int64)
-
-
-def _finger_profile(finger: Finger) -> Array:
-    """From left to right along the underside, corner and mid-side points (2n + 1, 2) [m]."""
-    half = round(88 / RIGID_DEG)
-    angle = np.radians(RIGID_DEG / 2 * np.arange(-2 * half, 1))
-    left = finger.radius * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
-    left[:, 0] -= finger.half_flat
-    right = left[::-1] * [-1, 1]
-    lowest = np.array([finger.x, finger.y])
-    if finger.half_flat == 0:
-        return np.asarray(np.vstack([left, right[1:]]) + lowest)
-    across = np.linspace(-finger.half_flat, finger.half_flat, 2 * FLAT_ELEMENTS + 1)[1:-1]
-    middle = np.column_stack([across, np.zeros_like(across)])
-    return np.asarray(np.vstack([left, middle, right]) + lowest)
-
-
 def _table(numbers: Ints, rows: Array | Ints) -> Iterator[str]:
     whole = np.issubdtype(rows.dtype, np.integer)
     for n, row in zip(numbers, rows, strict=True):
@@ -151,12 +102,9 @@ def _table(numbers: Ints, rows: Array | Ints) -> Iterator[str]:
 
 def _materials(section: Section, rigid: list[str], thick: str) -> Iterator[str]:
     """W = C10 (I1bar - 3) + (J - 1)^2 / D1 with C10 = G/2 and D1 = 2/K."""
-    pairs, which = np.unique(
-        np.stack([section.shear, section.bulk], axis=1), axis=0, return_inverse=True
-    )
-    for k, (shear, bulk) in enumerate(pairs):
+    for k, (shear, bulk, cells) in enumerate(material_groups(section)):
         yield f"*ELSET, ELSET=E{k}"
-        yield from (str(n) for n in 1 + np.flatnonzero(which.ravel() == k))
+        yield from (str(n) for n in 1 + cells)
         yield f"*MATERIAL, NAME=M{k}"
         yield "*HYPERELASTIC, NEO HOOKE"
         yield f"{MPA * shear / 2:.9e}, {2 / (MPA * bulk):.9e}"
@@ -175,9 +123,7 @@ def _contact(section: Section, rests: bool) -> Iterator[str]:
     yield from _faces(section, section.mesh.surface)
     yield "*SURFACE INTERACTION, NAME=SMOOTH"
     yield "*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=LINEAR"
-    skin_m_per_pa = section.finger.skin_m_per_pa
-    firm_mpa_mm = CONTACT_PER_MM * MPA * section.tissue_pa
-    yield f"{MPA / (MM * skin_m_per_pa) if skin_m_per_pa else firm_mpa_mm:.6g}"
+    yield f"{contact_mpa_per_mm(section):.6g}"
     yield "*CONTACT PAIR, INTERACTION=SMOOTH, TYPE=SURFACE TO SURFACE"
     yield "SKIN, FINGER"
     if rests:
@@ -188,22 +134,17 @@ def _contact(section: Section, rests: bool) -> Iterator[str]:
 
 
 def _faces(section: Section, chosen: Ints) -> Iterator[str]:
-    """Sides all of whose three nodes are ``chosen``."""
-    cells = section.mesh.cells
-    for face, side in enumerate(([0, 3, 1], [1, 4, 2], [2, 5, 0]), start=1):
-        for n in np.flatnonzero(np.isin(cells[:, side], chosen).all(axis=1)):
-            yield f"{n + 1}, S{face}"
+    for cell, side in sides_on(section, chosen):
+        yield f"{cell + 1}, S{side + 1}"
 
 
 def _support(section: Section) -> Iterator[str]:
-    hold = section.sliding
-    if hold.weight.size:
-        # the middle of the bottom does not slide, on average: its heaviest node is eliminated
-        order = np.argsort(-hold.weight)
-        nodes, weights = hold.dofs[0][order] // 2 + 1, hold.weight[order]
+    nodes, weights = held_average(section)
+    if len(nodes):
+        # on average they do not slide: the heaviest is eliminated
         yield "*EQUATION"
         yield str(len(nodes))
-        yield from (f"{n}, 1, {w:.9e}" for n, w in zip(nodes, weights, strict=True))
+        yield from (f"{n}, 1, {w:.9e}" for n, w in zip(1 + nodes, weights, strict=True))
     yield "*BOUNDARY"
     yield from (f"{d // 2 + 1}, {d % 2 + 1}, {d % 2 + 1}, 0." for d in section.held)
     if len(section.mesh.resting):
