@@ -26,7 +26,11 @@ def press(
     depth: Annotated[float, typer.Option(metavar="MM", help="How deep [mm].")],
     pressure: Annotated[
         list[float] | None,
-        typer.Option(metavar="MMHG", help="Pressure in the lumen [mmHg]; may be given again."),
+        typer.Option(
+            metavar="MMHG",
+            help="Pressure in the lumen [mmHg]; may be given again. Without it the scene's "
+            "diastolic and systolic.",
+        ),
     ] = None,
     accuracy: Annotated[
         float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
@@ -38,24 +42,33 @@ def press(
         Path | None,
         typer.Option(metavar="FILE.inp", help="Write it as an Abaqus or CalculiX deck too."),
     ] = None,
+    feb: Annotated[
+        Path | None, typer.Option(metavar="FILE.feb", help="Write it for FEBio too.")
+    ] = None,
     vtu: Annotated[
         Path | None, typer.Option(metavar="FILE.vtu", help="Write the answer for ParaView too.")
     ] = None,
     json: Json = False,
 ) -> None:
-    """Press once into a scene and print force, stress and contact."""
+    """Press once into a scene and print force, contact stress, pulse and contact."""
     from sim_backend.models.press import press as press_once
     from sim_backend.scene.scene_file import load_scene
 
     chosen = {} if model is None else {"model": model}
     pressed = press_once(
-        load_scene(scene), x, depth, tuple(pressure or ()), accuracy_pct=accuracy, **chosen
+        load_scene(scene), x, depth, pressure or None, accuracy_pct=accuracy, **chosen
     )
+    pressures = [state.pressure_mmhg for state in pressed.states]
     if deck is not None:
         from sim_backend.fem.io.deck import write_deck
 
-        write_deck(pressed.scene, x, depth, pressure or (0.0,), deck)
+        write_deck(pressed.scene, x, depth, pressures, deck)
         inform(f"deck: {deck}")
+    if feb is not None:
+        from sim_backend.fem.io.feb import write_feb
+
+        write_feb(pressed.scene, x, depth, pressures, feb)
+        inform(f"FEBio: {feb}")
     if vtu is not None:
         from sim_backend.fem.io.vtu import write_vtu
 
@@ -67,19 +80,36 @@ def press(
     if json:
         answer_json(found)
         return
-    answer(
-        f"{found['scene']}, x = {found['x_mm']:g} mm, {found['depth_mm']:g} mm deep: "
-        f"{found['model']}, {found['dofs']} degrees of freedom, {found['seconds']:.2f} s, "
-        f"error about {found['error_estimate_pct']:.2g} %"
-    )
+    for line in describe_press(found):
+        answer(line)
+
+
+def describe_press(found: dict[str, Any]) -> list[str]:
+    """A press in lines, from its JSON: what was solved and why, each state, the pulse."""
+    strain = " strain" if found["model"].startswith(("finite", "small")) else ""
+    lines = [
+        f"{found['scene']}, x = {found['x_mm']:g} mm, {found['depth_mm']:g} mm deep",
+        f"  {found['model']}{strain}, {found['element']} elements, {found['dofs']} degrees of "
+        f"freedom, {found['seconds']:.2f} s, error about {found['error_estimate_pct']:.2g} %",
+        f"  why: {found['why']}",
+    ]
     for state in found["states"]:
         per_mm = state["force_n_per_mm"]
-        force = f"{state['force_n']:.5g} N" + (f" ({per_mm:.5g} N/mm)" if per_mm else "")
-        left, right = state["contact_mm"]
-        answer(
-            f"  {state['pressure_mmhg']:g} mmHg: {force}, "
-            f"von Mises {state['von_mises_pa']:.5g} Pa, contact {left:.3f} to {right:.3f} mm"
+        force = f"{state['force_n']:.4g} N" + (
+            f" ({per_mm:.4g} N per mm of finger)" if per_mm is not None else ""
         )
+        left, right = state["contact_mm"]
+        lines.append(
+            f"  {state['pressure_mmhg']:g} mmHg: {force}, contact stress "
+            f"{state['contact_stress_pa']:.0f} Pa, von Mises {state['von_mises_pa']:.0f} Pa, "
+            f"touching {left:.2f} to {right:.2f} mm"
+        )
+    if found["pulse_n"] is not None:
+        lines.append(
+            f"  pulse: {found['pulse_n']:.3g} N, {found['pulse_pa']:.1f} Pa of contact stress, "
+            f"error about {found['pulse_error_estimate_pct']:.2g} %"
+        )
+    return lines
 
 
 def scenes(

@@ -24,12 +24,13 @@ SAFETY = 2.0
 @dataclass(frozen=True)
 class Choice:
     """The ``model`` to solve, the ``scene`` that it must see, and the error of both [%], in force
-    and in pulse."""
+    and in pulse; ``why`` is for a person."""
 
     model: str
     scene: Scene
     error_pct: float
     pulse_error_pct: float = 0.0
+    why: str = "as asked for"
 
 
 def named(model: str, scene: Scene, depth_mm: float, pressures_mmhg: tuple[float, ...]) -> Choice:
@@ -74,13 +75,25 @@ def choose(
             kept, far_pct = scene, 0.0
         far_pct = max(far_pct, effect_pct) if kept != scene else 0.0
     small_pct = small_strain_error_pct(scene, depth_mm)
+    effect_pct = 0.0
     stiff_only = not (filled and kept.arteries) and scene.tissue is not None
     if stiff_only and not scene.indenter.bonded and small_pct <= budget_pct / 4:
         effect_pct = _effect_pct(Choice("finite", kept, 0.0), Choice("small", kept, 0.0), x_mm,
                                  depth_mm)  # fmt: skip
         if effect_pct <= budget_pct / 4:
-            return Choice("small", kept, far_pct + max(small_pct, effect_pct))
-    return Choice("finite", kept, far_pct)
+            missed_pct = max(small_pct, effect_pct)
+            why = f"small strain misses about {missed_pct:.2g} % of the force here"
+            return Choice("small", kept, far_pct + missed_pct, why=why)
+    if filled and kept.arteries:
+        why = "small strain would miss half of a filled vessel's pulse"
+    elif scene.tissue is None:
+        why = "a lone vessel bends too far for small strain"
+    elif scene.indenter.bonded:
+        why = "a bonded finger needs finite strain"
+    else:
+        missed_pct = max(small_pct, effect_pct)
+        why = f"small strain might miss {missed_pct:.2g} % of the force here"
+    return Choice("finite", kept, far_pct, why=why)
 
 
 def _effect_pct(whole: Choice, less: Choice, x_mm: float, depth_mm: float) -> float:

@@ -12,7 +12,7 @@ from sim_backend import html
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.internal import smallest_area_ratio
-from sim_backend.fem.model import Section
+from sim_backend.fem.model import Section, best_element
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
 from sim_backend.fem.solid import stress as solid_stress
 from sim_backend.fem.solid.body import Body
@@ -80,6 +80,7 @@ class Press:
 
     ``error_estimate_pct`` is the larger of those of force and of pulse;
     ``pulse_error_estimate_pct`` that of the span of forces alone, None at a single pressure.
+    ``element`` is named as in `sim_backend.fem.elements`, and ``why`` says why this model.
     """
 
     scene: Scene
@@ -92,6 +93,18 @@ class Press:
     pulse_error_estimate_pct: float | None
     states: tuple[State, ...]
     mesh: PressMesh | None
+    element: str
+    why: str
+
+    @property
+    def contact_stress_pa(self) -> list[float]:
+        """The tactile signal of each state [Pa]: force over the finger's projected area."""
+        return [s.force_n / (1e-6 * self.scene.face_mm2) for s in self.states]
+
+    @property
+    def pulse_pa(self) -> float | None:
+        """Span of the contact stress over the pressures [Pa]; None at a single one."""
+        return None if self.pulse_n is None else self.pulse_n / (1e-6 * self.scene.face_mm2)
 
     @property
     def plane_mesh(self) -> PressMesh:
@@ -137,22 +150,26 @@ class Press:
             "x_mm": self.x_mm,
             "depth_mm": self.depth_mm,
             "model": self.model,
+            "element": self.element,
+            "why": self.why,
             "dofs": self.dofs,
             "seconds": round(self.seconds, 4),
             "error_estimate_pct": _rounded(self.error_estimate_pct),
             "pulse_error_estimate_pct": _rounded(self.pulse_error_estimate_pct),
             "pulse_n": self.pulse_n,
+            "pulse_pa": self.pulse_pa,
             "states": [
                 {
                     "pressure_mmhg": s.pressure_mmhg,
                     "force_n_per_mm": s.force_n_per_mm if isfinite(s.force_n_per_mm) else None,
                     "force_n": s.force_n,
+                    "contact_stress_pa": stress_pa,
                     "von_mises_pa": s.von_mises_pa,
                     "contact_mm": list(s.contact_mm),
                     "min_jacobian": s.min_jacobian,
                     "stable": s.stable,
                 }
-                for s in self.states
+                for s, stress_pa in zip(self.states, self.contact_stress_pa, strict=True)
             ],
         }
 
@@ -161,12 +178,14 @@ def press(
     scene: Scene | str | Path,
     x_mm: float,
     depth_mm: float,
-    pressures_mmhg: Iterable[float] = (),
+    pressures_mmhg: Iterable[float] | None = None,
     *,
     model: str = "auto",
     accuracy_pct: float = 1.0,
 ) -> Press:
-    """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg when none is given.
+    """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg of an empty list.
+
+    Without ``pressures_mmhg`` at the scene's diastolic and systolic, where it has a vessel.
 
     ``scene`` is a `Scene`, a built-in name or a scene file.
 
@@ -177,6 +196,8 @@ def press(
     `SceneError` for a press that cannot be meant and `CannotSolve` where physics ends.
     """
     scene = as_scene(scene)
+    if pressures_mmhg is None:
+        pressures_mmhg = scene_pressures_mmhg(scene)
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()
@@ -202,7 +223,14 @@ def press(
     return Press(
         scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
         float(error_pct.max()), pulse_pct, states, PressMesh(section),
+        best_element(choice.scene), choice.why,
     )  # fmt: skip
+
+
+def scene_pressures_mmhg(scene: Scene) -> tuple[float, ...]:
+    """Diastolic and systolic where there is a vessel, else 0."""
+    pulse = scene.pulse
+    return (pulse.diastolic_mmhg, pulse.systolic_mmhg) if scene.arteries else (0.0,)
 
 
 def _rounded(pct: float | None) -> float | None:
@@ -235,6 +263,7 @@ def _press_solid(
             return Press(
                 scene, x_mm, depth_mm, "axisymmetric", len(section.assembly.free),
                 perf_counter() - began, pct, None if len(pressures) == 1 else 0.0, states, None,
+                best_element(scene), "finger and block are round, and nothing lies aside of them",
             )  # fmt: skip
     if model not in ("auto", "solid"):
         raise SceneError(
@@ -248,6 +277,7 @@ def _press_solid(
         scene, x_mm, depth_mm, "solid", len(body.free), perf_counter() - began,
         float(max(error_pct[0], pulse_pct or 0.0)), pulse_pct,
         tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True)), None,
+        "wedge", 'the scene says plane = "solid"',
     )  # fmt: skip
 
 

@@ -163,6 +163,32 @@ def test_press(palpate) -> None:
         assert {"von_mises_pa", "min_jacobian"} <= state.keys()
 
 
+def test_a_press_says_its_pulse_its_element_and_why(palpate, tmp_path: Path) -> None:
+    """Without pressures it beats as the scene does; the stress is the force over the face."""
+    feb = tmp_path / "a.feb"
+    command = ("press", "TIHA", "--x", "32", "--depth", "1", "--accuracy", "20")
+    told = palpate(*command, "--json").json
+    low, high = told["states"]
+    assert (low["pressure_mmhg"], high["pressure_mmhg"]) == (80, 120)
+    face_m2 = 10e-3 * 10e-3
+    assert low["contact_stress_pa"] == pytest.approx(low["force_n"] / face_m2)
+    assert told["pulse_pa"] == pytest.approx((high["force_n"] - low["force_n"]) / face_m2)
+    assert told["element"] == "T6"
+    said = palpate(*command, "--feb", feb).out
+    assert feb.read_text().count("<pt>") == 9  # three curves over 0, diastolic and systolic
+    assert "finite strain, T6 elements" in said
+    assert f"why: {told['why']}" in said
+    assert f"{told['pulse_pa']:.1f} Pa of contact stress" in said
+    assert "N per mm of finger" in said
+    assert "e+" not in said
+
+
+def test_a_press_at_one_pressure_has_no_pulse_to_say(palpate) -> None:
+    said = palpate("press", "TI", "--x", "32", "--depth", "0.1", "--accuracy", "20").out
+    assert "why: small strain misses about" in said
+    assert "pulse" not in said
+
+
 def test_dry_run_moves_nothing(palpate, tmp_path: Path) -> None:
     outcome = palpate("scan", "--scene", "TIHA", "--dry-run", "--out", tmp_path, "--json")
     assert outcome.status == 0
