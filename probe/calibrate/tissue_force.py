@@ -37,8 +37,9 @@ def force_of_modulus(
     solid = scene.plane == "solid"
     model = model or ("axisymmetric" if round_one else "solid" if solid else "finite")
     accuracy_pct = 3.0 if solid and not round_one else 0.2
+    empty = (0.0,)
     force = [
-        press(scene, x_mm, 1e3 * d, (0.0,), model=model, accuracy_pct=accuracy_pct).states[0].force_n
+        press(scene, x_mm, 1e3 * d, empty, model=model, accuracy_pct=accuracy_pct).states[0].force_n
         for d in depths
     ]
     return proportional(depths, np.array(force) / (1e3 * scene.tissue.modulus_kpa))
