@@ -26,7 +26,7 @@ from scipy.interpolate import PchipInterpolator
 
 from probe.core.recording import Recording, Station
 from probe.detection import detect
-from probe.detection.classify.population import DRAWS, _between, _scene, samples
+from probe.detection.classify.population import DRAWS, between, samples, scene_of
 from probe.detection.sensitivity import bound_n
 from probe.report.look import BLUE, GREEN, ORANGE
 from sim_backend.fem.finite_strain import solve_finite
@@ -75,13 +75,13 @@ class Truth:
 
 def phantom(kind: str, rng: np.random.Generator) -> tuple[Array, Array] | None:
     """Forces [N] at rest and at systole, at `OFFSETS_MM` from the object; None if unsolvable."""
-    v = {k: _between(rng, *pair) for k, pair in DRAWS.items()}
+    v = {k: between(rng, *pair) for k, pair in DRAWS.items()}
     radius = v["inner_mm"] * (0.5 + v["wall"])
     low, high = radius + 1.5, v["height_mm"] - radius - 0.5
     if low >= high:
         return None
     depth = low + rng.uniform() * (high - low)
-    scene = Scene.model_validate(_scene("tumour" if kind == "nothing" else kind, v, depth))
+    scene = Scene.model_validate(scene_of("tumour" if kind == "nothing" else kind, v, depth))
     if kind == "nothing":
         scene = scene.model_copy(update={"inclusion": ()})
     diastolic = v["diastolic_mmhg"] * PA_PER_MMHG

@@ -52,7 +52,7 @@ def detect(
     elif found := lone_vessel(presses, rows):
         objects = [found]
     else:
-        objects = pulsing_place(presses, unfinished)
+        objects = pulsing_place(presses, unfinished, recording.face_m2)
     objects = [*objects, *_disturbed(presses)]
     objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
     stations = tuple(_station(p) for p in presses)

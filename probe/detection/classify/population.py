@@ -1,7 +1,7 @@
 """What vessels and lumps answer, solved for random ones: the population that kinds are judged by.
 
 ``python -m probe.detection.classify.population FILE`` solves it again (about 10 minutes on one
-core), with a number beside it so many vessels of each kind out of tissue. A sample is the contrast,
+core). A sample is the contrast,
 force over an object against the same block with nothing in it, less 1, and the pulse, change of
 force by a beat over the force.
 """
@@ -50,61 +50,13 @@ def solve(each: int = EACH) -> dict[Kind, Array]:
     found: dict[Kind, list[tuple[float, float]]] = {kind: [] for kind in KINDS}
     for kind in KINDS:
         while len(found[kind]) < each:
-            answer = _one(kind, {k: _between(rng, *v) for k, v in DRAWS.items()}, rng.uniform())
+            answer = _one(kind, {k: between(rng, *v) for k, v in DRAWS.items()}, rng.uniform())
             if answer is not None:
                 found[kind].append(answer)
     return {kind: np.array(values) for kind, values in found.items()}
 
 
-LONE_SUNK = (0.2, 0.5)
-"""Indentation of a vessel out of tissue over its outer diameter."""
-OFF_CENTRE = 0.05
-"""Of the outer diameter: how far the finger misses a lone vessel's middle. Exactly above it, a soft
-vessel in plane stress can stand on an unstable branch."""
-
-
-def lone_samples() -> dict[Kind, Array]:
-    """By kind: (n,) pulse over force of vessels out of tissue, pressed upon a flat support."""
-    with (resources.files("probe.detection.classify") / "lone.npz").open("rb") as file:
-        table = np.load(file, allow_pickle=False)
-        return {kind: table[kind.replace(" ", "_")] for kind in KINDS[1:]}
-
-
-def solve_lone(each: int) -> dict[Kind, Array]:
-    """As `solve`, for vessels out of tissue: at least ``each`` of both kinds."""
-    rng = np.random.default_rng(SEED)
-    found: dict[Kind, list[float]] = {kind: [] for kind in KINDS[1:]}
-    while min(len(values) for values in found.values()) < each:
-        for kind, values in found.items():
-            v = {k: _between(rng, *pair) for k, pair in (DRAWS | {"sunk": LONE_SUNK}).items()}
-            answer = _one_lone(kind, v)
-            if answer is not None:
-                values.append(answer)
-    return {kind: np.array(values) for kind, values in found.items()}
-
-
-def _one_lone(kind: str, v: dict[str, float]) -> float | None:
-    from sim_backend.fem.finite_strain import solve_finite
-    from sim_backend.fem.newton import CannotSolve
-    from sim_backend.scene.scene_file import Scene
-    from sim_backend.scene.waves import PA_PER_MMHG
-
-    outer_mm = v["inner_mm"] * (1 + 2 * v["wall"])
-    whole = _scene(kind, v, outer_mm / 2)
-    scene = Scene.model_validate({k: part for k, part in whole.items() if k != "tissue"})
-    diastolic = v["diastolic_mmhg"] * PA_PER_MMHG
-    levels = [diastolic, diastolic + v["swing_mmhg"] * PA_PER_MMHG]
-    x_m, depth_m = 1e-3 * (32.0 + OFF_CENTRE * outer_mm), 1e-3 * v["sunk"] * outer_mm
-    try:
-        force = [s.force_n_per_m for s in
-                 solve_finite(scene, x_m, depth_m, levels, 0.5e-3 * v["finger_mm"])[1]]  # fmt: skip
-    except CannotSolve:
-        return None
-    rest = force[0] + (force[-1] - force[0]) / 3
-    return (force[-1] - force[0]) / rest if rest > 0 else None
-
-
-def _between(rng: np.random.Generator, low: float, high: float) -> float:
+def between(rng: np.random.Generator, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
@@ -118,7 +70,7 @@ def _one(kind: str, v: dict[str, float], where: float) -> tuple[float, float] | 
     low, high = radius + 1.5, v["height_mm"] - radius - 0.5
     if low >= high:
         return None
-    scene = Scene.model_validate(_scene(kind, v, low + where * (high - low)))
+    scene = Scene.model_validate(scene_of(kind, v, low + where * (high - low)))
     depth_m = 1e-3 * v["sunk"] * v["height_mm"]
     size_m = 0.2e-3 * v["finger_mm"]
     diastolic = v["diastolic_mmhg"] * PA_PER_MMHG
@@ -134,7 +86,7 @@ def _one(kind: str, v: dict[str, float], where: float) -> tuple[float, float] | 
     return rest / empty - 1, (force[-1] - force[0]) / rest
 
 
-def _scene(kind: str, v: dict[str, float], depth_mm: float) -> dict[str, Any]:
+def scene_of(kind: str, v: dict[str, float], depth_mm: float) -> dict[str, Any]:
     place = {"x_mm": 32.0, "depth_mm": depth_mm, "poisson": 0.49}
     if kind == "tumour":
         size = {"kind": "tumour", "diameter_mm": v["inner_mm"] * (1 + 2 * v["wall"])}
@@ -159,5 +111,4 @@ def _scene(kind: str, v: dict[str, float], depth_mm: float) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    solved = solve_lone(int(sys.argv[2])) if len(sys.argv) > 2 else solve()
-    np.savez(sys.argv[1], **{k.replace(" ", "_"): v for k, v in solved.items()})  # type: ignore[arg-type]
+    np.savez(sys.argv[1], **{k.replace(" ", "_"): v for k, v in solve().items()})  # type: ignore[arg-type]

@@ -22,6 +22,8 @@ TRUSTED = 5
 MIN_DISTANCE = 1.5
 """Least distance between two objects, in station distances."""
 MAX_OBJECTS = 4
+SETTLED = 1e-4
+"""Of places and widths in station distances: a hundredth of what is ever known of them."""
 MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
 
@@ -181,7 +183,8 @@ def _refined(
     low = np.tile([x_m[0] + 0.5 * pitch, np.log(0.45)], len(known))
     high = np.tile([x_m[-1] - 0.5 * pitch, np.log(4.0)], len(known))
     found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high),
-                          x_scale=np.tile([pitch, 0.3], len(known)))  # fmt: skip
+                          x_scale=np.tile([pitch, 0.3], len(known)),
+                          xtol=SETTLED, ftol=SETTLED**2)  # fmt: skip
     return list(zip(found.x[::2].tolist(), (pitch * np.exp(found.x[1::2])).tolist(), strict=True))
 
 

@@ -91,11 +91,16 @@ def described(
     most: int = len(SHARES),
 ) -> tuple[Fit, Array]:  # fmt: skip
     """The fit of a wave of up to ``most`` harmonics at a rate, and its columns (n, 2 harmonics)."""
-    finest = FINEST * len(hold.time_s) / max(hold.span_s, 1e-9)
-    count = int(np.clip(finest // rate_hz, 1, most))
+    count = harmonics_seen(hold, rate_hz, most)
     columns = harmonics(hold.time_s if beating_s is None else beating_s, rate_hz, count)
     ridge = scale.noise_pa / (np.tile(SHARES[:count], 2) * max(scale.swing_pa, 1e-12))
     return fit(hold, design_of(hold), columns, noise, ridge), columns
+
+
+def harmonics_seen(hold: Hold, rate_hz: float, most: int) -> int:
+    """Harmonics of a rate, of up to ``most``, that the hold's samples can tell from noise."""
+    finest = FINEST * len(hold.time_s) / max(hold.span_s, 1e-9)
+    return int(np.clip(finest // rate_hz, 1, most))
 
 
 def scale_of(null: Fit, known: Fit) -> Scale:

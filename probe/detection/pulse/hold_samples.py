@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 
 BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
+ROUNDING = 1e-6
+"""Of an average's length: a sample this near to the next one is its first."""
+MANY = 100
+"""Averages of which the last may be left out, so that they are even: a hundredth of the hold."""
 SETTLING_S, SETTLING_SAMPLES = 0.01, 2
 """Left out after the ramp, the longer of both: the stage is still slowing down, and of slow samples
 nobody knows between which two the ramp ended."""
@@ -105,9 +109,11 @@ def hold_of(station: Station, dead: NDArray[np.bool_] | None = None) -> Hold:
         )
     _check_contact(station, signal)
     step = max(BIN_S, 1.001 * float(np.median(np.diff(time_s))))
-    bins = np.floor((time_s - time_s[0]) / step).astype(int)
+    bins = np.floor((time_s - time_s[0]) / step + ROUNDING).astype(int)
     count = np.bincount(bins)
     there = count > 0
+    if len(count) > MANY and count[-1] < np.median(count[there]):
+        there[-1] = False  # where the hold ends within it, its mean is of another time
     mean = [np.bincount(bins, weights=v)[there] / count[there] for v in (time_s, signal)]
     weight = count[there] / count[there].mean()
     start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])

@@ -123,8 +123,8 @@ def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | 
 def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) -> Press:
     if hold is None or pulse is None:
         return Press(station, None, float("nan"), 1.0 if "clipped" in note else 0.0, note)
-    depth_m = _depth_m(station)
-    share = STIFFENING * REPEATABILITY_M / depth_m if depth_m > 0 else UNKNOWN_DEPTH
+    deep_m = depth_m(station)
+    share = STIFFENING * REPEATABILITY_M / deep_m if deep_m > 0 else UNKNOWN_DEPTH
     scatter = float(np.hypot(pulse.baseline_sd_pa, share * abs(pulse.baseline_pa)))
     if hold.clipped > 0:
         lost = f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep"
@@ -132,7 +132,8 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     return Press(station, pulse, scatter, hold.clipped, note)
 
 
-def _depth_m(station: Station) -> float:
+def depth_m(station: Station) -> float:
+    """How deep the hold was pressed [m]; 0 where that was not recorded."""
     held = station.time_s >= station.hold_s if np.isfinite(station.hold_s) else station.time_s > 0
     depth = station.depth_m[held] if len(station.depth_m) == len(held) else station.depth_m
     depth = depth[np.isfinite(depth)]

@@ -1,13 +1,19 @@
 """The rate of one heart in several holds."""
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from probe.detection.pulse.estimate import SHARES, Pulse, described
+from probe.detection.pulse.estimate import SHARES, Pulse, harmonics_seen
+from probe.detection.pulse.fit import design_of, harmonics, scale_rows
 from probe.detection.pulse.hold_samples import Hold
-from probe.detection.pulse.noise import WHITE, likeliest
+from probe.detection.pulse.noise import Noise
 from probe.detection.pulse.pooled_evidence import unusual
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED_HARMONICS, rates_hz
+
+Array = NDArray[np.float64]
 
 SMOOTH = 0.75
 """Cycles that the last harmonic looked at may gain in a hold from one rate tried to the next: of
@@ -18,10 +24,11 @@ CANDIDATES, EXACT_HZ = 4, 1e-3
 
 def shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
     """The rate that explains the clearest pulses best, given what rates hearts have."""
+    holds = [_whitened(hold, pulse) for hold, pulse in clear]
     rates = max((rates_hz(hold.span_s) for hold, _ in clear), key=len)
 
     def unlikely(rate_hz: float, most: int) -> float:
-        misfit = sum(_misfit(hold, pulse, rate_hz, most) for hold, pulse in clear)
+        misfit = sum(_misfit(one, rate_hz, most) for one in holds)
         return float(unusual(rate_hz)) + misfit
 
     reach = float(rates[1] - rates[0])
@@ -46,10 +53,40 @@ def shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
     return rate
 
 
-def _misfit(hold: Hold, pulse: Pulse, rate_hz: float, most: int) -> float:
-    """Minus the log likelihood, the noise's level and spectrum unknown."""
-    one, _ = described(hold, rate_hz, WHITE, pulse.scale, most=most)
-    noise = likeliest(one.residual_pa, hold.step_s)
-    if noise is not WHITE:
-        one, _ = described(hold, rate_hz, noise, pulse.scale, most=most)
-    return 0.5 * len(hold.time_s) * float(np.log(max(one.rss, 1e-300)))
+@dataclass(frozen=True)
+class _Whitened:
+    """A hold in the noise that its own pulse left: signal (n,) and a basis (n, k) of what
+    relaxation and drift could take."""
+
+    hold: Hold
+    noise: Noise
+    weight: Array
+    signal: Array
+    beside: Array
+    noise_over_swing: float
+
+
+def _whitened(hold: Hold, pulse: Pulse) -> _Whitened:
+    design, weight = design_of(hold), np.sqrt(hold.weight)
+    columns = np.hstack([design.drift, design.decays[:, pulse.fit.decays]])
+    noise, scale = pulse.fit.noise, pulse.scale
+    beside, _ = np.linalg.qr(noise.whiten(scale_rows(columns, weight)))
+    signal = noise.whiten(hold.signal_pa * weight)
+    signal = signal - beside @ (beside.T @ signal)
+    return _Whitened(hold, noise, weight, signal, beside,
+                     scale.noise_pa / max(scale.swing_pa, 1e-12))  # fmt: skip
+
+
+def _misfit(one: _Whitened, rate_hz: float, most: int) -> float:
+    """Minus the log likelihood of harmonics that are shrunk as `described` does, the noise's level
+    unknown."""
+    hold = one.hold
+    count = harmonics_seen(hold, rate_hz, most)
+    columns = scale_rows(harmonics(hold.time_s, rate_hz, count), one.weight)
+    columns = one.noise.whiten(columns)
+    columns = columns - one.beside @ (one.beside.T @ columns)
+    right = columns.T @ one.signal
+    ridge = one.noise_over_swing / np.tile(SHARES[:count], 2)
+    size = np.linalg.solve(columns.T @ columns + np.diag(ridge**2), right)
+    rss = float(one.signal @ one.signal - right @ size)
+    return 0.5 * len(hold.time_s) * float(np.log(max(rss, 1e-300)))

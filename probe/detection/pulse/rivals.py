@@ -139,12 +139,7 @@ def _at_rates(hold: Coarse, rates: Array, count: int, memory: float) -> Array:
     beside = _beside(hold, memory)
     y = whiten(hold.signal, memory)
     y = y - beside @ (beside.T @ y)
-    time_s = np.arange(n) * hold.step_s
-    order = np.arange(1, count + 1)
-    seen = rates[:, None] * order <= max(NYQUIST_SHARE / hold.step_s, float(rates[0]))
-    turn = 2 * np.pi * time_s[:, None, None] * (rates[:, None] * order)
-    waves = np.concatenate([np.cos(turn) * seen, np.sin(turn) * seen], axis=2)  # (n, r, 2 count)
-    c = np.moveaxis(whiten(waves, memory), 0, 1)
+    c, seen = _waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
     c = c - beside @ (beside.T @ c)
     gram = np.swapaxes(c, 1, 2) @ c + 1e-9 * n * np.eye(2 * count)
     right = np.swapaxes(c, 1, 2) @ y
@@ -154,6 +149,23 @@ def _at_rates(hold: Coarse, rates: Array, count: int, memory: float) -> Array:
     unknowns = 2 * seen.sum(axis=1)
     found = _log_evidence(left, n - (memory == 1.0), unknowns)
     return np.asarray(np.where(swing.argmax(axis=1) == 0, found, -np.inf))
+
+
+@lru_cache(maxsize=32)
+def _waves(
+    n: int, step_s: float, rates: tuple[float, ...], count: int, memory: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Whitened harmonics (r, n, 2 count) of each rate, and which (r, count) the samples can tell:
+    the same for all holds of a scan, but for those of a refined rate."""
+    seen = np.outer(rates, np.arange(1, count + 1)) <= max(NYQUIST_SHARE / step_s, rates[0])
+    turn = (
+        2
+        * np.pi
+        * (np.arange(n) * step_s)[:, None, None]
+        * np.outer(rates, np.arange(1, count + 1))
+    )
+    waves = np.concatenate([np.cos(turn) * seen, np.sin(turn) * seen], axis=2)
+    return np.ascontiguousarray(np.moveaxis(whiten(waves, memory), 0, 1)), seen
 
 
 def _beside(hold: Coarse, memory: float) -> Array:

@@ -155,11 +155,9 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     along = np.tensordot(null.residual_pa * scale, columns, 1)[:, [0, columns.shape[2] // 2]]
     steady = columns[:, int(np.argmax(np.linalg.norm(along, axis=1)))]
     members = family(hold.step_s)
-    rests = [_rest(hold.signal_pa * scale, nuisance * scale[:, None], m, dof) for m in members]
-    beside = [
-        _rest(hold.signal_pa * scale, np.hstack([nuisance * scale[:, None], steady]), m, dof)
-        for m in members
-    ]
+    whole = np.hstack([nuisance * scale[:, None], steady])
+    pairs = [_rests(hold.signal_pa * scale, whole, nuisance.shape[1], m, dof) for m in members]
+    rests, beside = zip(*pairs, strict=True)
     count = SHAPE_HARMONICS if n >= SHORT else 1
     finest = FINEST * (n - 1) / max(hold.span_s, 1e-9)
     seen = rates[:, None] * np.arange(1, count + 1) <= finest
@@ -169,7 +167,7 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
         behind = max(rest.without - best, other.without - best_beside)
         if i and behind < -FAR_BEHIND:
             continue
-        white = _even_white(*key, i) if key else np.moveaxis(noise.whiten(columns), 0, 1)
+        white = _even_white(*key, i) if key else _whitened(columns, noise)
         found.append(_look(noise, rest, white, seen, dof))
     return found
 
@@ -186,30 +184,54 @@ def _even_columns(n: int, step_s: float, start_s: float, rates: tuple[float, ...
     return _columns(time_s, np.array(rates))
 
 
+@dataclass(frozen=True)
+class _Whitened:
+    """Whitened harmonics, side by side for all rates (n, r * 2 count), and at each rate their
+    products with each other (r, 2 count, 2 count)."""
+
+    columns: Array
+    gram: Array
+
+
+def _whitened(columns: Array, noise: Noise) -> _Whitened:
+    white = noise.whiten(columns)
+    each = np.moveaxis(white, 0, 1)
+    return _Whitened(
+        np.ascontiguousarray(white.reshape(len(white), -1)), np.swapaxes(each, 1, 2) @ each
+    )
+
+
 @lru_cache(maxsize=48)
 def _even_white(
     n: int, step_s: float, start_s: float, rates: tuple[float, ...], member: int
-) -> Array:
-    """Whitened harmonics (r, n, 2 count): the same for all holds of a scan."""
-    columns = _even_columns(n, step_s, start_s, rates)
-    return np.ascontiguousarray(np.moveaxis(family(step_s)[member].whiten(columns), 0, 1))
+) -> _Whitened:
+    """The same for all holds of a scan."""
+    return _whitened(_even_columns(n, step_s, start_s, rates), family(step_s)[member])
 
 
-def _rest(signal: Array, nuisance: Array, noise: Noise, dof: int) -> _Rest:
-    q, r = np.linalg.qr(noise.whiten(nuisance))
+def _rests(
+    signal: Array, columns: Array, nuisance: int, noise: Noise, dof: int
+) -> tuple[_Rest, _Rest]:
+    """Beside the first ``nuisance`` of ``columns`` (n, k), and beside all of them."""
+    q, r = np.linalg.qr(noise.whiten(columns))
     y = noise.whiten(signal)
-    y = y - q @ (q.T @ y)
-    det = float(np.log(np.maximum(np.abs(np.diag(r)), 1e-300)).sum())
-    return _Rest(q, y, -0.5 * dof * np.log(max(float(y @ y), 1e-300)) - det)
+    along = q.T @ y
+    size = np.log(np.maximum(np.abs(np.diag(r)), 1e-300))
+    found = []
+    for k in (nuisance, q.shape[1]):
+        left = y - q[:, :k] @ along[:k]
+        power = max(float(left @ left), 1e-300)
+        found.append(_Rest(q[:, :k], left, -0.5 * dof * np.log(power) - float(size[:k].sum())))
+    return found[0], found[1]
 
 
-def _look(noise: Noise, rest: _Rest, c: Array, seen: NDArray[np.bool_], dof: int) -> _Look:
+def _look(noise: Noise, rest: _Rest, white: _Whitened, seen: NDArray[np.bool_], dof: int) -> _Look:
     """One noise's likelihoods. The second free harmonic counts only where it is no larger than a
     pulse's."""
-    y = rest.y
-    beside = rest.q.T @ c  # (r, k, 2 count)
-    right = np.swapaxes(c, 1, 2) @ y
-    gram = np.swapaxes(c, 1, 2) @ c - np.swapaxes(beside, 1, 2) @ beside
+    y, (r, count, _) = rest.y, white.gram.shape
+    product = (np.column_stack([rest.q, y]).T @ white.columns).reshape(-1, r, count)
+    beside, right = np.moveaxis(product[:-1], 0, 2), product[-1]  # (r, 2 count, k), (r, 2 count)
+    gram = white.gram - beside @ np.swapaxes(beside, 1, 2)
     rss = max(float(y @ y), 1e-300)
 
     def ratio(drop: Array) -> Array:

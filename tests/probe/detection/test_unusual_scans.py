@@ -102,3 +102,25 @@ def test_a_vessel_out_of_tissue_needs_no_row(level_pa: float, pulse_pa: float, k
     assert found.finding == kind
     assert found.objects[0].confidence <= 0.999
     assert 1e3 * found.objects[0].position_m == pytest.approx(32.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("level_pa", "pulse_pa", "kind"),
+    [
+        (5000.0, 2200.0, "artery"),  # as soft as HAOT, and beats like it
+        (31000.0, 1600.0, "stenotic artery"),  # stiffer than tissue with such a pulse can be
+        (3000.0, 30.0, "undecided"),  # in tissue both kinds have such a pulse
+    ],
+)
+def test_one_press_at_a_known_depth_is_judged_by_pulse_and_stiffness(
+    level_pa: float, pulse_pa: float, kind: str
+) -> None:
+    rng = np.random.default_rng(11)
+    one = station(rng, x_mm=32.0, level_pa=level_pa, pulse_pa=pulse_pa, relaxing=0.0,
+                  noise_pa=2.0, hold_s=2.5)  # fmt: skip
+    found = detect(recording([one]))
+    assert found.finding == found.objects[0].kind == kind
+    assert found.objects[0].confidence <= 0.999
+    assert ("needs a row" in found.reason) == (kind == "undecided")
+    # without a place a vessel is all that can be told
+    assert detect(recording([replace(one, x_m=float("nan"))])).finding == "artery"
