@@ -5,37 +5,29 @@ elements through it; what lies around them is a Delaunay triangulation of graded
 lengths are metres.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
 from sim_backend.arrays import Array, Ints
-
-Size = Callable[[Array], Array]
+from sim_backend.fem.gaps import GAP_SHARE, gap_sizes, gaps
+from sim_backend.fem.rings import (
+    MAX_HALVINGS,
+    Ring,
+    Size,
+    angles,
+    around,
+    circle,
+    even,
+    half_circle,
+    layers,
+)
 
 TISSUE = 0
 SUPPORT_ARC_DEG = 10.0
 """Half of the arc by which a lone vessel is glued to its support, so that it cannot roll away."""
-LAYERS = 2.0
-"""Elements through a wall over what square ones would be: a wall bends, and with one layer the
-pulse was off by 1 % however fine the rest."""
 T6_EDGES = ((0, 3, 1), (1, 4, 2), (2, 5, 0))
-
-
-@dataclass(frozen=True)
-class Ring:
-    """Concentric circles round ``centre`` with ``radii`` (k,) from the outside in.
-
-    The layer between ``radii[i]`` and ``radii[i + 1]`` is region ``regions[i]``; the innermost
-    circle bounds a lumen when ``hollow``, else it is filled with region ``regions[-1]``.
-    """
-
-    centre: tuple[float, float]
-    radii: tuple[float, ...]
-    regions: tuple[int, ...]
-    hollow: bool
 
 
 @dataclass(frozen=True)
@@ -58,26 +50,41 @@ class Mesh:
     lumens: tuple[Ints, ...]
 
 
-def block_mesh(width: float, height: float, rings: list[Ring], size: Size) -> Mesh:
-    """Mesh a block [0, width] x [0, height] that holds ``rings``; ``size`` (n, 2) -> (n,) [m].
+def block_mesh(
+    width: float, height: float, rings: list[Ring], wanted: Size, gap_share: float = GAP_SHARE
+) -> Mesh:
+    """Mesh a block [0, width] x [0, height] that holds ``rings``; ``wanted`` (n, 2) -> (n,) [m].
 
-    Of a filled ring round a point of x = 0 the right half is meshed.
+    Elements in gaps are at most ``gap_share`` of the gap's width. Of a filled ring round a point of
+    x = 0 the right half is meshed. Raises `SceneError` for a gap that is too narrow.
     """
+    largest = float(wanted(np.array([[0, 0], [width, 0], [0, height], [width, height]])).max())
+    found = gaps([(ring.centre, ring.radii[0]) for ring in rings], width, height)
+    narrow = [gap for gap in found if gap_share * gap.narrowest_m < largest]
+    in_gaps = gap_sizes(narrow, gap_share)
+
+    def size(points: Array) -> Array:
+        return np.minimum(wanted(points), in_gaps(points))
+
     fixed = [_rectangle(width, height, size)]
     ring_parts = []
+    chords = []  # numbers of the points at the ends of each side of a circle
     for ring in rings:
+        angle, step = angles(ring, wanted, in_gaps)
+        outline = circle(ring.centre, ring.radii[0], angle)
         if ring.centre[0] == 0.0:
-            fixed[0], half = _half_circle(fixed[0], ring, _around(ring, size))
-            fixed.append(half)
-            continue
-        count = _around(ring, size)
-        if ring.hollow:
-            ring_parts.append(_layers(ring, count))
-        fixed.append(_circle(ring.centre, ring.radii[0], count, _turn(0, count)))
+            fixed[0], outline = half_circle(fixed[0], outline)
+        elif ring.hollow:
+            ring_parts.append(layers(ring, angle, step))
+        numbers = sum(map(len, fixed)) + np.arange(len(outline))
+        both = np.column_stack([numbers, np.roll(numbers, -1)])
+        chords.append(both[:-1] if ring.centre[0] == 0.0 else both)
+        fixed.append(outline)
     anchors = np.vstack(fixed)
     free = _fill(width, height, anchors, rings, size)
     points = _relax(anchors, free, width, height, rings, size)
-    corners = _triangulate(points, width, height)
+    sides = np.vstack(chords) if chords else np.empty((0, 2), dtype=np.int64)
+    points, corners = _with_sides(points, len(anchors), sides, width, height)
     region = np.full(len(corners), TISSUE)
     middle = points[corners].mean(axis=1)
     keep = np.ones(len(corners), dtype=bool)
@@ -94,7 +101,8 @@ def ring_mesh(ring: Ring, size: Size) -> Mesh:
     """Mesh a hollow ring that stands alone on the support y = 0."""
     # so that a node lies where the glue ends
     whole = round(360 / SUPPORT_ARC_DEG)
-    part = _layers(ring, whole * max(1, round(_around(ring, size) / whole)))
+    count = whole * max(1, round(around(ring, size) / whole))
+    part = layers(ring, even(count), 2 * np.pi * ring.radii[0] / count)
     empty = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64)
     return _finish(*empty, [part], [ring], 2 * ring.radii[0])
 
@@ -107,64 +115,19 @@ def _rectangle(width: float, height: float, size: Size) -> Array:
 
 def _graded(start: Array, end: Array, size: Size) -> Array:
     """Points from ``start`` to ``end`` (both included), spaced by ``size``."""
-    s = np.linspace(0, 1, 2001)[:, None]
-    line = start + s * (end - start)
-    density = 1 / size(line)
-    length = np.hypot(*(end - start))
-    count = np.concatenate([[0], np.cumsum((density[1:] + density[:-1]) / 2)]) * length / 2000
+    length = float(np.hypot(*(end - start)))
+    s = np.linspace(0, 1, 2001)
+    for _ in range(MAX_HALVINGS):
+        long = np.diff(s) * length > 0.5 * size(start + s[1:, None] * (end - start))
+        if not long.any():
+            break
+        s = np.sort(np.concatenate([s, ((s[1:] + s[:-1]) / 2)[long]]))
+    density = 1 / size(start + s[:, None] * (end - start))
+    mean = (density[1:] + density[:-1]) / 2
+    count = np.concatenate([[0], np.cumsum(mean * np.diff(s))]) * length
     n = max(2, round(count[-1]))
-    at = np.interp(np.linspace(0, count[-1], n + 1), count, s[:, 0])
+    at = np.interp(np.linspace(0, count[-1], n + 1), count, s)
     return np.asarray(start + at[:, None] * (end - start))
-
-
-def _around(ring: Ring, size: Size) -> int:
-    """How many elements go round a ring: even, so that it is symmetric."""
-    probe = _circle(ring.centre, ring.radii[0], 90, 0)
-    turn = float(np.mean(2 * np.pi * ring.radii[0] / size(probe)))
-    return 2 * max(6, round(turn / 2))
-
-
-def _turn(layer: int, count: int) -> float:
-    """Angle of the first point; alternate circles are turned by half a step."""
-    return float(np.pi / 2 + layer * np.pi / count)
-
-
-def _circle(centre: tuple[float, float], radius: float, count: int, first: float) -> Array:
-    angle = first + 2 * np.pi * np.arange(count) / count
-    return np.column_stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)])
-
-
-def _half_circle(rectangle: Array, ring: Ring, count: int) -> tuple[Array, Array]:
-    """The rectangle's points without those beside the circle's ends, and the right half circle."""
-    circle = _circle(ring.centre, ring.radii[0], count, _turn(0, count))
-    half = circle[circle[:, 0] > -1e-12]
-    half[:, 0] = np.where(half[:, 0] < 1e-12, 0.0, half[:, 0])
-    ends = half[half[:, 0] == 0.0]
-    step = 2 * np.pi * ring.radii[0] / count
-    near = np.hypot(*(rectangle[:, None] - ends).transpose(2, 0, 1)).min(axis=1) < 0.6 * step
-    return rectangle[~(near & (rectangle[:, 0] == 0.0))], half
-
-
-def _layers(ring: Ring, count: int) -> tuple[Array, Ints, Ints]:
-    """Points, corner triangles and regions of a ring's layers."""
-    radii, regions = [ring.radii[0]], []
-    for outer, inner, region in zip(ring.radii, ring.radii[1:], ring.regions, strict=False):
-        step = 2 * np.pi * outer / count
-        layers = max(1, round(LAYERS * (outer - inner) / step))
-        radii += list(np.linspace(outer, inner, layers + 1)[1:])
-        regions += [region] * layers
-    points = np.vstack(
-        [_circle(ring.centre, r, count, _turn(i, count)) for i, r in enumerate(radii)]
-    )
-    i = np.arange(count)
-    nxt = (i + 1) % count
-    corners, region_of = [], []
-    for layer, region in enumerate(regions):
-        a, b = layer * count, (layer + 1) * count
-        corners += [np.column_stack([a + i, a + nxt, b + i])]
-        corners += [np.column_stack([b + nxt, b + i, a + nxt])]
-        region_of += [np.full(2 * count, region)]
-    return points, np.vstack(corners).astype(np.int64), np.concatenate(region_of)
 
 
 def _fill(width: float, height: float, anchors: Array, rings: list[Ring], size: Size) -> Array:
@@ -238,6 +201,29 @@ def _keep_off(points: Array, before: Array, ring: Ring, margin: Array) -> Array:
     high = np.where(outside, np.inf, ring.radii[0] - 0.8 * margin)
     kept = np.clip(distance, low, np.maximum(high, 1e-12))
     return np.asarray(ring.centre + away * (kept / distance)[:, None])
+
+
+def _with_sides(
+    points: Array, anchors: int, sides: Ints, width: float, height: float
+) -> tuple[Array, Ints]:
+    """Points and corners of a triangulation that holds all ``sides`` (s, 2) between the first
+    ``anchors`` points. Free points that keep one out, within the circle round it, are left out."""
+    while True:
+        corners = _triangulate(points, width, height)
+        edges = np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]))
+        numbers = np.unique(edges[:, 0] * len(points) + edges[:, 1])
+        low, high = np.sort(sides).T
+        lost = sides[~np.isin(low * len(points) + high, numbers)]
+        ends = points[lost]
+        half = np.hypot(*(ends[:, 1] - ends[:, 0]).T) / 2
+        near = cKDTree(points[anchors:]).query_ball_point(ends.mean(axis=1), half)
+        out = sorted({n for some in near for n in some})
+        if not len(lost):
+            return points, corners
+        if not out:
+            x_mm, y_mm = 1e3 * ends[0].mean(axis=0)
+            raise ValueError(f"the mesh loses an inclusion's outline at {x_mm:.3f}, {y_mm:.3f} mm")
+        points = np.delete(points, anchors + np.array(out), axis=0)
 
 
 def _triangulate(points: Array, width: float, height: float) -> Ints:

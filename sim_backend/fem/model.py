@@ -13,9 +13,11 @@ from sim_backend.fem.contact.elastic_foundation import surface_share
 from sim_backend.fem.contact.finger_contact import Finger, finger_over
 from sim_backend.fem.contact.lumen_self_contact import Walls, walls
 from sim_backend.fem.elements import Cells, as_element
+from sim_backend.fem.gaps import GAP_SHARE
 from sim_backend.fem.lumen import Sides, lumen_sides
 from sim_backend.fem.material import moduli
-from sim_backend.fem.mesh import TISSUE, Mesh, Ring, block_mesh, ring_mesh
+from sim_backend.fem.mesh import TISSUE, Mesh, block_mesh, ring_mesh
+from sim_backend.fem.rings import Ring
 from sim_backend.fem.support import SlidingConstraint, supported
 from sim_backend.scene.scene_file import Artery, Inclusion, Scene, SceneError
 
@@ -83,12 +85,13 @@ class Section:
 
 class Grading(NamedTuple):
     """Element sizes [m]: in the contact, at an inclusion of a radius [m], how fast they grow from
-    there, and where that ends."""
+    there, and where that ends; and the largest in a narrow gap over its width."""
 
     contact_m: float
     at_wall: Callable[[float], float]
     growth: float
     coarsest_m: float
+    gap_share: float = GAP_SHARE
 
 
 def build_section(
@@ -125,7 +128,7 @@ def build_section(
     if scene.tissue is None:
         plain = ring_mesh(rings[0], lambda p: np.full(len(p), size_m / 1.5))
     else:
-        plain = block_mesh(1e-3 * scene.tissue.width_mm, surface_m, rings, size)
+        plain = block_mesh(1e-3 * scene.tissue.width_mm, surface_m, rings, size, graded.gap_share)
     mesh, cells = as_element(plain, element or best_element(scene))
     shear, bulk = materials(scene, mesh.region)
     stress = scene.plane == "stress"

@@ -8,7 +8,8 @@ import numpy as np
 from sim_backend.arrays import Array
 from sim_backend.fem.axisymmetric import solve_axisymmetric
 from sim_backend.fem.finite_strain import Solved, solve_finite
-from sim_backend.fem.model import FINEST_WALL, Grading
+from sim_backend.fem.gaps import GAP_SHARE
+from sim_backend.fem.model import Grading
 from sim_backend.fem.newton import CannotSolve, Solution
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.scene.scene_file import Scene
@@ -31,8 +32,10 @@ MAX_UNKNOWNS = 15_000
 CONTACT_SHARE, WALL_SHARE, GROWTH = 0.1, 0.5, 0.45
 """Sizes in the contact and at inclusions over the mesh's, and how fast they grow from there. Nodes
 that enter the contact one by one are what a pulse far from its vessel is lost in."""
-COARSEST, COARSEST_AT_LEAST = 0.6, 0.14
-"""Largest size over the block's height: this times the share, but not below that."""
+FIRST_WALL = (0.25, 0.5)
+"""Bounds of the size at an inclusion over its radius, on the first mesh."""
+COARSEST, COARSEST_POWER = 0.3, 0.5
+"""Largest size over the block's height on the first mesh; it falls as this power of the others."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ def first_force_n_per_m(model: str, scene: Scene, x_m: float, depth_m: float) ->
     """The force on the first mesh, lumens empty. Raises `CannotSolve`."""
     size_m = FIRST_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
     solve = solve_small if model == "small" else solve_finite
-    grading = _grading(scene, size_m, FIRST_SHARE)
+    grading = mesh_grading(scene, size_m, FIRST_SHARE)
     _, (found,) = solve(scene, x_m, depth_m, [0.0], size_m, grading=grading)
     return found.force_n_per_m
 
@@ -70,7 +73,7 @@ def refine(
 
     def solve(share: float, coarser: Solved | None) -> Solved:
         place = scene, x_m, depth_m, pressures_pa, share * half_m
-        grading = _grading(scene, share * half_m, share)
+        grading = mesh_grading(scene, share * half_m, share)
         if model == "axisymmetric":
             return solve_axisymmetric(scene, x_m, depth_m, grading)
         if model == "small":
@@ -109,12 +112,15 @@ def refine(
     return Refined(solved, error_pct)
 
 
-def _grading(scene: Scene, size_m: float, share: float) -> Grading:
-    def at_wall(radius_m: float) -> float:
-        return float(np.clip(WALL_SHARE * size_m, FINEST_WALL * radius_m, 0.5 * radius_m))
+def mesh_grading(scene: Scene, size_m: float, share: float) -> Grading:
+    finer = share / FIRST_SHARE
 
-    coarsest_m = max(COARSEST * share, COARSEST_AT_LEAST) * 1e-3 * scene.surface_mm
-    return Grading(CONTACT_SHARE * size_m, at_wall, GROWTH, coarsest_m)
+    def at_wall(radius_m: float) -> float:
+        first_m = WALL_SHARE * size_m / finer
+        return finer * float(np.clip(first_m, FIRST_WALL[0] * radius_m, FIRST_WALL[1] * radius_m))
+
+    coarsest_m = COARSEST * finer**COARSEST_POWER * 1e-3 * scene.surface_mm
+    return Grading(CONTACT_SHARE * size_m, at_wall, GROWTH, coarsest_m, GAP_SHARE * finer)
 
 
 def _changes_pct(coarse: list[Solution], fine: list[Solution]) -> Array:
