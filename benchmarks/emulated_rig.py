@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 GAIN, DELAY_MS, STIFFNESS_N_MM = 1.3, 8.0, 2.0
 TILT_MM = 1.5  # up at x = 64 mm, down at 0
-WEIGHTS_N = (0.2, 0.5, 1.0, 2.0, 3.0, 2.0, 1.0, 0.5, 0.2)  # a press that feels nothing ends a scan
+LOADS_N = (0.2, 0.5, 1.0, 2.0, 3.0, 2.0, 1.0, 0.5, 0.2)  # a press that feels nothing ends a scan
+LOADED_MM = 3.0
 SPRING_N_M, RIGID_N_M = 1e3, 1e8
 TILTED = f"surface_mm = [[0, 0, {-TILT_MM}], [64, 0, {TILT_MM}], [32, 5, 0]]"
 
@@ -48,14 +49,14 @@ name = "{scene}"
 
 
 class Under:
-    """What is under the probe: a weight, or a spring."""
+    """What is under the probe: a spring."""
 
-    def __init__(self, weight_n: float = 0.0, stiffness_n_m: float = 0.0) -> None:
-        self.weight_n, self.stiffness_n_m = weight_n, stiffness_n_m
+    def __init__(self, stiffness_n_m: float) -> None:
+        self.stiffness_n_m = stiffness_n_m
 
     def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
         depth = np.maximum(np.asarray(depth_m) + 0.0 * np.asarray(pressure_pa), 0.0)
-        return np.asarray((depth > 0) * self.weight_n + self.stiffness_n_m * depth)
+        return np.asarray(self.stiffness_n_m * depth)
 
     def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array:
         return self.force_n(depth_m, pressure_pa) / 1e-4
@@ -93,14 +94,16 @@ class WrongRig:
         self.files[kind] = out.name
 
     def calibrate_all(self) -> None:
-        """Weights, a spring, a rigid block, and a dozen touches of the block itself."""
+        """Known loads, a spring, a rigid block, and a dozen touches of the block itself."""
         one = "start_mm = 32.0\nstations = 1\n"
         rows = ["raw,load_n"]
-        for n, weight in enumerate(WEIGHTS_N):
-            done = self.scan(one + "indentation_mm = 3.0", Under(weight_n=weight), seed=n)
+        for n, load in enumerate(LOADS_N):
+            in_series_mm = LOADED_MM - load / STIFFNESS_N_MM
+            spring = Under(1e3 * load / in_series_mm)
+            done = self.scan(one + f"indentation_mm = {LOADED_MM}", spring, seed=n)
             felt = palpate.open_run(done.path).samples()
             held = felt["force"].values[felt["phase"].values == "holding"]
-            rows.append(f"{held[50:].mean()},{weight}")
+            rows.append(f"{held[50:].mean()},{load}")
         table = self.folder / "weights.csv"
         table.write_text("\n".join(rows) + "\n")
         self.calibrate("force", table, "--device", "cell")

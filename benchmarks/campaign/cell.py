@@ -20,6 +20,7 @@ class Sores:
 
     stuck: bool = False
     clip_n: float = math.inf
+    hums: bool = False  # its noise comes after the clip
     drift_n_s: float = 0.0
     silent: bool = False
     burst_s: float = 0.0
@@ -76,8 +77,9 @@ class Cell:
         if not sores.stuck:
             felt = sores.gain * true + sores.extra_n
             felt += max(at_s - self.since_s, 0.0) * sores.drift_n_s
-            felt += sores.noise * NOISE_N * self._rng.standard_normal()
-            self._last_n = round(float(np.clip(felt + ZERO_N, -math.inf, sores.clip_n)), 5)
+            noise = sores.noise * NOISE_N * self._rng.standard_normal()
+            clipped = min(felt + (0.0 if sores.hums else noise) + ZERO_N, sores.clip_n)
+            self._last_n = round(float(clipped + (noise if sores.hums else 0.0)), 5)
         self.lines.append((at_s, self._last_n, true))
         stamp = 1e3 * (at_s - self.zero_s + sores.jump_s)
         return f"{stamp:.0f} {sores.word or f'{self._last_n:.5f}'} N\r\n".encode()

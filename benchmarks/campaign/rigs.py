@@ -3,6 +3,7 @@
 from campaign.board import ORIGIN_MM
 from campaign.cell import FULL_SCALE_N, RATE_HZ
 from campaign.limits import (
+    HARDEST_N_M,
     HOLD_S,
     INDENTATION_M,
     MAX_DEPTH_M,
@@ -56,6 +57,7 @@ hold_s = {HOLD_S}
 settle_s = 0.15
 [safety]
 max_force_n = {MAX_FORCE_N}
+hardest_n_mm = {1e-3 * HARDEST_N_M}
 max_depth_mm = {1e3 * MAX_DEPTH_M}
 retract_mm = {1e3 * RETRACT_M}
 silence_s = 0.25

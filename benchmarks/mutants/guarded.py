@@ -7,6 +7,7 @@ MONITOR, RETREAT = "probe/acquisition/safety_monitor.py", "probe/acquisition/ret
 ENGINE, ALIVE = "probe/acquisition/engine.py", "probe/acquisition/plausibility.py"
 LOOP, RULES = "probe/acquisition/run_loop.py", "probe/acquisition/stop_rules.py"
 CLOCKS = "probe/acquisition/clock_guard.py"
+PRESS = "probe/acquisition/press_guard.py"
 LEVELS = "probe/acquisition/levels.py"
 TEST_MONITOR = "tests/probe/acquisition/test_safety_monitor.py"
 TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
@@ -168,9 +169,30 @@ GUARDED = (
     ),
     Mutant(
         "a moving stage is silent's guess", MONITOR,
-        "most_s = self._limits.late_s if self._in_motion else self._limits.silence_s",
-        "most_s = self._limits.silence_s",
+        "most_s = limits.late_s if self._in_motion else limits.silence_s",
+        "most_s = limits.silence_s",
+        (f"{TEST_WORLDS}::test_a_sensor_that_is_silent_beside_another_is_not_waited_for",),
+    ),
+    Mutant(
+        "bursts hide what may build up", PRESS,
+        "most_s = min(limits.late_s, room_n / (limits.hardest_n_m * speed_m_s))",
+        "most_s = limits.late_s",
         (f"{TEST_WORLDS}::test_a_sensor_that_speaks_in_bursts_does_not_get_near_the_tissue",),
+    ),
+    Mutant(
+        "a press may be too fast for its sensor", PRESS,
+        "if speed > most_m_s * (1 + ROUNDING):", "if speed > 1e9:",
+        (f"{TEST_LIMIT}::test_a_press_too_fast_for_its_sensor_is_refused",),
+    ),
+    Mutant(
+        "a force that stops to rise is believed", PRESS,
+        "if rose_n >= FLAT * foretold_n:", "if rose_n >= -1e9:",
+        (f"{TEST_WORLDS}::test_a_force_that_stops_to_rise_is_not_believed",),
+    ),
+    Mutant(
+        "what is harder than was said is pressed", PRESS,
+        "return self._too_fast() or self._too_flat()", "return self._too_flat()",
+        (f"{TEST_WORLDS}::test_what_is_harder_than_was_said_is_not_pressed",),
     ),
     Mutant(
         "a blocked engine is waited for", MONITOR,

@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 FUTURE_S = 0.1
 LEVEL_MEMORY_S = 2.0
+SMOOTH = 5
+NOISE_OF = 50  # readings that say what a sensor's noise is
 FORCE_ROLES = ("force", "pressure", "taxel")
 VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
 
@@ -25,7 +27,8 @@ VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers 
 class SensorGuard:
     """Force, torque, saturation and timestamps of one sensor's samples.
 
-    ``feels``: the force limit holds this sensor. Components beside the normal force are judged
+    ``feels``: the force limit holds this sensor. ``force_n`` is its latest force and ``smooth_n``
+    the mean of the latest `SMOOTH`. Components beside the normal force are judged
     from the first tare on (`tared`): before, a payload's weight is in them.
     """
 
@@ -38,9 +41,10 @@ class SensorGuard:
         self._gains = gains[self._used]
         self.feels = len(self._used) > 0
         self.tared = False
-        self.force_n = 0.0
+        self.force_n = self.smooth_n = 0.0
         self._array = taxels > 0
         self._recent: deque[tuple[float, float]] = deque()
+        self._newest: deque[float] = deque(maxlen=SMOOTH)
         self._alive = Alive(limits.same_readings)
         self._limit_n = limits.max_force_n
         torque_nm = limits.max_torque_nm or limits.max_force_n * LEVER_M
@@ -73,7 +77,19 @@ class SensorGuard:
             return math.nan, math.inf
         return float(np.mean(found)), float(np.std(found, ddof=1)) / math.sqrt(len(found))
 
+    def noise_n(self) -> float:
+        """Standard deviation [N] of the latest readings, without what they follow; else infinite.
+
+        By the differences of neighbours, so that neither a drift nor a pulse counts as noise.
+        """
+        found = [force for _, force in list(self._recent)[-NOISE_OF:]]
+        if len(found) < NOISE_OF:
+            return math.inf
+        return float(np.std(np.diff(found))) / math.sqrt(2)
+
     def _keep(self, time_s: Array, force_n: Array) -> None:
+        self._newest.extend(force_n[-SMOOTH:].tolist())
+        self.smooth_n = sum(self._newest) / len(self._newest)
         self._recent.extend(zip(time_s.tolist(), force_n.tolist(), strict=True))
         while self._recent[0][0] < time_s[-1] - LEVEL_MEMORY_S:
             self._recent.popleft()

@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from drivers import Sensor, Stage
 from probe.acquisition.force_limit import FORCE_ROLES
+from probe.acquisition.press_guard import check_speed
 from probe.acquisition.rehearsal import in_the_air, lift_m, needs_rehearsal
 from probe.config.rig import Rig, RigError
 from probe.config.snapshot import run_config
@@ -41,7 +42,7 @@ def prepare(
     """The plan and limits as these devices allow them: in the air where nothing real feels.
 
     Raises `RigError` where newtons cannot become a stress, `ConfigError` where a rehearsal has no
-    room.
+    room, and where a press is too fast for its sensors.
     """
     notes, config = devices.notes, run_config(rig, scene, plan, seed)
     face_mm2 = config["face_mm2"]
@@ -54,6 +55,7 @@ def prepare(
         config |= {"rehearsal_mm": up_mm}
         notes = (*notes, f"REHEARSAL: no real sensor feels the force, so the real stage makes the "
                  f"whole scan in the air, {up_mm:g} mm higher than planned")  # fmt: skip
+    check_speed(plan, limits, devices.sensors)
     return Prepared(plan, limits, config, notes)
 
 

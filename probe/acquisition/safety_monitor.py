@@ -21,6 +21,7 @@ from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.guard_threads import GuardThreads
 from probe.acquisition.interruption import Trip
 from probe.acquisition.pose_guard import PoseGuard
+from probe.acquisition.press_guard import PERIODS, WAY_M, Felt, PressGuard, check_blind
 from probe.acquisition.readings import STAGE, Readings
 from probe.acquisition.retreat import Retreat
 from probe.planning.limits import Limits
@@ -74,6 +75,10 @@ class SafetyMonitor:
                 "safety.max_force_n would hold nothing: no sensor reads a force, and a pressure "
                 "becomes one only over a known face; add a force sensor, or say face_mm2 = 100"
             )
+        self._presses = [
+            (s.name, PressGuard(g, limits, s.rate_hz)) for s, g in self._sensors if g.feels
+        ]
+        self._down_m_s = 0.0  # of the move under way, if it goes down
         self._pose_guard = PoseGuard(surface, limits)
         self._clock_guards = [
             ClockGuard(limits, clock.now, time.monotonic),
@@ -171,6 +176,8 @@ class SafetyMonitor:
         """The move is over: from now on the tip rests at ``pose``."""
         self._in_motion = False
         self._pose_guard.expect_rest(pose)
+        for _, press in self._presses:
+            press.end()
 
     def tare(self) -> None:
         """Take the present load of every sensor as zero; all are read on. Raises `DeviceFault`."""
@@ -243,7 +250,12 @@ class SafetyMonitor:
             self._start(target, speed_m_s)
 
     def _start(self, target: Pose, speed_m_s: float) -> None:
-        self._pose_guard.expect(self._stage.pose(), target)
+        here = self._stage.pose()
+        self._pose_guard.expect(here, target)
+        for _, press in self._presses:
+            press.begin(here, target, speed_m_s)
+        lowest_m = here.z if self._lift_z_m is None else min(here.z, self._lift_z_m)
+        self._down_m_s = speed_m_s if target.z < lowest_m - WAY_M else 0.0
         self._in_motion = True
         self._stage.move(target, speed_m_s)
 
@@ -325,6 +337,9 @@ class SafetyMonitor:
         self._readings.take_pose(pose, now)
         if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1], again=True)
+        for name, press in self._presses if self._in_motion else ():
+            if (odd := press.check(pose, now)) is not None:
+                self.object(name, odd, can_retract=True)
 
     def _supervise(self) -> None:
         """What only the wall clock can show: a pause, a jump, a blocked engine, a stop."""
@@ -353,11 +368,20 @@ class SafetyMonitor:
 
     def _check_silence(self) -> None:
         """Every device has been seen lately: the later, the less while the stage moves."""
-        now = self._clock.now()
+        now, limits = self._clock.now(), self._limits
         for sensor, _ in self._sensors:
-            most_s = self._limits.late_s if self._in_motion else self._limits.silence_s
-            self._check_seen(sensor.name, sensor.name, now, max(most_s, 5 / sensor.rate_hz))
-        self._check_seen(STAGE, self._stage.name, now, self._limits.silence_s)
+            most_s = limits.late_s if self._in_motion else limits.silence_s
+            self._check_seen(sensor.name, sensor.name, now, max(most_s, PERIODS / sensor.rate_hz))
+        self._check_seen(STAGE, self._stage.name, now, limits.silence_s)
+        if self._in_motion and self._down_m_s > 0:
+            seen_s = self._readings.seen_s
+            felt = [
+                Felt(s.name, now - max(seen_s[s.name], self._excused_s), g.force_n, s.rate_hz)
+                for s, g in self._sensors
+                if g.feels
+            ]
+            if (blind := check_blind(limits, self._down_m_s, felt)) is not None:
+                self.object(*blind, can_retract=True)
 
     def _check_seen(self, key: str, device: str, now: float, most_s: float) -> None:
         silent_s = now - max(self._readings.seen_s[key], self._excused_s)

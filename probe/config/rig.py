@@ -117,7 +117,11 @@ class Safety(_Table):
     silence_s: Annotated[float, Field(ge=0.02, le=10)] = 0.25
     """A device that says nothing for longer stops the scan. A busy machine may need more."""
     late_s: Annotated[float, Field(ge=0.01, le=10)] = 0.2
-    """While the stage moves, readings of force may be this old (at least five periods)."""
+    """While the stage moves, readings of force may be this old (at least five periods); less on
+    the way down, as `hardest_n_mm` says."""
+    hardest_n_mm: Annotated[float, Field(gt=0, le=10_000)] = 10.0
+    """Stiffness of the hardest thing that may lie beneath the probe, in N per mm of depth. It says
+    how old a force may be while the tip goes down: on this it could not have reached the limit."""
     engine_s: Annotated[float, Field(ge=0.1, le=60)] = 2.0
     """A scan that does nothing for longer is blocked: the probe is lifted without it."""
     same_readings: Annotated[int, Field(ge=20, le=1_000_000)] = 100

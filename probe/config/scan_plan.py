@@ -68,6 +68,7 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
         late_s=safety.late_s,
         engine_s=safety.engine_s,
         same_readings=safety.same_readings,
+        hardest_n_m=1e3 * safety.hardest_n_mm,
         face_m2=None if rig.face_mm2 is None else 1e-6 * rig.face_mm2,
     )
 

@@ -6,6 +6,10 @@ from probe.planning.plan import Box
 
 LEVER_M = 0.3  # from tip to sensor: longer than any finger in use
 
+# A finger of 10 mm on 5 mm of tissue over bone: three times what the stiffest of the paper's scenes
+# answers with a tumour beneath, twenty times its tissue (0.5 N/mm).
+HARDEST_N_M = 10e3
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -17,6 +21,8 @@ class Limits:
     ``max_torque_nm`` that of a torque, by default the greatest force on a lever of `LEVER_M`.
     While the stage moves, readings may be ``late_s`` old (at least five periods). An engine that
     does nothing for ``engine_s`` is blocked. ``same_readings`` equal ones are a stuck sensor's.
+    ``hardest_n_m`` is the stiffness [N/m] of the hardest thing that may lie beneath the probe: it
+    says how soon a force that nobody reads may grow.
     ``in_the_air``: a rehearsal, in which no press must be felt.
     """
 
@@ -31,4 +37,5 @@ class Limits:
     late_s: float = 0.2
     engine_s: float = 2.0
     same_readings: int = 100
+    hardest_n_m: float = HARDEST_N_M
     in_the_air: bool = False

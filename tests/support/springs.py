@@ -127,7 +127,7 @@ def spring_rig(**tables: dict[str, Any]) -> Rig:
     """One press 2.5 mm deep in 1 s at a limit of 1.6 N, unless ``tables`` say otherwise."""
     base: dict[str, dict[str, Any]] = {
         "scan": {"start_mm": 0.0, "stations": 1, "hold_s": 0.3},
-        "safety": {"max_force_n": LIMIT_N, "max_depth_mm": 3.0},
+        "safety": {"max_force_n": LIMIT_N, "max_depth_mm": 3.0, "hardest_n_mm": 1.0},
     }
     for name, table in tables.items():
         base[name] = base.get(name, {}) | table

@@ -48,6 +48,19 @@ def test_the_face_of_the_scene_makes_a_limit_of_pressures() -> None:
     assert limits.face_m2 == pytest.approx(1e-6 * scene.face_mm2)
 
 
+def test_a_press_too_fast_for_its_sensor_is_refused() -> None:
+    """Five readings at 20 Hz take 0.25 s: at 2.5 mm/s on 10 N/mm that is 6.25 N, unseen."""
+    bed, stage, _ = on_springs()
+    sensor = SpringSensor(bed)
+    sensor.rate_hz = 20.0
+    rig = spring_rig(safety={"max_force_n": 5.0, "hardest_n_mm": 10.0}, scan={"approach_mm_s": 1.0})
+    rig, devices = rig.model_copy(update={"face_mm2": 100.0}), Devices(stage, (sensor,), None, ())
+    with pytest.raises(ConfigError, match=r"ramp_s = 2\.5 mm/s: on something .* at most 2 mm/s"):
+        ready_for(rig, None, devices)
+    slower = rig.scan.model_copy(update={"ramp_s": 1.3})
+    ready_for(rig.model_copy(update={"scan": slower}), None, devices)
+
+
 def ready_for(rig: Rig, scene: Scene | None, devices: Devices) -> Prepared:
     plan = plan_for(rig)
     return prepare(rig, plan, limits_for(rig, plan), scene, devices, 0)

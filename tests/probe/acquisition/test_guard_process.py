@@ -41,6 +41,7 @@ settle_s = 0.15
 max_force_n = {limit_n}
 silence_s = 5.0
 late_s = 5.0
+hardest_n_mm = 1.0
 """
 SCAN = """
 import ctypes, sys, time

@@ -30,7 +30,7 @@ PLAN = Plan(
     clearance_m=2e-3, travel_m_s=0.02, approach_m_s=0.01,
 )  # fmt: skip
 BOX = ((-0.01, 0.07), (-0.01, 0.01), (-0.01, 0.05))
-LIMITS = Limits(5.0, 3e-3, BOX, 0.03, silence_s=2.0, late_s=2.0)
+LIMITS = Limits(5.0, 3e-3, BOX, 0.03, silence_s=2.0, late_s=2.0, hardest_n_m=1e3)
 
 
 def scan(

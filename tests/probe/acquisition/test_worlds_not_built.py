@@ -17,6 +17,7 @@ from paths import ROOT
 from springs import (
     HARD_N_M,
     LIMIT_N,
+    SOFT_N_M,
     Bed,
     SpringSensor,
     SpringStage,
@@ -30,7 +31,7 @@ from probe.core.events import Event, Finish, Phase, PhaseEntered
 
 APPROACH_M_S = 10e-3
 # On a loaded machine a thread may be scheduled late: what is stiff is met slowly.
-SLOW = spring_rig(scan={"approach_mm_s": 2.0, "ramp_s": 2.5})
+SLOW = spring_rig(scan={"approach_mm_s": 2.0, "ramp_s": 2.5}, safety={"hardest_n_mm": 12.0})
 
 
 def empty(channels: int = 1) -> Block:
@@ -124,6 +125,41 @@ class Deaf(SpringSensor):
 
     def raw(self, _time_s: float) -> float:
         return 0.5e-3 * float(self._rng.standard_normal())
+
+
+class ClipsAndHums(SpringSensor):
+    """Clips below its full scale without a word, and its amplifier adds the noise afterwards."""
+
+    def raw(self, time_s: float) -> float:
+        return min(self.bed.force_n(time_s), 0.6) + 0.5e-3 * float(self._rng.standard_normal())
+
+
+class TurnsOver(SpringSensor):
+    """A mount that gives way: the more it bends, the less it feels."""
+
+    def raw(self, time_s: float) -> float:
+        force = super().raw(time_s)
+        return force if force < 0.6 else 1.2 - force
+
+
+@pytest.mark.parametrize("sensor", [ClipsAndHums, TurnsOver])
+@pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M / 2])
+def test_a_force_that_stops_to_rise_is_not_believed(sensor: Any, stiffness_n_m: float) -> None:
+    bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m)
+    ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
+    assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
+    # half as deep again as where it clipped, and what poses and stops take: 0.2 mm
+    assert ran.force_n.max() < 1.5 * 0.6 + stiffness_n_m * 0.2e-3
+    assert ran.lifted
+
+
+def test_what_is_harder_than_was_said_is_not_pressed() -> None:
+    bed, stage, sensor = on_springs(stiffness_n_m=6e3)
+    rig = spring_rig(scan={"approach_mm_s": 2.0, "ramp_s": 1.0})
+    ran = run_springs(bed, stage, [sensor], rig=rig)
+    assert "harder than safety.hardest_n_mm = 1" in ran.reason
+    assert ran.force_n.max() < LIMIT_N
+    assert ran.lifted
 
 
 @pytest.mark.parametrize(
@@ -239,8 +275,10 @@ def test_a_probe_that_somebody_else_moves_is_noticed(way_m: tuple[float, float, 
     assert ran.lifted
 
 
-@pytest.mark.parametrize("every_s", [0.24, 0.4])
+@pytest.mark.parametrize("every_s", [0.08, 0.24, 0.4])
 def test_a_sensor_that_speaks_in_bursts_does_not_get_near_the_tissue(every_s: float) -> None:
+    """What could grow to the limit between two bursts, on something this hard, is not waited for:
+    1.6 N at 12 N/mm and 10 mm/s are 13 ms."""
     bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M, surface_m=1.2e-3)
 
     class Bursts(SpringSensor):
@@ -252,9 +290,45 @@ def test_a_sensor_that_speaks_in_bursts_does_not_get_near_the_tissue(every_s: fl
             self.due_s = self.bed.clock.now() + every_s
             return super().read()
 
-    ran = run_springs(bed, stage, [Bursts(bed)])
-    assert "cell: silent for 0.2" in ran.reason
+    ran = run_springs(bed, stage, [Bursts(bed)], rig=spring_rig(safety={"hardest_n_mm": 12.0}))
+    assert "cell: silent for 0." in ran.reason
     assert ran.force_n.max() == 0.0
+
+
+def test_a_sensor_that_is_silent_beside_another_is_not_waited_for() -> None:
+    """Another that is heard does not excuse it: while the stage moves, each has `late_s`."""
+    bed, stage, sensor = on_springs()
+
+    class Silent(SpringSensor):
+        since_s = np.inf
+
+        def read(self) -> Block:
+            now = self.bed.clock.now()
+            if self.bed.tip.point(now)[2] < 1.9e-3:
+                self.since_s = min(self.since_s, now)
+            return empty() if self.since_s <= now < self.since_s + 0.6 else super().read()
+
+    rig = spring_rig(safety={"silence_s": 2.0, "late_s": 0.2}, scan={"approach_mm_s": 2.0})
+    ran = run_springs(bed, stage, [sensor, Silent(bed, name="other", seed=1)], rig=rig)
+    assert "other: silent for" in ran.reason
+    assert ran.lifted
+
+
+def test_bursts_that_hide_little_are_let_pass() -> None:
+    """On something soft and slow the same bursts cannot hide the limit."""
+    bed, stage, _ = on_springs()
+
+    class Bursts(SpringSensor):
+        due_s = 0.0
+
+        def read(self) -> Block:
+            if self.bed.clock.now() < self.due_s:
+                return empty()
+            self.due_s = self.bed.clock.now() + 0.04
+            return super().read()
+
+    ran = run_springs(bed, stage, [Bursts(bed)], rig=spring_rig(scan={"approach_mm_s": 5.0}))
+    assert ran.reason == "every station is complete"
 
 
 def test_a_blocked_engine_s_probe_is_lifted_also_out_of_a_move() -> None:

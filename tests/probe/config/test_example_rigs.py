@@ -38,6 +38,7 @@ def test_a_transmitter_and_an_array_are_read_together(winkler: Respond, tmp_path
         for port, served in (("23004", one), ("23005", two)):
             text = text.replace(f"socket://127.0.0.1:{port}", served.address)
         text = text.replace("[scan]", "[scan]\nindentation_mm = 1.0\nramp_s = 0.2\nhold_s = 0.1")
+        text += "\n[safety]\nhardest_n_mm = 1.0\n" * ("[safety]" not in text)
         (tmp_path / "rig.toml").write_text(text, "utf-8")
         rig, events = load_rig(tmp_path / "rig.toml"), list[Event]()
         with connect(rig, clock, respond=winkler) as devices:

@@ -1,0 +1,174 @@
+"""What a press must feel like: the force rises with the depth, and no faster than is possible.
+
+A sensor that clips below its full scale, gives way or lost its gain sends live, noisy readings, and
+only the depth shows that they are not the force. And what grows faster than the hardest thing that
+was said to lie beneath (`Limits.hardest_n_m`) makes every bound that rests on it untrue.
+"""
+
+import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drivers import ConfigError, Pose, Sensor
+from probe.acquisition.force_limit import FORCE_ROLES, SensorGuard
+from probe.planning.limits import Limits
+from probe.planning.plan import Plan
+
+PERIODS = 5  # of a sensor: the fewest that are waited for, as readers and lines deliver in bursts
+FELT = 0.1  # share of the limit that a press must have been felt with before it can be judged
+CLEAR = 10.0  # standard deviations of the sensor's noise that a change must have to count
+FLAT = 0.1  # of the rise that the press so far foretells: soft tissue stiffens, it never stops
+# A press is judged when it went on by half of its way in contact: a pulse changes the force by less
+# than a fifth (463 Pa of TIHA's 3 kPa), and may fall while the tip goes on.
+SHARE = 0.5
+SLACK = 1.2  # a stage may be that much faster than it was told
+WAY_M = 50e-6  # five of a GRBL board's digits
+POLLS = 2.0  # a pose may be older than the newest by that many of the stage's periods
+ROUNDING = 1e-9
+RISE_S = 0.02  # shorter rises are noise, of which CLEAR knows
+
+
+@dataclass(frozen=True)
+class Felt:
+    """The newest force of a sensor, and how old it is."""
+
+    sensor: str
+    age_s: float
+    force_n: float
+    rate_hz: float
+
+
+def check_blind(limits: Limits, speed_m_s: float, felt: Sequence[Felt]) -> tuple[str, str] | None:
+    """Which sensor was silent too long for a way down at ``speed_m_s``, and why; else None.
+
+    One at least must have been heard since the hardest thing beneath can have raised the force to
+    the limit; `PERIODS` are allowed, for which `check_speed` answers, and `Limits.late_s` at most.
+    """
+    for one in felt:
+        room_n = max(limits.max_force_n - abs(one.force_n), 0.0)
+        most_s = min(limits.late_s, room_n / (limits.hardest_n_m * speed_m_s))
+        if one.age_s <= max(most_s, PERIODS / one.rate_hz):
+            return None
+    latest = min(felt, key=lambda one: one.age_s)
+    return latest.sensor, (
+        f"silent for {latest.age_s:.3f} s on the way down at {1e3 * speed_m_s:.3g} mm/s: on "
+        f"something as hard as safety.hardest_n_mm = {1e-3 * limits.hardest_n_m:g} the force may "
+        "be at its limit; press slower, or see to the sensor's line"
+    )
+
+
+def check_speed(plan: Plan, limits: Limits, sensors: Sequence[Sensor]) -> None:
+    """Refuse a press that `PERIODS` of the fastest sensor could hide from the limit.
+
+    Raises `ConfigError` with the greatest speed that is allowed.
+    """
+    rates_hz = [s.rate_hz for s in sensors if any(c.role in FORCE_ROLES for c in s.channels)]
+    if not rates_hz or limits.in_the_air:
+        return
+    most_m_s = limits.max_force_n * max(rates_hz) / (PERIODS * limits.hardest_n_m)
+    speeds = {
+        "scan.approach_mm_s": plan.approach_m_s,
+        "scan.indentation_mm / scan.ramp_s": plan.indentation_m / plan.ramp_s,
+    }
+    for key, speed in speeds.items():
+        if speed > most_m_s * (1 + ROUNDING):
+            raise ConfigError(
+                f"{key} = {1e3 * speed:g} mm/s: on something as hard as safety.hardest_n_mm = "
+                f"{1e-3 * limits.hardest_n_m:g} the force would pass safety.max_force_n = "
+                f"{limits.max_force_n:g} within {PERIODS} readings of a sensor of "
+                f"{max(rates_hz):g} Hz; at most {1e3 * most_m_s:.3g} mm/s is allowed, or say how "
+                "hard at most what lies beneath can be"
+            )
+
+
+class PressGuard:
+    """Judges one sensor's force against the way that the tip goes down."""
+
+    def __init__(self, feels: SensorGuard, limits: Limits, rate_hz: float) -> None:
+        self._feels = feels
+        self._limit_n = limits.max_force_n
+        self._hardest_n_m = limits.hardest_n_m
+        self._periods_s = PERIODS / rate_hz
+        self._speed_m_s = self._noise_n = self._first_n = 0.0
+        self._z_m = self._contact_m = self._changed_s = self._gap_s = 0.0
+        # since contact
+        self._times: list[float] = []
+        self._downs: list[float] = []
+        self._forces: list[float] = []
+
+    def begin(self, start: Pose, target: Pose, speed_m_s: float) -> None:
+        """A move has been ordered; one that does not go down is not judged."""
+        self._speed_m_s = speed_m_s if start.z - target.z > WAY_M else 0.0
+        self._noise_n, self._first_n = self._feels.noise_n(), self._feels.smooth_n
+        self._z_m, self._changed_s, self._gap_s = start.z, math.inf, 0.0
+        self._times, self._downs, self._forces = [], [], []
+
+    def end(self) -> None:
+        """The tip rests."""
+        self._speed_m_s = 0.0
+
+    def check(self, pose: Pose, now: float) -> str | None:
+        """Why the force does not belong to a pose on the way down."""
+        if self._speed_m_s == 0.0:
+            return None
+        if pose.z < self._z_m:
+            self._gap_s = max(self._gap_s, now - self._changed_s)
+            self._z_m, self._changed_s = pose.z, now
+        force = self._feels.smooth_n
+        if not self._times:
+            if force - self._first_n < CLEAR * self._noise_n:
+                return None  # in the air
+            self._contact_m = self._z_m
+        self._times.append(now)
+        self._downs.append(self._contact_m - self._z_m)
+        self._forces.append(force)
+        return self._too_fast() or self._too_flat()
+
+    def _felt_n(self) -> float:
+        return max(FELT * self._limit_n, CLEAR * self._noise_n)
+
+    def _before(self, time_s: float) -> int:
+        """The newest row that is no newer; -1 if there is none."""
+        return bisect_right(self._times, time_s) - 1
+
+    def _too_fast(self) -> str | None:
+        """By time, not by poses: no tip went further than its speed allows."""
+        now, force = self._times[-1], self._forces[-1]
+        row = self._before(now - max(self._periods_s, RISE_S))
+        if row < 0:
+            return None
+        # what is newest may be some readings old, then and now
+        within_s = now - self._times[row] + self._periods_s
+        rose_n = force - self._forces[row]
+        if rose_n <= SLACK * self._hardest_n_m * self._speed_m_s * within_s + self._felt_n():
+            return None
+        return (
+            f"the force rose by {rose_n:.3f} N within {within_s:.3f} s: what lies beneath is "
+            f"harder than safety.hardest_n_mm = {1e-3 * self._hardest_n_m:g}; say so if it is, "
+            "and press slower"
+        )
+
+    def _too_flat(self) -> str | None:
+        """The newest part of the press against all before it.
+
+        A pose may be some polls old, so the force at the beginning of that part is one from
+        before.
+        """
+        down_m, force = self._downs[-1], self._forces[-1]
+        row = bisect_right(self._downs, min(down_m / (1 + SHARE), down_m - WAY_M)) - 1
+        if row < 0 or self._gap_s == 0.0:
+            return None
+        began = self._before(self._times[row] - POLLS * self._gap_s)
+        felt_n = self._forces[began] - self._forces[0]
+        if began < 0 or felt_n < self._felt_n():
+            return None
+        went_m = down_m - self._downs[row]
+        rose_n, foretold_n = force - self._forces[began], felt_n * went_m / self._downs[row]
+        if rose_n >= FLAT * foretold_n:
+            return None
+        return (
+            f"the force changed by {rose_n:+.3f} N while the tip went {1e3 * went_m:.2f} mm "
+            f"deeper, where {foretold_n:.3f} N were to be expected: the sensor clips or does not "
+            "feel, or what is pressed gives way"
+        )
