@@ -33,6 +33,7 @@ GROUPS = (
     "files",
     "emulate",
     "record",
+    "watch",
     "calibrate",
     "studies",
     "charts",

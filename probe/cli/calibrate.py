@@ -1,5 +1,6 @@
 """``palpate calibrate``: from raw readings to a calibration file that scans apply."""
 
+import sys
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -62,6 +63,16 @@ def calibrate(
         Path | None,
         typer.Option(metavar="FILE.toml", help="Of tissue or heart: write the scene found."),
     ] = None,
+    live: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="RIG.toml", help="Of force: take the readings from the sensor, load by load."
+        ),
+    ] = None,
+    readings_out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE.csv", help="With --live: the table. Default: loads-DEVICE.csv."),
+    ] = None,
     note: Annotated[str, typer.Option(help="Kept in the file.")] = "",
     json: Json = False,
 ) -> None:
@@ -72,6 +83,10 @@ def calibrate(
     """
     if kind not in GUIDE:
         raise typer.BadParameter(f"kind {kind!r}: allowed are {', '.join(GUIDE)}")
+    if live is not None:
+        if kind != "force" or readings is not None:
+            raise typer.BadParameter("--live takes the readings of kind force, without a table")
+        readings, device = _take_live(live, device, readings_out)
     if readings is None:
         answer(GUIDE[kind])
         return
@@ -102,6 +117,33 @@ def calibrate(
     if scene_out is not None:
         _write_scene_found(block, result, scene_out)
         inform(f"scene: {scene_out}")
+
+
+def _take_live(rig: Path, device: str, table: Path | None) -> tuple[Path, str]:
+    """Ask for load after load; the table and the sensor's name."""
+    from drivers import WallClock
+    from probe.acquisition.session import resolve_rig
+    from probe.calibrate.live import take_weights
+    from probe.config.devices import open_sensors
+
+    whole, scene = resolve_rig(rig, None)
+    clock = WallClock()
+    with open_sensors(whole, clock, scene) as sensors:
+        known = {sensor.name: sensor for sensor in sensors}
+        if not device and len(known) == 1:
+            (device,) = known
+        if device not in known:
+            raise typer.BadParameter(f"--device {device!r}: {rig} has {', '.join(known)}")
+        path = table or Path(f"loads-{device.replace(' ', '-')}.csv")
+        take_weights(known[device], clock, path, _ask, inform)
+    inform(f"readings: {path}")
+    return path, device
+
+
+def _ask(question: str) -> str:
+    """A line from the person; the end of the input ends the loads too."""
+    inform(question)
+    return sys.stdin.readline()
 
 
 def _cuff(text: str) -> tuple[float, float]:

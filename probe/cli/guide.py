@@ -5,7 +5,9 @@ GUIDE: dict[str, str] = {
 1. Put known loads on the sensor, one axis at a time, up and down again, at least three levels.
 2. Write one row per load: raw (or raw_0, raw_1 …) as the sensor reads it, untared, and load_n
    (or load_0_n, load_1_n …). A column temperature_c adds the temperature's term.
-3. palpate calibrate force LOADS.csv --device SENSOR""",
+3. palpate calibrate force LOADS.csv --device SENSOR
+Or let it take the readings: palpate calibrate force --live RIG.toml --device SENSOR asks for load
+after load. palpate watch RIG.toml shows what the sensor reads now.""",
     "taxels": """\
 1. Press the whole array evenly (a bladder, weights on a soft pad), at least three pressures.
 2. Write one row per pressure: raw_0, raw_1 …, pressure_pa.

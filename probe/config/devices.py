@@ -1,6 +1,7 @@
 """From a rig to open devices; a simulated stand-in only where the rig or the user says so."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -91,6 +92,27 @@ def connect(
             stage.close()
         raise
     return Devices(stage, true, world.phantom, tuple(notes))
+
+
+@contextmanager
+def open_sensors(
+    rig: Rig, clock: Clock, scene: Scene | None = None, *, fallback: Fallback | None = None
+) -> Iterator[tuple[Sensor, ...]]:
+    """Only the rig's sensors, as the devices give them: no stage, no calibration.
+
+    Simulated ones hang in the air. Raises as `connect` does.
+    """
+    world = World(rig, plan_for(rig), clock, scene, 0, None)
+    sensors: list[Sensor] = []
+    try:
+        for n, device in enumerate(rig.sensor):
+            where = f"sensor[{n}]"
+            sensors.append(_open("sensors", where, device, fallback, world, {"seed": 0}, [], []))
+        check_names(sensors)
+        yield tuple(sensors)
+    finally:
+        for sensor in sensors:
+            sensor.close()
 
 
 class World:

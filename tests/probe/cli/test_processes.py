@@ -85,3 +85,18 @@ def test_kill_9_keeps_every_station_and_resume_goes_on(rig: Path) -> None:
     assert [one["x_mm"] for one in told["stations"]] == pytest.approx([28, 32, 36])
     with sqlite3.connect(run) as connection:
         assert connection.execute(query).fetchall() == before
+
+
+def test_watch_ends_by_ctrl_c_as_something_done(rig: Path) -> None:
+    command = [*PALPATE, "watch", str(rig)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=30)
+    assert first.startswith("force.force")
+    assert "SIMULATED" in first
+    assert process.returncode == 0, err
+    assert err == ""

@@ -1,0 +1,81 @@
+"""A window of what every channel reads now; Space tares what it shows."""
+
+import signal
+from time import perf_counter
+
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QColor, QShortcut
+from PySide6.QtWidgets import (
+    QHeaderView,
+    QLabel,
+    QPushButton,
+    QTableWidget,
+    QTableWidgetItem,
+    QVBoxLayout,
+    QWidget,
+)
+
+from probe.acquisition.watch import HEAD, Reading, Watch
+from probe.gui.style import application, scale
+
+FRAME_MS = 100
+FAULT_INK = "#a40e26"
+
+
+class WatchWindow(QWidget):
+    """``watched`` is asked ten times a second."""
+
+    def __init__(self, watched: Watch, title: str) -> None:
+        super().__init__()
+        self.setWindowTitle(f"palpate watch: {title}")
+        self._watched = watched
+        self.last: list[Reading] = watched.readings()
+        self.table = QTableWidget(len(self.last), len(HEAD))
+        self.table.setHorizontalHeaderLabels(HEAD)
+        self.table.verticalHeader().hide()
+        self.table.setEditTriggers(QTableWidget.EditTrigger.NoEditTriggers)
+        self.table.horizontalHeader().setSectionResizeMode(QHeaderView.ResizeMode.ResizeToContents)
+        self.table.horizontalHeader().setStretchLastSection(True)
+        self.tare = QPushButton("Tare what is shown (Space)")
+        self.tare.clicked.connect(watched.tare)
+        QShortcut(Qt.Key.Key_Space, self).activated.connect(watched.tare)
+        layout = QVBoxLayout(self)
+        if any(one.channel.simulated for one in self.last):
+            head = QLabel("SIMULATED channels are among these")
+            head.setObjectName("simulated")
+            layout.addWidget(head)
+        layout.addWidget(self.table)
+        layout.addWidget(self.tare)
+        self.resize(round(900 * scale()), round(320 * scale()))
+        self.frame()
+        self.timer = QTimer(self)
+        self.timer.timeout.connect(self.frame)
+        self.timer.start(FRAME_MS)
+
+    def frame(self) -> None:
+        """Read, and show what was read."""
+        self.last = self._watched.readings()
+        for row, one in enumerate(self.last):
+            for column, text in enumerate(one.row()):
+                cell = QTableWidgetItem(text)
+                if one.fault or one.clipped:
+                    cell.setForeground(QColor(FAULT_INK))
+                self.table.setItem(row, column, cell)
+
+
+def run_watch(watched: Watch, title: str, seconds: float | None) -> list[Reading]:
+    """Until the window is closed, or for ``seconds``; the last readings."""
+    app = application()
+    # Python sees Ctrl-C at the next frame; without this the frame would end in a traceback
+    signal.signal(signal.SIGINT, lambda *_: app.quit())
+    window = WatchWindow(watched, title)
+    window.show()
+    ends_s = None if seconds is None else perf_counter() + seconds
+
+    def over() -> None:
+        if ends_s is not None and perf_counter() >= ends_s:
+            window.close()
+
+    window.timer.timeout.connect(over)
+    app.exec()
+    return window.last

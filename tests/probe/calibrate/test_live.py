@@ -1,0 +1,109 @@
+"""Calibration by weights, taken from the sensor: what a person says and what it then reads."""
+
+import json
+from contextlib import contextmanager, suppress
+
+import numpy as np
+import pytest
+from one_sensor import FunctionSensor
+
+from calibration.errors import CalibrationError
+from drivers import Channel, SimulatedClock
+from probe.calibrate.live import newtons, take_weights
+from probe.cli import main
+
+GAIN, OFFSET = 0.37, 11.0
+
+
+class Bench:
+    """A person who puts on what they say: ``answers`` are typed one after the other."""
+
+    def __init__(self, answers, wobble=()):
+        self.clock = SimulatedClock()
+        self.answers, self.wobble = list(answers), list(wobble)
+        self.load_n, self.moving, self.told = 0.0, False, []
+        self.rng = np.random.default_rng(2)
+        self.sensor = FunctionSensor(self.clock, self.reading)
+
+    def reading(self, t):
+        noise = 0.002 * self.rng.standard_normal(len(t))
+        swing = 0.05 * (t - self.began_s) if self.moving else 0.0
+        return OFFSET + GAIN * self.load_n + noise + swing
+
+    def ask(self, question):
+        self.told.append(question)
+        answer = self.answers.pop(0)
+        self.began_s = self.clock.now()
+        self.moving = bool(self.wobble) and self.wobble.pop(0)
+        with suppress(ValueError):
+            self.load_n = newtons(answer)
+        return answer + "\n"
+
+
+def take(bench, path):
+    take_weights(bench.sensor, bench.clock, path, bench.ask, bench.told.append)
+    return np.loadtxt(path, delimiter=",", skiprows=1)
+
+
+def test_the_table_holds_what_was_said_and_read(tmp_path):
+    bench = Bench(["0", "0.5", "1N", "100g", ""])
+    table = take(bench, tmp_path / "loads.csv")
+    assert table[:, 1] == pytest.approx([0, 0.5, 1, 0.980665])
+    assert table[:, 0] == pytest.approx(OFFSET + GAIN * table[:, 1], abs=0.001)
+    assert not bench.sensor.running
+
+
+def test_what_cannot_be_read_is_asked_again_and_a_moving_load_is_not_taken(tmp_path):
+    bench = Bench(["heavy", "1 2", "0.5", "0.5", ""], wobble=[False, False, True, False, False])
+    table = np.atleast_2d(take(bench, tmp_path / "loads.csv"))
+    assert len(table) == 1
+    assert table[0, 0] == pytest.approx(OFFSET + GAIN * 0.5, abs=0.001)
+    said = "\n".join(bench.told)
+    assert "'heavy' is no load" in said
+    assert "1 numbers are needed" in said
+    assert "still moving" in said
+
+
+def test_what_was_taken_is_kept_when_the_sensor_is_lost(tmp_path):
+    bench = Bench(["0", "1", "2", ""])
+    bench.sensor.fails_s = 5.0
+    with pytest.raises(Exception, match="unplugged"):
+        take(bench, tmp_path / "loads.csv")
+    assert len((tmp_path / "loads.csv").read_text().splitlines()) == 3
+
+
+def test_an_older_table_is_not_overwritten(tmp_path):
+    (tmp_path / "loads.csv").write_text("raw,load_n\n1,2\n")
+    with pytest.raises(CalibrationError, match="exists already"):
+        take(Bench([""]), tmp_path / "loads.csv")
+
+
+def test_a_sensor_without_a_force_is_refused(tmp_path):
+    bench = Bench([""])
+    bench.sensor.channels = (Channel("ppg", "V", "reference"),)
+    with pytest.raises(CalibrationError, match="no channel of role force"):
+        take(bench, tmp_path / "loads.csv")
+
+
+def test_the_command_takes_fits_and_writes(tmp_path, monkeypatch, capfd):
+    bench = Bench(["0", "1", "2", "5", "2", "0", ""])
+
+    @contextmanager
+    def sensors(*_rig, **_options):
+        yield (bench.sensor,)
+
+    monkeypatch.setattr("probe.config.devices.open_sensors", sensors)
+    monkeypatch.setattr("drivers.WallClock", lambda: bench.clock)
+    monkeypatch.setattr("probe.cli.calibrate._ask", bench.ask)
+    monkeypatch.chdir(tmp_path)
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TI"\n'
+    )
+    assert main(["calibrate", "force", "--live", str(rig), "--json"]) == 0
+    told = json.loads(capfd.readouterr().out)
+    assert told["device"] == "gauge"
+    (gain,) = [q["value"] for name, q in told["values"].items() if name.startswith("sensitivity")]
+    assert np.squeeze(gain) == pytest.approx(GAIN, rel=0.01)
+    assert (tmp_path / "loads-gauge.csv").is_file()
+    assert main(["calibrate", "tare", "--live", str(rig)]) == 2
