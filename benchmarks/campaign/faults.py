@@ -86,6 +86,8 @@ KINDS = (
     Kind("ctrl-backslash typed", "signal"),
     Kind("terminal closed", "signal"),
     Kind("SIGKILL", "signal"),
+    Kind("guards killed", "signal", heard=False),  # until others have taken over
+    Kind("guards stopped", "signal", heard=False),
     Kind("SIGSTOP and SIGCONT", "signal", ends=False),
     Kind("SIGSTOP and SIGCONT, group", "signal", ends=False),
     Kind("ctrl-z typed, then fg", "signal", ends=False),

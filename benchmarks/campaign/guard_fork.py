@@ -5,6 +5,7 @@ asks about. What runs, and over which lines, is the same: `probe.acquisition.gua
 """
 
 import os
+import signal
 import socket
 import subprocess
 import sys
@@ -17,7 +18,7 @@ POLL_S = 0.02
 
 
 class Prepared:
-    """Stands in for `subprocess.Popen` in `probe.acquisition.guard_client`, for one process."""
+    """Stands in for a process that `probe.acquisition.guard_client` starts."""
 
     def __init__(self) -> None:
         self._ours, theirs = socket.socketpair()
@@ -36,6 +37,11 @@ class Prepared:
         socket.send_fds(self._ours, [b"g"], list(pass_fds))
         return self
 
+    def kill(self) -> None:
+        """End it."""
+        with suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGKILL)
+
     def poll(self) -> int | None:
         """The exit status, None while it lives."""
         with suppress(ChildProcessError):
@@ -51,6 +57,17 @@ class Prepared:
                 raise subprocess.TimeoutExpired("guards", timeout or 0.0)
             time.sleep(POLL_S)
         return status
+
+
+class Spare:
+    """Stands in for `subprocess.Popen`: one process that guards, and one if that dies."""
+
+    def __init__(self) -> None:
+        self._prepared = [Prepared(), Prepared()]
+
+    def __call__(self, command: Sequence[str], **given: Any) -> Prepared:
+        """The next of them."""
+        return self._prepared.pop(0)(command, **given)
 
 
 def _guard(orders: socket.socket) -> None:

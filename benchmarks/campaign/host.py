@@ -84,6 +84,9 @@ class Host:
             for n in range(3 + int(8 * a)):
                 number = signal.SIGINT if n % 2 else signal.SIGTERM
                 self._after(n * 0.05 * b, lambda number=number: os.kill(scan.pid, number))
+        elif name.startswith("guards"):
+            kill = name.endswith("killed")
+            os.kill(self._guards(), signal.SIGKILL if kill else signal.SIGSTOP)
         elif name.startswith("SIGSTOP"):
             send = os.killpg if name.endswith("group") else os.kill
             send(scan.pid, signal.SIGSTOP)
@@ -107,6 +110,13 @@ class Host:
             )
         else:
             self._spoil(name, a)
+
+    def _guards(self) -> int:
+        """The process with the devices: of the scan's children the one that has threads."""
+        tasks = Path(f"/proc/{self.scan.pid}/task").glob("*/children")
+        pids = [pid for task in tasks for pid in task.read_text(encoding="ascii").split()]
+        threads = {pid: len(list(Path(f"/proc/{pid}/task").iterdir())) for pid in pids}
+        return int(max(threads, key=lambda pid: threads[pid]))
 
     def _spoil(self, name: str, a: float) -> None:
         pid = self.scan.pid

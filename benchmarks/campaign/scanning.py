@@ -21,7 +21,7 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
-from campaign.guard_fork import Prepared
+from campaign.guard_fork import Spare
 
 PR_SET_CHILD_SUBREAPER = 36
 HELD_US = 1_000_000
@@ -141,7 +141,7 @@ def _scan(far: int, heard: int, arguments: Sequence[str], folder: Path, answer: 
     os.environ["TERM"] = "dumb"
     sys.argv = ["palpate", *arguments]
     guard_client.subprocess = SimpleNamespace(  # type: ignore[assignment]
-        Popen=Prepared(), DEVNULL=subprocess.DEVNULL, TimeoutExpired=subprocess.TimeoutExpired
+        Popen=Spare(), DEVNULL=subprocess.DEVNULL, TimeoutExpired=subprocess.TimeoutExpired
     )
     threading.Thread(target=_strike_inside, args=(heard,), daemon=True).start()
     status = LOST

@@ -264,6 +264,12 @@ GUARDED = (
         (), ("wall 3 SIGKILL",),
     ),
     Mutant(
+        "nobody takes over from dead guards", "probe/acquisition/guard_client.py",
+        "if self._closing or not first:", "if True:",
+        ("tests/probe/acquisition/test_guard_process.py"
+         "::test_when_the_guards_die_or_hang_others_take_over_and_lift[9]",),
+    ),
+    Mutant(
         "a terminal's signals reach the guards", "probe/acquisition/guard_client.py",
         "start_new_session=True,", "start_new_session=False,",
         ("tests/probe/acquisition/test_guard_process.py::test_ctrl_c_at_the_terminal_lifts",),

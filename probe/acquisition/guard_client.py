@@ -1,7 +1,8 @@
 """The scan's side of the process that has the devices: what the engine sees of both.
 
-It answers as a `SafetyMonitor` does. When the other process is gone, nothing here can reach the
-stage any more, and the scan says so.
+It answers as a `SafetyMonitor` does. When the other process dies or hangs, one more takes its
+devices over, stops the stage and lifts the probe; the scan ends there. When that dies too, nothing
+here can reach the stage any more, and the scan says so.
 """
 
 import os
@@ -15,16 +16,20 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, Self
 
-from drivers import Block, DeviceFault, Pose
+from drivers import Block, ConfigError, DeviceFault, Pose
 from probe.acquisition.commands import Control, RunCommand
-from probe.acquisition.guard_process import Facts, Order, SensorFacts, Status
+from probe.acquisition.guard_process import Facts, Order, Status
 from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
+from probe.acquisition.remote_devices import RemoteHoming, RemoteRetreat, RemoteSensor, RemoteStage
 
 ANSWER_S = 20.0  # longer than any call takes: a tare, or a stage that hangs
 COMMAND_LOOK_S = 0.005
 CLOSE_S = 70.0  # it may still be lifting the probe
+STATUS_S = 5.0  # a status is at hand: a process that does not tell it hangs
+OPEN_S = 30.0  # to take the devices over: imports on a busy machine, and an arm's program
 GONE = "the process that guards has ended: the probe may be in the tissue, look at it"
+DIED = "the process that guarded has ended; another took the devices over, to lift the probe"
 BODY = "from probe.acquisition.guard_process import main; main()"
 
 
@@ -43,23 +48,13 @@ class GuardClient:
 
     def __init__(self, order: Order, control: Control) -> None:
         self._control = control
+        self._order = order
+        self._homing = self._replaced = self._closing = False
         self.jumped: tuple[str, float] | None = None
         self._lock = threading.Lock()
         self._gone = False
-        ours, theirs = zip(socket.socketpair(), socket.socketpair(), strict=True)
-        numbers = [end.fileno() for end in theirs]
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", BODY, *map(str, numbers)],
-            pass_fds=numbers,
-            stdin=subprocess.DEVNULL,
-            stdout=2,  # a library that prints must not spoil the scan's answer
-            start_new_session=True,  # a terminal's signals are for the scan
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
-        )
-        for end in theirs:
-            end.close()
-        self._calls, self._urgent = (Connection(end.detach()) for end in ours)
-        facts = self._open(order)
+        self._launch()
+        facts = self._open(None)
         self.stage = RemoteStage(facts, self)
         self.sensors = tuple(RemoteSensor(one) for one in facts.sensors)
         self.notes, self.scene = facts.notes, facts.scene
@@ -75,7 +70,7 @@ class GuardClient:
         _error: BaseException | None,
         _trace: TracebackType | None,
     ) -> None:
-        self._gone = True
+        self._gone = self._closing = True
         self._calls.close()
         self._urgent.close()
         with suppress(subprocess.TimeoutExpired):
@@ -97,6 +92,7 @@ class GuardClient:
         """The engine lives; and what is new."""
         try:
             self._status = self.call("status")
+            self._homing = self._homing and not self._status.homed
             self.jumped = self.jumped or self._status.jumped
         except DeviceFault as fault:
             trip = self._status.trip or Trip(self._status.seen_s, fault.device, fault.reason, False)
@@ -117,7 +113,10 @@ class GuardClient:
         return found
 
     def collect(self) -> list[tuple[str, Block]]:
-        """As `SafetyMonitor.collect`; nothing from a process that is gone."""
+        """As `SafetyMonitor.collect`; nothing from a process that is gone, nor from the one that
+        took over: its sensors are not tared."""
+        if self._replaced:
+            return []
         try:
             found: list[tuple[str, Block]] = self.call("collect")
         except DeviceFault:
@@ -160,6 +159,7 @@ class GuardClient:
 
     def home(self) -> "RemoteHoming":
         """As `SafetyMonitor.home`."""
+        self._homing = True
         self.call("home")
         return RemoteHoming(self)
 
@@ -184,9 +184,27 @@ class GuardClient:
 
     # --- the line ----------------------------------------------------------------------------
 
-    def _open(self, order: Order) -> Facts:
+    def _launch(self) -> None:
+        """A process, and the two lines to it."""
+        ours, theirs = zip(socket.socketpair(), socket.socketpair(), strict=True)
+        numbers = [end.fileno() for end in theirs]
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-c", BODY, *map(str, numbers)],
+            pass_fds=numbers,
+            stdin=subprocess.DEVNULL,
+            stdout=2,  # a library that prints must not spoil the scan's answer
+            start_new_session=True,  # a terminal's signals are for the scan
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)},
+        )
+        for end in theirs:
+            end.close()
+        self._calls, self._urgent = (Connection(end.detach()) for end in ours)
+
+    def _open(self, within_s: float | None) -> Facts:
         try:
-            self._calls.send(order)
+            self._calls.send(self._order)
+            if not self._calls.poll(within_s):
+                raise DeviceFault("guard", "the process that guards did not come up")
             answer = self._calls.recv()
         except (EOFError, OSError):
             self._process.wait()
@@ -203,16 +221,41 @@ class GuardClient:
             if self._gone:
                 raise DeviceFault("guard", GONE)
             try:
-                self._calls.send((name, arguments))
-                if not self._calls.poll(ANSWER_S):
-                    raise DeviceFault("guard", f"no answer to {name} within {ANSWER_S:g} s")
-                done, answer = self._calls.recv()
+                done, answer = self._ask(name, *arguments)
             except (EOFError, OSError):
-                self._gone = True
-                raise DeviceFault("guard", GONE) from None
+                self._replace()
+                raise DeviceFault("guard", DIED) from None
         if not done:
             raise answer
         return answer
+
+    def _ask(self, name: str, *arguments: Any) -> tuple[bool, Any]:
+        """Raises `EOFError` or `OSError` where nobody answers any more."""
+        self._calls.send((name, arguments))
+        if not self._calls.poll(STATUS_S if name == "status" else ANSWER_S):
+            if name != "status":
+                raise DeviceFault("guard", f"no answer to {name} within {ANSWER_S:g} s")
+            self._process.kill()
+        found: tuple[bool, Any] = self._calls.recv()
+        return found
+
+    def _replace(self) -> None:
+        """Once: another process opens the devices, stops the stage and lifts."""
+        first, self._gone = not self._replaced, True
+        if self._closing or not first:
+            return
+        self._replaced = True
+        self._process.wait()
+        self._calls.close()
+        self._urgent.close()
+        try:
+            self._launch()
+            self._open(OPEN_S)
+            done, answer = self._ask("take_over", DIED, not self._homing)
+        except (EOFError, OSError, DeviceFault, ConfigError) as error:
+            raise DeviceFault("guard", f"{GONE} ({error})") from None
+        if done:
+            self._status, self._gone = answer, False
 
     def stop(self) -> None:
         """Stop the stage now."""
@@ -222,125 +265,13 @@ class GuardClient:
     def _pass_on(self) -> None:
         """The user's command goes over whatever the engine is doing."""
         sent = RunCommand.RESUME
-        while not self._gone:
+        while not self._closing:
+            if self._process.poll() is not None:
+                self.engine_heartbeat()  # also where the engine is busy: the probe is lifted
+            if self._gone:
+                return
             if (command := self._control.command) > sent and command >= RunCommand.ABORT:
                 sent = command
                 with suppress(OSError):
                     self._urgent.send(command)
             time.sleep(COMMAND_LOOK_S)
-
-
-class RemoteStage:
-    """What the engine knows of a stage in the other process: it moves by the monitor only."""
-
-    def __init__(self, facts: Facts, client: GuardClient) -> None:
-        self.name, self.simulated = facts.stage, facts.simulated
-        self.turns, self.homes = facts.turns, facts.homes
-        self._client = client
-
-    @property
-    def pace(self) -> float:
-        """As `drivers.core.abilities.pace`."""
-        return self._client.status().pace
-
-    def enable(self) -> list[str]:
-        """As `drivers.core.abilities.enable`."""
-        return list(self._client.call("enable"))
-
-    def unreachable(self, poses: list[Pose]) -> list[Pose]:
-        """As `drivers.core.abilities.unreachable`."""
-        return list(self._client.call("unreachable", poses))
-
-    def stop(self) -> None:
-        """Past all calls that wait for an answer."""
-        self._client.stop()
-
-    def connect(self) -> None:
-        """It is."""
-
-    def pose(self) -> Pose:
-        """Only by the monitor."""
-        raise NotImplementedError
-
-    def move(self, target: Pose, speed_m_s: float) -> None:
-        """Only by the monitor."""
-        raise NotImplementedError
-
-    def moving(self) -> bool:
-        """Only by the monitor."""
-        raise NotImplementedError
-
-    def close(self) -> None:
-        """With the other process."""
-
-
-class RemoteSensor:
-    """What the engine knows of a sensor in the other process: the monitor reads it."""
-
-    def __init__(self, facts: SensorFacts) -> None:
-        self.name, self.channels, self.rate_hz = facts.name, facts.channels, facts.rate_hz
-
-    def connect(self) -> None:
-        """It is."""
-
-    def start(self) -> None:
-        """With the monitor."""
-
-    def read(self) -> Block:
-        """Only by the monitor."""
-        raise NotImplementedError
-
-    def tare(self) -> None:
-        """Only by the monitor."""
-        raise NotImplementedError
-
-    def stop(self) -> None:
-        """With the monitor."""
-
-    def close(self) -> None:
-        """With the other process."""
-
-
-class RemoteRetreat:
-    """The way out in the other process, as of the last heartbeat."""
-
-    def __init__(self, client: GuardClient) -> None:
-        self._client = client
-
-    @property
-    def done(self) -> bool:
-        """The stage rests, lifted or not."""
-        out = self._client.status().leaving
-        return out is not None and out[0]
-
-    @property
-    def lifting(self) -> bool:
-        """It was commanded to lift."""
-        out = self._client.status().leaving
-        return out is not None and out[1]
-
-    @property
-    def why_not(self) -> str | None:
-        """Why the tip is not up."""
-        out = self._client.status().leaving
-        return None if out is None else out[2]
-
-    def stay(self) -> None:
-        """Do not lift (any more)."""
-        self._client.stay()
-
-
-class RemoteHoming:
-    """The homing in the other process, as of the last heartbeat."""
-
-    def __init__(self, client: GuardClient) -> None:
-        self._client = client
-
-    def is_set(self) -> bool:
-        """It is over."""
-        return self._client.status().homed
-
-    def wait(self, seconds: float) -> None:
-        """Let it go on, and look."""
-        time.sleep(seconds)
-        self._client.engine_heartbeat()

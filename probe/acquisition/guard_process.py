@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from drivers import Block, Channel, Clock, Pose
+from drivers import Block, Channel, Clock, DeviceFault, Pose
 from drivers.core import abilities
 from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.guard_threads import come_first
@@ -100,6 +100,14 @@ class Service:
             sensor.start()
         self._monitor.start(homes=homes)
         self.started = True
+        return self.status()
+
+    def take_over(self, why: str, lift: bool) -> Status:
+        """Go on for a process that died: guard, stop, and lift."""
+        with suppress(DeviceFault):  # the way out asks again
+            self.enable()
+        self.start(homes=False)
+        self._monitor.object("guard", why, can_retract=lift)
         return self.status()
 
     def status(self) -> Status:

@@ -17,6 +17,7 @@ import pytest
 
 from drivers import WallClock
 from probe.storage.run import open_run
+from probe.storage.verify import verify
 from sim_backend import load_scene
 from sim_backend.emulators import ft300, grbl
 from sim_backend.phantom.phantom import Phantom, Respond
@@ -82,10 +83,15 @@ class Bench:
                 return line
         pytest.fail(f"the scan ended before it said {word!r}: {line}")
 
+    def guards(self) -> list[int]:
+        """The processes that guard: children of the scan, of whichever of its threads."""
+        tasks = Path(f"/proc/{self.scanning.pid}/task").glob("*/children")
+        return [int(pid) for task in tasks for pid in task.read_text().split()]
+
     def guard(self) -> int:
         """The process that guards: the scan's only child."""
-        task = Path(f"/proc/{self.scanning.pid}/task/{self.scanning.pid}/children")
-        return int(task.read_text().split()[0])
+        (pid,) = self.guards()
+        return pid
 
     def height_m(self) -> float:
         return float(self.world.tip.point(self.world.clock.now())[2])
@@ -181,10 +187,33 @@ def test_nothing_in_the_scan_s_process_delays_a_guard(winkler: Respond, tmp_path
         assert on.peak_n() < 0.5 + 12 * 0.012
 
 
-def test_a_guard_that_dies_is_told_and_nothing_goes_on(winkler: Respond, tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def test_when_the_guards_die_or_hang_others_take_over_and_lift(
+    number: signal.Signals, winkler: Respond, tmp_path: Path
+) -> None:
     with bench(winkler, tmp_path) as on:
         on.wait_for("holding")
-        os.kill(on.guard(), signal.SIGKILL)
+        time.sleep(0.3)
+        assert on.height_m() < -2.4e-3
+        os.kill(on.guard(), number)
+        line = on.wait_for("END")
+        assert "END faulted guard: the process that guarded has ended; another took" in line
+        assert "not lifted" not in line
+        assert on.height_m() > 1.9e-3
+    run = open_run(next(on.out.glob("*.run")))
+    assert run.finish == "faulted"  # and what was read until then is sound
+    assert verify(run.path).ok
+
+
+def test_when_those_who_took_over_die_too_it_is_told(winkler: Respond, tmp_path: Path) -> None:
+    with bench(winkler, tmp_path) as on:
+        on.wait_for("holding")
+        first = on.guard()
+        os.kill(first, signal.SIGKILL)
+        end_s = time.monotonic() + 20.0
+        while on.guards() in ([], [first]) and time.monotonic() < end_s:
+            time.sleep(0.01)
+        os.kill(on.guards()[-1], signal.SIGKILL)
         line = on.wait_for("END")
         assert "END faulted" in line
         assert "the process that guards has ended: the probe may be in the tissue" in line
