@@ -8,7 +8,7 @@ export QT_QPA_PLATFORM ?= offscreen
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install demo demo-ur test clean
+.PHONY: install demo demo-ur test test-peers clean
 
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
@@ -30,6 +30,12 @@ test: .venv/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2
+
+# Against software that we did not write: makers' client libraries drive the emulated controllers, and
+# where a lab has them (docs/reference/devices/README.md) URSim and grblHAL's simulator our drivers.
+test-peers: .venv/.installed-dev
+	$(BIN)/pip install --quiet zaber-motion pipython PyTrinamic
+	$(BIN)/pytest -n 2 -rs tests/peers
 
 .venv/.installed-%: pyproject.toml .ci/install
 	.ci/install $*

@@ -1,4 +1,4 @@
 """Controllers that speak their real protocols and answer from the phantom."""
 
-DEVICES = ("ur", "grbl", "ft300", "modbus", "netft", "lines", "taxels")
-STAGES = ("ur", "grbl")
+STAGES = ("ur", "grbl", "zaber", "pi", "tmcl")
+DEVICES = (*STAGES, "ft300", "modbus", "netft", "lines", "taxels")

@@ -15,7 +15,7 @@ from drivers import WallClock
 from drivers.testing.contract import Bench
 from drivers.testing.contract_tests import *  # noqa: F403 - the tests and their fixtures
 from sim_backend import load_scene
-from sim_backend.emulators import ft300, grbl, lines, modbus, netft, taxels, ur
+from sim_backend.emulators import ft300, grbl, lines, modbus, netft, pi, taxels, tmcl, ur, zaber
 from sim_backend.phantom.phantom import Phantom, Respond
 
 _hosts = count(1)
@@ -104,11 +104,21 @@ ARRAY = {
 BOARD = {"origin_mm": grbl.ORIGIN_MM}
 PATIENT = dict.fromkeys(("answer_s", "stop_s", "watchdog_s"), 2.0)  # limits have their own tests
 homed = partial(grbl.emulate, homed=True)
+
+
+def axes_of(emulator: Any) -> dict[str, Any]:
+    """The rig file's keys of an emulated stage on a line."""
+    return {**emulator.RIG_AXES, "origin_mm": emulator.RIG_ORIGIN_MM, "silent_s": 2.0}
+
+
 STAGES: dict[str, Make] = {
     "virtual": virtual,
     "standa": standa,
     "grbl": partial(on_a_line, "grbl", homed, "pty", BOARD),
     "grbl over tcp": partial(on_a_line, "grbl", homed, "tcp", BOARD),
+    "zaber": partial(on_a_line, "zaber", partial(zaber.emulate, homed=True), "pty", axes_of(zaber)),
+    "pi": partial(on_a_line, "pi", partial(pi.emulate, homed=True), "tcp", axes_of(pi)),
+    "tmcl": partial(on_a_line, "tmcl", partial(tmcl.emulate, homed=True), "pty", axes_of(tmcl)),
     "ur": partial(on_a_robot, {"origin_mm": (400.0, -20.0, 150.0), **PATIENT}),
 }
 SENSORS: dict[str, Make] = {

@@ -1,0 +1,71 @@
+"""What a driver of a stage on a line gives to `LineStage`: its settings and its open controller."""
+
+from collections.abc import Mapping
+from typing import Annotated, NamedTuple, Protocol
+
+from pydantic import Field
+
+from drivers.core.settings import Point, Positive, Settings
+
+AXES = "xyz"
+Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+class LineStageSettings(Settings):
+    """The keys that all of them have.
+
+    ``origin_mm``: where the scan's (0, 0, 0) lies in the controller's positions; an axis counted
+    against the scan's has a negative number of counts per mm. ``limits_mm`` bounds targets in the
+    scan frame. With ``home`` a scan begins at the reference switches, z first, and then goes to
+    ``park_mm``. ``status_hz``: positions asked for a second. ``answer_s``: how long an answer may
+    take (an exchange is milliseconds; a USB adapter may hold one back for 16). ``silent_s``: the
+    age at which the last known position is a fault (2.5 mm/s: half a millimetre).
+    """
+
+    port: str
+    baud: Annotated[int, Field(gt=0)] = 115200
+    origin_mm: Point = (0.0, 0.0, 0.0)
+    limits_mm: Limits | None = None
+    max_speed_mm_s: Positive = 10.0
+    home: bool = False
+    park_mm: Point | None = None
+    status_hz: Positive = 100.0
+    answer_s: Positive = 0.1
+    silent_s: Positive = 0.25
+    arrived_mm: Positive = 0.05
+
+
+class Reading(NamedTuple):
+    """Positions [mm] by axis, whether any moves, and in its own words why one cannot."""
+
+    places_mm: Mapping[str, float]
+    moving: bool
+    fault: str = ""
+
+
+class Axes(Protocol):
+    """An open controller with some of the axes x, y, z.
+
+    Every method may raise `NoAnswer` (asked again until ``silent_s``), `DeviceFault` (refused; when
+    reading: the end) or `OSError` (the line is lost). It may have ``home(axis)``, which begins the
+    reference move of one axis, and ``ready() -> list[str]``, asked before the first move: what
+    holds, in words, or `DeviceFault`.
+    """
+
+    names: str
+
+    def read(self) -> Reading:
+        """Where all axes are."""
+        ...
+
+    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
+        """Set the named axes off, and return."""
+        ...
+
+    def stop(self) -> None:
+        """Have all axes slow down now."""
+        ...
+
+    def close(self) -> None:
+        """Release the line."""
+        ...

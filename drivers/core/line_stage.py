@@ -1,0 +1,293 @@
+"""What every stage on a line shares: one thread that talks, a frame, limits, stops and deadlines.
+
+A driver gives `Axes`: the open controller, used by that one thread only. The thread reads where
+the axes are without end; a stop goes first, between two exchanges, and is repeated until they rest.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import NamedTuple
+
+from drivers.core.axes import AXES, Axes, LineStageSettings, Reading
+from drivers.core.errors import DeviceAbsent, DeviceFault, MotionFault
+from drivers.core.line import NoAnswer
+from drivers.core.protocols import Pose
+
+HOMING_ORDER = "zxy"  # the probe goes up before anything goes sideways
+STILL_MM = 1e-6  # a shorter way of an axis is none
+JOIN_S = 2.0
+
+
+class _Job(NamedTuple):
+    """Something to be done by the thread that talks, and what became of it."""
+
+    do: Callable[[Axes], object]
+    done: threading.Event
+    found: list[object]
+
+
+class LineStage:
+    """A `Stage` over `Axes`; ``open_axes`` raises `DeviceAbsent` if there is none."""
+
+    def __init__(self, settings: LineStageSettings, open_axes: Callable[[], Axes]) -> None:
+        self.name = settings.name
+        self.simulated = settings.simulated
+        self.homes = settings.home
+        self._settings = settings
+        self._open = open_axes
+        self._names = ""
+        self._origin = dict(zip(AXES, settings.origin_mm, strict=True))
+        self._changed = threading.Condition()
+        self._thread: threading.Thread | None = None
+        self._end = threading.Event()
+        self._fault: DeviceFault | None = None
+        self._reading: Reading | None = None
+        self._read_s = 0.0
+        self._asked = self._answered = 0  # readings begun, and the newest that is here
+        self._moved_after = 0
+        self._job: _Job | None = None
+        self._stopping = False
+        self._stops = 0
+        self._target: Pose | None = None
+
+    def connect(self) -> None:
+        """Open the line and wait for a first reading; nothing moves. Raises `DeviceAbsent`."""
+        if self._thread is not None:
+            return
+        try:
+            axes = self._open()
+        except OSError as error:  # unplugged while it is opened
+            raise DeviceAbsent(self.name, f"lost while it was opened ({error})") from None
+        except DeviceAbsent:
+            raise
+        except DeviceFault as fault:
+            raise DeviceAbsent(self.name, fault.reason) from None
+        self._names = axes.names
+        self._fault, self._reading, self._target = None, None, None
+        self._job, self._stopping = None, False
+        self._end = threading.Event()
+        self._thread = threading.Thread(
+            target=self._talk, args=(axes, self._end), name=f"palpate {self.name}", daemon=True
+        )
+        self._thread.start()
+        try:
+            self._fresh()
+        except DeviceFault as fault:
+            self.close()
+            raise DeviceAbsent(self.name, fault.reason) from None
+
+    def enable(self) -> list[str]:
+        """Ask the controller whether it can move; what holds, in words. Raises `DeviceFault`."""
+        found = self._have(lambda axes: getattr(axes, "ready", list)())
+        assert isinstance(found, list)
+        return found
+
+    def pose(self) -> Pose:
+        """The tip as the controller tells it, asked for now."""
+        places = self._fresh().places_mm
+        return Pose(*(1e-3 * (places[a] - self._origin[a]) if a in places else 0.0 for a in AXES))
+
+    def move(self, target: Pose, speed_m_s: float) -> None:
+        """Set off, each axis at such a speed that all arrive together. Raises `DeviceFault`."""
+        stops = self._stops
+        here = self.pose()
+        self._check(here, target, speed_m_s)
+        if self._reading is not None and self._reading.moving:
+            raise DeviceFault(self.name, "still moving; wait or stop before the next move")
+        way = {a: 1e3 * (b - h) for a, h, b in zip(AXES, here, target, strict=False)}
+        length = math.hypot(*way.values())
+        going = [a for a in self._names if abs(way[a]) > STILL_MM]
+        places = {a: 1e3 * getattr(target, a) + self._origin[a] for a in going}
+        speeds = {a: 1e3 * speed_m_s * abs(way[a]) / length for a in going}
+        self._target = target
+        self._have(lambda axes: axes.move(places, speeds))
+        if stops != self._stops:  # stopped while the axes were being told
+            self.stop()
+
+    def moving(self) -> bool:
+        """True until the last move has ended. Raises `MotionFault` if it ended elsewhere."""
+        reading = self._alive()
+        if reading is None or self._answered <= self._moved_after or self._stopping:
+            return True
+        if reading.fault:
+            raise MotionFault(self.name, reading.fault)
+        if reading.moving:
+            return True
+        target, self._target = self._target, None
+        if target is not None:
+            off_mm = max(
+                abs(reading.places_mm[a] - self._origin[a] - 1e3 * getattr(target, a))
+                for a in self._names
+            )
+            if off_mm > self._settings.arrived_mm:
+                raise MotionFault(self.name, f"came to rest {off_mm:.2f} mm from its target")
+        return False
+
+    def home(self) -> None:
+        """Each axis to its reference switch, z first, then to ``park_mm``. Blocks; stoppable.
+
+        Raises `DeviceFault`.
+        """
+        stops = self._stops
+        for axis in (a for a in HOMING_ORDER if a in self._names):
+            self._unless_stopped(stops)
+            self._target = None
+            self._have(lambda axes, axis=axis: axes.home(axis))  # type: ignore[misc]
+            self._arrive(stops)
+        if self._settings.park_mm is not None:
+            self.move(Pose(*(1e-3 * v for v in self._settings.park_mm)),
+                      1e-3 * self._settings.max_speed_mm_s)  # fmt: skip
+            self._arrive(stops)
+
+    def stop(self) -> None:
+        """Slow down now; does not wait."""
+        self._stops += 1
+        self._target = None
+        with self._changed:
+            self._stopping = self._thread is not None
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Stop and release the line."""
+        self.stop()
+        self._end.set()
+        with self._changed:
+            self._changed.notify_all()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(timeout=JOIN_S)
+
+    def _unless_stopped(self, stops: int) -> None:
+        if stops != self._stops:
+            raise DeviceFault(self.name, "stopped on the way to its home")
+
+    def _arrive(self, stops: int) -> None:
+        while self.moving():
+            time.sleep(1 / self._settings.status_hz)
+        self._unless_stopped(stops)
+
+    def _check(self, here: Pose, target: Pose, speed_m_s: float) -> None:
+        keys = self._settings
+        if not 0 < 1e3 * speed_m_s <= keys.max_speed_mm_s * (1 + 1e-9):
+            raise DeviceFault(
+                self.name, f"speed {1e3 * speed_m_s:g} mm/s; allowed: above 0 up to "
+                f"max_speed_mm_s = {keys.max_speed_mm_s:g}"
+            )  # fmt: skip
+        if any(target[3:]):
+            raise DeviceFault(self.name, "has no axes to tilt the probe")
+        for n, axis in enumerate(AXES):
+            at_mm = 1e3 * target[n]
+            if axis not in self._names and abs(target[n] - here[n]) > 1e-3 * STILL_MM:
+                raise DeviceFault(self.name, f"{axis} = {at_mm:g} mm: there is no {axis} axis")
+            low, high = (-math.inf, math.inf) if keys.limits_mm is None else keys.limits_mm[n]
+            if not low <= at_mm <= high:
+                raise DeviceFault(
+                    self.name, f"{axis} = {at_mm:g} mm; allowed: {low:g} to {high:g} mm"
+                )
+
+    # --- between the threads -----------------------------------------------------------------
+
+    def _alive(self) -> Reading | None:
+        if self._fault is not None:
+            raise self._fault
+        if self._thread is None:
+            raise DeviceFault(self.name, "not connected")
+        age_s = time.monotonic() - self._read_s
+        if self._reading is not None and age_s > self._settings.silent_s:
+            raise DeviceFault(self.name, f"silent for {age_s:.2f} s")
+        return self._reading
+
+    def _fresh(self) -> Reading:
+        """A reading begun after this call."""
+        self._alive()
+        asked, wait_s = self._asked, self._settings.answer_s + self._settings.silent_s
+        with self._changed:
+            self._changed.wait_for(
+                lambda: self._answered > asked or self._fault is not None, wait_s
+            )
+        reading = self._alive()
+        if reading is None or self._answered <= asked:
+            raise DeviceFault(self.name, f"no position within {wait_s:g} s")
+        return reading
+
+    def _have(self, do: Callable[[Axes], object]) -> object:
+        """Have the other thread do something. Raises what it raised."""
+        self._alive()
+        job = _Job(do, threading.Event(), [])
+        with self._changed:
+            self._job = job
+            self._changed.notify_all()
+        wait_s = len(AXES) * 2 * self._settings.answer_s + self._settings.silent_s
+        if not job.done.wait(wait_s):
+            raise DeviceFault(self.name, f"did not take the command within {wait_s:g} s")
+        (found,) = job.found
+        if isinstance(found, Exception):
+            raise found
+        return found
+
+    def _talk(self, axes: Axes, end: threading.Event) -> None:
+        try:
+            while not end.is_set():
+                self._step(axes)
+                with self._changed:
+                    self._changed.wait_for(
+                        lambda: self._job is not None or self._stopping or end.is_set(),
+                        1 / self._settings.status_hz,
+                    )
+        except DeviceFault as fault:
+            self._fault = fault
+        except OSError as error:
+            self._fault = DeviceFault(self.name, f"connection lost ({error})")
+        except Exception as error:  # noqa: BLE001 - a dead thread must not look like silence
+            self._fault = DeviceFault(self.name, f"driver: {type(error).__name__}: {error}")
+        finally:
+            self._leave(axes)
+
+    def _step(self, axes: Axes) -> None:
+        """A stop, or else a job; then a reading."""
+        try:
+            if self._stopping:
+                axes.stop()
+            with self._changed:
+                job, self._job = self._job, None
+            if job is not None:
+                self._do(axes, job)
+            self._asked += 1
+            number, stops = self._asked, self._stops
+            reading = axes.read()
+        except NoAnswer:
+            return  # told by the reading's age, if it lasts
+        with self._changed:
+            self._reading, self._read_s, self._answered = reading, time.monotonic(), number
+            if self._stopping and stops == self._stops and not reading.moving:
+                self._stopping = False
+            self._changed.notify_all()
+
+    def _do(self, axes: Axes, job: _Job) -> None:
+        try:
+            job.found.append(job.do(axes))
+        except DeviceFault as fault:
+            job.found.append(fault)
+        except OSError as error:
+            job.found.append(DeviceFault(self.name, f"connection lost ({error})"))
+            raise
+        finally:
+            self._moved_after = self._asked
+            job.done.set()
+
+    def _leave(self, axes: Axes) -> None:
+        try:
+            axes.stop()
+        except (OSError, DeviceFault):
+            pass  # a line that is lost, or a device that does not answer: nothing more can be done
+        finally:
+            axes.close()
+            with self._changed:
+                self._stopping = False
+                job, self._job = self._job, None
+                self._changed.notify_all()
+            if job is not None:
+                job.found.append(self._fault or DeviceFault(self.name, "closed"))
+                job.done.set()

@@ -1,0 +1,159 @@
+"""Physik Instrumente controllers by the General Command Set, GCS 2.0, in ASCII.
+
+Commands and error numbers: PI, "GCS commands" chapter of the controllers' user manuals (C-863,
+C-884, E-727). GCS has no check sum. Why not the maker's library:
+docs/decisions/0030-line-stages.md.
+"""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from drivers.core.axes import AXES, LineStageSettings, Reading
+from drivers.core.errors import ConfigError, DeviceFault
+from drivers.core.line import Line, NoAnswer
+from drivers.core.line_stage import LineStage
+from drivers.core.protocols import Clock
+
+MOTION = b"\x05"  # answered at once with the axes that move, as a hexadecimal mask
+STOPPED = 10
+ERRORS = {
+    1: "parameter syntax error",
+    2: "unknown command",
+    5: "the axis has not been referenced, or its servo is off",
+    7: "position out of limits",
+    8: "velocity out of limits",
+    15: "invalid axis identifier",
+    17: "parameter out of range",
+    24: "incorrect number of parameters",
+    -1024: "position error too large: the servo was switched off",
+}
+
+
+class PiAxis(BaseModel):
+    """One axis: its identifier, and its units to a mm (1000 where it counts micrometres).
+
+    ``units_per_mm`` is negative where positions grow against the scan's axis.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    axis: Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,16}$")]
+    units_per_mm: float = 1.0
+
+
+class PiSettings(LineStageSettings):
+    """``[stage] driver = "pi"``: axes of one controller at ``port``, serial, USB or TCP."""
+
+    name: str = "pi"
+    x: PiAxis | None = None
+    y: PiAxis | None = None
+    z: PiAxis | None = None
+
+
+class PiAxes:
+    """See `drivers.core.axes.Axes`."""
+
+    def __init__(self, settings: PiSettings) -> None:
+        given = {axis: getattr(settings, axis) for axis in AXES}
+        self._axes: dict[str, PiAxis] = {a: keys for a, keys in given.items() if keys}
+        self.names = "".join(self._axes)
+        self._all = " ".join(keys.axis for keys in self._axes.values())
+        self._line = Line(settings.name, settings.port, settings.baud, settings.answer_s)
+        self._device = settings.name
+
+    def read(self) -> Reading:
+        """Positions, what moves, and the error that has come up since the last time."""
+        units = self._query("POS?")
+        moving = self._integer(self._line.ask(MOTION, end=b"\n"), 16) != 0
+        error = self._error()
+        places = {a: float(units[k.axis]) / k.units_per_mm for a, k in self._axes.items()}
+        return Reading(places, moving, "" if error in (0, STOPPED) else in_words(error))
+
+    def ready(self) -> list[str]:
+        """Servos on, every axis referenced. Raises `DeviceFault`."""
+        self._referenced_or_raise()
+        off = [a for a, on in self._query("SVO?").items() if on != "1"]
+        for axis in off:
+            self._do(f"SVO {axis} 1")
+        return [f"servo switched on: {', '.join(off)}"] if off else []
+
+    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
+        """All axes by one command."""
+        per_mm = {a: k.units_per_mm for a, k in self._axes.items()}
+        self._do("VEL " + self._each({a: abs(per_mm[a]) * v for a, v in speeds_mm_s.items()}))
+        self._do("MOV " + self._each({a: per_mm[a] * at for a, at in places_mm.items()}))
+
+    def home(self, axis: str) -> None:
+        """Begin the move to the reference switch."""
+        name = self._axes[axis].axis
+        self._do(f"SVO {name} 1")
+        self._do(f"FRF {name}")
+
+    def stop(self) -> None:
+        """Slow every axis down."""
+        self._line.say(f"HLT {self._all}\n".encode())
+        if (error := self._error()) not in (0, STOPPED):
+            raise DeviceFault(self._device, f"'HLT' refused: {in_words(error)}")
+
+    def close(self) -> None:
+        """Release the line."""
+        self._line.close()
+
+    def _referenced_or_raise(self) -> None:
+        if unknown := [a for a, known in self._query("FRF?").items() if known != "1"]:
+            raise DeviceFault(
+                self._device, f"axis {', '.join(unknown)} is not referenced since power was "
+                "switched on; home it (home = true in the rig file)"
+            )  # fmt: skip
+
+    def _each(self, values: Mapping[str, float]) -> str:
+        return " ".join(f"{self._axes[a].axis} {value:.6f}" for a, value in values.items())
+
+    def _do(self, command: str) -> None:
+        """What is not answered; its error is asked for."""
+        self._error()  # of something before
+        self._line.say(command.encode("ascii") + b"\n")
+        if (error := self._error()) != 0:
+            raise DeviceFault(self._device, f"{command!r} refused: {in_words(error)}")
+
+    def _error(self) -> int:
+        return self._integer(self._line.ask(b"ERR?\n", end=b"\n"), 10)
+
+    def _query(self, command: str) -> dict[str, str]:
+        """One ``axis=value`` a line; a line that ends with a blank is followed by another."""
+        line = self._line.ask(f"{command} {self._all}\n".encode(), end=b"\n")
+        lines = [line]
+        while line.endswith(b" "):
+            line = self._line.listen(end=b"\n")
+            lines.append(line)
+        found: dict[str, str] = {}
+        for text in b"\n".join(lines).decode("ascii", errors="replace").split("\n"):
+            axis, equals, value = text.strip().partition("=")
+            try:
+                float(value if equals else "?")
+            except ValueError:
+                raise NoAnswer(self._device, f"{text!r} answers no {command}") from None
+            found[axis] = value
+        if set(found) != set(self._all.split()):
+            raise NoAnswer(self._device, f"{command} answered for {', '.join(found)}")
+        return found
+
+    def _integer(self, answer: bytes, base: int) -> int:
+        try:
+            return int(answer, base)
+        except ValueError:
+            raise NoAnswer(self._device, f"{answer!r} is no number") from None
+
+
+def in_words(error: int) -> str:
+    """An error of GCS."""
+    return f"{ERRORS.get(error, 'error')} ({error})"
+
+
+def open_stage(_clock: Clock, settings: PiSettings) -> LineStage:
+    """The axes at ``settings.port``, not yet connected. Raises `ConfigError`."""
+    given = [keys for axis in AXES if (keys := getattr(settings, axis))]
+    if not given or not all(keys.units_per_mm for keys in given):
+        raise ConfigError("x, y, z: name at least one axis, each with units_per_mm not 0")
+    return LineStage(settings, lambda: PiAxes(settings))

@@ -1,0 +1,234 @@
+"""Zaber, PI and TMCL against emulated controllers: what each says is understood in its words."""
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from itertools import islice
+from typing import Any
+
+import pytest
+
+import drivers.tmcl
+import drivers.zaber
+from drivers import DeviceFault, MotionFault, Pose, WallClock
+from drivers.core.abilities import enable
+from drivers.core.errors import ConfigError
+from drivers.core.line import NoAnswer
+from drivers.core.line_stage import LineStage
+from drivers.core.registry import open_driver
+from drivers.testing.awake import AwakeTime
+from sim_backend import load_scene
+from sim_backend.emulators import pi, tmcl, zaber
+from sim_backend.emulators.carriage import Carriage
+from sim_backend.emulators.serving import Served
+from sim_backend.phantom.phantom import Phantom, Respond
+
+EMULATORS: dict[str, Any] = {"zaber": zaber, "pi": pi, "tmcl": tmcl}
+HOME = (0.032, 0.0, 0.002)
+PATIENT = {"silent_s": 2.0, "answer_s": 1.0}  # the emulator shares this machine with other tests
+
+
+class Rig:
+    def __init__(self, name: str, stage: LineStage, served: Served, phantom: Phantom) -> None:
+        self.name, self.stage, self.served, self.phantom = name, stage, served, phantom
+
+    def arrive(self) -> None:
+        self.wait_for(lambda: not self.stage.moving())
+
+    def wait_for(self, ready: Callable[[], bool]) -> None:
+        with AwakeTime() as awake:
+            end_s = awake.now() + 5.0
+            while not ready():
+                assert awake.now() < end_s
+
+    def until_fault(self, match: str, kind: type[DeviceFault] = DeviceFault) -> None:
+        with pytest.raises(kind, match=match):
+            self.wait_for(lambda: not self.stage.moving())
+
+
+@contextmanager
+def rig_of(name: str, winkler: Respond, *, homed: bool = True, **keys: Any) -> Iterator[Rig]:
+    clock = WallClock()
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=HOME)
+    emulator = EMULATORS[name]
+    with emulator.emulate(phantom, homed=homed) as served:
+        usual = {**emulator.RIG_AXES, "origin_mm": emulator.RIG_ORIGIN_MM, **PATIENT}
+        stage = open_driver("stages", name, clock, {**usual, "port": served.address, **keys})
+        try:
+            stage.connect()
+            yield Rig(name, stage, served, phantom)
+        finally:
+            stage.close()
+
+
+each = pytest.mark.parametrize("name", EMULATORS)
+
+
+@each
+def test_it_moves_all_axes_in_the_scan_frame_and_they_arrive_together(
+    name: str, winkler: Respond
+) -> None:
+    with rig_of(name, winkler) as rig:
+        enable(rig.stage)
+        assert rig.stage.pose()[:3] == pytest.approx(HOME, abs=1e-6)
+        target = Pose(0.036, -0.002, 0.006)
+        rig.stage.move(target, 8e-3)
+        rig.arrive()
+        assert rig.stage.pose()[:3] == pytest.approx(target[:3], abs=2e-6)
+        assert rig.phantom.tip.point(rig.phantom.clock.now()) == pytest.approx(target[:3], abs=2e-6)
+        straight = rig.phantom.tip.all_legs()[-1]
+        assert straight.speed == pytest.approx(8e-3, rel=0.01)  # 6 mm at 8 mm/s
+
+
+@each
+def test_it_homes_z_first_and_parks(name: str, winkler: Respond) -> None:
+    with rig_of(
+        name, winkler, homed=False, home=True, max_speed_mm_s=100.0, park_mm=(-10.0, -15.0, 30.0)
+    ) as rig:
+        rig.stage.home()
+        legs = rig.phantom.tip.all_legs()[1:]
+        first = next(leg for leg in legs if leg.speed > 0)
+        assert first.direction == pytest.approx((0.0, 0.0, 1.0))
+        assert rig.stage.pose()[:3] == pytest.approx((-0.01, -0.015, 0.03), abs=2e-6)
+        enable(rig.stage)
+
+
+@pytest.mark.parametrize("name", ["zaber", "pi"])
+def test_it_does_not_move_where_it_does_not_know_its_place(name: str, winkler: Respond) -> None:
+    with (
+        rig_of(name, winkler, homed=False) as rig,
+        pytest.raises(DeviceFault, match=r"reference.*home it \(home = true"),
+    ):
+        enable(rig.stage)
+
+
+@each
+def test_a_stop_on_the_way_home_ends_it(name: str, winkler: Respond) -> None:
+    with rig_of(name, winkler, homed=False, home=True) as rig:
+
+        def stop() -> None:
+            while not rig.phantom.tip.moving(rig.phantom.clock.now()):
+                pass
+            rig.stage.stop()
+
+        stopper = threading.Thread(target=stop)
+        stopper.start()
+        with pytest.raises(DeviceFault, match="stopped on the way"):
+            rig.stage.home()
+        stopper.join()
+        assert rig.phantom.tip.point(rig.phantom.clock.now())[2] < 0.038
+
+
+FAULTS = [
+    ("zaber", "stall", "stalled and stopped", MotionFault),
+    ("zaber", "driver off", "driver is disabled", MotionFault),
+    ("zaber", "restart", "lost its reference", DeviceFault),
+    ("pi", "motion error", "servo was switched off", MotionFault),
+    ("tmcl", "limit switch", "left limit switch", MotionFault),
+    ("tmcl", "restart", "has restarted", DeviceFault),
+]
+
+
+@pytest.mark.parametrize(("name", "fault", "words", "kind"), FAULTS, ids=lambda v: str(v))
+def test_a_fault_is_told_in_its_words(
+    name: str, fault: str, words: str, kind: type[DeviceFault], winkler: Respond
+) -> None:
+    with rig_of(name, winkler) as rig:
+        enable(rig.stage)
+        rig.stage.move(Pose(*HOME)._replace(z=-0.002), 1e-3)
+        rig.wait_for(lambda: rig.stage.pose().z < 0.0019)
+        rig.served.fail(fault)
+        rig.until_fault(words, kind)
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"), [("zaber", "stall"), ("tmcl", "limit switch")], ids=["zaber", "tmcl"]
+)
+def test_after_a_fault_of_motion_it_lifts(name: str, fault: str, winkler: Respond) -> None:
+    with rig_of(name, winkler) as rig:
+        enable(rig.stage)
+        rig.stage.move(Pose(*HOME)._replace(z=-0.002), 1e-3)
+        rig.wait_for(lambda: rig.stage.pose().z < 0.0019)
+        rig.served.fail(fault)
+        rig.until_fault("stalled|limit switch", MotionFault)
+        rig.stage.move(Pose(*HOME), 5e-3)
+        rig.arrive()
+        assert rig.stage.pose().z == pytest.approx(HOME[2], abs=2e-6)
+
+
+@each
+def test_what_a_controller_refuses_is_said(name: str, winkler: Respond) -> None:
+    with rig_of(name, winkler) as rig:
+        enable(rig.stage)
+        if name != "tmcl":  # a module does not know its travel
+            with pytest.raises(DeviceFault, match=r"out of (range|limits)"):
+                rig.stage.move(Pose(*HOME)._replace(x=0.2), 5e-3)
+        with pytest.raises(DeviceFault, match="max_speed_mm_s = 10"):
+            rig.stage.move(Pose(*HOME), 0.02)
+        with pytest.raises(DeviceFault, match="no axes to tilt"):
+            rig.stage.move(Pose(*HOME, 0.1), 5e-3)
+
+
+@each
+def test_an_axis_that_is_not_there_does_not_move(name: str, winkler: Respond) -> None:
+    with rig_of(name, winkler, y=None, limits_mm=((-5, 70), (-5, 5), (-4, 30))) as rig:
+        assert rig.stage.pose().y == 0.0
+        with pytest.raises(DeviceFault, match="no y axis"):
+            rig.stage.move(Pose(*HOME)._replace(y=0.001), 5e-3)
+        with pytest.raises(DeviceFault, match=r"z = 40 mm; allowed: -4 to 30"):
+            rig.stage.move(Pose(*HOME)._replace(z=0.04), 5e-3)
+
+
+@each
+def test_no_axis_at_all_is_a_wrong_rig_file(name: str) -> None:
+    with pytest.raises(ConfigError, match="name at least one axis"):
+        open_driver("stages", name, WallClock(), {"port": "pty"})
+
+
+def flipped(answer: bytes) -> Iterator[bytes]:
+    for at in range(len(answer)):
+        for bit in range(8):
+            yield answer[:at] + bytes([answer[at] ^ 1 << bit]) + answer[at + 1 :]
+
+
+@pytest.mark.parametrize("name", ["zaber", "tmcl"])
+def test_no_answer_with_a_flipped_bit_is_taken(
+    name: str, winkler: Respond, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each bit of each byte of a position: the sum that goes with it does not match."""
+    emulator = EMULATORS[name]
+    keys: dict[str, Any] = {"port": "pty", "x": emulator.RIG_AXES["x"]}
+    asked: list[bytes] = []
+
+    class Line:
+        """A device that answers once, with the next damage."""
+
+        def ask(self, data: bytes, **_how: Any) -> bytes:
+            asked.append(data)
+            return damage(device.received(data))
+
+        def listen(self, **_how: Any) -> bytes:
+            raise NoAnswer(name, "silent")
+
+    monkeypatch.setattr(f"drivers.{name}.Line", lambda *_: Line())
+    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=HOME)
+    carriage = Carriage(phantom, homed=True)
+    if name == "zaber":
+        device: Any = zaber.ZaberChain(carriage, check_sums=True)
+        axes: Any = drivers.zaber.ZaberAxes(drivers.zaber.ZaberSettings(**keys))
+    else:
+        device = tmcl.TmclModule(carriage)
+        axes = drivers.tmcl.TmclAxes(drivers.tmcl.TmclSettings(**keys))
+
+    def damage(answer: bytes) -> bytes:
+        return answer.removesuffix(b"\r\n")
+
+    good = axes.read().places_mm["x"]
+    assert good == pytest.approx(52.0, abs=1e-3)
+    for n in range(8 * len(damage(device.received(asked[-1])))):
+
+        def damage(answer: bytes, n: int = n) -> bytes:
+            return next(islice(flipped(answer.removesuffix(b"\r\n")), n, None))
+
+        with pytest.raises(NoAnswer):
+            axes.read()
