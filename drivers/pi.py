@@ -64,8 +64,8 @@ class PiAxes:
 
     def read(self) -> Reading:
         """Positions, what moves, and the error that has come up since the last time."""
+        moving = self._integer(self._line.ask(MOTION, end=b"\n"), 16) != 0  # first: see `Axes.read`
         units = self._query("POS?")
-        moving = self._integer(self._line.ask(MOTION, end=b"\n"), 16) != 0
         error = self._error()
         places = {a: float(units[k.axis]) / k.units_per_mm for a, k in self._axes.items()}
         return Reading(places, moving, "" if error in (0, STOPPED) else in_words(error))

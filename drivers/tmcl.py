@@ -83,10 +83,12 @@ class TmclAxes:
                     self._device, f"module {module} has restarted: where its motors are is not "
                     "known; home it again"
                 )  # fmt: skip
-        places, moving = {}, False
-        for name, keys in self._axes.items():
-            places[name] = self._axis(name, GAP, POSITION) / keys.microsteps_per_mm
-            moving |= self._moves(name)
+        moves = [self._moves(name) for name in self._axes]  # first: what rests is then read at rest
+        moving = any(moves)
+        places = {
+            name: self._axis(name, GAP, POSITION) / keys.microsteps_per_mm
+            for name, keys in self._axes.items()
+        }
         return Reading(places, moving, "" if moving else self._why_not())
 
     def ready(self) -> list[str]:

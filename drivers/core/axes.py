@@ -55,7 +55,10 @@ class Axes(Protocol):
     names: str
 
     def read(self) -> Reading:
-        """Where all axes are."""
+        """Where all axes are.
+
+        Whether they move is asked first, so that what rests is read at rest.
+        """
         ...
 
     def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:

@@ -3,6 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from itertools import islice
 from typing import Any
 
@@ -10,7 +11,7 @@ import pytest
 
 import drivers.tmcl
 import drivers.zaber
-from drivers import DeviceFault, MotionFault, Pose, WallClock
+from drivers import DeviceFault, MotionFault, Pose, SimulatedClock, WallClock
 from drivers.core.abilities import enable
 from drivers.core.errors import ConfigError
 from drivers.core.line import NoAnswer
@@ -232,3 +233,39 @@ def test_no_answer_with_a_flipped_bit_is_taken(
 
         with pytest.raises(NoAnswer):
             axes.read()
+
+
+@pytest.mark.parametrize("name", EMULATORS)
+def test_what_is_told_at_rest_was_read_at_rest(
+    name: str, winkler: Respond, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An axis that comes to rest between two exchanges of one reading."""
+    clock = SimulatedClock()
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=HOME)
+    device = {"zaber": lambda c: zaber.ZaberChain(c, check_sums=True),
+              "pi": lambda c: pi.PiController(c, servo=True),
+              "tmcl": tmcl.TmclModule}[name](Carriage(phantom, homed=True))  # fmt: skip
+
+    class Line:
+        """Each exchange takes 20 ms of the world's time, as at 9600 baud."""
+
+        def ask(self, data: bytes, *, end: bytes = b"", **_how: Any) -> bytes:
+            clock.sleep_until(clock.now() + 0.02)
+            answer = b"".join(device.received(bytes([byte])) for byte in data)
+            return answer.removesuffix(end) if end else answer
+
+        def say(self, data: bytes) -> None:
+            device.received(data)
+
+    monkeypatch.setattr(f"drivers.{name}.Line", lambda *_: Line())
+    module = import_module(f"drivers.{name}")
+    keys = {"port": "pty", "x": EMULATORS[name].RIG_AXES["x"]}
+    axes = getattr(module, f"{name.title()}Axes")(
+        getattr(module, f"{name.title()}Settings")(**keys)
+    )
+    for n in range(40):  # ends at ever other exchanges
+        target_mm = 52.0 + (n % 2) * (1.0 + 0.09 * n)
+        axes.move({"x": target_mm}, {"x": 40.0})
+        while (reading := axes.read()).moving:
+            pass
+        assert reading.places_mm["x"] == pytest.approx(target_mm, abs=1e-3)
