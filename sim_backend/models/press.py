@@ -39,7 +39,7 @@ class State:
     in a solid, which has no ``force_n_per_mm``: NaN.
 
     ``force_n`` is the whole finger's. ``stable``: the body would stay so if it were nudged;
-    None in a solid, where that is not checked.
+    None where a solid's factors do not tell.
     """
 
     pressure_mmhg: float
@@ -290,7 +290,7 @@ def _solid_state(body: Body, solution: SolidSolution, pressure_mmhg: float) -> S
         solid_stress.under_finger_pa(body, solution),
         (1e3 * left, 1e3 * right),
         smallest_volume_ratio(body.wedges, solution.displacement)[0],
-        None,
+        solution.stable,
         solution.displacement,
     )
 

@@ -37,7 +37,7 @@ def refine_solid(
             break
         coarser = solved
         try:
-            solved = solve_solid(scene, x_m, depth_m, pressures_pa, share * half_m)
+            solved = solve_solid(scene, x_m, depth_m, pressures_pa, share * half_m, coarser=coarser)
         except CannotSolve:
             if np.isinf(error_pct).any():
                 raise

@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.solid.dissection import nested_dissection
 from sim_backend.fem.solid.finger import SolidFinger
 from sim_backend.fem.solid.forces import Faces
 from sim_backend.fem.solid.linear import LinearSolver
@@ -21,7 +20,8 @@ class Body:
     displacements that are held, as (stiffness [N/m], weights (3n,)): a block slides on its support,
     but not on average. ``share`` is the part of the whole body that is modelled, by symmetry.
     ``contact_m`` is the element size in the contact, ``tissue_pa`` the modulus there: together they
-    scale contact stiffness and tolerances.
+    scale contact stiffness and tolerances. ``prism`` are the section's nodes (c, 2) and the planes
+    (p,) along z that were extruded, [m], before lumps were bent: n = p c.
     """
 
     wedges: Wedges
@@ -36,6 +36,7 @@ class Body:
     share: float
     contact_m: float
     tissue_pa: float
+    prism: tuple[Array, Array]
 
     @property
     def size(self) -> int:
@@ -43,16 +44,11 @@ class Body:
 
     @cached_property
     def free(self) -> Ints:
-        """Displacement numbers that are solved for, in the order of elimination."""
-        used = np.zeros(len(self.wedges.nodes), dtype=bool)
-        used[self.wedges.cells] = True
-        nodes = np.flatnonzero(used)
-        number = np.cumsum(used) - 1
-        order = nodes[nested_dissection(self.wedges.nodes[nodes], number[self.wedges.cells])]
-        dofs = (3 * order[:, None] + np.arange(3)).ravel()
-        held = np.zeros(self.size, dtype=bool)
-        held[self.held] = True
-        return np.asarray(dofs[~held[dofs]])
+        """Displacement numbers that are solved for."""
+        free = np.zeros(self.size, dtype=bool)
+        free[self.wedges.dofs] = True
+        free[self.held] = False
+        return np.flatnonzero(free)
 
     @property
     def contact_dofs(self) -> Ints:
@@ -60,5 +56,5 @@ class Body:
 
     def solver(self) -> LinearSolver:
         """Groups of blocks: wedges, each lumen's faces, the surface."""
-        groups = [self.wedges.dofs, *(f.dofs for f in self.lumens), self.contact_dofs]
-        return LinearSolver(self.size, groups, self.free, list(self.leaning))
+        groups = [self.wedges.cells, *(f.nodes for f in self.lumens), self.surface[:, None]]
+        return LinearSolver(self.wedges.nodes, groups, self.held, list(self.leaning))

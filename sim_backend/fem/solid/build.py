@@ -18,7 +18,7 @@ from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.finger import solid_finger
 from sim_backend.fem.solid.forces import Faces
 from sim_backend.fem.solid.layers import graded_edges
-from sim_backend.fem.solid.prism import extrude, quad_shape, triangle_shape, wedges_of
+from sim_backend.fem.solid.prism import extrude, planes_of, quad_shape, triangle_shape, wedges_of
 from sim_backend.fem.solid.warp import BALL_CORE, cylinder_to_ball
 from sim_backend.fem.support import HOLD_WIDTH_M
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
@@ -93,6 +93,7 @@ def build_body(
         _held(scene, nodes, span), lumens, surface, _leaning(scene, nodes, span),
         solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm, z_m, tilt_deg),
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
+        (section.mesh.nodes, planes_of(edges)),
     )  # fmt: skip
 
 

@@ -1,46 +1,72 @@
-"""Elimination order by nested dissection (George 1973): halves first, then what parts them.
+"""Nested dissection (George 1973): halves first, then what parts them, as a tree of fronts.
 
 In three dimensions the factors of a minimum-degree order hold half as much again.
 """
+
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from sim_backend.arrays import Array, Bools, Ints
 
-_LEAF = 40
+LEAF = 60
 """Nodes below which nothing is halved any more."""
 
 
-def nested_dissection(nodes: Array, cells: Ints) -> Ints:
-    """Order (n,) in which to eliminate ``nodes`` (n, 3) that ``cells`` (m, k) connect."""
-    n, (m, k) = len(nodes), cells.shape
-    belongs = csr_matrix((np.ones(m * k), (cells.ravel(), np.repeat(np.arange(m), k))), (n, m))
-    graph = (belongs @ belongs.T).tocsr()
-    order: list[Ints] = []
-    _halve(np.arange(n), nodes, graph, order)
-    return np.concatenate(order)
+@dataclass(frozen=True)
+class Front:
+    """Nodes ``first`` to ``last`` of the order are eliminated together; ``border`` (b,) are the
+    later ones that they then connect. ``children`` number the fronts that this one must follow."""
+
+    first: int
+    last: int
+    border: Ints
+    children: tuple[int, ...]
 
 
-def _halve(part: Ints, nodes: Array, graph: csr_matrix, order: list[Ints]) -> None:
-    if len(part) <= _LEAF:
-        order.append(part)
-        return
+def dissected(nodes: Array, graph: csr_matrix) -> tuple[Ints, list[Front]]:
+    """Order (n,) in which to eliminate ``nodes`` (n, 3), and its fronts, each after its children.
+
+    ``graph`` (n, n) has an entry where two nodes share an element.
+    """
+    parts: list[tuple[Ints, tuple[int, ...]]] = []
+    _halve(np.arange(len(nodes)), nodes, graph, parts)
+    order = np.concatenate([part for part, _ in parts])
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    fronts: list[Front] = []
+    first = 0
+    for part, children in parts:
+        last = first + len(part)
+        reached = [place[graph[part].indices], *(fronts[c].border for c in children)]
+        border = np.unique(np.concatenate(reached))
+        fronts.append(Front(first, last, border[border >= last], children))
+        first = last
+    return order, fronts
+
+
+def _halve(
+    part: Ints, nodes: Array, graph: csr_matrix, parts: list[tuple[Ints, tuple[int, ...]]]
+) -> int:
+    """Number of the front at the top of ``part``."""
     best: tuple[int, Bools, Bools] | None = None
-    near = graph[part][:, part]
-    for axis in range(3):
-        at = nodes[part, axis]
-        for cut in np.quantile(at, [0.42, 0.5, 0.58]):
-            low = at < cut
-            if not 0.25 < low.mean() < 0.75:
-                continue
-            parts = ~low & (near @ low.astype(float) > 0)
-            if best is None or parts.sum() < best[0]:
-                best = int(parts.sum()), low, parts
+    if len(part) > LEAF:
+        near = graph[part][:, part]
+        for axis in range(3):
+            at = nodes[part, axis]
+            for cut in np.quantile(at, [0.42, 0.5, 0.58]):
+                low = at < cut
+                if not 0.25 < low.mean() < 0.75:
+                    continue
+                between = ~low & (near @ low.astype(np.float32) > 0)
+                if best is None or between.sum() < best[0]:
+                    best = int(between.sum()), low, between
     if best is None:
-        order.append(part)
-        return
-    _, low, parts = best
-    _halve(part[low], nodes, graph, order)
-    _halve(part[~low & ~parts], nodes, graph, order)
-    order.append(part[parts])
+        parts.append((part, ()))
+        return len(parts) - 1
+    _, low, between = best
+    halves = [part[low], part[~low & ~between]]
+    children = tuple(_halve(half, nodes, graph, parts) for half in halves if len(half))
+    parts.append((part[between], children))
+    return len(parts) - 1

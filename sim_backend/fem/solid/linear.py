@@ -1,125 +1,163 @@
 """Sparse tangents of solids: one pattern, single-precision factors now and then, Krylov always.
 
-Factors of an earlier tangent, in single precision, precondition GMRES (Saad and Schultz 1986) on
-the present one in double precision. New factors are made where that takes too long.
+Factors of an earlier tangent precondition GMRES (Saad and Schultz 1986) on the present one in
+double precision. New factors are made where that takes too long.
 """
 
 import numpy as np
-from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import LinearOperator, SuperLU, gmres, splu
+from scipy.sparse import bsr_matrix, csr_matrix
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from sim_backend.arrays import Array, Ints
+from sim_backend.fem.solid.dissection import dissected
+from sim_backend.fem.solid.fronts import Factors, Plan, Singular
 
 RELATIVE = 1e-5
 """How far a Newton step's residual falls: its own error is squared anyway."""
 MOST_STEPS, SLOW_STEPS = 30, 15
 """Krylov steps after which new factors are made at once, and for the next Newton step."""
-_OPTIONS = {"SymmetricMode": True}
-
-
-class Singular(Exception):
-    """The tangent has no inverse."""
+INVERSE_ITERATIONS = 12
+"""As in `sim_backend.fem.continuation`."""
 
 
 class LinearSolver:
-    """Solves for the free displacements of ``groups`` of element displacement numbers (m, d).
+    """Solves for the displacements of ``nodes`` (n, 3) that ``groups`` of node numbers (m, k) join.
 
-    ``order`` (f,) are the free numbers in the order of elimination. ``leaning`` are (stiffness,
-    weights (size,)) of averages that are held: dense, so that factors see ``propped`` instead.
+    ``held`` displacement numbers stay zero. ``leaning`` are (stiffness, weights (3n,)) of averages
+    that are held: dense, so that factors see their diagonals instead.
     """
 
     def __init__(
-        self, size: int, groups: list[Ints], order: Ints, leaning: list[tuple[float, Array]]
+        self, nodes: Array, groups: list[Ints], held: Ints, leaning: list[tuple[float, Array]]
     ) -> None:
-        self.size, self.order = size, order
-        n = len(order)
-        number = np.full(size, -1, dtype=np.int64)
-        number[order] = np.arange(n)
-        keys = []
-        for dofs in groups:
-            local = number[dofs]
-            key = local[:, None, :] * n + local[:, :, None]
-            key[(local < 0)[:, None, :] | (local < 0)[:, :, None]] = -1
-            keys.append(key.ravel())
-        key = np.concatenate(keys)
-        unique, index = np.unique(key, return_inverse=True)
-        first = int(unique[0] < 0)
-        unique = unique[first:]
-        index = index.ravel() - first
-        index[index < 0] = len(unique)
-        self._index = index.astype(np.int32)
-        self._rows = (unique % n).astype(np.int32)
-        self._starts = np.searchsorted(unique // n, np.arange(n + 1)).astype(np.int32)
-        self._diagonal = np.flatnonzero(unique % n == unique // n)
-        self._leaning = [(s, w[order]) for s, w in leaning]
-        self._factors: SuperLU | None = None
+        used = np.zeros(len(nodes), dtype=bool)
+        for group in groups:
+            used[group] = True
+        number = np.cumsum(used) - 1
+        n = int(used.sum())
+        keys = [number[g][:, :, None] * n + number[g][:, None, :] for g in groups]
+        unique = np.unique(np.concatenate([key.ravel() for key in keys]))
+        graph = csr_matrix(
+            (np.ones(len(unique), np.float32), (unique // n, unique % n)), shape=(n, n)
+        )
+        order, fronts = dissected(nodes[used], graph)
+        place = np.empty(n, dtype=np.int64)
+        place[order] = np.arange(n)
+        keys = [place[number[g]][:, :, None] * n + place[number[g]][:, None, :] for g in groups]
+        unique, index = np.unique(np.concatenate([k.ravel() for k in keys]), return_inverse=True)
+        rows, self._columns = np.divmod(unique, n)
+        self._starts = np.searchsorted(rows, np.arange(n + 1))
+        self._index = _places(groups, index.ravel())
+        self._plan = Plan(fronts, self._starts, self._columns)
+        self._dofs = (3 * np.flatnonzero(used)[order][:, None] + np.arange(3)).ravel()
+        still = np.zeros(3 * len(nodes), dtype=bool)
+        still[held] = True
+        self._still = still[self._dofs].reshape(n, 3)
+        touched = self._still.any(axis=1)
+        self._partly = np.flatnonzero(touched[rows] | touched[self._columns])
+        free = ~self._still
+        self._mask = (
+            free[rows[self._partly]][:, :, None] & free[self._columns[self._partly]][:, None]
+        )
+        self._diagonal = np.flatnonzero(rows == self._columns)
+        self._leaning = [(s, (w[self._dofs] * free.ravel())) for s, w in leaning]
+        self._size = 3 * len(nodes)
+        self._factors: Factors | None = None
         self.factorisations = self.steps = 0
 
-    def matrix(self, blocks: list[Array]) -> csc_matrix:
-        """The free tangent, without what leans, from one (m, d, d) array per group."""
+    def matrix(self, blocks: list[Array]) -> bsr_matrix:
+        """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
+        diagonal of what is held."""
         data = np.concatenate([b.ravel() for b in blocks])
-        count = len(self._rows)
-        values = np.bincount(self._index, weights=data, minlength=count + 1)[:count]
-        n = len(self.order)
-        return csc_matrix((values, self._rows, self._starts), shape=(n, n))
+        values = np.bincount(self._index, weights=data, minlength=9 * len(self._columns))
+        values = values.reshape(-1, 3, 3)
+        values[self._partly] *= self._mask
+        scale = float(np.abs(values[self._diagonal, 0, 0]).max())
+        values[self._diagonal[:, None], [0, 1, 2], [0, 1, 2]] += scale * self._still
+        n = self._dofs.size
+        return bsr_matrix((values, self._columns, self._starts), shape=(n, n))
 
-    def solve(self, matrix: csc_matrix, force: Array) -> Array:
+    def solve(self, matrix: bsr_matrix, force: Array) -> Array:
         """Displacements (size,) under ``force`` (size,). Raises `Singular`."""
-        right = force[self.order]
-        result = np.zeros(self.size)
+        right = force[self._dofs]
+        right[self._still.ravel()] = 0.0
+        result = np.zeros(self._size)
         if not np.any(right):
             return result
         if self._factors is None:
-            self._factor(matrix)
+            self._factors = self.factor(matrix)
         x, taken = self._krylov(matrix, right, MOST_STEPS)
         if x is None:
-            self._factor(matrix)
+            self._factors = self.factor(matrix)
             x, taken = self._krylov(matrix, right, 4 * MOST_STEPS)
         if x is None:
             raise Singular
         if taken > SLOW_STEPS:
             self._factors = None
-        result[self.order] = x
+        x[self._still.ravel()] = 0.0
+        result[self._dofs] = x
         return result
 
-    def _factor(self, matrix: csc_matrix) -> None:
-        propped = matrix.astype(np.float32)
-        for stiffness, weight in self._leaning:
-            propped.data[self._diagonal] += np.float32(stiffness) * (weight**2).astype(np.float32)
-        self.factorisations += 1
-        try:
-            self._factors = splu(
-                propped, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=_OPTIONS
-            )
-        except RuntimeError:
-            raise Singular from None
+    def lowest_curvature(self, matrix: bsr_matrix) -> float | None:
+        """Infinite where all pivots are positive; else x A x of a unit displacement x for which it
+        is negative, by inverse iteration (Golub and Van Loan 2013, sec. 7.6.1), None where none is
+        found: single precision does not tell eigenvalues near zero. Raises `Singular`."""
+        factors = self.factor(matrix)
+        if not factors.negative:
+            return float("inf")
+        x = np.random.default_rng(0).standard_normal(matrix.shape[0])
+        for _ in range(INVERSE_ITERATIONS):
+            x = factors.solve(x / np.linalg.norm(x))
+        x /= np.linalg.norm(x)
+        curvature = float(x @ self._apply(matrix, x))
+        return curvature if curvature < 0 else None
 
-    def _krylov(self, matrix: csc_matrix, right: Array, most: int) -> tuple[Array | None, int]:
+    def _apply(self, matrix: bsr_matrix, x: Array) -> Array:
+        y = matrix @ x
+        for stiffness, weight in self._leaning:
+            y = y + stiffness * float(weight @ x) * weight
+        return np.asarray(y)
+
+    def factor(self, matrix: bsr_matrix) -> Factors:
+        """Factors of ``matrix`` and the diagonals of what leans. Raises `Singular`."""
+        propped = matrix.copy()
+        for stiffness, weight in self._leaning:
+            on_diagonal = stiffness * (weight**2).reshape(-1, 3)
+            propped.data[self._diagonal[:, None], [0, 1, 2], [0, 1, 2]] += on_diagonal
+        self.factorisations += 1
+        return Factors(self._plan, propped)
+
+    def _krylov(self, matrix: bsr_matrix, right: Array, most: int) -> tuple[Array | None, int]:
         factors = self._factors
         assert factors is not None
         n = len(right)
         counted = 0
 
-        def apply(x: Array) -> Array:
-            y = matrix @ x
-            for stiffness, weight in self._leaning:
-                y = y + stiffness * float(weight @ x) * weight
-            return np.asarray(y)
-
         def count(_: float) -> None:
             nonlocal counted
             counted += 1
 
-        inverse = LinearOperator(
-            (n, n), matvec=lambda x: factors.solve(x.astype(np.float32)).astype(np.float64)
-        )
         x, failed = gmres(
-            LinearOperator((n, n), matvec=apply), right, rtol=RELATIVE, restart=most, maxiter=1,
-            M=inverse, callback=count, callback_type="pr_norm",
+            LinearOperator((n, n), matvec=lambda x: self._apply(matrix, x)), right,
+            rtol=RELATIVE, restart=most, maxiter=1,
+            M=LinearOperator((n, n), matvec=factors.solve), callback=count,
+            callback_type="pr_norm",
         )  # fmt: skip
         self.steps += counted
         # where restarts end without the tolerance, a residual twice as small would still do
         good = np.all(np.isfinite(x)) and (
-            not failed or np.linalg.norm(right - apply(x)) < 0.1 * np.linalg.norm(right)
+            not failed
+            or np.linalg.norm(right - self._apply(matrix, x)) < 0.1 * np.linalg.norm(right)
         )
         return (np.asarray(x) if good else None), counted
+
+
+def _places(groups: list[Ints], block: Ints) -> Ints:
+    """Where each entry (i, a, j, b) of the groups' matrices goes among the blocks' entries."""
+    three, start, places = np.arange(3), 0, []
+    for group in groups:
+        m, k = group.shape
+        of = block[start : start + m * k * k].reshape(m, k, 1, k, 1)
+        start += m * k * k
+        places.append((9 * of + 3 * three[:, None, None] + three).astype(np.int32).ravel())
+    return np.concatenate(places)

@@ -18,7 +18,8 @@ from sim_backend.fem.solid.forces import (
     smallest_volume_ratio,
     unit_pressure,
 )
-from sim_backend.fem.solid.linear import LinearSolver, Singular
+from sim_backend.fem.solid.fronts import Singular
+from sim_backend.fem.solid.linear import LinearSolver
 
 MAX_ITERATIONS = 25
 MIN_STEP = 1 / 64
@@ -41,6 +42,7 @@ class SolidSolution:
     multiplier: Array
     force_n: float
     iterations: int
+    stable: bool | None = None
 
 
 def unloaded(body: Body) -> SolidSolution:
@@ -50,10 +52,10 @@ def unloaded(body: Body) -> SolidSolution:
 
 
 def continuation(
-    body: Body, start: SolidSolution, loads: Iterable[Load]
+    body: Body, solver: LinearSolver, start: SolidSolution, loads: Iterable[Load]
 ) -> Iterator[SolidSolution]:
     """Solve ``loads`` one after another, each from the one before. Raises `CannotSolve`."""
-    solver, now = body.solver(), start
+    now = start
     for load in loads:
         now = _advance(body, solver, now, load)
         yield now
@@ -110,11 +112,10 @@ def equilibrium(
             return SolidSolution(load, u, multiplier, force, iteration)
         spring = np.where(active, penalty * gap, 0.0)
         residual += gather(body.size, body.contact_dofs, spring[:, None] * normal)
+        # the normal turns with the multiplier alone: what springs of a wide gap would add to that
+        # is far more than any contact, and makes the tangent indefinite
+        blocks.append(_contact_blocks(body, active, multiplier, normal, hessian))
         multiplier = multiplier - spring
-        blocks.append(
-            np.where(active, penalty, 0.0)[:, None, None] * normal[:, :, None] * normal[:, None, :]
-            - multiplier[:, None, None] * hessian
-        )
         try:
             change = solver.solve(solver.matrix(blocks), -residual).reshape(-1, 3)
         except Singular:
@@ -125,6 +126,34 @@ def equilibrium(
         multiplier = np.where(active, multiplier - penalty * closing, 0.0)
         before = active
     raise NotConverged(f"Newton's method did not converge within {MAX_ITERATIONS} steps")
+
+
+def is_stable(body: Body, solver: LinearSolver, solution: SolidSolution) -> bool | None:
+    """Whether the tangent has no negative eigenvalue, contact held as it is: True where all pivots
+    are positive, False where a displacement is found that releases energy, None where neither."""
+    finger = body.finger.lowered_by(solution.load.depth_m)
+    place = body.wedges.nodes + solution.displacement
+    _, normal, hessian = finger.gap(place[body.surface])
+    _, blocks = _body_forces(body, solution.displacement, solution.load.pressure_pa, None)
+    blocks.append(
+        _contact_blocks(body, solution.multiplier > 0, solution.multiplier, normal, hessian)
+    )
+    try:
+        lowest = solver.lowest_curvature(solver.matrix(blocks))
+    except Singular:
+        return None
+    return None if lowest is None else lowest > 0
+
+
+def _contact_blocks(
+    body: Body, active: Bools, multiplier: Array, normal: Array, hessian: Array
+) -> Array:
+    """Springs (s, 3, 3) of the ``active`` nodes (s,), and their normals' turning."""
+    penalty = PENALTY * body.tissue_pa * body.contact_m
+    springs = np.where(active, penalty, 0.0)[:, None, None]
+    return np.asarray(
+        springs * normal[:, :, None] * normal[:, None, :] - multiplier[:, None, None] * hessian
+    )
 
 
 def _first_active(gap: Array, multiplier: Array) -> Bools:

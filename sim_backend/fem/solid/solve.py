@@ -1,11 +1,20 @@
 """A press into a solid at finite strain, from the scene to its solutions."""
 
 from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 
-from sim_backend.fem.newton import Load
+from sim_backend.fem.newton import Load, NotConverged
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.build import build_body
-from sim_backend.fem.solid.newton import SolidSolution, continuation, unloaded
+from sim_backend.fem.solid.mesh_transfer import carried
+from sim_backend.fem.solid.newton import (
+    SolidSolution,
+    continuation,
+    equilibrium,
+    is_stable,
+    unloaded,
+)
 from sim_backend.scene.scene_file import Scene
 
 SolvedSolid = tuple[Body, list[SolidSolution]]
@@ -23,18 +32,36 @@ def solve_solid(
     *,
     z_m: float = 0.0,
     tilt_deg: float = 0.0,
+    coarser: SolvedSolid | None = None,
 ) -> SolvedSolid:
     """One solution per lumen pressure, ``depth_m`` deep at (``x_m``, ``z_m``).
 
     The press comes first and the pressures in turn: the answer does not depend on the order, since
-    nothing slides with friction. Raises `CannotSolve`.
+    nothing slides with friction. With what was solved on a ``coarser`` mesh the way down need not
+    be gone again. Raises `CannotSolve`.
     """
     body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, z_m=z_m, tilt_deg=tilt_deg)
+    solver = body.solver()
     first = pressures_pa[0] if body.lumens else 0.0
-    steps = max(1, round((depth_m - FIRST_M) / STEP_M))
-    later = [FIRST_M + (depth_m - FIRST_M) * (k + 1) / steps for k in range(steps)]
-    depths = [FIRST_M, *later] if depth_m > 1.5 * FIRST_M else [depth_m]
-    ramp = [Load(d, first) for d in depths]
     rest = [Load(depth_m, p) for p in pressures_pa[1:]]
-    solutions = list(continuation(body, unloaded(body), [*ramp, *rest]))
-    return body, solutions[-len(pressures_pa) :]
+    solutions: list[SolidSolution] = []
+    if coarser is not None:
+        with suppress(NotConverged):
+            # displacements between a coarser mesh's nodes do not keep volumes: one such start is
+            # enough, and pressures are followed from there
+            guess = carried(coarser[0], coarser[1][0], body)
+            found = equilibrium(body, solver, guess, Load(depth_m, first))
+            solutions = [found, *continuation(body, solver, found, rest)]
+    if not solutions:
+        ramp = [Load(d, first) for d in _depths(depth_m)]
+        found_all = list(continuation(body, solver, unloaded(body), [*ramp, *rest]))
+        solutions = found_all[-len(pressures_pa) :]
+    return body, [replace(one, stable=is_stable(body, solver, one)) for one in solutions]
+
+
+def _depths(depth_m: float) -> list[float]:
+    """The way down."""
+    if depth_m <= 1.5 * FIRST_M:
+        return [depth_m]
+    steps = max(1, round((depth_m - FIRST_M) / STEP_M))
+    return [FIRST_M + (depth_m - FIRST_M) * k / steps for k in range(steps + 1)]

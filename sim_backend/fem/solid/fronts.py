@@ -1,0 +1,179 @@
+"""Factors of a symmetric matrix of 3 x 3 blocks, front by front (Duff and Reid 1983).
+
+Each front is a dense matrix in single precision: the factors precondition a Krylov method in double
+precision. A front whose pivots are not positive is factorised by its eigenvalues; their signs
+add up to the number of the matrix' negative eigenvalues (Haynsworth 1968).
+"""
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import eigh
+from scipy.linalg.blas import ssyrk, strsm, strsv
+from scipy.linalg.lapack import spotrf
+from scipy.sparse import bsr_matrix
+
+from sim_backend.arrays import Array, Ints
+from sim_backend.fem.solid.dissection import Front
+
+Singles = NDArray[np.float32]
+SMALLEST = 1e-7
+"""A pivot's eigenvalue below this share of the largest is zero: single precision ends there."""
+
+
+class Singular(Exception):
+    """The tangent has no inverse."""
+
+
+@dataclass(frozen=True)
+class _Pivots:
+    """One front's pivots A = T^-T S T^-1 and T^T B (p, b), B what couples them to the border.
+
+    T is ``root`` (p, p), or where ``signs`` S (p,) is None the inverse of ``root``, upper
+    triangular; S is then one.
+    """
+
+    root: Singles
+    signs: Singles | None
+    coupled: Singles
+
+    def down(self, right: Singles) -> Singles:
+        """S T^T ``right`` (p,)."""
+        if self.signs is None:
+            return np.asarray(strsv(self.root, right, trans=1))
+        return np.asarray(self.signs * (right @ self.root))
+
+    def up(self, left: Singles, border: Singles) -> Singles:
+        """T (``left`` - S T^T B ``border``)."""
+        if self.signs is None:
+            return np.asarray(strsv(self.root, left - self.coupled @ border))
+        return np.asarray(self.root @ (left - self.signs * (self.coupled @ border)))
+
+
+class Factors:
+    """Of the symmetric matrix whose upper blocks ``matrix`` holds, in elimination order.
+
+    ``negative`` counts its negative eigenvalues. Raises `Singular`.
+    """
+
+    def __init__(self, plan: "Plan", matrix: bsr_matrix) -> None:
+        self._plan, self._pivots = plan, []
+        self.negative = 0
+        updates: dict[int, Singles] = {}
+        for n, (front, scatter) in enumerate(zip(plan.fronts, plan.scatters, strict=True)):
+            count, beyond = 3 * (front.last - front.first), 3 * len(front.border)
+            top = np.zeros((count, count + beyond), dtype=np.float32, order="F")
+            blocks = matrix.data[scatter.low : scatter.high][scatter.kept]
+            top.ravel(order="F")[scatter.places] = blocks.ravel()
+            rest = np.zeros((beyond, beyond), dtype=np.float32, order="F")
+            for child, runs in zip(front.children, scatter.children, strict=True):
+                _extend(top, rest, updates.pop(child), runs)
+            pivots = _eliminate(top, rest)
+            self._pivots.append(pivots)
+            updates[n] = rest
+            if pivots.signs is not None:
+                self.negative += int((pivots.signs < 0).sum())
+
+    def solve(self, right: Array) -> Array:
+        """(n,) for ``right`` (n,), to single precision."""
+        x = right.astype(np.float32)
+        steps = list(zip(self._plan.spans, self._plan.borders, self._pivots, strict=True))
+        for span, border, pivots in steps:
+            x[span] = pivots.down(x[span])
+            x[border] -= x[span] @ pivots.coupled
+        for span, border, pivots in reversed(steps):
+            x[span] = pivots.up(x[span], x[border])
+        return x.astype(np.float64)
+
+
+Run = tuple[slice, slice, bool]
+"""Where neighbours of a child's border lie in the child, and in the front's pivots or its rest."""
+
+
+@dataclass(frozen=True)
+class _Scatter:
+    """Blocks ``low`` to ``high`` of the matrix belong to a front, ``kept`` (k,) of them at
+    ``places`` (9k,) of its pivots' rows."""
+
+    low: int
+    high: int
+    kept: Ints
+    places: Ints
+    children: tuple[list[Run], ...]
+
+
+class Plan:
+    """Where the blocks of all matrices with one pattern (``starts``, ``columns``) go."""
+
+    def __init__(self, fronts: list[Front], starts: Ints, columns: Ints) -> None:
+        self.fronts = fronts
+        self.scatters = [_scatter(front, fronts, starts, columns) for front in fronts]
+        self.spans = [slice(3 * front.first, 3 * front.last) for front in fronts]
+        self.borders = [(3 * front.border[:, None] + np.arange(3)).ravel() for front in fronts]
+
+
+def _scatter(front: Front, fronts: list[Front], starts: Ints, columns: Ints) -> _Scatter:
+    low, high = int(starts[front.first]), int(starts[front.last])
+    pivots = np.arange(front.first, front.last)
+    nodes = np.concatenate([pivots, front.border])
+    rows = np.repeat(pivots - front.first, np.diff(starts[front.first : front.last + 1]))
+    kept = np.flatnonzero(columns[low:high] >= front.first)
+    row, column = rows[kept], np.searchsorted(nodes, columns[low:high][kept])
+    three, height = np.arange(3), 3 * len(pivots)
+    across = height * (3 * column[:, None, None] + three)
+    places = 3 * row[:, None, None] + three[:, None] + across
+    runs = tuple(
+        _runs(np.searchsorted(nodes, fronts[child].border), len(pivots)) for child in front.children
+    )
+    return _Scatter(low, high, kept, places.ravel(), runs)
+
+
+def _runs(at: Ints, pivots: int) -> list[Run]:
+    """Stretches of a child's border whose places ``at`` in the front follow one another."""
+    breaks = (np.diff(at) != 1) | (at[1:] == pivots)
+    ends = [0, *(np.flatnonzero(breaks) + 1).tolist(), len(at)]
+    runs = []
+    for start, end in pairwise(ends):
+        into = int(at[start]) if at[start] < pivots else int(at[start]) - pivots
+        places = slice(3 * into, 3 * (into + end - start))
+        runs.append((slice(3 * start, 3 * end), places, bool(at[start] < pivots)))
+    return runs
+
+
+def _extend(top: Singles, rest: Singles, update: Singles, runs: list[Run]) -> None:
+    """Add the upper half of a child's ``update``."""
+    over = top[:, len(top) :]
+    for n, (rows, into_rows, pivot_rows) in enumerate(runs):
+        for columns, into_columns, pivot_columns in runs[n:]:
+            part = (top if pivot_columns else over) if pivot_rows else rest
+            part[into_rows, into_columns] += update[rows, columns]
+
+
+def _eliminate(top: Singles, rest: Singles) -> _Pivots:
+    """The pivots of ``top`` [A, B]; what they leave of the others is taken off ``rest`` (its
+    upper half). All three are overwritten."""
+    count = len(top)
+    block, over = top[:, :count], top[:, count:]
+    root, failed = spotrf(block, clean=0)
+    if failed:
+        return _by_eigenvalues(block, over, rest)
+    if rest.size:
+        over = strsm(1.0, root, over, trans_a=1, overwrite_b=1)
+        ssyrk(-1.0, over, beta=1.0, c=rest, trans=1, overwrite_c=1)
+    return _Pivots(root, None, over)
+
+
+def _by_eigenvalues(block: Singles, over: Singles, rest: Singles) -> _Pivots:
+    whole = np.triu(block) + np.triu(block, 1).T
+    if not np.isfinite(whole).all():
+        raise Singular
+    value, vector = eigh(whole, check_finite=False)
+    if np.abs(value).min() <= SMALLEST * np.abs(value).max():
+        raise Singular
+    root = np.asfortranarray(vector / np.sqrt(np.abs(value)))
+    signs = np.sign(value)
+    coupled = root.T @ over
+    rest -= (coupled.T * signs) @ coupled
+    return _Pivots(root, signs, coupled)

@@ -1,0 +1,75 @@
+"""Factors of fronts against dense algebra."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_matrix
+
+from sim_backend.arrays import Array, Ints
+from sim_backend.fem.solid import dissection
+from sim_backend.fem.solid.dissection import dissected
+from sim_backend.fem.solid.fronts import Singular
+from sim_backend.fem.solid.linear import LinearSolver
+
+
+@pytest.fixture(autouse=True)
+def small_leaves(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(dissection, "LEAF", 8)
+
+
+def chequer(n: int = 5) -> tuple[Array, Ints]:
+    """Nodes of a grid and its cubes."""
+    at = np.stack(np.meshgrid(*[np.arange(n)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    number = np.arange(n**3).reshape(n, n, n)
+    corners = [number[i : n - 1 + i, j : n - 1 + j, k : n - 1 + k].ravel()
+               for i in (0, 1) for j in (0, 1) for k in (0, 1)]  # fmt: skip
+    return at.astype(float), np.stack(corners, axis=1)
+
+
+def solver_and_blocks(shift: float, held: Ints) -> tuple[LinearSolver, Array]:
+    nodes, cells = chequer()
+    rng = np.random.default_rng(1)
+    part = rng.standard_normal((len(cells), 24, 24))
+    blocks = part @ np.swapaxes(part, 1, 2) - shift * np.eye(24)
+    return LinearSolver(nodes, [cells], held, []), blocks
+
+
+def test_the_order_ends_with_what_parts_the_halves() -> None:
+    nodes, cells = chequer()
+    m = np.repeat(np.arange(len(cells)), 8)
+    belongs = csr_matrix((np.ones(m.size), (cells.ravel(), m)))
+    order, fronts = dissected(nodes, (belongs @ belongs.T).tocsr())
+    assert sorted(order) == list(range(len(nodes)))
+    assert fronts[0].first == 0
+    assert fronts[-1].last == len(nodes)
+    assert len(fronts[-1].border) == 0
+    assert fronts[-1].last - fronts[-1].first == 25  # a plane of the grid
+
+
+@pytest.mark.parametrize("shift", [0.0, 30.0])
+def test_solves_and_counts_as_dense_algebra_does(shift: float) -> None:
+    """With a shift, pivots of some fronts are negative."""
+    held = np.array([0, 4, 100])
+    solver, blocks = solver_and_blocks(shift, held)
+    matrix = solver.matrix([blocks])
+    dense = matrix.toarray()
+    factors = solver.factor(matrix)
+    assert factors.negative == int((np.linalg.eigvalsh(dense) < 0).sum())
+    assert (factors.negative > 0) == (shift > 0)
+    right = np.random.default_rng(2).standard_normal(len(dense))
+    exact = np.linalg.solve(dense, right)
+    off = np.linalg.norm(factors.solve(right) - exact) / np.linalg.norm(exact)
+    assert off < 1e-3
+
+    whole = np.random.default_rng(3).standard_normal(len(dense))
+    found = solver.solve(matrix, whole)
+    np.testing.assert_array_equal(found[held], 0.0)
+    curvature = solver.lowest_curvature(matrix)
+    assert curvature is not None
+    assert (curvature < 0) == (shift > 0)
+
+
+def test_a_loose_part_has_no_inverse() -> None:
+    nodes, cells = chequer()
+    solver = LinearSolver(nodes, [cells], np.array([0]), [])
+    with pytest.raises(Singular):
+        solver.factor(solver.matrix([np.zeros((len(cells), 24, 24))]))
