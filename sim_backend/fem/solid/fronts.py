@@ -83,7 +83,23 @@ class Factors:
         for span, border, pivots in steps:
             x[span] = pivots.down(x[span])
             x[border] -= x[span] @ pivots.coupled
-        for span, border, pivots in reversed(steps):
+        return self._up(x, len(steps))
+
+    def releasing(self) -> Array:
+        """A displacement x (n,) for which x A x is -1, to single precision: the first negative
+        pivot's, with what was eliminated before it following at no force. Raises ValueError where
+        no pivot is negative."""
+        for n, pivots in enumerate(self._pivots):
+            if pivots.signs is not None and (pivots.signs < 0).any():
+                x = np.zeros(self._plan.spans[-1].stop, dtype=np.float32)
+                x[self._plan.spans[n]] = pivots.root[:, np.argmin(pivots.signs)]
+                return self._up(x, n)
+        raise ValueError("no pivot is negative")
+
+    def _up(self, x: Singles, fronts: int) -> Array:
+        """Back substitution through the first ``fronts``, last first."""
+        steps = list(zip(self._plan.spans, self._plan.borders, self._pivots, strict=True))
+        for span, border, pivots in reversed(steps[:fronts]):
             x[span] = pivots.up(x[span], x[border])
         return x.astype(np.float64)
 

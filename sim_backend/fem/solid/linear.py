@@ -16,8 +16,6 @@ RELATIVE = 1e-5
 """How far a Newton step's residual falls: its own error is squared anyway."""
 MOST_STEPS, SLOW_STEPS = 30, 15
 """Krylov steps after which new factors are made at once, and for the next Newton step."""
-INVERSE_ITERATIONS = 12
-"""As in `sim_backend.fem.continuation`."""
 
 
 class LinearSolver:
@@ -99,17 +97,14 @@ class LinearSolver:
         return result
 
     def lowest_curvature(self, matrix: bsr_matrix) -> float | None:
-        """Infinite where all pivots are positive; else x A x of a unit displacement x for which it
-        is negative, by inverse iteration (Golub and Van Loan 2013, sec. 7.6.1), None where none is
-        found: single precision does not tell eigenvalues near zero. Raises `Singular`."""
+        """Infinite where all pivots are positive; else x A x / x x of a displacement x for which it
+        is negative, None where the first negative pivot's is not: single precision does not tell
+        eigenvalues near zero. Raises `Singular`."""
         factors = self.factor(matrix)
         if not factors.negative:
             return float("inf")
-        x = np.random.default_rng(0).standard_normal(matrix.shape[0])
-        for _ in range(INVERSE_ITERATIONS):
-            x = factors.solve(x / np.linalg.norm(x))
-        x /= np.linalg.norm(x)
-        curvature = float(x @ self._apply(matrix, x))
+        x = factors.releasing()
+        curvature = float(x @ self._apply(matrix, x)) / float(x @ x)
         return curvature if curvature < 0 else None
 
     def _apply(self, matrix: bsr_matrix, x: Array) -> Array:
