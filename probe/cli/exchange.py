@@ -7,6 +7,7 @@ import typer
 
 from probe.cli.arguments import RunFiles, export_formats
 from probe.cli.say import Json, answer, answer_json, inform
+from probe.cli.several import of_each
 
 
 def register(app: typer.Typer) -> None:
@@ -37,15 +38,17 @@ def export_run(
     if unknown := [name for name in formats if name not in WRITERS]:
         allowed = ", ".join(WRITERS)
         raise typer.BadParameter(f"--to {to}: {unknown[0]!r} is not known; allowed: {allowed}")
-    written: list[dict[str, Any]] = [
-        {"run": run, "files": export(run, formats, out or run.parent)} for run in runs
-    ]
+
+    def write(run: Path) -> dict[str, Any]:
+        files = export(run, formats, out or run.parent)
+        for file in () if json else files:
+            answer(str(file))
+        return {"run": run, "files": files}
+
+    written, status = of_each(runs, write)
     if json:
         answer_json(written[0] if len(written) == 1 else {"runs": written})
-        return
-    for one in written:
-        for file in one["files"]:
-            answer(str(file))
+    raise typer.Exit(status)
 
 
 def import_run(

@@ -7,7 +7,10 @@ from typing import Annotated, Any
 
 import typer
 
+from probe.cli.arguments import RunFiles
 from probe.cli.say import Json, answer, answer_json, plain
+from probe.cli.several import of_each
+from probe.core.finding_words import assumption, headline, object_line, percent
 
 MAX_LINES = 40
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
@@ -20,7 +23,7 @@ def register(app: typer.Typer) -> None:
 
 
 def detect(
-    run: RunFile,
+    runs: RunFiles,
     false_alarm: Annotated[
         float, typer.Option(help="Allowed chance of a finding where nothing lies.")
     ] = 0.01,
@@ -35,15 +38,22 @@ def detect(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Say what lies beneath, and where, from a stored run."""
+    """Say what lies beneath, and where, from stored runs; a torn one stops no other."""
     from probe.storage.run import open_run
 
-    began_s = time.perf_counter()
-    found = finding_json(run, open_run(run).recording(), began_s, false_alarm, ask)
+    def look(run: Path) -> dict[str, Any]:
+        began_s = time.perf_counter()
+        one = finding_json(run, open_run(run).recording(), began_s, false_alarm, ask)
+        if not json:
+            if len(runs) > 1:
+                answer(f"\n{run}")
+            show_finding(one)
+        return one
+
+    found, status = of_each(runs, look)
     if json:
-        answer_json(found)
-    else:
-        show_finding(found)
+        answer_json(found[0] if len(runs) == 1 else {"runs": found})
+    raise typer.Exit(status)
 
 
 def compare(
@@ -64,7 +74,7 @@ def compare(
         f"{name} {found[key]:.3g}" if found[key] is not None else f"{name} unknown"
         for name, key in (("peak A/B", "peak_ratio"), ("pulse A/B", "pulse_ratio"))
     )
-    answer(f"diseased: {found['diseased']} ({ratios}; confidence {_percent(found['confidence'])})")
+    answer(f"diseased: {found['diseased']} ({ratios}; confidence {percent(found['confidence'])})")
 
 
 def finding_json(
@@ -104,37 +114,9 @@ def show_finding(found: Mapping[str, Any]) -> None:
     if found.get("heart_rate_bpm"):
         low, high = found["heart_rate_ci_bpm"]
         answer(f"  heart rate {found['heart_rate_bpm']:.0f} /min (95 %: {low:.0f} to {high:.0f})")
-    if found.get("reason"):
-        answer(f"  {found['reason']}")
-
-
-def headline(found: Mapping[str, Any]) -> str:
-    """The finding in a few words: all objects by name, and what could not be seen."""
-    if found["finding"] == "cannot see":
-        return (
-            f"cannot see: a pulse of {found['asked_pa']:.2g} Pa was asked for, "
-            f"{found['needed_pa']:.2g} Pa would have been needed"
-        )
-    kinds = [one["kind"] for one in found["objects"]]
-    if len(kinds) < 2:
-        return str(found["finding"])
-    counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
-    return " and ".join(f"{n} x {kind}" if n > 1 else kind for kind, n in counts.items())
-
-
-def object_line(one: Mapping[str, Any]) -> str:
-    """One object with what is known of it; what is not known is not mentioned."""
-    parts = [str(one["kind"])]
-    if one["position_mm"] is not None:
-        parts[0] += f" at x = {one['position_mm']:.2f} mm"
-    if one.get("position_ci_mm"):
-        low, high = one["position_ci_mm"]
-        parts[0] += f" (95 %: {low:.2f} to {high:.2f})"
-    for name, key in (("peak", "peak_pa"), ("pulse", "pulse_pa")):
-        if one[key] is not None:
-            parts.append(f"{name} {float(f'{one[key]:.3g}'):.10g} Pa")
-    parts.append(f"confidence {_percent(one['confidence'])}")
-    return ", ".join(parts)
+    for line in (found.get("reason"), assumption(found)):
+        if line:
+            answer(f"  {line}")
 
 
 def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
@@ -157,10 +139,3 @@ def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
 
 def _number(value: float | None, form: str) -> str:
     return "-" if value is None else format(value, form)
-
-
-def _percent(value: float | None) -> str:
-    """A probability, never as 0 or 100 %."""
-    if value is None:
-        return "unknown"
-    return f"{min(max(100 * value, 0.1), 99.9):.3g} %"

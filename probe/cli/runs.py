@@ -1,7 +1,7 @@
 """Stored runs: check, export, import, watch, replay and report them."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -9,6 +9,7 @@ from probe.cli.arguments import RunFiles
 from probe.cli.errors import BAD_INPUT
 from probe.cli.finding import RunFile
 from probe.cli.say import Json, answer, answer_json
+from probe.cli.several import of_each
 from probe.cli.windows import need_windows
 
 
@@ -61,36 +62,47 @@ def report(
     """Write one self-contained HTML page and its figures, for each run given."""
     from probe.report import write_report
 
-    written = []
-    for n, run in enumerate(runs):
-        name = f"report-{n + 1}" if anonymous else f"{run.stem}-report"
+    numbers = {run: n + 1 for n, run in enumerate(runs)}
+
+    def write(run: Path) -> dict[str, Any]:
+        name = f"report-{numbers[run]}" if anonymous else f"{run.stem}-report"
         folder = run.with_name(name) if out is None else out / name if len(runs) > 1 else out
-        written.append({"run": run, "report": write_report(run, folder, without_names=anonymous)})
+        page = write_report(run, folder, without_names=anonymous)
+        if not json:
+            answer(f"Report: {page}")
+        return {"run": run, "report": page}
+
+    written, status = of_each(runs, write)
     if json:
         answer_json(written[0] if len(written) == 1 else {"reports": written})
-        return
-    for one in written:
-        answer(f"Report: {one['report']}")
+    raise typer.Exit(status)
 
 
 def verify(runs: RunFiles, json: Json = False) -> None:
     """Check that run files are whole: every sample, checksum, order and label."""
     from probe.storage.verify import verify as check
 
-    checked = [(run, check(run)) for run in runs]
+    def look(run: Path) -> dict[str, Any]:
+        found = check(run)
+        if not json:
+            _show_check(run, found)
+        return {"run": run, **found.as_json()}
+
+    found, status = of_each(runs, look)
     if json:
-        findings = [{"run": run, **found.as_json()} for run, found in checked]
-        answer_json(findings[0] if len(findings) == 1 else {"runs": findings})
-    for run, found in () if json else checked:
-        for problem in found.problems:
-            answer(f"PROBLEM  {problem}")
-        samples = ", ".join(f"{n} of {device}" for device, n in found.samples.items())
-        answer(
-            f"{run}: {found.events} events, {found.stations_complete} of "
-            f"{found.stations_planned} stations complete, samples: {samples}"
-        )
-        for device, lost in found.lost.items():
-            if lost:
-                answer(f"{device}: {lost} samples are known to be lost")
-        answer("The file is sound." if found.ok else "The file is damaged.")
-    raise typer.Exit(0 if all(found.ok for _, found in checked) else BAD_INPUT)
+        answer_json(found[0] if len(found) == 1 else {"runs": found})
+    raise typer.Exit(status if all(one.get("ok") for one in found) else BAD_INPUT)
+
+
+def _show_check(run: Path, found: Any) -> None:
+    for problem in found.problems:
+        answer(f"PROBLEM  {problem}")
+    samples = ", ".join(f"{n} of {device}" for device, n in found.samples.items())
+    answer(
+        f"{run}: {found.events} events, {found.stations_complete} of "
+        f"{found.stations_planned} stations complete, samples: {samples}"
+    )
+    for device, lost in found.lost.items():
+        if lost:
+            answer(f"{device}: {lost} samples are known to be lost")
+    answer("The file is sound." if found.ok else "The file is damaged.")

@@ -86,11 +86,12 @@ def press(
 
 def describe_press(found: dict[str, Any]) -> list[str]:
     """A press in lines, from its JSON: what was solved and why, each state, the pulse."""
-    strain = " strain" if found["model"].startswith(("finite", "small")) else ""
+    model, comma, left_out = found["model"].partition(",")
+    strain = " strain" if model in ("finite", "small") else ""
     lines = [
         f"{found['scene']}, x = {found['x_mm']:g} mm, {found['depth_mm']:g} mm deep",
-        f"  {found['model']}{strain}, {found['element']} elements, {found['dofs']} degrees of "
-        f"freedom, {found['seconds']:.2f} s, error about {found['error_estimate_pct']:.2g} %",
+        f"  {model}{strain}{comma}{left_out}, {found['element']} elements, {found['dofs']} degrees "
+        f"of freedom, {found['seconds']:.2f} s, error about {found['error_estimate_pct']:.2g} %",
         f"  why: {found['why']}",
     ]
     for state in found["states"]:

@@ -9,6 +9,7 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from probe.acquisition.remote import NotRunning
 from probe.core.events import Finish, Phase
+from probe.core.finding_words import assumption, headline, object_line
 from probe.gui.state import ViewState
 from probe.report.look import GREEN, ORANGE, simulated_words
 
@@ -102,10 +103,8 @@ class SidePanel(QWidget):
             self.fault.setText(f"{faults[-1].device}: {faults[-1].text}")
         elif failed:
             self.fault.setText(state.reason)
-        self.finding.setText(f"Finding: {finding['finding']}" if finding else "Finding: none yet")
-        self.objects.setText(
-            "\n".join(object_line(o) for o in finding["objects"]) if finding else ""
-        )
+        self.finding.setText(f"Finding: {headline(finding)}" if finding else "Finding: none yet")
+        self.objects.setText("\n".join(_details(finding)) if finding else "")
         self.progress.setText(progress_line(state))
         rows = (
             f"<span style='color:{GREEN if s in ('ok', 'closed') else ORANGE}'>&#9679;</span> "
@@ -124,13 +123,10 @@ class SidePanel(QWidget):
             )
 
 
-def object_line(one: Mapping[str, Any]) -> str:
-    """An object with its place and interval, as a person says it."""
-    place, interval = one.get("position_mm"), one.get("position_ci_mm")
-    where = "place unknown"
-    if place is not None and interval:
-        where = f"at {place:.1f} mm ({interval[0]:.1f} to {interval[1]:.1f} mm)"
-    return f"{one['kind']} {where}, confidence {100 * one['confidence']:.0f} %"
+def _details(finding: Mapping[str, Any]) -> list[str]:
+    """Each object, and what the finding rests on."""
+    lines = [object_line(one) for one in finding["objects"]]
+    return lines + [line for line in (finding.get("reason"), assumption(finding)) if line]
 
 
 def progress_line(state: ViewState) -> str:

@@ -156,8 +156,8 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
     for one in finding["objects"]:
         if one.get("position_mm") is None:
             continue
-        low, high = one["position_ci_mm"]
-        axes.axvspan(low, high, color=GREEN, alpha=0.25, lw=0)
+        if one["position_ci_mm"]:  # one station gives a place without an interval
+            axes.axvspan(*one["position_ci_mm"], color=GREEN, alpha=0.25, lw=0)
         axes.axvline(one["position_mm"], color=GREEN, lw=1, ls="--")
         axes.annotate(
             f"{one['kind']}\n{one['position_mm']:.1f} mm",

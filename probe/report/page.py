@@ -9,6 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from drivers import Channel
+from probe.core.finding_words import assumption, headline, percent
 from probe.report.look import BLUE, INK, simulated_words
 
 if TYPE_CHECKING:
@@ -51,7 +52,10 @@ def page(
             f"<p class='bad' role='note'>This run was {escape(finding['finish'])}: it shows only "
             "the stations that were complete.</p>"
         )
-    parts.append(f"<p class='finding'>Finding: {escape(finding['finding'])}</p>")
+    parts.append(f"<p class='finding'>Finding: {escape(headline(finding))}</p>")
+    parts += [
+        f"<p>{escape(line)}</p>" for line in (finding.get("reason"), assumption(finding)) if line
+    ]
     parts.append(_objects(finding["objects"]))
     parts.append(_heart_rate(finding))
     parts += [f"<p class='bad' role='note'>{escape(text)}</p>" for text in remarks]
@@ -96,7 +100,7 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
                 "unknown" if not interval else f"{interval[0]:.2f} to {interval[1]:.2f}",
                 _pascal(one["peak_pa"]),
                 _pascal(one["pulse_pa"]),
-                _percent(one["confidence"]),
+                percent(one["confidence"]),
             )
         )
     head = ("object", "x [mm]", "interval [mm]", "peak [Pa]", "pulse [Pa]", "confidence")
@@ -144,11 +148,6 @@ def _number(value: float | None, form: str) -> str:
 def _pascal(value: float | None) -> str:
     """Whole pascals where there are a hundred or more, else one decimal."""
     return _number(value, ".0f" if value is not None and abs(value) >= 100 else ".1f")
-
-
-def _percent(value: float | None) -> str:
-    """A probability is never certain."""
-    return "unknown" if value is None else f"{100 * min(value, 0.999):.1f} %"
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -65,3 +65,34 @@ def test_a_note_needs_a_value(palpate: Any, folder: Path) -> None:
 def test_labels_are_in_the_run(folder: Path) -> None:
     (path,) = folder.glob("TIHA*.run")
     assert open_run(path).config["labels"] == {"operator": "Ann", "gel": "yes"}
+
+
+@pytest.mark.parametrize(
+    ("command", "key"),
+    [
+        (("detect",), "finding"),
+        (("verify",), "ok"),
+        (("export", "--to", "csv"), "files"),
+        (("report",), "report"),
+    ],
+)
+def test_a_torn_run_stops_no_other(
+    palpate: Any, folder: Path, tmp_path: Path, command: tuple[str, ...], key: str
+) -> None:
+    """As a shell's `runs/*.run` gives them: the torn one is said, the others are answered."""
+    runs = sorted(folder.rglob("*.run"), key=lambda run: run.name != "torn.run")
+    assert runs[0].name == "torn.run"
+    out = ("--out", tmp_path) if command[0] in ("export", "report") else ()
+    outcome = palpate(*command, *runs, *out, "--json")
+    assert outcome.status == 2
+    told = outcome.json["reports" if command[0] == "report" else "runs"]
+    assert [Path(one["run"]).name for one in told] == [run.name for run in runs]
+    assert [key in one and "error" not in one for one in told] == [
+        command[0] == "verify" and "error" not in told[0],
+        True,
+        True,
+    ]
+    said = palpate(*command, *runs, *out)
+    assert said.status == 2
+    assert "torn.run" in said.err + said.out
+    assert all(run.stem in said.out for run in runs[1:])

@@ -1,0 +1,28 @@
+"""One command over several runs: one that cannot be read stops no other."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from probe.cli.errors import BAD_INPUT, status_of
+from probe.cli.say import inform
+
+Work = Callable[[Path], Mapping[str, Any]]
+
+
+def of_each(runs: Sequence[Path], work: Work) -> tuple[list[dict[str, Any]], int]:
+    """What ``work`` made of each run, ``run`` and ``error`` where it cannot be read, and the
+    exit status. A single run's error is raised, and so is any error that lies with no run."""
+    found: list[dict[str, Any]] = []
+    worst = 0
+    for run in runs:
+        try:
+            found.append(dict(work(run)))
+        except Exception as error:
+            status, text = status_of(error)
+            if len(runs) == 1 or status != BAD_INPUT:
+                raise
+            worst = status
+            inform(text)
+            found.append({"run": run, "error": text})
+    return found, worst

@@ -1,0 +1,56 @@
+"""A finding in a person's words: the same in the terminal, in windows and on the page."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def headline(found: Mapping[str, Any]) -> str:
+    """The finding in a few words: all objects by name, and what could not be seen."""
+    if found["finding"] == "cannot see":
+        return (
+            f"cannot see: a pulse of {_pascal(found['asked_pa'], 2)} was asked for, "
+            f"{_pascal(found['needed_pa'], 2)} would have been needed"
+        )
+    kinds = [one["kind"] for one in found["objects"]]
+    if len(kinds) < 2:
+        return str(found["finding"])
+    counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
+    return " and ".join(f"{n} x {kind}" if n > 1 else kind for kind, n in counts.items())
+
+
+def object_line(one: Mapping[str, Any]) -> str:
+    """One object with what is known of it; what is not known is not mentioned."""
+    parts = [str(one["kind"])]
+    if one["position_mm"] is not None:
+        parts[0] += f" at x = {one['position_mm']:.2f} mm"
+    if one.get("position_ci_mm"):
+        low, high = one["position_ci_mm"]
+        parts[0] += f" (95 %: {low:.2f} to {high:.2f})"
+    for name, key in (("peak", "peak_pa"), ("pulse", "pulse_pa")):
+        if one.get(key) is not None:
+            parts.append(f"{name} {_pascal(one[key], 3)}")
+    parts.append(f"confidence {percent(one['confidence'])}")
+    return ", ".join(parts)
+
+
+def _pascal(value: float | None, digits: int) -> str:
+    """To ``digits`` significant digits, never with an exponent."""
+    return "an unknown one" if value is None else f"{float(f'{value:.{digits}g}'):.10g} Pa"
+
+
+def percent(value: float | None) -> str:
+    """A probability, never as 0 or 100 %."""
+    if value is None:
+        return "unknown"
+    return f"{min(max(100 * value, 0.1), 99.9):.3g} %"
+
+
+def assumption(found: Mapping[str, Any]) -> str:
+    """What was assumed of several objects; empty for fewer than two."""
+    if len(found["objects"]) < 2:
+        return ""
+    return (
+        "each of several objects was looked for as if it lay alone in wide tissue: near others, or "
+        "near the tissue's edge, places are off by more than their intervals say, and kinds are "
+        "less certain than stated"
+    )

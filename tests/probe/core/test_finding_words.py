@@ -1,0 +1,37 @@
+"""A finding's words: never certain, never silent about what could not be seen or was assumed."""
+
+import pytest
+
+from probe.core.finding_words import assumption, headline, object_line, percent
+
+
+def thing(kind="artery", **changes):
+    one = {"kind": kind, "position_mm": 20.0, "position_ci_mm": [19.5, 20.5], "peak_pa": 912.4,
+           "pulse_pa": 12540.0, "confidence": 0.9999}  # fmt: skip
+    return one | changes
+
+
+def test_what_could_not_be_seen_is_the_headline():
+    found = {"finding": "cannot see", "objects": [], "asked_pa": 466.0, "needed_pa": 2400.0}
+    assert headline(found) == (
+        "cannot see: a pulse of 470 Pa was asked for, 2400 Pa would have been needed"
+    )
+
+
+def test_several_objects_are_named_and_what_was_assumed_is_said():
+    found = {"finding": "artery", "objects": [thing(), thing("tumour"), thing()]}
+    assert headline(found) == "2 x artery and tumour"
+    assert "as if it lay alone" in assumption(found)
+    assert assumption({"objects": [thing()]}) == ""
+
+
+def test_an_object_without_a_place_has_no_gaps_in_its_line():
+    line = object_line(thing(position_mm=None, position_ci_mm=None, peak_pa=None))
+    assert line == "artery, pulse 12500 Pa, confidence 99.9 %"
+
+
+@pytest.mark.parametrize(
+    ("value", "said"), [(1.0, "99.9 %"), (0.0, "0.1 %"), (0.5, "50 %"), (None, "unknown")]
+)
+def test_nothing_is_certain(value, said):
+    assert percent(value) == said
