@@ -1,5 +1,6 @@
 """From a recording to its finding: presses, rows, objects, and over a grid a vessel's course."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import lone_vessel, pulsing_place
 from probe.detection.map.bumps import MIN_STATIONS
+from probe.detection.map.field_objects import is_field, objects_in_field
 from probe.detection.map.open_row import only_settled
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
@@ -19,6 +21,7 @@ ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
 
 SHOWN_SIGMAS = 5.0
 """Standard deviations of its size above which a pulse shows."""
+UNFINISHED = "the map is not finished: further presses may change this"
 HEALTHY_PULSE_N = 0.0455
 """Pulse of the paper's healthy artery (TIHA), pressed 2.5 mm by a finger 10 mm long, between 80 and
 120 mmHg (`palpate press TIHA --x 32 --depth 2.5 --pressure 80 --pressure 120`)."""
@@ -44,10 +47,15 @@ def detect(
         raise ValueError(f"asked_pa is {asked_pa:g}; it is a pulse in Pa, more than 0")
     rows = recording.rows()
     in_rows = max((len(r) for r in rows), default=0) >= MIN_STATIONS
-    presses = presses_of(recording, false_alarm / 2 if in_rows else false_alarm)
+    mapped = in_rows or is_field(recording.stations, rows)
+    presses = presses_of(recording, false_alarm / 2 if mapped else false_alarm)
     judged = [[i for i in row if presses[i].pulse is not None] for row in rows]
     unfinished = recording.finish != "completed"
-    if max((len(row) for row in judged), default=0) >= MIN_STATIONS:
+    if is_field(recording.stations, judged):
+        objects = objects_in_field(presses, _moving(presses), false_alarm)
+        if unfinished:
+            objects = [replace(one, kind="undecided", reason=UNFINISHED) for one in objects]
+    elif max((len(row) for row in judged), default=0) >= MIN_STATIONS:
         objects = _in_rows(recording, presses, judged, false_alarm, unfinished)
     elif found := lone_vessel(presses, rows):
         objects = [found]
@@ -60,7 +68,7 @@ def detect(
     kind = _whole(objects, presses, unfinished and len(recording.stations) > 1)
     if kind == "nothing" and needed_pa > asked_pa:
         kind = "cannot see"
-    reason = _reason(kind, objects, presses, (needed_pa, asked_pa), in_rows)
+    reason = _reason(kind, objects, presses, (needed_pa, asked_pa), mapped)
     return Finding(
         kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
         heart_rate(presses),
@@ -78,14 +86,19 @@ def _in_rows(
         if not row:
             continue
         line = line_of(tuple(presses[i] for i in row))
-        pulsing = [presses[i] for i in row if presses[i].pulsing]
-        asked = [p.cause.pulse for p in pulsing if p.cause is not None]
-        sure = max(asked, default=stated(1.0)) if pulsing else None
-        objects = objects_in(line, sure, false_alarm / len(rows))
+        moving = _moving(presses[i] for i in row)
+        objects = objects_in(line, moving, false_alarm / len(rows))
         if unfinished and last in row:
             objects = only_settled(objects, line, presses[last].station.x_m)
         found.append((recording.stations[row[0]].y_m, objects))
     return across_rows(found, _pitch_m(recording))
+
+
+def _moving(presses: Iterable[Press]) -> float | None:
+    """Posterior probability that what moves in them is a pulse, None where nothing does."""
+    pulsing = [p for p in presses if p.pulsing]
+    asked = [p.cause.pulse for p in pulsing if p.cause is not None]
+    return max(asked, default=stated(1.0)) if pulsing else None
 
 
 def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
@@ -133,7 +146,7 @@ def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished:
 
 def _reason(
     kind: Kind, objects: list[ObjectFinding], presses: tuple[Press, ...],
-    bounds_pa: tuple[float, float], in_rows: bool,
+    bounds_pa: tuple[float, float], mapped: bool,
 ) -> str:  # fmt: skip
     """Why, in a sentence; for a finding of nothing, how much could still be hidden."""
     judged = [p for p in presses if p.pulse is not None]
@@ -158,7 +171,7 @@ def _reason(
             "shown: hold for more beats, repeat, or take a quieter sensor or a larger face"
         )
     text = f"no pulse (one of {needed_pa:.2g} Pa would have shown)"
-    if in_rows:
+    if mapped:
         return f"{text}, and no place stiffer or softer than its surroundings"
     return f"{text}; a lump would need a row of {MIN_STATIONS} stations or more to show"
 

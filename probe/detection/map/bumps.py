@@ -139,7 +139,8 @@ def _next(
     drop = (left @ more) ** 2 / np.maximum((more**2).sum(axis=0), 1e-300)
     before, best = float(left @ left), int(np.argmax(drop))
     dof = len(x_m) - base.shape[1] - 3 * len(known)
-    return tried[best], _chance(before, before - float(drop[best]), 3, dof, len(free))
+    left_over = before - float(drop[best])
+    return tried[best], chance(before, left_over, 3, dof, _independent(len(free)))
 
 
 def _next_two(
@@ -153,20 +154,25 @@ def _next_two(
     *_, after = _weighted(x_m, value, sd, base, both)
     places = PLACES_PER_PITCH * len(x_m)
     dof = len(x_m) - base.shape[1] - 3 * len(known)
-    chance = _chance(float(before @ before), float(after @ after), 6, dof,
-                     places**2 // PLACES_PER_PITCH)  # fmt: skip
-    return [first, second], chance
+    both_are = chance(float(before @ before), float(after @ after), 6, dof,
+                      _independent(places**2 // PLACES_PER_PITCH))  # fmt: skip
+    return [first, second], both_are
 
 
-def _chance(before: float, after: float, unknowns: int, dof: int, places: int) -> float:
-    """How often bumps with ``unknowns`` explain as much in a row of nothing, anywhere tried."""
+def chance(before: float, after: float, unknowns: int, dof: int, independent: float) -> float:
+    """How often bumps with ``unknowns`` explain as much in a map of nothing, at any of so many
+    ``independent`` places and widths."""
     # the scatter is what is left, but never less than what the stations themselves have
     left = max(dof - unknowns, 1) + TRUSTED
     scatter = max((after + TRUSTED) / left, 1.0)
     ratio = max(before - after, 0.0) / unknowns / scatter
     one = min(float(f_distribution.sf(ratio, unknowns, left)), 1 - 1e-16)
-    independent = 2 * max(places / PLACES_PER_PITCH, 1.0)
     return float(-np.expm1(independent * np.log1p(-one)))
+
+
+def _independent(places: int) -> float:
+    """Of ``places`` tried, `PLACES_PER_PITCH` to each pitch, with all widths."""
+    return 2 * max(places / PLACES_PER_PITCH, 1.0)
 
 
 def _refined(

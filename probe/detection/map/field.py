@@ -1,0 +1,194 @@
+"""Spots in a map of presses at any places (x, y): what rows are to a grid, without the rows."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.spatial import Delaunay, QhullError, cKDTree
+from scipy.stats import t as t_distribution
+
+from probe.detection.map.bumps import CURVATURE, MIN_DISTANCE, SETTLED, TRUSTED, WIDTHS, chance
+
+Array = NDArray[np.float64]
+
+MIN_PRESSES = 15
+"""Places that can show a spot (four unknowns) apart from a curved background (six)."""
+FINER = 2
+"""Centres that are tried along x or y for each distance between presses."""
+SPOT_UNKNOWNS = 4
+MAX_SPOTS = 4
+NARROW = 2.0
+"""Distances between presses that a map must be wide in both directions, or it is a line."""
+
+
+@dataclass(frozen=True)
+class Spot:
+    """``height`` above the background at ``place_m`` (2,), with the half width of its 95 % interval
+    ``reach_m`` (2,); ``p_value``: chance of one as clear anywhere in a map that has none."""
+
+    place_m: Array
+    reach_m: Array
+    height: float
+    height_sd: float
+    half_width_m: float
+    background: float
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Map:
+    """Presses at ``place_m`` (n, 2), and values (n,) with their standard deviations (n,).
+    ``base`` (n, k) are the columns under the spots with what holds each (k,)."""
+
+    place_m: Array
+    value: Array
+    sd: Array
+    base: Array
+    held: Array
+    spacing_m: float
+
+
+def spacing_m(place_m: Array) -> float:
+    """The usual distance from one press (n, 2) to the next; 0 where all lie on a line."""
+    places = np.unique(np.round(place_m, 6), axis=0)
+    if len(places) < MIN_PRESSES:
+        return 0.0
+    apart = np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]
+    usual = float(np.median(apart))
+    across = np.sqrt(12 * np.linalg.eigvalsh(np.atleast_2d(np.cov(places.T))).min())
+    return usual if across >= NARROW * usual else 0.0
+
+
+def map_of(place_m: Array, value: Array, sd: Array, *, curved: bool = True) -> Map:
+    """A map over a level that is tilted and ``curved``, or else the same everywhere."""
+    widest_m = float((place_m.max(axis=0) - place_m.min(axis=0)).max())
+    u = (place_m - place_m.mean(axis=0)) / widest_m
+    one, x, y = np.ones(len(u)), u[:, 0], u[:, 1]
+    columns = np.column_stack([one, x, y, x * x, x * y, y * y] if curved else [one])
+    held = np.array([0.0, 0.0, 0.0, *[1 / CURVATURE] * 3])[: columns.shape[1]]
+    level = max(float(np.median(value)), 1e-300)
+    return Map(place_m, value, sd, columns, held / level, spacing_m(place_m))
+
+
+def find_spots(seen: Map, false_alarm: float, most: int = MAX_SPOTS) -> list[Spot]:
+    """Up to ``most`` spots, the clearest first."""
+    if seen.spacing_m <= 0:
+        return []
+    centres = _centres(seen)
+    known: list[Array] = []
+    chances: list[float] = []
+    while len(known) < most:
+        apart = [np.hypot(*(centres - k[:2]).T) >= MIN_DISTANCE * seen.spacing_m for k in known]
+        free = centres[np.logical_and.reduce(apart)] if known else centres
+        if not len(free):
+            break
+        tried, spots = _tried(seen, free)
+        _, a, _, left = _weighted(seen, known)
+        more = np.zeros((len(left), len(tried)))
+        more[: len(seen.value)] = spots / seen.sd[:, None]
+        q, _ = np.linalg.qr(a)
+        more -= q @ (q.T @ more)
+        drop = (left @ more) ** 2 / np.maximum((more**2).sum(axis=0), 1e-300)
+        best, before = int(np.argmax(drop)), float(left @ left)
+        dof = len(seen.value) - seen.base.shape[1] - SPOT_UNKNOWNS * len(known)
+        independent = 2 * max(len(free) / FINER**2, 1.0)
+        p_value = chance(before, before - float(drop[best]), SPOT_UNKNOWNS, dof, independent)
+        if p_value > false_alarm or dof <= 2 * SPOT_UNKNOWNS:
+            break
+        known = _refined(seen, [*known, tried[best]])
+        chances.append(p_value)
+    return _spots(seen, known, chances)
+
+
+def spot_at(seen: Map, other: Spot) -> Spot:
+    """Another map's spot in this one, its place and width kept."""
+    (found,) = _spots(seen, [np.append(other.place_m, other.half_width_m)], [1.0])
+    return found
+
+
+def shape(place_m: Array, spot: Array) -> Array:
+    """What a ball makes, as a row's bump is: (n,) for a spot (x, y, half width)."""
+    square = ((place_m - spot[:2]) ** 2).sum(axis=1) / spot[2] ** 2
+    return np.asarray((1 + square / 1.5) ** -1.5)
+
+
+def _tried(seen: Map, centres: Array) -> tuple[Array, Array]:
+    """Spots (m, 3) of all widths at ``centres`` (c, 2), and what they make (n, m)."""
+    width = np.array(WIDTHS) * seen.spacing_m
+    tried = np.column_stack([centres.repeat(len(width), axis=0), np.tile(width, len(centres))])
+    square = ((seen.place_m[:, None] - centres) ** 2).sum(axis=2)[:, :, None] / width**2
+    return tried, ((1 + square / 1.5) ** -1.5).reshape(len(square), -1)
+
+
+def _centres(seen: Map) -> Array:
+    """Places to try: a grid within the presses' hull."""
+    low, high = seen.place_m.min(axis=0), seen.place_m.max(axis=0)
+    axes = [np.arange(a, b, seen.spacing_m / FINER) for a, b in zip(low, high, strict=True)]
+    grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+    try:
+        inside = Delaunay(seen.place_m).find_simplex(grid) >= 0
+    except QhullError:
+        return grid[:0]
+    return grid[inside]
+
+
+def _weighted(seen: Map, known: list[Array]) -> tuple[Array, Array, Array, Array]:
+    """Columns, and weighted with what holds them: columns, values, residual."""
+    columns = np.column_stack([seen.base, *(shape(seen.place_m, one) for one in known)])
+    prior = np.diag(np.append(seen.held, np.zeros(len(known))))
+    a = np.vstack([columns / seen.sd[:, None], prior])
+    b = np.append(seen.value / seen.sd, np.zeros(len(prior)))
+    q, _ = np.linalg.qr(a)
+    return columns, a, b, b - q @ (q.T @ b)
+
+
+def _refined(seen: Map, known: list[Array]) -> list[Array]:
+    """Places and widths of all spots together, by least squares."""
+    unit = seen.spacing_m
+
+    def spots(p: Array) -> list[Array]:
+        return [np.append(one[:2], unit * np.exp(one[2])) for one in p.reshape(-1, 3)]
+
+    def residual(p: Array) -> Array:
+        return _weighted(seen, spots(p))[3][: len(seen.value)]
+
+    start = np.concatenate([np.append(k[:2], np.log(k[2] / unit)) for k in known])
+    low = np.tile(np.append(seen.place_m.min(axis=0), np.log(0.45)), len(known))
+    high = np.tile(np.append(seen.place_m.max(axis=0), np.log(4.0)), len(known))
+    found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high),
+                          x_scale=np.tile([unit, unit, 0.3], len(known)),
+                          xtol=SETTLED, ftol=SETTLED**2)  # fmt: skip
+    return spots(found.x)
+
+
+def _spots(seen: Map, known: list[Array], chances: list[float]) -> list[Spot]:
+    """The spots with their doubts, from the fit's Jacobian."""
+    if not known:
+        return []
+    columns, a, b, left = _weighted(seen, known)
+    k = seen.base.shape[1]
+    coefficients = np.linalg.lstsq(a, b, rcond=None)[0]
+    dof = max(len(seen.value) - k - SPOT_UNKNOWNS * len(known), 1)
+    scatter = float(np.sqrt((left @ left + TRUSTED) / (dof + TRUSTED)))
+    slopes = []
+    for spot, height in zip(known, coefficients[k:], strict=True):
+        for i in range(3):
+            step = np.zeros(3)
+            step[i] = 1e-3 * spot[2]
+            rise = shape(seen.place_m, spot + step) - shape(seen.place_m, spot - step)
+            slopes.append(height * rise / 2e-3 / spot[2])
+    jacobian = np.column_stack([columns, *slopes]) / seen.sd[:, None]
+    held = np.zeros((k, jacobian.shape[1]))
+    held[:, :k] = np.diag(seen.held)
+    sd = scatter * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian + held.T @ held)))
+    wide = float(t_distribution.ppf(0.975, dof + TRUSTED))
+    under = columns[:, :k] @ coefficients[:k]
+    found = []
+    for i, (spot, p_value) in enumerate(zip(known, chances, strict=True)):
+        at = k + len(known) + 3 * i
+        nearest = int(np.argmin(((seen.place_m - spot[:2]) ** 2).sum(axis=1)))
+        found.append(Spot(spot[:2], wide * sd[at : at + 2], float(coefficients[k + i]),
+                          float(sd[k + i]), float(spot[2]), float(under[nearest]),
+                          p_value))  # fmt: skip
+    return found

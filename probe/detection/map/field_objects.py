@@ -1,0 +1,107 @@
+"""What lies under presses at any places (x, y): the spots of level and pulse, put together."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from probe.core.recording import Station
+from probe.detection.classify.classifier import Seen, judge
+from probe.detection.finding import ObjectFinding
+from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
+from probe.detection.map.field import Map, Spot, find_spots, map_of, shape, spacing_m, spot_at
+from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE
+from probe.detection.pulse.pooled_evidence import hidden
+from probe.detection.pulse.presses import Press
+
+Array = NDArray[np.float64]
+
+MOST_ASKED = 8
+"""Presses nearest to a spot that are asked for a hidden pulse: farther ones hardly feel it."""
+
+
+def is_field(stations: Sequence[Station], rows: list[list[int]]) -> bool:
+    """Whether the stations in ``rows`` are a map without rows: most lie in none that could show a
+    bump, and together they cover an area."""
+    every = [
+        i for row in rows for i in row if np.isfinite([stations[i].x_m, stations[i].y_m]).all()
+    ]
+    in_rows = sum(len(row) for row in rows if len(row) >= MIN_STATIONS)
+    return 2 * in_rows < len(every) and spacing_m(_places([stations[i] for i in every])) > 0
+
+
+def objects_in_field(
+    presses: tuple[Press, ...], moving: float | None, false_alarm: float
+) -> list[ObjectFinding]:
+    """The objects under a map. ``moving`` is the posterior probability that what moves is a pulse,
+    None where nothing does. Each of the two maps gets half of ``false_alarm``."""
+    judged = [p for p in presses if p.pulse is not None and np.isfinite(p.station.y_m)
+              and np.isfinite(p.station.x_m)]  # fmt: skip
+    place_m = _places([p.station for p in judged])
+    levels = map_of(place_m, np.array([p.level_pa for p in judged]),
+                    np.array([p.level_sd_pa for p in judged]))  # fmt: skip
+    stiff = find_spots(levels, false_alarm / 2)
+    beating = _beating(judged, place_m, false_alarm / 2) if moving is not None else []
+    found = []
+    for spot in stiff:
+        near = min(beating, key=lambda b: _apart(b, spot), default=None)
+        same = near is not None and _apart(near, spot) < MIN_DISTANCE * levels.spacing_m
+        if near is not None and same:
+            beating.remove(near)
+        found.append(_object(spot, spot, judged, levels, moving if same else None))
+    return found + [_object(b, spot_at(levels, b), judged, levels, moving) for b in beating]
+
+
+def _places(stations: list[Station]) -> Array:
+    return np.array([(s.x_m, s.y_m) for s in stations]).reshape(-1, 2)
+
+
+def _apart(one: Spot, other: Spot) -> float:
+    return float(np.hypot(*(one.place_m - other.place_m)))
+
+
+def _beating(judged: list[Press], place_m: Array, false_alarm: float) -> list[Spot]:
+    """Where a map that pulses does: its clear spots, or else the press that pulses most."""
+    pulse = np.array([p.size_pa for p in judged])
+    noise = np.median([p.pulse.size_sd_pa for p in judged if p.pulse is not None])
+    sd = np.full(len(pulse), float(np.hypot(noise, BEAT_SCATTER * pulse.max())))
+    seen = map_of(place_m, pulse, sd, curved=False)
+    if found := [spot for spot in find_spots(seen, false_alarm) if spot.height > 0]:
+        return found
+    reach = np.full(2, seen.spacing_m)
+    return [Spot(place_m[int(np.argmax(pulse))], reach, float(pulse.max()), float(sd[0]),
+                 seen.spacing_m, 0.0, 1.0)]  # fmt: skip
+
+
+def _object(
+    spot: Spot, level: Spot, judged: list[Press], levels: Map, moving: float | None
+) -> ObjectFinding:
+    """An object at ``spot``; ``level`` is its spot in the level map."""
+    off = np.hypot(*(levels.place_m - spot.place_m).T)
+    nearest = judged[int(np.argmin(off))]
+    assert nearest.pulse is not None
+    ground, whole = max(level.background, 1e-9), max(nearest.level_pa, 1e-9)
+    contrast, contrast_sd = level.height / ground, level.height_sd / ground
+    pulse, pulse_sd = nearest.size_pa, nearest.pulse.size_sd_pa
+    if moving is not None:
+        seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, spot.p_value, moving)
+    else:
+        share = shape(levels.place_m, np.append(spot.place_m, spot.half_width_m))
+        near = [i for i in np.argsort(off)[:MOST_ASKED] if share[i] >= MIN_SHARE]
+        asked = [(share[i], s) for i in near or [int(np.argmin(off))]
+                 if (one := judged[i].pulse) and (s := one.search)]  # fmt: skip
+
+        def unseen(of_force: Array) -> Array:
+            if not asked:
+                return np.ones_like(of_force)
+            return hidden([s for _, s in asked], np.array([k for k, _ in asked]), whole * of_force)
+
+        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, unseen)
+    said = judge(seen)
+    x, y = (float(v) for v in spot.place_m)
+    low, high = levels.place_m.min(axis=0)[0], levels.place_m.max(axis=0)[0]
+    reach = float(spot.reach_m[0])
+    return ObjectFinding(
+        said.kind, x, (float(max(x - reach, low)), float(min(x + reach, high))), level.height,
+        pulse, said.confidence, said.reason, ((x, y),),
+    )  # fmt: skip
