@@ -52,7 +52,7 @@ def test_each_control_asks_for_its_word(make_run: Make, shoot: Shoot) -> None:
         QTest.mouseClick(window.side.buttons[word], LEFT)
         window.frame()
     assert asked == ["pause", "resume", "abort", "stop"]
-    assert "artery at 32.0 mm (31.5 to 32.5 mm)" in window.side.objects.text()
+    assert "artery at x = 32.00 mm (95 %: 31.50 to 32.50)" in window.side.objects.text()
     assert "SIMULATED" in window.side.simulated.text()
 
 
