@@ -139,9 +139,13 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     if beats:
         (start,) = continuation(section, start, [Load(-max_depth_m, rest)])
         bulge = _surface_m(section, start)
+    if max_depth_m * DEPTHS[0] + bulge <= 0:  # beside a lone vessel: its first step is in the air
+        loads = [load for load in loads if load.depth_m + bulge > 0]
+    if not loads:
+        return _untouched(scene, x_m, max_depth_m, bulge)
     ramp = list(continuation(section, start, loads))
     deepest = list(continuation(section, ramp[-1], [Load(max_depth_m, p) for p in levels[1:]]))
-    sunk = np.concatenate([[0.0], max_depth_m * DEPTHS + bulge])
+    sunk = np.array([0.0, *(load.depth_m + bulge for load in loads)])
     slopes = [pressure_slope(section, s) for s in ramp] if beats else []
     force = _curve(
         sunk,
@@ -159,6 +163,13 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     )
     length_m = 1e-3 * scene.indenter.length_mm
     return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress)
+
+
+def _untouched(scene: Scene, x_m: float, max_depth_m: float, bulge_m: float) -> StationResponse:
+    """Of a place at which the finger, as deep as it goes, touches nothing."""
+    nothing = _curve(np.array([0.0, max_depth_m]), [0.0], [], np.zeros(1), [])
+    length_m = 1e-3 * scene.indenter.length_mm
+    return StationResponse(x_m, max_depth_m, length_m, bulge_m, nothing, nothing)
 
 
 def _pressures(scene: Scene) -> Array:

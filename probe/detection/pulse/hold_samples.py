@@ -27,6 +27,8 @@ SPIKE_SIGMAS = 8.0
 NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
 """A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
 MIN_SAMPLES = 12
+MIN_BINS = 7
+"""More than what is fitted: a level, a drift and two harmonics."""
 CONTACT_SIGMAS = 5.0
 """Standard errors by which a hold must lie above what was measured before contact."""
 ONLY_NOISE = 1.5
@@ -111,6 +113,11 @@ def hold_of(station: Station, dead: NDArray[np.bool_] | None = None) -> Hold:
     step = max(BIN_S, 1.001 * float(np.median(np.diff(time_s))))
     bins = np.floor((time_s - time_s[0]) / step + ROUNDING).astype(int)
     count = np.bincount(bins)
+    if len(count) < MIN_BINS:
+        raise NoHold(
+            f"station {station.index}: a hold of {time_s[-1] - time_s[0]:.3f} s shows no pulse; "
+            f"at least {MIN_BINS * step:.2f} s are needed, two heartbeats to see one well"
+        )
     there = count > 0
     if len(count) > MANY and count[-1] < np.median(count[there]):
         there[-1] = False  # where the hold ends within it, its mean is of another time

@@ -42,6 +42,13 @@ def test_what_the_sensor_cannot_see_is_not_called_nothing() -> None:
         detect(recording(quiet), asked_pa=-1.0)
 
 
+@pytest.mark.parametrize("hold_s", [0.05, 0.08, 0.13])
+def test_a_hold_too_short_for_a_pulse_is_undecided(hold_s: float) -> None:
+    rng = np.random.default_rng(3)
+    found = detect(recording([station(rng, noise_pa=5.0, hold_s=hold_s)]))
+    assert found.finding in ("undecided", "cannot see")
+
+
 @pytest.mark.parametrize("count", [5, 7, 9])
 def test_an_unfinished_row_names_nothing_that_may_change(count: int) -> None:
     rng = np.random.default_rng(3)

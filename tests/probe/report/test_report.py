@@ -177,6 +177,14 @@ def test_ink_follows_the_page_so_that_dark_is_readable() -> None:
     assert figures.INK not in drawing
 
 
+def test_an_object_without_an_interval_is_drawn_as_a_line() -> None:
+    """What one station alone shows has a place and no interval."""
+    found = finding(row())
+    one = {"kind": "undecided", "position_mm": 12.0, "position_ci_mm": None}
+    (axes,) = figures.pulse_map({**found, "objects": [one]}, row()).axes
+    assert [line.get_xdata()[0] for line in axes.lines[1:]] == [12.0]
+
+
 def test_every_axis_names_its_unit() -> None:
     with figures.style():
         drawn = [
