@@ -1,5 +1,6 @@
 """A round finger over the middle of a round block, over nothing or over a ball below it."""
 
+from contextlib import suppress
 from dataclasses import replace
 from math import ceil
 
@@ -11,6 +12,7 @@ from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.elements import as_element
 from sim_backend.fem.finite_strain import Solved
 from sim_backend.fem.mesh import block_mesh
+from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import (
     LOCKING_POISSON,
     Grading,
@@ -20,7 +22,7 @@ from sim_backend.fem.model import (
     materials,
     ring_of,
 )
-from sim_backend.fem.newton import Load
+from sim_backend.fem.newton import Load, NotConverged
 from sim_backend.fem.revolved import revolved
 from sim_backend.fem.support import SlidingConstraint
 from sim_backend.scene.indenter import Punch, Sphere
@@ -39,12 +41,18 @@ def is_round(scene: Scene, x_mm: float) -> bool:
     return scene.plane == "solid" and finger and centred and len(scene.inclusion) <= 1
 
 
-def solve_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: Grading) -> Solved:
+def solve_axisymmetric(
+    scene: Scene, radius_m: float, depth_m: float, grading: Grading, coarser: Solved | None = None
+) -> Solved:
     """The press ``depth_m`` deep into a block of ``radius_m``; its force is the whole finger's [N].
 
-    Raises `CannotSolve`.
+    With what was solved on a ``coarser`` mesh, or for another radius, the way down need not be gone
+    again. Raises `CannotSolve`.
     """
     section = build_axisymmetric(scene, radius_m, depth_m, grading)
+    if coarser is not None:
+        with suppress(NotConverged):
+            return section, [continued(coarser[0], coarser[1][0], section)]
     first = min(FIRST_M, depth_m)
     steps = ceil((depth_m - first) / STEP_M - 1e-9)
     loads = [Load(first, 0.0)]

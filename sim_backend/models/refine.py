@@ -62,10 +62,12 @@ def refine(
     depth_m: float,
     pressures_pa: Sequence[float],
     budget_pct: Array,
+    near: Solved | None = None,
 ) -> Refined:
     """Solve on ever finer meshes until the errors left are within ``budget_pct`` (force, pulse).
 
-    With ``model`` axisymmetric, ``x_m`` is the radius of the round block. A mesh too fine to be
+    With ``model`` axisymmetric, ``x_m`` is the radius of the round block, and the first mesh begins
+    at what was solved for one ``near`` to it. A mesh too fine to be
     solved, or to be worth it, ends the refinement too. Raises `CannotSolve`.
     """
     half_m = 0.5e-3 * scene.indenter.width_mm_projected
@@ -75,13 +77,13 @@ def refine(
         place = scene, x_m, depth_m, pressures_pa, share * half_m
         grading = mesh_grading(scene, share * half_m, share)
         if model == "axisymmetric":
-            return solve_axisymmetric(scene, x_m, depth_m, grading)
+            return solve_axisymmetric(scene, x_m, depth_m, grading, coarser)
         if model == "small":
             return solve_small(*place, grading=grading)
         return solve_finite(*place, grading=grading, coarser=coarser)
 
     share = FIRST_SHARE
-    solved = solve(share, None)
+    solved = solve(share, near)
     error_pct = np.full(2, np.inf)
     wanted = float(np.sqrt((budget_pct / np.maximum(floor_pct, 1e-9)).min()))
     finer = share / min(wanted, SECOND_SHARE)

@@ -68,9 +68,8 @@ def refine_axisymmetric(
     sides = x_m, 1e-3 * tissue.width_mm - x_m, half_length_m
     inner, outer = min(sides), float(np.hypot(max(sides[:2]), half_length_m))
     budget = np.array([max(0.3 * accuracy_pct, 0.05), np.inf])
-    small, large = (
-        refine("axisymmetric", scene, radius, depth_m, [0.0], budget) for radius in (inner, outer)
-    )
+    small = refine("axisymmetric", scene, inner, depth_m, [0.0], budget)
+    large = refine("axisymmetric", scene, outer, depth_m, [0.0], budget, small.solved)
     (section, (low,)), (_, (high,)) = small.solved, large.solved
     forces = np.array([low.force_n_per_m, high.force_n_per_m])  # of a whole turn: newtons
     force_n = float(forces.mean())

@@ -8,6 +8,7 @@ from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.fem.contact.finger_contact import Finger
 from sim_backend.fem.mesh import T6_EDGES, TISSUE
 from sim_backend.fem.model import (
+    LOCKING_POISSON,
     Grading,
     Section,
     build_section,
@@ -54,10 +55,12 @@ def build_body(
     """Mesh a solid ``scene`` for a press at (``x_m``, ``z_m``) about ``depth_m`` deep.
 
     ``size_m`` is the element size in the contact. Where scene and finger are symmetric about
-    z = 0, one half is modelled. Raises `SceneError` where inclusions leave no room for elements.
+    z = 0, one half is modelled. Raises `SceneError` where inclusions leave no room for elements
+    and where elements would lock.
     """
     tissue = scene.tissue
     assert tissue is not None and tissue.length_mm is not None  # the scene was checked
+    _refuse_locking(scene)
     half_m = 0.5e-3 * tissue.length_mm
     span = _Span(0.0 if z_m == 0.0 and _symmetric(scene) else -half_m, half_m, z_m)
     across, along = footprint(scene.indenter)
@@ -95,6 +98,21 @@ def build_body(
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
         (section.mesh.nodes, planes_of(edges)),
     )  # fmt: skip
+
+
+def _refuse_locking(scene: Scene) -> None:
+    """Wedges of full integration lock where volume is all but kept. Raises `SceneError`."""
+    for key, one in (
+        ("tissue", scene.tissue),
+        *((f"inclusion {n + 1}", one) for n, one in enumerate(scene.inclusion)),
+    ):
+        if one is not None and one.poisson > LOCKING_POISSON:
+            raise SceneError(
+                f"{scene.name}: {key}: poisson = {one.poisson:g}: a solid's elements lock above "
+                f"{LOCKING_POISSON:g} and would tell too large a force. Write at most "
+                f"{LOCKING_POISSON:g}, or press by a round finger over nothing or over the middle "
+                "of one ball, which the axisymmetric model solves at any Poisson's ratio."
+            )
 
 
 def footprint(indenter: Indenter) -> tuple[Finger, Finger]:

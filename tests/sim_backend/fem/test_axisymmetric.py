@@ -162,3 +162,13 @@ def test_a_hard_ball_below_is_felt_and_meshed_as_a_half_circle() -> None:
     assert volume == pytest.approx(np.pi / 6 * 5e-3**3, rel=2e-3)
     rise = lump[1][0].force_n_per_m / plain[1][0].force_n_per_m
     assert 1.05 < rise < 1.5
+
+
+def test_a_finer_mesh_begins_where_the_coarser_one_ended() -> None:
+    scene = block(BALL, 0.49, 20.0)
+    fine = grading(0.42e-3)
+    coarse = solve_axisymmetric(scene, 0.03, 1e-3, grading(0.6e-3))
+    _, (anew,) = solve_axisymmetric(scene, 0.03, 1e-3, fine)
+    _, (carried,) = solve_axisymmetric(scene, 0.03, 1e-3, fine, coarse)
+    assert carried.force_n_per_m == pytest.approx(anew.force_n_per_m, rel=1e-6)
+    assert not np.array_equal(carried.displacement, anew.displacement)  # it came another way

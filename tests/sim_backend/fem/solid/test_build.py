@@ -8,7 +8,7 @@ import pytest
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.build import build_body
 from sim_backend.fem.solid.forces import forces_and_tangents, unit_pressure
-from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.scene_file import Scene, SceneError
 
 ARTERY = {"kind": "artery", "x_mm": 16.0, "depth_mm": 9.0, "inner_diameter_mm": 4.5,
           "wall_mm": 0.63, "modulus_kpa": 400.0, "poisson": 0.45}  # fmt: skip
@@ -100,3 +100,9 @@ def test_patch_and_tangent(inclusion: dict[str, Any], off: float) -> None:
     ahead, behind = (forces_and_tangents(wedges, even, 10 * even, u + s * step)[0] for s in (1, -1))
     foreseen = np.einsum("mij,mj->mi", tangent, step[wedges.cells].reshape(-1, 54))
     np.testing.assert_allclose((ahead - behind) / 2, foreseen, atol=1e-5 * np.abs(foreseen).max())
+
+
+def test_what_would_lock_is_refused() -> None:
+    scene = block({**ARTERY, "poisson": 0.497})
+    with pytest.raises(SceneError, match=r"inclusion 1: poisson = 0.497.*at most 0.495"):
+        build_body(scene, 16e-3, depth_m=1e-3, size_m=2e-3)
