@@ -1,6 +1,6 @@
 # `make demo`: one scan of the phantom, its finding and its report. `make demo-ur`: the same by a UR
-# arm, whose controller is emulated. `make test`: every check. `make install`: palpate with all its
-# extras. Each alone takes a fresh machine with Python 3.11 or newer to a finished result.
+# arm, whose controller is emulated. `make test`: every check. `make figures`: what the documentation's numbers
+# are measured by. `make install`: palpate with all its extras. Each alone takes a fresh machine with Python 3.11 or newer to a finished result.
 
 BIN := .venv/bin
 export QT_QPA_PLATFORM ?= offscreen
@@ -8,7 +8,7 @@ export QT_QPA_PLATFORM ?= offscreen
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install demo demo-ur test test-peers clean
+.PHONY: install demo demo-ur test test-peers figures clean
 
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
@@ -36,6 +36,10 @@ test: .venv/.installed-dev
 test-peers: .venv/.installed-dev
 	$(BIN)/pip install --quiet zaber-motion pipython PyTrinamic
 	$(BIN)/pytest -n 2 -rs tests/peers
+
+# The documentation's numbers and pictures: all, or ONLY="paper fleet". 45 minutes.
+figures: .venv/.installed-dev
+	cd benchmarks && ../$(BIN)/python -m figures $(ONLY)
 
 .venv/.installed-%: pyproject.toml .ci/install
 	.ci/install $*

@@ -39,15 +39,17 @@ class Seen:
     modulus_kpa: tuple[float, float, float]
 
 
-def draw(rows: Sequence[Any], limits: Sequence[float | None], folder: Path, out: Path) -> None:
-    """Two panels of the repeats, two of the rig; prints what each scan found."""
+def draw(
+    rows: Sequence[Any], limits: Sequence[float | None], rigs: Sequence[Seen], out: Path
+) -> None:
+    """Two panels of the repeats, two of the rigs; prints what each scan found."""
     figure = Figure(figsize=(13, 10), layout="constrained")
     above, below = figure.subfigures(2, 1, height_ratios=(1.1, 1))
     errors, cover = above.subplots(1, 2, sharey=True)
     _errors(errors, list(zip(rows, limits, strict=True)))
     _coverage(cover, rows)
     maps, depths = below.subplots(1, 2)
-    for one in wrong_and_right(folder):
+    for one in rigs:
         print(f"{one.label}: {one.finding}; modulus {one.modulus_kpa[0]:.1f} kPa "
               f"({one.modulus_kpa[1]:.1f} to {one.modulus_kpa[2]:.1f}) of {TRUE_KPA:g}; depth off "
               f"by up to {np.abs(one.stated_mm - one.true_mm).max():.3f} mm")  # fmt: skip
@@ -137,13 +139,13 @@ def _modulus(path: Path) -> tuple[float, float, float]:
     )
 
 
-def _errors(axes: Axes, told: Sequence[tuple[Any, float | None]]) -> None:
-    at = [n for n, (_, limit) in enumerate(told) if limit is not None]
-    shares = [np.maximum(told[n][0].errors / told[n][1], 1e-3) for n in at]
+def _errors(axes: Axes, judged: Sequence[tuple[Any, float | None]]) -> None:
+    at = [n for n, (_, limit) in enumerate(judged) if limit is not None]
+    shares = [np.maximum(judged[n][0].errors / judged[n][1], 1e-3) for n in at]
     axes.boxplot(shares, positions=at, orientation="horizontal", whis=(0, 95), showfliers=False,
                  widths=0.6)  # fmt: skip
-    names = [r.name if limit is None else f"{r.name}: {r.target}" for r, limit in told]
-    axes.set_yticks(range(len(told)), names)
+    names = [r.name if limit is None else f"{r.name}: {r.target}" for r, limit in judged]
+    axes.set_yticks(range(len(judged)), names)
     axes.axvline(1.0, color="0.3", lw=1)
     axes.set_xscale("log")
     axes.set(xlabel="error over its target (box: quartiles, whisker: 95 %)", title="Errors")

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from calibration_picture import draw
+from calibration_picture import draw, wrong_and_right
 from calibration_trials import TRIALS, Trial
 from numpy.typing import NDArray
 from rich.console import Console
@@ -68,10 +68,15 @@ def main(repeats: int) -> None:
         took = time.process_time() - began
         print(f"{trial.name}: {took:.0f} s", file=sys.stderr, flush=True)
     show(rows, repeats)
+    keep_rows(rows)
+    with tempfile.TemporaryDirectory() as folder:
+        draw(rows, [t.limit for t in TRIALS], wrong_and_right(Path(folder)), OUT)
+
+
+def keep_rows(rows: list[Row]) -> None:
+    """All but the single errors, beside the picture."""
     frame = pd.DataFrame([{k: v for k, v in vars(r).items() if k != "errors"} for r in rows])
     frame.to_csv(OUT.with_suffix(".csv"), index=False)
-    with tempfile.TemporaryDirectory() as folder:
-        draw(rows, [t.limit for t in TRIALS], Path(folder), OUT)
 
 
 def show(rows: list[Row], repeats: int) -> None:

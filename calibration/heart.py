@@ -49,14 +49,6 @@ class HeartCalibration:
             for n, level in enumerate(closed.tolist()):
                 rows.writerow([f"{period * n / PHASES:.6f}", f"{level:.4f}"])
 
-    def pulse_toml(self, wave: str = "brachial") -> str:
-        """The ``[pulse]`` table of a scene file."""
-        return (
-            f'[pulse]\nwave = "{wave}"\nrate_bpm = {self.rate_bpm:.2f}\n'
-            f"systolic_mmhg = {self.systolic_mmhg:.1f}\n"
-            f"diastolic_mmhg = {self.diastolic_mmhg:.1f}\n"
-        )
-
 
 def fit_heart(
     time_s: Array,

@@ -5,7 +5,6 @@ Bytes are written as the characters of the same number, so that text stays reada
 nothing sent is what the device said by itself at first.
 """
 
-import json
 import socket
 import threading
 import time
@@ -15,6 +14,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import tomli_w
 
 from drivers.core.errors import ConfigError
 from drivers.core.registry import Kind
@@ -43,18 +44,17 @@ class Exchange:
 
 def save(exchange: Exchange, path: Path) -> None:
     """Write the file."""
-    pairs = "".join(f"  [{_text(a)}, {_text(b)}],\n" for a, b in exchange.pairs)
-    rows = "".join(f"  {list(row)},\n" for row in exchange.rows)
-    head = {
+    table = {
         "kind": exchange.kind,
         "driver": exchange.driver,
         "device": exchange.device,
         "recorded": exchange.recorded,
         "move_m": exchange.move_m,
+        "pairs": [[part.decode("latin-1") for part in pair] for pair in exchange.pairs],
+        "rows": exchange.rows,
+        "settings": dict(exchange.settings),
     }
-    lines = [f"{key} = {json.dumps(value)}" for key, value in head.items()]
-    lines.append(f"settings = {_value(exchange.settings)}")
-    path.write_text("\n".join(lines) + f"\npairs = [\n{pairs}]\nrows = [\n{rows}]\n", "utf-8")
+    path.write_text(tomli_w.dumps(table), encoding="utf-8", newline="")
 
 
 def load(path: Path) -> Exchange:
@@ -164,16 +164,3 @@ def replay(exchange: Exchange) -> Iterator[Replay]:
         yield served
     finally:
         served.close()
-
-
-def _text(data: bytes) -> str:
-    return json.dumps(data.decode("latin-1"))
-
-
-def _value(value: Any) -> str:
-    """A TOML inline value."""
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{k} = {_value(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_value(v) for v in value) + "]"
-    return json.dumps(value)

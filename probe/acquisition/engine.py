@@ -17,7 +17,7 @@ from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
-from probe.acquisition.levels import LEVEL_S, Levels, changed
+from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, Levels, are_known, changed
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
@@ -315,7 +315,11 @@ class _Scan(RunLoop):
         until_s = self.clock.now() + LEVEL_S
         while self.monitor.seen_s() < from_s + LEVEL_S and self.clock.now() < until_s:
             self.tick(math.inf)
-        return self.monitor.levels(from_s)
+        levels = self.monitor.levels(from_s)
+        while not are_known(levels) and self.clock.now() < from_s + MAX_LEVEL_S:
+            self.tick(math.inf)  # a slow sensor, or a busy machine: one reading is no level
+            levels = self.monitor.levels(from_s)
+        return levels
 
     def _check_contact(self) -> None:
         levels = self.monitor.levels(self.monitor.seen_s() - LEVEL_S)

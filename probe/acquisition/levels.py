@@ -4,10 +4,16 @@ import math
 from collections.abc import Mapping
 
 LEVEL_S = 0.1  # a level is the mean force over this long
+MAX_LEVEL_S = 1.0  # and over up to this where there are fewer than two readings in it
 MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
 MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
+
+
+def are_known(levels: Levels) -> bool:
+    """Whether every sensor had readings enough for a mean and its error."""
+    return all(math.isfinite(error) for _, error in levels.values())
 
 
 def changed(these: Levels, those: Levels, most_n: float) -> str | None:
@@ -26,7 +32,9 @@ def no_force(levels: Levels) -> str | None:
 
     A level of fewer than two readings (NaN) says nothing.
     """
-    if not levels or any(not mean < MIN_STANDARD_ERRORS * error for mean, error in levels.values()):
+    if not levels or any(
+        not mean <= MIN_STANDARD_ERRORS * error for mean, error in levels.values()
+    ):
         return None
-    said = ", ".join(f"{name} {mean:.3g} N" for name, (mean, _) in levels.items())
-    return f"no force above the noise ({said})"
+    values = ", ".join(f"{name} {mean:.3g} N" for name, (mean, _) in levels.items())
+    return f"no force above the noise ({values})"

@@ -1,8 +1,9 @@
 """Scene files that were measured: the block on the table, the pulse of a subject."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+import tomli_w
 
 from calibration import HeartCalibration, TissueCalibration
 from calibration.errors import CalibrationError
@@ -47,28 +48,5 @@ def write_heart_scene(scene: Scene, found: HeartCalibration, path: Path) -> None
 def write_scene(scene: Scene, path: Path) -> None:
     """A scene file of that name, read back to be sure. Raises `SceneError` if it cannot be."""
     plain = scene.model_copy(update={"name": path.stem}).model_dump(mode="json", exclude_none=True)
-    path.write_text(_tables(plain).lstrip("\n"), encoding="utf-8")
+    path.write_text(tomli_w.dumps(plain), encoding="utf-8", newline="")
     load_scene(path)
-
-
-def _tables(values: Mapping[str, Any], where: str = "") -> str:
-    """TOML: what is no table first, then tables and arrays of tables under their full name."""
-    nested = {k: v for k, v in values.items() if isinstance(v, Mapping) or _is_tables(v)}
-    text = "".join(f"{k} = {_value(v)}\n" for k, v in values.items() if k not in nested)
-    for key, value in nested.items():
-        for one in value if isinstance(value, list) else [value]:
-            head = f"[[{where}{key}]]" if isinstance(value, list) else f"[{where}{key}]"
-            text += f"\n{head}\n{_tables(one, f'{where}{key}.')}"
-    return text
-
-
-def _is_tables(value: Any) -> bool:
-    return isinstance(value, list) and bool(value) and isinstance(value[0], Mapping)
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    return f'"{value}"' if isinstance(value, str) else str(value)

@@ -16,10 +16,15 @@ from sim_backend import load_scene
 from sim_backend.emulators import ft300, grbl, lines, modbus, taxels
 from sim_backend.phantom.phantom import Phantom, Respond
 
-EXCHANGES = Path(__file__).parent / "exchanges"
+EXCHANGES = sorted((Path(__file__).parents[1] / "exchanges").glob("*.toml"))
 
 
-@pytest.mark.parametrize("path", sorted(EXCHANGES.glob("*.toml")), ids=lambda path: path.stem)
+def test_every_kind_of_line_was_recorded() -> None:
+    recorded = {load(path).driver for path in EXCHANGES}
+    assert recorded == {"ft300", "grbl", "lines", "modbus", "taxels"}
+
+
+@pytest.mark.parametrize("path", EXCHANGES, ids=lambda path: path.stem)
 def test_a_recorded_device_is_understood_as_then(path: Path) -> None:
     exchange = load(path)
     with replay(exchange) as device:

@@ -1,11 +1,15 @@
 """What ends a scan early, rule by rule, and which of two goes first."""
 
+from pathlib import Path
+
 import pytest
 
+import palpate
 from probe.acquisition.commands import RunCommand
 from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
 from probe.acquisition.stop_rules import Seen, interrupted, no_contact
+from probe.config.rig import Rig
 from probe.core.events import Finish, Phase
 
 GO_ON = Seen(RunCommand.RESUME, None, None, Phase.HOLDING)
@@ -44,7 +48,8 @@ def test_a_pause_is_not_begun_twice() -> None:
 
 @pytest.mark.parametrize(
     ("levels", "met"),
-    [({"cell": (0.5, 0.01)}, True), ({"cell": (0.01, 0.01)}, False), ({}, True),
+    [({"cell": (0.0, 0.0)}, False), ({"cell": (0.5, 0.0)}, True),
+     ({"cell": (0.5, 0.01)}, True), ({"cell": (0.01, 0.01)}, False), ({}, True),
      ({"cell": (-0.5, 0.01)}, False), ({"cell": (0.01, 0.01), "pad": (0.5, 0.01)}, True)],
 )  # fmt: skip
 def test_contact_is_more_force_than_noise(levels: Levels, met: bool) -> None:
@@ -53,3 +58,21 @@ def test_contact_is_more_force_than_noise(levels: Levels, met: bool) -> None:
     if why is not None:
         assert why.finish is Finish.FAULTED
         assert "2.5 mm deep" in why.reason
+
+
+def test_a_sensor_slower_than_a_level_is_waited_for(tmp_path: Path) -> None:
+    """Five readings a second: the tenth of a second of a level has one or none."""
+    slow = {
+        "scan": {
+            "start_mm": 32.0,
+            "stations": 1,
+            "hold_s": 3.0,
+            "approach_mm_s": 1.0,
+            "ramp_s": 2.5,
+        },
+        "safety": {"late_s": 2.0, "silence_s": 2.0, "hardest_n_mm": 1.0},
+        "sensor": [{"driver": "virtual", "rate_hz": 5.0}],
+        "scene": {"name": "TI"},
+    }
+    found = palpate.scan(Rig.model_validate(slow), out=tmp_path, seed=1)
+    assert palpate.open_run(found.path).finish is Finish.COMPLETED

@@ -1,23 +1,58 @@
 """A terminal that is gone: the scan and its file are not."""
 
 import errno
+import io
 import sys
+from pathlib import Path
 
 import pytest
 
+from probe.cli import main
 from probe.cli.say import inform
+from probe.core.events import Finish
+from probe.storage.run import open_run
+from probe.storage.verify import verify
 
 
-class Gone:
+class Gone(io.StringIO):
     """Standard error after its terminal was closed."""
 
-    def write(self, _text: str) -> int:
+    def __init__(self) -> None:
+        super().__init__()
+        self.tried: list[str] = []
+
+    def write(self, text: str) -> int:
+        self.tried.append(text)
         raise OSError(errno.EIO, "Input/output error")
 
     def flush(self) -> None:
         raise OSError(errno.EIO, "Input/output error")
 
 
+RIG = """[scan]
+start_mm = 32.0
+stations = 1
+hold_s = 0.1
+[scene]
+name = "TI"
+"""
+
+
 def test_words_to_nobody_are_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "stderr", Gone())
+    gone = Gone()
+    monkeypatch.setattr(sys, "stderr", gone)
     inform("the scan was aborted")
+    assert gone.tried == ["the scan was aborted"]
+
+
+def test_a_scan_ends_whole_without_its_terminal(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "rig.toml").write_text(RIG)
+    gone = Gone()
+    monkeypatch.setattr(sys, "stderr", gone)
+    assert main(["scan", str(tmp_path / "rig.toml"), "--out", str(tmp_path)]) == 0
+    assert gone.tried, "nothing was said, so nothing was lost"
+    (run,) = tmp_path.glob("*.run")
+    assert verify(run).ok
+    assert open_run(run).finish is Finish.COMPLETED

@@ -1,4 +1,5 @@
-import contextlib
+import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -133,8 +134,12 @@ def test_the_configuration_of_a_run_is_complete() -> None:
 def test_any_file_is_a_rig_or_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "any.toml"
     path.write_bytes(content)
-    with contextlib.suppress(RigError):
-        load_rig(path)
+    try:
+        rig = load_rig(path)
+    except RigError as refused:
+        assert str(path) in str(refused)
+    else:
+        assert rig == Rig.model_validate(tomllib.loads(content.decode("utf-8-sig")))
 
 
 VALUES = st.one_of(
@@ -151,6 +156,16 @@ VALUES = st.one_of(
     ),
 )
 def test_any_setting_is_taken_or_refused_with_a_reason(table: str, keys: dict[str, Any]) -> None:
-    with contextlib.suppress(ValidationError, RigError, ConfigError):
+    try:
         rig = Rig.model_validate({table: keys})
-        limits_for(rig, plan_for(rig))
+        plan = plan_for(rig)
+        limits = limits_for(rig, plan)
+    except ValidationError as refused:
+        assert {error["loc"][0] for error in refused.errors() if error["loc"]} <= {table}
+        assert all(error["msg"] for error in refused.errors())
+    except (RigError, ConfigError) as refused:
+        assert re.search(r"(scan|safety|scene|stage|calibration)\.\w+|\w+ = ", str(refused))
+    else:
+        assert max(plan.travel_m_s, plan.approach_m_s) <= limits.max_speed_m_s
+        assert 0 < plan.indentation_m <= limits.max_depth_m
+        assert limits.max_force_n > 0

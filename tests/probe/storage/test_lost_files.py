@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from paths import ROOT
 
 from drivers import Block, Channel
-from probe.acquisition.commands import Control
+from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.remote import ask, listening
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
@@ -180,6 +180,7 @@ def test_a_scan_is_reached_through_a_link(tmp_path: Path) -> None:
     control = Control()
     with listening(control, path):
         ask(link, "abort")
+        assert control.command is RunCommand.ABORT
 
 
 def test_a_killed_run_under_a_second_name_is_not_taken_for_whole(tmp_path: Path) -> None:

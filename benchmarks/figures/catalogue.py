@@ -1,0 +1,19 @@
+"""Every figure, the quick ones first."""
+
+from figures.calibrating import calibration, wrong_rig
+from figures.keep import Figure
+from figures.presses import fast_model, fleet, lone_vessel, paper
+from figures.scans import demo
+
+FIGURES = {
+    figure.name: figure
+    for figure in (
+        Figure("demo", 0.5, demo),
+        Figure("lone-vessel", 0.5, lone_vessel),
+        Figure("fast-model", 2, fast_model),
+        Figure("wrong-rig", 2, wrong_rig),
+        Figure("calibration", 7, calibration),
+        Figure("paper", 6, paper),
+        Figure("fleet", 25, fleet),
+    )
+}

@@ -1,0 +1,88 @@
+"""The stored results in ``docs/figures``, put into the pages when the site is built.
+
+A page writes ``{{ figure("fleet.scan_s", ".2f") }}`` for a number, ``{{ table("paper") }}`` for a
+table and ``{{ measured("paper") }}`` for by what, of which code, when and where it was measured. A
+name that no stored result has stops the build. `make figures` measures them anew.
+"""
+
+import json
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+STORED = Path(__file__).with_name("figures")
+MACRO = re.compile(r"\{\{\s*(\w+)\((.*?)\)\s*\}\}")
+WORDS = re.compile(r'"([^"]*)"')
+
+
+class NoFigure(KeyError):
+    """A page names a figure that was never measured."""
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+@lru_cache
+def stored(name: str) -> dict[str, Any]:
+    """One result with its commit, machine and date. Raises `NoFigure`."""
+    path = STORED / f"{name}.json"
+    if not path.is_file():
+        known = ", ".join(sorted(one.stem for one in STORED.glob("*.json")))
+        raise NoFigure(f"{name}: no stored result of that name; there are {known}")
+    result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return result
+
+
+def figure(where: str, spec: str = ".3g") -> str:
+    """A number: ``result.key.key``, printed by ``spec``; a whole number as it is."""
+    name, *keys = where.split(".")
+    value: Any = stored(name)["data"]
+    for key in keys:
+        try:
+            value = value[int(key) if isinstance(value, list) else key]
+        except (KeyError, IndexError, ValueError, TypeError):
+            raise NoFigure(f"{where}: {name} has no {key}") from None
+    if isinstance(value, int) and spec == ".3g":
+        return f"{value:,}"
+    return format(value, spec) if isinstance(value, int | float) else str(value)
+
+
+def table(name: str, part: str = "") -> str:
+    """A table of text, ``table`` or ``PART_table`` of the result."""
+    data, begins = stored(name)["data"], f"{part}_" if part else ""
+    try:
+        rows = [data[f"{begins}head"], *data[f"{begins}table"]]
+    except KeyError as missing:
+        raise NoFigure(f"{name}: it has no {missing}") from None
+    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
+    return "\n".join([lines[0], "|---" * len(rows[0]) + "|", *lines[1:]])
+
+
+def measured(name: str) -> str:
+    """By what, of which code, when and where."""
+    one = stored(name)
+    changed = " with changes" if one["changed"] else ""
+    return (
+        f"Measured on {one['date']} at commit {one['commit']}{changed} by `{one['command']}` "
+        f"({one['machine']})."
+    )
+
+
+KINDS = {"figure": figure, "table": table, "measured": measured}
+
+
+def filled(markdown: str) -> str:
+    """A page with its figures. Raises `NoFigure`."""
+
+    def one(found: re.Match[str]) -> str:
+        if found[1] not in KINDS:
+            raise NoFigure(f"{found[0]}: {found[1]} is none of {', '.join(KINDS)}")
+        return KINDS[found[1]](*WORDS.findall(found[2]))
+
+    return MACRO.sub(one, markdown)
+
+
+def on_page_markdown(markdown: str, **_: Any) -> str:
+    """MkDocs' hook: each page, before it is rendered."""
+    return filled(markdown)
