@@ -21,12 +21,13 @@ except ImportError:  # no wheel for this machine: scipy's LU gives the same, twi
     qdldl = None
 
 _LU_OPTIONS = {"SymmetricMode": True}
-CLOSE, EXACT = 1e-4, 1e-9
+CLOSE, EXACT = 1e-4, 1e-6
 """Residual of a linear solve over its right-hand side. With the first, Newton's method takes 1 %
-more iterations than with exact solves (TIHA: 6.25 and 6.19 each); slopes take the second."""
+more iterations than with exact solves (TIHA: 6.25 and 6.19 each); slopes take the second, which
+moves TIHA's forces by less than 1e-8 of themselves from 1e-9."""
 MAX_CORRECTIONS = 10
-"""A TIHA solve takes 3.5 corrections to `CLOSE`, 7 to `EXACT`; where this many do not do, the
-symmetric part says too little about the matrix, and LU takes its place."""
+"""A TIHA solve takes 3.5 corrections to `CLOSE`, 6 to 8 to `EXACT`, 11 and more to 1e-9; where this
+many do not do, the symmetric part says too little about the matrix, and LU takes its place."""
 
 
 class SingularMatrix(RuntimeError):
@@ -121,33 +122,37 @@ class Assembly:
         self._upper = np.flatnonzero(self._rows <= column_of)
         transposed = self._rows[self._upper].astype(np.int64) * n + column_of[self._upper]
         self._transposed = np.searchsorted(unique, transposed)
-        self._upper_starts = np.searchsorted(column_of[self._upper], np.arange(n + 1))
+        upper_starts = np.searchsorted(column_of[self._upper], np.arange(n + 1))
+        self._matrix = csc_matrix((np.zeros(len(unique)), self._rows, self._starts), shape=(n, n))
+        self._half = csc_matrix(
+            (np.zeros(len(self._upper)), self._rows[self._upper], upper_starts), shape=(n, n)
+        )
         self._ldl: Any = None
 
     def factor(self, matrices: list[Array]) -> Factors:
         """Factors of the summed blocks, one (m, d, d) array per group, in the groups' order.
 
-        They hold until the next call: the symbolic analysis is shared. Raises `SingularMatrix`.
+        They hold until the next call: matrix and symbolic analysis are shared. Raises
+        `SingularMatrix`.
         """
         data = np.concatenate([m.ravel() for m in matrices])
-        count, n = len(self._rows), len(self.free)
+        count = len(self._rows)
         values = np.bincount(self._index, weights=data, minlength=count + 1)[:count]
         if not np.isfinite(values).all():
             raise SingularMatrix("an entry is not a number")
-        matrix = csc_matrix((values, self._rows, self._starts), shape=(n, n))
+        self._matrix.data = values
         if qdldl is None:
-            return Factors(matrix, None)
-        half = (values[self._upper] + values[self._transposed]) / 2
-        upper = csc_matrix((half, self._rows[self._upper], self._upper_starts), shape=(n, n))
+            return Factors(self._matrix, None)
+        self._half.data = (values[self._upper] + values[self._transposed]) / 2
         try:
             if self._ldl is None:
-                self._ldl = qdldl.Solver(upper, upper=True)
+                self._ldl = qdldl.Solver(self._half, upper=True)
             else:
-                self._ldl.update(upper, upper=True)
+                self._ldl.update(self._half, upper=True)
         except RuntimeError as error:
             self._ldl = None
             raise SingularMatrix(str(error)) from None
-        return Factors(matrix, self._ldl)
+        return Factors(self._matrix, self._ldl)
 
     def solve(self, factors: Factors, force: Array, tolerance: float = CLOSE) -> Array:
         """Displacements (size,) or (size, r) under ``force`` of the same shape; 0 where held."""

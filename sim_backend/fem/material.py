@@ -63,7 +63,7 @@ def plane_stress(f: Array, shear: Array, bulk: Array) -> Stressed:
     j = area_ratio(f)
     l3 = stress_free_thickness(f, j, shear, bulk)
     stress, tangent = _in_plane(f, j, l3, shear, bulk)
-    scale = shear * (j * l3) ** (-2 / 3)
+    scale = shear / np.cbrt(j * l3) ** 2
     i1 = (f * f).sum(axis=-1) + l3**2
     h = inverse_transpose(f, j)
     # a = dP/dl3, m = dP33/dl3: the thickness adjusts until P33 = 0
@@ -84,11 +84,11 @@ def stress_free_thickness(f: Array, j: Array, shear: Array, bulk: Array) -> Arra
     l3 = 1 / j
     for _ in range(_THICKNESS_SWEEPS):
         i1 = plane + l3**2
-        scale = shear * (j * l3) ** (-2 / 3)
+        scale = shear / np.cbrt(j * l3) ** 2
         p33 = scale * (l3 - i1 / (3 * l3)) + bulk * (j * l3 - 1) * j
         change = p33 / _thickness_stiffness(i1, j, l3, scale, bulk)
         l3 = np.maximum(l3 - change, 0.1 * l3)
-        if np.all(np.abs(change) < 1e-13 * l3):
+        if np.all(np.abs(change) < 1e-8 * l3):  # the next would be its square
             break
     thickness: Array = l3
     return thickness
@@ -134,17 +134,19 @@ def _in_plane(f: Array, j: Array, l3: Array, shear: Array, bulk: Array) -> tuple
     """P = dW/dF (..., 4) and dP/dF (..., 4, 4) at fixed l3."""
     volume = j * l3
     i1 = (f * f).sum(axis=-1) + l3**2
-    scale = shear * volume ** (-2 / 3)
+    scale = shear / np.cbrt(volume) ** 2
     h = inverse_transpose(f, j)
     pressure = bulk * (volume - 1) * volume
     stress = scale[..., None] * (f - (i1 / 3)[..., None] * h) + pressure[..., None] * h
-    hh = h[..., :, None] * h[..., None, :]
-    fh = f[..., :, None] * h[..., None, :]
-    # d(F^-T)/dF = -(H H - eps eps / j) with the two inner indices swapped
-    swapped = hh - _TWIST / j[..., None, None]
-    tangent = scale[..., None, None] * (_UNIT - 2 / 3 * (fh + np.swapaxes(fh, -1, -2)))
-    tangent += (scale * 2 / 9 * i1 + bulk * (2 * volume**2 - volume))[..., None, None] * hh
-    tangent += (scale * i1 / 3 - pressure)[..., None, None] * swapped
+    # d(F^-T)/dF = -(H H - eps eps / j) with the two inner indices swapped; all but the unit and the
+    # twist is g H + H g
+    turning = scale * i1 / 3 - pressure
+    along = scale * 2 / 9 * i1 + bulk * (2 * volume**2 - volume) + turning
+    g = (along / 2)[..., None] * h - (2 / 3 * scale)[..., None] * f
+    half = g[..., :, None] * h[..., None, :]
+    tangent = half + np.swapaxes(half, -1, -2)
+    tangent[..., range(4), range(4)] += scale[..., None]
+    tangent[..., *np.nonzero(_TWIST)] -= (turning / j)[..., None] * _TWIST[_TWIST != 0]
     return stress, tangent
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_backend.arrays import Array, Bools
-from sim_backend.fem.assembly import EXACT, Factors, SingularMatrix, gather
+from sim_backend.fem.assembly import Factors, SingularMatrix, gather
 from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
 from sim_backend.fem.contact.finger_contact import Finger
@@ -108,7 +108,7 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
     bonds = _bonds(section, start)
     before: list[Bools] = []
     change: Array | None = None
-    negative = 0
+    factors: Factors | None = None
     for iteration in range(1, MAX_ITERATIONS + 1):
         pairs = contact_pairs(section, finger, u, bonds)
         active = [
@@ -138,7 +138,8 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
                 bond.now_holding(m > 0, u) for bond, m in zip(bonds, multiplier, strict=False)
             )
             found = Solution(load, u, tuple(multiplier), float(force), iteration, bonded_at_m)
-            return replace(found, stable=negative == 0 or _is_stable(section, found))
+            last = factors is None or factors.negative == 0
+            return replace(found, stable=last or _is_stable(section, found))
         springs = [t.stiffness(PENALTY * section.tissue_pa) * t.open(m)
                    for t, m in zip(pairs, multiplier, strict=True)]  # fmt: skip
         for t, s, a in zip(pairs, springs, active, strict=True):  # they close what gaps are left
@@ -148,7 +149,6 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
         ]
         matrices += _contact_blocks(section, pairs, multiplier, active, bonds)
         change, factors = _newton_step(section, matrices, residual, u)
-        negative = factors.negative
         u += change
         multiplier = [
             np.where(a, m - t.stiffness(PENALTY * section.tissue_pa) * t.opening(change), 0.0)
@@ -231,19 +231,6 @@ def tangent(section: Section, solution: Solution) -> tuple[list[Array], Array]:
     contact = _contact_blocks(section, pairs, solution.multiplier, active, bonds)
     finger_only = pairs[0].blocks(solution.multiplier[0], active[0], PENALTY * section.tissue_pa)
     return [*matrices, *contact], finger_only
-
-
-def pressure_slope(section: Section, solution: Solution) -> tuple[Array, float]:
-    """du/dp (n, 2) [m/Pa] and dF/dp [N/m/Pa] at a solution, the contact staying as it is."""
-    section = as_solved(section, solution)
-    matrices, stiffness = tangent(section, solution)
-    load = np.zeros(section.size)
-    for sides in section.lumens:
-        load += gather(section.size, sides.dofs, unit_pressure(sides, solution.displacement)[0])
-    factors = section.assembly.factor(matrices)
-    slope = section.assembly.solve(factors, load, EXACT).reshape(-1, 2)
-    on_finger = np.einsum("kij,kj->ki", stiffness, slope[section.mesh.surface])
-    return slope, float(on_finger[:, 1].sum())
 
 
 def _body(

@@ -29,9 +29,9 @@ from sim_backend.fem.newton import (
     NotConverged,
     Solution,
     equilibrium,
-    pressure_slope,
 )
 from sim_backend.fem.section_contact import walls_cross
+from sim_backend.fem.sensitivity import slopes
 from sim_backend.models.station_response import element_size_m
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -136,7 +136,7 @@ def _press(section: Section, load: Load, guess: Array) -> _Pressed:
     if not straight:
         steps = [Load(load.depth_m / 2, load.pressure_pa / 2), load]
         *_, solution = continuation(section, unloaded(section), steps)
-    slope = pressure_slope(section, solution)[1] if section.lumens else 0.0
+    slope = slopes(section, solution)[1].force_n_per_m if section.lumens else 0.0
     return _Pressed(section, solution, slope)
 
 

@@ -9,7 +9,8 @@ from small_block import BLOCK
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import build_section
-from sim_backend.fem.newton import CannotSolve, Load, pressure_slope
+from sim_backend.fem.newton import CannotSolve, Load
+from sim_backend.fem.sensitivity import slopes
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene
@@ -86,7 +87,7 @@ def test_the_slope_by_pressure_is_exact(indenter: dict[str, Any]) -> None:
     loads = [Load(0.0, p), Load(0.5 * DEPTH_M, p), Load(DEPTH_M, p), Load(DEPTH_M, p + 20)]
     *_, there, further = continuation(section, unloaded(section), loads)
     slope = (further.force_n_per_m - there.force_n_per_m) / 20
-    assert pressure_slope(section, there)[1] == pytest.approx(slope, rel=2e-3)
+    assert slopes(section, there)[1].force_n_per_m == pytest.approx(slope, rel=2e-3)
 
 
 def test_what_a_bonded_finger_has_touched_keeps_its_place() -> None:

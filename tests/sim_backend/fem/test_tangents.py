@@ -10,8 +10,9 @@ from sim_backend.fem.elements import ELEMENTS
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_area_m2, unit_pressure
 from sim_backend.fem.model import build_section
-from sim_backend.fem.newton import Load, pressure_slope
+from sim_backend.fem.newton import Load
 from sim_backend.fem.section_contact import contact_pairs
+from sim_backend.fem.sensitivity import slopes
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -173,11 +174,32 @@ def test_slope_of_a_solution_by_pressure(plane, mmhg):
     assert all(
         np.array_equal(here.multiplier[0] > 0, other.multiplier[0] > 0) for other in (ahead, behind)
     ), "the contact must stay for this comparison"
-    du, df = pressure_slope(section, here)
+    _, slope = slopes(section, here)
+    du, df = slope.displacement, slope.force_n_per_m
     assert df == pytest.approx((ahead.force_n_per_m - behind.force_n_per_m) / (2 * h), rel=2e-4)
     wanted = (ahead.displacement - behind.displacement) / (2 * h)
     np.testing.assert_allclose(du, wanted, atol=1e-3 * np.abs(wanted).max())
     assert start.force_n_per_m < here.force_n_per_m
+
+
+@pytest.mark.parametrize("plane", PLANES)
+def test_slope_of_a_solution_by_depth(plane):
+    """dF/dd and du/dd agree with solving again a little deeper and less deep."""
+    section = _section(plane=plane)
+    p, depth, h = 90 * PA_PER_MMHG, 2.5e-3, 1e-6
+    *_, here = continuation(
+        section, unloaded(section), [Load(0.0, p), Load(1.3e-3, p), Load(depth, p)]
+    )
+    (ahead,) = continuation(section, here, [Load(depth + h, p)])
+    (behind,) = continuation(section, here, [Load(depth - h, p)])
+    assert all(
+        np.array_equal(here.multiplier[0] > 0, other.multiplier[0] > 0) for other in (ahead, behind)
+    ), "the contact must stay for this comparison"
+    slope, _ = slopes(section, here)
+    wanted = (ahead.force_n_per_m - behind.force_n_per_m) / (2 * h)
+    assert slope.force_n_per_m == pytest.approx(wanted, rel=1e-3)
+    moved = (ahead.displacement - behind.displacement) / (2 * h)
+    np.testing.assert_allclose(slope.displacement, moved, atol=1e-3 * np.abs(moved).max())
 
 
 def test_a_solution_balances_itself(shop):

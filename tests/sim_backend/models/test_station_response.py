@@ -1,11 +1,16 @@
-"""The quick answer of a place, where the finger meets nothing or only in part."""
+"""What the phantom feels: between the states that are solved, and where the finger meets nothing or
+only in part."""
 
 import numpy as np
 import pytest
 
-from sim_backend import load_scene
-from sim_backend.models.station_response import respond
+from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.newton import Load
+from sim_backend.models.station_response import levels_pa, respond, section_for
+from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
+
+DEPTH_M = 2.5e-3
 
 
 @pytest.mark.parametrize("name", ["HAOT", "SAOT"])
@@ -23,3 +28,24 @@ def test_at_the_edge_of_a_lone_vessel_the_first_steps_are_in_the_air() -> None:
     force = edge.force_n(np.linspace(0.0, 2.5e-3, 26), np.array(100.0 * PA_PER_MMHG))
     assert force[0] == 0.0 < force[-1]
     assert (np.diff(force) >= 0).all()
+
+
+def test_between_solved_states_little_is_missed() -> None:
+    """Depths and pressures that were not solved, against the same mesh solved there."""
+    scene, x_m = load_scene("TIHA"), 28e-3
+    found = respond(scene, x_m, DEPTH_M)
+    section = section_for(scene, x_m, DEPTH_M)
+    rest, low, high = levels_pa(scene)
+    depths = DEPTH_M * np.array([0.1, 0.35, 0.75, 1.0])
+    pressures = low + (high - low) * np.array([0.05, 0.6, 0.9])
+    (filled,) = continuation(section, unloaded(section), [Load(-DEPTH_M, rest)])
+    down = list(continuation(section, filled, [Load(float(d), rest) for d in depths]))
+    beat = list(continuation(section, down[-1], [Load(DEPTH_M, float(p)) for p in pressures]))
+    length_m = 1e-3 * scene.indenter.length_mm
+    truth = length_m * np.array([s.force_n_per_m for s in (*down, *beat)])
+    ours = found.force_n(
+        np.append(depths, np.full(3, DEPTH_M)), np.append(np.full(4, rest), pressures)
+    )
+    assert ours[:4] == pytest.approx(truth[:4], abs=1.5e-3 * truth[3])
+    pulse = np.ptp(found.force_n(np.full(2, DEPTH_M), np.array([low, high])))
+    assert ours[4:] == pytest.approx(truth[4:], abs=2e-3 * pulse)
