@@ -116,14 +116,14 @@ class Assembly:
         unique, index = np.unique(column[kept] * n + row[kept], return_inverse=True)
         self._rows = (unique % n).astype(np.int32)
         column_of = unique // n
-        self._starts = np.searchsorted(column_of, np.arange(n + 1)).astype(np.int32)
+        starts = np.searchsorted(column_of, np.arange(n + 1)).astype(np.int32)
         self._index = np.full(len(row), len(unique))
         self._index[kept] = index.ravel()
         self._upper = np.flatnonzero(self._rows <= column_of)
         transposed = self._rows[self._upper].astype(np.int64) * n + column_of[self._upper]
         self._transposed = np.searchsorted(unique, transposed)
         upper_starts = np.searchsorted(column_of[self._upper], np.arange(n + 1))
-        self._matrix = csc_matrix((np.zeros(len(unique)), self._rows, self._starts), shape=(n, n))
+        self._matrix = csc_matrix((np.zeros(len(unique)), self._rows, starts), shape=(n, n))
         self._half = csc_matrix(
             (np.zeros(len(self._upper)), self._rows[self._upper], upper_starts), shape=(n, n)
         )
@@ -137,7 +137,8 @@ class Assembly:
         """
         data = np.concatenate([m.ravel() for m in matrices])
         count = len(self._rows)
-        values = np.bincount(self._index, weights=data, minlength=count + 1)[:count]
+        sums = np.bincount(self._index, weights=data, minlength=count + 1)[:count]
+        values = sums.astype(np.float64, copy=False)
         if not np.isfinite(values).all():
             raise SingularMatrix("an entry is not a number")
         self._matrix.data = values

@@ -30,9 +30,9 @@ def slopes(section: Section, solution: Solution) -> tuple[Slope, Slope]:
     down = np.tile([0.0, -1.0], (len(surface), 1))
     carried = np.zeros((section.size // 2, 2))
     carried[surface[contact.any(axis=(1, 2))], 1] = -1.0
-    load = np.zeros_like(carried)
-    load[surface] = np.einsum("kij,kj->ki", contact, down)
-    load = load.ravel()
+    pressed = np.zeros_like(carried)
+    pressed[surface] = np.einsum("kij,kj->ki", contact, down)
+    load = pressed.ravel()
     load[free] -= factors.matrix @ carried.ravel()[free]
     loads = [load]
     if section.lumens:
