@@ -232,6 +232,12 @@ GUARDED = (
         (f"{TEST_ENGINE}::test_abort_retracts",),
     ),
     Mutant(
+        "a slow observer is waited for", ENGINE,
+        "bus = EventBus(clock, sink, observers, threaded=threaded)",
+        "bus = EventBus(clock, sink, observers, threaded=False)",
+        (f"{TEST_WORLDS}::test_a_slow_observer_delays_nothing_and_hears_everything",),
+    ),
+    Mutant(
         "a stage may rest anywhere", LOOP,
         "if off > ARRIVED_M:", "if off > 1e9:",
         (), ("simulated 7 board runs on",),

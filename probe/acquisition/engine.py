@@ -74,9 +74,12 @@ def run_scan(
         stage, sensors, clock, plan.surface, limits, control,
         threaded=threaded, lift_z_m=plan.travel_z_m,
     )  # fmt: skip
-    bus = EventBus(clock, sink, observers)
+    bus = EventBus(clock, sink, observers, threaded=threaded)
     scan = _Scan(plan, stage, sensors, clock, limits, guards, control, bus)
-    return scan.run(config or {}, completed, dict(attempts or {}))
+    try:
+        return scan.run(config or {}, completed, dict(attempts or {}))
+    finally:
+        bus.close()
 
 
 class _Scan(RunLoop):

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from drivers import Block, Clock
+from probe.acquisition.observers import Observer, ObserverThread
 from probe.core.events import Event, Note, Samples
 
 EventSink = Callable[[Event], None]
@@ -19,14 +20,17 @@ EventSink = Callable[[Event], None]
 class EventBus:
     """``sink_error`` says why the sink gets nothing more; whoever scans must then stop.
 
-    An observer that raises is noted and not called again.
+    An observer that raises is noted and not called again. ``threaded``: observers hear of events
+    in threads of their own, later; without it, when they happen, so that a run is repeatable.
     """
 
-    def __init__(self, clock: Clock, sink: EventSink, observers: Sequence[EventSink]) -> None:
+    def __init__(
+        self, clock: Clock, sink: EventSink, observers: Sequence[EventSink], *, threaded: bool
+    ) -> None:
         self.sink_error: str | None = None
         self._clock = clock
         self._sink: EventSink | None = sink
-        self._observers = list(observers)
+        self._observers = [ObserverThread(o) if threaded else Observer(o) for o in observers]
         self._labels: list[tuple[float, int | None, int | None]] = [(-math.inf, None, None)]
 
     def publish(self, event: Event) -> None:
@@ -37,12 +41,17 @@ class EventBus:
             except Exception as error:  # noqa: BLE001 - whatever broke, the probe must be lifted
                 self._sink = None
                 self.sink_error = f"the run can no longer be stored: {error}"
-        for observer in list(self._observers):
-            try:
-                observer(event)
-            except Exception as error:  # noqa: BLE001 - a viewer's bug must not end a scan
-                self._observers.remove(observer)
-                self.note("warning", "observer", f"{type(error).__name__}: {error}")
+        for observer in self._observers:
+            observer(event)
+        for observer in self._observers:
+            if (trouble := observer.trouble) is not None:
+                observer.trouble = None
+                self.note("warning", "observer", trouble)
+
+    def close(self) -> None:
+        """Let the observers hear the rest."""
+        for observer in self._observers:
+            observer.close()
 
     def note(self, level: str, device: str, text: str) -> None:
         """Something a person should know."""

@@ -23,6 +23,7 @@ from probe.core.events import (
     StationStarted,
 )
 from probe.core.recording import Recording, Station
+from probe.core.spill import Spill
 
 Array = NDArray[np.float64]
 
@@ -151,6 +152,7 @@ class _Signal:
     """Which channels make the tactile signal, and in which unit."""
 
     def __init__(self, started: RunStarted, face_mm2: float | None) -> None:
+        self._spill = Spill()
         self.channels = started.channels
         self.device = tactile_device(self.channels)
         own = self.channels[self.device]
@@ -166,20 +168,20 @@ class _Signal:
     def station(self, index: int, press: _Press) -> Station:
         time_s, values, saturated = self._measured(press)
         reference_s, reference = self._reference(press)
-        phase = press.phases
+        phase, keep = press.phases, self._spill.keep
         return Station(
             index=index,
             x_m=press.x_m,
             y_m=press.y_m,
-            time_s=time_s,
-            signal_pa=values * self.gains,
-            saturated=saturated,
+            time_s=keep(time_s),
+            signal_pa=keep(values * self.gains),
+            saturated=keep(saturated),
             indent_s=phase.get(Phase.INDENTING, math.nan),
             hold_s=phase.get(Phase.HOLDING, math.nan),
             retract_s=phase.get(Phase.RETRACTING, math.nan),
-            depth_m=self._depth(index, press, time_s),
-            reference_s=reference_s,
-            reference=reference,
+            depth_m=keep(self._depth(index, press, time_s)),
+            reference_s=keep(reference_s),
+            reference=keep(reference),
         )
 
     def quantum_pa(self, press: _Press) -> float | None:

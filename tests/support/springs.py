@@ -170,6 +170,7 @@ def run_springs(
     *,
     rig: Rig | None = None,
     observers: Sequence[Callable[[Event], None]] = (),
+    sink: Callable[[Event], None] = lambda _event: None,
     control: Control | None = None,
     timeout_s: float = 20.0,
 ) -> Ran:
@@ -177,10 +178,14 @@ def run_springs(
     rig, ran = rig or spring_rig(), Ran()
     plan = plan_for(rig)
 
+    def store(event: Event) -> None:
+        ran.events.append(event)
+        sink(event)
+
     def scan() -> None:
         try:
             ran.ended = run_scan(
-                plan, stage, sensors, bed.clock, ran.events.append, limits_for(rig, plan),
+                plan, stage, sensors, bed.clock, store, limits_for(rig, plan),
                 observers=observers, control=control,
             )  # fmt: skip
         except BaseException as error:  # noqa: BLE001 - whatever it is, the test looks at it

@@ -27,7 +27,7 @@ from springs import (
 )
 
 from drivers import Block, DeviceFault, Pose, WallClock
-from probe.core.events import Event, Finish, Phase, PhaseEntered
+from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples
 
 APPROACH_M_S = 10e-3
 # On a loaded machine a thread may be scheduled late: what is stiff is met slowly.
@@ -339,10 +339,30 @@ def test_a_blocked_engine_s_probe_is_lifted_also_out_of_a_move() -> None:
             time.sleep(4.0)
 
     rig = spring_rig(scan={"ramp_s": 5.0}, safety={"engine_s": 0.5})
-    ran = run_springs(bed, stage, [sensor], rig=rig, observers=[block])
+    ran = run_springs(bed, stage, [sensor], rig=rig, sink=block)
     assert "engine: blocked for 0.5 s" in ran.reason
     # lifted long before the engine came back
     assert ran.height_m[-1500:].min() == pytest.approx(2e-3, abs=1e-4)
+
+
+def test_a_slow_observer_delays_nothing_and_hears_everything() -> None:
+    bed, stage, sensor = on_springs()
+    late_s: list[float] = []
+    heard: list[Event] = []
+
+    def store(event: Event) -> None:
+        if isinstance(event, Samples) and event.device == "cell":
+            late_s.append(bed.clock.now() - float(event.block.time_s[-1]))
+
+    def dawdle(event: Event) -> None:
+        heard.append(event)
+        if isinstance(event, PhaseEntered) and event.phase is Phase.INDENTING:
+            time.sleep(1.5)
+
+    ran = run_springs(bed, stage, [sensor], observers=[dawdle], sink=store)
+    assert ran.reason == "every station is complete"
+    assert max(late_s) < 0.75  # it was 1.5 s and more
+    assert heard == ran.events
 
 
 PAUSED = """
