@@ -17,7 +17,7 @@ from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample, Source
 from drivers.core.settings import NonNegative, Settings
 from drivers.core.timestamps import FrameTime
-from drivers.modbus import ModbusSource, Register, connect_rtu
+from drivers.modbus import ModbusSource, Register, rtu_bus
 
 BAUD = 19200
 DEVICE_ID = 9
@@ -136,10 +136,10 @@ def open_sensor(clock: Clock, settings: Ft300Settings) -> LineSensor:
     def open_source() -> Source:
         if keys.mode == "stream":
             return StreamSource(clock, keys.name, keys.port, keys.normal, latency_s)
-        client = connect_rtu(keys.port, BAUD, "N", 1, POLL_TIMEOUT_S)
+        bus = rtu_bus(keys.port, BAUD, "N", 1, POLL_TIMEOUT_S)
         registers = _registers(keys.normal)
         return ModbusSource(
-            clock, keys.name, client, registers, DEVICE_ID, "holding", "ABCD", 1 / POLL_HZ,
+            clock, keys.name, bus, registers, DEVICE_ID, "holding", "ABCD", 1 / POLL_HZ,
             latency_s,
         )  # fmt: skip
 

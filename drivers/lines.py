@@ -8,24 +8,28 @@ whatever the device sends, so that a damaged line cannot hold up the force guard
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, Literal
 
 import re2
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.core.errors import ConfigError
+from drivers.core.errors import ConfigError, DeviceFault
 from drivers.core.ports import open_port, read_some
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import INSTANT_S, DeviceTime
-from drivers.core.units import to_si
+from drivers.core.units import SI, to_si
 
 # The longest match takes program x line steps: 1 ms, a quarter of two samples at 500 Hz.
 LINE_MAX = 256
 PROGRAM_MAX = 500
 GAP = 1.5  # periods of device time between two lines: one is missing
-TIME = "time"
+TIME, UNIT = "time", "unit"
+# Not damage but another pattern: this many lines in a row that do not match, for this long.
+UNMATCHED, UNMATCHED_S = 5, 0.2
+GREETING_S = 0.8  # ... or this long before the first that does: boards print what they are
+SHOWN = 60
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
@@ -90,8 +94,14 @@ class LineSource:
         period_s: float,
         time_unit_s: float,
         latency_s: float,
+        number: Callable[[bytes], float],
     ) -> None:
         self._clock = clock
+        self._name = name
+        self._number = number
+        self._unit = channels[0].unit
+        self._unit_group = pattern.groups.get(UNIT)
+        self._unmatched = 0
         self._line = open_port(name, port, baud)
         self._pattern = pattern
         self._factors = [(pattern.groups[c.name], c.scale * to_si(c.unit)[1]) for c in channels]
@@ -110,7 +120,9 @@ class LineSource:
         self._lost = 0
 
     def read(self) -> list[Sample]:
-        """The whole lines that have arrived."""
+        """The whole lines that have arrived. Raises `DeviceFault` where they tell another unit, or
+        no longer match.
+        """
         now = self._clock.now()
         if self._ask and now - self._ask_s >= self._period_s:
             self._ask_s = now
@@ -132,7 +144,16 @@ class LineSource:
         numbers = self._numbers(line)
         if numbers is None:
             self._lost += 1
+            self._unmatched += 1
+            wait_s = GREETING_S if self._last_s == -math.inf else UNMATCHED_S
+            if self._unmatched >= UNMATCHED and arrival_s - self._arrival_s > wait_s:
+                shown = line[:SHOWN].decode("ascii", "backslashreplace")
+                raise DeviceFault(
+                    self._name, f"{self._unmatched} lines in a row do not match the pattern; the "
+                    f"last is {shown!r}"
+                )  # fmt: skip
             return None
+        self._unmatched = 0
         values, device_s = numbers
         lost, self._lost = self._lost, 0
         if device_s is None:
@@ -156,15 +177,44 @@ class LineSource:
         found = self._pattern.match(line.strip())
         if found is None:
             return None
+        if not self._same_unit(found):
+            return None
         group = self._time_group
         try:
-            values = [factor * float(found[n] or b"") for n, factor in self._factors]
-            time_s = 0.0 if group is None else self._time_unit_s * float(found[group] or b"")
+            values = [factor * self._number(found[n] or b"") for n, factor in self._factors]
+            time_s = 0.0 if group is None else self._time_unit_s * self._number(found[group] or b"")
         except ValueError:  # an optional group left out, or one that is no number
             return None
         if not all(math.isfinite(v) for v in (*values, time_s)):
             return None
         return values, None if group is None else time_s
+
+    def _same_unit(self, found: Sequence[bytes | None]) -> bool:
+        """Raises `DeviceFault` where a gauge was switched to another unit that is one."""
+        if self._unit_group is None:
+            return True
+        told = (found[self._unit_group] or b"").decode("ascii", "replace")
+        if told != self._unit and told in SI:
+            raise DeviceFault(self._name, f"tells {told} now, not unit = {self._unit!r}")
+        return told == self._unit
+
+
+def number_reader(decimal: str, thousands: str) -> Callable[[bytes], float]:
+    """What turns the text of a number into one; it raises `ValueError` for what is none.
+
+    With a separator of thousands its groups must have three digits: 1,5 is not 15.
+    """
+    mark, group = re.escape(decimal), re.escape(thousands)
+    whole = rf"\d{{1,3}}(?:{group}\d{{3}})+|\d+" if thousands else r"\d+"
+    form = re.compile(rf"[-+]?(?:(?:{whole})(?:{mark}\d*)?|{mark}\d+)(?:[eE][-+]?\d+)?")
+
+    def number(text: bytes) -> float:
+        words = text.decode("ascii").strip()
+        if form.fullmatch(words) is None:
+            raise ValueError(words)
+        return float(words.replace(thousands, "").replace(decimal, "."))
+
+    return number
 
 
 def open_sensor(
@@ -178,6 +228,8 @@ def open_sensor(
     ask: str = "",
     time_unit_s: float = 1.0,
     latency_ms: float = 0.0,
+    decimal: Literal[".", ","] = ".",
+    thousands: Literal["", ",", ".", " ", "'"] = "",
     name: str = "lines",
     simulated: bool = False,
 ) -> LineSensor:
@@ -187,10 +239,13 @@ def open_sensor(
     stripped; a float is ``[-+0-9.eE]+``. ``ask`` is sent
     before every reading if the device speaks only when asked (``"?\r"``). ``rate_hz``: how often
     lines come; without a group ``time`` a line counts as taken when it arrived, less
-    ``latency_ms``. Raises `ConfigError`.
+    ``latency_ms``. ``decimal`` and ``thousands``: how numbers are written. A group ``unit`` must
+    be the first channel's: a gauge that is switched to another ends the scan. Raises `ConfigError`.
     """
+    if decimal == thousands:
+        raise ConfigError(f"thousands = {thousands!r}: must differ from decimal = {decimal!r}")
     compiled = LinePattern(pattern)
-    groups = sorted(set(compiled.groups) - {TIME})
+    groups = sorted(set(compiled.groups) - {TIME, UNIT})
     if not channel or sorted(c.name for c in channel) != groups:
         raise ConfigError(
             f"pattern = {pattern!r}: has groups {groups}; there must be one [[sensor.channel]] "
@@ -203,7 +258,7 @@ def open_sensor(
     def open_source() -> LineSource:
         return LineSource(
             clock, name, port, baud, compiled, channel, ask.encode(), 1 / rate_hz, time_unit_s,
-            1e-3 * latency_ms,
+            1e-3 * latency_ms, number_reader(decimal, thousands),
         )  # fmt: skip
 
     return LineSensor(

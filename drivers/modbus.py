@@ -8,9 +8,11 @@ every failed one it is opened anew.
 
 import logging
 import math
+import threading
 import time
 from collections.abc import Sequence
 from typing import Annotated, Literal, Self
+from weakref import WeakValueDictionary
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
@@ -89,6 +91,46 @@ class ModbusSettings(Settings):
         return self
 
 
+class Bus:
+    """A line with one device or several: one request at a time; closed by its last user."""
+
+    def __init__(self, client: Client) -> None:
+        self.client = client
+        self.turn = threading.Lock()
+        self._users = 0
+
+    def enter(self) -> bool:
+        """Open it for its first user; False if that cannot be done."""
+        with self.turn:
+            if self._users == 0 and not self.client.connect():
+                _close(self.client)
+                return False
+            self._users += 1
+            return True
+
+    def leave(self) -> None:
+        """Close it after its last user."""
+        with self.turn:
+            self._users -= 1
+            if self._users <= 0:
+                _close(self.client)
+
+
+_buses: WeakValueDictionary[tuple[object, ...], Bus] = WeakValueDictionary()
+"""Serial lines that are in use, by port and settings."""
+_looking_up = threading.Lock()
+
+
+def rtu_bus(port: str, baud: int, parity: str, stopbits: int, timeout_s: float) -> Bus:
+    """The line at ``port``, which sensors with the same settings share."""
+    key = (port, baud, parity, stopbits, timeout_s)
+    with _looking_up:
+        bus = _buses.get(key)
+        if bus is None:
+            bus = _buses[key] = Bus(connect_rtu(*key))
+        return bus
+
+
 class ModbusSource:
     """A polled map of registers; see `drivers.core.reader.Source`."""
 
@@ -96,7 +138,7 @@ class ModbusSource:
         self,
         clock: Clock,
         name: str,
-        client: Client,
+        bus: Bus,
         registers: Sequence[Register],
         device_id: int,
         table: Literal["holding", "input"],
@@ -106,9 +148,9 @@ class ModbusSource:
     ) -> None:
         self._clock = clock
         self._name = name
-        self._client = client
+        self._bus = bus
+        self._client = client = bus.client
         self._heard = 0
-        client.transaction.trace_packet = self._trace
         self._registers = registers
         self._device_id = device_id
         self._byte_order = byte_order
@@ -120,8 +162,7 @@ class ModbusSource:
         self._ask = tables[table]
         self._due_s = clock.now()
         self._failed = 0
-        if not client.connect():
-            _close(client)
+        if not bus.enter():
             raise DeviceAbsent(name, f"nothing to connect to at {client.comm_params.host}")
 
     def read(self) -> list[Sample]:
@@ -131,6 +172,11 @@ class ModbusSource:
             time.sleep(min(wait_s, 0.1))
             if wait_s > 0.1:
                 return []
+        with self._bus.turn:
+            self._client.transaction.trace_packet = self._trace
+            return self._poll()
+
+    def _poll(self) -> list[Sample]:
         self._heard = 0
         asked_s = self._clock.now()
         missed = max(math.floor((asked_s - self._due_s) / self._period_s), 0)
@@ -162,8 +208,8 @@ class ModbusSource:
         return []
 
     def close(self) -> None:
-        """Close the line."""
-        _close(self._client)
+        """Leave the line."""
+        self._bus.leave()
 
     def _trace(self, sending: bool, data: bytes) -> bytes:
         """Hook of pymodbus: what passes on the line."""
@@ -238,14 +284,13 @@ def open_sensor(clock: Clock, settings: ModbusSettings) -> LineSensor:
 
     def open_source() -> ModbusSource:
         timeout_s = 1e-3 * keys.timeout_ms
-        client: Client
         if keys.host is not None:
-            client = ModbusTcpClient(keys.host, port=keys.tcp_port, timeout=timeout_s, retries=0)
+            bus = Bus(ModbusTcpClient(keys.host, port=keys.tcp_port, timeout=timeout_s, retries=0))
         else:
             assert keys.port is not None
-            client = connect_rtu(keys.port, keys.baud, keys.parity, keys.stopbits, timeout_s)
+            bus = rtu_bus(keys.port, keys.baud, keys.parity, keys.stopbits, timeout_s)
         return ModbusSource(
-            clock, keys.name, client, keys.registers, keys.device_id, keys.table, keys.byte_order,
+            clock, keys.name, bus, keys.registers, keys.device_id, keys.table, keys.byte_order,
             1 / keys.rate_hz, 1e-3 * keys.latency_ms,
         )  # fmt: skip
 

@@ -5,6 +5,7 @@ box's RDT output rate, which the rig file must give (``rate_hz``) and the driver
 """
 
 import time
+from collections import deque
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
@@ -29,6 +30,8 @@ NEWTON_METRES = {
     "lbf-ft": 1.3558179483314,
     "kgf-cm": 0.0980665,
 }
+DISORDER = ("ft_stall", "ft_backward")
+DISORDERS, DISORDERS_S = 10, 1.0  # each costs a few readings: more would be no scan
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
@@ -56,6 +59,8 @@ class RdtSource:
         self._last: int | None = None
         self._count = 0
         self._since: tuple[float, int] | None = None
+        self._arrival_s = clock.now()
+        self._disorders: deque[float] = deque(maxlen=DISORDERS)
 
     def read(self) -> list[Sample]:
         """The next record. Raises `DeviceFault` on the box's own faults."""
@@ -69,14 +74,20 @@ class RdtSource:
         except StopIteration:
             raise DeviceFault(self._name, "the stream has ended") from None
         except pynetft.SensorFaultError as error:
-            raise DeviceFault(self._name, _in_words(error)) from None
-        step = 1 if self._last is None else (got.rdt_sequence - self._last) % 2**32
-        self._last = got.rdt_sequence
+            if error.fault_code.value not in DISORDER:
+                raise DeviceFault(self._name, _in_words(error)) from None
+            self._begin_anew()
+            return []
+        received_s = 1e-9 * (time.monotonic_ns() - got.received_at_ns)
+        arrival_s = self._clock.now() - received_s
+        if self._last is None:  # begun, or begun anew: the box counts from 1 again
+            step = max(round((arrival_s - self._arrival_s) * self._rate_hz), 1)
+        else:
+            step = (got.rdt_sequence - self._last) % 2**32
+        self._last, self._arrival_s = got.rdt_sequence, arrival_s
         if not 0 < step < 2**31:  # repeated or out of order
             return []
         self._count += step
-        received_s = 1e-9 * (time.monotonic_ns() - got.received_at_ns)
-        arrival_s = self._clock.now() - received_s
         self._check_rate(arrival_s)
         time_s = self._time.stamp(self._count / self._rate_hz, arrival_s)
         force, torque = NEWTONS[got.force_unit.value], NEWTON_METRES[got.torque_unit.value]
@@ -86,6 +97,28 @@ class RdtSource:
     def close(self) -> None:
         """End the stream."""
         self._client.stop()
+
+    def _begin_anew(self) -> None:
+        """A record came twice or was overtaken on the network, where the library ends its stream.
+
+        Raises `DeviceFault` if that goes on.
+        """
+        import pynetft
+
+        now_s = self._clock.now()
+        self._disorders.append(now_s)
+        if len(self._disorders) == DISORDERS and now_s - self._disorders[0] < DISORDERS_S:
+            raise DeviceFault(
+                self._name, f"records come twice or out of order, {DISORDERS} times in "
+                f"{DISORDERS_S:g} s: use a cable without other traffic"
+            )  # fmt: skip
+        self._client.stop()
+        try:
+            self._client.start()
+        except (pynetft.NetFTError, OSError) as error:
+            raise DeviceFault(self._name, f"connection lost ({error})") from None
+        self._samples = self._client.samples(timeout=0.05)
+        self._last = None
 
     def _check_rate(self, arrival_s: float) -> None:
         if self._since is None:

@@ -23,11 +23,14 @@ PAGE = f"""<?xml version="1.0" encoding="UTF-8"?>
 """
 SATURATED = 0x00020000
 
+SELDOM = 200
+"""One record in this many comes twice, or after the next."""
+
 
 class NetFtBox:
     """A running box. ``host``, ``rdt_port`` and ``http_port`` are what a rig file gives."""
 
-    faults = ("silence", "drop", "garbage", "lossy", "late")
+    faults = ("silence", "drop", "garbage", "lossy", "late", "doubled", "swapped")
 
     def __init__(
         self, phantom: Phantom, host: str, ports: tuple[int, int], rate_hz: float, noise_n: float
@@ -39,6 +42,7 @@ class NetFtBox:
         self._fault: str | None = None
         self._client: tuple[str, int] | None = None
         self._bias_n = 0.0
+        self._kept = b""
         self._sequence = 0
         host = on_this_machine(host)
         self._page = ThreadingHTTPServer((host, ports[1]), _Page)
@@ -121,8 +125,16 @@ class NetFtBox:
             record = self._rng.bytes(int(self._rng.integers(1, 35)))
         if self._fault == "late":
             time.sleep(0.2)
+        records = [record]
+        if self._kept:  # it is overtaken by this one
+            records, self._kept = [record, self._kept], b""
+        elif self._fault == "doubled" and self._sequence % SELDOM == 0:
+            records = [record, record]
+        elif self._fault == "swapped" and self._sequence % SELDOM == 0:
+            records, self._kept = [], record
         try:
-            self._udp.sendto(record, client)
+            for one in records:
+                self._udp.sendto(one, client)
         except ConnectionError:
             self._client = None
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import Block, ConfigError, DeviceFault, WallClock
+from drivers import Block, ConfigError, DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
-from drivers.lines import LinePattern, TextChannel, open_sensor
+from drivers.lines import LinePattern, TextChannel, number_reader, open_sensor
 from sim_backend import load_scene
 from sim_backend.emulators import lines
 from sim_backend.emulators.serving import Served, served
@@ -183,6 +183,7 @@ def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
         ({"pattern": "(?P<force>([0-9.]{1,30}){1,30})"}, "at most 500 are allowed"),
         ({"rate_hz": 0.0}, "rate_hz = 0: must be above 0"),
         ({"time_unit_s": -1.0}, "time_unit_s"),
+        ({"decimal": ",", "thousands": ","}, "must differ from decimal"),
     ],
 )
 def test_wrong_keys_are_named(clock: WallClock, keys: dict[str, Any], words: str) -> None:
@@ -200,3 +201,83 @@ def test_a_damaged_line_cannot_hold_up_the_guards(pattern: str) -> None:
         began_s = time.process_time()
         assert compiled.match(b"0" * length + b"?") is None
         assert time.process_time() - began_s < 0.1
+
+
+@pytest.mark.parametrize(
+    ("decimal", "thousands", "text", "value"),
+    [
+        (".", "", "-1234.5e-1", -123.45),
+        (",", "", "3,25", 3.25),
+        (",", ".", "1.234,5", 1234.5),
+        (".", ",", "12,345,678.25", 12345678.25),
+        (".", "'", "1'234", 1234.0),
+        (",", " ", "-1 234,5", -1234.5),
+        (".", ",", "1234.5", 1234.5),
+    ],
+)
+def test_numbers_as_they_are_written_elsewhere(
+    decimal: str, thousands: str, text: str, value: float
+) -> None:
+    assert number_reader(decimal, thousands)(text.encode()) == value
+
+
+@pytest.mark.parametrize(
+    ("decimal", "thousands", "text"),
+    [
+        (".", "", "3,25"), (",", "", "3.25"), (".", ",", "1,5"), (",", ".", "1.5"),
+        (".", ",", "1,2345"), (".", "", "nan"), (".", "", ""), (".", "", "1.2.3"),
+        (".", "", "\xb2"),
+    ],
+)  # fmt: skip
+def test_a_number_written_otherwise_is_none(decimal: str, thousands: str, text: str) -> None:
+    """1,5 with a comma of thousands is not 15."""
+    with pytest.raises(ValueError):
+        number_reader(decimal, thousands)(text.encode("latin-1"))
+
+
+def test_what_does_not_match_is_shown(clock: WallClock, tmp_path: Path) -> None:
+    says = Says()
+    with served(says, str(tmp_path / "cell"), "cell") as device:
+        sensor = open_sensor(
+            clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
+        )
+        with ThreadPoolExecutor(1) as other:
+            connected = other.submit(sensor.connect)
+            while not connected.done():
+                says.say(b"F= 1,0 kN\n")
+                time.sleep(0.01)
+            with pytest.raises(DeviceAbsent, match="do not match the pattern; the last is 'F= 1,0"):
+                connected.result()
+
+
+@pytest.mark.parametrize(
+    ("pattern", "words"),
+    [
+        ("(?P<force>[-0-9.]+) (?P<unit>[a-zA-Z]+)", "tells lbf now, not unit = 'N'"),
+        ("(?P<force>[-0-9.]+) N", "do not match the pattern; the last is '1.0 lbf'"),
+    ],
+)
+def test_a_gauge_that_is_switched_to_another_unit_is_a_fault(
+    clock: WallClock, tmp_path: Path, pattern: str, words: str
+) -> None:
+    says = Says()
+    with served(says, str(tmp_path / "cell"), "cell") as device:
+        sensor = open_sensor(
+            clock, port=device.address, pattern=pattern, channel=[FORCE], rate_hz=80
+        )
+        with ThreadPoolExecutor(1) as other:
+            connected = other.submit(sensor.connect)
+            while not connected.done():
+                says.say(b"1.0 N\n")
+                time.sleep(0.01)
+            connected.result()
+        sensor.start()
+        hear(sensor, 1)
+        says.say(b"3.0 X\n2.0 N\n")  # damage: no reading, and no other unit
+        values, lost = hear(sensor, 1)
+        assert (values[-1], lost) == (2.0, 1)
+        with pytest.raises(DeviceFault, match=words):
+            for _ in range(1000):
+                says.say(b"1.0 lbf\n")
+                assert set(gather(sensor, 0.01).values[:, 0].tolist()) <= {1.0, 2.0}
+        sensor.close()

@@ -200,3 +200,47 @@ def test_not_a_number_is_a_lost_reading_and_then_a_fault() -> None:
                 assert not np.isnan(sensor.read().values).any()
                 time.sleep(0.01)
         sensor.close()
+
+
+class TwoOnALine:
+    """Devices 1 and 2 on one RS-485 line: each hears all, and answers its own."""
+
+    faults = ()
+
+    def __init__(self) -> None:
+        self._slaves = [ModbusSlave({0: lambda n=n: 100 * n}, n, "rtu") for n in (1, 2)]
+
+    def received(self, data: bytes) -> bytes:
+        return b"".join(slave.received(data) for slave in self._slaves)
+
+    def due(self) -> bytes:
+        return b""
+
+    def fail(self, _fault: str) -> None: ...
+
+
+def test_two_sensors_on_one_line_take_turns() -> None:
+    with served(TwoOnALine(), "pty", "modbus") as device:
+        register = [Register(name="n", address=0, unit="-")]
+        sensors = [
+            opened(port=device.address, name=f"s{n}", device_id=n, register=register,
+                   timeout_ms=1000.0)
+            for n in (1, 2)
+        ]  # fmt: skip
+        for sensor in sensors:
+            sensor.connect()
+            sensor.start()
+        seen: list[list[float]] = [[], []]
+        end_s = time.monotonic() + 10.0
+        while min(map(len, seen)) < 20:
+            assert time.monotonic() < end_s
+            for values, sensor in zip(seen, sensors, strict=True):
+                values += sensor.read().values[:, 0].tolist()
+        assert [set(values) for values in seen] == [{100.0}, {200.0}]
+        sensors[0].close()  # and the other goes on
+        sensors[1].read()
+        while not len(sensors[1].read().time_s):
+            assert time.monotonic() < end_s
+        sensors[1].close()
+        sensors[0].connect()  # and the line can be opened again
+        sensors[0].close()

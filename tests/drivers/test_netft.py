@@ -68,6 +68,25 @@ def test_records_that_the_network_loses_are_counted(box: netft.NetFtBox, clock: 
     assert (np.diff(block.time_s) > 0.5e-3).all()
 
 
+@pytest.mark.parametrize("fault", ["doubled", "swapped"])
+def test_records_that_come_twice_or_late_are_no_fault(
+    box: netft.NetFtBox, clock: WallClock, fault: str
+) -> None:
+    """The library ends its stream at one; what is missing until the next counts as lost."""
+    sensor = opened(box, clock)
+    box.fail(fault)
+    time.sleep(0.1)
+    sensor.read()
+    time.sleep(0.8)
+    block = sensor.read()
+    sensor.close()
+    assert len(block.time_s) > 100
+    assert block.lost > 0
+    span_s = block.time_s[-1] - block.time_s[0]
+    assert (np.diff(block.time_s) > 0).all()
+    assert len(block.time_s) + block.lost == pytest.approx(1000.0 * span_s, rel=0.1)
+
+
 def test_a_silent_box_is_a_fault(box: netft.NetFtBox, clock: WallClock) -> None:
     sensor = opened(box, clock)
     box.fail("silence")
