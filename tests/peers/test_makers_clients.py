@@ -133,3 +133,14 @@ def test_pytrinamic_moves_stops_and_searches_it(phantom: Phantom) -> None:
             assert line.get_global_parameter(55, 2, module_id=1, signed=True) == -7
         finally:
             line.close()
+
+
+def test_panda_python_has_what_the_example_uses() -> None:
+    """Names only: there is no arm to connect to."""
+    panda = pytest.importorskip("panda_py")
+    controllers = pytest.importorskip("panda_py.controllers")
+    used = ("get_position", "get_orientation", "start_controller", "stop_controller")
+    assert all(hasattr(panda.Panda, name) for name in used)
+    assert hasattr(controllers.CartesianImpedance, "set_control")
+    with pytest.raises(RuntimeError):
+        panda.Panda("127.0.0.1")
