@@ -95,6 +95,8 @@ class GuardClient:
             self._homing = self._homing and not self._status.homed
             self.jumped = self.jumped or self._status.jumped
         except DeviceFault as fault:
+            if not self._gone:
+                return  # another took over, and has said how things stand
             trip = self._status.trip or Trip(self._status.seen_s, fault.device, fault.reason, False)
             out = (True, False, fault.reason)
             self._status = Status(trip, None, self._status.seen_s, 0.0, out, homed=True)
