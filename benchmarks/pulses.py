@@ -149,7 +149,7 @@ def main(tissue_file: Path, heart_files: list[Path], cases: int) -> None:
     empty = [(h, k, part) for h in (5.0, 2.5) for k in range(len(tissue))
              for part in range(len(without(h, tissue[k])))]  # fmt: skip
     fill(EMPTY, ("hold_s", "specimen", "part"), ("palpate",), empty, false)
-    jobs = [(*cell, person, seed) for cell in CELLS for seed in range(cases) for person in hearts]
+    jobs = [(*cell, person, seed) for seed in range(cases) for cell in CELLS for person in hearts]
     fill(OUT, ("share", "hold_s", "person", "seed"), ("palpate", *PEERS), jobs, found)
     tell()
 

@@ -15,6 +15,7 @@ from probe.detection.map.open_row import only_settled
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.presses import Press, presses_of
+from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
 
 ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
 """Which object's kind is the whole finding's: the one that a person would act on."""
@@ -107,8 +108,10 @@ def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     Nothing is said of it where another press has a pulse: then the disturbed one is only noted.
     """
     moved = [p for p in presses if p.cause is not None and not p.pulsing]
-    if not moved or any(p.pulsing for p in presses):
+    if any(p.pulsing for p in presses):
         return []
+    if not moved:
+        return _beyond(presses)
     one = min(moved, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
     assert one.cause is not None
     rival = one.cause.rival
@@ -123,6 +126,21 @@ def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
         "undecided", x_m, (x_m, x_m), float("nan"), one.size_pa, one.cause.pulse,
         f"something moves at station {one.station.index}: a pulse with {100 * one.cause.pulse:.0f} "
         f"%, {rival} with {100 * one.cause.share[rival]:.0f} %; {advice}, or hold longer",
+    )]  # fmt: skip
+
+
+def _beyond(presses: tuple[Press, ...]) -> list[ObjectFinding]:
+    """What beats at a rate that no pulse is looked for at: undecided, where it is largest."""
+    some = [p for p in presses if p.beyond_hz is not None]
+    if not some:
+        return []
+    one = max(some, key=lambda p: p.size_pa)
+    x_m, slow, fast = one.station.x_m, 60 * SLOWEST_HZ, 60 * FASTEST_HZ
+    return [ObjectFinding(
+        "undecided", x_m, (x_m, x_m), float("nan"), one.size_pa, 0.0,
+        f"something beats about {60 * (one.beyond_hz or 0.0):.0f} times a minute at station "
+        f"{one.station.index}; a pulse is looked for at {slow:.0f} to {fast:.0f}: compare with a "
+        "reference (PPG or ECG), or hold longer",
     )]  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_cha
 from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
 from probe.detection.pulse.rivals import Cause
+from probe.detection.pulse.search import beyond
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ class Press:
     what a stage's repeatability makes of equal tissue. ``pulsing``: it, or it with its neighbours,
     passes the test for a pulse, and a pulse it is rather than breathing, motion or a machine;
     ``cause`` says so of those that were asked. ``touched``: the probe met something.
+    ``beyond_hz``: in a scan without a pulse, what beats slower or faster than hearts do.
     """
 
     station: Station
@@ -46,6 +48,7 @@ class Press:
     cause: Cause | None = None
     touched: bool = True
     step_s: float = 0.0
+    beyond_hz: float | None = None
 
     @property
     def hold_s(self) -> float:
@@ -75,15 +78,22 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
         if one.hold is not None and one.pulse is not None
     }
     pulsing, causes = which_pulse(measured, recording, false_alarm)
+    others = {} if pulsing or causes else _beyond(measured, false_alarm)
     shared = shared_rate([measured[i] for i in pulsing[: 2 * REACH + 1]]) if pulsing else None
     return tuple(
         replace(
             _press(station, one.hold, _at(one.hold, one.pulse, shared), one.note),
             pulsing=i in pulsing, cause=causes.get(i), touched=one.touched,
-            step_s=one.hold.step_s if one.hold else 0.0,
+            step_s=one.hold.step_s if one.hold else 0.0, beyond_hz=others.get(i),
         )
         for i, (station, one) in enumerate(zip(recording.stations, found, strict=True))
     )  # fmt: skip
+
+
+def _beyond(measured: dict[int, tuple[Hold, Pulse]], false_alarm: float) -> dict[int, float]:
+    """Stations in which something beats at a rate where no pulse is looked for [Hz]."""
+    found = {i: beyond(hold) for i, (hold, _) in measured.items()}
+    return {i: rate for i, (rate, chance) in found.items() if chance * len(found) <= false_alarm}
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,10 @@ BREATHING_HZ, BREATHING_HARMONICS = (0.1, 0.6), 6
 """6 to 36 breaths a minute."""
 MOTION_S = (0.1, 0.2, 0.4, 0.8)
 """Standard deviations of a bump: a hand that shifts, a swallow, a cough."""
-MOVEMENTS = 5
+MOVEMENTS, MOVEMENT_UNKNOWNS = 5, 3
+SAMPLES_EACH = 4.0
+"""Samples at least for each unknown of a rival (a harmonic has two, a movement its time, length and
+size): with fewer, breathing or motion of enough parts explains any hold."""
 PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "tremor": 0.1}
 """Before the hold is looked at: a pulse is what a scan looks for, nothing is known of the others. A
 choice; how much it matters has not been measured."""
@@ -114,6 +117,7 @@ def _log_evidence(left: Array, n: int, unknowns: int | NDArray[np.int64]) -> Arr
 def _periodic(hold: Coarse, slowest_hz: float, fastest_hz: float, count: int) -> float:
     """Evidence of up to ``count`` harmonics at one unknown rate, the first the largest."""
     n = len(hold.signal)
+    count = max(1, min(count, int((n / SAMPLES_EACH - 1) / 2)))
     fastest_hz = min(fastest_hz, NYQUIST_SHARE / hold.step_s)
     independent = 1 + (fastest_hz - slowest_hz) * n * hold.step_s
     rates = np.linspace(slowest_hz, fastest_hz, int(4 * independent))
@@ -186,7 +190,8 @@ def _motion(hold: Coarse) -> float:
         square = np.maximum((c * c).sum(axis=0) - (along * along).sum(axis=0), 1e-12)
         total = len(y) - (memory == 1.0)
         taken = beside
-        for k in range(1, MOVEMENTS + 1):
+        most = min(MOVEMENTS, int(total / SAMPLES_EACH / MOVEMENT_UNKNOWNS))
+        for k in range(1, max(most, 1) + 1):
             best = int(np.argmax((y @ c) ** 2 / square * (square > 1e-6)))
             one = c[:, best] - taken @ (taken.T @ c[:, best])
             one = one / max(float(np.linalg.norm(one)), 1e-12)

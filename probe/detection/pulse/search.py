@@ -17,6 +17,8 @@ from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD, SWING_MMHG
 Array = NDArray[np.float64]
 
 SLOWEST_HZ, FASTEST_HZ = 40 / 60, 180 / 60
+BEYOND_HZ, MIN_TURNS = (20 / 60, 300 / 60), 1.5
+"""Rates that are looked at beside those, to say so, and turns that a hold must have of them."""
 TESTED_HARMONICS = 2
 """Harmonics that decide whether there is a pulse: they carry nine tenths of its power."""
 MOST_SECOND = 1.0
@@ -89,6 +91,31 @@ def search(hold: Hold) -> tuple[Search, Fit]:
         looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
         min(1.0, 2 * anywhere(float(one.min()), hold.span_s)), hold.span_s, best.noise,
     ), null  # fmt: skip
+
+
+def beyond(hold: Hold) -> tuple[float, float]:
+    """What beats slower or faster than hearts are looked for: its rate [Hz] and the chance of one
+    as clear in a hold without any."""
+    finest = FINEST * (len(hold.time_s) - 1) / max(hold.span_s, 1e-9)
+    ranges = [(max(BEYOND_HZ[0], MIN_TURNS / hold.span_s), SLOWEST_HZ),
+              (FASTEST_HZ, min(BEYOND_HZ[1], finest))]  # fmt: skip
+    rates = np.concatenate([
+        np.linspace(low, high, max(4, int(4 * (high - low) * hold.span_s)))
+        for low, high in ranges if high > low
+    ] or [np.empty(0)])  # fmt: skip
+    if not len(rates):
+        return float("nan"), 1.0
+    design = design_of(hold)
+    null = fit(hold, design, np.empty((len(hold.time_s), 0)))
+    looks = _looks(hold, design, null, rates)
+    without = logsumexp([one.without for one in looks])
+    gain = logsumexp([one.without + one.free for one in looks], axis=0) - without
+    lost = 2 * TESTED_HARMONICS
+    chance = _single(np.maximum(gain, 0.0), lost, max(null.dof, 4 + lost) - lost)
+    wide = sum(max(high - low, 0.0) for low, high in ranges)
+    independent = 2 + 2 * wide * hold.span_s
+    best = int(np.argmin(chance))
+    return float(rates[best]), float(min(1.0, independent * chance[best]))
 
 
 def rates_hz(span_s: float) -> Array:

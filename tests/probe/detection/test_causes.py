@@ -1,5 +1,6 @@
 """What moves in a hold: a pulse, regular or not, or breathing, a machine, a hand."""
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -87,3 +88,24 @@ def test_the_heart_rate_comes_with_its_interval() -> None:
         _, low, high = found.heart_rate_bpm
         held += low <= 60 * rate_hz <= high
     assert held >= 10
+
+
+@pytest.mark.parametrize(("rate_bpm", "sample_hz"), [(32.0, 500.0), (200.0, 500.0), (210.0, 10.0)])
+def test_what_beats_slower_or_faster_than_hearts_is_said(rate_bpm: float, sample_hz: float) -> None:
+    rng = np.random.default_rng(12)
+    one = station(rng, pulse_pa=300.0, rate_hz=rate_bpm / 60, sample_hz=sample_hz, noise_pa=10.0)
+    found = detect(recording([one]))
+    assert found.finding == "undecided"
+    told = re.search(r"beats about (\d+) times a minute", found.reason)
+    if told:  # else a rival of pulses is named
+        assert float(told[1]) == pytest.approx(rate_bpm, rel=0.1)
+
+
+def test_few_samples_do_not_let_motion_explain_a_loud_pulse() -> None:
+    """2.5 s at 10 Hz: movements and harmonics enough for 25 samples explain any pulse."""
+    found = [
+        detect(recording([station(np.random.default_rng(seed), pulse_pa=300.0, noise_pa=15.0,
+                                  sample_hz=10.0, hold_s=2.5, uneven_s=0.03)])).finding
+        for seed in range(12)
+    ]  # fmt: skip
+    assert found.count("artery") >= 10
