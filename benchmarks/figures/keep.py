@@ -30,12 +30,14 @@ class Figure:
 def keep(figure: Figure) -> Path:
     """Measure, and write ``docs/figures/NAME.json``."""
     load = os.getloadavg()[0]
-    data = figure.measure()
+    commit = _git("rev-parse", "--short", "HEAD")
+    changed = bool(_git("status", "--porcelain", "--", *MEASURED))
+    data = figure.measure()  # whatever is checked out meanwhile
     path = KEPT / f"{figure.name}.json"
     kept = {
         "command": f"make figures ONLY={figure.name}",
-        "commit": _git("rev-parse", "--short", "HEAD"),
-        "changed": bool(_git("status", "--porcelain", "--", *MEASURED)),
+        "commit": commit,
+        "changed": changed,
         "machine": f"{os.cpu_count()} processors, {platform.machine()}, {platform.system()}, "
         f"Python {platform.python_version()}, load {load:.0f} before",
         "date": datetime.now(UTC).date().isoformat(),

@@ -59,7 +59,7 @@ class Plan:
     compliance_m_per_n: float = 0.0
     max_deflection_m: float = 0.0
 
-    @property
+    @cached_property
     def travel_z_m(self) -> float:
         """The height of all travel."""
         return max(pose.z for pose in self._starts.values()) + self.clearance_m
@@ -70,7 +70,7 @@ class Plan:
         search = self.search_m if self.touch_n is not None else 0.0
         return self.indentation_m + search + self.max_deflection_m
 
-    @property
+    @cached_property
     def deepest_below_m(self) -> float:
         """The same straight down, at the steepest station."""
         return self.deepest_m / min(normal_of(pose)[2] for pose in self._starts.values())

@@ -1,4 +1,5 @@
 import math
+import sys
 from itertools import pairwise
 
 import pytest
@@ -71,3 +72,25 @@ def test_a_level_surface_turns_nothing() -> None:
     plan = Plan(row(4e-3, 4e-3, 2), surface=lambda _x, _y: 1e-3)
     assert plan.at_surface(plan.places[0])[3:] == (0.0, 0.0, 0.0)
     assert pressed(plan.at_surface(plan.places[0]), 2e-3).z == pytest.approx(-1e-3)
+
+
+def test_checking_a_plan_is_linear_in_its_stations() -> None:
+    """Work counted in calls, which no busy machine changes."""
+
+    def calls(stations: int) -> int:
+        count = 0
+
+        def called(_frame: object, event: str, _argument: object) -> None:
+            nonlocal count
+            count += event == "call"
+
+        plan = Plan(row(0.0, 1e-5, stations))
+        before = sys.getprofile()
+        sys.setprofile(called)
+        try:
+            check_reach(plan, BOX)
+        finally:
+            sys.setprofile(before)
+        return count
+
+    assert calls(800) < 5 * calls(200)
