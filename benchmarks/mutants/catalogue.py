@@ -2,8 +2,9 @@
 
 from mutants.around import AROUND
 from mutants.devices import DEVICES
+from mutants.elsewhere import ELSEWHERE
 from mutants.guarded import GUARDED
 from mutants.mutant import Mutant
 from mutants.stored import STORED
 
-MUTANTS: tuple[Mutant, ...] = (*GUARDED, *AROUND, *STORED, *DEVICES)
+MUTANTS: tuple[Mutant, ...] = (*GUARDED, *AROUND, *STORED, *DEVICES, *ELSEWHERE)

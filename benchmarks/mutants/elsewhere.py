@@ -1,0 +1,112 @@
+"""Physics, detection, calibration, configuration and export: wrong numbers that stop nothing."""
+
+from mutants.mutant import Mutant
+
+MATERIAL, GROUPS = "sim_backend/fem/material.py", "sim_backend/fem/section_contact.py"
+FINGER, PAIRS = "sim_backend/fem/contact/finger_contact.py", "sim_backend/fem/contact/pairs.py"
+NEWTON, LUMEN = "sim_backend/fem/newton.py", "sim_backend/fem/lumen.py"
+POOLED, REFERENCE = (
+    "probe/detection/pulse/pooled_evidence.py",
+    "probe/detection/pulse/reference.py",
+)
+HELD, CLASSIFIER = (
+    "probe/detection/pulse/hold_samples.py",
+    "probe/detection/classify/classifier.py",
+)
+BUMPS, STRESS = "probe/detection/map/bumps.py", "probe/core/contact_stress.py"
+TARE, STIFF = "calibration/tare.py", "calibration/compliance.py"
+PLAN, SCAN_PLAN = "probe/planning/plan.py", "probe/config/scan_plan.py"
+TANGENTS = ("tests/sim_backend/fem/test_tangents.py", "tests/sim_backend/fem/test_balance.py")
+LAW = ("tests/sim_backend/fem/test_material.py",)
+PULSE, DETECT = ("tests/probe/detection/test_pulse.py",), ("tests/probe/detection/test_detect.py",)
+BEATS = ("tests/probe/detection/test_reference.py",)
+TRUTH = ("tests/calibration/test_known_truth.py",)
+PLANNED = ("tests/probe/planning/test_plan.py",)
+RIG = ("tests/probe/config/test_rig.py",)
+STRESSED = ("tests/probe/core/test_stress_conversion.py",)
+
+ELSEWHERE = (
+    Mutant("volume is kept by half the bulk modulus", MATERIAL,
+           "stress = stress + (bulk * (j - 1))[..., None] * cofactor",
+           "stress = stress + (0.5 * bulk * (j - 1))[..., None] * cofactor", LAW),
+    Mutant("the thickness does not thin", MATERIAL,
+           "thinning = -a / m[..., None]", "thinning = a / m[..., None]", LAW),
+    Mutant("a tangent without its turning pressure", MATERIAL,
+           "tangent = tangent + (bulk * (j - 1 - lag))[..., None, None] * _TWIST",
+           "tangent = tangent + 0 * _TWIST", LAW),
+    Mutant("a finger's edge is sharp", FINGER,
+           "gap = np.where(flat, self.y - points[:, 1], distance - self.radius)",
+           "gap = np.where(flat, self.y - points[:, 1], distance)", TANGENTS),
+    Mutant("a normal does not turn", FINGER,
+           "return gap, normal, np.where(round_part, 1 / safe, 0.0)",
+           "return gap, normal, np.zeros_like(safe)", TANGENTS),
+    Mutant("a skin is rigid", FINGER, "if finger.skin_m:", "if False:",
+           ("tests/sim_backend/fem/test_fingers.py",)),
+    Mutant("contact may pull", PAIRS,
+           "return (multiplier > complementarity * self.open(multiplier)) | self.bonded",
+           "return (np.abs(multiplier) > complementarity * self.open(multiplier)) | self.bonded",
+           ("tests/sim_backend/fem/test_balance.py", "tests/sim_backend/fem/test_closed_forms.py")),
+    Mutant("lumens close through each other", GROUPS,
+           "for walls in section.walls if section.self_contact else ():", "for walls in ():",
+           ("tests/sim_backend/fem/test_tangents.py", "tests/sim_backend/models/test_press.py")),
+    Mutant("neighbours are taken for one", POOLED,
+           "2 * len(searches)))", "2))", PULSE + DETECT),
+    Mutant("neighbours' beats are averaged", POOLED,
+           "total = np.sum([", "total = np.mean([", PULSE + DETECT),
+    Mutant("every slope is a beat", REFERENCE,
+           "energy[peaks] >= MIN_ENERGY * usual", "energy[peaks] >= 0", BEATS),
+    Mutant("an inverted reference stays so", REFERENCE,
+           "slope if float((slope**3).sum()) >= 0 else -slope", "slope", BEATS),
+    Mutant("beats are found by height", REFERENCE,
+           "find_peaks(energy, distance=closest)", "find_peaks(smooth, distance=closest)", BEATS),
+    Mutant("spikes are believed", HELD,
+           "return np.asarray(np.abs(off) <= SPIKE_SIGMAS * scatter)",
+           "return np.ones(len(signal), dtype=bool)", PULSE),
+    Mutant("clipped samples are believed", HELD,
+           "kept = inside & whole & ~clipped", "kept = inside & whole", PULSE + DETECT),
+    Mutant("a press in the air is contact", HELD,
+           "if rise <= CONTACT_SIGMAS * error:", "if rise <= -1e99:", PULSE + DETECT),
+    Mutant("something else is impossible", CLASSIFIER,
+           "likelihood[ELSE] = PRIOR[ELSE] * max(inside, 1e-300) / (high - low)",
+           "likelihood[ELSE] = 0.0", ("tests/probe/detection/test_causes.py", *DETECT)),
+    Mutant("nothing is impossible", CLASSIFIER,
+           "something = 1 / (1 + against_nothing(seen.chance))", "something = 1.0", DETECT),
+    Mutant("any share names a kind", CLASSIFIER,
+           "if kind == best and share[best] >= MIN_POSTERIOR:", "if kind == best:", DETECT),
+    Mutant("five stations show a bump", BUMPS,
+           "if n < MIN_STATIONS:\n        return Row((), np.full(n, np",
+           "if n < 3:\n        return Row((), np.full(n, np",
+           (*DETECT, "tests/probe/detection/test_unusual_scans.py")),
+    Mutant("taxels are a face each", STRESS,
+           'share = len(columns) if role == "taxel" else 1', "share = 1", STRESSED + DETECT),
+    Mutant("units are not looked at", STRESS, "return factor / area_m2", "return 1 / area_m2",
+           STRESSED),
+    Mutant("a pressure's unit is not looked at", STRESS,
+           'if unit == "Pa":\n        return factor', 'if unit == "Pa":\n        return 1.0',
+           STRESSED),
+    Mutant("a tare does not drift", TARE,
+           "return np.asarray(values - self.bias - np.multiply.outer(since, self.drift))",
+           "return np.asarray(values - self.bias)", TRUTH),
+    Mutant("a tare is good for ever", TARE,
+           "return tolerance / worst if worst > 0", "return 1e9 if worst > 0", TRUTH),
+    Mutant("a soft rig presses deeper", STIFF,
+           "return np.asarray(np.asarray(depth_m) - np.asarray(force_n) / self.stiffness_n_m)",
+           "return np.asarray(np.asarray(depth_m) + np.asarray(force_n) / self.stiffness_n_m)",
+           TRUTH),
+    Mutant("a soft rig is told to press less", STIFF,
+           "return np.asarray(np.asarray(depth_m) + np.asarray(force_n) / self.stiffness_n_m)",
+           "return np.asarray(np.asarray(depth_m) - np.asarray(force_n) / self.stiffness_n_m)",
+           (*TRUTH, "tests/probe/config/test_calibrated.py")),
+    Mutant("a steep surface is pressed straight down", PLAN,
+           "return (sine * pose.ry, -sine * pose.rx, math.cos(angle))", "return (0.0, 0.0, 1.0)",
+           PLANNED),
+    Mutant("any slope is pressed", PLAN, "if steep_deg > STEEPEST_DEG:", "if steep_deg > 90:",
+           PLANNED),
+    Mutant("rows are not run to and fro", PLAN,
+           "(i if j % 2 == 0 else columns - 1 - i, j)", "(i, j)", PLANNED),
+    Mutant("travel is lower than the surface", PLAN,
+           "return max(pose.z for pose", "return min(pose.z for pose", PLANNED),
+    Mutant("compliance is not in the depth limit", SCAN_PLAN,
+           "max_deflection_m=compliance_m_per_n * rig.safety.max_force_n", "max_deflection_m=0.0",
+           ("tests/probe/config/test_calibrated.py", "tests/probe/acquisition/test_engine.py")),
+)  # fmt: skip
