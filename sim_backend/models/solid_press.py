@@ -9,11 +9,12 @@ import numpy as np
 from sim_backend.arrays import Array
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import CannotSolve, Solution
+from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.solve import SolvedSolid, solve_solid
 from sim_backend.models.refine import refine
 from sim_backend.scene.scene_file import Scene
 
-SHARES = (0.5, 0.36, 0.26, 0.19)
+SHARES = (0.36, 0.25, 0.18)
 """Element sizes in the contact over the finger's smaller half width, one mesh after the other."""
 ORDER = 1.6
 """The error falls at least as this power of the size, as in `sim_backend.models.refine`."""
@@ -28,7 +29,7 @@ def refine_solid(
 ) -> tuple[SolvedSolid, Array]:
     """The finest solution needed for ``budget_pct`` (force, pulse), and what is left of both errors
     [%]. Raises `CannotSolve`."""
-    half_m = 0.5e-3 * min(scene.indenter.width_mm_projected, scene.indenter.breadth_mm_projected)
+    half_m = half_width_m(scene)
     solved = solve_solid(scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m)
     error_pct = np.full(2, np.inf)
     for before, share in pairwise(SHARES):

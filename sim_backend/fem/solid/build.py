@@ -25,12 +25,14 @@ from sim_backend.fem.support import HOLD_WIDTH_M
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Artery, Scene, SceneError, Tumour
 
-GROWTH = 0.6
-"""How fast elements grow away from contact and inclusions."""
-COARSEST = 0.24
-"""Largest element over the block's height."""
-WALL_SHARE = 0.4
-"""Element size at an inclusion over its radius, at most."""
+SHARE = 0.36
+"""Element size in the contact over the finger's smaller half width."""
+GROWTH, COARSEST, WALL = 0.55, 0.33, 0.5
+"""At that size: how fast elements grow away from contact and inclusions, the largest over the
+block's height, and those at an inclusion over its radius. With two thirds of all of these TIHA
+under a ball of 5 mm is within 0.3 % of CalculiX in force and 0.1 % in pulse."""
+SLOWER = 0.8
+"""Power of the contact's element size with which the others shrink."""
 HOLD_STIFFNESS = 100.0
 """Of an average that is held, over the tissue's modulus times the width of the hold."""
 
@@ -64,11 +66,7 @@ def build_body(
     half_m = 0.5e-3 * tissue.length_mm
     span = _Span(0.0 if z_m == 0.0 and _symmetric(scene) else -half_m, half_m, z_m)
     across, along = footprint(scene.indenter)
-
-    def at_wall(radius_m: float) -> float:
-        return min(max(size_m, 0.15 * radius_m), WALL_SHARE * radius_m)
-
-    grading = Grading(size_m, at_wall, GROWTH, COARSEST * 1e-3 * tissue.height_mm)
+    grading = grading_of(scene, size_m)
     flat = section_scene(scene, across)
     section = build_section(
         flat, x_m, depth_m=depth_m, size_m=size_m, element="T6", grading=grading
@@ -98,6 +96,22 @@ def build_body(
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
         (section.mesh.nodes, planes_of(edges)),
     )  # fmt: skip
+
+
+def grading_of(scene: Scene, size_m: float) -> Grading:
+    """Element sizes where those in the contact are ``size_m``."""
+    assert scene.tissue is not None
+    scale = (size_m / (SHARE * half_width_m(scene))) ** SLOWER
+    wall = min(WALL * scale, WALL)
+    return Grading(
+        size_m, lambda radius_m: wall * radius_m, min(GROWTH * scale, 0.9),
+        min(COARSEST * scale, 0.5) * 1e-3 * scene.tissue.height_mm,
+    )  # fmt: skip
+
+
+def half_width_m(scene: Scene) -> float:
+    """The finger's smaller half width [m]."""
+    return 0.5e-3 * min(scene.indenter.width_mm_projected, scene.indenter.breadth_mm_projected)
 
 
 def _refuse_locking(scene: Scene) -> None:

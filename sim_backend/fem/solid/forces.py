@@ -47,12 +47,18 @@ def smallest_volume_ratio(wedges: Wedges, u: Array) -> tuple[float, int]:
 
 
 def forces_and_tangents(
-    wedges: Wedges, shear: Array, bulk: Array, u: Array, change: Array | None = None
+    wedges: Wedges,
+    shear: Array,
+    bulk: Array,
+    u: Array,
+    change: Array | None = None,
+    rough: bool = False,
 ) -> tuple[Array, Array]:
     """Wedge forces (m, 54) [N] and tangents (m, 54, 54) [N/m]; ``shear``, ``bulk`` (m,) [Pa].
 
     ``change`` (n, 3) is the Newton step that led to ``u``: the pressure in the tangent is then the
-    one that it foresaw.
+    one that it foresaw. Where ``u`` is a ``rough`` guess, its changes of volume mean nothing, and
+    the tangent has no pressure.
     """
     m = len(wedges.cells)
     force, tangent = np.empty((m, 54)), np.empty((m, 54, 54))
@@ -60,6 +66,8 @@ def forces_and_tangents(
     lag = np.zeros(f.shape[:2])
     if change is not None:
         lag = unforeseen_volume(f, deformation(wedges, change) - np.eye(3))
+    if rough:
+        lag = determinant_and_cofactor(f)[0] - 1
     for start in range(0, m, _CHUNK):
         part = slice(start, start + _CHUNK)
         gradient, weight = wedges.gradient[part], wedges.weight[part]

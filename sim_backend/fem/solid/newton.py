@@ -95,7 +95,8 @@ def equilibrium(
         else:
             active = multiplier > complementarity * gap
         multiplier = np.where(active, multiplier, 0.0)
-        residual, blocks = _body_forces(body, u, load.pressure_pa, change)
+        rough = iteration == 1 and start.iterations == 0  # a guess, not an equilibrium
+        residual, blocks = _body_forces(body, u, load.pressure_pa, change, rough)
         if not np.all(np.isfinite(residual)):
             raise NotConverged("elements were crushed")
         residual -= gather(body.size, body.contact_dofs, multiplier[:, None] * normal)
@@ -167,10 +168,10 @@ def _first_active(gap: Array, multiplier: Array) -> Bools:
 
 
 def _body_forces(
-    body: Body, u: Array, pressure_pa: float, change: Array | None
+    body: Body, u: Array, pressure_pa: float, change: Array | None, rough: bool = False
 ) -> tuple[Array, list[Array]]:
     """Residual (3n,) of wedges, lumens and what leans, and the tangent blocks of the first two."""
-    force, tangent = forces_and_tangents(body.wedges, body.shear, body.bulk, u, change)
+    force, tangent = forces_and_tangents(body.wedges, body.shear, body.bulk, u, change, rough)
     residual = gather(body.size, body.wedges.dofs, force)
     blocks = [tangent]
     for faces in body.lumens:

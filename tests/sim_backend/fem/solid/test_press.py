@@ -8,8 +8,7 @@ import pytest
 from paths import SHARED
 
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.model import Grading
-from sim_backend.fem.solid.build import COARSEST, GROWTH
+from sim_backend.fem.solid.build import grading_of
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene
@@ -34,7 +33,7 @@ def test_a_long_finger_on_a_held_block_is_plane_strain() -> None:
     )  # fmt: skip
     levels = [0.0, 100 * PA_PER_MMHG]
     _, solved = solve_solid(solid, 12e-3, 1e-3, levels, 1.5e-3)
-    grading = Grading(1.5e-3, lambda r: min(1.5e-3, 0.4 * r), GROWTH, COARSEST * 12e-3)
+    grading = grading_of(solid, 1.5e-3)
     _, plane = solve_finite(flat, 12e-3, 1e-3, levels, 1.5e-3, "T6", grading=grading)
     space = np.array([s.force_n for s in solved])
     section = np.array([4e-3 * s.force_n_per_m for s in plane])
