@@ -82,11 +82,11 @@ class Board:
             out += self.said.pop(0)[1]
         return out
 
-    def restart(self) -> None:
+    def restart(self, *, homing: bool = True) -> None:
         """The board's power fails for a moment; with homing on it then waits to be homed."""
         self.world.halt()
-        self._alarm = LOCKED
-        self._say(BANNER + b"[MSG:'$H'|'$X' to unlock]\r\n")
+        self._alarm = LOCKED if homing else 0
+        self._say(BANNER + (b"[MSG:'$H'|'$X' to unlock]\r\n" if homing else b""))
 
     def alarm(self, number: int) -> None:
         """A limit switch, an emergency stop."""

@@ -68,7 +68,8 @@ DEVICES = (
     Mutant(
         "a board that restarted is believed", GRBL,
         "if talk.restarts > self._restarts:", "if talk.restarts < 0:",
-        (f"{TEST_GRBL}::test_a_fault_in_a_move_is_told_in_words",),
+        ("tests/drivers/test_grbl_stops.py"
+         "::test_a_board_without_homing_that_restarted_is_not_believed",),
     ),
     Mutant(
         "an alarm is not noticed", GRBL,

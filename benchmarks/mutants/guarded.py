@@ -267,7 +267,8 @@ GUARDED = (
     Mutant(
         "a scan that dies leaves its probe", "probe/acquisition/guard_process.py",
         "if not self.started or self.finished:", "if self.started or self.finished:",
-        (), ("wall 3 SIGKILL",),
+        ("tests/probe/acquisition/test_guard_process.py"
+         "::test_a_scan_that_stands_still_or_dies_is_lifted[9]",),
     ),
     Mutant(
         "nobody takes over from dead guards", "probe/acquisition/guard_client.py",

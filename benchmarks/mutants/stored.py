@@ -53,8 +53,8 @@ STORED = (
     ),
     Mutant(
         "a disk that hangs is waited for", WRITER,
-        "LATE_S = 2.0", "LATE_S = 60.0",
-        (), ("wall 3 run file locked for long",),
+        "        if waits_s > LATE_S:", "        if waits_s > 1e9:",
+        ("tests/probe/storage/test_writer.py::test_a_disk_that_hangs_stops_the_scan",),
     ),
     Mutant(
         "the end of a run is not waited for", WRITER,

@@ -84,6 +84,32 @@ def test_a_stop_is_on_the_wire_at_once(stage: GrblStage, board: Board) -> None:
     assert board.world.place[0] < 0.03
 
 
+def test_a_stop_does_not_wait_for_the_next_status(line: Served, board: Board) -> None:
+    settings = GrblSettings(
+        port=line.address, origin_mm=ORIGIN_MM, limits_mm=LIMITS_MM, status_hz=5.0
+    )
+    made = open_stage(WallClock(), settings)
+    made.connect()
+    try:
+        set_off(made, board)
+        began_s = time.monotonic()
+        made.stop()
+        until(lambda: bool(board.stops))
+        assert board.stops[0] - began_s < 0.1  # of 0.2 s from status to status
+    finally:
+        made.close()
+
+
+def test_a_board_without_homing_that_restarted_is_not_believed(
+    stage: GrblStage, board: Board
+) -> None:
+    """It is not locked then, and counts from where it stands."""
+    set_off(stage, board)
+    board.restart(homing=False)
+    with pytest.raises(DeviceFault, match="restarted by itself"):
+        until(lambda: stage.pose() is None)
+
+
 @pytest.mark.parametrize("lost", [1, 5, 12])
 def test_a_stop_that_is_not_heard_is_repeated(lost: int, stage: GrblStage, board: Board) -> None:
     board.ills.lost_stops = lost
