@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_matrix
-from scipy.sparse.linalg import splu
 
 from sim_backend.arrays import Array, Ints
 
@@ -44,6 +43,8 @@ class Factors:
 
     @cached_property
     def lu(self) -> Any:
+        from scipy.sparse.linalg import splu  # a tenth of the start-up, and seldom needed
+
         try:
             return splu(self.matrix, "MMD_AT_PLUS_A", 0.0, options=_LU_OPTIONS)
         except RuntimeError as error:

@@ -27,8 +27,10 @@ SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
 WORTHLESS_PCT = 50.0
 """A force that meshes disagree on by more is no answer."""
-MAX_UNKNOWNS = 15_000
-"""No mesh above this is refined again: it would cost a minute."""
+MAX_UNKNOWNS = 20_000
+"""No mesh is made that would have more, by the square of how much finer it is: where the coarser
+one's answer does not carry over, and the finger has to go all the way down again, that is a minute.
+"""
 CONTACT_SHARE, WALL_SHARE, GROWTH = 0.1, 0.5, 0.45
 """Sizes in the contact and at inclusions over the mesh's, and how fast they grow from there. Nodes
 that enter the contact one by one are what a pulse far from its vessel is lost in."""
@@ -88,7 +90,10 @@ def refine(
     wanted = float(np.sqrt((budget_pct / np.maximum(floor_pct, 1e-9)).min()))
     finer = share / min(wanted, SECOND_SHARE)
     while (error_pct > budget_pct).any() and share > SMALLEST_SHARE:
-        finer = float(np.clip(finer, LEAST_FINER, MOST_FINER))
+        room = float(np.sqrt(MAX_UNKNOWNS / len(solved[0].assembly.free)))
+        if room < LEAST_FINER and np.isfinite(error_pct).all():
+            break
+        finer = float(np.clip(finer, LEAST_FINER, max(min(MOST_FINER, room), LEAST_FINER)))
         share /= finer
         coarser = solved
         try:
@@ -101,8 +106,6 @@ def refine(
         left_pct = _changes_pct(coarser[1], solved[1]) / (finer**ORDER - 1)
         least_pct = floor_pct * share**2
         error_pct = np.maximum(left_pct, least_pct)
-        if len(solved[0].assembly.free) > MAX_UNKNOWNS:
-            break
         over, least_over = (left_pct / budget_pct).max(), (least_pct / budget_pct).max()
         finer = max(float(over) ** (1 / ORDER), float(least_over) ** 0.5)
     if error_pct[0] > WORTHLESS_PCT:
