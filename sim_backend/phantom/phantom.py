@@ -12,7 +12,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from drivers import Clock
 from sim_backend.phantom.trajectory import Leg, Point, Rest, Trajectory
@@ -68,6 +67,8 @@ class Phantom:
         folder: Path | None = None,
     ) -> None:
         self.scene = scene
+        if scene.tissue is not None and scene.tissue.relaxation:
+            import scipy.signal  # noqa: F401 - here, so that no reading waits for half a second
         self.clock = clock
         self.surface = surface
         self.tip = Trajectory(home, clock.now())
@@ -199,6 +200,8 @@ class Phantom:
         piecewise linear F_e). The pulse is not relaxed: softening everything alike does not
         change the load that a given pressure passes on.
         """
+        from scipy.signal import lfilter
+
         assert self.scene.tissue is not None
         start = math.floor(self._in_air_since(before) / RELAXATION_STEP_S)
         stop = math.ceil(time_s[-1] / RELAXATION_STEP_S) + 1
