@@ -40,8 +40,9 @@ class Readings:
             self._poses.append((now, pose.x, pose.y, pose.z))
 
     def all_in_s(self, now: float) -> float:
-        """Up to when the samples of every sensor are in; ``now`` without sensors."""
-        return min((self.seen_s[name] for name in self._blocks), default=now)
+        """Up to when the samples of every sensor are in; ``now`` without sensors, minus infinity
+        where one has not been seen yet, as before the first move."""
+        return min((self.seen_s.get(name, -np.inf) for name in self._blocks), default=now)
 
     def collect(self) -> list[tuple[str, Block]]:
         """All readings since the last call, one block per device that has some."""
