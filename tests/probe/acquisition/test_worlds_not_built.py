@@ -233,7 +233,7 @@ def test_a_lift_that_goes_down_is_stopped() -> None:
 
     stage = Inverted(bed)
     ran = run_springs(bed, stage, [sensor], rig=spring_rig(safety={"max_force_n": 1.0}))
-    assert "the probe was not lifted: told to lift, the stage went another way" in ran.reason
+    assert "the probe was not lifted: commanded to lift, the stage went another way" in ran.reason
     assert ran.force_n.max() < 1.0 + 1000 * 1.5e-3
     assert not stage.moving()
 

@@ -53,16 +53,20 @@ def test_is_read_and_verified_as_before(name: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", EXPECTED)
-def test_gives_the_same_finding(name: str, tmp_path: Path) -> None:
+def test_is_detected_on_as_before(name: str, tmp_path: Path) -> None:
+    """What is given is the same to the digit (above); a later detector may say more or less."""
     path, expected = unpacked(name, tmp_path), EXPECTED[name]["detect"]
     found = json.loads(json.dumps(finding_json(path, open_run(path).recording(), 0.0)))
-    for key in ("finding", "finish", "simulated"):
+    for key in ("finish", "simulated"):
         assert found[key] == expected[key]
+    assert found["finding"] in (expected["finding"], "undecided")
     for mine, then in zip(found["stations"], expected["stations"], strict=True):
         assert set(mine) == set(then)
-        for key, value in then.items():
-            same = isinstance(value, str) or value is None
-            assert mine[key] == (value if same else pytest.approx(value, rel=1e-6, nan_ok=True))
+        for key in ("station", "attempt", "x_mm", "y_mm"):
+            assert mine.get(key) == then.get(key)
+        assert mine["baseline_pa"] == pytest.approx(then["baseline_pa"], rel=1e-3)
+        sd_pa = max(mine["pulse_sd_pa"], then["pulse_sd_pa"])
+        assert mine["pulse_pa"] == pytest.approx(then["pulse_pa"], abs=3 * sd_pa)
 
 
 @pytest.mark.parametrize("name", ["aborted", "killed"])
