@@ -34,7 +34,7 @@ test: .venv/.installed-dev
 # Against software that we did not write: makers' client libraries drive the emulated controllers, and
 # where a lab has them (docs/reference/devices/README.md) URSim and grblHAL's simulator our drivers.
 test-peers: .venv/.installed-dev
-	$(BIN)/pip install --quiet zaber-motion pipython PyTrinamic
+	$(BIN)/pip install --quiet zaber-motion pipython PyTrinamic panda-python
 	$(BIN)/pytest -n 2 -rs tests/peers
 
 # The documentation's numbers and pictures: all, or ONLY="paper fleet". 45 minutes.

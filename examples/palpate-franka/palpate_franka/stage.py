@@ -4,12 +4,12 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 
-from drivers import Clock, DeviceAbsent, DeviceFault, MotionFault, Pose
-from drivers.core.extras import require
+from drivers import Clock, DeviceAbsent, DeviceFault, MissingExtra, MotionFault, Pose
 from drivers.core.settings import Point, Positive, Settings
 
 PERIOD_S = 0.005
@@ -155,5 +155,6 @@ def open_stage(_clock: Clock, settings: FrankaSettings) -> FrankaStage:
         from palpate_franka.bench import connect_stand_in
 
         return FrankaStage(settings, connect_stand_in)
-    require("panda_py", "franka", 'driver = "franka"')
+    if find_spec("panda_py") is None:
+        raise MissingExtra('driver = "franka": pip install "palpate-franka[arm]"')
     return FrankaStage(settings, connect_panda)
