@@ -15,19 +15,17 @@ from pydantic import ValidationError
 
 from drivers import Clock, SimulatedClock, WallClock
 from probe.acquisition.commands import Control
-from probe.acquisition.engine import run_scan
 from probe.acquisition.event_bus import EventSink
 from probe.acquisition.guard_process import Order
 from probe.acquisition.opening import opened_devices
 from probe.acquisition.prepare import prepare
 from probe.acquisition.remote import listening
-from probe.acquisition.session import ScanResult, clock_for
+from probe.acquisition.session import ScanResult, clock_for, run_prepared
 from probe.config.rig import Fallback, Rig
 from probe.config.scan_plan import limits_for, plan_for
-from probe.config.snapshot import run_config
+from probe.config.snapshot import run_config, this_computer
 from probe.core.errors import RunFileError
 from probe.core.events import Finish, RunStarted, Samples, StationEnded, StationStarted
-from probe.core.log import log_event
 from probe.planning.plan import Plan
 from probe.storage.run import open_run
 from probe.storage.writer import reopen_store
@@ -44,7 +42,7 @@ class Unfinished:
 
     ``attempts`` counts the presses begun at each station; ``start_s`` is where its clock goes on;
     ``files`` are the calibrations and the wave that it was scanned with;
-    ``rehearsal_mm`` how far it was lifted off the tissue, if it was.
+    ``computer`` where it was begun; ``rehearsal_mm`` how far it was lifted off the tissue, if so.
     """
 
     path: Path
@@ -57,6 +55,7 @@ class Unfinished:
     start_s: float
     files: tuple[Any, Any]
     rehearsal_mm: float | None
+    computer: str | None
 
     @property
     def missing(self) -> tuple[int, ...]:
@@ -103,6 +102,7 @@ def unfinished(path: str | Path) -> Unfinished:
         last_s + PAUSE_S,
         _files(run.config),
         run.config.get("rehearsal_mm"),
+        run.config.get("computer"),
     )
 
 
@@ -115,15 +115,19 @@ def resume(
     observers: Sequence[EventSink] = (),
     opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
     respond: Respond | None = None,
+    trust: bool = False,
 ) -> ScanResult:
     """Scan the stations that a run lacks, with the rig, scene and plan stored in it.
 
-    Raises `RunFileError` if there is nothing to do or a file has changed since, and as
+    A run from another computer opens real devices only with ``trust``. Raises `RunFileError` for
+    one without, if there is nothing to do or a file has changed since, and as
     `probe.acquisition.session.scan`.
     """
     left = unfinished(path)
     if not left.missing and open_run(path).finish is Finish.COMPLETED:
         raise RunFileError(f"{left.path}: all {len(left.completed)} stations are complete")
+    if not trust:
+        _check_origin(left)
     config = run_config(left.rig, left.scene, left.plan, left.seed)
     if _files(config) != left.files:
         raise RunFileError(
@@ -146,21 +150,26 @@ def resume(
                 "with the devices found now it could not go on so; begin a new run"
             )
         opened(left.path, prepared.notes)
-        ended = run_scan(
-            prepared.plan,
-            devices.stage,
-            devices.sensors,
-            clock,
-            sink,
-            prepared.limits,
-            control=control,
-            observers=(log_event, *observers),
-            config=prepared.config | {"labels": open_run(left.path).config.get("labels", {})},
-            completed=left.completed,
-            attempts=left.attempts,
-            monitor=devices.monitor,
-        )
-    return ScanResult(sink.path, ended, prepared.notes)
+        labels = open_run(left.path).config.get("labels", {})
+        return run_prepared(
+            devices, prepared, clock, sink, control, observers, labels,
+            completed=left.completed, attempts=left.attempts,
+        )  # fmt: skip
+
+
+def _check_origin(left: Unfinished) -> None:
+    """A file from elsewhere names ports and addresses here: nothing of it is opened unasked."""
+    real = [one for one in (left.rig.stage, *left.rig.sensor) if one.driver != "virtual"]
+    if not real or left.computer == this_computer():
+        return
+    said = "; ".join(
+        f"{one.driver} " + ", ".join(f"{key} = {value!r}" for key, value in one.settings.items())
+        for one in real
+    )
+    raise RunFileError(
+        f"{left.path}: was not scanned on this computer, and to go on would open and move its "
+        f"devices here: {said}; if these are yours, say --trust"
+    )
 
 
 def _clock(left: Unfinished, *, real_time: bool) -> Clock:

@@ -1,6 +1,6 @@
 """A scan from a rig to a run file: the one call behind ``palpate scan`` and notebooks."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,15 +10,15 @@ from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
 from probe.acquisition.event_bus import EventSink
 from probe.acquisition.guard_process import Order
-from probe.acquisition.opening import opened_devices
-from probe.acquisition.prepare import prepare
+from probe.acquisition.opening import OpenedRig, opened_devices
+from probe.acquisition.prepare import Prepared, prepare
 from probe.acquisition.remote import listening
 from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
 from probe.config.scan_plan import limits_for, plan_for
 from probe.core.events import RunEnded
 from probe.core.log import log_event
-from probe.storage.writer import create_store
+from probe.storage.writer import Store, create_store
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene, load_scene
 
@@ -72,18 +72,36 @@ def scan(
         path = new_run_path(Path(out), name)
         with create_store(path) as sink, listening(control, path):
             opened(path, prepared.notes)
-            ended = run_scan(
-                prepared.plan,
-                devices.stage,
-                devices.sensors,
-                clock,
-                sink,
-                prepared.limits,
-                control=control,
-                observers=(log_event, *observers),
-                config=prepared.config | {"labels": dict(labels or {})},
-                monitor=devices.monitor,
-            )
+            return run_prepared(devices, prepared, clock, sink, control, observers, labels or {})
+
+
+def run_prepared(
+    devices: OpenedRig,
+    prepared: Prepared,
+    clock: Clock,
+    sink: Store,
+    control: Control,
+    observers: Sequence[EventSink],
+    labels: Mapping[str, str],
+    *,
+    completed: Collection[int] = (),
+    attempts: Mapping[int, int] | None = None,
+) -> ScanResult:
+    """Run what was prepared, to its end. ``completed`` and ``attempts`` as `run_scan` has them."""
+    ended = run_scan(
+        prepared.plan,
+        devices.stage,
+        devices.sensors,
+        clock,
+        sink,
+        prepared.limits,
+        control=control,
+        observers=(log_event, *observers),
+        config=prepared.config | {"labels": dict(labels)},
+        completed=completed,
+        attempts=attempts,
+        monitor=devices.monitor,
+    )
     return ScanResult(sink.path, ended, prepared.notes)
 
 

@@ -132,6 +132,9 @@ def resume(
     live: Live = False,
     real_time: RealTime = False,
     report: Report = False,
+    trust: Annotated[
+        bool, typer.Option(help="Open the devices that a run from another computer names.")
+    ] = False,
     json: Json = False,
 ) -> None:
     """Go on with a run that was killed, aborted or broke off; complete stations stay."""
@@ -152,6 +155,7 @@ def resume(
                 control=control,
                 observers=[progress],
                 opened=opened,
+                trust=trust,
             )
         status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)

@@ -43,9 +43,15 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
         },
         "calibration": {kind: _file(Path(name)) for kind, name in rig.calibration.items()},
         "versions": library_versions(),
+        "computer": this_computer(),
         "seed": seed,
         "face_mm2": face_mm2,
     }
+
+
+def this_computer() -> str:
+    """What tells this computer from others, without its name."""
+    return sha256(platform.node().encode()).hexdigest()[:16]
 
 
 def library_versions() -> dict[str, str]:

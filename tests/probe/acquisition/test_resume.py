@@ -1,10 +1,12 @@
 """A scan that was killed or broke off goes on, and nothing that was complete changes."""
 
 import json
+import os
 import sqlite3
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ from calibration import Record, fit_force, record, save
 from probe.acquisition.commands import Control
 from probe.acquisition.resume import resume, unfinished
 from probe.acquisition.session import ScanResult, scan
-from probe.config.rig import Rig
+from probe.config.rig import Device, Rig
 from probe.core.events import Event, Finish, Phase, PhaseEntered
 from probe.storage.run import RunFileError, follow, open_run
 from probe.storage.verify import verify
@@ -204,3 +206,20 @@ def test_kill_9_loses_nothing_that_was_committed(
     assert report.events >= committed > 0
     assert report.finish is None
     check_resumed(run.path, undisturbed, winkler)
+
+
+def test_a_run_from_another_computer_opens_nothing_unasked(
+    tmp_path: Path, winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its rig names a port of this computer, and what reads from it may hang or be somebody's."""
+    done = aborted(tmp_path, winkler, 1)
+    port = tmp_path / "port"
+    os.mkfifo(port)
+    left = unfinished(done.path)
+    stage = Device.model_validate({"driver": "grbl", "port": str(port)})
+    foreign = replace(left, rig=left.rig.model_copy(update={"stage": stage}), computer="another")
+    monkeypatch.setattr("probe.acquisition.resume.unfinished", lambda _path: foreign)
+    before = done.path.read_bytes()
+    with pytest.raises(RunFileError, match=r"not scanned on this computer.*grbl port = .*--trust"):
+        resume(done.path)
+    assert done.path.read_bytes() == before
