@@ -18,7 +18,7 @@ ARRIVED_M = 0.1e-3
 STILL_M, STILL_S = 5e-6, 0.02
 REST = 1e-6  # m/s and rad/s asked of the tool: a move that has ended asks for 0
 SETTLES_S = 0.2  # the joints follow their targets within this long
-REACH_S = 0.1  # a question takes a few of the controller's cycles: of a CB3, 8 ms each; nothing moves yet
+REACH_S = 0.1  # a question takes some of the controller's cycles, of a CB3 8 ms each
 FULL_PACE = 0.995
 
 
