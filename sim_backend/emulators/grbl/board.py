@@ -1,76 +1,33 @@
-"""A GRBL 1.1 board (as grblHAL answers) whose axes carry the phantom's tip.
-
-Machine frame = scan frame + ``origin_mm``, travel from minus $130..$132 to 0 as GRBL homes it.
-The probe input closes when the phantom pushes back with ``touch_n``.
-"""
+"""A GRBL 1.1 board as grblHAL answers: real-time bytes, lines, settings, alarms."""
 
 import re
-from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_backend.emulators.grbl.machine import (
+    INCH_MM,
+    ORIGIN_MM,
+    SWITCH_MM,
+    GrblMachine,
+    Motion,
+    Point,
+)
 from sim_backend.emulators.serving import Served, served
 from sim_backend.phantom.phantom import Phantom
 
-Point = tuple[float, float, float]
-ORIGIN_MM: Point = (-80.0, -20.0, -52.0)
-SETTINGS = {
-    10: 1.0, 13: 0.0, 20: 1.0, 21: 1.0, 22: 1.0, 25: 3000.0, 27: 1.0,
-    110: 6000.0, 111: 6000.0, 112: 3000.0, 120: 1000.0, 121: 1000.0, 122: 1000.0,
-    130: 100.0, 131: 40.0, 132: 60.0,
-}  # fmt: skip
-SWITCH_MM = 0.5  # the limit switches sit this far beyond the soft limits
-INCH_MM = 25.4
 BOOT_S = 0.01
 BANNER = "\r\nGrblHAL 1.1f ['$' or '$HELP' for help]\r\n"
 WORD = re.compile(r"([A-Z])(-?\d*\.?\d+)")
-CRITICAL = (1, 2, 10)  # after these only a reset is listened to
 
 
-class Motion(NamedTuple):
-    kind: str  # Jog, Run, Probe, Home
-    target: Point
-    speed_mm_s: float
-
-
-class GrblBoard:
+class GrblBoard(GrblMachine):
     """Bytes in, bytes out; see `sim_backend.emulators.serving.Device`."""
 
     faults = ("alarm", "limit", "restart", "feed hold", "switch pressed", "other program",
               "check mode")  # fmt: skip
-
-    def __init__(
-        self,
-        phantom: Phantom,
-        origin_mm: Point,
-        touch_n: float,
-        homed: bool,
-        work_mm: Point,
-        ready: Callable[[Point], bool] = lambda _target: True,
-    ) -> None:
-        self._ready = ready
-        self._held = False
-        self._phantom = phantom
-        self._origin = np.array(origin_mm)
-        self._touch_n = touch_n
-        self._work = np.array(work_mm)
-        self._settings = dict(SETTINGS)
-        self._homed = homed
-        self._state = "Idle" if homed else "Alarm"
-        self._critical = False
-        self._text = ""
-        self._said = ""
-        self._queue: deque[Motion] = deque()
-        self._now: Motion | None = None
-        self._relative = False
-        self._inches = False
-        self._reports = 0
-        self._pins = ""  # inputs that are active, beside the probe's
-        self._locks_s = np.inf  # when a board that was reset will have asked to be homed
 
     def received(self, data: bytes) -> bytes:
         """Real-time bytes act at once, wherever they stand; lines when they are whole."""
@@ -295,106 +252,6 @@ class GrblBoard:
         self._queue.append(Motion("Run", target, speed))
         self._next()
         return "ok\r\n"
-
-    def _dwells(self) -> bool:
-        """A program that waits goes on until the board is reset."""
-        return self._now is not None and self._now.kind == "Dwell"
-
-    # --- motion ------------------------------------------------------------------------------
-
-    def _next(self) -> None:
-        if self._now is None and self._queue:
-            self._start(self._queue.popleft())
-
-    def _start(self, motion: Motion) -> None:
-        self._now = motion
-        self._state = "Run" if motion.kind == "Probe" else motion.kind
-        target = 1e-3 * (np.array(motion.target) - self._origin)
-        x, y, z = target.tolist()
-        self._held = not self._ready((x, y, z))
-        if self._held:
-            return
-        here = np.array(self._place())
-        way = np.abs(np.array(motion.target) - here)
-        share = way / max(float(np.linalg.norm(way)), 1e-9)
-        rates = np.array([self._settings[n] / 60 for n in (110, 111, 112)])
-        fastest = float(np.min(rates / np.maximum(share, 1e-9)))
-        speed = 1e-3 * min(motion.speed_mm_s, fastest)
-        self._phantom.tip.move(self._time(), (x, y, z), speed, 1e-3 * self._settings[120])
-
-    def _arrive(self) -> None:
-        done, self._now = self._now, None
-        self._state = "Idle"
-        if done is not None and done.kind == "Probe":
-            self._alarm(5)
-            self._said += self._probe_report(self._place(), hit=False) + "ok\r\n"
-        elif done is not None and done.kind == "Home" and not self._queue:
-            self._homed = True
-            self._said += "ok\r\n"
-        elif done is not None and done.kind == "Touched":
-            self._said += "ok\r\n"
-        self._next()
-
-    def _feel(self) -> None:
-        now = self._time()
-        if not self._touching(now):
-            return
-        self._said += self._probe_report(self._place(), hit=True)
-        self._halt(self._settings[122])
-        self._now = Motion("Touched", self._place(), 0.0)
-
-    def _probe_report(self, place: Point, *, hit: bool) -> str:
-        scale = INCH_MM if self._settings[13] else 1.0
-        return f"[PRB:{','.join(f'{v / scale:.3f}' for v in place)}:{int(hit)}]\r\n"
-
-    def _alarm(self, number: int) -> None:
-        if number in CRITICAL:
-            self._halt(1e6)
-            self._critical = True
-        self._queue.clear()
-        self._now = None
-        self._state = "Alarm"
-        self._said += f"ALARM:{number}\r\n"
-
-    def _halt(self, acceleration_mm_s2: float) -> None:
-        self._held = False
-        self._phantom.tip.halt(self._time(), 1e-3 * acceleration_mm_s2)
-
-    def _touching(self, time_s: float) -> bool:
-        return float(self._phantom.force_n(np.array([time_s]))[0]) >= self._touch_n
-
-    def _target(self, given: dict[str, float], inches: bool, relative: bool) -> Point:
-        scale = INCH_MM if inches else 1.0
-        last = self._queue[-1] if self._queue else self._now
-        start = self._place() if last is None else last.target
-        x, y, z = (
-            (here + scale * given[axis] if relative else scale * given[axis])
-            if axis in given
-            else here
-            for axis, here in zip("XYZ", start, strict=True)
-        )
-        return (x, y, z)
-
-    def _beyond(self, place: Point, slack_mm: float) -> bool:
-        travel = [self._settings[n] for n in (130, 131, 132)]
-        return any(
-            not -t - slack_mm - 1e-6 <= v <= slack_mm + 1e-6
-            for v, t in zip(place, travel, strict=True)
-        )
-
-    def _place(self) -> Point:
-        x, y, z = (1e3 * np.array(self._phantom.tip.point(self._time())) + self._origin).tolist()
-        return (x, y, z)
-
-    def _time(self) -> float:
-        return self._phantom.clock.now()
-
-    def _taken(self, more: str) -> str:
-        said, self._said = self._said, ""
-        return said + more
-
-    def _take(self) -> bytes:
-        return self._taken("").encode("ascii")
 
 
 def emulate(
