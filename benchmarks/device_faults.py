@@ -58,7 +58,7 @@ SOON_S = 2.0
 HOME = (0.020, 0.0, 0.003)
 RIG = Rig(
     scan=Scan(start_mm=32.0, stations=1, indentation_mm=1.5, ramp_s=0.6, hold_s=0.5, settle_s=0.15),
-    safety=Safety(retract_mm=3.0),
+    safety=Safety(retract_mm=3.0, silence_s=1.0),  # all emulators share this interpreter
 )
 PLAN = plan_for(RIG)
 LIMITS = limits_for(RIG, PLAN)
