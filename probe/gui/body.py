@@ -5,7 +5,7 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from probe.gui.state import ViewState
-from probe.gui.style import plot
+from probe.gui.style import head, plot
 from probe.report.look import GREEN, INK, ORANGE, PINK
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Artery, Scene
@@ -90,11 +90,11 @@ class BodyPanel(QWidget):
         written = state.config.get("scene")
         if written:
             scene = Scene.model_validate(written)
-            self.area.setTitle(f"{scene.name} (known section)")
+            head(self.area, f"{scene.name} (known section)")
             draw_scene(self.area.getPlotItem(), scene)
             frame_scene(self.area.getPlotItem(), scene)
             self._top_mm, self._outline = scene.surface_mm, finger_outline(scene.indenter)
         else:
-            self.area.setTitle("Section unknown: the surface only")
+            head(self.area, "Section unknown: the surface only")
             ends = [p.x_mm for p in state.plan] or [0.0, 1.0]
             self.area.plot([min(ends), max(ends)], [0, 0], pen=pg.mkPen(INK, width=2))

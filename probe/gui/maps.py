@@ -6,10 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import pyqtgraph as pg
 from numpy.typing import NDArray
-from PySide6.QtWidgets import QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtGui import QFont
+from PySide6.QtWidgets import QApplication, QStackedWidget, QVBoxLayout, QWidget
 
 from probe.gui.state import ViewState
-from probe.gui.style import heat, label, plot
+from probe.gui.style import head, heat, label, plot, scale
 from probe.report.look import BLUE, ORANGE
 
 Array = NDArray[np.float64]
@@ -59,7 +60,8 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
 
     def __init__(self, title: str, unit: str) -> None:
         super().__init__()
-        self.plot = self.addPlot(title=title)
+        self.plot = self.addPlot()
+        head(self.plot, title)
         self.plot.setAspectLocked(True)
         self.plot.setMouseEnabled(x=False, y=False)
         self.plot.setMenuEnabled(False)
@@ -69,6 +71,10 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
         self.plot.addItem(self.image)
         self.bar = pg.ColorBarItem(colorMap=heat(), label=unit, interactive=False)
         self.bar.setImageItem(self.image, insert_in=self.plot)
+        # a vertical bar has its name on the left and its numbers on the right
+        name, numbers = self.bar.getAxis("left"), self.bar.getAxis("right")
+        name.setLabel(unit, **{"font-size": f"{10 * scale():.0f}pt"})
+        numbers.setTickFont(QFont(QApplication.font().family(), round(9 * scale())))
 
     def show_table(
         self,

@@ -58,12 +58,18 @@ def plot(title: str, x: tuple[str, str], y: tuple[str, str]) -> pg.PlotWidget:
 
     No grid: pyqtgraph takes longer to draw one than everything else of a frame together.
     """
-    widget = pg.PlotWidget(title=title)
+    widget = pg.PlotWidget()
+    head(widget.getPlotItem(), title)
     label(widget.getPlotItem(), x, y)
     widget.setMouseEnabled(x=False, y=False)
     widget.hideButtons()
     widget.setMenuEnabled(False)
     return widget
+
+
+def head(area: pg.PlotItem, title: str) -> None:
+    """The title, in a size that fits the screen."""
+    area.setTitle(title, size=f"{11 * scale():.0f}pt")
 
 
 def label(area: pg.PlotItem, x: tuple[str, str], y: tuple[str, str]) -> None:
