@@ -86,7 +86,9 @@ def judge(
     force_n = float(truth.rows[:, FORCE].max())
     if force_n > allowed_n:
         wrong.append(f"force {force_n:.2f} N, allowed {allowed_n:.2f} N")
-    wrong += _check_depth(draw, truth) + _check_sideways(draw, truth)
+    wrong += _check_depth(draw, truth)
+    seen = draw.arm and "mm from where it was" in said  # an arm at rest is not stopped once more
+    wrong += [] if seen else _check_sideways(draw, truth)
     up = _up(truth)
     wrong += _check_end(draw, truth, up, status, said)
     wrong += _check_words(draw, truth, status, finish, said, answer)

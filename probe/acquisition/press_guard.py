@@ -19,9 +19,9 @@ PERIODS = 5  # of a sensor: the fewest that are waited for, as readers and lines
 FELT = 0.1  # share of the limit that a press must have been felt with before it can be judged
 CLEAR = 10.0  # standard deviations of the sensor's noise that a change must have to count
 FLAT = 0.1  # of the rise that the press so far foretells: soft tissue stiffens, it never stops
-# A press is judged when it went on by half of its way in contact: a pulse changes the force by less
-# than a fifth (463 Pa of TIHA's 3 kPa), and may fall while the tip goes on.
-SHARE = 0.5
+# A press is judged when it went on by a quarter of its way in contact: a pulse changes the force by
+# less than a fifth (463 Pa of TIHA's 3 kPa), and may fall while the tip goes on.
+SHARE = 0.25
 SLACK = 1.2  # a stage may be that much faster than it was told
 WAY_M = 50e-6  # five of a GRBL board's digits
 POLLS = 2.0  # a pose may be older than the newest by that many of the stage's periods
@@ -161,7 +161,7 @@ class PressGuard:
             return None
         began = self._before(self._times[row] - POLLS * self._gap_s)
         felt_n = self._forces[began] - self._forces[0]
-        if began < 0 or felt_n < self._felt_n():
+        if began < 0 or felt_n < max(self._felt_n(), CLEAR * self._noise_n / SHARE):
             return None
         went_m = down_m - self._downs[row]
         rose_n, foretold_n = force - self._forces[began], felt_n * went_m / self._downs[row]

@@ -148,8 +148,8 @@ def test_a_force_that_stops_to_rise_is_not_believed(sensor: Any, stiffness_n_m: 
     bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m)
     ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
     assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
-    # half as deep again as where it clipped, and what poses and stops take: 0.2 mm
-    assert ran.force_n.max() < 1.5 * 0.6 + stiffness_n_m * 0.2e-3
+    # a quarter deeper than where it clipped, and what poses and stops take: 0.2 mm
+    assert ran.force_n.max() < 1.25 * 0.6 + stiffness_n_m * 0.2e-3
     assert ran.lifted
 
 
@@ -352,7 +352,7 @@ def test_a_slow_observer_delays_nothing_and_hears_everything() -> None:
 
     def store(event: Event) -> None:
         if isinstance(event, Samples) and event.device == "cell":
-            late_s.append(bed.clock.now() - float(event.block.time_s[-1]))
+            late_s.append(bed.clock.now() - float(event.block.time_s[0]))
 
     def dawdle(event: Event) -> None:
         heard.append(event)
