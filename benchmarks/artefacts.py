@@ -12,10 +12,9 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 from kept import ROOT, Row, exact, fill, read
-from numpy.typing import NDArray
 from pulses import named, press
 
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array
 
 RELAXATION = ((0.179, 0.281), (0.167, 1.24), (0.277, 8.10))
 OUT = ROOT / "docs" / "results" / "artefacts.csv"

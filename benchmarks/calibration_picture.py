@@ -10,16 +10,14 @@ import numpy as np
 from emulated_rig import DELAY_MS, GAIN, STIFFNESS_N_MM, TILT_MM, WrongRig
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
 import palpate
+from drivers.core.arrays import Array
 from probe.cli import main
 from probe.config.rig import Rig
 from probe.core.recording import Recording
 from probe.report.look import BLUE, GREEN, ORANGE
 from sim_backend.models.station_response import respond
-
-Array = NDArray[np.float64]
 
 SCENE, TRUE_MM, TRUE_KPA = "TIT", 32.0, 50.0
 FAR = 3  # a station over plain tissue, from which the modulus is taken

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
 
@@ -23,12 +22,12 @@ from calibration import (
     fit_tissue,
     fit_tool,
 )
+from drivers.core.arrays import Array, Bools
 from probe.calibrate.tissue_force import Forward, force_of_modulus
 from sim_backend.models.press import press
 from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import load_scene
 
-Array = NDArray[np.float64]
 Rng = np.random.Generator
 
 FT300_N, FT300_HZ = 0.1, 100.0  # Robotiq FT300-S
@@ -47,10 +46,10 @@ class Trial:
     name: str
     target: str
     limit: float | None
-    draw: Callable[[Rng], tuple[float, NDArray[np.bool_]]]
+    draw: Callable[[Rng], tuple[float, Bools]]
 
 
-def holds(fit: Fit, truth: Array) -> NDArray[np.bool_]:
+def holds(fit: Fit, truth: Array) -> Bools:
     """Whether each 95 % interval of a fit holds its true value."""
     low, high = fit.interval().T
     return np.asarray((low <= truth) & (truth <= high))
@@ -66,7 +65,7 @@ def force(rng: Rng) -> tuple[Array, Array, Array, Array]:
     return loads, truth, offset, loads @ truth.T + offset + noise
 
 
-def force_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def force_error(rng: Rng) -> tuple[float, Bools]:
     loads, truth, offset, raw = force(rng)
     found = fit_force(raw, loads)
     error = found.load(loads @ truth.T + offset) - loads
@@ -74,7 +73,7 @@ def force_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return 100 * float(np.abs(error).max()) / 40.0, holds(found.fit, wanted)
 
 
-def crosstalk_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def crosstalk_error(rng: Rng) -> tuple[float, Bools]:
     loads, truth, offset, raw = force(rng)
     found = fit_force(raw, loads)
     wanted = truth / np.diag(truth)[:, None]
@@ -82,7 +81,7 @@ def crosstalk_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return 100 * float(np.abs(found.crosstalk - wanted).max()), inside[~np.eye(3, dtype=bool)]
 
 
-def bent_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def bent_error(rng: Rng) -> tuple[float, Bools]:
     """Hysteresis and linearity figures of a sensor that has both, 0.4 % and 0.3 % of its span."""
     steps = np.tile(np.concatenate([np.linspace(0, 20, 9), np.linspace(20, 0, 9)[1:]]), 4)
     up = np.concatenate([[1.0], np.sign(np.diff(steps))])
@@ -94,7 +93,7 @@ def bent_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return 100 * abs(found.hysteresis - 0.004), np.empty(0, bool)
 
 
-def taxel_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def taxel_error(rng: Rng) -> tuple[float, Bools]:
     """28 taxels, one dead, pressed evenly at eight levels."""
     pressure = np.repeat(np.linspace(0, 40e3, 8), 5)
     gain, offset = 0.05 * rng.uniform(0.8, 1.2, 28), rng.uniform(50, 150, 28)
@@ -109,7 +108,7 @@ def taxel_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return 100 * float(np.abs(error).max()) / 40e3, inside
 
 
-def gravity_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def gravity_error(rng: Rng) -> tuple[float, Bools]:
     """A tool of 0.2 to 0.6 kg in eight orientations; what is left of its weight."""
     turns = Rotation.random(8, random_state=rng).as_matrix()
     mass, centre = rng.uniform(0.2, 0.6), rng.uniform(-0.03, 0.05, 3)
@@ -123,7 +122,7 @@ def gravity_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return float(np.abs(left).max()), holds(found.fit, truth)
 
 
-def tool_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def tool_error(rng: Rng) -> tuple[float, Bools]:
     """Sixteen poses, turned by up to 30 degrees about each axis."""
     tip = np.array([*rng.uniform(-0.01, 0.01, 2), rng.uniform(0.08, 0.2)])
     pivot = rng.uniform(-0.4, 0.4, 3)
@@ -134,7 +133,7 @@ def tool_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return error, holds(found.fit, np.concatenate([tip, pivot]))
 
 
-def axes_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def axes_error(rng: Rng) -> tuple[float, Bools]:
     read = rng.uniform(0, 0.1, (15, 3))
     matrix = np.eye(3) + 3e-3 * rng.standard_normal((3, 3))
     shift = rng.uniform(-0.01, 0.01, 3)
@@ -145,7 +144,7 @@ def axes_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return 1e3 * float(np.sqrt(np.mean(error**2))), holds(found.fit, centred.ravel())
 
 
-def surface_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def surface_error(rng: Rng) -> tuple[float, Bools]:
     """A tilted plane touched at twelve places, two of them wrong by 1 to 5 mm."""
     slope = rng.uniform(-0.1, 0.1, 2)
     xy = rng.uniform(0, 0.06, (12, 2))
@@ -158,12 +157,12 @@ def surface_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return 1e3 * float(np.sqrt(np.mean(error**2))), holds(found.fit, truth)
 
 
-def chirp_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def chirp_error(rng: Rng) -> tuple[float, Bools]:
     """A chirp of 1 to 20 Hz, 0.2 mm on a spring of 10 N/mm; clocks differ by up to 50 ppm."""
     return _delay(rng, lambda t: 0.2e-3 * np.sin(2 * np.pi * (t + 0.95 * t**2)), 1e4, 10.0)
 
 
-def tap_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def tap_error(rng: Rng) -> tuple[float, Bools]:
     """Twenty taps from 1 mm in the air to 5 N, in at 7 mm/s and out at 20 mm/s; the stage takes
     20 ms to change its speed."""
 
@@ -177,7 +176,7 @@ def tap_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
 
 def _delay(
     rng: Rng, course: Callable[[Array], Array], stiffness_n_m: float, span_s: float
-) -> tuple[float, NDArray[np.bool_]]:
+) -> tuple[float, Bools]:
     delay, skew = rng.uniform(-0.02, 0.06), rng.uniform(-50e-6, 50e-6)
     stage_s = np.arange(0, span_s, 1 / 500)
     taken_s = np.arange(0, span_s, 1 / HEX_HZ) + rng.uniform(0, 1 / HEX_HZ)
@@ -191,7 +190,7 @@ def _delay(
     return 1e3 * (found.delay_s - true_delay), holds(found.fit, truth)
 
 
-def stiffness_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def stiffness_error(rng: Rng) -> tuple[float, Bools]:
     """A ramp of two seconds to 10 N on a rigid block."""
     stiffness, contact = rng.uniform(5e3, 50e3), rng.uniform(-2e-5, 5e-5)
     depth = np.linspace(-0.2, 1.0, 1000) * 10 / stiffness
@@ -219,10 +218,10 @@ def solved(model: str) -> tuple[Forward, PchipInterpolator]:
     return force_of_modulus(scene, deepest, model), PchipInterpolator(depths, other)
 
 
-def modulus_error(model: str, noise_n: float) -> Callable[[Rng], tuple[float, NDArray[np.bool_]]]:
+def modulus_error(model: str, noise_n: float) -> Callable[[Rng], tuple[float, Bools]]:
     """A ramp of a second at 500 Hz on 20 to 80 kPa; contact known to 0.1 mm."""
 
-    def draw(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+    def draw(rng: Rng) -> tuple[float, Bools]:
         forward, force_n = solved(model)
         modulus, contact = rng.uniform(20e3, 80e3), rng.uniform(0, 1e-4)
         depth = np.linspace(0, DEEPEST_M[model], 500)
@@ -235,7 +234,7 @@ def modulus_error(model: str, noise_n: float) -> Callable[[Rng], tuple[float, ND
     return draw
 
 
-def relaxation_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def relaxation_error(rng: Rng) -> tuple[float, Bools]:
     """The same ramp, then a hold of six seconds; one Prony term. The error is the weight's."""
     forward, force_n = solved("finite")
     modulus, g, tau = rng.uniform(20e3, 80e3), rng.uniform(0.1, 0.4), rng.uniform(0.4, 1.5)
@@ -255,7 +254,7 @@ def relaxation_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return 100 * (float(found.relaxation_g[0]) - g), holds(found.fit, truth)
 
 
-def rate_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def rate_error(rng: Rng) -> tuple[float, Bools]:
     """Thirty beats of a tonometer, each of its own length; the error is against what was
     recorded, the interval about the heart's usual rate."""
     usual_s = rng.uniform(0.6, 1.1)
@@ -274,7 +273,7 @@ def shape(phase: Array) -> Array:
     return np.asarray(np.interp(phase, [0, 0.15, 0.35, 0.42, 0.5, 1], [0, 1, 0.55, 0.45, 0.5, 0]))
 
 
-def wave_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def wave_error(rng: Rng) -> tuple[float, Bools]:
     """The wave's rms error over a beat, mmHg of 40, at the best shift."""
     lengths = np.maximum(0.85 + RR_SD_S * rng.standard_normal(34), 0.3)
     feet = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -290,7 +289,7 @@ def wave_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
     return min(off), np.empty(0, bool)
 
 
-def tare_error(rng: Rng) -> tuple[float, NDArray[np.bool_]]:
+def tare_error(rng: Rng) -> tuple[float, Bools]:
     """A minute of a drifting sensor; what is left a minute later, N."""
     bias, drift = rng.uniform(-2, 2), rng.uniform(-0.01, 0.01)
     t = np.arange(0, 60, 1 / FT300_HZ)

@@ -20,11 +20,11 @@ import numpy as np
 import pandas as pd
 from calibration_picture import draw, wrong_and_right
 from calibration_trials import TRIALS, Trial
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array
+
 OUT = Path(__file__).parents[1] / "docs" / "pictures" / "calibration.png"
 
 

@@ -21,9 +21,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
+from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection import detect
 from probe.detection.classify.population import DRAWS, between, samples, scene_of
@@ -33,8 +33,6 @@ from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES, PA_PER_MMHG
-
-Array = NDArray[np.float64]
 
 CLASSES = ("nothing", "tumour", "artery", "stenotic artery")
 SENSORS = {

@@ -15,14 +15,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from kept import ROOT, Row, exact, fill, read
-from numpy.typing import NDArray
 from power import holds
 from scipy.interpolate import PchipInterpolator
 
+from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection import detect
-
-Array = NDArray[np.float64]
 
 HOLD_S = 5.0
 SCATTER, NOISE = 0.01, 2e-4

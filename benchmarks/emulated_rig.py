@@ -8,15 +8,13 @@ the same rig; `palpate calibrate` reads the runs.
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 import palpate
+from drivers.core.arrays import Array
 from probe.acquisition.session import ScanResult
 from probe.cli import main
 from sim_backend.phantom.phantom import Respond, Response
 from sim_backend.scene.scene_file import Scene
-
-Array = NDArray[np.float64]
 
 GAIN, DELAY_MS, STIFFNESS_N_MM = 1.3, 8.0, 2.0
 TILT_MM = 1.5  # up at x = 64 mm, down at 0

@@ -13,17 +13,15 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
+from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection.map.bumps import find_bumps, shape, surroundings
 from probe.detection.pulse.presses import presses_of
 from probe.report.look import BLUE, ORANGE
 from sim_backend.scene.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES
-
-Array = NDArray[np.float64]
 
 RATE_HZ = 500.0
 HOLDS_S = (0.825, 1.5, 2.5, 5.0, 10.0, 20.0)

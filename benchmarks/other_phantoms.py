@@ -19,16 +19,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from kept import ROOT, Row, exact, fill, read
-from numpy.typing import NDArray
 from power import pulses
 
+from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection import detect
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.models.scan_estimate import estimate_scan
 from sim_backend.scene.scene_file import Scene, SceneError
-
-Array = NDArray[np.float64]
 
 KINDS = ("nothing", "tumour", "artery", "stenotic artery")
 NEAR_END_MM = 12.0

@@ -17,19 +17,17 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import periodogram
 
+from drivers.core.arrays import Array
 from probe.core.recording import Station
 from probe.detection.pulse.estimate import find_pulse
 from probe.detection.pulse.hold_samples import hold_of
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
 from probe.report.look import BLUE, GREEN, ORANGE
-
-Array = NDArray[np.float64]
 
 FALSE_ALARM = 0.01
 HOLDS_S = (0.825, 2.5, 5.0, 10.0)

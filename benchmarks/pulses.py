@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from kept import ROOT, Row, exact, fill, read
-from numpy.typing import NDArray
 from power import FALSE_ALARM, holds, pulses
 
+from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection import detect
 from probe.detection.pulse.fit import design_of, fit, harmonics
@@ -27,7 +27,6 @@ from probe.detection.pulse.hold_samples import Hold, hold_of
 from probe.detection.pulse.search import rates_hz
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
 
-Array = NDArray[np.float64]
 Curve = tuple[Array, Array]
 
 CELLS = ((0.01, 5.0), (0.005, 5.0), (0.03, 2.5), (0.0025, 5.0), (0.05, 5.0), (0.03, 5.0))

@@ -1,8 +1,9 @@
 """What moves and what feels: small protocols, clocks and the drivers behind them."""
 
+from drivers.core.arrays import Array
 from drivers.core.clocks import SimulatedClock, WallClock
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, MissingExtra, MotionFault
-from drivers.core.protocols import Array, Block, Channel, Clock, Pose, Sensor, Stage
+from drivers.core.protocols import Block, Channel, Clock, Pose, Sensor, Stage
 from drivers.core.registry import available, find_driver, open_driver, settings_of
 from drivers.core.settings import Settings
 

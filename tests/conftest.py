@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from sim_backend.scene.scene_file import Scene
 
-Array = NDArray[np.float64]
 WINDOWS = Path(__file__).parent / "probe" / "gui"
 
 try:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from campaign.board import Board
 from campaign.cell import Cell
@@ -22,6 +21,7 @@ from campaign.faults import Draw
 from campaign.serve import HOME, TICK_S, Presses, due_s, save
 from campaign.strikes import strike
 from campaign.world import SLICE_S, Point, World
+from drivers.core.arrays import Array
 from sim_backend.emulators.ur import emulate
 
 FAILS = {
@@ -77,7 +77,7 @@ class Tip:
         (x, y, z), (u, v, w) = self.point(at_s), self.point(at_s - SLICE_S)
         return ((x - u) / SLICE_S, (y - v) / SLICE_S, (z - w) / SLICE_S)
 
-    def force_n(self, at_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    def force_n(self, at_s: Array) -> Array:
         """What it felt."""
         return np.array([self._row(float(t))[4] for t in at_s])
 

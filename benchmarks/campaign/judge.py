@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from campaign.cell import NOISE_N, RATE_HZ, ZERO_N
 from campaign.faults import Draw
@@ -25,8 +24,7 @@ from campaign.scanning import Resumed
 from campaign.stored import check_stored
 from campaign.truth import DEPTH, FORCE, MOVING, SIDE, T, Truth, X, Y, Z
 from campaign.world import HARDENING_PER_M
-
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array
 
 WIRE_S = 0.02  # two status periods of the board: the answer in hand, and the stop behind it
 ACCELERATION_M_S2 = 1.0

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from campaign.faults import Draw
 from campaign.limits import HOLD_S, INDENTATION_M
 from campaign.truth import FORCE, T, Truth, X, Y, Z
+from drivers.core.arrays import Array
 from probe.core.events import (
     Note,
     Phase,
@@ -22,8 +22,6 @@ from probe.core.events import (
 )
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify
-
-Array = NDArray[np.float64]
 
 RUN_OF = 12  # so many differences in a row are found once only in what the cell sent
 DIGIT_N = 2e-5

@@ -2,10 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
+from drivers.core.arrays import Array
 
-Array = NDArray[np.float64]
 T, X, Y, Z, FORCE, SIDE, DEPTH, MOVING = range(8)
 
 

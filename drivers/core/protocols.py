@@ -7,10 +7,7 @@ row of stations, y across the rows, z up out of the surface.
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, runtime_checkable
 
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array, Bools
 
 
 class Pose(NamedTuple):
@@ -55,7 +52,7 @@ class Block:
 
     time_s: Array
     values: Array
-    saturated: NDArray[np.bool_]
+    saturated: Bools
     lost: int = 0
     jumped_s: float = 0.0
 

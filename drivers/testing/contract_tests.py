@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from drivers.core.abilities import enable
+from drivers.core.arrays import Array
 from drivers.core.errors import DeviceFault
-from drivers.core.protocols import Array, Block, Pose, Sensor, Stage
+from drivers.core.protocols import Block, Pose, Sensor, Stage
 from drivers.testing.awake import AwakeTime
 from drivers.testing.contract import Bench
 

@@ -8,13 +8,11 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Block, Channel
+from drivers.core.arrays import Array
 from probe.acquisition.plausibility import Alive
 from probe.planning.limits import LEVER_M, Limits
-
-Array = NDArray[np.float64]
 
 FUTURE_S = 0.1
 LEVEL_MEMORY_S = 2.0

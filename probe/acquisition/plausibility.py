@@ -3,7 +3,8 @@
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+
+from drivers.core.arrays import Array
 
 MAX_CHANCE = 1e-9  # how unlikely a run of equal readings must be before it counts as stuck
 MIN_PAIRS = 100  # readings before the sensor's own rate of repetitions is believed
@@ -21,10 +22,10 @@ class Alive:
 
     def __init__(self, most_same: int) -> None:
         self._most_same = most_same
-        self._last: NDArray[np.float64] | None = None
+        self._last: Array | None = None
         self._pairs = self._equal = self._run = 0
 
-    def check(self, values: NDArray[np.float64]) -> str | None:
+    def check(self, values: Array) -> str | None:
         """Why readings (n, channels) that follow the last ones are not those of a live sensor."""
         same = np.empty(len(values), bool)
         same[1:] = (values[1:] == values[:-1]).all(axis=1)

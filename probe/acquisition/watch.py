@@ -5,11 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Channel, Clock, DeviceFault, Sensor
-
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array, Bools
 
 WINDOW_S = 1.0
 """Values are means, and noise is taken, over the last second."""
@@ -78,7 +76,7 @@ class _Kept:
     sensor: Sensor
     time_s: Array = field(default_factory=lambda: np.empty(0))
     values: Array = field(init=False)
-    saturated: NDArray[np.bool_] = field(init=False)
+    saturated: Bools = field(init=False)
     zero: Array | None = None
     lost: int = 0
     fault: str | None = None

@@ -10,17 +10,15 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 import calibration
 from calibration.errors import CalibrationError
 from calibration.touch import find_contact
+from drivers.core.arrays import Array
 from probe.calibrate.measurements import Measurements, read
 from probe.calibrate.tissue_force import force_of_modulus
 from sim_backend.scene.scene_file import Scene, as_scene
-
-Array = NDArray[np.float64]
 
 KINDS = (
     "force", "taxels", "gravity", "tare", "tool", "axes", "surface", "latency", "compliance",

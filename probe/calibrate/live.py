@@ -5,12 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from drivers import Clock, Sensor
-
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array
 
 TAKE_S = 2.0
 """A load's reading is the mean over this."""

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from calibration.touch import find_contact
+from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.units import to_si
 from probe.core.contact_stress import compliance_m_per_n, tactile_device
@@ -22,7 +22,6 @@ with needs("data", "palpate calibrate"):
 if TYPE_CHECKING:
     import xarray as xr
 
-Array = NDArray[np.float64]
 MAX_ROWS = 5_000_000
 SQLITE = b"SQLite format 3\0"
 NO_STATION = "no such complete station; press to the end first"

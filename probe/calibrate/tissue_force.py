@@ -3,13 +3,12 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from calibration.errors import CalibrationError
+from drivers.core.arrays import Array
 from sim_backend.scene.scene_file import Scene
 
-Array = NDArray[np.float64]
 Forward = Callable[[Array, Array], tuple[Array, Array]]
 
 CURVE_POINTS = 11

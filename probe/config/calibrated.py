@@ -10,7 +10,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibration import (
     AxesCalibration,
@@ -28,9 +27,8 @@ from calibration import (
 from calibration.errors import CalibrationError
 from drivers import Block, Channel, Pose, Sensor, Stage
 from drivers.core import abilities
+from drivers.core.arrays import Array, Bools
 from probe.planning.plan import Surface
-
-Array = NDArray[np.float64]
 
 SENSOR_KINDS = ("force", "taxels", "latency")
 STAGE_KINDS = ("surface", "compliance", "axes")
@@ -301,7 +299,7 @@ def _in_newtons(
 
 
 def _as_pressures(
-    channels: tuple[Channel, ...], taxels: list[int], dead: NDArray[np.bool_]
+    channels: tuple[Channel, ...], taxels: list[int], dead: Bools
 ) -> tuple[Channel, ...]:
     changed = list(channels)
     for n, lost in zip(taxels, dead.tolist(), strict=True):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Block, Channel
+from drivers.core.arrays import Array, Bools
 from drivers.core.units import to_si, units_of
 from probe.core.errors import RunFileError
 from probe.core.events import (
@@ -24,8 +24,6 @@ from probe.core.events import (
 )
 from probe.core.recording import Recording, Station
 from probe.core.spill import Spill
-
-Array = NDArray[np.float64]
 
 ROLES = ("force", "pressure", "taxel")
 MAX_LEVELS, MAX_PARTS = 20_000, 16
@@ -189,7 +187,7 @@ class _Signal:
         _, values, _ = self._measured(press)
         return quantum(values[:, 0]) * float(self.gains[0]) if len(values) else None
 
-    def _measured(self, press: _Press) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def _measured(self, press: _Press) -> tuple[Array, Array, Bools]:
         """What the sensor measured since its tare: readings before it have another zero."""
         found = joined(press.blocks[self.device], len(self.picked), self.picked)
         tared = found[0] > press.phases.get(Phase.APPROACHING, -math.inf)
@@ -223,7 +221,7 @@ class _Signal:
 
 def joined(
     blocks: Sequence[Block], channels: int, picked: Sequence[int]
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+) -> tuple[Array, Array, Bools]:
     """Times (n,), values (n, channels) and saturation (n, channels) of the ``picked`` columns."""
     if not blocks:
         return np.empty(0), np.empty((0, channels)), np.empty((0, channels), bool)

@@ -3,9 +3,8 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array, Bools
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class Station:
     y_m: float
     time_s: Array
     signal_pa: Array
-    saturated: NDArray[np.bool_]
+    saturated: Bools
     indent_s: float
     hold_s: float
     retract_s: float

@@ -5,15 +5,13 @@ from typing import NamedTuple
 
 import numpy as np
 import pyqtgraph as pg
-from numpy.typing import NDArray
 from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QApplication, QStackedWidget, QVBoxLayout, QWidget
 
+from drivers.core.arrays import Array
 from probe.gui.state import ViewState
 from probe.gui.style import head, heat, label, plot, scale
 from probe.report.look import BLUE, ORANGE
-
-Array = NDArray[np.float64]
 
 
 class Levels(NamedTuple):

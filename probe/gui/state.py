@@ -9,9 +9,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Block, Channel
+from drivers.core.arrays import Array
 from probe.core.contact_stress import StressConversion, face_m2_of, stress_conversion
 from probe.core.errors import RunFileError
 from probe.core.events import (
@@ -26,8 +26,6 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-
-Array = NDArray[np.float64]
 
 TRACE_S = 12.0
 MIN_HOLD_SAMPLES = 8

@@ -12,13 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 from matplotlib.tri import LinearTriInterpolator, Triangulation
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
+from drivers.core.arrays import Array, Bools, Ints
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
-
-Array = NDArray[np.float64]
 
 DEPTHS = 6
 FORCE_DEPTHS = 41
@@ -47,7 +45,7 @@ class Table:
 
     x_mm: Array
     y_mm: Array
-    inside: NDArray[np.bool_]
+    inside: Bools
     depth_m: Array
     pressure_pa: Array
     came_mm: Array
@@ -164,9 +162,9 @@ def _grid(scene: Scene) -> tuple[Array, Array]:
 
 
 def _fields(
-    nodes_m: Array, triangles: NDArray[np.int_], moved_m: Array, stress_pa: Array,
+    nodes_m: Array, triangles: Ints, moved_m: Array, stress_pa: Array,
     grid: tuple[Array, Array],
-) -> tuple[Array, Array, NDArray[np.bool_]]:  # fmt: skip
+) -> tuple[Array, Array, Bools]:  # fmt: skip
     """How far the material came [mm], its von Mises stress [Pa] and its mask at rest, on the grid.
 
     Beyond the material both are those of the nearest material point, so that edges move with it.

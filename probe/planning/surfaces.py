@@ -3,11 +3,9 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.planning.plan import Point, Surface
-
-Array = NDArray[np.float64]
 
 
 def level(height_m: float) -> Surface:

@@ -8,8 +8,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
 from probe.core.recording import Recording, Station
 from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PAPER_WIDTH_IN, PHASE_COLOURS
@@ -20,7 +20,6 @@ with needs("report", "a report"):
     from matplotlib.figure import Figure
     from matplotlib.tri import Triangulation
 
-Array = NDArray[np.float64]
 
 HARMONICS = 6  # those above hold 0.5 % of the variance of `sim_backend.scene.waves`' measured beat
 STYLE: Any = {
@@ -201,9 +200,7 @@ def force_trace(station: Station, face_m2: float) -> Figure:
     return _labelled(figure, axes, "time since first contact [s]", "force [N]")
 
 
-def section(
-    nodes_m: Array, displacement_m: Array, triangles: NDArray[np.int_], von_mises_pa: Array
-) -> Figure:
+def section(nodes_m: Array, displacement_m: Array, triangles: Ints, von_mises_pa: Array) -> Figure:
     """The deformed section (n, 2), coloured by von Mises stress (n,) at its nodes."""
     figure = Figure(figsize=(2 * PAPER_WIDTH_IN, 2.6))
     axes = figure.add_subplot()

@@ -10,15 +10,14 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.files import FileRefused, open_file
 
 with needs("data", "palpate import"):
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 SIGNALS = ("force_n", "pressure_pa", "pressure_mbar")
 COLUMNS = ("time_s", *SIGNALS, "x_mm", "y_mm", "station", "reference")
@@ -106,7 +105,7 @@ def _parsed(text: io.BufferedReader) -> tuple[pd.DataFrame, list[str]]:
     names = [name.strip() for name in next(csv.reader([head.rstrip("\r")]), [])]
     _check_names(names)
     known = {n: name for n, name in enumerate(names) if name in COLUMNS}
-    parts: list[NDArray[np.float64]] = []
+    parts: list[Array] = []
     row, empty = 1, 0
     try:
         for chunk in pd.read_csv(

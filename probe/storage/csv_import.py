@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from drivers import Block, Channel
+from drivers.core.arrays import Array
 from probe.config.snapshot import library_versions
 from probe.core.events import (
     Event,
@@ -29,7 +30,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.storage.csv_columns import Array, CsvError, first_line
+from probe.storage.csv_columns import CsvError, first_line
 from probe.storage.csv_table import CsvRecording, read_csv
 from probe.storage.import_formats import ENDINGS, as_csv, is_exported
 from probe.storage.writer import create_store

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
-from probe.storage.csv_columns import SIGNALS, Array, CsvError, read_columns
+from probe.storage.csv_columns import SIGNALS, CsvError, read_columns
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -163,7 +163,7 @@ def _apart(presses: list[Press], notes: list[str]) -> list[Press]:
     return placed
 
 
-def _labels(table: pd.DataFrame) -> NDArray[np.int64]:
+def _labels(table: pd.DataFrame) -> Ints:
     """The station of each row (n,)."""
     if "station" in table:
         stations = _whole(table, "station")

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from probe.studies.sweep import solve_points, write
 from probe.studies.vary import Point, parse, points
@@ -18,7 +18,6 @@ from sim_backend.scene.scene_file import load_scene
 with needs("data", "palpate fleet"):
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 STATIONS_MM = tuple(4.0 * n for n in range(1, 16))
 KINDS = {"nothing": "TI", "tumour": "TIT", "artery": "TIHA", "stenotic artery": "TISA"}

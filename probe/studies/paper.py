@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from probe.studies.paper_figures import draw
 from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA
@@ -27,7 +27,6 @@ from sim_backend.scene.waves import PA_PER_MMHG
 with needs("data", "palpate paper"):
     import pandas as pd
 
-Array = NDArray[np.float64]
 
 STATIONS_MM = tuple(4.0 * n for n in range(1, 16))
 ACCURACY_PCT = 2.0

@@ -8,9 +8,9 @@ import struct
 from contextlib import AbstractContextManager
 
 import numpy as np
-from numpy.typing import NDArray
 from pymodbus.framer import FramerRTU
 
+from sim_backend.arrays import Array
 from sim_backend.emulators.serving import Served, served
 from sim_backend.phantom.phantom import Phantom
 
@@ -32,7 +32,7 @@ class TaxelArray:
         self._counter = 0
         self._face_m2 = 1e-6 * phantom.scene.face_mm2
         x = (np.arange(columns) + 0.5) / columns * 2 - 1
-        row: NDArray[np.float64] = np.sqrt(1 - x**2)
+        row: Array = np.sqrt(1 - x**2)
         self._share = np.tile(row / row.mean(), rows)
 
     @property

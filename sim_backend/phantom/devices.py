@@ -8,12 +8,11 @@ import math
 from zlib import crc32
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Stage
+from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.phantom.phantom import Phantom
 
-Array = NDArray[np.float64]
 Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 AHEAD_S = 0.25  # samples are computed this far ahead; a new command discards what it changes
@@ -170,7 +169,7 @@ class VirtualSensor:
         self._revision = self._phantom.tip.revision
         self._times: Array = np.empty(0)
         self._values: Array = np.empty((0, 2))
-        self._saturated: NDArray[np.bool_] = np.empty((0, 2), dtype=bool)
+        self._saturated: Bools = np.empty((0, 2), dtype=bool)
 
     def _compute_to(self, end: int) -> None:
         """Have samples up to index ``end`` (exclusive), valid for the tip's present course."""
@@ -191,7 +190,7 @@ class VirtualSensor:
         self._saturated = np.concatenate([self._saturated[kept], saturated])
         self._first = keep_from
 
-    def _sample(self, index: NDArray[np.int64]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    def _sample(self, index: Ints) -> tuple[Array, Array, Bools]:
         time_s = self._start_s + index / self.rate_hz
         felt_s = time_s - self._latency_s
         noise = np.array([self._noise(int(i)) for i in index]) if self._noise_n else 0.0

@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Clock
+from sim_backend.arrays import Array
 from sim_backend.phantom.trajectory import Leg, Point, Rest, Trajectory
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 from sim_backend.scene.waves import load_wave
 
-Array = NDArray[np.float64]
 Surface = Callable[[float, float], float]
 
 PRESSED_M = 0.25e-3  # resting shallower than this is a touch, not an indentation: no beat starts

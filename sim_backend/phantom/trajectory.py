@@ -11,9 +11,9 @@ from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from sim_backend.arrays import Array
+
 Point = tuple[float, float, float]
 
 

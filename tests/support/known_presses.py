@@ -1,11 +1,9 @@
 """Presses with a known truth: relaxation as measured on meat, drift, a pulse, a sensor's noise."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
-
-Array = NDArray[np.float64]
 
 # median fit of 117 real indentation curves: share and time constant of each decay
 RELAXATION = ((0.179, 0.281), (0.167, 1.24), (0.277, 8.10))

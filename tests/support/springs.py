@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from drivers import Block, Channel, Clock, DeviceFault, Pose, Sensor, Stage, WallClock
+from drivers.core.arrays import Array
 from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
 from probe.config.rig import Rig
@@ -39,7 +39,7 @@ class Bed:
         """True force."""
         return self.stiffness_n_m * max(self.surface_m - self.tip.point(time_s)[2], 0.0)
 
-    def truth(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def truth(self) -> tuple[Array, Array]:
         """True height [m] and force [N] at every millisecond until now."""
         z = np.array([self.tip.point(t)[2] for t in np.arange(0.0, self.clock.now(), 1e-3)])
         return z, self.stiffness_n_m * np.maximum(self.surface_m - z, 0.0)
@@ -141,8 +141,8 @@ class Ran:
     events: list[Event] = field(default_factory=list)
     ended: RunEnded | None = None
     raised: BaseException | None = None
-    height_m: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
-    force_n: NDArray[np.float64] = field(default_factory=lambda: np.empty(0))
+    height_m: Array = field(default_factory=lambda: np.empty(0))
+    force_n: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def reason(self) -> str:

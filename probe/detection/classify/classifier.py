@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
+from drivers.core.arrays import Array
 from probe.detection.classify.population import KINDS, samples
 from probe.detection.finding import MAX_CONFIDENCE, Kind, stated
-
-Array = NDArray[np.float64]
 
 MIN_POSTERIOR = 0.85
 """Least posterior probability of a kind to name it."""

@@ -11,11 +11,9 @@ from importlib import resources
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.detection.finding import Kind
-
-Array = NDArray[np.float64]
 
 KINDS: tuple[Kind, ...] = ("tumour", "artery", "stenotic artery")
 EACH = 250

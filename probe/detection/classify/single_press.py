@@ -11,12 +11,10 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.detection.classify.population import DRAWS, between, scene_of
 from probe.detection.finding import Kind
-
-Array = NDArray[np.float64]
 
 VESSELS: tuple[Kind, ...] = ("artery", "stenotic artery")
 WORLDS = ("tissue", "alone")

@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.stats import f as f_distribution
 from scipy.stats import t as t_distribution
 
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array
 
 WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
 """Half widths that are tried, in station distances."""

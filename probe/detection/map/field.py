@@ -3,14 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial import Delaunay, QhullError, cKDTree
 from scipy.stats import t as t_distribution
 
+from drivers.core.arrays import Array
 from probe.detection.map.bumps import CURVATURE, MIN_DISTANCE, SETTLED, TRUSTED, WIDTHS, chance
-
-Array = NDArray[np.float64]
 
 MIN_PRESSES = 15
 """Places that can show a spot (four unknowns) apart from a curved background (six)."""

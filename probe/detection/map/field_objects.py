@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.core.recording import Station
 from probe.detection.classify.classifier import Seen, judge
 from probe.detection.finding import ObjectFinding
@@ -13,8 +13,6 @@ from probe.detection.map.field import Map, Spot, find_spots, map_of, shape, spac
 from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
-
-Array = NDArray[np.float64]
 
 MOST_ASKED = 8
 """Presses nearest to a spot that are asked for a hidden pulse: farther ones hardly feel it."""

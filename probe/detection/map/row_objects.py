@@ -4,8 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.detection.classify.classifier import Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import (
@@ -22,8 +22,6 @@ from probe.detection.map.bumps import (
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
 from probe.detection.pulse.search import Search
-
-Array = NDArray[np.float64]
 
 NORMAL_95 = 1.96
 BEAT_SCATTER = 0.08

@@ -5,14 +5,12 @@ as half of what it is. Where a pulse is clear, its beats are followed.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.detection.pulse.estimate import SHARES, Pulse
 from probe.detection.pulse.fit import harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.search import FINEST
-
-Array = NDArray[np.float64]
 
 RATE_VARIABILITY = 0.05
 """Standard deviation of one beat's length over the mean's: in people at rest a few per cent."""

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.wave import brachial
 
-Array = NDArray[np.float64]
 Form = Literal["arterial", "symmetric"]
 
 SHORTEST_S, LONGEST_S = 1 / 3, 1.5
@@ -101,8 +101,8 @@ class _Places:
     """Where beats may begin and how long they may last, in steps of ``grid_s``."""
 
     grid_s: float
-    lengths: NDArray[np.int64]
-    starts: NDArray[np.int64]
+    lengths: Ints
+    starts: Ints
     end: int
     log_prior: Array
 
@@ -146,7 +146,7 @@ def _each_beat(
     return -0.5 * np.log1p(v * g) + 0.5 * (mean**2 / spread - a * a / v), mean, spread
 
 
-def _steps(ratio: Array, p: _Places) -> tuple[Array, Array, NDArray[np.int64]]:
+def _steps(ratio: Array, p: _Places) -> tuple[Array, Array, Ints]:
     """Scores (m, k, s) of beats, those that end at each start (s, m, k), and where they began."""
     scores = ratio + p.log_prior[:, None]
     at = np.arange(len(p.starts))[:, None] - p.lengths
@@ -166,7 +166,7 @@ def _open(p: _Places, m: int) -> Array:
     return open_
 
 
-def _lasting(p: _Places) -> NDArray[np.bool_]:
+def _lasting(p: _Places) -> Bools:
     """Beats (k, s) that are the hold's last."""
     return np.asarray(p.starts[None] + p.lengths[:, None] >= p.end)
 

@@ -3,16 +3,14 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.detection.pulse.beat_train import beat_train
 from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
 from probe.detection.pulse.rivals import chance_without_pulse, coarse_of
 from probe.detection.pulse.search import FINEST, TESTED_HARMONICS, Search, search
-
-Array = NDArray[np.float64]
 
 SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
 """Harmonics that describe one: the brachial wave's over its swing from trough to crest."""

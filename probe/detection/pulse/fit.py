@@ -8,13 +8,11 @@ the pulse share a band. The noise's level is unknown, its spectrum is one of a f
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import nnls
 
+from drivers.core.arrays import Array, Ints
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise
-
-Array = NDArray[np.float64]
 
 DECAYS = 16
 
@@ -44,7 +42,7 @@ class Fit:
     dof: int
     noise_pa: float
     noise: Noise
-    decays: NDArray[np.int64]
+    decays: Ints
 
     @property
     def lost(self) -> int:

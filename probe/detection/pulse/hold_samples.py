@@ -4,12 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 
+from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
-
-Array = NDArray[np.float64]
 
 BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
@@ -66,7 +64,7 @@ class Hold:
         return float(self.time_s[-1] - self.time_s[0])
 
 
-def dead_channels(stations: Sequence[Station]) -> NDArray[np.bool_]:
+def dead_channels(stations: Sequence[Station]) -> Bools:
     """Channels (c,) of an array that are dead or stuck; left out of all stations, so that their
     means compare.
 
@@ -89,7 +87,7 @@ def dead_channels(stations: Sequence[Station]) -> NDArray[np.bool_]:
     return dead if (dead | stuck).all() else dead | stuck
 
 
-def hold_of(station: Station, dead: NDArray[np.bool_] | None = None) -> Hold:
+def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     """The mean over the channels during the hold, without ``dead`` ones.
 
     Raises `NoHold`, of these `NoContact` where the probe met nothing.
@@ -172,7 +170,7 @@ def _check_contact(station: Station, signal: Array) -> None:
         raise NoContact(f"station {station.index}: no contact (the signal is constant)")
 
 
-def _limits(station: Station, mean: Array, whole: NDArray[np.bool_]) -> tuple[float, float]:
+def _limits(station: Station, mean: Array, whole: Bools) -> tuple[float, float]:
     """When the hold begins and ends; seen in the signal where the record does not say."""
     time_s, mean = station.time_s[whole], mean[whole]
     if len(time_s) < MIN_SAMPLES:
@@ -204,7 +202,7 @@ def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
     return max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
 
 
-def _without_spikes(signal: Array) -> NDArray[np.bool_]:
+def _without_spikes(signal: Array) -> Bools:
     if len(signal) < MIN_SAMPLES:
         return np.ones(len(signal), dtype=bool)
     off = signal - median_filter(signal, size=5, mode="nearest")

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array
 
 WANDER_HZ = (0.25, 0.5, 1.0, 2.0, 4.0)
 SWAY_HZ = (0.25, 0.5, 1.0)

@@ -3,13 +3,12 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.special import logsumexp
 from scipy.stats import chi2
 
+from drivers.core.arrays import Array
 from probe.detection.pulse.search import Search, anywhere
-
-Array = NDArray[np.float64]
 
 USUAL_HZ, USUAL_SPREAD = 72 / 60, 0.3
 """Resting hearts: the median rate, and the standard deviation of the logarithm."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Bools
 from probe.core.recording import Recording, Station
 from probe.detection.pulse.beat_timing import own_beats_s
 from probe.detection.pulse.estimate import Pulse, find_pulse, pulse_at
@@ -14,8 +14,6 @@ from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
 from probe.detection.pulse.rivals import Cause
 from probe.detection.pulse.search import beyond
-
-Array = NDArray[np.float64]
 
 REPEATABILITY_M = 10e-6
 """What a stage's depth differs by from station to station."""
@@ -106,7 +104,7 @@ class _Own:
     touched: bool = True
 
 
-def _own(station: Station, dead: NDArray[np.bool_]) -> _Own:
+def _own(station: Station, dead: Bools) -> _Own:
     try:
         hold = hold_of(station, dead)
     except NoHold as error:

@@ -3,18 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import find_peaks
 from scipy.stats import f as f_distribution
 
+from drivers.core.arrays import Array
 from probe.detection.pulse.estimate import Pulse, pulse_at, scale_of
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED_HARMONICS
-
-Array = NDArray[np.float64]
 
 SMOOTHED_S, INTEGRATED_S = 0.04, 0.1
 """Half of a QRS complex, which noise and mains are averaged over, and its length, over which its

@@ -9,16 +9,14 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 
+from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.beat_train import MEMORIES, BeatTrain, Coarse, beat_train, whiten
 from probe.detection.pulse.fit import Fit, design_of
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
-
-Array = NDArray[np.float64]
 
 COARSE_S = 0.04
 """Samples closer than half of this are averaged in pairs: a beat's rise takes twice as long."""
@@ -108,7 +106,7 @@ def cause_of(evidences: Sequence[dict[str, float]]) -> Cause:
     return Cause(dict(zip(PRIOR, share.tolist(), strict=True)))
 
 
-def _log_evidence(left: Array, n: int, unknowns: int | NDArray[np.int64]) -> Array:
+def _log_evidence(left: Array, n: int, unknowns: int | Ints) -> Array:
     """Of a linear model by what it leaves of the hold (Schwarz 1978)."""
     return np.asarray(-0.5 * n * np.log(np.maximum(left, 1e-300) / n) - 0.5 * n
                       - 0.5 * (unknowns + 2) * np.log(n))  # fmt: skip
@@ -158,7 +156,7 @@ def _at_rates(hold: Coarse, rates: Array, count: int, memory: float) -> Array:
 @lru_cache(maxsize=32)
 def _waves(
     n: int, step_s: float, rates: tuple[float, ...], count: int, memory: float
-) -> tuple[Array, NDArray[np.bool_]]:
+) -> tuple[Array, Bools]:
     """Whitened harmonics (r, n, 2 count) of each rate, and which (r, count) the samples can tell:
     the same for all holds of a scan, but for those of a refined rate."""
     seen = np.outer(rates, np.arange(1, count + 1)) <= max(NYQUIST_SHARE / step_s, rates[0])

@@ -4,17 +4,15 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import chi2
 from scipy.stats import f as f_distribution
 
+from drivers.core.arrays import Array, Bools
 from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise, family
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD, SWING_MMHG
-
-Array = NDArray[np.float64]
 
 SLOWEST_HZ, FASTEST_HZ = 40 / 60, 180 / 60
 BEYOND_HZ, MIN_TURNS = (20 / 60, 300 / 60), 1.5
@@ -252,7 +250,7 @@ def _rests(
     return found[0], found[1]
 
 
-def _look(noise: Noise, rest: _Rest, white: _Whitened, seen: NDArray[np.bool_], dof: int) -> _Look:
+def _look(noise: Noise, rest: _Rest, white: _Whitened, seen: Bools, dof: int) -> _Look:
     """One noise's likelihoods. The second free harmonic counts only where it is no larger than a
     pulse's."""
     y, (r, count, _) = rest.y, white.gram.shape
@@ -271,7 +269,7 @@ def _look(noise: Noise, rest: _Rest, white: _Whitened, seen: NDArray[np.bool_], 
                  along / (size * variance), power / (size**2 * variance))  # fmt: skip
 
 
-def _as_wave(right: Array, gram: Array, seen: NDArray[np.bool_]) -> tuple[Array, Array]:
+def _as_wave(right: Array, gram: Array, seen: Bools) -> tuple[Array, Array]:
     """The hold along the known shape [mmHg], and the shape's own square, both (r, PHASES).
 
     ``seen`` (r, count): harmonics that the samples can tell from noise near their Nyquist rate.
@@ -286,7 +284,7 @@ def _as_wave(right: Array, gram: Array, seen: NDArray[np.bool_]) -> tuple[Array,
     return np.asarray(along[..., 0]), np.asarray(((shape @ gram) * shape).sum(axis=2))
 
 
-def _as_harmonics(right: Array, gram: Array, seen: NDArray[np.bool_]) -> Array:
+def _as_harmonics(right: Array, gram: Array, seen: Bools) -> Array:
     """What the first one or two harmonics explain (r,)."""
     count = seen.shape[1]
     _, one = _explained(right, gram, [0, count])

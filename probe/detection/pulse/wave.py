@@ -4,9 +4,8 @@ Mean of 8 subjects (repat8/cam-bpw-sim-pub), scaled to 120 over 80 mmHg.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from drivers.core.arrays import Array
 
 AMPLITUDES_MMHG = np.array([13.94, 7.88, 4.43, 2.55, 2.20, 1.53, 0.98, 0.62])
 PHASES_RAD = np.array([-1.727, -2.203, -2.906, -3.057, 2.860, 2.368, 1.988, 1.752])

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager
 
 import numpy as np
-from numpy.typing import NDArray
 
+from sim_backend.arrays import Array
 from sim_backend.emulators.grbl.machine import (
     INCH_MM,
     ORIGIN_MM,
@@ -272,5 +272,5 @@ def emulate(
     return served(GrblBoard(phantom, origin_mm, touch_n, homed, work_mm, ready), at, "grbl")
 
 
-def _numbers(place: NDArray[np.float64]) -> str:
+def _numbers(place: Array) -> str:
     return ",".join(f"{v:.3f}" for v in place)

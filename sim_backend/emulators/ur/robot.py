@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from sim_backend.arrays import Array
 from sim_backend.phantom.phantom import SLOPE_M, Phantom
 
 READY, DONE = 1, 2
@@ -32,7 +32,6 @@ REMEMBERED = 250
 """Cycles whose measurement is kept: every client of a cycle gets the same."""
 
 Point = tuple[float, float, float]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from paths import ROOT
 
 from drivers import Sensor, WallClock
+from drivers.core.arrays import Array
 from probe.config.devices import connect
 from probe.config.load_rig import load_rig
 from sim_backend import load_scene
@@ -49,11 +49,11 @@ def test_a_transmitter_and_an_array_are_read_together(winkler: Respond, tmp_path
     assert force_n["taxels"].mean(axis=1).mean() == pytest.approx(pressed_n, rel=0.05)
 
 
-def read(sensor: Sensor, clock: WallClock, count: int) -> NDArray[np.float64]:
+def read(sensor: Sensor, clock: WallClock, count: int) -> Array:
     """At least ``count`` readings, however long a busy machine takes."""
     sensor.connect()
     sensor.start()
-    found: list[NDArray[np.float64]] = []
+    found: list[Array] = []
     while sum(map(len, found)) < count:
         clock.sleep_until(clock.now() + 0.02)
         found.append(sensor.read().values)

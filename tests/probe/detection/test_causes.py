@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from known_presses import recording, station
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array
 from probe.core.recording import Station
 from probe.detection import detect
 
-Array = NDArray[np.float64]
 Motion = Callable[[Array, np.random.Generator], Array]
 
 

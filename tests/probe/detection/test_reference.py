@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from paths import ROOT
 
+from drivers.core.arrays import Array
 from probe.detection.pulse.reference import beats_s
 
-Array = NDArray[np.float64]
 MADE = np.load(ROOT / "tests" / "data" / "beats" / "reference.npz")  # by make.py there: neurokit2
 NAMES = [name for name in MADE.files if not name.endswith("beats_s")]
 RATE_HZ, EDGE_S = 100, 0.7

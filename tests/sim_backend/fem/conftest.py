@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from drivers.core.arrays import Array, Ints
 from sim_backend.fem.assembly import Assembly, gather
 from sim_backend.fem.contact.finger_contact import Finger
 from sim_backend.fem.elements import as_element
@@ -16,8 +16,7 @@ from sim_backend.fem.material import moduli
 from sim_backend.fem.mesh import Mesh
 from sim_backend.fem.model import Section, SlidingConstraint
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+Ints = Ints
 Map = Callable[[Array], Array]
 
 
