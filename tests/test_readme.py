@@ -55,7 +55,7 @@ def run(command: list[str] | str, cwd: Path, path: Path | None = None) -> str:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The ``bin`` folder of a fresh environment: the wheel, its extras `report` and `export`."""
+    """The ``bin`` folder of a fresh environment: the wheel, the extras that the README names."""
     folder = tmp_path_factory.mktemp("first-time-user")
     source = folder / "source"
     for name in PACKAGES:
@@ -70,7 +70,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     python = str(folder / "venv" / "bin" / "python")
     run(
         [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install",
-         f"{wheel}[report,export]"],
+         f"{wheel}[report,export,mesh]"],
         folder,
     )  # fmt: skip
     return folder / "venv" / "bin"

@@ -13,7 +13,7 @@ from pymodbus.framer import FramerRTU
 
 from drivers import DeviceFault, WallClock, ft300
 from drivers.core.reader import Sample
-from drivers.modbus import ModbusSource, Register, connect_rtu
+from drivers.modbus import ModbusSource, Register, rtu_bus
 from drivers.taxels import Check, FrameCutter, crc16_modbus, crc16_x25, sum8
 from sim_backend.emulators.modbus import ModbusSlave
 from sim_backend.emulators.serving import damaged, served
@@ -82,8 +82,8 @@ def test_modbus_rtu_over_a_live_line() -> None:
     registers = [Register(name=f"r{n}", address=180 + n, unit="N", type="uint16") for n in range(6)]
     read: list[Sample] = []
     with served(slave, "socket://127.0.0.1:0", "modbus") as device:
-        client = connect_rtu(device.address, 19200, "N", 1, 0.01)
-        source = ModbusSource(WallClock(), "m", client, registers, 9, "holding", "big", 0.001, 0.0)
+        bus = rtu_bus(device.address, 19200, "N", 1, 0.01)
+        source = ModbusSource(WallClock(), "m", bus, registers, 9, "holding", "big", 0.001, 0.0)
         while device.spoilt < 100:
             for fault in ("noise", None):
                 device.fail(fault)
