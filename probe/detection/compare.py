@@ -2,7 +2,7 @@
 
 from math import isfinite, log
 
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from probe.core.recording import Recording
 from probe.detection.finding import Comparison, Diseased
@@ -59,7 +59,7 @@ def _above(x: float, x_sd: float, y: float, y_sd: float) -> float:
     if min(x, y) <= 0:
         return 0.5
     spread = ((x_sd / x) ** 2 + (y_sd / y) ** 2) ** 0.5
-    return float(norm.cdf(log(x / y) / max(spread, 1e-12)))
+    return float(ndtr(log(x / y) / max(spread, 1e-12)))
 
 
 def _clearest(presses: tuple[Press, ...]) -> Press | None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from drivers.core.arrays import Array
 from probe.detection.classify.population import KINDS, samples
@@ -88,7 +88,7 @@ def shares(seen: Seen) -> dict[str, float]:
     likelihood: dict[str, float] = {k: PRIOR[k] * _likelihood(seen, k) for k in KINDS}
     low, high = CONTRASTS
     spread = seen.contrast_sd if seen.contrast_sd > 0 else CONTRAST_BLUR
-    inside = float(np.diff(norm.cdf((np.array([low, high]) - seen.contrast) / spread))[0])
+    inside = float(np.diff(ndtr((np.array([low, high]) - seen.contrast) / spread))[0])
     likelihood[ELSE] = PRIOR[ELSE] * max(inside, 1e-300) / (high - low)
     if seen.hidden is None:
         likelihood[ELSE] *= _any_pulse()

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.stats import f as f_distribution
-from scipy.stats import t as t_distribution
+from scipy.special import fdtrc, stdtrit
 
 from drivers.core.arrays import Array
 
@@ -165,7 +164,7 @@ def chance(before: float, after: float, unknowns: int, dof: int, independent: fl
     left = max(dof - unknowns, 1) + TRUSTED
     scatter = max((after + TRUSTED) / left, 1.0)
     ratio = max(before - after, 0.0) / unknowns / scatter
-    one = min(float(f_distribution.sf(ratio, unknowns, left)), 1 - 1e-16)
+    one = min(float(fdtrc(unknowns, left, ratio)), 1 - 1e-16)
     return float(-np.expm1(independent * np.log1p(-one)))
 
 
@@ -206,7 +205,7 @@ def _row(
     heights = coefficients[count:]
     height_sd = np.sqrt(scatter * np.diag(covariance)[count:])
     spread = _place_sd(x_m, sd, base, known, heights) * np.sqrt(scatter)
-    reach = float(t_distribution.ppf(0.975, dof + TRUSTED)) * spread
+    reach = float(stdtrit(dof + TRUSTED, 0.975)) * spread
     bumps = [
         Bump(c, c - r, c + r, float(h), float(s), w, p)
         for (c, w), h, s, r, p in zip(known, heights, height_sd, reach, chances, strict=True)

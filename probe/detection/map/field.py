@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial import Delaunay, QhullError, cKDTree
-from scipy.stats import t as t_distribution
+from scipy.special import stdtrit
 
 from drivers.core.arrays import Array
 from probe.detection.map.bumps import CURVATURE, MIN_DISTANCE, SETTLED, TRUSTED, WIDTHS, chance
@@ -180,7 +180,7 @@ def _spots(seen: Map, known: list[Array], chances: list[float]) -> list[Spot]:
     held = np.zeros((k, jacobian.shape[1]))
     held[:, :k] = np.diag(seen.held)
     sd = scatter * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian + held.T @ held)))
-    wide = float(t_distribution.ppf(0.975, dof + TRUSTED))
+    wide = float(stdtrit(dof + TRUSTED, 0.975))
     under = columns[:, :k] @ coefficients[:k]
     found = []
     for i, (spot, p_value) in enumerate(zip(known, chances, strict=True)):

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.signal import lfilter
+from scipy.linalg.lapack import dtbtrs
 
 from drivers.core.arrays import Array
 
@@ -24,7 +24,8 @@ CLEARLY = 2.0
 
 @dataclass(frozen=True)
 class Noise:
-    """Innovations are ``lfilter(ahead, back, samples)``; the first is ``first`` times a sample.
+    """Innovations e of samples x: ``sum back[k] e[i - k] = sum ahead[k] x[i - k]``; the first is
+    ``first`` times a sample.
 
     Both polynomials begin with 1, so that all members have the same determinant and differ in the
     likelihood by the sum of squared innovations only.
@@ -39,9 +40,22 @@ class Noise:
         """Innovations (n, ...) of columns (n, ...)."""
         if len(self.ahead) == 1:
             return columns
-        white = np.asarray(lfilter(self.ahead, self.back, columns, axis=0))
+        white = columns * self.ahead[0]
+        for lag, share in enumerate(self.ahead[1:], 1):
+            white[lag:] += share * columns[:-lag]
+        white = _recursive(self.back, white)
         white[0] *= self.first
         return white
+
+
+def _recursive(back: tuple[float, ...], columns: Array) -> Array:
+    """y (n, ...) with ``sum back[k] y[i - k]`` = ``columns``: a triangular system of few bands.
+    (Not scipy.signal.lfilter: importing it takes as long as all of a scan's detection.)"""
+    if len(back) == 1 or not columns.size:
+        return columns
+    bands = np.repeat(np.array(back)[:, None], len(columns), axis=1)
+    found, _ = dtbtrs(bands, columns.reshape(len(columns), -1), uplo="L", diag="U")
+    return np.asarray(found.reshape(columns.shape))
 
 
 WHITE = Noise("white", (1.0,), (1.0,))

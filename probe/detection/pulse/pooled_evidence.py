@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import logsumexp
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri, logsumexp
 
 from drivers.core.arrays import Array
 from probe.detection.pulse.search import Search, anywhere
@@ -24,7 +23,7 @@ def unusual(rate_hz: ArrayLike) -> Array:
 def usual_excess(searches: Sequence[Search]) -> float:
     """How much clearer than in white noise holds are at most rates, at least 1: tremor that is
     not quite the noise that was fitted adds up over stations."""
-    return max(1.0, float(np.median([np.median(s.clear) for s in searches]) / chi2.median(2)))
+    return max(1.0, float(np.median([np.median(s.clear) for s in searches]) / chdtri(2, 0.5)))
 
 
 def shared_chance(searches: Sequence[Search], excess: float) -> float:
@@ -33,7 +32,7 @@ def shared_chance(searches: Sequence[Search], excess: float) -> float:
     longest = max(searches, key=lambda s: s.span_s)
     rates = longest.rates_hz
     total = np.sum([np.interp(rates, s.rates_hz, s.clear) for s in searches], axis=0)
-    one = float(chi2.sf(total.max() / excess, 2 * len(searches)))
+    one = float(chdtrc(2 * len(searches), total.max() / excess))
     return anywhere(one, longest.span_s)
 
 

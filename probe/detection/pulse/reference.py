@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks
-from scipy.stats import f as f_distribution
+from scipy.special import fdtrc
 
 from drivers.core.arrays import Array
 from probe.detection.pulse.estimate import Pulse, pulse_at, scale_of
@@ -29,6 +28,8 @@ def beats_s(time_s: Array, reference: Array) -> Array:
     what follows them; so height is not asked. A reference that falls more steeply than it rises
     (an inverted lead, light that blood absorbs) is turned over.
     """
+    from scipy.signal import find_peaks  # half a second to import, for scans with a reference
+
     good = np.isfinite(time_s) & np.isfinite(reference)
     time_s, reference = time_s[good], reference[good]
     if len(time_s) < 3 or np.ptp(reference) == 0:
@@ -74,7 +75,7 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
     without, with_ = fit(hold, design, none, noise), fit(hold, design, columns, noise)
     free = columns.shape[1]
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
-    p_value = float(f_distribution.sf(ratio, free, max(with_.dof, 1)))
+    p_value = float(fdtrc(free, max(with_.dof, 1), ratio))
     return pulse_at(hold, rate, p_value, scale_of(without, with_), None, warped.time_s)
 
 

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import chi2
-from scipy.stats import f as f_distribution
+from scipy.special import chdtri, fdtrc, logsumexp
 
 from drivers.core.arrays import Array, Bools
 from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
@@ -85,7 +83,7 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     best = max(looks, key=lambda one: one.without + one.shaped.max())
     return Search(
         rates, best.along, best.power,
-        np.maximum(chi2.isf(np.maximum(chances[0], 1e-300), 2) - CHOICE * (n >= SHORT), 0.0),
+        np.maximum(chdtri(2, np.maximum(chances[0], 1e-300)) - CHOICE * (n >= SHORT), 0.0),
         looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
         min(1.0, 2 * anywhere(float(one.min()), hold.span_s)), hold.span_s, best.noise,
     ), null  # fmt: skip
@@ -151,7 +149,7 @@ def _single(gain: Array, columns: int, dof: int) -> Array:
     """Chance at each rate of a log likelihood ratio ``gain`` (r,): F test of ``columns``."""
     dof = max(dof, 1)
     ratio = np.expm1(2 * gain / (dof + columns)) * dof / columns
-    return np.asarray(f_distribution.sf(ratio, columns, dof))
+    return np.asarray(fdtrc(columns, dof, ratio))
 
 
 @dataclass(frozen=True)
