@@ -213,7 +213,8 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
     else:
         show_finding(found)
         answer(f"Run: {path}")
-        answer(f"Report: {found.get('report', f'palpate report {path}')}")
+        if recording.stations:  # without one there is nothing to report
+            answer(f"Report: {found.get('report', f'palpate report {path}')}")
     if ended.finish is not Finish.COMPLETED:
         inform(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
         inform(f"To go on where it broke off: palpate resume {path}")

@@ -34,10 +34,7 @@ def write_report(run_path: Path, out_dir: Path, *, without_names: bool = False) 
         started = anonymous(started)
         run_path = Path("anonymous.run")
     found = detect(recording)
-    rates_hz = [s.rate_hz for s in found.stations if np.isfinite(s.rate_hz)]
-    rate_bpm = 60.0 * float(np.median(rates_hz)) if rates_hz else None
-    answers = {"heart_rate_bpm": rate_bpm, **found.as_json()}
-    return report(recording, started, answers, run_path, out_dir)
+    return report(recording, started, found.as_json(), run_path, out_dir)
 
 
 def report(
@@ -55,11 +52,6 @@ def report(
         "finish": recording.finish,
         **finding,
     }
-    if len(finding["stations"]) == len(recording.stations):
-        finding["stations"] = [
-            {**one, "y_mm": 1e3 * station.y_m if np.isfinite(station.y_m) else None}
-            for one, station in zip(finding["stations"], recording.stations, strict=True)
-        ]
     out_dir.mkdir(parents=True, exist_ok=True)
     with figures.style():
         pictures, remarks = _pictures(recording, started, finding)

@@ -13,6 +13,7 @@ import pytest
 from drivers import DeviceFault
 from probe.cli import GROUPS, build, say
 from probe.cli.errors import STATUSES
+from probe.cli.finding import show_finding
 from sim_backend.models.press import CannotSolve
 from sim_backend.phantom.devices import VirtualStage
 
@@ -264,3 +265,29 @@ def test_every_group_is_there_and_documented() -> None:
 def test_every_error_with_a_status_exists(place: str) -> None:
     module, name = place.split(":")
     assert issubclass(getattr(import_module(module), name), Exception)
+
+
+def test_a_grid_is_told_with_x_and_y(palpate, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TI"\n'
+        "[scan]\nstart_mm = [20.0, -2.0]\npitch_mm = [4.0, 4.0]\nstations = [2, 2]\n",
+        encoding="utf-8",
+    )
+    scanned = palpate("scan", rig, "--out", tmp_path)
+    assert scanned.status == 0, scanned.err
+    head = next(line for line in scanned.out.splitlines() if "baseline" in line)
+    columns = " ".join(head.split())
+    assert columns == "station x mm y mm baseline Pa ± 95 % pulse Pa ± 95 %"
+    assert "station 4 of 4, x = 20.0 mm, y = 2.0 mm" in scanned.err
+    (run,) = tmp_path.glob("*.run")
+    assert "station 4 at x = 20.0 mm, y = 2.0 mm" in palpate("replay", run).out
+    told = palpate("detect", run, "--json").json["stations"]
+    assert [one["y_mm"] for one in told] == pytest.approx([-2, -2, 2, 2])
+    assert all(one["baseline_sd_pa"] > 0 for one in told)
+
+
+def test_a_run_without_a_press_shows_no_empty_table(capfd: pytest.CaptureFixture[str]) -> None:
+    found = {"stations": [], "objects": [], "simulated": [], "finding": "undecided"}
+    show_finding(found | {"reason": "no press can be judged"})
+    assert capfd.readouterr().out == "Finding: undecided\n  no press can be judged\n"

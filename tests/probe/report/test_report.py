@@ -46,7 +46,10 @@ def finding(recording: Recording) -> dict[str, object]:
     stations = [
         {
             "x_mm": 1e3 * s.x_m,
+            "y_mm": 1e3 * s.y_m,
             "baseline_pa": 9000.0,
+            "baseline_sd_pa": 2.0,
+            "pulse_sd_pa": 5.0,
             "pulse_pa": float(np.ptp(s.signal_pa[110:180])),
         }
         for s in recording.stations
@@ -98,15 +101,12 @@ def test_only_the_level_is_drawn_without_a_pulse() -> None:
 def test_a_grids_table_has_y_and_counts_from_one() -> None:
     recording = grid()
     told = {"simulated": [], "finish": "completed", **finding(recording)}
-    told["stations"] = [
-        {**one, "y_mm": 1e3 * s.y_m}
-        for one, s in zip(told["stations"], recording.stations, strict=True)  # type: ignore[arg-type]
-    ]
     told["heart_rate_bpm"], told["heart_rate_ci_bpm"] = 72.7, [72.0, 73.4]
     text = page("a run", told, [], {}, {})
     assert "<th scope='col'>y [mm]</th>" in text
     assert "<td>1</td><td>16.00</td><td>0.00</td>" in text
-    assert "Heart rate: 72.7 beats a minute (95 %: 72.0 to 73.4)" in text
+    assert "heart rate 73 /min (95 %: 72 to 73)" in text
+    assert "<td>9000.0</td><td>3.9</td>" in text  # 1.96 standard deviations
     assert "e+0" not in text
 
 
