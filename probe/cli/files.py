@@ -1,6 +1,7 @@
 """``palpate init`` and ``palpate schema``: files to start from, and what editors check them by."""
 
 import json
+import shlex
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -43,7 +44,7 @@ def init(
     for name, text in sorted(files.items()):
         (folder / name).write_text(text, encoding="utf-8")
         answer(str(folder / name))
-    inform("Next: " + NEXT[kind].format(folder=folder))
+    inform("Next: " + NEXT[kind].format(folder=shlex.quote(str(folder))))
 
 
 def schema(

@@ -2,6 +2,7 @@
 
 import math
 import os
+import shlex
 import sqlite3
 from collections.abc import Callable
 from importlib import import_module
@@ -76,13 +77,14 @@ def test_progress_and_notes_stay_off_standard_output(palpate, tmp_path: Path) ->
 
 
 def test_a_person_is_told_finding_run_and_what_next(palpate, tmp_path: Path) -> None:
-    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path)
+    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path / "my runs")
     assert outcome.status == 0
     assert "Finding: " in outcome.out
     assert "SIMULATED" in outcome.out
-    (run,) = tmp_path.glob("*.run")
+    (run,) = tmp_path.glob("*/*.run")
     assert str(run) in outcome.out
-    assert f"palpate report {run}" in outcome.out
+    assert shlex.join(["palpate", "report", str(run)]) in outcome.out
+    assert shlex.quote(str(run)) != str(run)
 
 
 def test_one_seed_gives_the_same_bytes(palpate, tmp_path: Path) -> None:
