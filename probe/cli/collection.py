@@ -11,6 +11,8 @@ from probe.cli.say import Json, answer, answer_json, key_values
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.storage.collection import Listed
 
+BESIDE = 48
+"""Columns that a table of runs needs beside the runs' names."""
 By = Literal["date", "scene", "operator", "specimen", "finding", "name"]
 
 
@@ -99,8 +101,17 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
         answer("no runs")
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    heads = ["run", "date", "scene", "how", "finish", "who and what"]
-    for head in heads + (["finding"] if found else []):
+    labelled = any(one.labels for one in runs)
+    heads = [
+        "date",
+        "scene",
+        "how",
+        "finish",
+        *["who and what"] * labelled,
+        *["finding"] * bool(found),
+    ]
+    table.add_column("run", no_wrap=True)  # whole, to be copied into the next command
+    for head in heads:
         table.add_column(head, overflow="fold")
     for one in runs:
         labels = ", ".join(v if k in ("operator", "specimen") else f"{k}={v}"
@@ -111,8 +122,10 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
             one.scene,
             "" if one.problem else "simulated" if one.simulated else "real",
             one.problem or one.finish or "not finished",
-            labels,
+            *[labels] * labelled,
         ]
         table.add_row(*cells, *([found[one.path]] if found else []))
     console = Console()
+    longest = max(len(str(one.path)) for one in runs)
+    console.width = max(console.width, longest + BESIDE)  # else long paths would be cut
     console.print(table)
