@@ -14,7 +14,7 @@ from probe.cli.say import answer, inform
 NEXT = {
     "rig": "palpate scan {folder}/rig.toml --dry-run",
     "scene": "palpate scan --scene {folder}/scene.toml --dry-run",
-    "driver": "pip install -e {folder} && cd {folder} && "
+    "driver": "pip install pytest -e {folder} && cd {folder} && "
     "pytest --palpate-driver=my_gauge --palpate-bench=my_bench:bench",
 }
 
