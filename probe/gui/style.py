@@ -83,7 +83,8 @@ def label(area: pg.PlotItem, x: tuple[str, str], y: tuple[str, str]) -> None:
 
 def pen(colour: str, width: float) -> QPen:
     """A pen that grows with the screen; ``width`` is that on a small one."""
-    return pg.mkPen(colour, width=width * scale())
+    made: QPen = pg.mkPen(colour, width=width * scale())
+    return made
 
 
 def symbol_size() -> float:
