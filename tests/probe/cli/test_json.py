@@ -3,13 +3,13 @@
 import math
 import os
 import shlex
-import sqlite3
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
+from databases import opened
 
 from drivers import DeviceFault
 from probe.cli import GROUPS, build, say
@@ -28,7 +28,7 @@ STATION_KEYS = {"x_mm", "baseline_pa", "pulse_pa"}
 
 def samples(run: str | Path) -> list[tuple[Any, ...]]:
     """Every block of samples of a run file, as bytes."""
-    with sqlite3.connect(run) as connection:
+    with opened(run) as connection:
         query = "SELECT device, times, readings, saturated FROM event WHERE kind = 'samples'"
         return connection.execute(f"{query} ORDER BY id").fetchall()
 
@@ -222,7 +222,7 @@ def test_verify_and_replay(palpate, run_file: Path) -> None:
 
 
 def test_verify_refuses_a_damaged_file(palpate, run_file: Path) -> None:
-    with sqlite3.connect(run_file) as connection:
+    with opened(run_file) as connection:
         connection.execute("UPDATE event SET readings = zeroblob(length(readings)) WHERE id = 20")
     outcome = palpate("verify", run_file, "--json")
     assert outcome.status == 2
