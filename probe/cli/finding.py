@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -47,6 +48,10 @@ def detect(
     json: Json = False,
 ) -> None:
     """Say what lies beneath, and where, from stored runs; a torn one stops no other."""
+    if not 0 < false_alarm < 1:
+        raise typer.BadParameter(f"--false-alarm {false_alarm:g}: a chance between 0 and 1")
+    if ask is not None and not 0 < ask < inf:
+        raise typer.BadParameter(f"--ask {ask:g}: a pulse in Pa, more than 0")
     from probe.storage.run import open_run
 
     def look(run: Path) -> dict[str, Any]:
