@@ -140,13 +140,14 @@ def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
     heads = (f"{axis} mm" for axis in axes)
     for head in ("station", *heads, "baseline Pa", "± 95 %", "pulse Pa", "± 95 %"):
         table.add_column(head, justify="right")
-    for number, one in enumerate(stations, start=1):
+    for one in stations:
         sizes = [
             _number(value, ".1f")
             for name in ("baseline", "pulse")
             for value in (one[f"{name}_pa"], reach(one[f"{name}_sd_pa"]))
         ]
-        table.add_row(str(number), *(_number(one[f"{axis}_mm"], ".1f") for axis in axes), *sizes)
+        places = [_number(one[f"{axis}_mm"], ".1f") for axis in axes]
+        table.add_row(str(one["station"]), *places, *sizes)
     Console(width=80).print(table)
 
 

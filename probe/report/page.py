@@ -125,7 +125,7 @@ def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
     axes = ("x_mm", "y_mm") if y_known else ("x_mm",)
     rows = [
         (
-            str(n),
+            str(s["station"]),
             *(_number(s[axis], ".2f") for axis in axes),
             *(
                 _number(value, ".1f")
@@ -133,7 +133,7 @@ def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
                 for value in (s[f"{name}_pa"], reach(s[f"{name}_sd_pa"]))
             ),
         )
-        for n, s in enumerate(stations, start=1)
+        for s in stations
     ]
     places = [f"{axis[0]} [mm]" for axis in axes]
     sizes = ("baseline [Pa]", "± 95 %", "pulse [Pa]", "± 95 %")

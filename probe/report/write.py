@@ -81,9 +81,7 @@ def _pictures(
         )
         levels = figures.tactile_map(recording, beats)
         pictures.append(Picture("tactile_map", caption, levels, grid))
-        caption = (
-            "Pulse amplitude at each station; shaded: where the object lies, with 95 % limits."
-        )
+        caption = "Pulse at each station, with 95 % limits as bars; shaded: where the object lies."
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     caption = f"Force against time at station {figures.station_words(best)}, the strongest pulse."
     pictures.append(Picture("force", caption, figures.force_trace(best, recording.face_m2)))

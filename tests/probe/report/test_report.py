@@ -45,6 +45,7 @@ def grid() -> Recording:
 def finding(recording: Recording) -> dict[str, object]:
     stations = [
         {
+            "station": s.index + 1,
             "x_mm": 1e3 * s.x_m,
             "y_mm": 1e3 * s.y_m,
             "baseline_pa": 9000.0,
@@ -182,7 +183,15 @@ def test_an_object_without_an_interval_is_drawn_as_a_line() -> None:
     found = finding(row())
     one = {"kind": "undecided", "position_mm": 12.0, "position_ci_mm": None}
     (axes,) = figures.pulse_map({**found, "objects": [one]}, row()).axes
-    assert [line.get_xdata()[0] for line in axes.lines[1:]] == [12.0]
+    dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
+    assert [line.get_xdata()[0] for line in dashed] == [12.0]
+
+
+def test_pulses_are_drawn_with_their_limits() -> None:
+    (axes,) = figures.pulse_map(finding(row()), row()).axes
+    (bars,) = axes.collections
+    low, high = bars.get_segments()[0][:, 1]
+    assert high - low == pytest.approx(2 * 1.96 * 5.0)
 
 
 def test_every_axis_names_its_unit() -> None:
