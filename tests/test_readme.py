@@ -69,7 +69,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (wheel,) = folder.glob("palpate-*.whl")
     python = str(folder / "venv" / "bin" / "python")
     run(
-        [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install",
+        [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", "--no-compile",
          f"{wheel}[report,export,mesh]"],
         folder,
     )  # fmt: skip
