@@ -133,7 +133,7 @@ class Host:
                     file.write(b"\0" * 4096)
         elif name == "connection flood":
             self._flood()
-        elif (run := self.run_file) is not None:
+        elif name.startswith("run file") and (run := self.run_file) is not None:
             self._touch(name, run, a)
 
     def _touch(self, name: str, run: Path, a: float) -> None:

@@ -32,7 +32,8 @@ POSE_SLACK_M = 0.1e-3
 SIDEWAYS_M, SEEN_S = 1e-3, 0.25
 STARVED_S = 0.03  # the truth itself stood still for longer: the machine was the fault, not the scan
 STATUSES = (0, 3, 5)
-HUNG, KILLED, BUG, ENDED_BY_SIGINT = None, 137, 70, 130
+HUNG, KILLED, BUG = None, 137, 70
+ENDED_BY_STORM = (130, 143)
 
 
 @dataclass(frozen=True)
@@ -212,8 +213,8 @@ def _check_words(
     wrong = []
     if status == BUG or "Traceback" in said:
         wrong.append(f"a bug, exit {status}: {said.strip()[-200:]}")
-    elif status == ENDED_BY_SIGINT and "SIGINT storm" in names and re.search("abort|stopped", said):
-        pass  # one more Ctrl-C after the scan had ended and said so
+    elif status in ENDED_BY_STORM and "SIGINT storm" in names and re.search("abort|stopped", said):
+        pass  # one more signal after the scan had ended and said so
     elif status not in STATUSES and not (answer or {}).get("error"):
         wrong.append(f"exit {status}")
     if (status == 0) != (finish == "completed") and finish != "none":

@@ -13,6 +13,7 @@ TEST_MONITOR = "tests/probe/acquisition/test_safety_monitor.py"
 TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
 TEST_LIMIT = "tests/probe/acquisition/test_force_limit.py"
 TEST_WORLDS = "tests/probe/acquisition/test_worlds_not_built.py"
+TEST_FALSE = "tests/probe/acquisition/test_false_sensors.py"
 SENSOR_CASES = f"{TEST_MONITOR}::test_what_a_sensor_guard_objects_to"
 POSE_CASES = f"{TEST_MONITOR}::test_what_a_pose_guard_objects_to"
 
@@ -76,13 +77,13 @@ GUARDED = (
         "a stuck sensor is believed", GUARDS,
         "if (dead := self._alive.check(block.values[:, self._used])) is not None:",
         "if (dead := self._alive.check(block.values[:0, self._used])) is not None:",
-        (f"{TEST_WORLDS}::test_a_sensor_that_does_not_feel_is_found_out",),
+        (f"{TEST_FALSE}::test_a_sensor_that_does_not_feel_is_found_out",),
         ("simulated 3 cell stuck",),
     ),
     Mutant(
         "the sensor's own noise is not learned", ALIVE,
         "MIN_PAIRS = 100", "LEARNED = 1_000_000_000",
-        (f"{TEST_WORLDS}::test_a_sensor_that_does_not_feel_is_found_out",),
+        (f"{TEST_FALSE}::test_a_sensor_that_does_not_feel_is_found_out",),
         ("simulated 3 cell stuck",),
     ),
     Mutant(
@@ -94,7 +95,7 @@ GUARDED = (
     Mutant(
         "a tare in contact hides its load", LEVELS,
         "if not abs(change_n) <=", "if abs(change_n) > 1e9 +",
-        (f"{TEST_WORLDS}::test_a_load_is_not_taken_as_zero",),
+        (f"{TEST_FALSE}::test_a_load_is_not_taken_as_zero",),
     ),
     Mutant(
         "the depth is not limited", POSE,
@@ -187,12 +188,12 @@ GUARDED = (
     Mutant(
         "a force that stops to rise is believed", PRESS,
         "if rose_n >= FLAT * foretold_n:", "if rose_n >= -1e9:",
-        (f"{TEST_WORLDS}::test_a_force_that_stops_to_rise_is_not_believed",),
+        (f"{TEST_FALSE}::test_a_force_that_stops_to_rise_is_not_believed",),
     ),
     Mutant(
         "what is harder than was said is pressed", PRESS,
         "return self._too_fast() or self._too_flat()", "return self._too_flat()",
-        (f"{TEST_WORLDS}::test_what_is_harder_than_was_said_is_not_pressed",),
+        (f"{TEST_FALSE}::test_what_is_harder_than_was_said_is_not_pressed",),
     ),
     Mutant(
         "a blocked engine is waited for", MONITOR,

@@ -4,6 +4,7 @@ A stage and a sensor on the same host share one link; it closes with its last us
 control is taken when a stage is enabled.
 """
 
+import select
 import socket
 import threading
 import time
@@ -208,6 +209,9 @@ class Link:
                 self._number += 1
                 number = self._number
             try:
+                # Never waits: a client that hangs in the library leaves hundreds unread.
+                if not select.select((), (self._commands,), (), 0)[1]:
+                    raise DeviceFault(self.name, "the robot's client takes no orders")
                 self._commands.send((number, name, arguments))
             except (OSError, ValueError):
                 why = self._gone or "the robot's client has ended"

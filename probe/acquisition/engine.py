@@ -17,7 +17,7 @@ from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
-from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, Levels, are_known, changed
+from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, Levels, changed, unknown
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
@@ -211,7 +211,7 @@ class _Scan(RunLoop):
             self.bus.note("fault", self.stage.name, f"THE PROBE WAS NOT LIFTED: {what}")
             reason = f"{why.reason}; the probe was not lifted: {what}"
             why = Interrupted(Finish.FAULTED, reason, why.device, retract=False)
-        elif not retreat.lifting and not why.retract:
+        elif not retreat.up and not why.retract:
             text = "the probe was not lifted, as asked; it may still press"
             self.bus.note("warning", self.stage.name, text)
         if why.finish is None:
@@ -319,9 +319,11 @@ class _Scan(RunLoop):
         while self.monitor.seen_s() < from_s + LEVEL_S and self.clock.now() < until_s:
             self.tick(math.inf)
         levels = self.monitor.levels(from_s)
-        while not are_known(levels) and self.clock.now() < from_s + MAX_LEVEL_S:
+        while unknown(levels) is not None and self.clock.now() < from_s + MAX_LEVEL_S:
             self.tick(math.inf)  # a slow sensor, or a busy machine: one reading is no level
             levels = self.monitor.levels(from_s)
+        if (silent := unknown(levels)) is not None:
+            raise DeviceFault(silent, f"fewer than two readings within {MAX_LEVEL_S:g} s at rest")
         return levels
 
     def _check_contact(self) -> None:

@@ -18,7 +18,7 @@ from typing import Any, Self
 
 from drivers import Block, ConfigError, DeviceFault, Pose
 from probe.acquisition.commands import Control, RunCommand
-from probe.acquisition.guard_process import Facts, Order, Status
+from probe.acquisition.guard_process import Facts, Leaving, Order, Status
 from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
 from probe.acquisition.remote_devices import RemoteHoming, RemoteRetreat, RemoteSensor, RemoteStage
@@ -98,7 +98,7 @@ class GuardClient:
             if not self._gone:
                 return  # another took over, and has said how things stand
             trip = self._status.trip or Trip(self._status.seen_s, fault.device, fault.reason, False)
-            out = (True, False, fault.reason)
+            out = Leaving(done=True, lifting=False, up=False, why_not=fault.reason)
             self._status = Status(trip, None, self._status.seen_s, 0.0, out, homed=True)
 
     def seen_s(self) -> float:

@@ -69,10 +69,20 @@ class Facts:
 
 
 @dataclass(frozen=True)
+class Leaving:
+    """A `Retreat` as the scan sees it."""
+
+    done: bool
+    lifting: bool
+    up: bool
+    why_not: str | None
+
+
+@dataclass(frozen=True)
 class Status:
     """How things stand; asking for it is the engine's heartbeat.
 
-    ``leaving`` is done, lifting and why not lifted of the way out, None if there is none;
+    ``leaving`` is how the way out stands, None if there is none;
     ``jumped`` is a device whose clock stood still, and for how long, said once.
     """
 
@@ -80,7 +90,7 @@ class Status:
     error: str | None
     seen_s: float
     force_n: float
-    leaving: tuple[bool, bool, str | None] | None
+    leaving: Leaving | None
     homed: bool
     pace: float = 1.0
     jumped: tuple[str, float] | None = None
@@ -121,7 +131,7 @@ class Service:
             None if error is None else f"{type(error).__name__}: {error}",
             monitor.seen_s(),
             monitor.force_n(),
-            None if out is None else (out.done, out.lifting, out.why_not),
+            None if out is None else Leaving(out.done, out.lifting, out.up, out.why_not),
             self._homed is not None and self._homed.is_set(),
             abilities.pace(self._devices.stage),
             jumped,

@@ -11,9 +11,9 @@ MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
 
 
-def are_known(levels: Levels) -> bool:
-    """Whether every sensor had readings enough for a mean and its error."""
-    return all(math.isfinite(error) for _, error in levels.values())
+def unknown(levels: Levels) -> str | None:
+    """A sensor that had too few readings for a mean and its error; None if all had enough."""
+    return next((name for name, (_, error) in levels.items() if not math.isfinite(error)), None)
 
 
 def changed(these: Levels, those: Levels, most_n: float) -> str | None:

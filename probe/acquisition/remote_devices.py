@@ -98,19 +98,25 @@ class RemoteRetreat:
     def done(self) -> bool:
         """The stage rests, lifted or not."""
         out = self._client.status().leaving
-        return out is not None and out[0]
+        return out is not None and out.done
 
     @property
     def lifting(self) -> bool:
         """It was commanded to lift."""
         out = self._client.status().leaving
-        return out is not None and out[1]
+        return out is not None and out.lifting
+
+    @property
+    def up(self) -> bool:
+        """The tip was lifted."""
+        out = self._client.status().leaving
+        return out is not None and out.up
 
     @property
     def why_not(self) -> str | None:
         """Why the tip is not up."""
         out = self._client.status().leaving
-        return None if out is None else out[2]
+        return None if out is None else out.why_not
 
     def stay(self) -> None:
         """Do not lift (any more)."""

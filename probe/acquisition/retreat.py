@@ -23,8 +23,8 @@ UP_M, ARRIVED_M = 5e-6, 0.1e-3  # not worth a lift; close enough after one
 class Retreat:
     """``start`` begins a move; ``force_n`` is the latest force; ``lift_z_m`` None: only stop.
 
-    ``why_not`` says why the tip is not up, once ``done``; ``lifting`` is true from the first
-    order to lift on.
+    ``why_not`` says why the tip could not be brought up, once ``done``; ``lifting`` is true from
+    the first order to lift on, ``up`` once the tip was lifted.
     """
 
     def __init__(
@@ -39,7 +39,7 @@ class Retreat:
         most_n: float,
     ) -> None:
         self.done = False
-        self.lifting = False
+        self.lifting = self.up = False
         self.why_not: str | None = None
         self._stop, self._moving, self._start, self._force_n = stop, moving, start, force_n
         self._lift_z_m, self._speed_m_s = lift_z_m, speed_m_s
@@ -51,15 +51,18 @@ class Retreat:
         self._poses: deque[tuple[float, Pose]] = deque()
         self._from: Pose | None = None
         self._limit_n = math.inf
+        self._stays = False
 
     def stay(self) -> None:
-        """Do not lift (any more): rest where it is."""
-        self._lift_z_m, self._from = None, None
+        """Do not lift (any more): rest where it is. From any thread; the next `step` obeys."""
+        self._stays = True
 
     def step(self, now_s: float, pose: Pose | None, trouble: str) -> None:
         """Look at the newest ``pose`` (None: the stage gives none, for ``trouble``) and act."""
         if self.done:
             return
+        if self._stays:
+            self._lift_z_m = self._from = None
         try:
             moving = self._moving()
         except DeviceFault as fault:
@@ -79,7 +82,10 @@ class Retreat:
 
     def _rested(self, now_s: float, pose: Pose) -> None:
         near_m = ARRIVED_M if self.lifting else UP_M
-        if self._lift_z_m is None or pose.z >= self._lift_z_m - near_m:
+        if self._lift_z_m is None:
+            self._end(self.why_not)
+        elif pose.z >= self._lift_z_m - near_m:
+            self.up = True
             self._end(self.why_not)
         elif now_s > self._deadline_s:
             self._end(f"the stage: {self._trouble}")
@@ -127,7 +133,7 @@ class Retreat:
 
     def _give_up(self, now_s: float, why: str) -> None:
         self.why_not = why
-        self.stay()
+        self._stays, self._lift_z_m, self._from = True, None, None
         self._poses.clear()
         self._stop_again(now_s)
 

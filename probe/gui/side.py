@@ -9,15 +9,9 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from probe.acquisition.remote import NotRunning
 from probe.core.events import Finish, Phase
-from probe.core.finding_words import (
-    assumption,
-    headline,
-    heart_rate_line,
-    object_line,
-    simulated_words,
-)
+from probe.core.finding_words import assumption, headline, object_line
 from probe.gui.state import ViewState
-from probe.report.look import GREEN, ORANGE
+from probe.report.look import GREEN, ORANGE, simulated_words
 
 Ask = Callable[[str], None]
 """Passes pause, resume, abort or stop to the scan; raises `NotRunning`."""
@@ -132,8 +126,7 @@ class SidePanel(QWidget):
 def _details(finding: Mapping[str, Any]) -> list[str]:
     """Each object, and what the finding rests on."""
     lines = [object_line(one) for one in finding["objects"]]
-    more = (heart_rate_line(finding), finding.get("reason"), assumption(finding))
-    return lines + [line for line in more if line]
+    return lines + [line for line in (finding.get("reason"), assumption(finding)) if line]
 
 
 def progress_line(state: ViewState) -> str:

@@ -134,6 +134,10 @@ def spring_rig(**tables: dict[str, Any]) -> Rig:
     return Rig.model_validate(base)
 
 
+# On a loaded machine a thread may be scheduled late: what is stiff is met slowly.
+SLOW = spring_rig(scan={"approach_mm_s": 2.0, "ramp_s": 2.5}, safety={"hardest_n_mm": 12.0})
+
+
 @dataclass
 class Ran:
     """How a scan went: its events, its end (None: it hung), what was raised, and the truth."""

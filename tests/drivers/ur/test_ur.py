@@ -271,3 +271,23 @@ if __name__ == "__main__":
         print("lifted", flush=True)
         stage.close()
 """
+
+
+def test_a_client_that_hangs_holds_up_nobody(rig: tuple[Rig, ur.UrController]) -> None:
+    """A guard that keeps telling it of checked forces, and a stop, go on without it."""
+    made, _ = rig
+    made.stage.move(Pose(0.05, 0.0, 0.004), 0.002)
+    ours = ["pgrep", "-P", str(os.getpid()), "-f", "drivers.core.child"]
+    (client,) = subprocess.run(ours, capture_output=True, text=True, check=True).stdout.split()
+    os.kill(int(client), signal.SIGSTOP)
+    with AwakeTime() as awake:
+        for _ in range(20_000):
+            made.stage.keep_alive()
+        made.stage.stop()
+        assert awake.now() < 5.0
+    with pytest.raises(DeviceFault, match="sent nothing"):
+        while made.stage.moving():
+            time.sleep(0.01)
+    there = made.phantom.tip.point(made.clock.now())
+    time.sleep(0.1)
+    assert made.phantom.tip.point(made.clock.now()) == there

@@ -96,6 +96,25 @@ def test_a_stage_that_never_gets_there_is_not_asked_for_ever() -> None:
     assert stage.now_s < 30.0
 
 
+def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() -> None:
+    """A second Ctrl-C comes on another thread, also between the order and what follows it."""
+    stage = Stage(spring)
+
+    def forbidden(target: Pose, speed_m_s: float) -> None:
+        Stage.start(stage, target, speed_m_s)
+        retreat.stay()
+
+    retreat = Retreat(
+        stage.stop, stage.moving, forbidden, stage.force_n, UP_M, 6e-3, stage.now_s, 1.6
+    )
+    while not retreat.done and stage.now_s < 30.0:
+        stage.step(retreat)
+    assert len(stage.lifts) == 1
+    assert retreat.done
+    assert stage.z_m == pytest.approx(DOWN_M, abs=0.1e-3)
+    assert not stage.moving()
+
+
 @pytest.mark.parametrize(
     ("levels", "felt"),
     [

@@ -9,7 +9,6 @@ import signal
 import subprocess
 import sys
 import time
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from paths import ROOT
 from springs import (
     HARD_N_M,
     LIMIT_N,
-    SOFT_N_M,
+    SLOW,
     Bed,
     SpringSensor,
     SpringStage,
@@ -27,11 +26,9 @@ from springs import (
 )
 
 from drivers import Block, DeviceFault, Pose, WallClock
-from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples
+from probe.core.events import Event, Phase, PhaseEntered, Samples
 
 APPROACH_M_S = 10e-3
-# On a loaded machine a thread may be scheduled late: what is stiff is met slowly.
-SLOW = spring_rig(scan={"approach_mm_s": 2.0, "ramp_s": 2.5}, safety={"hardest_n_mm": 12.0})
 
 
 def empty(channels: int = 1) -> Block:
@@ -102,102 +99,6 @@ def test_a_tare_does_not_blind_the_guards() -> None:
     assert "cell: force 20." in ran.reason
     stops = [t for t, what in stage.orders if what == "stop" and t > began[0]]
     assert stops[0] - began[0] < 0.2
-
-
-class Stuck(SpringSensor):
-    def raw(self, _time_s: float) -> float:
-        return 0.0123
-
-
-class StuckSlowly(Stuck):
-    """Has said less than a hundred equal things when the tare changes what it says."""
-
-    rate_hz = 100.0
-
-
-class Clips(SpringSensor):
-    def raw(self, time_s: float) -> float:
-        return min(super().raw(time_s), 0.9)
-
-
-class Deaf(SpringSensor):
-    """Fresh noise and nothing else: its cable to the probe is loose."""
-
-    def raw(self, _time_s: float) -> float:
-        return 0.5e-3 * float(self._rng.standard_normal())
-
-
-class ClipsAndHums(SpringSensor):
-    """Clips below its full scale without a word, and its amplifier adds the noise afterwards."""
-
-    def raw(self, time_s: float) -> float:
-        return min(self.bed.force_n(time_s), 0.6) + 0.5e-3 * float(self._rng.standard_normal())
-
-
-class TurnsOver(SpringSensor):
-    """A mount that gives way: the more it bends, the less it feels."""
-
-    def raw(self, time_s: float) -> float:
-        force = super().raw(time_s)
-        return force if force < 0.6 else 1.2 - force
-
-
-@pytest.mark.parametrize("sensor", [ClipsAndHums, TurnsOver])
-@pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M / 2])
-def test_a_force_that_stops_to_rise_is_not_believed(sensor: Any, stiffness_n_m: float) -> None:
-    bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m)
-    ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
-    assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
-    # a quarter deeper than where it clipped, and what poses and stops take: 0.2 mm
-    assert ran.force_n.max() < 1.25 * 0.6 + stiffness_n_m * 0.2e-3
-    assert ran.lifted
-
-
-def test_what_is_harder_than_was_said_is_not_pressed() -> None:
-    bed, stage, sensor = on_springs(stiffness_n_m=6e3)
-    rig = spring_rig(scan={"approach_mm_s": 2.0, "ramp_s": 1.0})
-    ran = run_springs(bed, stage, [sensor], rig=rig)
-    assert "harder than safety.hardest_n_mm = 1" in ran.reason
-    assert ran.force_n.max() < LIMIT_N
-    assert ran.lifted
-
-
-@pytest.mark.parametrize(
-    ("sensor", "said", "most_n"),
-    [
-        (Stuck, "stuck or clipped", 0.0),
-        (StuckSlowly, "stuck or clipped", 2 * LIMIT_N),
-        (Clips, "stuck or clipped", 2 * LIMIT_N),
-        (Deaf, "no force above the noise", np.inf),  # only a press shows that it feels nothing
-    ],
-)
-def test_a_sensor_that_does_not_feel_is_found_out(sensor: Any, said: str, most_n: float) -> None:
-    bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M if most_n < np.inf else 400.0)
-    ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
-    assert ran.ended is not None
-    assert ran.ended.finish is Finish.FAULTED
-    assert said in ran.reason
-    assert ran.force_n.max() <= most_n
-    assert ran.lifted
-
-
-def test_a_load_is_not_taken_as_zero() -> None:
-    bed, stage, sensor = on_springs(stiffness_n_m=600.0, surface_m=4.4e-3, home=(0.0, 0.0, 10e-3))
-    ran = run_springs(bed, stage, [sensor])
-    assert "presses on something where the force is taken as zero" in ran.reason
-    assert ran.force_n.max() < LIMIT_N
-    assert not late(ran.events, Phase.APPROACHING)
-
-
-def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
-    bed, stage, _ = on_springs()
-
-    class Drifts(SpringSensor):
-        def raw(self, time_s: float) -> float:
-            return super().raw(time_s) + 0.1 * time_s
-
-    ran = run_springs(bed, stage, [Drifts(bed)], rig=spring_rig(scan={"stations": 2}))
-    assert ran.reason == "every station is complete"
 
 
 @pytest.mark.parametrize("deaf_s", [0.02, 0.3])

@@ -2,7 +2,6 @@
 
 import json
 from contextlib import contextmanager, suppress
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -95,7 +94,7 @@ def test_the_command_takes_fits_and_writes(tmp_path, monkeypatch, capfd):
 
     monkeypatch.setattr("probe.config.devices.open_sensors", sensors)
     monkeypatch.setattr("drivers.WallClock", lambda: bench.clock)
-    monkeypatch.setattr("sys.stdin", SimpleNamespace(readline=lambda: bench.ask("typed")))
+    monkeypatch.setattr("probe.cli.calibrate._ask", bench.ask)
     monkeypatch.chdir(tmp_path)
     rig = tmp_path / "rig.toml"
     rig.write_text(
