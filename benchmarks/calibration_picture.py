@@ -124,7 +124,7 @@ def _true_depth(
 def _modulus(path: Path) -> tuple[float, float, float]:
     """By the command, from one press over plain tissue: the value and its interval [kPa]."""
     out = path.with_suffix(".tissue.json")
-    if main(["calibrate", "tissue", str(path), "--station", str(FAR), "--scene", SCENE,
+    if main(["calibrate", "tissue", str(path), "--station", str(FAR + 1), "--scene", SCENE,
              "--out", str(out)]) != 0:  # fmt: skip
         raise RuntimeError(f"no modulus from {path}")
     told = json.loads(out.read_text())

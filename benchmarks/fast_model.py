@@ -23,8 +23,8 @@ BATCH, SINGLES, REPEATS = 100_000, 2000, 5
 
 def speed(model: Surrogate, rng: np.random.Generator) -> tuple[float, float, float]:
     """States per second in batch (best of `REPEATS`), median and p99 of one state [s]."""
-    x, d = rng.uniform(*model.x_m, BATCH), rng.uniform(*model.depth_m, BATCH)
-    p = rng.uniform(model.pressure_pa[0], min(model.pressure_pa[1], 2e4), BATCH)
+    x, d = rng.uniform(*model.range.x_m, BATCH), rng.uniform(*model.range.depth_m, BATCH)
+    p = rng.uniform(model.range.pressure_pa[0], min(model.range.pressure_pa[1], 2e4), BATCH)
     batches, singles = [], []
     for _ in range(REPEATS):
         began = perf_counter()
@@ -45,7 +45,7 @@ def errors_pct(model: Surrogate, rng: np.random.Generator, count: int) -> np.nda
     levels = [p * PA_PER_MMHG for p in pulse] if scene.arteries else [0.0]
     rows = []
     for _ in range(count):
-        x, d = float(rng.uniform(*model.x_m)), float(rng.uniform(*model.depth_m))
+        x, d = float(rng.uniform(*model.range.x_m)), float(rng.uniform(*model.range.depth_m))
         _, found = solve_finite(scene, x, d, levels, element_size_m(scene) / 1.5)
         truth = length_m * np.array([one.force_n_per_m for one in found])
         ours = model.force_n(x, d, np.array(levels))

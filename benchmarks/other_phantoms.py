@@ -83,7 +83,7 @@ def solved(scene: Scene, x_mm: Array, depth_m: float, file: Path) -> Array:
         file.parent.mkdir(exist_ok=True)
         try:
             felt = estimate_scan(scene, list(1e-3 * x_mm), depth_m)
-            np.save(file, np.array([felt.force_n, felt.pulse_n]))
+            np.save(file, np.array([felt.diastolic_n, felt.pulse_n]))
         except CannotSolve:
             np.save(file, np.full((2, len(x_mm)), np.nan))
     return np.asarray(np.load(file))

@@ -27,7 +27,7 @@ from sim_backend.scene.scene_file import Scene, load_scene
 class Springs:
     """F = 400 N/m x depth."""
 
-    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
+    def force_n(self, _x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
         """Force [N], 0 in the air."""
         force: Array = 400.0 * depth_m.clip(0.0) + 0.0 * pressure_pa
         return force

@@ -109,7 +109,7 @@ def _channels(counts: tuple[int, ...], normal: Normal) -> list[float]:
 
 
 class Ft300Settings(Settings):
-    """``[[sensor]] driver = "ft300"``: at a serial ``port`` (a path, ``COM3``, ``socket://…``).
+    """``[[sensor]] driver = "ft300"``: at ``port`` (a path, ``COM3``: untested, ``socket://…``).
 
     The channel ``force`` is the normal force, positive when pressed: ``normal`` says which of the
     sensor's axes that is, ``-fz`` for a probe on its face, pressing along the sensor's +z.

@@ -233,7 +233,7 @@ def open_sensor(
     name: str = "lines",
     simulated: bool = False,
 ) -> LineSensor:
-    r"""A sensor that prints lines at ``port`` (a path, ``COM3`` or ``socket://host:port``).
+    r"""A sensor that prints lines at ``port`` (a path, ``COM3``: untested, ``socket://host:port``).
 
     ``pattern`` (in RE2's syntax) must match a whole line of at most `LINE_MAX` bytes, ends
     stripped; a float is ``[-+0-9.eE]+``. ``ask`` is sent

@@ -14,6 +14,7 @@ from drivers.core.extras import needs
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import DeviceTime
+from drivers.core.units import SI
 
 if TYPE_CHECKING:
     import pynetft
@@ -21,15 +22,6 @@ if TYPE_CHECKING:
 CHECK_S = 1.0
 RATE_SLACK = 0.03
 QUEUE = 20_000  # in the library, before our thread gets them
-NEWTONS = {"N": 1.0, "kN": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605, "kgf": 9.80665}
-NEWTON_METRES = {
-    "N-m": 1.0,
-    "N-mm": 1e-3,
-    "kN-m": 1e3,
-    "lbf-in": 0.1129848290276167,
-    "lbf-ft": 1.3558179483314,
-    "kgf-cm": 0.0980665,
-}
 DISORDER = ("ft_stall", "ft_backward")
 DISORDERS, DISORDERS_S = 10, 1.0  # each costs a few readings: more would be no scan
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -90,7 +82,7 @@ class RdtSource:
         self._count += step
         self._check_rate(arrival_s)
         time_s = self._time.stamp(self._count / self._rate_hz, arrival_s)
-        force, torque = NEWTONS[got.force_unit.value], NEWTON_METRES[got.torque_unit.value]
+        force, torque = SI[got.force_unit.value][1], SI[got.torque_unit.value][1]
         values = [force * v for v in got.force] + [torque * v for v in got.torque]
         return [Sample(time_s, [self._sign * values[self._axis], *values], step - 1)]
 

@@ -1,5 +1,7 @@
-"""Shared by all tests: an answer of tissue that needs no finite elements; whether Qt starts."""
+"""Shared by all tests: an answer of tissue that needs no finite elements; whether Qt starts; that
+a child of a test can be ended by Ctrl-C."""
 
+import signal
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +20,11 @@ try:
     WHY_NO_QT = None
 except ImportError as missing:  # Qt's wheels leave libEGL and others to the system
     WHY_NO_QT = f"Qt does not start ({missing}); `make test` as root installs what it needs"
+
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    # A shell that starts the tests in the background has Ctrl-C ignored, and children inherit that.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
@@ -46,12 +53,12 @@ class Winkler:
     stiffness_n_m: float
     area_m2: float
 
-    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
+    def force_n(self, _x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
         depth = np.maximum(depth_m, 0.0)
         return self.stiffness_n_m * depth + self.area_m2 * pressure_pa * depth / 2.5e-3
 
-    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array:
-        return self.force_n(depth_m, pressure_pa) / 1e-4
+    def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
+        return self.force_n(x_m, depth_m, pressure_pa) / 1e-4
 
 
 def respond_winkler(scene: Scene, x_m: float, _max_depth_m: float) -> Winkler:

@@ -48,7 +48,7 @@ ELSEWHERE = (
            ("tests/sim_backend/fem/test_balance.py", "tests/sim_backend/fem/test_closed_forms.py")),
     Mutant("lumens close through each other", GROUPS,
            "for walls in section.walls if section.self_contact else ():", "for walls in ():",
-           ("tests/sim_backend/fem/test_tangents.py", "tests/sim_backend/models/test_press.py")),
+           ("tests/sim_backend/fem/test_mesh_transfer.py",)),
     Mutant("neighbours are taken for one", POOLED,
            "2 * len(searches)))", "2))", PULSE + DETECT),
     Mutant("neighbours' beats are averaged", POOLED,

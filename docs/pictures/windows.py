@@ -46,7 +46,9 @@ def main() -> None:
         state.update(event)
         if state.station == SEEN - 1 and len(state.hold()[0]) > HELD:
             break
-    found = palpate.detect(replace(recording, stations=recording.stations[: SEEN - 1])).as_json()
+    found = palpate.detect(
+        replace(recording, stations=recording.stations[: SEEN - 1], finish="faulted")
+    ).as_json()
     save(RunWindow(runs[0].path, lambda: state, lambda: found, lambda _: None), "window-scan.png")
     pair = PairWindow(("healthy: TIHA", "stenotic: TISA"), (events[0], events[1]))
     pair.bar.slider.setValue(pair.bar.slider.maximum())

@@ -1,5 +1,6 @@
 """What is installed only on request, and the line that installs it."""
 
+import platform
 import shlex
 import sys
 from collections.abc import Iterator
@@ -10,8 +11,23 @@ from drivers.core.errors import MissingExtra
 
 
 def install_line(extra: str) -> str:
-    """The command that adds ``extra`` to the Python that runs now."""
+    """The command that adds ``extra`` to the Python that runs now, or why there is none."""
+    if extra == "ur" and not ur_has_wheel():
+        return (
+            f"ur-rtde has no wheel for Python {sys.version_info[0]}.{sys.version_info[1]} on "
+            f"{platform.system()} {platform.machine()}; use Python 3.11 or 3.12 on x86-64, or "
+            "build it as docs/reference/devices/ur.md says"
+        )
     return f"{shlex.quote(sys.executable)} -m pip install 'palpate[{extra}]'"
+
+
+def ur_has_wheel() -> bool:
+    """Whether pip has ur-rtde ready made: the marker of the extra `ur` in ``pyproject.toml``."""
+    return (
+        sys.version_info < (3, 13)
+        and platform.machine() in ("x86_64", "AMD64")
+        and sys.platform != "darwin"
+    )
 
 
 @contextmanager

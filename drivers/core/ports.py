@@ -127,7 +127,7 @@ def open_port(
     parity: str = "N",
     stopbits: float = 1,
 ) -> Port:
-    """The open port; ``port`` is a path, ``COM3`` or ``socket://host:port``, 8 data bits.
+    """The open port; ``port`` is a path, ``COM3`` (untested) or ``socket://host:port``; 8 bits.
 
     A serial port is this program's alone: two that command one stage would move it unasked.
 

@@ -40,7 +40,7 @@ Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 class GrblSettings(Settings):
     """``[stage] driver = "grbl"``: a GRBL or grblHAL board at ``port``.
 
-    ``port`` is a path, ``COM3`` or ``socket://host:port``. ``origin_mm``: where the scan's
+    ``port`` is a path, ``COM3`` (untested), ``socket://host:port``. ``origin_mm``: where the scan's
     (0, 0, 0) lies in machine coordinates. With ``home`` a scan begins by moving the machine to its
     switches and then to ``park_mm`` in the scan frame, where ``limits_mm`` bounds the targets too;
     connecting moves nothing. ``status_hz``: position reports asked for a second.

@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers import Clock, ConfigError, DeviceFault, Pose, Sensor, available, find_driver
 from drivers.core.registry import Kind
-from probe.acquisition.dry_run import Check
+from probe.acquisition.preflight import Check
 from probe.config.devices import Devices
 from probe.config.rig import Workspace
 from probe.core.screen import why_no_windows

@@ -16,21 +16,21 @@ from probe.planning.limits import Limits
 from probe.planning.plan import Plan
 
 PERIODS = 5  # of a sensor: the fewest that are waited for, as readers and lines deliver in bursts
-FELT = 0.1  # share of the limit that a press must have been felt with before it can be judged
-CLEAR = 10.0  # standard deviations of the sensor's noise that a change must have to count
+MIN_LIMIT_SHARE = 0.1  # share of the limit that a press must have reached before it can be judged
+NOISE_SIGMAS = 10.0  # standard deviations of the sensor's noise that a change must have to count
 FLAT = 0.1  # of the rise that the press so far foretells: soft tissue stiffens, it never stops
 # A press is judged when it went on by a quarter of its way in contact: a pulse changes the force by
 # less than a fifth (463 Pa of TIHA's 3 kPa), and may fall while the tip goes on.
-SHARE = 0.25
+JUDGED_SHARE = 0.25
 SLACK = 1.2  # a stage may be that much faster than it was told
 WAY_M = 50e-6  # five of a GRBL board's digits
 POLLS = 2.0  # a pose may be older than the newest by that many of the stage's periods
 ROUNDING = 1e-9
-RISE_S = 0.02  # shorter rises are noise, of which CLEAR knows
+RISE_S = 0.02  # shorter rises are noise, of which NOISE_SIGMAS knows
 
 
 @dataclass(frozen=True)
-class Felt:
+class ForceReading:
     """The newest force of a sensor, and how old it is."""
 
     sensor: str
@@ -39,18 +39,20 @@ class Felt:
     rate_hz: float
 
 
-def check_blind(limits: Limits, speed_m_s: float, felt: Sequence[Felt]) -> tuple[str, str] | None:
+def check_blind(
+    limits: Limits, speed_m_s: float, readings: Sequence[ForceReading]
+) -> tuple[str, str] | None:
     """Which sensor was silent too long for a way down at ``speed_m_s``, and why; else None.
 
     One at least must have been heard since the hardest thing beneath can have raised the force to
     the limit; `PERIODS` are allowed, for which `check_speed` answers, and `Limits.late_s` at most.
     """
-    for one in felt:
+    for one in readings:
         room_n = max(limits.max_force_n - abs(one.force_n), 0.0)
         most_s = min(limits.late_s, room_n / (limits.hardest_n_m * speed_m_s))
         if one.age_s <= max(most_s, PERIODS / one.rate_hz):
             return None
-    latest = min(felt, key=lambda one: one.age_s)
+    latest = min(readings, key=lambda one: one.age_s)
     return latest.sensor, (
         f"silent for {latest.age_s:.3f} s on the way down at {1e3 * speed_m_s:.3g} mm/s: on "
         f"something as hard as safety.hardest_n_mm = {1e-3 * limits.hardest_n_m:g} the force may "
@@ -125,7 +127,7 @@ class PressGuard:
             self._z_m, self._changed_s = pose.z, now
         force = self._feels.smooth_n
         if not self._times:
-            if force - self._first_n < CLEAR * self._noise_n:
+            if force - self._first_n < NOISE_SIGMAS * self._noise_n:
                 return None  # in the air
             self._contact_m = self._z_m
         self._times.append(now)
@@ -133,8 +135,8 @@ class PressGuard:
         self._forces.append(force)
         return self._too_fast() or self._too_flat()
 
-    def _felt_n(self) -> float:
-        return max(FELT * self._limit_n, CLEAR * self._noise_n)
+    def _least_n(self) -> float:
+        return max(MIN_LIMIT_SHARE * self._limit_n, NOISE_SIGMAS * self._noise_n)
 
     def _before(self, time_s: float) -> int:
         """The newest row that is no newer; -1 if there is none."""
@@ -149,7 +151,7 @@ class PressGuard:
         # what is newest may be some readings old, then and now
         within_s = now - self._times[row] + self._periods_s
         rose_n = force - self._forces[row]
-        if rose_n <= SLACK * self._hardest_n_m * self._speed_m_s * within_s + self._felt_n():
+        if rose_n <= SLACK * self._hardest_n_m * self._speed_m_s * within_s + self._least_n():
             return None
         return (
             f"the force rose by {rose_n:.3f} N within {within_s:.3f} s: what lies beneath is "
@@ -164,15 +166,15 @@ class PressGuard:
         before.
         """
         down_m, force = self._downs[-1], self._forces[-1]
-        row = bisect_right(self._downs, min(down_m / (1 + SHARE), down_m - WAY_M)) - 1
+        row = bisect_right(self._downs, min(down_m / (1 + JUDGED_SHARE), down_m - WAY_M)) - 1
         if row < 0 or self._gap_s == 0.0:
             return None
         began = self._before(self._times[row] - POLLS * self._gap_s)
-        felt_n = self._forces[began] - self._forces[0]
-        if began < 0 or felt_n < max(self._felt_n(), CLEAR * self._noise_n / SHARE):
+        force_n = self._forces[began] - self._forces[0]
+        if began < 0 or force_n < max(self._least_n(), NOISE_SIGMAS * self._noise_n / JUDGED_SHARE):
             return None
         went_m = down_m - self._downs[row]
-        rose_n, foretold_n = force - self._forces[began], felt_n * went_m / self._downs[row]
+        rose_n, foretold_n = force - self._forces[began], force_n * went_m / self._downs[row]
         if rose_n >= FLAT * foretold_n:
             return None
         return (

@@ -21,7 +21,7 @@ from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.guard_threads import GuardThreads
 from probe.acquisition.interruption import Trip
 from probe.acquisition.pose_guard import PoseGuard
-from probe.acquisition.press_guard import PERIODS, WAY_M, Felt, PressGuard, check_blind
+from probe.acquisition.press_guard import PERIODS, WAY_M, ForceReading, PressGuard, check_blind
 from probe.acquisition.readings import STAGE, Readings
 from probe.acquisition.retreat import Retreat
 from probe.planning.limits import Limits
@@ -375,12 +375,14 @@ class SafetyMonitor:
         self._check_seen(STAGE, self._stage.name, now, limits.silence_s)
         if self._in_motion and self._down_m_s > 0:
             seen_s = self._readings.seen_s
-            felt = [
-                Felt(s.name, now - max(seen_s[s.name], self._excused_s), g.force_n, s.rate_hz)
+            readings = [
+                ForceReading(
+                    s.name, now - max(seen_s[s.name], self._excused_s), g.force_n, s.rate_hz
+                )
                 for s, g in self._sensors
                 if g.feels
             ]
-            if (blind := check_blind(limits, self._down_m_s, felt)) is not None:
+            if (blind := check_blind(limits, self._down_m_s, readings)) is not None:
                 self.object(*blind, can_retract=True)
 
     def _check_seen(self, key: str, device: str, now: float, most_s: float) -> None:

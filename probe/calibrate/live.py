@@ -9,12 +9,14 @@ import numpy as np
 from calibration.errors import CalibrationError
 from drivers import Clock, Sensor
 from drivers.core.arrays import Array
+from drivers.core.units import to_si
 
 TAKE_S = 2.0
 """A load's reading is the mean over this."""
 ROLES = ("force", "pressure")
-STANDARD_GRAVITY = 9.80665
-"""m/s2; CGPM 1901. The true one differs by up to 0.3 %: say newtons where that matters."""
+WEIGHTS = ("kg", "g")
+"""By standard gravity (CGPM 1901). The true one differs by up to 0.3 %: say newtons where that
+matters."""
 
 
 def take_weights(
@@ -77,9 +79,9 @@ def newtons(word: str) -> float:
     """``0.5``, ``0.5N``, ``50g`` or ``0.2kg`` as N. Raises ValueError with what is allowed."""
     text = word.lower().removesuffix("n")
     factor = 1.0
-    for unit, newtons_each in (("kg", STANDARD_GRAVITY), ("g", 1e-3 * STANDARD_GRAVITY)):
+    for unit in WEIGHTS:
         if text.endswith(unit):
-            text, factor = text.removesuffix(unit), newtons_each
+            text, factor = text.removesuffix(unit), to_si(unit)[1]
             break
     try:
         value = float(text) * factor

@@ -57,7 +57,7 @@ def calibrate(
         str, typer.Option(metavar="SYS/DIA", help="Of a heart: the cuff's reading, mmHg.")
     ] = "120/80",
     station: Annotated[
-        int | None, typer.Option(help="Of a run: the press to take, as numbered in it.")
+        int | None, typer.Option(min=1, help="Of a run: the press to take, counted from 1.")
     ] = None,
     scene_out: Annotated[
         Path | None,
@@ -97,7 +97,7 @@ def calibrate(
     from sim_backend.scene.scene_file import load_scene
 
     cuff_mmhg = _cuff(cuff)
-    r = read(readings, kind, device, station)
+    r = read(readings, kind, device, None if station is None else station - 1)
     if not r.device:
         raise CalibrationError(
             f"{readings}: a table does not say whose it is; add --device NAME as in the rig file"

@@ -11,6 +11,8 @@ from probe.cli.say import Json, answer, answer_json, key_values
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.storage.collection import Listed
 
+WIDTHS = {"date": 10, "scene": 5, "how": 9, "finish": 9, "who and what": 12, "finding": 15}
+"""Characters that each column of the table of runs needs."""
 By = Literal["date", "scene", "operator", "specimen", "finding", "name"]
 
 
@@ -99,9 +101,12 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
         answer("no runs")
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    heads = ["run", "date", "scene", "how", "finish", "who and what"]
-    for head in heads + (["finding"] if found else []):
-        table.add_column(head, overflow="fold")
+    labelled = any(one.labels for one in runs)
+    left_out = {"who and what": not labelled, "finding": not found}
+    table.add_column("run", no_wrap=True)  # whole, to be copied into the next command
+    heads = [head for head in WIDTHS if not left_out.get(head)]
+    for head in heads:
+        table.add_column(head, overflow="fold", min_width=WIDTHS[head])
     for one in runs:
         labels = ", ".join(v if k in ("operator", "specimen") else f"{k}={v}"
                            for k, v in one.labels)  # fmt: skip
@@ -111,8 +116,11 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
             one.scene,
             "" if one.problem else "simulated" if one.simulated else "real",
             one.problem or one.finish or "not finished",
-            labels,
+            *[labels] * labelled,
         ]
         table.add_row(*cells, *([found[one.path]] if found else []))
     console = Console()
+    longest = max(len(str(one.path)) for one in runs)
+    needed = longest + sum(WIDTHS[head] for head in heads) + 3 * len(heads) + 2
+    console.width = max(console.width, needed)  # else long paths would be cut
     console.print(table)

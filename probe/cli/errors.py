@@ -61,7 +61,7 @@ def status_of(error: BaseException) -> tuple[int, str]:
         return BAD_INPUT, str(missing(EXTRA_OF[module], "this command", module))
     status = _known(error)
     if status is not None:
-        return status, str(error)
+        return status, _plain(error)
     trace = "".join(traceback.format_exception(error)).rstrip()
     if os.environ.get("PALPATE_TRACE"):
         return BUG, trace
@@ -69,6 +69,15 @@ def status_of(error: BaseException) -> tuple[int, str]:
         f"This is a mistake in palpate itself: {type(error).__name__}: {error}\n"
         "Set PALPATE_TRACE=1 to see where, and please report it."
     )
+
+
+def _plain(error: BaseException) -> str:
+    """What an error says; those of the operating system as file and reason."""
+    if not isinstance(error, OSError) or error.filename is None or error.strerror is None:
+        return str(error)
+    if isinstance(error, FileExistsError | NotADirectoryError):
+        return f"{error.filename}: there is a file; a folder is needed"
+    return f"{error.filename}: {error.strerror.lower()}"
 
 
 def _known(error: BaseException) -> int | None:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from probe.cli.arguments import RunFiles, export_formats
-from probe.cli.say import Json, answer, answer_json, inform
+from probe.cli.say import Json, answer, answer_json, inform, next_command
 from probe.cli.several import of_each
 
 
@@ -88,4 +88,4 @@ def import_run(
         )
     else:
         answer(f"Run: {made.path} ({made.stations} stations, {made.samples} samples)")
-        answer(f"What it means: palpate detect {made.path}")
+        answer(f"What it means: {next_command('detect', made.path)}")

@@ -1,6 +1,7 @@
 """``palpate init`` and ``palpate schema``: files to start from, and what editors check them by."""
 
 import json
+import shlex
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -13,7 +14,7 @@ from probe.cli.say import answer, inform
 NEXT = {
     "rig": "palpate scan {folder}/rig.toml --dry-run",
     "scene": "palpate scan --scene {folder}/scene.toml --dry-run",
-    "driver": "pip install -e {folder} && cd {folder} && "
+    "driver": "pip install pytest -e {folder} && cd {folder} && "
     "pytest --palpate-driver=my_gauge --palpate-bench=my_bench:bench",
 }
 
@@ -43,7 +44,7 @@ def init(
     for name, text in sorted(files.items()):
         (folder / name).write_text(text, encoding="utf-8")
         answer(str(folder / name))
-    inform("Next: " + NEXT[kind].format(folder=folder))
+    inform("Next: " + NEXT[kind].format(folder=shlex.quote(str(folder))))
 
 
 def schema(

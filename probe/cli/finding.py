@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +11,15 @@ import typer
 from probe.cli.arguments import RunFiles
 from probe.cli.say import Json, answer, answer_json, plain
 from probe.cli.several import of_each
-from probe.core.finding_words import assumption, headline, object_line, percent
+from probe.core.finding_words import (
+    assumption,
+    headline,
+    heart_rate_line,
+    object_line,
+    percent,
+    reach,
+    simulated_words,
+)
 
 MAX_LINES = 40
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
@@ -39,6 +48,10 @@ def detect(
     json: Json = False,
 ) -> None:
     """Say what lies beneath, and where, from stored runs; a torn one stops no other."""
+    if not 0 < false_alarm < 1:
+        raise typer.BadParameter(f"--false-alarm {false_alarm:g}: a chance between 0 and 1")
+    if ask is not None and not 0 < ask < inf:
+        raise typer.BadParameter(f"--ask {ask:g}: a pulse in Pa, more than 0")
     from probe.storage.run import open_run
 
     def look(run: Path) -> dict[str, Any]:
@@ -102,38 +115,39 @@ def finding_json(
 
 def show_finding(found: Mapping[str, Any]) -> None:
     """The stations as a compact table, then what lies beneath."""
-    if len(found["stations"]) <= MAX_LINES:
+    if 0 < len(found["stations"]) <= MAX_LINES:
         show_stations(found["stations"])
-    else:
+    elif found["stations"]:
         answer(f"{len(found['stations'])} stations: the report shows them as a map")
     if found["simulated"]:
-        answer(f"SIMULATED: {', '.join(found['simulated'])}")
+        answer(simulated_words(found["simulated"]))
     answer(f"Finding: {headline(found)}")
     for one in found["objects"]:
         answer(f"  {object_line(one)}")
-    if found.get("heart_rate_bpm"):
-        low, high = found["heart_rate_ci_bpm"]
-        answer(f"  heart rate {found['heart_rate_bpm']:.0f} /min (95 %: {low:.0f} to {high:.0f})")
-    for line in (found.get("reason"), assumption(found)):
+    for line in (heart_rate_line(found), found.get("reason"), assumption(found)):
         if line:
             answer(f"  {line}")
 
 
 def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
-    """A table with a line per station."""
+    """A table with a line per station, counted from 1; y only where it tells stations apart."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table
 
+    axes = ("x", "y") if len({one["y_mm"] for one in stations}) > 1 else ("x",)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for head in ("x mm", "baseline Pa", "pulse Pa"):
+    heads = (f"{axis} mm" for axis in axes)
+    for head in ("station", *heads, "baseline Pa", "± 95 %", "pulse Pa", "± 95 %"):
         table.add_column(head, justify="right")
     for one in stations:
-        table.add_row(
-            _number(one["x_mm"], ".1f"),
-            _number(one["baseline_pa"], ".0f"),
-            _number(one["pulse_pa"], ".1f"),
-        )
+        sizes = [
+            _number(value, ".1f")
+            for name in ("baseline", "pulse")
+            for value in (one[f"{name}_pa"], reach(one[f"{name}_sd_pa"]))
+        ]
+        places = [_number(one[f"{axis}_mm"], ".1f") for axis in axes]
+        table.add_row(str(one["station"]), *places, *sizes)
     Console(width=80).print(table)
 
 

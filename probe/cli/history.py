@@ -1,6 +1,7 @@
 """A run's events as lines that a person reads."""
 
 from collections.abc import Iterable, Iterator
+from math import isfinite
 
 from probe.core.events import (
     Event,
@@ -12,6 +13,14 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+
+
+def place_words(station: StationStarted) -> str:
+    """Where a press is; y only off the line y = 0."""
+    if not isfinite(station.x_m):
+        return "an unknown place"
+    y = f", y = {1e3 * station.y_m:.1f} mm" if isfinite(station.y_m) and station.y_m else ""
+    return f"x = {1e3 * station.x_m:.1f} mm{y}"
 
 
 def lines(events: Iterable[Event]) -> Iterator[str]:
@@ -33,7 +42,7 @@ def _line(event: Event) -> str:
             return f"run started {event.started_utc}: {', '.join(event.channels)}"
         case StationStarted():
             attempt = f", attempt {event.attempt}" if event.attempt > 1 else ""
-            return f"station {event.station + 1} at x = {1e3 * event.x_m:.1f} mm{attempt}"
+            return f"station {event.station + 1} at {place_words(event)}{attempt}"
         case PhaseEntered():
             return f"  {event.phase.value}"
         case StationEnded():

@@ -10,6 +10,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from probe.cli.history import place_words
 from probe.cli.say import inform
 from probe.core.events import Event, Phase, PhaseEntered, StationEnded, StationStarted
 
@@ -57,8 +58,7 @@ class ScanProgress:
         match event:
             case StationStarted():
                 where = f"station {event.station + 1} of {self._total}"
-                at = f"x = {1e3 * event.x_m:.1f} mm"
-                self._show(f"{where}, {at}", self._left())
+                self._show(f"{where}, {place_words(event)}", self._left())
             case StationEnded(complete=True):
                 self._done += 1
                 self._measured += 1

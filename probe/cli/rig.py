@@ -12,8 +12,7 @@ from probe.cli.say import Json, answer, answer_json
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.acquisition.doctor import Noise
-    from probe.acquisition.dry_run import Check
-    from probe.config.rig import Rig
+    from probe.acquisition.preflight import Check
 
 MARKS = {"ok": "ok     ", "warning": "warning", "fault": "FAULT  "}
 
@@ -41,10 +40,11 @@ def doctor(
     """Look at this machine and, with a rig, listen to its devices; nothing is moved."""
     from drivers import DeviceAbsent
     from probe.acquisition.doctor import Noise, listen, machine
-    from probe.acquisition.dry_run import Check, device_checks
+    from probe.acquisition.preflight import Check, SensorNoise, device_checks, pulse_checks
     from probe.acquisition.session import clock_for, resolve_rig
     from probe.config.devices import connect
     from probe.config.scan_plan import plan_for
+    from sim_backend.models.station_response import respond
 
     checks, noises = list(machine()), []
     if rig is not None:
@@ -63,31 +63,15 @@ def doctor(
                             checks.append(found)
             except DeviceAbsent as missing:
                 checks.append(Check(missing.device, "fault", missing.reason))
-        checks += _sees(whole, scene, noises)
+        forces = [n for n in noises if n.role == "force" and n.unit == "N"]
+        measured = [SensorNoise(f"{n.sensor}.{n.channel}", n.std, n.rate_hz) for n in forces]
+        checks += pulse_checks(whole, simulated, respond, measured)
     if json:
         answer_json({"checks": [asdict(c) for c in checks], "noise": [asdict(n) for n in noises]})
     else:
         show_checks(checks)
         show_noise(noises)
     raise typer.Exit(FAULT if any(check.level == "fault" for check in checks) else 0)
-
-
-def _sees(rig: "Rig", scene_name: str | None, noises: "list[Noise]") -> "list[Check]":
-    """Whether the noise just measured lets the pulse through."""
-    from probe.acquisition.dry_run import USUAL_BEAT_HZ, expected_pulse, pulse_check
-    from sim_backend.models.station_response import respond
-    from sim_backend.scene.scene_file import load_scene
-
-    name = scene_name or (rig.scene.name if rig.scene is not None else None)
-    scene = load_scene(name) if name is not None else None
-    pulse_n, source = expected_pulse(rig, scene, respond)
-    beat_hz = USUAL_BEAT_HZ if scene is None else scene.pulse.rate_bpm / 60
-    return [
-        pulse_check(f"pulse on {n.sensor}.{n.channel}", n.std, n.rate_hz, rig.scan.hold_s, beat_hz,
-                    pulse_n, source)
-        for n in noises
-        if n.role == "force" and n.unit == "N"
-    ]  # fmt: skip
 
 
 def plan(
@@ -106,7 +90,8 @@ def plan(
     json: Json = False,
 ) -> None:
     """Where a scan would go and how long it takes; with --can-i-see, what its sensors can see."""
-    from probe.acquisition.dry_run import dry_run, expected_pulse, known_noise, pulse_check
+    from probe.acquisition.dry_run import dry_run
+    from probe.acquisition.preflight import known_noise, pulse_checks
     from probe.acquisition.session import resolve_rig
     from probe.config.scan_plan import plan_for
     from sim_backend.models.station_response import respond
@@ -117,16 +102,10 @@ def plan(
     if not can_i_see:
         checks = list(dry_run(whole, simulated, Path(), respond).checks)
     else:
-        pulse_n, source = expected_pulse(whole, simulated, respond)
-        beat_hz = simulated.pulse.rate_bpm / 60 if simulated is not None else 1.2
-        scene_face_mm2 = simulated.face_mm2 if simulated is not None else 0.0
-        face_m2 = 1e-6 * (whole.face_mm2 or scene_face_mm2)
-        checks = []
-        for device in whole.sensor:
-            known_n, rate_hz = known_noise(device)
-            noise_n = known_n if noise_mn is None else 1e-3 * noise_mn
-            checks.append(pulse_check(device.driver, noise_n, rate_hz, press.hold_s, beat_hz,
-                                      pulse_n, source, face_m2 or None))  # fmt: skip
+        known = [known_noise(device) for device in whole.sensor]
+        if noise_mn is not None:
+            known = [one._replace(noise_n=1e-3 * noise_mn) for one in known]
+        checks = pulse_checks(whole, simulated, respond, known)
     if json:
         stations = [[1e3 * p.x_m, 1e3 * p.y_m] for p in places]
         answer_json({"stations_mm": stations, "checks": [asdict(c) for c in checks]})

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
@@ -36,6 +37,11 @@ def answer_json(values: Mapping[str, Any]) -> None:
             file.write(text)
     else:
         print(text, end="", flush=True)
+
+
+def next_command(*words: str | Path) -> str:
+    """A command to type next, as a shell takes it: paths may hold spaces."""
+    return shlex.join(["palpate", *map(str, words)])
 
 
 def visible(text: str) -> str:

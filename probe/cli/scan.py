@@ -13,7 +13,7 @@ import typer
 from probe.cli.arguments import scene_names
 from probe.cli.errors import ABORTED, FAULT
 from probe.cli.finding import RunFile
-from probe.cli.say import Json, answer, answer_json, inform, key_values
+from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
 from probe.cli.windows import need_windows
 
 if TYPE_CHECKING:  # commands import what they need when they run
@@ -213,8 +213,9 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
     else:
         show_finding(found)
         answer(f"Run: {path}")
-        answer(f"Report: {found.get('report', f'palpate report {path}')}")
+        if recording.stations:  # without one there is nothing to report
+            answer(f"Report: {found.get('report', next_command('report', path))}")
     if ended.finish is not Finish.COMPLETED:
         inform(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
-        inform(f"To go on where it broke off: palpate resume {path}")
+        inform(f"To go on where it broke off: {next_command('resume', path)}")
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

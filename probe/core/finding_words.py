@@ -1,7 +1,10 @@
 """A finding in a person's words: the same in the terminal, in windows and on the page."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+NORMAL_95 = 1.96
+MAX_NAMED = 3
 
 
 def headline(found: Mapping[str, Any]) -> str:
@@ -30,7 +33,35 @@ def object_line(one: Mapping[str, Any]) -> str:
         if one.get(key) is not None:
             parts.append(f"{name} {_pascal(one[key], 3)}")
     parts.append(f"confidence {percent(one['confidence'])}")
-    return ", ".join(parts)
+    return ", ".join(parts + over_rows(one))
+
+
+def over_rows(one: Mapping[str, Any]) -> list[str]:
+    """Where an object of a grid was seen across the rows, and where a vessel is stenosed."""
+    parts = []
+    if course := one.get("course_mm"):
+        (x_mm, y_mm), (last_x_mm, last_y_mm) = course[0], course[-1]
+        parts.append(
+            f"at y = {y_mm:.1f} mm"
+            if len(course) == 1
+            else f"seen from x, y = {x_mm:.1f}, {y_mm:.1f} to {last_x_mm:.1f}, {last_y_mm:.1f} mm"
+        )
+    if stenosed := one.get("stenosed_mm"):
+        parts.append(f"stenosed from y = {stenosed[0]:.1f} to {stenosed[1]:.1f} mm")
+    return parts
+
+
+def heart_rate_line(found: Mapping[str, Any]) -> str:
+    """The heart rate with its interval; empty where no pulse was found."""
+    if not found.get("heart_rate_bpm"):
+        return ""
+    low, high = found["heart_rate_ci_bpm"]
+    return f"heart rate {found['heart_rate_bpm']:.0f} /min (95 %: {low:.0f} to {high:.0f})"
+
+
+def reach(sd: float | None) -> float | None:
+    """How far to either side of a number 95 of 100 lie, from its standard deviation."""
+    return None if sd is None else NORMAL_95 * sd
 
 
 def _pascal(value: float | None, digits: int) -> str:
@@ -54,3 +85,18 @@ def assumption(found: Mapping[str, Any]) -> str:
         "near the tissue's edge, places are off by more than their intervals say, and kinds are "
         "less certain than stated"
     )
+
+
+def simulated_words(simulated: Sequence[str]) -> str:
+    """What a reader must know first; empty for a wholly real run.
+
+    ``simulated`` holds ``device.channel`` names; many channels of one device are counted.
+    """
+    devices: dict[str, list[str]] = {}
+    for name in simulated:
+        devices.setdefault(name.split(".", 1)[0], []).append(name)
+    parts = [
+        ", ".join(names) if len(names) <= MAX_NAMED else f"{device} ({len(names)} channels)"
+        for device, names in devices.items()
+    ]
+    return f"SIMULATED: {', '.join(parts)}" if parts else ""

@@ -106,8 +106,11 @@ class Finding:
             "objects": [_object(one) for one in self.objects],
             "stations": [
                 {
+                    "station": s.index + 1,  # as it is shown everywhere
                     "x_mm": _mm(s.x_m),
+                    "y_mm": _mm(s.y_m),
                     "baseline_pa": _known(s.baseline_pa),
+                    "baseline_sd_pa": _known(s.baseline_sd_pa),
                     "pulse_pa": _known(s.pulse_pa),
                     "pulse_sd_pa": _known(s.pulse_sd_pa),
                     "clipped": s.clipped,

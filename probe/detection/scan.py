@@ -124,8 +124,9 @@ def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     x_m = one.station.x_m
     return [ObjectFinding(
         "undecided", x_m, (x_m, x_m), float("nan"), one.size_pa, one.cause.pulse,
-        f"something moves at station {one.station.index}: a pulse with {100 * one.cause.pulse:.0f} "
-        f"%, {rival} with {100 * one.cause.share[rival]:.0f} %; {advice}, or hold longer",
+        f"something moves at station {one.station.index + 1}: a pulse with "
+        f"{100 * one.cause.pulse:.0f} %, {rival} with {100 * one.cause.share[rival]:.0f} %; "
+        f"{advice}, or hold longer",
     )]  # fmt: skip
 
 
@@ -139,8 +140,8 @@ def _beyond(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     return [ObjectFinding(
         "undecided", x_m, (x_m, x_m), float("nan"), one.size_pa, 0.0,
         f"something beats about {60 * (one.beyond_hz or 0.0):.0f} times a minute at station "
-        f"{one.station.index}; a pulse is looked for at {slow:.0f} to {fast:.0f}: compare with a "
-        "reference (PPG or ECG), or hold longer",
+        f"{one.station.index + 1}; a pulse is looked for at {slow:.0f} to {fast:.0f}: compare with "
+        "a reference (PPG or ECG), or hold longer",
     )]  # fmt: skip
 
 

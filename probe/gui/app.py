@@ -2,14 +2,14 @@
 
 import os
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 from probe.acquisition.remote import ask
-from probe.core.events import Event
+from probe.core.events import Event, Finish
 from probe.gui.replay import PairWindow, ReplayWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application
@@ -49,19 +49,22 @@ class Follower:
 
 
 class Detective:
-    """Runs detection beside the window whenever another station is complete."""
+    """Runs detection beside the window whenever another station is complete, and at the end.
+
+    What an open row may still overturn is undecided until the run has ended.
+    """
 
     def __init__(self, run_path: Path, state: ViewState) -> None:
         self._run_path, self._state = run_path, state
-        self._looked_at = 0
+        self._looked_at: tuple[int, Finish | None] = (0, None)
         self._worker: threading.Thread | None = None
         self.latest: Mapping[str, Any] | None = None
 
     def __call__(self) -> Mapping[str, Any] | None:
-        complete = len(self._state.complete)
+        known = (len(self._state.complete), self._state.finish)
         idle = self._worker is None or not self._worker.is_alive()
-        if idle and complete > self._looked_at:
-            self._looked_at = complete
+        if idle and known[0] and known != self._looked_at:
+            self._looked_at = known
             self._worker = threading.Thread(target=self._look, daemon=True)
             self._worker.start()
         return self.latest
@@ -71,6 +74,22 @@ class Detective:
         from probe.storage.run import open_run
 
         self.latest = detect(open_run(self._run_path).recording()).as_json()
+
+
+def at_the_end(
+    run_path: Path, state: Callable[[], ViewState]
+) -> Callable[[], Mapping[str, Any] | None]:
+    """What the whole run means, for a replay that has come to its end; None before."""
+    whole: Detective | None = None
+
+    def finding() -> Mapping[str, Any] | None:
+        nonlocal whole
+        if state().finish is None:
+            return None
+        whole = whole or Detective(run_path, state())
+        return whole()
+
+    return finding
 
 
 def run_live(run_path: Path) -> int:
@@ -100,6 +119,7 @@ def run_replay(run_path: Path, beside: Path | None = None) -> int:
     window: ReplayWindow | PairWindow
     if beside is None:
         window = ReplayWindow(run_path, events)
+        window.finding = at_the_end(run_path, window.state)
     else:
         other = list(open_run(beside).events())
         window = PairWindow((run_path.name, beside.name), (events, other))

@@ -5,7 +5,7 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from probe.gui.state import ViewState
-from probe.gui.style import head, plot
+from probe.gui.style import head, pen, plot
 from probe.report.look import GREEN, INK, ORANGE, PINK
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Artery, Scene
@@ -32,7 +32,7 @@ def draw_scene(area: pg.PlotItem, scene: Scene) -> None:
     top = scene.surface_mm
     if scene.tissue is not None:
         w = scene.tissue.width_mm
-        area.plot([0, w, w, 0, 0], [0, 0, top, top, 0], pen=pg.mkPen(INK, width=2))
+        area.plot([0, w, w, 0, 0], [0, 0, top, top, 0], pen=pen(INK, 2))
     for one in scene.inclusion:
         y = top - one.depth_mm if scene.tissue is not None else top / 2
         radii = [one.outer_radius_mm]
@@ -44,9 +44,7 @@ def draw_scene(area: pg.PlotItem, scene: Scene) -> None:
                 radii.append(inner * (1 - one.stenosis.fraction))
             colour = ORANGE
         for r in radii:
-            area.plot(
-                one.x_mm + r * np.cos(CIRCLE), y + r * np.sin(CIRCLE), pen=pg.mkPen(colour, width=2)
-            )
+            area.plot(one.x_mm + r * np.cos(CIRCLE), y + r * np.sin(CIRCLE), pen=pen(colour, 2))
 
 
 def frame_scene(area: pg.PlotItem, scene: Scene) -> None:
@@ -72,7 +70,7 @@ class BodyPanel(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.area)
-        self.finger = self.area.plot([], [], pen=pg.mkPen(GREEN, width=3))
+        self.finger = self.area.plot([], [], pen=pen(GREEN, 3))
         self._drawn: object = None
         self._top_mm = 0.0
         self._outline = finger_outline(Cylinder())
@@ -97,4 +95,4 @@ class BodyPanel(QWidget):
         else:
             head(self.area, "Section unknown: the surface only")
             ends = [p.x_mm for p in state.plan] or [0.0, 1.0]
-            self.area.plot([min(ends), max(ends)], [0, 0], pen=pg.mkPen(INK, width=2))
+            self.area.plot([min(ends), max(ends)], [0, 0], pen=pen(INK, 2))

@@ -7,7 +7,6 @@ from multiprocessing import get_context
 from time import perf_counter
 
 import numpy as np
-import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent, QMouseEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
@@ -15,7 +14,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 from probe.core.processes import leave_with_parent
 from probe.gui.body import draw_scene, finger_outline, frame_scene
 from probe.gui.maps import HeatMap
-from probe.gui.style import application, label, plot
+from probe.gui.style import application, label, pen, plot
 from probe.gui.table import Table, solve
 from probe.report.look import BLUE, GREEN, ORANGE
 from sim_backend.scene.scene_file import Scene
@@ -69,14 +68,14 @@ class FeelWindow(QWidget):
         label(self.section.plot, ("x", "mm"), ("height", "mm"))
         draw_scene(self.section.plot, scene)
         frame_scene(self.section.plot, scene)
-        self.finger = self.section.plot.plot([], [], pen=pg.mkPen(GREEN, width=3))
-        self.contact = self.section.plot.plot([], [], pen=pg.mkPen(ORANGE, width=5))
+        self.finger = self.section.plot.plot([], [], pen=pen(GREEN, 3))
+        self.contact = self.section.plot.plot([], [], pen=pen(ORANGE, 5))
         self.section.scene().installEventFilter(self)
         self.section.viewport().installEventFilter(self)
         self.force = plot("", ("time before now", "s"), ("force", "N"))
-        self.force_curve = self.force.plot(pen=pg.mkPen(BLUE, width=2))
+        self.force_curve = self.force.plot(pen=pen(BLUE, 2))
         self.pulse = plot("", ("time before now", "s"), ("lumen pressure", "mmHg"))
-        self.pulse_curve = self.pulse.plot(pen=pg.mkPen(ORANGE, width=2))
+        self.pulse_curve = self.pulse.plot(pen=pen(ORANGE, 2))
         self.force.setXRange(-HISTORY_S, 0, padding=0)
         self.pulse.setXLink(self.force)
         pulse = scene.pulse

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QApplication, QStackedWidget, QVBoxLayout, QWidget
 
 from drivers.core.arrays import Array
 from probe.gui.state import ViewState
-from probe.gui.style import head, heat, label, plot, scale
+from probe.gui.style import head, heat, label, pen, plot, scale, symbol_size
 from probe.report.look import BLUE, ORANGE
 
 
@@ -32,9 +32,11 @@ class LineMap(QWidget):
         self.base = plot("Tactile map", ("x", "mm"), ("baseline", "kPa"))
         self.beat = plot("", ("x", "mm"), ("pulse", "Pa"))
         self.beat.setXLink(self.base)
-        self.base_curve = self.base.plot(pen=pg.mkPen(BLUE, width=2), symbol="o", symbolBrush=BLUE)
+        self.base_curve = self.base.plot(
+            pen=pen(BLUE, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=BLUE
+        )
         self.beat_curve = self.beat.plot(
-            pen=pg.mkPen(ORANGE, width=2), symbol="s", symbolBrush=ORANGE
+            pen=pen(ORANGE, 2), symbol="s", symbolSize=symbol_size(), symbolBrush=ORANGE
         )
         for each in (self.base, self.beat):
             layout.addWidget(each)

@@ -18,10 +18,10 @@ from PySide6.QtWidgets import (
 )
 
 from probe.core.events import Event, Samples
+from probe.core.finding_words import simulated_words
 from probe.gui.maps import MapPanel, common_levels
 from probe.gui.state import ViewState
 from probe.gui.window import FRAME_MS, RunWindow
-from probe.report.look import simulated_words
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0)
 SLIDER_STEPS = 1000

@@ -9,9 +9,15 @@ from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWi
 
 from probe.acquisition.remote import NotRunning
 from probe.core.events import Finish, Phase
-from probe.core.finding_words import assumption, headline, object_line
+from probe.core.finding_words import (
+    assumption,
+    headline,
+    heart_rate_line,
+    object_line,
+    simulated_words,
+)
 from probe.gui.state import ViewState
-from probe.report.look import GREEN, ORANGE, simulated_words
+from probe.report.look import GREEN, ORANGE
 
 Ask = Callable[[str], None]
 """Passes pause, resume, abort or stop to the scan; raises `NotRunning`."""
@@ -126,7 +132,8 @@ class SidePanel(QWidget):
 def _details(finding: Mapping[str, Any]) -> list[str]:
     """Each object, and what the finding rests on."""
     lines = [object_line(one) for one in finding["objects"]]
-    return lines + [line for line in (finding.get("reason"), assumption(finding)) if line]
+    more = (heart_rate_line(finding), finding.get("reason"), assumption(finding))
+    return lines + [line for line in more if line]
 
 
 def progress_line(state: ViewState) -> str:

@@ -3,7 +3,7 @@
 import re
 
 import pyqtgraph as pg
-from PySide6.QtGui import QColor, QFont
+from PySide6.QtGui import QColor, QFont, QPen
 from PySide6.QtWidgets import QApplication
 
 from probe.report.look import HEAT, INK
@@ -79,6 +79,17 @@ def label(area: pg.PlotItem, x: tuple[str, str], y: tuple[str, str]) -> None:
         axis.enableAutoSIPrefix(False)  # the unit in the label is the one that holds
         axis.setTickFont(QFont(QApplication.font().family(), round(9 * scale())))
         axis.setLabel(f"{name} [{unit}]", **{"font-size": f"{10 * scale():.0f}pt"})
+
+
+def pen(colour: str, width: float) -> QPen:
+    """A pen that grows with the screen; ``width`` is that on a small one."""
+    made: QPen = pg.mkPen(colour, width=width * scale())
+    return made
+
+
+def symbol_size() -> float:
+    """Of the dots on a curve."""
+    return 8.0 * scale()
 
 
 def shade(colour: str, alpha: int = 50) -> QColor:

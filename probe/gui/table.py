@@ -2,13 +2,13 @@
 
 The finite elements answer at a few depths and two lumen pressures; displacement and stress are
 kept on a regular grid of the deformed section: at each point, where its material came from and
-its stress. Between the solved states they are linear in depth and in pressure. The force comes
-from the fast model and is finer in depth.
+its stress. Between the solved states they are linear in depth and in pressure. The force is
+the place's force model's, which is smooth in both.
 """
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib.tri import LinearTriInterpolator, Triangulation
@@ -18,8 +18,10 @@ from drivers.core.arrays import Array, Bools, Ints
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
+if TYPE_CHECKING:
+    from sim_backend.phantom.phantom import Response
+
 DEPTHS = 6
-FORCE_DEPTHS = 41
 CELL_MM = 0.25
 PULLS = 8  # fixed-point steps of the pull-back; the error shrinks by |grad u| < 1 each
 
@@ -39,8 +41,8 @@ class Table:
 
     ``x_mm`` (columns,), ``y_mm`` (rows,) upwards from the support; ``inside`` (rows, columns) is
     material at rest. ``came_mm`` (d, 2, rows, columns, 2) is how far what is at a point has come,
-    ``von_mises_pa`` (d, 2, rows, columns) belongs to the place at rest, ``contact_mm`` (d, 2, 2),
-    ``force_n`` (f, 2) over ``force_depth_m`` (f,).
+    ``von_mises_pa`` (d, 2, rows, columns) belongs to the place at rest, ``contact_mm`` (d, 2, 2).
+    ``forces`` knows the force at ``place_m`` [m].
     """
 
     x_mm: Array
@@ -51,14 +53,15 @@ class Table:
     came_mm: Array
     von_mises_pa: Array
     contact_mm: Array
-    force_depth_m: Array
-    force_n: Array
+    place_m: float
+    forces: "Response"
 
     def press(self, depth_m: float, pressure_pa: float) -> PressState:
         """The answer at a depth (held to the solved range) and a lumen pressure."""
         depth_m = float(np.clip(depth_m, 0.0, self.depth_m[-1]))
         low, high = self.pressure_pa
-        w = float(np.clip((pressure_pa - low) / (high - low), 0, 1)) if high > low else 0.0
+        at_pa = float(np.clip(pressure_pa, low, high))
+        w = (at_pa - low) / (high - low) if high > low else 0.0
         k = int(np.clip(np.searchsorted(self.depth_m, depth_m) - 1, 0, len(self.depth_m) - 2))
         v = (depth_m - self.depth_m[k]) / (self.depth_m[k + 1] - self.depth_m[k])
 
@@ -67,10 +70,9 @@ class Table:
             mix = (1 - v) * ((1 - w) * a[0] + w * a[1]) + v * ((1 - w) * b[0] + w * b[1])
             return np.asarray(mix)
 
-        force = [np.interp(depth_m, self.force_depth_m, self.force_n[:, n]) for n in (0, 1)]
         left, right = between(self.contact_mm)
         return PressState(
-            float((1 - w) * force[0] + w * force[1]),
+            float(self.forces.force_n(self.place_m, np.array(depth_m), np.array(at_pa))),
             (float(left), float(right)),
             between(self.came_mm),
             between(self.von_mises_pa),
@@ -135,8 +137,6 @@ def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
     states = [rest, *fields]
     contact = [[(x_mm, x_mm)] * 2] + [[s.contact_mm for s in p.states] for p in solved]
     pressure_pa = np.array(mmhg) * PA_PER_MMHG
-    force_depth_m = np.linspace(0.0, max_depth_mm * 1e-3, FORCE_DEPTHS)
-    response = respond(scene, x_mm * 1e-3, max_depth_mm * 1e-3)
     return Table(
         *grid,
         inside,
@@ -145,8 +145,8 @@ def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
         np.array([[f[0] for f in pair] for pair in states]),
         np.array([[f[1] for f in pair] for pair in states]),
         np.array(contact),
-        force_depth_m,
-        np.asarray(response.force_n(force_depth_m[:, None], pressure_pa[None, :])),
+        1e-3 * x_mm,
+        respond(scene, 1e-3 * x_mm, 1e-3 * max_depth_mm),
     )
 
 

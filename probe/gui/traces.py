@@ -5,7 +5,7 @@ import pyqtgraph as pg
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from probe.gui.state import TRACE_S, ViewState, fold
-from probe.gui.style import plot, shade
+from probe.gui.style import pen, plot, shade, symbol_size
 from probe.report.look import BLUE, GREEN, ORANGE, PHASE_COLOURS, PINK, SKY
 
 MAX_POINTS = 3000
@@ -32,7 +32,7 @@ class TracePanel(QWidget):
             self.trace.addItem(region, ignoreBounds=True)
         self.beat = plot("Pulse, folded", ("time in the beat", "s"), ("change", "Pa"))
         self.beat_curve = self.beat.plot(
-            pen=pg.mkPen(ORANGE, width=2), symbol="o", symbolSize=6, symbolBrush=ORANGE
+            pen=pen(ORANGE, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=ORANGE
         )
         layout.addWidget(self.trace, 3)
         layout.addWidget(self.beat, 2)

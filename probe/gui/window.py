@@ -36,8 +36,8 @@ class RunWindow(QWidget):
         self.maps, self.body, self.traces = MapPanel(), BodyPanel(), TracePanel()
         self.side = SidePanel(ask)
         self.empty = QLabel(
-            f"Waiting for {run_path}\n\nStart a scan with  palpate scan --out {run_path.parent}\n"
-            "or open a finished run with  palpate replay RUN"
+            f"Waiting for {run_path}\n\nStart a scan with  palpate scan --live\n"
+            "or open a finished run with  palpate replay RUN --live"
         )
         self.empty.setObjectName("empty")
         self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)

@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
+from probe.core.finding_words import reach
 from probe.core.recording import Recording, Station
 from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PAPER_WIDTH_IN, PHASE_COLOURS
 
@@ -151,8 +152,9 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
     figure = _figure()
     axes = figure.add_subplot()
     x = np.array([_number(s["x_mm"]) for s in finding["stations"]])
-    axes.plot(x, pulse, "o-", color=ORANGE)
-    for one in finding["objects"]:
+    reaches = np.array([_number(reach(s["pulse_sd_pa"])) for s in finding["stations"]])
+    axes.errorbar(x, pulse, np.nan_to_num(reaches), fmt="o-", color=ORANGE, lw=1.2, capsize=2)
+    for number, one in enumerate(finding["objects"]):
         if one.get("position_mm") is None:
             continue
         if one["position_ci_mm"]:  # one station gives a place without an interval
@@ -162,9 +164,10 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
             f"{one['kind']}\n{one['position_mm']:.1f} mm",
             (one["position_mm"], 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(4, -2),
+            xytext=(0, 2 + 20 * (number % 2)),  # above the curve; neighbours beside each other
             textcoords="offset points",
-            va="top",
+            ha="center",
+            va="bottom",
         )
     axes.set_ylim(bottom=0)
     return _labelled(figure, axes, "position x [mm]", "pulse [Pa]")

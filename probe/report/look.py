@@ -27,20 +27,4 @@ PHASE_COLOURS: Mapping[str, str] = {
 }
 """What shades a trace while the probe is in a phase; phases left out are not shaded."""
 
-MAX_NAMED = 3
 PAPER_WIDTH_IN = 3.5  # one column of a journal page
-
-
-def simulated_words(simulated: tuple[str, ...]) -> str:
-    """What a reader must know first; empty for a wholly real run.
-
-    ``simulated`` holds ``device.channel`` names; many channels of one device are counted.
-    """
-    devices: dict[str, list[str]] = {}
-    for name in simulated:
-        devices.setdefault(name.split(".", 1)[0], []).append(name)
-    parts = [
-        ", ".join(names) if len(names) <= MAX_NAMED else f"{device} ({len(names)} channels)"
-        for device, names in devices.items()
-    ]
-    return f"SIMULATED: {', '.join(parts)}" if parts else ""

@@ -9,8 +9,16 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any
 
 from drivers import Channel
-from probe.core.finding_words import assumption, headline, percent
-from probe.report.look import BLUE, INK, simulated_words
+from probe.core.finding_words import (
+    assumption,
+    headline,
+    heart_rate_line,
+    over_rows,
+    percent,
+    reach,
+    simulated_words,
+)
+from probe.report.look import BLUE, INK
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,10 +62,11 @@ def page(
         )
     parts.append(f"<p class='finding'>Finding: {escape(headline(finding))}</p>")
     parts += [
-        f"<p>{escape(line)}</p>" for line in (finding.get("reason"), assumption(finding)) if line
+        f"<p>{escape(line)}</p>"
+        for line in (heart_rate_line(finding), finding.get("reason"), assumption(finding))
+        if line
     ]
     parts.append(_objects(finding["objects"]))
-    parts.append(_heart_rate(finding))
     parts += [f"<p class='bad' role='note'>{escape(text)}</p>" for text in remarks]
     parts.append("<h2>Maps and traces</h2><div class='figures'>")
     parts += [_picture(p) for p in pictures]
@@ -91,6 +100,7 @@ def _picture(picture: Picture) -> str:
 
 def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
     rows = []
+    across = any(over_rows(one) for one in objects)
     for one in objects:
         place, interval = one.get("position_mm"), one.get("position_ci_mm")
         rows.append(
@@ -98,38 +108,36 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
                 one["kind"],
                 _number(place, ".2f"),
                 "unknown" if not interval else f"{interval[0]:.2f} to {interval[1]:.2f}",
+                *([", ".join(over_rows(one))] if across else []),
                 _pascal(one["peak_pa"]),
                 _pascal(one["pulse_pa"]),
                 percent(one["confidence"]),
             )
         )
-    head = ("object", "x [mm]", "interval [mm]", "peak [Pa]", "pulse [Pa]", "confidence")
+    rows_head = ("across the rows",) if across else ()
+    head = ("object", "x [mm]", "95 % [mm]", *rows_head, "peak [Pa]", "pulse [Pa]", "confidence")
     return _table(head, rows) if rows else ""
 
 
 def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
     """Counted from 1; with y only where it tells stations apart."""
-    y_known = len({s.get("y_mm") for s in stations}) > 1
+    y_known = len({s["y_mm"] for s in stations}) > 1
     axes = ("x_mm", "y_mm") if y_known else ("x_mm",)
     rows = [
         (
-            str(n),
+            str(s["station"]),
             *(_number(s[axis], ".2f") for axis in axes),
-            _pascal(s["baseline_pa"]),
-            _pascal(s["pulse_pa"]),
+            *(
+                _number(value, ".1f")
+                for name in ("baseline", "pulse")
+                for value in (s[f"{name}_pa"], reach(s[f"{name}_sd_pa"]))
+            ),
         )
-        for n, s in enumerate(stations, start=1)
+        for s in stations
     ]
     places = [f"{axis[0]} [mm]" for axis in axes]
-    return _table(("station", *places, "baseline [Pa]", "pulse [Pa]"), rows)
-
-
-def _heart_rate(finding: Mapping[str, Any]) -> str:
-    rate, interval = finding.get("heart_rate_bpm"), finding.get("heart_rate_ci_bpm")
-    if rate is None:
-        return ""
-    between = f" (95 %: {interval[0]:.1f} to {interval[1]:.1f})" if interval else ""
-    return f"<p>Heart rate: {rate:.1f} beats a minute{between}.</p>"
+    sizes = ("baseline [Pa]", "± 95 %", "pulse [Pa]", "± 95 %")
+    return _table(("station", *places, *sizes), rows)
 
 
 def _channels(channels: Mapping[str, Sequence[Channel]]) -> str:

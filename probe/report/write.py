@@ -34,10 +34,7 @@ def write_report(run_path: Path, out_dir: Path, *, without_names: bool = False) 
         started = anonymous(started)
         run_path = Path("anonymous.run")
     found = detect(recording)
-    rates_hz = [s.rate_hz for s in found.stations if np.isfinite(s.rate_hz)]
-    rate_bpm = 60.0 * float(np.median(rates_hz)) if rates_hz else None
-    answers = {"heart_rate_bpm": rate_bpm, **found.as_json()}
-    return report(recording, started, answers, run_path, out_dir)
+    return report(recording, started, found.as_json(), run_path, out_dir)
 
 
 def report(
@@ -55,11 +52,6 @@ def report(
         "finish": recording.finish,
         **finding,
     }
-    if len(finding["stations"]) == len(recording.stations):
-        finding["stations"] = [
-            {**one, "y_mm": 1e3 * station.y_m if np.isfinite(station.y_m) else None}
-            for one, station in zip(finding["stations"], recording.stations, strict=True)
-        ]
     out_dir.mkdir(parents=True, exist_ok=True)
     with figures.style():
         pictures, remarks = _pictures(recording, started, finding)
@@ -89,9 +81,7 @@ def _pictures(
         )
         levels = figures.tactile_map(recording, beats)
         pictures.append(Picture("tactile_map", caption, levels, grid))
-        caption = (
-            "Pulse amplitude at each station; shaded: where the object lies, with 95 % limits."
-        )
+        caption = "Pulse at each station, with 95 % limits as bars; shaded: where the object lies."
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     caption = f"Force against time at station {figures.station_words(best)}, the strongest pulse."
     pictures.append(Picture("force", caption, figures.force_trace(best, recording.face_m2)))

@@ -87,7 +87,8 @@ class Audit:
         if self._started is None:
             whole.append("the run has no beginning")
         if self.finish is Finish.COMPLETED and (missing := set(self.planned) - self.complete):
-            whole.append(f"ended as completed without stations {sorted(missing)}")
+            numbers = sorted(index + 1 for index in missing)  # as people count them
+            whole.append(f"ended as completed without stations {numbers}")
         self.problems[:0] = whole
 
     def _judge(self, event: Event) -> Iterator[str]:
@@ -134,23 +135,23 @@ class Audit:
         key = (event.station, event.attempt)
         yield from self._judge_unlabelled()
         if self._open is not None:
-            yield f"station {event.station} begins before station {self._open[0]} has ended"
+            yield f"station {event.station + 1} begins before station {self._open[0] + 1} has ended"
         self.attempts[event.station] += 1
         if event.attempt != self.attempts[event.station]:
             yield (
-                f"attempt {event.attempt} at station {event.station} should be "
+                f"attempt {event.attempt} at station {event.station + 1} should be "
                 f"{self.attempts[event.station]}"
             )
         if event.station in self.complete:
-            yield f"station {event.station} was complete already"
+            yield f"station {event.station + 1} was complete already"
         place = self.planned.get(event.station)
         if place is None:
-            yield f"station {event.station} is not in the plan"
+            yield f"station {event.station + 1} is not in the plan"
         elif not all(
             abs(a - b) <= POSITION_M or (math.isnan(a) and math.isnan(b))
             for a, b in zip(place, (event.x_m, event.y_m), strict=True)
         ):
-            yield f"station {event.station} is not where it was planned"
+            yield f"station {event.station + 1} is not where it was planned"
         self._open = key
         self._presses[key] = Attempt(event.time_s)
         if len(self._presses) > RECENT:
@@ -159,7 +160,7 @@ class Audit:
     def _end_station(self, event: StationEnded) -> Iterator[str]:
         key = (event.station, event.attempt)
         if key != self._open:
-            yield f"station {event.station}, attempt {event.attempt} ends without a beginning"
+            yield f"station {event.station + 1}, attempt {event.attempt} ends without a beginning"
             return
         self._open = None
         press = self._presses[key]
@@ -169,9 +170,9 @@ class Audit:
         self.complete.add(event.station)
         scanned = self._started is not None and "imported" not in self._started.config
         if scanned and (missing := [phase for phase in PRESS if phase not in press.phases]):
-            yield f"station {event.station} is complete without {', '.join(missing)}"
+            yield f"station {event.station + 1} is complete without {', '.join(missing)}"
         if press.felt_s < event.time_s - TAIL_S:
-            yield f"station {event.station} is complete, but its last samples are not in"
+            yield f"station {event.station + 1} is complete, but its last samples are not in"
 
     def _sample(self, event: Samples) -> Iterator[str]:
         block, device = event.block, event.device
@@ -195,7 +196,8 @@ class Audit:
             return
         press = self._presses.get((event.station, event.attempt))
         if press is None or not press.start_s <= first <= last < press.end_s:
-            yield f"samples of {device} at {first:.4f} s do not belong to station {event.station}"
+            number = event.station + 1
+            yield f"samples of {device} at {first:.4f} s do not belong to station {number}"
             return
         press.last_s = max(press.last_s, last)
         if any(channel.role in ROLES for channel in channels):
@@ -213,5 +215,5 @@ class Audit:
         for device, first, last in self._unlabelled:
             for (station, _), press in self._presses.items():
                 if first < press.end_s and last >= press.start_s:
-                    yield f"samples of {device} at {first:.4f} s belong to station {station}"
+                    yield f"samples of {device} at {first:.4f} s belong to station {station + 1}"
         self._unlabelled.clear()

@@ -12,6 +12,7 @@ from sim_backend.fem.newton import (
     Solution,
     Unstable,
 )
+from sim_backend.scene.waves import PA_PER_MMHG
 
 
 def physical_limit(
@@ -20,7 +21,7 @@ def physical_limit(
     """Why there is no equilibrium between ``last`` and ``goal``."""
     ratio, cell = smallest_area_ratio(section, last.displacement)
     x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
-    depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322
+    depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / PA_PER_MMHG
     where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
     if not (section.mesh.region == TISSUE).any():
         return CannotSolve(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_backend.arrays import Array
+from sim_backend.arrays import Array, Ints
 
 
 @dataclass(frozen=True)
@@ -19,10 +19,21 @@ class HermiteCurve:
     y: Array
     slope: Array
 
-    def __call__(self, at: Array) -> Array:
+    def _piece(self, at: Array) -> tuple[Ints, Array, Array]:
+        """Number of the piece, its width, and how far along it, 0 to 1."""
         k = np.clip(np.searchsorted(self.x, at, side="right") - 1, 0, len(self.x) - 2)
         width = self.x[k + 1] - self.x[k]
-        t = (at - self.x[k]) / width
+        return k, width, (at - self.x[k]) / width
+
+    def derivative(self, at: Array) -> Array:
+        """The slope at ``at``."""
+        k, width, t = self._piece(at)
+        secant = (self.y[k + 1] - self.y[k]) / width
+        begins = (1 - t) * (1 - 3 * t) * self.slope[k]
+        return np.asarray(6 * t * (1 - t) * secant + begins + t * (3 * t - 2) * self.slope[k + 1])
+
+    def __call__(self, at: Array) -> Array:
+        k, width, t = self._piece(at)
         s = 1 - t
         return np.asarray(
             s * s * ((1 + 2 * t) * self.y[k] + t * width * self.slope[k])

@@ -1,7 +1,7 @@
 """One press into a scene, as accurate as asked for and no more."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from pathlib import Path
 from time import perf_counter
@@ -30,13 +30,15 @@ __all__ = ["CannotSolve", "Press", "PressMesh", "State", "check_press", "press"]
 MODELS = ("auto", "finite", "small", "axisymmetric", "solid")
 SELF_CONTACT_PCT = 3.0
 """Error of a pulse where a lumen's walls touch: elements differ by up to 6 % there."""
+MOST_MMHG = 1000.0
+"""Largest lumen pressure that can be meant: a mistake of units is told."""
 HALVES = ([0, 1, 2], [0, 2, 3])
 
 
 @dataclass(frozen=True)
 class State:
-    """The answer at one lumen pressure; ``displacement_m`` (n, 2) of the mesh's nodes, (n, 3)
-    in a solid, which has no ``force_n_per_mm``: NaN.
+    """The answer at one lumen pressure, from what was ``solution``. A solid has no
+    ``force_n_per_mm``: NaN.
 
     ``force_n`` is the whole finger's. ``stable``: the body would stay so if it were nudged;
     None where a solid's factors do not tell.
@@ -49,7 +51,12 @@ class State:
     contact_mm: tuple[float, float]
     min_jacobian: float
     stable: bool | None
-    displacement_m: Array
+    solution: Solution | SolidSolution = field(repr=False)
+
+    @property
+    def displacement_m(self) -> Array:
+        """Of the mesh's nodes (n, 2) [m]; (n, 3) in a solid."""
+        return self.solution.displacement
 
 
 @dataclass(frozen=True)
@@ -291,22 +298,21 @@ def _solid_state(body: Body, solution: SolidSolution, pressure_mmhg: float) -> S
         (1e3 * left, 1e3 * right),
         smallest_volume_ratio(body.wedges, solution.displacement)[0],
         solution.stable,
-        solution.displacement,
+        solution,
     )
 
 
 def _state(scene: Scene, section: Section, solution: Solution, pressure_mmhg: float) -> State:
-    u = solution.displacement
     left, right = contact_m(section, solution)
     return State(
         pressure_mmhg,
         1e-3 * solution.force_n_per_m,
         1e-3 * scene.indenter.length_mm * solution.force_n_per_m,
-        under_finger_pa(section, u),
+        under_finger_pa(section, solution.displacement),
         (1e3 * left, 1e3 * right),
-        smallest_area_ratio(section, u)[0],
+        smallest_area_ratio(section, solution.displacement)[0],
         solution.stable,
-        u,
+        solution,
     )
 
 
@@ -324,8 +330,8 @@ def _check(
         raise SceneError(f"accuracy = {accuracy_pct:g} %: must lie between 0.01 and 50")
     check_press(scene, x_mm, depth_mm)
     for p in pressures:
-        if not 0 <= p <= 1000:
-            raise SceneError(f"pressure = {p:g} mmHg: must lie between 0 and 1000")
+        if not 0 <= p <= MOST_MMHG:
+            raise SceneError(f"pressure = {p:g} mmHg: must lie between 0 and {MOST_MMHG:g}")
 
 
 def check_press(scene: Scene, x_mm: float, depth_mm: float) -> None:

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from sim_backend.arrays import Array
+from sim_backend.arrays import Array, Ints
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.mesh_transfer import Field
@@ -32,6 +33,7 @@ from sim_backend.fem.newton import (
 )
 from sim_backend.fem.section_contact import walls_cross
 from sim_backend.fem.sensitivity import slopes
+from sim_backend.models.force_model import SLACK, ForceSlope, OutOfRange, Range
 from sim_backend.models.station_response import element_size_m
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -54,19 +56,74 @@ FORCE_LEFT, PULSE_LEFT = 0.003, 0.03
 
 @dataclass(frozen=True)
 class ScanEstimate:
-    """Per station (n,), the force [N] on the whole finger; NaN where ``reasons`` is not empty.
+    """A `sim_backend.models.force_model.ForceModel` of stations ``x_m`` (n,) at one ``depth_m``.
 
-    ``force_n`` at diastole, ``pulse_n`` from there to systole, ``half_pulse_n`` to the mean of
-    both pressures; ``force_error_n`` and ``pulse_error_n`` bound what they are off by.
+    Per station, force [N] on the whole finger: ``diastolic_n``, ``pulse_n`` from there to systole,
+    ``half_pulse_n`` to the mean of both pressures; ``errors_n`` (2, n) bounds what diastolic force
+    and pulse are off by. ``stiffness_n_m`` is the slope by depth at the mean pressure. All are NaN
+    where there are ``reasons``. ``pressure_pa`` are diastole and systole.
     """
 
     x_m: Array
-    force_n: Array
+    depth_m: float
+    pressure_pa: tuple[float, float]
+    diastolic_n: Array
     pulse_n: Array
     half_pulse_n: Array
-    force_error_n: Array
-    pulse_error_n: Array
-    reasons: tuple[str, ...]
+    errors_n: Array
+    stiffness_n_m: Array
+    reasons: tuple[CannotSolve | None, ...]
+
+    @property
+    def range(self) -> Range:
+        """The stations (nothing is known between them), the one depth, and the beat; without a
+        vessel any pressure."""
+        ends = self.pressure_pa if self.beats else (-np.inf, np.inf)
+        return Range((self.x_m.min(), self.x_m.max()), (self.depth_m, self.depth_m), ends)
+
+    @property
+    def beats(self) -> bool:
+        return self.pressure_pa[1] > self.pressure_pa[0]
+
+    def force_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        """Normal force [N] on the whole finger: a parabola through the three pressures."""
+        at, share = self._at(x_m, depth_m, pressure_pa)
+        half, whole = self.half_pulse_n[at], self.pulse_n[at]
+        return self.diastolic_n[at] + share * ((4 * half - whole) + share * (2 * whole - 4 * half))
+
+    def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
+        at, share = self._at(x_m, depth_m, pressure_pa)
+        half, whole = self.half_pulse_n[at], self.pulse_n[at]
+        by_share = (4 * half - whole) + 2 * share * (2 * whole - 4 * half)
+        span_pa = self.pressure_pa[1] - self.pressure_pa[0]
+        by_pressure = by_share / span_pa if self.beats else np.zeros_like(by_share)
+        return ForceSlope(self.stiffness_n_m[at], by_pressure)
+
+    def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        at, share = self._at(x_m, depth_m, pressure_pa)
+        return np.asarray(self.errors_n[0][at] + share * self.errors_n[1][at])
+
+    def pulse_error_n(
+        self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
+    ) -> Array:
+        at, low = self._at(x_m, depth_m, low_pa)
+        _, high = self._at(x_m, depth_m, high_pa)
+        return np.asarray(np.abs(high - low) * self.errors_n[1][at])
+
+    def _at(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> tuple[Ints, Array]:
+        """Numbers of the stations, and how far from diastole to systole."""
+        self.range.check(x_m, depth_m, pressure_pa)
+        x, _, pressure = np.broadcast_arrays(x_m, depth_m, pressure_pa)
+        away_m = np.abs(x[..., None] - self.x_m)
+        at = away_m.argmin(axis=-1)
+        if (away_m.min(axis=-1) > SLACK).any():
+            raise OutOfRange("no station was solved there: the places are this model's x_m")
+        for reason in (self.reasons[k] for k in np.unique(at)):
+            if reason is not None:
+                raise reason
+        low, high = self.pressure_pa
+        share = (pressure - low) / (high - low) if self.beats else np.zeros(x.shape)
+        return at, np.asarray(share)
 
 
 def estimate_scan(scene: Scene, x_m: Sequence[float], depth_m: float) -> ScanEstimate:
@@ -88,31 +145,34 @@ def estimate_scan(scene: Scene, x_m: Sequence[float], depth_m: float) -> ScanEst
     filled = _filled(section, load)
     over = _press(section, load, _guess(scene, section, load, filled))
     ratio, bend = _again(scene, over, load, low)
-    values, reasons = np.full((2, len(x)), np.nan), [""] * len(x)
+    values = np.full((3, len(x)), np.nan)
+    reasons: list[CannotSolve | None] = [None] * len(x)
     for k, place in enumerate(x):
         here = section if k == nearest else _section(scene, float(place), depth_m)
         try:
             at = over if k == nearest else _press(here, load, _guess(scene, here, load, filled))
-            values[:, k] = at.solution.force_n_per_m, half * at.slope
+            values[:, k] = at.solution.force_n_per_m, half * at.by_pressure, at.by_depth
         except CannotSolve as limit:
-            reasons[k] = str(limit)
-    force, swing = 1e-3 * scene.indenter.length_mm * ratio[:, None] * values
+            reasons[k] = limit
+    ratios = ratio[[0, 1, 0], None]
+    force, swing, stiffness = 1e-3 * scene.indenter.length_mm * ratios * values
     off = np.abs(ratio - 1)
     pulse_error = 2 * (PULSE_LEFT * np.nanmax(np.abs(swing)) + off[1] * np.abs(swing))
     force_error = (FORCE_LEFT + off[0]) * force + pulse_error / 2 + abs(bend) * np.abs(swing)
     return ScanEstimate(
-        x, force - (1 - bend) * swing, 2 * swing, (1 - bend) * swing, force_error, pulse_error,
-        tuple(reasons),
+        x, depth_m, (low, high), force - (1 - bend) * swing, 2 * swing, (1 - bend) * swing,
+        np.array([force_error, pulse_error]), stiffness, tuple(reasons),
     )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class _Pressed:
-    """``slope`` of the force by pressure [N/m/Pa]."""
+    """With the slopes of the force by depth [N/m/m] and by pressure [N/m/Pa]."""
 
     section: Section
     solution: Solution
-    slope: float
+    by_depth: float = 0.0
+    by_pressure: float = 0.0
 
     @property
     def field(self) -> Field:
@@ -136,8 +196,8 @@ def _press(section: Section, load: Load, guess: Array) -> _Pressed:
     if not straight:
         steps = [Load(load.depth_m / 2, load.pressure_pa / 2), load]
         *_, solution = continuation(section, unloaded(section), steps)
-    slope = slopes(section, solution)[1].force_n_per_m if section.lumens else 0.0
-    return _Pressed(section, solution, slope)
+    by_depth, by_pressure = slopes(section, solution)
+    return _Pressed(section, solution, by_depth.force_n_per_m, by_pressure.force_n_per_m)
 
 
 def _guess(scene: Scene, section: Section, load: Load, filled: Displacements) -> Array:
@@ -167,7 +227,7 @@ def _bare(scene: Scene, depth_m: float) -> Displacements:
     assert scene.tissue is not None
     middle_m = 0.5e-3 * scene.tissue.width_mm
     section, (solution,) = solve_finite(scene, middle_m, depth_m, [0.0], element_size_m(scene))
-    return _Pressed(section, solution, 0.0).field
+    return _Pressed(section, solution).field
 
 
 def _filled(section: Section, load: Load) -> Displacements:
@@ -175,7 +235,7 @@ def _filled(section: Section, load: Load) -> Displacements:
     if not section.lumens:
         return lambda points: np.zeros_like(points)
     (solution,) = continuation(section, unloaded(section), [Load(-load.depth_m, load.pressure_pa)])
-    return _Pressed(section, solution, 0.0).field
+    return _Pressed(section, solution).field
 
 
 def _again(scene: Scene, over: _Pressed, load: Load, low_pa: float) -> tuple[Array, float]:
@@ -184,12 +244,12 @@ def _again(scene: Scene, over: _Pressed, load: Load, low_pa: float) -> tuple[Arr
     section = _section(scene, over.section.finger.x, load.depth_m, FINER)
     fine = _press(section, load, np.asarray(over.field(section.mesh.nodes)))
     force = fine.solution.force_n_per_m / over.solution.force_n_per_m
-    if not over.slope:
+    if not over.by_pressure:
         return np.array([force, 1.0]), 0.0
     (lowest,) = continuation(over.section, over.solution, [Load(load.depth_m, low_pa)])
     fall = over.solution.force_n_per_m - lowest.force_n_per_m
-    bend = 1 - fall / (over.slope * (load.pressure_pa - low_pa))
-    return np.array([force, fine.slope / over.slope]), float(bend)
+    bend = 1 - fall / (over.by_pressure * (load.pressure_pa - low_pa))
+    return np.array([force, fine.by_pressure / over.by_pressure]), float(bend)
 
 
 def _nearest(scene: Scene, x_m: Array) -> int:

@@ -7,10 +7,11 @@ which is exact at the full depth D and to first order elsewhere. Time does not e
 and the beat are the phantom's.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sim_backend.arrays import Array
 from sim_backend.fem.continuation import continuation, unloaded
@@ -20,6 +21,7 @@ from sim_backend.fem.section_contact import walls_cross
 from sim_backend.fem.sensitivity import Slope, slopes
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.curve import HermiteCurve, from_nothing, monotone
+from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.scene.scene_file import Scene, mirrored
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -38,11 +40,14 @@ RELATIVE_SIZE = 0.1
 GROWTH, COARSEST = 0.6, 0.24
 """How fast elements grow away from contact and vessels, and the largest over the height: that saves
 a third of the time of `usual_grading`, for 0.15 % of the force at most."""
+FORCE_LEFT, PULSE_LEFT, BETWEEN = 0.006, 0.03, 0.0015
+"""Shares that may be missed of the resting force, of the change from it, and of the deepest force
+(what lies between the depths solved): the figures above, added."""
 
 
 @dataclass(frozen=True)
 class StationResponse:
-    """Answers at one place down to ``max_depth_m``.
+    """A `sim_backend.models.force_model.ForceModel` of one place ``x_m`` down to ``max_depth_m``.
 
     ``bulge_m``: how far the resting pressure lifts the surface; contact begins there. ``share``
     is F(d, rest) / (d + bulge) and its slope by pressure; both with the stress.
@@ -55,32 +60,57 @@ class StationResponse:
     force: "_Curve"
     stress: "_Curve"
 
-    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
-        """Normal force [N] on the whole finger; both arguments broadcast, 0 out of contact.
+    @property
+    def range(self) -> Range:
+        """One place, any height above it, the wave with a little room for sampling; without a
+        vessel any pressure."""
+        low, high = self.force.low_pa, self.force.high_pa
+        slack = PRESSURE_SLACK * (high - low)
+        pressures = (low - slack, high + slack) if high > low else (-np.inf, np.inf)
+        return Range((self.x_m, self.x_m), (-np.inf, self.max_depth_m), pressures)
 
-        Raises ValueError deeper than ``max_depth_m`` or for pressures outside the wave.
-        """
-        return self.length_m * self._at(self.force, depth_m, pressure_pa)
+    def force_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        """Normal force [N] on the whole finger, 0 out of contact."""
+        return self.length_m * self._at(self.force, x_m, depth_m, pressure_pa)
 
-    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array:
-        """Von Mises stress [Pa] at the surface under the finger; arguments as `force_n`."""
-        return self._at(self.stress, depth_m, pressure_pa)
+    def von_mises_pa(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        """Von Mises stress [Pa] at the surface under the finger."""
+        return self._at(self.stress, x_m, depth_m, pressure_pa)
 
-    def _at(self, curve: "_Curve", depth_m: Array, pressure_pa: Array) -> Array:
-        depth = np.asarray(depth_m, dtype=float)
-        if np.any(depth > self.max_depth_m * (1 + 1e-9)):
-            raise ValueError(
-                f"depth {1e3 * depth.max():.4g} mm is beyond the {1e3 * self.max_depth_m:.4g} mm "
-                "that were solved"
-            )
-        sunk = np.maximum(depth + self.bulge_m, 0.0)
-        pressure = np.asarray(pressure_pa)
-        if curve.beyond(pressure):
-            raise ValueError(
-                f"a pressure of {pressure.min() / PA_PER_MMHG:.4g} to "
-                f"{pressure.max() / PA_PER_MMHG:.4g} mmHg is beyond the wave that was solved"
-            )
-        value = curve.rest(sunk) + curve.slope(sunk) * curve.gain(pressure)
+    def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
+        touched = self.force_n(x_m, depth_m, pressure_pa) > 0
+        sunk, pressure = np.broadcast_arrays(np.asarray(depth_m) + self.bulge_m, pressure_pa)
+        by_depth = self.force.rest.derivative(sunk)
+        by_depth = by_depth + self.force.slope.derivative(sunk) * self.force.gain(pressure)
+        by_pressure = self.force.slope(sunk) * self.force.gain_slope(pressure)
+        return ForceSlope(
+            np.where(touched, self.length_m * by_depth, 0.0),
+            np.where(touched, self.length_m * by_pressure, 0.0),
+        )
+
+    def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        rest_pa, force = self.force.rest_pa, self.force_n(x_m, depth_m, pressure_pa)
+        rest = self.force_n(x_m, depth_m, rest_pa)
+        deepest = self.force_n(x_m, self.max_depth_m, rest_pa)
+        off = FORCE_LEFT * rest + PULSE_LEFT * np.abs(force - rest) + BETWEEN * deepest
+        return np.asarray(np.where(force > 0, off, 0.0))
+
+    def pulse_error_n(
+        self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
+    ) -> Array:
+        """Of the change itself, and of how far it is from that at the full depth, where the curve
+        over pressure is the solved one."""
+        low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
+        full = (self.force_n(x_m, self.max_depth_m, p) for p in (low_pa, high_pa))
+        change, least = np.abs(high - low), np.abs(np.subtract(*full))
+        return np.asarray(PULSE_LEFT * np.maximum(change, least))
+
+    def _at(
+        self, curve: "_Curve", x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike
+    ) -> Array:
+        self.range.check(x_m, depth_m, pressure_pa)
+        sunk = np.maximum(np.asarray(depth_m, dtype=float) + self.bulge_m, 0.0)
+        value = curve.rest(sunk) + curve.slope(sunk) * curve.gain(np.asarray(pressure_pa))
         return np.asarray(np.where(sunk > 0, np.maximum(value, 0.0), 0.0))
 
 
@@ -96,16 +126,12 @@ class _Curve:
     high_pa: float
     powers: Array
 
-    def beyond(self, pressure_pa: Array) -> bool:
-        """Whether any pressure lies clearly outside what was solved."""
-        if self.high_pa == self.low_pa:
-            return False
-        slack = PRESSURE_SLACK * (self.high_pa - self.low_pa)
-        low, high = self.low_pa - slack, self.high_pa + slack
-        return bool((pressure_pa < low).any() or (pressure_pa > high).any())
-
     def gain(self, pressure_pa: Array) -> Array:
         return np.asarray(np.polyval(self.powers, pressure_pa - self.rest_pa))
+
+    def gain_slope(self, pressure_pa: Array) -> Array:
+        over = np.asarray(pressure_pa - self.rest_pa)
+        return np.asarray(np.polyval(np.polyder(self.powers), over))
 
 
 def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
@@ -114,11 +140,11 @@ def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     A scene that is its own mirror image is solved on its left half only. Raises
     `sim_backend.fem.newton.CannotSolve` where physics ends.
     """
-    x_m = round(x_m, 9)
+    half_m = round(x_m, 9)
     if scene.tissue is not None and mirrored(scene) == scene:
         width = 1e-3 * scene.tissue.width_mm
-        x_m = round(min(x_m, width - x_m), 9)
-    return _respond(scene, x_m, round(max_depth_m, 9))
+        half_m = round(min(half_m, width - half_m), 9)
+    return replace(_respond(scene, half_m, round(max_depth_m, 9)), x_m=x_m)
 
 
 def element_size_m(scene: Scene) -> float:

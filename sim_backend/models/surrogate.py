@@ -25,6 +25,7 @@ from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
 from sim_backend.fem.stress import under_finger_pa
+from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.station_response import element_size_m
 from sim_backend.scene.scene_file import Scene, SceneError, mirrored
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -49,16 +50,15 @@ TABLE = 5
 
 @dataclass(frozen=True)
 class Surrogate:
-    """``x_m``, ``depth_m`` and ``pressure_pa`` are the (low, high) of what was solved.
+    """A `sim_backend.models.force_model.ForceModel`. Outside its ``range`` force and stress come
+    from the full model; slopes and errors are known inside only.
 
     ``force_error_pct`` and ``pulse_error_pct`` bound what held-back states showed; a pulse is the
     change of force between the ends of the wave, against 1 % of the force where it is smaller.
     """
 
     scene: Scene
-    x_m: tuple[float, float]
-    depth_m: tuple[float, float]
-    pressure_pa: tuple[float, float]
+    range: Range
     force_error_pct: float
     pulse_error_pct: float
     log_force: NdBSpline
@@ -72,23 +72,45 @@ class Surrogate:
         """Von Mises stress [Pa] at the surface under the finger; as `force_n`."""
         return self._at(self.log_stress, 1, x_m, depth_m, pressure_pa)
 
+    def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
+        self.range.check(x_m, depth_m, pressure_pa)
+        points = self._points(x_m, depth_m, pressure_pa)
+        force = np.exp(self.log_force(points))
+        by_log_depth = self.log_force(points, nu=(0, 1, 0))
+        by_depth = force * by_log_depth / np.exp(points[..., 1])
+        return ForceSlope(by_depth, force * self.log_force(points, nu=(0, 0, 1)))
+
+    def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        self.range.check(x_m, depth_m, pressure_pa)
+        return 0.01 * self.force_error_pct * self.force_n(x_m, depth_m, pressure_pa)
+
+    def pulse_error_n(
+        self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
+    ) -> Array:
+        self.range.check(x_m, depth_m, low_pa)
+        low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
+        self.range.check(x_m, depth_m, high_pa)
+        pulse = np.maximum(np.abs(high - low), SMALL_PULSE * np.maximum(low, high))
+        return np.asarray(np.where(low == high, 0.0, 0.01 * self.pulse_error_pct * pulse))
+
+    def _points(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        """Coordinates (..., 3) of the splines, held to the range."""
+        points = np.stack(np.broadcast_arrays(x_m, depth_m, pressure_pa), axis=-1).astype(float)
+        lows, highs = np.array([self.range.x_m, self.range.depth_m, self.range.pressure_pa]).T
+        points = np.clip(points, lows, highs)
+        points[..., 1] = np.log(points[..., 1])
+        return np.asarray(points)
+
     def _at(
         self, spline: NdBSpline, which: int, x_m: ArrayLike, depth_m: ArrayLike, p_pa: ArrayLike
     ) -> Array:
         x, d, p = np.broadcast_arrays(x_m, depth_m, p_pa)
-        points = np.stack([x, d, p], axis=-1).astype(float)
-        lows, highs = np.array([self.x_m, self.depth_m, self.pressure_pa]).T
-        slack = 1e-9 * (highs - lows)
-        inside = ((points >= lows - slack) & (points <= highs + slack)).all(axis=-1)
-        clipped = np.clip(points, lows, highs)
-        clipped[..., 1] = np.log(clipped[..., 1])
-        result = np.exp(spline(clipped))
-        if not inside.all():
-            result = np.array(result)
-            for i in np.argwhere(~inside):
-                at = tuple(i)
-                result[at] = self._full(*points[at])[which]
-        return np.asarray(result)
+        result = np.asarray(np.exp(spline(self._points(x_m, depth_m, p_pa))))
+        inside = self.range.holds(x, d, p)
+        for i in np.argwhere(~inside):
+            at = tuple(i)
+            result[at] = self._full(float(x[at]), float(d[at]), float(p[at]))[which]
+        return result
 
     def _full(self, x_m: float, depth_m: float, pressure_pa: float) -> tuple[float, float]:
         """Force [N] and stress [Pa] by the full model, 0 out of contact."""
@@ -199,21 +221,19 @@ def _column(scene: Scene, x_m: float, depth: Array, pressure: Array, coarser: fl
 
 def _from_table(scene: Scene, table: dict[str, Array]) -> Surrogate:
     x, pressure, solved = table["x"], table["pressure"], np.log(table["solved"])
-    ends = (float(x[0]), float(x[-1]))
     if scene.tissue is not None and mirrored(scene) == scene:
         width = 1e-3 * scene.tissue.width_mm
         x = np.concatenate([x, (width - x)[-2::-1]])
         solved = np.concatenate([solved, solved[-2::-1]])
-        ends = (float(x[0]), float(x[-1]))
     range_pa = (float(pressure[0]), float(pressure[-1]))
     if len(pressure) == 1:  # no vessel: any pressure, one answer
         pressure, range_pa = np.array([0.0, 1.0]), (0.0, np.inf)
         solved = np.repeat(solved, 2, axis=2)
     log_depth = np.log(table["depth"])
+    depths = float(table["depth"][0]), float(table["depth"][-1])
     force_pct, pulse_pct = table.get("errors", np.full(2, np.nan)).tolist()
     return Surrogate(
-        scene, ends, (float(table["depth"][0]), float(table["depth"][-1])), range_pa,
-        force_pct, pulse_pct,
+        scene, Range((float(x[0]), float(x[-1])), depths, range_pa), force_pct, pulse_pct,
         *(_spline((x, log_depth, pressure), solved[..., k]) for k in (0, 1)),
     )  # fmt: skip
 
@@ -240,8 +260,8 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
     beats = ends if scene.arteries else np.zeros(1)
     errors = []
     for _ in range(HELD_BACK):
-        x = float(rng.uniform(*model.x_m))
-        d = float(np.exp(rng.uniform(*np.log(model.depth_m))))
+        x = float(rng.uniform(*model.range.x_m))
+        d = float(np.exp(rng.uniform(*np.log(model.range.depth_m))))
         _, solutions = solve_finite(scene, x, d, beats.tolist(), element_size_m(scene) / 1.5)
         truth = 1e-3 * scene.indenter.length_mm * np.array([s.force_n_per_m for s in solutions])
         ours = model.force_n(x, d, beats)

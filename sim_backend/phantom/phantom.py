@@ -34,10 +34,10 @@ BULGE_M = 0.7e-3  # a filled vessel lifts the surface by up to this: there the s
 
 
 class Response(Protocol):
-    """The section's answer at one place; both arguments broadcast, 0 in the air."""
+    """What is asked of a section's force model at one place; arguments broadcast, 0 in the air."""
 
-    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array: ...
-    def von_mises_pa(self, depth_m: Array, pressure_pa: Array) -> Array: ...
+    def force_n(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array: ...
+    def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array: ...
 
 
 Respond = Callable[[Scene, float, float], Response]  # scene, x [m], greatest depth [m]
@@ -172,20 +172,21 @@ class Phantom:
         touching = depth > -BULGE_M
         for x, y in np.unique(places[touching], axis=0):
             here = touching & (places[:, 0] == x) & (places[:, 1] == y)
-            section = self._response(float(x * grid), float(y * grid), float(depth[here].max()))
-            sunk = self._sunk(section, depth[here], pressure[here])
-            values[here] = quantity(section)(sunk, pressure[here])
+            x_m, y_m = float(x * grid), float(y * grid)
+            section = self._response(x_m, y_m, float(depth[here].max()))
+            sunk = self._sunk(section, x_m, depth[here], pressure[here])
+            values[here] = quantity(section)(x_m, sunk, pressure[here])
         return values
 
-    def _sunk(self, section: Response, depth: Array, pressure: Array) -> Array:
+    def _sunk(self, section: Response, x_m: float, depth: Array, pressure: Array) -> Array:
         """True depth (n,): what is left when the rig has given way, d + F(d) / k = ``depth``."""
         if math.isinf(self.stiffness_n_m):
             return depth
-        low = depth - section.force_n(depth, pressure) / self.stiffness_n_m
+        low = depth - section.force_n(x_m, depth, pressure) / self.stiffness_n_m
         high = depth
         for _ in range(BISECTIONS):
             middle = (low + high) / 2
-            over = middle + section.force_n(middle, pressure) / self.stiffness_n_m > depth
+            over = middle + section.force_n(x_m, middle, pressure) / self.stiffness_n_m > depth
             low, high = np.where(over, low, middle), np.where(over, middle, high)
         return np.asarray((low + high) / 2)
 

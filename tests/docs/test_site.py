@@ -5,6 +5,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,22 @@ import pytest
 import typer.main
 from paths import ROOT
 
+import palpate
+from drivers import settings_of
 from probe.cli import build, main
+from probe.config.rig import Rig
 
 DOCS = ROOT / "docs"
 PAGES = sorted(page for page in DOCS.rglob("*.md") if "decisions" not in page.parts)
-RUN = ("first-scan", "rig", "detector", "sweep", "runs", "notebook")
+ELSEWHERE = {
+    "add-a-driver.md": "tests/test_add_a_driver.py",
+    "calibration.md": "tests/probe/calibrate/test_calibrate.py",
+    "windows.md": "tests/probe/gui",
+}
+"""Pages whose commands and code have tests of their own."""
+MINUTES = {"chart": "tests/probe/studies/charts", "fleet": "tests/probe/studies/test_fleet.py"}
+"""Commands that take minutes as shown; their own tests run smaller ones."""
+RUN_OF_PAGES = "TIHA-20260101-120000.run"
 BLOCK = re.compile(r"^( *)```(\w+)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
 
 
@@ -64,33 +76,70 @@ def test_every_command_shown_is_one(page: Path) -> None:
 
 
 def pages_to_run() -> list[Path]:
-    return [page for page in PAGES if page.stem in RUN]
+    """All that show a command or Python, but those that have a test of their own."""
+    pages = [page for page in PAGES if page.name not in ELSEWHERE]
+    return [page for page in pages if commands(page) or blocks(page, "python")]
 
 
-def test_all_pages_to_run_are_there() -> None:
-    assert sorted(page.stem for page in pages_to_run()) == sorted(RUN)
+def test_what_is_run_elsewhere_is() -> None:
+    for page, where in ELSEWHERE.items():
+        tests = ROOT / where
+        files = [tests] if tests.is_file() else sorted(tests.glob("test_*.py"))
+        assert len([one for one in PAGES if one.name == page]) == 1
+        assert tests.is_dir() or any(page in file.read_text("utf-8") for file in files), page
+    assert all((ROOT / where).exists() for where in MINUTES.values())
+
+
+def takes_minutes(said: list[str]) -> bool:
+    """Also a sweep that is not of small strain: test_sweep.py runs smaller ones."""
+    return said[0] in MINUTES or (said[0] == "sweep" and "small" not in said)
+
+
+@pytest.fixture(scope="module")
+def scanned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run for the pages that begin with one."""
+    return palpate.scan(scene="TIHA", seed=1, out=tmp_path_factory.mktemp("scanned")).path
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", pages_to_run(), ids=lambda p: p.stem)
 def test_what_a_page_shows_runs(
-    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    scanned: Path,
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    if "scan" not in [said[0] for said in commands(page)]:
+        Path("runs").mkdir()
+        for name in (f"runs/{RUN_OF_PAGES}", "before.run", "after.run"):
+            shutil.copy(scanned, name)
     shutil.copy(ROOT / "rigs" / "virtual.toml", tmp_path / "rig.toml")
     Path("press.csv").write_text(
         "time_s,force_n\n" + "".join(f"{n / 100},{0.5 + 0.01 * (n % 80)}\n" for n in range(500))
     )
-    if page.stem == "runs":
-        assert main(["scan", "--scene", "TIHA", "--seed", "1"]) == 0
     for said in commands(page):
-        if said[0] == "resume":
-            continue  # the run it would go on with is complete
+        if said[0] == "resume" or takes_minutes(said):
+            continue  # the run that `resume` would go on with is complete
         words = [name for word in said for name in (sorted(map(str, Path().glob(word)))
                  if "*" in word else [word])]  # fmt: skip
         assert main(words) == 0, capsys.readouterr().err
     for block in blocks(page, "python"):
         exec(compile(block, str(page), "exec"), globals_for(page))
+
+
+@pytest.mark.parametrize(
+    "page", sorted((DOCS / "reference" / "devices").glob("*.md")), ids=lambda p: p.stem
+)
+def test_the_settings_that_a_device_s_page_shows_are_taken(page: Path) -> None:
+    tables = tomllib.loads("\n".join(blocks(page, "toml")))
+    rest = {"stage": {"driver": "virtual"}, "sensor": [{"driver": "virtual"}]}
+    rig = Rig.model_validate(rest | tables)
+    for kind, devices in (("stages", (rig.stage,)), ("sensors", rig.sensor)):
+        for device in devices:
+            if device.driver != "virtual":
+                settings_of(kind, device.driver).model_validate(device.settings)
 
 
 NAMESPACES: dict[Path, dict[str, Any]] = {}

@@ -7,6 +7,8 @@ from contextlib import contextmanager
 from itertools import count
 from typing import Any
 
+import pytest
+
 from drivers import WallClock
 from drivers.testing.awake import AwakeTime
 from drivers.ur.sensor import UrForce, open_sensor
@@ -16,6 +18,9 @@ from sim_backend import load_scene
 from sim_backend.emulators import ur
 from sim_backend.phantom.phantom import Phantom, Respond, Surface
 
+pytest.importorskip(
+    "rtde_control", reason="UR rigs are not tested: ur-rtde has no wheel for this Python"
+)
 ORIGIN_MM = (400.0, -20.0, 150.0)
 PATIENT_S = 5.0  # the emulator shares this machine with other tests; what is silent has its own
 _numbers = count(1)

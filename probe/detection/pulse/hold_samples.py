@@ -103,7 +103,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     time_s, signal = time_s[good], signal[good]
     if len(time_s) < MIN_SAMPLES:
         raise NoHold(
-            f"station {station.index}: {len(time_s)} usable samples in the hold"
+            f"station {station.index + 1}: {len(time_s)} usable samples in the hold"
             + (f" ({100 * clipped:.0f} % are clipped)" if clipped else "")
             + f"; at least {MIN_SAMPLES} are needed"
         )
@@ -113,8 +113,8 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     count = np.bincount(bins)
     if len(count) < MIN_BINS:
         raise NoHold(
-            f"station {station.index}: a hold of {time_s[-1] - time_s[0]:.3f} s shows no pulse; "
-            f"at least {MIN_BINS * step:.2f} s are needed, two heartbeats to see one well"
+            f"station {station.index + 1}: a hold of {time_s[-1] - time_s[0]:.3f} s shows no "
+            f"pulse; at least {MIN_BINS * step:.2f} s are needed, two heartbeats to see one well"
         )
     there = count > 0
     if len(count) > MANY and count[-1] < np.median(count[there]):
@@ -161,13 +161,13 @@ def _check_contact(station: Station, signal: Array) -> None:
         rise = float(np.median(signal) - np.median(before))
         if rise <= CONTACT_SIGMAS * error:
             raise NoContact(
-                f"station {station.index}: no contact (the hold is {rise:.3g} Pa above what was "
-                f"measured before it, of {CONTACT_SIGMAS * error:.3g} Pa that would show)"
+                f"station {station.index + 1}: no contact (the hold is {rise:.3g} Pa above what "
+                f"was measured before it, of {CONTACT_SIGMAS * error:.3g} Pa that would show)"
             )
         return
     near_zero = abs(float(np.median(signal))) <= CONTACT_SIGMAS * noise / np.sqrt(len(signal))
     if np.ptp(signal) == 0 or (near_zero and float(np.std(signal)) <= ONLY_NOISE * noise):
-        raise NoContact(f"station {station.index}: no contact (the signal is constant)")
+        raise NoContact(f"station {station.index + 1}: no contact (the signal is constant)")
 
 
 def _limits(station: Station, mean: Array, whole: Bools) -> tuple[float, float]:

@@ -20,6 +20,7 @@ from sim_backend.fem.solid.forces import (
 )
 from sim_backend.fem.solid.fronts import Singular
 from sim_backend.fem.solid.linear import LinearSolver
+from sim_backend.scene.waves import PA_PER_MMHG
 
 MAX_ITERATIONS = 25
 MIN_STEP = 1 / 64
@@ -196,7 +197,7 @@ def _physical_limit(
 ) -> CannotSolve:
     ratio, cell = smallest_volume_ratio(body.wedges, last.displacement)
     x, y, z = 1e3 * body.wedges.nodes[body.wedges.cells[cell]].mean(axis=0)
-    depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / 133.322
+    depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / PA_PER_MMHG
     where = (
         f"({failure}; smallest det F {ratio:.2g} at x = {x:.2f} mm, z = {z:.2f} mm, "
         f"{y:.2f} mm above the support)"

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from drivers import MissingExtra
-from drivers.core.extras import needs, require
+from drivers.core.extras import install_line, needs, require
 
 
 def test_an_import_that_fails_says_what_to_install() -> None:
@@ -22,6 +22,21 @@ def test_what_is_installed_passes() -> None:
     require("numpy", "data", "a table")
     with pytest.raises(MissingExtra, match="a stage needs no_such_library"):
         require("no_such_library", "ur", "a stage")
+
+
+@pytest.mark.parametrize(
+    ("version", "machine", "wheel"),
+    [((3, 12), "x86_64", True), ((3, 13), "x86_64", False), ((3, 11), "aarch64", False)],
+)
+def test_ur_without_a_wheel_says_what_is_needed(
+    version: tuple[int, int], machine: str, wheel: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.version_info", version)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    monkeypatch.setattr("sys.platform", "linux")
+    line = install_line("ur")
+    assert ("pip install 'palpate[ur]'" in line) == wheel
+    assert (f"no wheel for Python {version[0]}.{version[1]}" in line) == (not wheel)
 
 
 WITHOUT = """

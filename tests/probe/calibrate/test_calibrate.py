@@ -62,7 +62,7 @@ def test_a_run_gives_stiffness_and_modulus(
     found = {}
     for kind in ("compliance", "tissue"):
         out = tmp_path / f"{kind}.json"
-        assert main(["calibrate", kind, str(run), "--station", "5", "--out", str(out)]) == 0
+        assert main(["calibrate", kind, str(run), "--station", "6", "--out", str(out)]) == 0
         found[kind] = json.loads(out.read_text())["values"]
     assert found["compliance"]["stiffness_n_m"]["value"] == pytest.approx(400, rel=2e-3)
     assert found["tissue"]["modulus_pa"]["value"][0] == pytest.approx(50e3, rel=2e-3)

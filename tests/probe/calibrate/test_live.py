@@ -2,6 +2,7 @@
 
 import json
 from contextlib import contextmanager, suppress
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,7 +95,7 @@ def test_the_command_takes_fits_and_writes(tmp_path, monkeypatch, capfd):
 
     monkeypatch.setattr("probe.config.devices.open_sensors", sensors)
     monkeypatch.setattr("drivers.WallClock", lambda: bench.clock)
-    monkeypatch.setattr("probe.cli.calibrate._ask", bench.ask)
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(readline=lambda: bench.ask("typed")))
     monkeypatch.chdir(tmp_path)
     rig = tmp_path / "rig.toml"
     rig.write_text(

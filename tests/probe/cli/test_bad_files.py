@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from probe.cli.errors import status_of
+
 pytestmark = pytest.mark.usefixtures("springs")
 
 RIG = """
@@ -123,6 +125,9 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         (["scan", "--seed", "-1"], ["seed", "-1"]),
         (["scan", "--fallback", "real"], ["--fallback", "real", "virtual"]),
         (["detect", "none.run"], ["none.run"]),
+        (["detect", "none.run", "--false-alarm", "2"], ["--false-alarm 2", "between 0 and 1"]),
+        (["detect", "none.run", "--ask", "-5"], ["--ask -5", "more than 0"]),
+        (["detect", "none.run", "--ask", "nan"], ["--ask nan", "more than 0"]),
         (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
         (["press", "TI", "--x", "32"], ["--depth"]),
         (["press", "TI", "--x", "32", "--depth", "1", "--model", "magic"], ["magic", "finite"]),
@@ -143,3 +148,10 @@ def test_json_tells_errors_too(palpate) -> None:
     assert outcome.status == outcome.json["status"] == 2
     assert "TIXX" in outcome.json["error"]
     assert "TIXX" in outcome.err
+
+
+def test_what_the_system_refuses_is_told_by_file_and_reason() -> None:
+    denied = PermissionError(13, "Permission denied", "/root/x.csv")
+    assert status_of(denied) == (2, "/root/x.csv: permission denied")
+    there = FileExistsError(17, "File exists", "out.csv")
+    assert status_of(there) == (2, "out.csv: there is a file; a folder is needed")

@@ -2,17 +2,19 @@
 
 import math
 import os
-import sqlite3
+import shlex
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
+from databases import opened
 
 from drivers import DeviceFault
 from probe.cli import GROUPS, build, say
 from probe.cli.errors import STATUSES
+from probe.cli.finding import show_finding
 from sim_backend.models.press import CannotSolve
 from sim_backend.phantom.devices import VirtualStage
 
@@ -26,7 +28,7 @@ STATION_KEYS = {"x_mm", "baseline_pa", "pulse_pa"}
 
 def samples(run: str | Path) -> list[tuple[Any, ...]]:
     """Every block of samples of a run file, as bytes."""
-    with sqlite3.connect(run) as connection:
+    with opened(run) as connection:
         query = "SELECT device, times, readings, saturated FROM event WHERE kind = 'samples'"
         return connection.execute(f"{query} ORDER BY id").fetchall()
 
@@ -75,13 +77,14 @@ def test_progress_and_notes_stay_off_standard_output(palpate, tmp_path: Path) ->
 
 
 def test_a_person_is_told_finding_run_and_what_next(palpate, tmp_path: Path) -> None:
-    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path)
+    outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path / "my runs")
     assert outcome.status == 0
     assert "Finding: " in outcome.out
     assert "SIMULATED" in outcome.out
-    (run,) = tmp_path.glob("*.run")
+    (run,) = tmp_path.glob("*/*.run")
     assert str(run) in outcome.out
-    assert f"palpate report {run}" in outcome.out
+    assert shlex.join(["palpate", "report", str(run)]) in outcome.out
+    assert shlex.quote(str(run)) != str(run)
 
 
 def test_one_seed_gives_the_same_bytes(palpate, tmp_path: Path) -> None:
@@ -219,7 +222,7 @@ def test_verify_and_replay(palpate, run_file: Path) -> None:
 
 
 def test_verify_refuses_a_damaged_file(palpate, run_file: Path) -> None:
-    with sqlite3.connect(run_file) as connection:
+    with opened(run_file) as connection:
         connection.execute("UPDATE event SET readings = zeroblob(length(readings)) WHERE id = 20")
     outcome = palpate("verify", run_file, "--json")
     assert outcome.status == 2
@@ -264,3 +267,29 @@ def test_every_group_is_there_and_documented() -> None:
 def test_every_error_with_a_status_exists(place: str) -> None:
     module, name = place.split(":")
     assert issubclass(getattr(import_module(module), name), Exception)
+
+
+def test_a_grid_is_told_with_x_and_y(palpate, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TI"\n'
+        "[scan]\nstart_mm = [20.0, -2.0]\npitch_mm = [4.0, 4.0]\nstations = [2, 2]\n",
+        encoding="utf-8",
+    )
+    scanned = palpate("scan", rig, "--out", tmp_path)
+    assert scanned.status == 0, scanned.err
+    head = next(line for line in scanned.out.splitlines() if "baseline" in line)
+    columns = " ".join(head.split())
+    assert columns == "station x mm y mm baseline Pa ± 95 % pulse Pa ± 95 %"
+    assert "station 4 of 4, x = 20.0 mm, y = 2.0 mm" in scanned.err
+    (run,) = tmp_path.glob("*.run")
+    assert "station 4 at x = 20.0 mm, y = 2.0 mm" in palpate("replay", run).out
+    told = palpate("detect", run, "--json").json["stations"]
+    assert [one["y_mm"] for one in told] == pytest.approx([-2, -2, 2, 2])
+    assert all(one["baseline_sd_pa"] > 0 for one in told)
+
+
+def test_a_run_without_a_press_shows_no_empty_table(capfd: pytest.CaptureFixture[str]) -> None:
+    found = {"stations": [], "objects": [], "simulated": [], "finding": "undecided"}
+    show_finding(found | {"reason": "no press can be judged"})
+    assert capfd.readouterr().out == "Finding: undecided\n  no press can be judged\n"

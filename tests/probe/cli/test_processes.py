@@ -2,7 +2,6 @@
 
 import json
 import signal
-import sqlite3
 import subprocess
 import sys
 import time
@@ -11,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from databases import opened
 
 RIG = """
 [stage]
@@ -60,7 +60,7 @@ def test_ctrl_c_lifts_the_probe_and_ends_the_run(rig: Path) -> None:
     assert told["finish"] == "aborted"
     assert len(told["stations"]) == 1
     assert f"palpate resume {told['run']}" in err
-    with sqlite3.connect(told["run"]) as connection:
+    with opened(told["run"]) as connection:
         query = "SELECT body FROM event WHERE kind = 'phase_entered' ORDER BY id"
         phases = [json.loads(body)["phase"] for (body,) in connection.execute(query)]
     assert phases[-2:] == ["retracting", "finished"]
@@ -71,7 +71,7 @@ def test_kill_9_keeps_every_station_and_resume_goes_on(rig: Path) -> None:
         time.sleep(0.5)  # twice the longest that a sample may wait to be committed
         process.kill()
     (run,) = rig.parent.glob("*.run")
-    with sqlite3.connect(run) as connection:
+    with opened(run) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
         query = "SELECT times, readings FROM event WHERE station = 0 AND kind = 'samples'"
         before = connection.execute(query).fetchall()
@@ -83,7 +83,7 @@ def test_kill_9_keeps_every_station_and_resume_goes_on(rig: Path) -> None:
     told = json.loads(resumed.stdout)
     assert told["finish"] == "completed"
     assert [one["x_mm"] for one in told["stations"]] == pytest.approx([28, 32, 36])
-    with sqlite3.connect(run) as connection:
+    with opened(run) as connection:
         assert connection.execute(query).fetchall() == before
 
 

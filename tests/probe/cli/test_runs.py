@@ -54,6 +54,8 @@ def test_filters(palpate: Any, folder: Path, options: tuple[str, ...], scenes: l
 def test_the_table_names_each_run(palpate: Any, folder: Path) -> None:
     outcome = palpate("runs", folder)
     assert "Ann, gel=yes" in " ".join(outcome.out.split())
+    for run in folder.rglob("*.run"):  # whole, to be copied
+        assert any(line.split()[:1] == [str(run)] for line in outcome.out.splitlines())
 
 
 def test_a_note_needs_a_value(palpate: Any, folder: Path) -> None:

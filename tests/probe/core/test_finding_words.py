@@ -30,6 +30,14 @@ def test_an_object_without_a_place_has_no_gaps_in_its_line():
     assert line == "artery, pulse 12500 Pa, confidence 99.9 %"
 
 
+def test_an_object_of_a_grid_says_where_it_lies_across_the_rows():
+    vessel = thing(course_mm=[[20.0, 0.0], [24.0, 8.0]], stenosed_mm=[4.0, 8.0])
+    assert object_line(vessel).endswith(
+        "seen from x, y = 20.0, 0.0 to 24.0, 8.0 mm, stenosed from y = 4.0 to 8.0 mm"
+    )
+    assert object_line(thing("tumour", course_mm=[[20.0, 4.0]])).endswith("at y = 4.0 mm")
+
+
 @pytest.mark.parametrize(
     ("value", "said"), [(1.0, "99.9 %"), (0.0, "0.1 %"), (0.5, "50 %"), (None, "unknown")]
 )

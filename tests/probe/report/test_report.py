@@ -45,8 +45,12 @@ def grid() -> Recording:
 def finding(recording: Recording) -> dict[str, object]:
     stations = [
         {
+            "station": s.index + 1,
             "x_mm": 1e3 * s.x_m,
+            "y_mm": 1e3 * s.y_m,
             "baseline_pa": 9000.0,
+            "baseline_sd_pa": 2.0,
+            "pulse_sd_pa": 5.0,
             "pulse_pa": float(np.ptp(s.signal_pa[110:180])),
         }
         for s in recording.stations
@@ -98,15 +102,12 @@ def test_only_the_level_is_drawn_without_a_pulse() -> None:
 def test_a_grids_table_has_y_and_counts_from_one() -> None:
     recording = grid()
     told = {"simulated": [], "finish": "completed", **finding(recording)}
-    told["stations"] = [
-        {**one, "y_mm": 1e3 * s.y_m}
-        for one, s in zip(told["stations"], recording.stations, strict=True)  # type: ignore[arg-type]
-    ]
     told["heart_rate_bpm"], told["heart_rate_ci_bpm"] = 72.7, [72.0, 73.4]
     text = page("a run", told, [], {}, {})
     assert "<th scope='col'>y [mm]</th>" in text
     assert "<td>1</td><td>16.00</td><td>0.00</td>" in text
-    assert "Heart rate: 72.7 beats a minute (95 %: 72.0 to 73.4)" in text
+    assert "heart rate 73 /min (95 %: 72 to 73)" in text
+    assert "<td>9000.0</td><td>3.9</td>" in text  # 1.96 standard deviations
     assert "e+0" not in text
 
 
@@ -182,7 +183,15 @@ def test_an_object_without_an_interval_is_drawn_as_a_line() -> None:
     found = finding(row())
     one = {"kind": "undecided", "position_mm": 12.0, "position_ci_mm": None}
     (axes,) = figures.pulse_map({**found, "objects": [one]}, row()).axes
-    assert [line.get_xdata()[0] for line in axes.lines[1:]] == [12.0]
+    dashed = [line for line in axes.lines if line.get_linestyle() == "--"]
+    assert [line.get_xdata()[0] for line in dashed] == [12.0]
+
+
+def test_pulses_are_drawn_with_their_limits() -> None:
+    (axes,) = figures.pulse_map(finding(row()), row()).axes
+    (bars,) = axes.collections
+    low, high = bars.get_segments()[0][:, 1]
+    assert high - low == pytest.approx(2 * 1.96 * 5.0)
 
 
 def test_every_axis_names_its_unit() -> None:

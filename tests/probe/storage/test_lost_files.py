@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import sqlite3
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from databases import opened
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from paths import ROOT
@@ -249,9 +249,8 @@ def test_a_lost_end_is_said(tmp_path: Path) -> None:
     with create_store(path) as store:
         write(store, 9)
     assert verify(path).ok
-    with sqlite3.connect(path, isolation_level=None) as other:
+    with opened(path, isolation_level=None) as other:
         other.execute("DELETE FROM event WHERE id > 8")
-    other.close()
     assert verify(path).problems == (
         "seal: 8 events, but there were 11 when the scan closed the file",
     )
@@ -293,9 +292,8 @@ def test_what_other_programs_do_to_a_database_keeps_it_a_run(command: str, tmp_p
     path = tmp_path / "a.run"
     with create_store(path) as store:
         write(store, 3)
-        with sqlite3.connect(path, isolation_level=None) as other:
+        with opened(path, isolation_level=None) as other:
             other.execute(command)
-        other.close()
         store(samples(3))
     assert verify(path).ok
     reopen_store(path).close()
@@ -311,11 +309,10 @@ def test_a_trigger_behind_many_tables_is_found(tmp_path: Path) -> None:
         "x < 10) SELECT x FROM c)"
     )
     trap = "CREATE TRIGGER zz AFTER INSERT ON event BEGIN DELETE FROM event; END"
-    with sqlite3.connect(path, isolation_level=None) as other:
+    with opened(path, isolation_level=None) as other:
         other.execute("PRAGMA writable_schema = 1")
         other.execute(copies)
         other.execute("INSERT INTO sqlite_schema VALUES ('trigger', 'zz', 'event', 0, ?)", (trap,))
-    other.close()
     for reader in (open_run, verify, reopen_store):
         with pytest.raises(RunFileError):
             reader(path)

@@ -1,13 +1,13 @@
 """Reading a run file, and refusing whatever is none."""
 
 import shutil
-import sqlite3
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from databases import opened
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -202,10 +202,9 @@ def test_a_log_without_its_shared_memory_is_read(tmp_path: Path, path: Path) -> 
 
 
 def write(path: Path, *statements: str) -> Path:
-    with sqlite3.connect(path, isolation_level=None) as connection:
+    with opened(path, isolation_level=None) as connection:
         for statement in statements:
             connection.execute(statement)
-    connection.close()
     return path
 
 

@@ -3,6 +3,7 @@
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ class Disobedient:
 
     def __init__(self, path: Path, question: str, answer: object) -> None:
         self._connection = sqlite3.connect(path)
+        self.close = self._connection.close
         self._question, self._answer = question, answer
 
     def execute(self, statement: str) -> Any:
@@ -47,7 +49,7 @@ def test_a_mode_that_sqlite_refuses_is_said(
     question: str, answer: object, said: str, tmp_path: Path
 ) -> None:
     connection: Any = Disobedient(tmp_path / "a.run", question, answer)
-    with pytest.raises(StoreError, match=said):
+    with closing(connection), pytest.raises(StoreError, match=said):
         make_safe(connection, tmp_path / "a.run")
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from databases import opened
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from paths import ROOT
@@ -127,7 +128,7 @@ def test_safe_modes_are_on_and_said_in_the_file(tmp_path: Path) -> None:
         assert one(store._connection, "PRAGMA journal_mode") == "wal"
         assert one(store._connection, "PRAGMA synchronous") == 2
         assert one(store._connection, "PRAGMA user_version") == VERSION
-    with sqlite3.connect(tmp_path / "a.run") as other:
+    with opened(tmp_path / "a.run") as other:
         assert one(other, "PRAGMA journal_mode") == "wal"
 
 
@@ -146,8 +147,11 @@ def test_the_file_system_of_a_path_is_known() -> None:
 
 
 def test_a_file_system_without_a_log_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(StoreError, match="journal mode is memory"):
-        probe.storage.disk.make_safe(sqlite3.connect(":memory:"), tmp_path / "a.run")
+    with (
+        opened(":memory:") as connection,
+        pytest.raises(StoreError, match="journal mode is memory"),
+    ):
+        probe.storage.disk.make_safe(connection, tmp_path / "a.run")
 
 
 def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
@@ -267,21 +271,21 @@ def test_a_disk_that_hangs_stops_the_scan(tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.setattr(probe.storage.writer, "LATE_S", 0.3)
     store = create_store(tmp_path / "a.run")
     store(STARTED)
-    with sqlite3.connect(tmp_path / "a.run", isolation_level=None) as other:
+    with opened(tmp_path / "a.run", isolation_level=None) as other:
         other.execute("BEGIN IMMEDIATE")  # someone holds the file
         until_s = time.monotonic() + 5
         with pytest.raises(StoreError, match="not taken anything"):
             while time.monotonic() < until_s:
                 store(samples(0.05))
         other.execute("ROLLBACK")
-    other.close()
     store.close()
 
 
 def test_one_seed_gives_the_same_bytes(tmp_path: Path, winkler: Any) -> None:
     paths = [scan(scene="TIHA", out=tmp_path / name, seed=3, respond=winkler).path for name in "ab"]
     query = "SELECT body, times, readings, saturated, sha256 FROM event WHERE kind = 'samples'"
-    one_, two = (sqlite3.connect(path).execute(query).fetchall() for path in paths)
+    with opened(paths[0]) as a, opened(paths[1]) as b:
+        one_, two = (connection.execute(query).fetchall() for connection in (a, b))
     assert len(one_) > 1000
     assert one_ == two
     assert open_run(paths[0]).config["seed"] == 3
@@ -291,17 +295,16 @@ def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: A
     new = scan(scene="TIHA", out=tmp_path, respond=winkler).path
     old = tmp_path / "old.run"
     kept = "id, kind, body, times, readings, saturated, sha256"
-    with sqlite3.connect(old, isolation_level=None) as connection:
+    with opened(old, isolation_level=None) as connection:
         create(connection, version=1)
         connection.execute("ATTACH ? AS new", (str(new),))
         connection.execute(f"INSERT INTO main.event ({kept}) SELECT {kept} FROM new.event")
-    connection.close()
     before = old.read_bytes()
     assert verify(old).ok
     assert open_run(old).stations().equals(open_run(new).stations())
     assert old.read_bytes() == before  # reading changes nothing
     reopen_store(old).close()
-    with sqlite3.connect(old) as one_, sqlite3.connect(new) as two:
+    with opened(old) as one_, opened(new) as two:
         assert one(one_, "PRAGMA user_version") == VERSION
         for query in ("SELECT chain FROM event", "SELECT sql FROM sqlite_schema ORDER BY sql"):
             assert one_.execute(query).fetchall() == two.execute(query).fetchall()
@@ -310,9 +313,8 @@ def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: A
 def test_a_damaged_file_is_not_added_to(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
         short_run(store)
-    with sqlite3.connect(tmp_path / "a.run", isolation_level=None) as other:
+    with opened(tmp_path / "a.run", isolation_level=None) as other:
         other.execute("UPDATE event SET body = '{}' WHERE id = 1")
-    other.close()
     for _ in range(2):  # the lock is given back
         with pytest.raises(RunFileError, match=r"damaged.*palpate verify"):
             reopen_store(tmp_path / "a.run")

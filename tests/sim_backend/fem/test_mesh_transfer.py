@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from small_block import BLOCK
 
+from sim_backend.fem.contact.lumen_self_contact import wall_gaps
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, NotConverged
@@ -13,6 +14,8 @@ from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 LEVELS_PA = [80 * PA_PER_MMHG, 120 * PA_PER_MMHG]
+THROUGH_M = 1e-7
+"""Of a lumen of 3 mm: rounding of the equilibrium."""
 FLAT = {"shape": "flat", "width_mm": 6.0, "edge_radius_mm": 1.0}
 
 
@@ -41,13 +44,19 @@ def test_it_is_what_a_ramp_on_the_finer_mesh_finds(
         assert one.force_n_per_m == pytest.approx(other.force_n_per_m, rel=exact)
 
 
-def test_a_lumen_that_is_shut_stays_shut() -> None:
+def test_a_lumen_that_is_shut_stays_shut_and_its_walls_push_back() -> None:
     soft = scene("stress", modulus_kpa=40.0, depth_mm=3.5, wall_mm=0.5)
     coarse = solve_finite(soft, 0.012, 3.0e-3, [0.0], 0.8e-3)
-    assert len(coarse[1][0].multiplier) > PAIRS_WITH_OPEN_LUMENS, "its walls touch"
-    _, (nested,) = solve_finite(soft, 0.012, 3.0e-3, [0.0], 0.55e-3, coarser=coarse)
-    assert len(nested.multiplier) > PAIRS_WITH_OPEN_LUMENS
-    assert nested.force_n_per_m == pytest.approx(coarse[1][0].force_n_per_m, rel=0.03)
+    fine = solve_finite(soft, 0.012, 3.0e-3, [0.0], 0.55e-3, coarser=coarse)
+    for section, (solution,) in (coarse, fine):
+        assert len(solution.multiplier) > PAIRS_WITH_OPEN_LUMENS, "its walls touch"
+        place = section.mesh.nodes + solution.displacement
+        (gap,) = (wall_gaps(walls, place[walls.nodes])[0] for walls in section.walls)
+        assert gap.min() > -THROUGH_M, "its walls have passed through each other"
+        (pushes,) = solution.multiplier[PAIRS_WITH_OPEN_LUMENS:]
+        assert pushes.max() > 0, "nothing keeps them apart"
+        assert gap[pushes > 0].max() < THROUGH_M, "walls that are apart push"
+    assert fine[1][0].force_n_per_m == pytest.approx(coarse[1][0].force_n_per_m, rel=0.03)
 
 
 def test_a_wild_beginning_is_told_and_a_ramp_is_taken_instead() -> None:

@@ -28,9 +28,9 @@ def test_stations_agree_with_presses_within_the_stated_error(scene: Scene) -> No
     ends = (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg) if scene.arteries else (0.0,)
     pressed = press(scene, x_mm[1], 2.5, ends, model="finite", accuracy_pct=1.0)
     force_n = scene.indenter.length_mm * np.array([s.force_n_per_mm for s in pressed.states])
-    assert abs(scan.force_n[1] - force_n[0]) <= scan.force_error_n[1] <= 0.02 * force_n[0]
-    assert abs(scan.pulse_n[1] - np.ptp(force_n)) <= scan.pulse_error_n[1]
-    assert np.all(scan.pulse_error_n <= 0.1 * scan.pulse_n.max())
+    assert abs(scan.diastolic_n[1] - force_n[0]) <= scan.errors_n[0, 1] <= 0.02 * force_n[0]
+    assert abs(scan.pulse_n[1] - np.ptp(force_n)) <= scan.errors_n[1, 1]
+    assert np.all(scan.errors_n[1] <= 0.1 * scan.pulse_n.max())
 
 
 def test_a_beat_bends_towards_the_middle_as_a_press_does() -> None:
@@ -61,7 +61,7 @@ def test_forces_scale_with_all_moduli_and_pressures() -> None:
         }
     )
     one, two = (estimate_scan(s, [20e-3, 32e-3], 2.5e-3) for s in (scene, twice))
-    np.testing.assert_allclose(two.force_n, 2 * one.force_n, rtol=1e-5)
+    np.testing.assert_allclose(two.diastolic_n, 2 * one.diastolic_n, rtol=1e-5)
     np.testing.assert_allclose(two.pulse_n, 2 * one.pulse_n, rtol=1e-4)
 
 

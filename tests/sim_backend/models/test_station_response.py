@@ -18,14 +18,14 @@ def test_beside_a_lone_vessel_nothing_is_felt(name: str) -> None:
     scene = load_scene(name)
     beside = respond(scene, 1e-3 * scene.inclusion[0].x_mm + 20e-3, 2.5e-3)
     depth, pressure = np.linspace(-1e-3, 2.5e-3, 8), 100.0 * PA_PER_MMHG
-    assert (beside.force_n(depth, np.array(pressure)) == 0.0).all()
-    assert (beside.von_mises_pa(depth, np.array(pressure)) == 0.0).all()
+    assert (beside.force_n(beside.x_m, depth, np.array(pressure)) == 0.0).all()
+    assert (beside.von_mises_pa(beside.x_m, depth, np.array(pressure)) == 0.0).all()
 
 
 def test_at_the_edge_of_a_lone_vessel_the_first_steps_are_in_the_air() -> None:
     scene = load_scene("HAOT")
     edge = respond(scene, 1e-3 * scene.inclusion[0].x_mm + 5e-3, 2.5e-3)
-    force = edge.force_n(np.linspace(0.0, 2.5e-3, 26), np.array(100.0 * PA_PER_MMHG))
+    force = edge.force_n(edge.x_m, np.linspace(0.0, 2.5e-3, 26), np.array(100.0 * PA_PER_MMHG))
     assert force[0] == 0.0 < force[-1]
     assert (np.diff(force) >= 0).all()
 
@@ -44,8 +44,8 @@ def test_between_solved_states_little_is_missed() -> None:
     length_m = 1e-3 * scene.indenter.length_mm
     truth = length_m * np.array([s.force_n_per_m for s in (*down, *beat)])
     ours = found.force_n(
-        np.append(depths, np.full(3, DEPTH_M)), np.append(np.full(4, rest), pressures)
+        x_m, np.append(depths, np.full(3, DEPTH_M)), np.append(np.full(4, rest), pressures)
     )
     assert ours[:4] == pytest.approx(truth[:4], abs=1.5e-3 * truth[3])
-    pulse = np.ptp(found.force_n(np.full(2, DEPTH_M), np.array([low, high])))
+    pulse = np.ptp(found.force_n(x_m, np.full(2, DEPTH_M), np.array([low, high])))
     assert ours[4:] == pytest.approx(truth[4:], abs=2e-3 * pulse)

@@ -13,16 +13,10 @@ from sim_backend.models.surrogate import Surrogate, cache_file, surrogate
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
-DEEPEST_MM = 1.0
 
-
-@pytest.fixture(scope="module")
-def model(tmp_path_factory: pytest.TempPathFactory) -> Surrogate:
-    """A narrow block: few places."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fast.platformdirs, "user_cache_dir", lambda *_: tmp_path_factory.mktemp("c"))
-        patch.setattr(fast, "HELD_BACK", 4)
-        return surrogate(BLOCK, DEEPEST_MM)
+@pytest.fixture
+def model(small_surrogate: Surrogate) -> Surrogate:
+    return small_surrogate
 
 
 def solved_n(scene: Scene, x_m: float, depth_m: float, mmhg: tuple[float, ...]) -> np.ndarray:
@@ -36,7 +30,7 @@ def test_force_and_pulse_are_within_what_is_stated(model: Surrogate) -> None:
     assert 0 < model.pulse_error_pct < 3
     rng = np.random.default_rng(3)
     for _ in range(3):
-        x, depth = float(rng.uniform(*model.x_m)), float(rng.uniform(*model.depth_m))
+        x, depth = float(rng.uniform(*model.range.x_m)), float(rng.uniform(*model.range.depth_m))
         truth = solved_n(BLOCK, x, depth, (80.0, 120.0))
         ours = model.force_n(x, depth, np.array([80.0, 120.0]) * PA_PER_MMHG)
         assert ours == pytest.approx(truth, rel=0.01)
@@ -44,19 +38,19 @@ def test_force_and_pulse_are_within_what_is_stated(model: Surrogate) -> None:
 
 
 def test_outside_its_range_the_full_model_answers(model: Surrogate) -> None:
-    x, deeper = float(np.mean(model.x_m)), 1.2 * model.depth_m[1]
+    x, deeper = float(np.mean(model.range.x_m)), 1.2 * model.range.depth_m[1]
     pressure = 100 * PA_PER_MMHG
-    answer = model.force_n(x, np.array([0.0, deeper, model.depth_m[1]]), pressure)
+    answer = model.force_n(x, np.array([0.0, deeper, model.range.depth_m[1]]), pressure)
     assert answer[0] == 0.0
     assert answer[1] == pytest.approx(solved_n(BLOCK, x, deeper, (100.0,))[0], rel=0.005)
     assert answer[2] < answer[1]
-    nearly = model.force_n(x, model.depth_m[1] * (1 + 1e-6), pressure)
+    nearly = model.force_n(x, model.range.depth_m[1] * (1 + 1e-6), pressure)
     assert nearly == pytest.approx(answer[2], rel=0.01)  # no jump where the two meet
 
 
 def test_a_mirrored_place_feels_the_same(model: Surrogate) -> None:
-    middle = float(np.mean(model.x_m))
-    aside = 0.8 * (model.x_m[1] - middle)
+    middle = float(np.mean(model.range.x_m))
+    aside = 0.8 * (model.range.x_m[1] - middle)
     left, right = model.force_n(np.array([middle - aside, middle + aside]), 8e-4, 1e4)
     assert left == pytest.approx(right, rel=2e-3)
 
@@ -77,8 +71,8 @@ def test_the_cache_goes_by_content_and_a_torn_file_is_made_anew(
 
     def train(_scene: Scene, max_depth_m: float) -> dict[str, np.ndarray]:
         trained.append(max_depth_m)
-        x = np.linspace(model.x_m[0], np.mean(model.x_m), 5)
-        depth = np.geomspace(*model.depth_m, 7)
+        x = np.linspace(model.range.x_m[0], np.mean(model.range.x_m), 5)
+        depth = np.geomspace(*model.range.depth_m, 7)
         solved = 1 + np.ones((5, 7, 3, 2)) * depth[:, None, None]
         pressure = np.linspace(0, 2e4, 3)
         return {"x": x, "depth": depth, "pressure": pressure, "solved": solved,
@@ -86,9 +80,9 @@ def test_the_cache_goes_by_content_and_a_torn_file_is_made_anew(
 
     monkeypatch.setattr(fast, "train", train)
     fast._known.cache_clear()
-    first = surrogate(BLOCK, 1.0).force_n(model.x_m[0], 5e-4, 1e4)
+    first = surrogate(BLOCK, 1.0).force_n(model.range.x_m[0], 5e-4, 1e4)
     fast._known.cache_clear()
-    assert surrogate(BLOCK, 1.0).force_n(model.x_m[0], 5e-4, 1e4) == first
+    assert surrogate(BLOCK, 1.0).force_n(model.range.x_m[0], 5e-4, 1e4) == first
     assert trained == [1e-3]  # the second came from the disk
     fast._known.cache_clear()
 

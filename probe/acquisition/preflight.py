@@ -1,0 +1,180 @@
+"""What is looked at before a scan, by ``doctor``, ``plan`` and ``scan --dry-run`` alike.
+
+Nothing is opened and nothing is sent to a device.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from calibration import use
+from calibration.errors import CalibrationError
+from drivers import ConfigError, Sensor, SimulatedClock
+from drivers.core.registry import Kind
+from probe.acquisition.force_limit import SensorGuard
+from probe.acquisition.prepare import prepare
+from probe.config.calibrated import calibrated, named
+from probe.config.devices import Devices, World, check_names, make_device
+from probe.config.rig import Device, Rig, RigError
+from probe.config.scan_plan import limits_for, plan_for
+from probe.detection.sensitivity import in_words, visibility
+from probe.planning.limits import Limits
+from probe.planning.plan import Plan
+from sim_backend.phantom.phantom import Respond
+from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.scene.slicing import section_at
+from sim_backend.scene.waves import load_wave
+
+USUAL_BEAT_HZ = 1.2
+WEAK_PULSE_PA = 1300.0  # the 5 % weakest of measured radial pulses, peak to peak
+# (rms noise N, rate Hz) of sensors whose rig settings do not say, from makers and measurements.
+KNOWN_NOISE = {"ft300": (0.1, 100.0), "ur": (0.5, 500.0), "netft": (6.25e-3, 1000.0)}
+VIRTUAL_NOISE = (0.5e-3, 500.0)
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing looked at; a ``fault`` would stop the scan, a ``warning`` would spoil it."""
+
+    name: str
+    level: Literal["ok", "warning", "fault"]
+    text: str
+
+
+class SensorNoise(NamedTuple):
+    """A sensor's rms noise [N], NaN if unknown, and its rate."""
+
+    name: str
+    noise_n: float
+    rate_hz: float
+
+
+def device_checks(
+    rig: Rig, plan: Plan, scene: Scene | None, respond: Respond | None = None
+) -> list[Check]:
+    """Every device is made but not connected: driver, library, settings, scene, calibrations."""
+    world = World(rig, plan, SimulatedClock(), scene, 0, respond)
+    checks: list[Check] = []
+    stage = _made(checks, "stages", "stage", rig.stage, world)
+    sensors = [
+        _made(checks, "sensors", f"sensor[{n}]", one, world) for n, one in enumerate(rig.sensor)
+    ]
+    if None in sensors:
+        return checks
+    limits = limits_for(rig, plan)
+    face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
+    face_m2 = None if face_mm2 is None else 1e-6 * face_mm2
+    checks.append(_force_limit(sensors, replace(limits, face_m2=face_m2)))
+    if stage is None:
+        return checks
+    try:
+        check_names(sensors)
+        stage, true, _ = calibrated(stage, sensors, rig.calibration)
+        prepared = prepare(rig, plan, limits, scene, Devices(stage, true, world.phantom, ()), 0)
+    except (ConfigError, RigError, CalibrationError) as error:
+        return [*checks, Check("devices together", "fault", str(error))]
+    return checks + [Check("rehearsal", "warning", note) for note in prepared.notes]
+
+
+def calibration_check(key: str, file: Path) -> Check:
+    """Whether a calibration can be used, and its age by its own date."""
+    name = f"calibration {key}"
+    try:
+        one = named(key, file)
+        _, warnings = use(file, one.device)
+    except CalibrationError as error:
+        return Check(name, "fault", str(error))
+    if warnings:
+        return Check(name, "warning", "; ".join(warnings))
+    days = (datetime.now(UTC) - one.date_utc).total_seconds() / 86400
+    return Check(name, "ok", f"of {one.device}, {days:.1f} of {one.valid_days:g} days old")
+
+
+def pulse_checks(
+    rig: Rig, scene: Scene | None, respond: Respond | None, sensors: Iterable[SensorNoise]
+) -> list[Check]:
+    """Whether each sensor sees the expected pulse in one hold, by its known or measured noise.
+
+    With a ``scene`` and ``respond`` the pulse is solved for the station nearest to an artery;
+    without, the weakest measured radial pulses are taken.
+    """
+    pulse_n, source = _expected_pulse(rig, scene, respond)
+    beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
+    face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
+    face_m2 = None if face_mm2 is None else 1e-6 * face_mm2
+    checks = []
+    for name, noise_n, rate_hz in sensors:
+        title = f"pulse on {name}"
+        if pulse_n is None:
+            checks.append(Check(title, "ok", f"nothing to compare with: {source}"))
+        elif not math.isfinite(noise_n):
+            text = "this sensor's noise is not known; give noise_mn"
+            checks.append(Check(title, "warning", text))
+        else:
+            seen = visibility(noise_n, rate_hz, rig.scan.hold_s, pulse_n, beat_hz)
+            level: Literal["ok", "warning"] = "ok" if seen.visible else "warning"
+            checks.append(Check(title, level, f"{in_words(seen, face_m2)} ({source})"))
+    return checks
+
+
+def known_noise(device: Device) -> SensorNoise:
+    """By the rig's settings or the known table."""
+    noise_n, rate_hz = KNOWN_NOISE.get(device.driver, (math.nan, 100.0))
+    if device.driver == "virtual":
+        noise_n, rate_hz = VIRTUAL_NOISE
+    noise_n = 1e-3 * float(device.settings.get("noise_mn", 1e3 * noise_n))
+    rate_hz = float(device.settings.get("rate_hz", rate_hz))
+    return SensorNoise(device.driver, noise_n, rate_hz)
+
+
+def _expected_pulse(
+    rig: Rig, scene: Scene | None, respond: Respond | None
+) -> tuple[float | None, str]:
+    """Peak-to-peak force [N] of the pulse, and where the figure comes from."""
+    if scene is not None and respond is not None:
+        return _solved_pulse(plan_for(rig), scene, respond)
+    if rig.face_mm2 is None:
+        return None, "no scene and no face_mm2"
+    return 1e-6 * rig.face_mm2 * WEAK_PULSE_PA, "the weakest 5 % of radial pulses"
+
+
+def _solved_pulse(plan: Plan, scene: Scene, respond: Respond) -> tuple[float | None, str]:
+    if not scene.arteries:
+        return None, f"scene {scene.name} has no artery"
+    artery_m = 1e-3 * scene.arteries[0].x_mm
+    place = min(plan.places, key=lambda p: abs(p.x_m - artery_m))
+    wave = load_wave(scene.pulse)
+    beat = wave.pressure_pa(np.linspace(0, wave.period_s, 200))
+    section = respond(section_at(scene, 1e3 * place.y_m), place.x_m, plan.indentation_m)
+    depth = np.full(2, plan.indentation_m)
+    low, high = section.force_n(place.x_m, depth, np.array([beat.min(), beat.max()]))
+    return float(high - low), f"scene {scene.name} at x = {1e3 * place.x_m:g} mm"
+
+
+def _force_limit(sensors: Sequence[Sensor], limits: Limits) -> Check:
+    """Whether ``max_force_n`` holds a sensor; pressures are forces only over a known face."""
+    if any(SensorGuard(sensor.channels, limits).feels for sensor in sensors):
+        return Check("force limit", "ok", f"at most {limits.max_force_n:g} N")
+    text = (
+        f"max_force_n = {limits.max_force_n:g} would hold nothing: no sensor of force, and none "
+        "of pressure over a known face; add one, or say face_mm2 = 100"
+    )
+    return Check("force limit", "fault", text)
+
+
+def _made(checks: list[Check], kind: Kind, where: str, device: Device, world: World) -> Any:
+    """The device, with a check of it appended; None if it cannot be made."""
+    try:
+        made = make_device(kind, where, device, world, {})
+    except (ConfigError, RigError, SceneError, ImportError) as error:
+        checks.append(Check(where, "fault", str(error).removeprefix(f"{where}.")))
+        return None
+    checks.append(
+        Check(where, "ok", f"driver {device.driver} is installed and its settings are right")
+    )
+    return made

@@ -1,0 +1,57 @@
+"""What a window says of a run is what the run means now, also when it has just ended."""
+
+from pathlib import Path
+from typing import Any
+
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.core.events import Event
+from probe.gui.app import Detective, at_the_end
+from probe.gui.state import ViewState
+from probe.storage.run import open_run
+from probe.storage.writer import create_store
+
+
+def said(look: Any) -> Any:
+    """What detection says when it has come to its end."""
+    look()
+    look._worker.join()
+    return look()["finding"]
+
+
+def state_of(events: list[Event]) -> ViewState:
+    state = ViewState()
+    for event in events:
+        state.update(event)
+    return state
+
+
+def test_a_finding_is_looked_at_again_when_the_run_has_ended(tmp_path: Path, winkler: Any) -> None:
+    whole = scan(Rig.model_validate({}), "TI", tmp_path, seed=1, respond=winkler).path
+    *events, end = open_run(whole).events()
+    with create_store(tmp_path / "live.run") as store:
+        for event in events:
+            store(event)
+        store.flush()
+        state = state_of(events)
+        look = Detective(tmp_path / "live.run", state)
+        assert said(look) == "undecided"
+        store(end)
+        store.flush()
+        state.update(end)
+        assert said(look) == "nothing"
+
+
+def test_a_replay_says_the_finding_at_its_end(tmp_path: Path, winkler: Any) -> None:
+    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
+    path = scan(few, "TIHA", tmp_path, seed=1, respond=winkler).path
+    events = list(open_run(path).events())
+    shown = [state_of(events[:-1])]
+    finding = at_the_end(path, lambda: shown[0])
+    assert finding() is None
+    shown[0] = state_of(events)
+    while (found := finding()) is None:
+        pass
+    assert found["finding"]
+    shown[0] = state_of(events[:-1])  # played again from the start
+    assert finding() is None

@@ -1,0 +1,82 @@
+"""Every force model says the same of the same press, within the errors that it states."""
+
+import numpy as np
+import pytest
+from small_block import BLOCK
+
+from sim_backend.models.force_model import ForceModel, OutOfRange
+from sim_backend.models.full_model import FullModel
+from sim_backend.models.scan_estimate import estimate_scan
+from sim_backend.models.station_response import respond
+from sim_backend.models.surrogate import Surrogate
+from sim_backend.scene.scene_file import load_scene
+from sim_backend.scene.waves import PA_PER_MMHG
+
+X_M, DEPTH_M = 7e-3, 8e-4
+LOW_PA, HIGH_PA = BLOCK.pulse.diastolic_mmhg * PA_PER_MMHG, BLOCK.pulse.systolic_mmhg * PA_PER_MMHG
+
+
+@pytest.fixture(scope="module", params=["full model", "station response", "scan estimate", "table"])
+def model(request: pytest.FixtureRequest) -> ForceModel:
+    match request.param:
+        case "full model":
+            return FullModel(BLOCK, accuracy_pct=1.0)
+        case "station response":
+            return respond(BLOCK, X_M, 1e-3)
+        case "scan estimate":
+            return estimate_scan(BLOCK, [5e-3, X_M], DEPTH_M)
+    table: Surrogate = request.getfixturevalue("small_surrogate")
+    return table
+
+
+@pytest.fixture(scope="module")
+def truth() -> FullModel:
+    """Presses twice as accurate as any of the others claims to be."""
+    return FullModel(BLOCK, accuracy_pct=0.2)
+
+
+def test_force_and_pulse_are_those_of_accurate_presses(model: ForceModel, truth: FullModel) -> None:
+    at = X_M, DEPTH_M, np.array([LOW_PA, HIGH_PA])
+    off = np.abs(model.force_n(*at) - truth.force_n(*at))
+    assert (off <= model.error_n(*at) + truth.error_n(*at)).all()
+    assert (model.error_n(*at) < 0.05 * truth.force_n(*at)).all()  # an error, not an excuse
+    pulse = np.ptp(truth.force_n(*at))
+    stated = float(model.pulse_error_n(X_M, DEPTH_M, LOW_PA, HIGH_PA))
+    theirs = float(truth.pulse_error_n(X_M, DEPTH_M, LOW_PA, HIGH_PA))
+    assert abs(np.ptp(model.force_n(*at)) - pulse) <= stated + theirs
+    assert stated < 0.15 * pulse
+
+
+def test_slopes_are_those_of_the_force(model: ForceModel, truth: FullModel) -> None:
+    middle = (LOW_PA + HIGH_PA) / 2
+    exact = truth.slope(X_M, DEPTH_M, middle)
+    ours = model.slope(X_M, DEPTH_M, middle)
+    assert float(ours.by_depth_n_m) == pytest.approx(float(exact.by_depth_n_m), rel=0.03)
+    assert float(ours.by_pressure_n_pa) == pytest.approx(float(exact.by_pressure_n_pa), rel=0.06)
+    low, high = model.force_n(X_M, DEPTH_M, [middle - 500, middle + 500])
+    assert float(ours.by_pressure_n_pa) == pytest.approx((high - low) / 1e3, rel=0.03)
+
+
+def test_the_whole_range_is_answered_and_nothing_beyond_its_depth(model: ForceModel) -> None:
+    known = model.range
+    assert known.x_m[0] <= X_M <= known.x_m[1]
+    assert np.isfinite(model.force_n(X_M, DEPTH_M, [LOW_PA, HIGH_PA])).all()
+    assert model.force_n(X_M, np.full((2, 3), DEPTH_M), LOW_PA).shape == (2, 3)
+    with pytest.raises(OutOfRange, match="depth of"):
+        model.error_n(X_M, 2 * known.depth_m[1], LOW_PA)
+    with pytest.raises(OutOfRange, match="depth of nan"):
+        model.error_n(X_M, np.nan, LOW_PA)
+
+
+def test_a_station_that_was_not_solved_is_refused() -> None:
+    scan = estimate_scan(BLOCK, [5e-3, X_M], DEPTH_M)
+    with pytest.raises(OutOfRange, match="no station"):
+        scan.force_n(6e-3, DEPTH_M, LOW_PA)
+
+
+def test_a_mirrored_station_knows_its_own_place() -> None:
+    scene = load_scene("TI")
+    left, right = respond(scene, 20e-3, 1e-3), respond(scene, 44e-3, 1e-3)
+    assert left.force_n(20e-3, 1e-3, 0.0) == right.force_n(44e-3, 1e-3, 0.0) > 0
+    with pytest.raises(OutOfRange, match="place of 20 mm"):
+        right.force_n(20e-3, 1e-3, 0.0)
