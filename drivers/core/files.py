@@ -22,11 +22,10 @@ def open_file(path: Path) -> BinaryIO:
     except (OSError, ValueError) as error:  # ValueError: a zero byte in the name
         why = getattr(error, "strerror", None) or error
         raise FileRefused(f"{str(path)!r}: cannot be opened ({why})") from None
-    file = os.fdopen(handle, "rb")
-    if not stat.S_ISREG(os.fstat(handle).st_mode):
-        file.close()
+    if not stat.S_ISREG(os.fstat(handle).st_mode):  # before fdopen, which names a folder by number
+        os.close(handle)
         raise FileRefused(f"{path}: a folder, pipe or device; a file is needed")
-    return file
+    return os.fdopen(handle, "rb")
 
 
 def read_file(path: Path, max_bytes: int) -> bytes:

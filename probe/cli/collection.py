@@ -1,6 +1,7 @@
 """``palpate runs``: a folder of runs, listed, filtered and sorted."""
 
 from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -11,6 +12,7 @@ from probe.cli.say import Json, answer, answer_json, key_values
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.storage.collection import Listed
 
+FINDINGS = ("nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see")
 WIDTHS = {"date": 10, "scene": 5, "how": 9, "finish": 9, "who and what": 12, "finding": 15}
 """Characters that each column of the table of runs needs."""
 By = Literal["date", "scene", "operator", "specimen", "finding", "name"]
@@ -49,6 +51,10 @@ def list_all(
 
     if not folder.is_dir():
         raise typer.BadParameter(f"{folder}: no such folder")
+    if finding is not None and finding not in FINDINGS:
+        raise typer.BadParameter(f"--finding {finding}: allowed are {', '.join(FINDINGS)}")
+    if since is not None and not _is_date(since):
+        raise typer.BadParameter(f"--since {since}: say it as 2026-01-31")
     wanted = {"operator": operator, "specimen": specimen, **key_values(note or [])}
     kept = [
         one
@@ -68,6 +74,14 @@ def list_all(
         answer_json({"runs": rows})
         return
     show(kept, found)
+
+
+def _is_date(text: str) -> bool:
+    try:
+        datetime.fromisoformat(text)
+    except ValueError:
+        return False
+    return True
 
 
 def _finding(one: "Listed") -> str:

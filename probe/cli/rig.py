@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from probe.cli.errors import BAD_INPUT, FAULT
-from probe.cli.say import Json, answer, answer_json
+from probe.cli.say import Json, answer, answer_json, next_command
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.acquisition.doctor import Noise
@@ -85,11 +85,14 @@ def plan(
         bool, typer.Option("--can-i-see", help="Say whether each sensor sees the scene's pulse.")
     ] = False,
     noise_mn: Annotated[
-        float | None, typer.Option(metavar="MN", help="A sensor's rms noise [mN], if known better.")
+        float | None,
+        typer.Option(metavar="MN", help="A sensor's rms noise [mN], if known better."),
     ] = None,
     json: Json = False,
 ) -> None:
     """Where a scan would go and how long it takes; with --can-i-see, what its sensors can see."""
+    if noise_mn is not None and not noise_mn >= 0:
+        raise typer.BadParameter(f"--noise-mn {noise_mn:g}: must be 0 or more")
     from probe.acquisition.dry_run import dry_run
     from probe.acquisition.preflight import known_noise, pulse_checks
     from probe.acquisition.session import resolve_rig
@@ -137,8 +140,17 @@ def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_js
     else:
         show_checks(report.checks)
         answer(f"The probe's way: {picture}")
-        answer("The scan can go on." if report.can_scan else "The scan would fail.")
+        answer(verdict(rig_file, rig, can_scan=report.can_scan))
     return 0 if report.can_scan else BAD_INPUT
+
+
+def verdict(rig_file: Path | None, rig: "Rig", *, can_scan: bool) -> str:
+    """What a dry run comes to. It touches no device, so real ones may still be absent."""
+    if not can_scan:
+        return "The scan would fail."
+    if rig_file is None or all(one.driver == "virtual" for one in (rig.stage, *rig.sensor)):
+        return "The scan can go on."
+    return f"The scan can go on if its devices answer: {next_command('doctor', rig_file)}"
 
 
 def show_checks(checks: "Iterable[Check]") -> None:

@@ -43,6 +43,8 @@ def replay(
 
 def live(run: RunFile) -> None:
     """Watch a run in a window while it is scanned; pause, resume, abort and stop it there."""
+    if run.is_dir():  # one that is not there yet is waited for
+        raise typer.BadParameter(f"{run}: a folder; give the run file in it")
     need_windows()
     from probe.gui.app import run_live
 

@@ -80,6 +80,8 @@ def scan(
 
     Ctrl-C lifts the probe and ends the run; a second one stops where it is.
     """
+    if seed < 0:
+        raise typer.BadParameter(f"--seed {seed}: must be 0 or more")
     if dry_run:
         from probe.cli.rig import show_dry_run
 

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from probe.cli.errors import UNSOLVED
 from probe.cli.say import Json, answer, answer_json, inform, plain
 
 Table = Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")]
@@ -74,8 +75,10 @@ def sweep(
         inform(f"point {row['point']}: {row['reason']}")
     if json:
         answer_json(plain(summary))
-        return
-    answer(f"{len(table)} rows, {len(failed)} without an answer: {out}")
+    else:
+        answer(f"{len(table)} rows, {len(failed)} without an answer: {out}")
+    if len(failed) == len(table):
+        raise typer.Exit(UNSOLVED)
 
 
 def fleet(

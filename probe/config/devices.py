@@ -18,7 +18,7 @@ from drivers import (
     Stage,
     open_driver,
 )
-from drivers.core.registry import Kind
+from drivers.core.registry import Kind, settings_of
 from probe.config.calibrated import calibrated
 from probe.config.rig import Device, Fallback, Rig, RigError
 from probe.config.scan_plan import plan_for, true_surface
@@ -203,7 +203,11 @@ def make_device(kind: Kind, where: str, device: Device, world: World, extra: dic
             settings = {**extra, **settings, "phantom": world.get()}
         return open_driver(kind, device.driver, world.clock, settings)
     except ValidationError as error:
-        raise RigError("\n".join(f"{where}.{line}" for line in explain(error))) from None
+        raise RigError(
+            "\n".join(
+                f"{where}.{line}" for line in explain(error, settings_of(kind, device.driver))
+            )
+        ) from None
     except ConfigError as error:
         raise RigError(f"{where}.{error}") from None
 

@@ -131,6 +131,13 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
         (["press", "TI", "--x", "32"], ["--depth"]),
         (["press", "TI", "--x", "32", "--depth", "1", "--model", "magic"], ["magic", "finite"]),
+        (["live", "."], ["a folder"]),
+        (["scan", "/tmp"], ["/tmp", "a folder", "a file is needed"]),
+        (["scan", "--scene", "/tmp"], ["/tmp", "a folder"]),
+        (["scan", "--seed", "-1", "--dry-run"], ["--seed", "-1"]),
+        (["plan", "--can-i-see", "--noise-mn", "-1"], ["--noise-mn", "-1"]),
+        (["runs", ".", "--finding", "artry"], ["artry", "stenotic artery"]),
+        (["runs", ".", "--since", "yesterday"], ["yesterday", "2026-01-31"]),
         (["scann"], ["scann", "scan"]),
     ],
 )
