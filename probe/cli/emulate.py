@@ -13,7 +13,6 @@ import typer
 
 from probe.cli.arguments import emulated_devices
 from probe.cli.say import answer, inform
-from sim_backend.emulators import DEVICES, STAGES
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from sim_backend.emulators.serving import Served
@@ -53,6 +52,8 @@ def emulate(
 
     Each address goes into a rig file. Type `DEVICE FAULT` to make one fail, `DEVICE ok` to mend it.
     """
+    from sim_backend.emulators import DEVICES, STAGES
+
     for name in devices:
         if name not in DEVICES:
             raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(DEVICES)}")

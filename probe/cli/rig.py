@@ -13,6 +13,7 @@ from probe.cli.say import Json, answer, answer_json, next_command
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.acquisition.doctor import Noise
     from probe.acquisition.preflight import Check
+    from probe.config.rig import Rig
 
 MARKS = {"ok": "ok     ", "warning": "warning", "fault": "FAULT  "}
 

@@ -1,6 +1,8 @@
 """``palpate --help`` is grouped and complete; each command's help has an example that parses."""
 
 import shlex
+import subprocess
+import sys
 
 import pytest
 import typer
@@ -36,3 +38,15 @@ def test_the_example_is_shown_and_parses(name: str, capsys: pytest.CaptureFixtur
     if name != "chart":
         assert main([name, "--help"]) == 0
         assert f"Example: {EXAMPLES[name]}" in " ".join(capsys.readouterr().out.split())
+
+
+def test_help_loads_nothing_that_only_work_needs() -> None:
+    """It must come at once: numpy and pydantic take three times as long as all the rest."""
+    code = (
+        "import sys; from probe.cli import main; main(['--help']); "
+        "print({'numpy', 'scipy', 'pydantic', 'drivers', 'sim_backend'} & set(sys.modules))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
+    )
+    assert done.stdout.splitlines()[-1] == "set()"
