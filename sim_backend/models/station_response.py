@@ -1,4 +1,4 @@
-"""A section's answer at one place, for any depth and lumen pressure: what the phantom feels.
+"""The answer at one place, for any depth and lumen pressure; here, of a plane section.
 
 One ramp is solved at the resting pressure, with the exact slopes by depth and by pressure along it;
 at the full depth the ends of the wave are solved as well, as far as they are needed. Between them
@@ -7,11 +7,10 @@ which is exact at the full depth D and to first order elsewhere. Time does not e
 and the beat are the phantom's.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from sim_backend.arrays import Array
 from sim_backend.fem.continuation import continuation, unloaded
@@ -20,10 +19,10 @@ from sim_backend.fem.newton import Load, Solution
 from sim_backend.fem.section_contact import walls_cross
 from sim_backend.fem.sensitivity import Slope, slopes
 from sim_backend.fem.stress import under_finger_pa
-from sim_backend.models.curve import HermiteCurve, from_nothing, monotone
-from sim_backend.models.force_model import ForceSlope, Range
+from sim_backend.models.curve import from_nothing, monotone
+from sim_backend.models.response import Curve, Left, StationResponse, levels_pa
+from sim_backend.models.solid_response import respond_solid
 from sim_backend.scene.scene_file import Scene, mirrored
-from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTHS = np.array([0.04, 0.2, 0.55, 1.0])
 """Shares of the greatest depth that are solved. Between them forces of TIHA and TIT are within
@@ -31,8 +30,6 @@ DEPTHS = np.array([0.04, 0.2, 0.55, 1.0])
 BEND = 0.05
 """Share of a pulse from rest to systole by which it may bend before diastole is solved too. A bend
 of 0.03 (TIHA) leaves 0.2 % of the pulse."""
-PRESSURE_SLACK = 0.02
-"""Share of the wave's span that a pressure may lie outside it: a wave is sampled."""
 PROBE_PA, PROBE_M = 10.0, 1e-6
 """Steps of the stress's slopes by pressure and depth, along the exact displacement slopes."""
 RELATIVE_SIZE = 0.1
@@ -40,111 +37,23 @@ RELATIVE_SIZE = 0.1
 GROWTH, COARSEST = 0.6, 0.24
 """How fast elements grow away from contact and vessels, and the largest over the height: that saves
 a third of the time of `usual_grading`, for 0.15 % of the force at most."""
-FORCE_LEFT, PULSE_LEFT, BETWEEN = 0.006, 0.03, 0.0015
-"""Shares that may be missed of the resting force, of the change from it, and of the deepest force
-(what lies between the depths solved): the figures above, added."""
-
-
-@dataclass(frozen=True)
-class StationResponse:
-    """A `sim_backend.models.force_model.ForceModel` of one place ``x_m`` down to ``max_depth_m``.
-
-    ``bulge_m``: how far the resting pressure lifts the surface; contact begins there. ``share``
-    is F(d, rest) / (d + bulge) and its slope by pressure; both with the stress.
-    """
-
-    x_m: float
-    max_depth_m: float
-    length_m: float
-    bulge_m: float
-    force: "_Curve"
-    stress: "_Curve"
-
-    @property
-    def range(self) -> Range:
-        """One place, any height above it, the wave with a little room for sampling; without a
-        vessel any pressure."""
-        low, high = self.force.low_pa, self.force.high_pa
-        slack = PRESSURE_SLACK * (high - low)
-        pressures = (low - slack, high + slack) if high > low else (-np.inf, np.inf)
-        return Range((self.x_m, self.x_m), (-np.inf, self.max_depth_m), pressures)
-
-    def force_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
-        """Normal force [N] on the whole finger, 0 out of contact."""
-        return self.length_m * self._at(self.force, x_m, depth_m, pressure_pa)
-
-    def von_mises_pa(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
-        """Von Mises stress [Pa] at the surface under the finger."""
-        return self._at(self.stress, x_m, depth_m, pressure_pa)
-
-    def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
-        touched = self.force_n(x_m, depth_m, pressure_pa) > 0
-        sunk, pressure = np.broadcast_arrays(np.asarray(depth_m) + self.bulge_m, pressure_pa)
-        by_depth = self.force.rest.derivative(sunk)
-        by_depth = by_depth + self.force.slope.derivative(sunk) * self.force.gain(pressure)
-        by_pressure = self.force.slope(sunk) * self.force.gain_slope(pressure)
-        return ForceSlope(
-            np.where(touched, self.length_m * by_depth, 0.0),
-            np.where(touched, self.length_m * by_pressure, 0.0),
-        )
-
-    def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
-        rest_pa, force = self.force.rest_pa, self.force_n(x_m, depth_m, pressure_pa)
-        rest = self.force_n(x_m, depth_m, rest_pa)
-        deepest = self.force_n(x_m, self.max_depth_m, rest_pa)
-        off = FORCE_LEFT * rest + PULSE_LEFT * np.abs(force - rest) + BETWEEN * deepest
-        return np.asarray(np.where(force > 0, off, 0.0))
-
-    def pulse_error_n(
-        self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
-    ) -> Array:
-        """Of the change itself, and of how far it is from that at the full depth, where the curve
-        over pressure is the solved one."""
-        low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
-        full = (self.force_n(x_m, self.max_depth_m, p) for p in (low_pa, high_pa))
-        change, least = np.abs(high - low), np.abs(np.subtract(*full))
-        return np.asarray(PULSE_LEFT * np.maximum(change, least))
-
-    def _at(
-        self, curve: "_Curve", x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike
-    ) -> Array:
-        self.range.check(x_m, depth_m, pressure_pa)
-        sunk = np.maximum(np.asarray(depth_m, dtype=float) + self.bulge_m, 0.0)
-        value = curve.rest(sunk) + curve.slope(sunk) * curve.gain(np.asarray(pressure_pa))
-        return np.asarray(np.where(sunk > 0, np.maximum(value, 0.0), 0.0))
-
-
-@dataclass(frozen=True)
-class _Curve:
-    """A quantity over sunk depth at rest, its slope by pressure, and the gain g(p): a polynomial of
-    the pressure over rest [Pa], highest power first. ``low_pa`` to ``high_pa`` is the wave."""
-
-    rest: HermiteCurve
-    slope: HermiteCurve
-    rest_pa: float
-    low_pa: float
-    high_pa: float
-    powers: Array
-
-    def gain(self, pressure_pa: Array) -> Array:
-        return np.asarray(np.polyval(self.powers, pressure_pa - self.rest_pa))
-
-    def gain_slope(self, pressure_pa: Array) -> Array:
-        over = np.asarray(pressure_pa - self.rest_pa)
-        return np.asarray(np.polyval(np.polyder(self.powers), over))
+LEFT = Left(rest=0.006, change=0.03, between=0.0015)
+"""The figures above, added."""
 
 
 def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     """The answer of ``scene`` at ``x_m`` [m] down to ``max_depth_m`` [m].
 
-    A scene that is its own mirror image is solved on its left half only. Raises
+    A scene that is its own mirror image is solved on its left half only; a solid is solved above
+    z = 0, in up to half a minute, and kept on disk. Raises
     `sim_backend.fem.newton.CannotSolve` where physics ends.
     """
     half_m = round(x_m, 9)
     if scene.tissue is not None and mirrored(scene) == scene:
         width = 1e-3 * scene.tissue.width_mm
         half_m = round(min(half_m, width - half_m), 9)
-    return replace(_respond(scene, half_m, round(max_depth_m, 9)), x_m=x_m)
+    solve = respond_solid if scene.plane == "solid" else _respond
+    return replace(solve(scene, half_m, round(max_depth_m, 9)), x_m=x_m)
 
 
 def element_size_m(scene: Scene) -> float:
@@ -182,9 +91,9 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
 
     def curve(
         values: list[float], over_depth: list[float], over_pressure: list[float], at: list[float]
-    ) -> _Curve:
+    ) -> Curve:
         powers = _gain([s.load.pressure_pa - rest for s in ends], values[-1], over_pressure[-1], at)
-        return _Curve(
+        return Curve(
             from_nothing(sunk, np.array(values), np.array(over_depth)),
             monotone(np.append(0.0, sunk), np.append(0.0, over_pressure)),
             rest, low, high, powers,
@@ -203,23 +112,16 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
         [under_finger_pa(section, s.displacement) for s in ends],
     )
     length_m = 1e-3 * scene.indenter.length_mm
-    return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress)
+    return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress, LEFT)
 
 
 def _untouched(scene: Scene, x_m: float, max_depth_m: float, bulge_m: float) -> StationResponse:
     """Of a place at which the finger, as deep as it goes, touches nothing."""
     flat = from_nothing(np.array([max_depth_m]), np.zeros(1), np.zeros(1))
     _, low, high = levels_pa(scene)
-    nothing = _Curve(flat, flat, low, low, high, np.zeros(1))
+    nothing = Curve(flat, flat, low, low, high, np.zeros(1))
     length_m = 1e-3 * scene.indenter.length_mm
-    return StationResponse(x_m, max_depth_m, length_m, bulge_m, nothing, nothing)
-
-
-def levels_pa(scene: Scene) -> tuple[float, float, float]:
-    """Resting pressure, then the ends of the wave [Pa]."""
-    low, high = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
-    rest = low + 0.25 * (high - low)
-    return rest * PA_PER_MMHG, low * PA_PER_MMHG, high * PA_PER_MMHG
+    return StationResponse(x_m, max_depth_m, length_m, bulge_m, nothing, nothing, LEFT)
 
 
 def _ends(

@@ -6,16 +6,11 @@ The table is kept on disk under the scene's content, so the second use costs not
 grid nothing is extrapolated: the full model answers.
 """
 
-import hashlib
-import json
 from dataclasses import dataclass
 from functools import lru_cache
-from importlib.metadata import version
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
-import platformdirs
 from numpy.typing import ArrayLike
 from scipy.interpolate import NdBSpline, make_interp_spline
 
@@ -26,6 +21,7 @@ from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.force_model import ForceSlope, Range
+from sim_backend.models.kept_tables import kept_table, table_file
 from sim_backend.models.station_response import element_size_m
 from sim_backend.scene.scene_file import Scene, SceneError, mirrored
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -143,26 +139,14 @@ def surrogate(scene: Scene, max_depth_mm: float = 2.5) -> Surrogate:
 
 @lru_cache(maxsize=8)
 def _known(scene: Scene, max_depth_m: float) -> Surrogate:
-    path = cache_file(scene, max_depth_m)
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as table:
-            return _from_table(scene, dict(table))
-    except (OSError, ValueError, KeyError, BadZipFile):
-        pass  # not trained yet, or cut short while it was written: train
-    table = train(scene, max_depth_m)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".part.npz")
-    np.savez(partial, **table)  # type: ignore[arg-type]
-    partial.replace(path)
+    table = kept_table(cache_file(scene, max_depth_m), lambda: train(scene, max_depth_m))
     return _from_table(scene, table)
 
 
 def cache_file(scene: Scene, max_depth_m: float) -> Path:
     """Where the table of this scene lies; its name is the content's hash and our version."""
     content = scene.model_dump(mode="json", exclude={"name"})
-    text = json.dumps([content, max_depth_m, version("palpate"), TABLE], sort_keys=True)
-    name = hashlib.sha256(text.encode()).hexdigest()[:24]
-    return Path(platformdirs.user_cache_dir("palpate")) / "fast" / f"{name}.npz"
+    return table_file("fast", [content, max_depth_m, TABLE])
 
 
 def train(scene: Scene, max_depth_m: float) -> dict[str, Array]:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim_backend.scene.scene_file import Artery, Scene, Tumour
+from sim_backend.scene.scene_file import Artery, Scene, SceneError, Tumour
 
 
 def section_at(scene: Scene, z_mm: float) -> Scene:
@@ -10,8 +10,16 @@ def section_at(scene: Scene, z_mm: float) -> Scene:
 
     A vessel's ``path`` gives its interpolated centre (held beyond its ends), a stenosis with
     ``z_mm`` lies only in that stretch, and a lump with ``z_mm`` is a sphere: its cut is a circle
-    of radius sqrt(r^2 - dz^2), or nothing.
+    of radius sqrt(r^2 - dz^2), or nothing. A solid is not cut: it is pressed as a whole, above
+    z = 0; elsewhere `SceneError`.
     """
+    if scene.plane == "solid":
+        if z_mm:
+            raise SceneError(
+                f"{scene.name} is a solid, which is scanned above z = 0 only, and a place lies at "
+                f'{z_mm:g} mm: take one row there, or the scene with plane = "stress" or "strain"'
+            )
+        return scene
     cut = []
     for one in scene.inclusion:
         piece = _vessel(one, z_mm) if isinstance(one, Artery) else _lump(one, z_mm)

@@ -3,6 +3,7 @@
 import pytest
 from small_block import BLOCK
 
+from sim_backend.models import kept_tables
 from sim_backend.models import surrogate as fast
 from sim_backend.models.surrogate import Surrogate, surrogate
 
@@ -13,6 +14,8 @@ DEEPEST_MM = 1.0
 def small_surrogate(tmp_path_factory: pytest.TempPathFactory) -> Surrogate:
     """Of a narrow block: few places."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fast.platformdirs, "user_cache_dir", lambda *_: tmp_path_factory.mktemp("c"))
+        patch.setattr(
+            kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path_factory.mktemp("c")
+        )
         patch.setattr(fast, "HELD_BACK", 4)
         return surrogate(BLOCK, DEEPEST_MM)

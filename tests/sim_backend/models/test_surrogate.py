@@ -7,6 +7,7 @@ import pytest
 from small_block import BLOCK
 
 from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.models import kept_tables
 from sim_backend.models import surrogate as fast
 from sim_backend.models.station_response import element_size_m
 from sim_backend.models.surrogate import Surrogate, cache_file, surrogate
@@ -63,7 +64,7 @@ def test_the_cache_goes_by_content_and_a_torn_file_is_made_anew(
     other = BLOCK.model_copy(update={"inclusion": (thicker,)})
     assert cache_file(renamed, 1e-3) == cache_file(BLOCK, 1e-3)
     assert len({cache_file(BLOCK, 1e-3), cache_file(BLOCK, 2e-3), cache_file(other, 1e-3)}) == 3
-    monkeypatch.setattr(fast.platformdirs, "user_cache_dir", lambda *_: tmp_path)
+    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
     path = cache_file(BLOCK, 1e-3)
     path.parent.mkdir(parents=True)
     path.write_bytes(b"PK\x03\x04 cut short")

@@ -1,0 +1,124 @@
+"""A solid's answer at one place, for any depth and lumen pressure, kept on disk.
+
+One ramp is solved at the resting pressure; at some of its depths systole is solved too, and at the
+full one diastole. Between depths force and stress follow powers of the depth that change
+evenly with its logarithm (a ball's first is 3/2: Hertz; Johnson 1985, eq. 4.22). The mesh is the
+first of those that `sim_backend.models.solid_press` refines.
+"""
+
+from functools import lru_cache
+from math import ceil
+
+import numpy as np
+
+from sim_backend.arrays import Array
+from sim_backend.fem.newton import CannotSolve, Load
+from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.build import build_body, half_width_m
+from sim_backend.fem.solid.newton import SolidSolution, continuation, is_stable, unloaded
+from sim_backend.fem.solid.stress import under_finger_pa
+from sim_backend.models.curve import from_nothing, monotone
+from sim_backend.models.kept_tables import kept_table, table_file
+from sim_backend.models.response import Curve, Left, StationResponse, levels_pa
+from sim_backend.models.solid_press import SHARES
+from sim_backend.scene.scene_file import Scene
+
+DEPTHS = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
+"""Shares of the greatest depth that are solved. The first is 0.5 mm of the usual 2.5: a contact
+that is narrower than two elements is told too roughly."""
+FILLED = np.array([0, 2, 4])
+"""Those of them at which systole is solved too."""
+STEP_M = 0.55e-3
+"""Longest step down: of 0.7 mm one in three crushed elements at first, and took ten times as long.
+"""
+LEFT = Left(rest=0.05, change=0.05, between=0.01)
+"""TIHA under a ball: from this mesh to the next the force changes by 1.7 %, which leaves 3.8 % at
+the rate of `solid_press.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
+between depths 0.2 % of the deepest."""
+WAY = 1
+"""Number of the way of solving; what was kept by another way is solved again."""
+
+
+@lru_cache(maxsize=256)
+def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
+    """The answer of a solid ``scene`` above (``x_m``, z = 0) [m] down to ``max_depth_m`` [m].
+
+    Raises `CannotSolve` where physics ends, and `SceneError` where elements cannot be made.
+    """
+    content = [scene.model_dump(mode="json", exclude={"name"}), x_m, max_depth_m, WAY]
+    path = table_file("solid", content)
+    table = kept_table(path, lambda: solve_place(scene, x_m, max_depth_m))
+    rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
+    sunk = max_depth_m * DEPTHS + float(table["bulge"])
+
+    def curve(which: int) -> Curve:
+        at_rest, at_high = table["ramp"][:, which], table["filled"][:, which]
+        lowest = float(table["lowest"][which])
+        slope = (at_high - at_rest[FILLED]) / max(high - rest, 1.0)
+        return Curve(
+            from_nothing(sunk, at_rest, _slopes(sunk, at_rest)),
+            monotone(np.append(0.0, sunk[FILLED]), np.append(0.0, slope)),
+            rest, low, high,
+            _bend(low - rest, high - rest, lowest - at_rest[-1], slope[-1]),
+        )  # fmt: skip
+
+    return StationResponse(x_m, max_depth_m, 1.0, float(table["bulge"]), curve(0), curve(1), LEFT)
+
+
+def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array]:
+    """Force [N] and stress [Pa]: ``ramp`` (d, 2) at rest over `DEPTHS`, ``filled`` (f, 2) at
+    systole over those `FILLED`, ``lowest`` (2,) at the full depth and diastole; ``bulge`` [m].
+
+    Raises `CannotSolve`.
+    """
+    size_m = SHARES[0] * half_width_m(scene)
+    body = build_body(scene, x_m, depth_m=max_depth_m, size_m=size_m)
+    solver = body.solver()
+    rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
+    start, bulge = unloaded(body), 0.0
+    if scene.arteries:
+        (start,) = continuation(body, solver, start, [Load(-max_depth_m, rest)])
+        bulge = _surface_m(body, start)
+    between = max(1, ceil(max_depth_m * DEPTHS[0] / STEP_M))
+    depths = np.linspace(0.0, max_depth_m, len(DEPTHS) * between + 1)[1:]
+    down = list(continuation(body, solver, start, [Load(float(d), rest) for d in depths]))
+    ramp = down[between - 1 :: between]
+    if is_stable(body, solver, ramp[-1]) is False:
+        raise CannotSolve(
+            "stability",
+            f"{1e3 * max_depth_m:g} mm deep at x = {1e3 * x_m:g} mm the solid is unstable: it "
+            "would give way sideways. Press less deep.",
+        )
+
+    def at(one: SolidSolution, pressure_pa: float) -> tuple[float, float]:
+        if scene.arteries:
+            (one,) = continuation(body, solver, one, [Load(one.load.depth_m, pressure_pa)])
+        return one.force_n, under_finger_pa(body, one)
+
+    lowest = at(ramp[-1], low)
+    filled = [at(ramp[k], high) for k in FILLED[::-1]][::-1]
+    return {
+        "ramp": np.array([(one.force_n, under_finger_pa(body, one)) for one in ramp]),
+        "filled": np.array(filled), "lowest": np.array(lowest), "bulge": np.array(bulge),
+    }  # fmt: skip
+
+
+def _surface_m(body: Body, solution: SolidSolution) -> float:
+    """How far the surface rises towards the finger."""
+    gap, _, _ = body.finger.gap((body.wedges.nodes + solution.displacement)[body.surface])
+    return float(-gap.min())
+
+
+def _slopes(x: Array, y: Array) -> Array:
+    """Of ``y`` (n,) at ``x`` (n,), n > 2: the exponent of the power of x between two of them, and
+    at them a parabola's through three."""
+    exponent = np.gradient(np.log(np.maximum(y, 1e-12)), np.log(x), edge_order=2)
+    return np.asarray(np.maximum(exponent, 0.0) * y / x)
+
+
+def _bend(low: float, high: float, at_low: float, slope: float) -> Array:
+    """Coefficients of g(p), p over rest [Pa]: g(0) = 0, g(high) = high, slope g(low) = at_low."""
+    if high <= 0 or low >= 0 or slope == 0:
+        return np.array([1.0, 0.0])
+    bend = (at_low / (slope * low) - 1) / (low - high)
+    return np.array([bend, 1 - bend * high, 0.0])

@@ -1,0 +1,87 @@
+"""What the phantom feels of a solid: the states that are solved, and what lies between them."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim_backend.fem.solid.build import half_width_m
+from sim_backend.fem.solid.solve import solve_solid
+from sim_backend.fem.solid.stress import under_finger_pa
+from sim_backend.models import kept_tables, solid_response
+from sim_backend.models.response import levels_pa
+from sim_backend.models.solid_press import SHARES
+from sim_backend.models.station_response import respond
+from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.scene.slicing import section_at
+
+DEPTH_M = 0.6e-3
+VESSEL = {"kind": "artery", "x_mm": 8.0, "depth_mm": 4.5, "inner_diameter_mm": 2.0, "wall_mm": 1.0,
+          "modulus_kpa": 200.0, "poisson": 0.45}  # fmt: skip
+SCENE = Scene.model_validate(
+    {
+        "name": "small",
+        "plane": "solid",
+        "tissue": {"width_mm": 16.0, "height_mm": 8.0, "length_mm": 10.0, "modulus_kpa": 50.0,
+                   "poisson": 0.45},
+        "inclusion": [VESSEL],
+        "indenter": {"shape": "sphere", "radius_mm": 4.0},
+    }
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+def test_a_solid_s_response_is_its_presses(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
+    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: cache)
+    solid_response.respond_solid.cache_clear()
+    found = respond(SCENE, 10e-3, DEPTH_M)
+    rest, low, high = levels_pa(SCENE)
+    # x = 10 mm is the mirror image of 6 mm
+    size_m = SHARES[0] * half_width_m(SCENE)
+    body, states = solve_solid(SCENE, 6e-3, DEPTH_M, [low, high], size_m)
+    ours = found.force_n(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
+    assert ours == pytest.approx([one.force_n for one in states], rel=1e-4)
+    assert found.bulge_m > 0
+    depth = np.linspace(-found.bulge_m, DEPTH_M, 40)
+    down = found.force_n(found.x_m, depth, np.array(rest))
+    assert down[0] == 0.0 and (np.diff(down) > 0).all()
+    stress = found.von_mises_pa(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
+    assert stress == pytest.approx([under_finger_pa(body, one) for one in states], rel=1e-3)
+
+
+def test_a_place_that_was_solved_is_not_solved_again(
+    monkeypatch: pytest.MonkeyPatch, cache: Path
+) -> None:
+    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: cache)
+    table = {"ramp": np.outer([1.0, 3, 6, 9, 13], [1.0, 1e3]),
+             "filled": np.outer([1.1, 6.4, 13.9], [1.0, 1e3]),
+             "lowest": np.array([12.7, 12.7e3]), "bulge": np.array(1e-4)}  # fmt: skip
+    asked = []
+
+    def solve_place(_scene: Scene, x_m: float, _depth_m: float) -> dict[str, np.ndarray]:
+        asked.append(x_m)
+        return table
+
+    monkeypatch.setattr(solid_response, "solve_place", solve_place)
+    _, low, high = levels_pa(SCENE)
+    for _ in range(2):
+        solid_response.respond_solid.cache_clear()
+        found = respond(SCENE, 5e-3, DEPTH_M)
+        ends = found.force_n(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
+        assert ends == pytest.approx([12.7, 13.9], rel=1e-9)
+    assert asked == [5e-3]
+
+
+def test_between_depths_a_ball_s_force_follows_its_power() -> None:
+    sunk = 1e-3 * solid_response.DEPTHS
+    assert solid_response._slopes(sunk, sunk**1.5) == pytest.approx(1.5 * sunk**0.5, rel=1e-9)
+
+
+def test_a_solid_is_pressed_above_its_middle_only() -> None:
+    assert section_at(SCENE, 0.0) is SCENE
+    with pytest.raises(SceneError, match="z = 0 only"):
+        section_at(SCENE, 3.0)
