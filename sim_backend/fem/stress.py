@@ -27,8 +27,9 @@ def nodal_von_mises(section: Section, u: Array) -> Array:
 
 def under_finger_pa(section: Section, u: Array) -> float:
     """Von Mises stress [Pa] at the surface under the middle of the finger, from F at the nodes."""
-    surface, shape = section.mesh.surface, section.cells.shape
-    chosen = np.flatnonzero(np.isin(section.cells.nodes, surface).any(axis=1))
+    shape = section.cells.shape
+    beside, x = _beside(section, u)
+    chosen = np.flatnonzero(np.isin(section.cells.nodes, beside).any(axis=1))
     nodes = section.cells.nodes[chosen]
     points = _T6_NODES if shape is t6 else _Q_NODES[: 4 if shape is q4 else 8]
     slope, _ = gradients(section.mesh.nodes, nodes, shape(points)[1])
@@ -39,10 +40,19 @@ def under_finger_pa(section: Section, u: Array) -> float:
         r = section.mesh.nodes[nodes, 0]
         on_axis = r < 1e-12
         around = np.where(on_axis, f[..., 0], 1 + u[nodes, 0] / np.where(on_axis, 1.0, r))
-    stress = _averaged(nodes, _von_mises(section, chosen, f, around), len(u))[surface]
+    stress = _averaged(nodes, _von_mises(section, chosen, f, around), len(u))[beside]
+    return float(np.interp(section.finger.x, x, stress))
+
+
+def _beside(section: Section, u: Array) -> tuple[Ints, Array]:
+    """The surface's two nodes (2,) to either side of the finger's middle, and where they are now
+    (2,) [m] along x; the outermost two where it is beside the surface."""
+    surface = section.mesh.surface
     x = section.mesh.nodes[surface, 0] + u[surface, 0]
     order = np.argsort(x)
-    return float(np.interp(section.finger.x, x[order], stress[order]))
+    right = int(np.clip(np.searchsorted(x[order], section.finger.x), 1, len(x) - 1))
+    both = order[right - 1 : right + 1]
+    return surface[both], x[both]
 
 
 def _von_mises(section: Section, chosen: Ints, f: Array, around: Array) -> Array:
