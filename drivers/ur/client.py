@@ -11,6 +11,7 @@ for: the library then uploads its program, in place of whatever runs.
 import os
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
@@ -18,6 +19,8 @@ from typing import Any, NamedTuple
 READY = 0  # number of the answer that says the client is connected
 NO_ANSWER = -1  # number of a command that nobody waits for
 READ_S = 2e-4
+REST_PERIODS = 0.5  # after a sample nobody needs to look for the next one
+OBEY_S = 0.005  # a command wakes at once; the watchdog is kicked within this
 SEND_S = 0.004
 KICKS = 4  # in the time that the robot's watchdog waits
 BEGINS_S = 1.0  # an accepted move is under way within a few cycles, on a busy machine later
@@ -116,7 +119,7 @@ class _Client:
         waiting: list[State] = []
         last_s, sent_s = -1.0, 0.0
         while not self.end.is_set():
-            state = whole_state(self._receive, last_s, busy=self._busy())
+            state = whole_state(self._receive, last_s, self._busy)
             if state is not None:
                 last_s = state.timestamp_s
                 waiting.append(state)
@@ -128,14 +131,14 @@ class _Client:
                 except OSError:
                     return
                 waiting = []
-            time.sleep(READ_S)
+            time.sleep(READ_S if state is None else REST_PERIODS / self._frequency_hz)
 
     def obey(self, commands: Connection) -> None:
         """One command at a time."""
         while not self.end.is_set():
             if not self._guarded:  # nobody checks a force: the watchdog guards this process
                 self._kick()
-            if not commands.poll(0.001):
+            if not commands.poll(OBEY_S):
                 continue
             number, name, arguments = commands.recv()
             try:
@@ -227,7 +230,9 @@ class _Client:
         return bool(status.isAsyncOperationRunning())
 
 
-def whole_state(receive: Any, last_s: float, *, busy: bool = False) -> State | None:
+def whole_state(
+    receive: Any, last_s: float, busy: Callable[[], bool] = lambda: False
+) -> State | None:
     """A sample later than ``last_s`` whose fields belong together: the getters are separate, so
     the time is read again after them and must not have moved on."""
     before_s = receive.getTimestamp()
@@ -237,6 +242,6 @@ def whole_state(receive: Any, last_s: float, *, busy: bool = False) -> State | N
         before_s, time.monotonic(), tuple(receive.getActualTCPPose()),
         tuple(receive.getActualTCPForce()), tuple(receive.getTargetTCPSpeed()),
         int(receive.getSafetyMode()), int(receive.getRobotMode()), int(receive.getRuntimeState()),
-        receive.getSpeedScaling() * receive.getTargetSpeedFraction(), busy,
+        receive.getSpeedScaling() * receive.getTargetSpeedFraction(), busy(),
     )  # fmt: skip
     return state if receive.getTimestamp() == before_s and before_s > 0 else None

@@ -82,7 +82,12 @@ class Recipe:
         self.number = number
         self.names = names
         self.types = [type_of(name) for name in names]
-        self._formats = [">" + FORMATS.get(kind, "") for kind in self.types]
+        self._fields: list[tuple[str, struct.Struct, int]] = []
+        self._size = 1  # its number comes first
+        for name, kind in zip(names, self.types, strict=True):
+            form = struct.Struct(">" + FORMATS.get(kind, ""))
+            self._fields.append((name, form, self._size))
+            self._size += form.size
 
     def answer(self) -> bytes:
         """Number and types, as the controller confirms a recipe."""
@@ -90,22 +95,18 @@ class Recipe:
 
     def pack(self, values: Mapping[str, Any]) -> bytes:
         """A data package's payload; what ``values`` lacks is 0."""
-        parts = [bytes([self.number])]
-        for name, form in zip(self.names, self._formats, strict=True):
-            size = struct.calcsize(form)
+        packed = bytearray(self._size)
+        packed[0] = self.number
+        for name, form, at in self._fields:
             value = values.get(name)
-            if value is None:
-                parts.append(bytes(size))
-            else:
-                parts.append(struct.pack(form, *(value if isinstance(value, tuple) else (value,))))
-        return b"".join(parts)
+            if value is not None:
+                form.pack_into(packed, at, *(value if isinstance(value, tuple) else (value,)))
+        return bytes(packed)
 
     def unpack(self, payload: bytes) -> dict[str, Any]:
         """The values of a data package (without its number)."""
         values: dict[str, Any] = {}
-        at = 0
-        for name, form in zip(self.names, self._formats, strict=True):
-            got = struct.unpack_from(form, payload, at)
+        for name, form, at in self._fields:
+            got = form.unpack_from(payload, at - 1)
             values[name] = got if len(got) > 1 else got[0]
-            at += struct.calcsize(form)
         return values
