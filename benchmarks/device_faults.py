@@ -5,14 +5,13 @@
 Real drivers against emulated devices in one phantom. One real-time scan of a press 1.5 mm deep for
 each fault and phase; a stage is tried with a virtual sensor, a sensor with a virtual stage. The
 table says how long after the fault the run ended and the tip was at rest; a probe that cannot be
-lifted is tried for `PATIENCE_S`. What was done is kept in `KEPT`, so that a run that is broken off
-goes on where it was. Exit status 1 if a scan without a fault did not complete, or with one the tip
-rested later than `SOON_S`, the run completed in spite of a lasting fault, took `PATIENCE_S` and
-`SOON_S` to end, lost its samples or named another device.
+lifted is tried for `PATIENCE_S`. Rows are kept in `KEPT`, so that a run that is broken off goes on
+where it was; delete one to run it again. Exit status 1 if a scan without a fault did not complete,
+or with one the tip rested later than `SOON_S`, the run completed in spite of a lasting fault, took
+`PATIENCE_S` and `SOON_S` to end, lost its samples or named another device.
 """
 
 import argparse
-import json
 import subprocess
 import sys
 import tempfile
@@ -21,11 +20,13 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import count
 from pathlib import Path
 from typing import Any
+
+from kept import ROOT, Row, fill, read
 
 from drivers import Sensor, Stage, WallClock
 from drivers.core.registry import open_driver
@@ -51,7 +52,7 @@ from sim_backend.models.station_response import respond
 from sim_backend.phantom.devices import virtual_sensor, virtual_stage
 from sim_backend.phantom.phantom import Phantom, Response
 
-KEPT = Path("runs/device-faults.jsonl")
+KEPT = ROOT / "docs" / "results" / "device-faults.csv"
 PHASES = (Phase.TRAVELLING, Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
 AFTER_S = 0.05  # the fault comes this long after the phase began
 SOON_S = 2.0
@@ -61,7 +62,7 @@ RIG = Rig(
     safety=Safety(retract_mm=3.0, silence_s=1.0),  # all emulators share this interpreter
 )
 PLAN = plan_for(RIG)
-LIMITS = limits_for(RIG, PLAN)
+LIMITS = replace(limits_for(RIG, PLAN), face_m2=1e-4)  # of 28 taxels
 LINE = ("silence", "drop", "garbage", "late")
 ROLES = {"stages": "stage", "sensors": "sensor"}
 _hosts = count(2)
@@ -166,6 +167,13 @@ class Outcome:
     deepest_mm: float
 
     @property
+    def as_row(self) -> Row:
+        """As `KEPT` has it."""
+        times = {"ended_s": f"{self.ended_s:.3f}", "rest_s": f"{self.rest_s:.3f}"}
+        found = {name: getattr(self, name) for name in ("finish", "reason", "samples")}
+        return times | found | {"deepest_mm": f"{self.deepest_mm:.3f}"}
+
+    @property
     def wrong(self) -> bool:
         completed = self.finish == Finish.COMPLETED
         if not self.fault:
@@ -174,6 +182,18 @@ class Outcome:
         told = self.finish == Finish.FAULTED and self.device in self.reason
         late = self.rest_s > SOON_S or self.ended_s > PATIENCE_S + SOON_S
         return late or self.samples == 0 or not (told or (completed and over))
+
+
+def outcomes() -> dict[tuple[str, ...], Outcome]:
+    """The rows of `KEPT`."""
+    found = {}
+    for row in read(KEPT):
+        key = (row["device"], row["fault"], row["phase"])
+        found[key] = Outcome(
+            *key, float(row["ended_s"]), float(row["rest_s"]), row["finish"], row["reason"],
+            int(row["samples"]), float(row["deepest_mm"]),
+        )  # fmt: skip
+    return found
 
 
 @cache
@@ -260,23 +280,21 @@ def main() -> int:
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--contract", action="store_true", help="run the contract's tests too")
     given = parser.parse_args()
-    KEPT.parent.mkdir(exist_ok=True)
-    kept = [Outcome(**json.loads(line)) for line in KEPT.read_text().splitlines()] if (
-        KEPT.exists()) else []  # fmt: skip
     jobs = [(n, "", "") for n in given.devices]
     jobs += [(n, f, str(p)) for n in given.devices for f in DEVICES[n].faults for p in PHASES]
-    done = {(o.device, o.fault, o.phase): o for o in kept}
+    have = outcomes()
     solved()
-    with ThreadPoolExecutor(given.workers) as pool, KEPT.open("a") as file:
-        for outcome in pool.map(lambda job: strike(*job), [j for j in jobs if j not in done]):
-            file.write(json.dumps(asdict(outcome)) + "\n")
-            file.flush()
-            done[outcome.device, outcome.fault, outcome.phase] = outcome
-    outcomes = [done[job] for job in jobs]
-    print(table(outcomes, {n: contract(n) for n in given.devices} if given.contract else {}))
-    wrong = [o for o in outcomes if o.wrong]
-    faults = [o.ended_s for o in outcomes if o.fault]
-    print(f"\n{len(outcomes)} scans, {len(wrong)} wrong; ended at most {max(faults):.2f} s after "
+    with ThreadPoolExecutor(given.workers) as pool:
+        begun = {job: pool.submit(strike, *job) for job in jobs if job not in have}
+        fill(KEPT, ("device", "fault", "phase"),
+             ("ended_s", "rest_s", "finish", "reason", "samples", "deepest_mm"),
+             begun, lambda *job: begun[job].result().as_row)  # fmt: skip
+    have = outcomes()
+    done = [have[job] for job in jobs]
+    print(table(done, {n: contract(n) for n in given.devices} if given.contract else {}))
+    wrong = [o for o in done if o.wrong]
+    faults = [o.ended_s for o in done if o.fault]
+    print(f"\n{len(done)} scans, {len(wrong)} wrong; ended at most {max(faults):.2f} s after "
           "the fault")  # fmt: skip
     for one in wrong:
         print(one)

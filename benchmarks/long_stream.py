@@ -6,11 +6,13 @@ Both are emulated in a process of their own, and a scan of long holds is made wi
 ``palpate scan`` makes it: its guards in another process again, every block committed to a run
 file. Each sample carries in its torques, which nothing else needs here, its running number on the
 device, and the emulators keep when each was measured. Stored samples are so compared with what was
-measured, whatever the drivers say of loss and time. The rows are kept in `KEPT`; delete one to
-measure it again.
+measured, whatever the drivers say of loss and time. Ctrl-C ends the scan early, which is judged all
+the same. The rows are kept in `KEPT`; delete one to measure it again. With its emulators it takes
+more than one core, before all other work.
 """
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -109,7 +111,7 @@ def serve(folder: Path) -> None:
         robot.outputs = numbered
         print("ready", flush=True)
         sys.stdin.read()
-        first_s = robot._start_s  # noqa: SLF001 - the truth of cycle 0
+        first_s = robot._start_s
     cycles = np.array([first_s, robot.period_s])
     np.savez(
         folder / "truth.npz", cycles=cycles, frames=np.array(cell.measured_s), zero=zero_s(clock)
@@ -217,7 +219,7 @@ def stream(minutes: float) -> Row:
         folder = Path(name)
         emulators = stack.enter_context(subprocess.Popen(
             [sys.executable, __file__, "--serve", name],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True,
         ))  # fmt: skip
         assert emulators.stdin and emulators.stdout
         emulators.stdout.readline()
@@ -250,6 +252,7 @@ def zero_s(clock: WallClock) -> float:
 def scan(rig: Rig, path: Path, looks: Looks) -> tuple[RunEnded, float]:
     """As `palpate.scan`, with a clock whose zero is known: that on the monotonic clock [s]."""
     clock, control = WallClock(), Control()
+    signal.signal(signal.SIGINT, lambda _number, _frame: control.abort())
     plan = plan_for(rig)
     looking = threading.Thread(target=looks.go_on)
     with opened_devices(Order(rig, clock, None, 0, None), None, control) as devices:

@@ -85,7 +85,7 @@ class NetFtBox:
         next_s = time.monotonic()
         while not self._end.is_set():
             self._listen()
-            while next_s <= time.monotonic():
+            while next_s <= time.monotonic() and not self._end.is_set():
                 late_s = time.monotonic() - next_s  # a box measures in time, however late it sends
                 next_s += 1 / self._rate_hz
                 self._sequence = (self._sequence + 1) % 2**32
