@@ -22,7 +22,7 @@ def pace(stage: Stage) -> float:
     return float(getattr(stage, "pace", 1.0))
 
 
-def unreachable(stage: Stage, poses: Sequence[Pose]) -> list[Pose]:
-    """Those of ``poses`` that it cannot go to, as far as it knows. Raises `DeviceFault`."""
+def unreachable(stage: Stage, poses: Sequence[Pose]) -> dict[Pose, str]:
+    """Those of ``poses`` that it cannot go to as far as it knows, and why. Raises `DeviceFault`."""
     own = getattr(stage, "unreachable", None)
-    return [] if own is None else list(own(poses))
+    return {} if own is None else dict(own(poses))

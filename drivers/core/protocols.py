@@ -84,7 +84,10 @@ class Stage(Protocol):
     - ``keep_alive()``: called by whoever checks the force, each time that it has; a device with a
       watchdog halts by itself when the calls stop.
     - ``pace``: the share of a commanded speed that the device allows now, above 0 up to 1.
-    - ``unreachable(poses) -> list[Pose]``: those that it cannot go to, asked before the first move.
+    - ``unreachable(poses) -> dict[Pose, str]``: those that it cannot go to in this order, and why;
+      asked before the first move.
+    - ``base_pose() -> Pose``: where the tool is in the arm's own frame, from which `palpate teach`
+      finds the keys ``origin_mm``, ``roll_deg``, ``pitch_deg``, ``yaw_deg``, ``tool_rotvec_rad``.
     """
 
     @property

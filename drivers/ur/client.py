@@ -16,6 +16,8 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
+from drivers.ur.joints import hindrances
+
 READY = 0  # number of the answer that says the client is connected
 NO_ANSWER = -1  # number of a command that nobody waits for
 READ_S = 2e-4
@@ -169,8 +171,8 @@ class _Client:
                 return True, ""
             case "zero":
                 return control.zeroFtSensor(), ""
-            case "reachable":
-                return True, [bool(control.isPoseWithinSafetyLimits(list(p))) for p in arguments]
+            case "why not":
+                return True, hindrances(control, *arguments)
         raise ValueError(name)
 
     def _take_control(self, setup: Control) -> tuple[bool, Any]:

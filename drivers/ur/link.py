@@ -18,8 +18,8 @@ from drivers.core.child import Child
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.ur.client import NO_ANSWER, READY, Control, State, serve
 from drivers.ur.preflight import DASHBOARD_PORT, ask_version, check_control
+from drivers.ur.settings import CONNECT_S
 
-CONNECT_S = 9.0  # the library itself waits 5 s for its program to start
 FIRST_S = 1.0
 COMMAND_S = 0.5
 DASHBOARD_S = 0.1
@@ -50,7 +50,9 @@ class Link:
     ``rate_hz`` is what the controller sends at.
     """
 
-    def __init__(self, name: str, host: str, rate_hz: float | None, silence_s: float) -> None:
+    def __init__(
+        self, name: str, host: str, rate_hz: float | None, silence_s: float, connect_s: float
+    ) -> None:
         self.controller = ask_version(name, host)
         fastest_hz = self.controller.fastest_hz
         if rate_hz is not None and rate_hz > fastest_hz:
@@ -61,6 +63,7 @@ class Link:
         self.name = name
         self.host = host
         self.silence_s = silence_s
+        self._connect_s = connect_s
         self.rate_hz = fastest_hz if rate_hz is None else rate_hz
         self.users = 0
         self.controls = False
@@ -77,7 +80,7 @@ class Link:
         self._states, self._commands = self._child.pipes
         self._thread = threading.Thread(target=self._follow, name=f"palpate {name}", daemon=True)
         self._thread.start()
-        ready, why = self._answer(READY, CONNECT_S)
+        ready, why = self._answer(READY, connect_s)
         if not ready or not self._first():
             self._fail(why or "no data")
 
@@ -97,7 +100,7 @@ class Link:
             )  # fmt: skip
         check_control(self.name, self.host, self.controller)
         with self._silent_while_starting():
-            done, found = self._answer(self._send("take control", (setup,)), CONNECT_S)
+            done, found = self._answer(self._send("take control", (setup,)), self._connect_s)
         if not done:
             self.state()  # says more than the library does
             raise DeviceFault(self.name, str(found) or "its control program does not start")
@@ -256,13 +259,15 @@ _links: dict[str, Link] = {}
 _opening = threading.Lock()
 
 
-def take_link(name: str, host: str, rate_hz: float | None, silence_s: float) -> Link:
+def take_link(
+    name: str, host: str, rate_hz: float | None, silence_s: float, connect_s: float = CONNECT_S
+) -> Link:
     """The link to a host, opened by the first user. Raises `DeviceAbsent`, or `ConfigError` where
     it is open at another rate."""
     with _opening:
         link = _links.get(host)
         if link is None:
-            link = _links[host] = Link(name, host, rate_hz, silence_s)
+            link = _links[host] = Link(name, host, rate_hz, silence_s, connect_s)
         elif rate_hz not in (None, link.rate_hz):
             raise ConfigError(
                 f"{name}: {rate_hz:g} Hz, but {link.name} has opened {host} at "

@@ -86,7 +86,7 @@ def open_sensor(clock: Clock, settings: UrSensorSettings) -> UrForce:
 
     def open_source() -> WrenchSource:
         keys = settings
-        link = take_link(keys.name, keys.host, keys.rate_hz, keys.silence_s)
+        link = take_link(keys.name, keys.host, keys.rate_hz, keys.silence_s, keys.connect_s)
         sensor.link, sensor.rate_hz = link, link.rate_hz
         with suppress(DeviceFault):
             link.samples(0.0)  # what came before is nobody's

@@ -11,6 +11,7 @@ Rate = Annotated[float, Field(gt=0, le=500)]
 Normal = Literal["tool", "+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
 
+CONNECT_S = 9.0  # the library itself waits 5 s for its program to start
 SILENCE_S = 0.1  # 50 cycles: far beyond any gap seen (reference/devices/ur.md); 2 mm at 20 mm/s
 
 
@@ -28,7 +29,8 @@ class UrStageSettings(Settings):
     nobody has checked the force (half a millimetre at 2.5 mm/s); ``stop_s``, after which a stop
     that was not answered goes to the dashboard, which ends the program; ``answer_s``, after which
     a command that was not answered is a fault; ``silence_s``, after which the newest state is a
-    fault (of a stage and a sensor on one robot, the first counts).
+    fault; ``connect_s``, within which the library must have connected, and again its program have
+    started. (Of a stage and a sensor on one robot, the first's count.)
     """
 
     name: str = "ur"
@@ -49,6 +51,7 @@ class UrStageSettings(Settings):
     stop_s: Positive = 0.1
     answer_s: Positive = 0.5
     silence_s: Positive = SILENCE_S
+    connect_s: Positive = CONNECT_S
 
 
 class UrSensorSettings(Settings):
@@ -65,3 +68,4 @@ class UrSensorSettings(Settings):
     normal: Normal = "tool"
     full_scale_n: Positive = 50.0
     silence_s: Positive = SILENCE_S
+    connect_s: Positive = CONNECT_S

@@ -18,7 +18,7 @@ ARRIVED_M = 0.1e-3
 STILL_M, STILL_S = 5e-6, 0.02
 REST = 1e-6  # m/s and rad/s asked of the tool: a move that has ended asks for 0
 SETTLES_S = 0.2  # the joints follow their targets within this long
-REACH_S = 0.1  # a question takes some of the controller's cycles, of a CB3 8 ms each
+REACH_S = 0.3  # three questions take some of the controller's cycles each, of a CB3 8 ms each
 FULL_PACE = 0.995
 
 
@@ -51,7 +51,9 @@ class UrStage:
         """Connect for reading: nothing changes on the robot. Raises `DeviceAbsent`."""
         if self._link is None:
             keys = self._settings
-            self._link = take_link(self.name, keys.host, keys.frequency_hz, keys.silence_s)
+            self._link = take_link(
+                self.name, keys.host, keys.frequency_hz, keys.silence_s, keys.connect_s
+            )
 
     def enable(self) -> list[str]:
         """Upload the control program, set TCP and payload; what then holds, in words.
@@ -74,12 +76,20 @@ class UrStage:
         """The tool centre point in the scan frame."""
         return self._pose(self._there().state())
 
-    def unreachable(self, poses: Sequence[Pose]) -> list[Pose]:
-        """Those that the controller says it cannot go to, or may not by its safety limits."""
-        link, timeout_s = self._there(), self._settings.answer_s
+    def base_pose(self) -> Pose:
+        """The tool centre point in the robot's base frame; a frame is taught from it."""
+        return Pose(*self._there().state().pose)
+
+    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        """Those that the controller cannot go to in this order, or may not by its safety limits,
+        and why; among them joints at their limits and singularities."""
+        link, keys = self._there(), self._settings
         asked = [self._base(pose) for pose in poses]
-        within = link.command("reachable", *asked, timeout_s=timeout_s + REACH_S * len(asked))
-        return [pose for pose, can in zip(poses, within, strict=True) if not can]
+        why_not = link.command(
+            "why not", asked, 1e-3 * keys.max_speed_mm_s,
+            timeout_s=keys.answer_s + REACH_S * len(asked),
+        )  # fmt: skip
+        return {pose: why for pose, why in zip(poses, why_not, strict=True) if why}
 
     def move(self, target: Pose, speed_m_s: float) -> None:
         """Set off in a straight line. Raises `DeviceFault` if refused, or `ConfigError`."""

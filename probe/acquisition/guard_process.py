@@ -140,7 +140,7 @@ class Service:
     def enable(self) -> list[str]:
         return abilities.enable(self._devices.stage)
 
-    def unreachable(self, poses: list[Pose]) -> list[Pose]:
+    def unreachable(self, poses: list[Pose]) -> dict[Pose, str]:
         return abilities.unreachable(self._devices.stage, poses)
 
     def home(self) -> None:

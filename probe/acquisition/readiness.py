@@ -8,16 +8,16 @@ from probe.planning.plan import Plan, pressed
 def make_ready(stage: Stage, plan: Plan) -> list[str]:
     """What the stage then says of itself. Raises `DeviceFault` if it cannot make the scan."""
     words = abilities.enable(stage)
-    above = [turned(stage, plan.above(place)) for place in plan.places]
-    ends = [
-        turned(stage, pressed(plan.at_surface(place), plan.indentation_m)) for place in plan.places
-    ]
-    poses = list(dict.fromkeys([*above, *ends]))
-    if far := abilities.unreachable(stage, poses):
-        x, y, z = (1e3 * at for at in far[0][:3])
+    poses: dict[Pose, None] = {}  # each once, in the order of the scan
+    for place in plan.places:
+        for pose in (plan.above(place), pressed(plan.at_surface(place), plan.indentation_m)):
+            poses[turned(stage, pose)] = None
+    if far := abilities.unreachable(stage, list(poses)):
+        pose, why = next(iter(far.items()))
+        x, y, z = (1e3 * at for at in pose[:3])
         raise DeviceFault(
             stage.name, f"cannot go to {len(far)} of {len(poses)} planned poses, such as "
-            f"{x:.1f}, {y:.1f}, {z:.1f} mm: out of reach, or beyond its safety limits"
+            f"{x:.1f}, {y:.1f}, {z:.1f} mm: {why}"
         )  # fmt: skip
     return words
 

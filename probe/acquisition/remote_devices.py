@@ -34,9 +34,9 @@ class RemoteStage:
         """As `drivers.core.abilities.enable`."""
         return list(self._client.call("enable"))
 
-    def unreachable(self, poses: list[Pose]) -> list[Pose]:
+    def unreachable(self, poses: list[Pose]) -> dict[Pose, str]:
         """As `drivers.core.abilities.unreachable`."""
-        return list(self._client.call("unreachable", poses))
+        return dict(self._client.call("unreachable", poses))
 
     def stop(self) -> None:
         """Past all calls that wait for an answer."""

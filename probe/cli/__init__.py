@@ -30,6 +30,7 @@ GROUPS = (
     "finding",
     "scenes",
     "rig",
+    "teach",
     "files",
     "emulate",
     "record",

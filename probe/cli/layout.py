@@ -41,6 +41,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "init": "palpate init rig mylab",
         "schema": "palpate schema rig",
         "doctor": "palpate doctor rigs/ur5e.toml",
+        "teach": "palpate teach rigs/ur5e.toml --write",
         "watch": "palpate watch rigs/ur5e.toml",
         "record": "palpate record rigs/ur5e.toml --out tests/drivers/exchanges",
     },

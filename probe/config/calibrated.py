@@ -132,11 +132,12 @@ class CalibratedStage:
     def keep_alive(self) -> None:
         abilities.keep_alive(self._stage)
 
-    def unreachable(self, poses: Sequence[Pose]) -> list[Pose]:
-        """Those true poses whose readings the device cannot go to."""
+    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        """Those true poses whose readings the device cannot go to, and why."""
         readings = [_placed(pose, self._axes.command) for pose in poses]
-        far = set(abilities.unreachable(self._stage, readings))
-        return [pose for pose, reading in zip(poses, readings, strict=True) if reading in far]
+        far = abilities.unreachable(self._stage, readings)
+        both = zip(poses, readings, strict=True)
+        return {pose: far[reading] for pose, reading in both if reading in far}
 
     @property
     def name(self) -> str:

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from sim_backend.emulators.serving import on_this_machine
 from sim_backend.emulators.ur import wire
+from sim_backend.emulators.ur.kinematics import Inverse, anywhere
 from sim_backend.emulators.ur.robot import (
     EMERGENCY_MODE,
     PROTECTIVE_MODE,
@@ -259,6 +260,8 @@ def emulate(
     origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
     rotation_deg: tuple[float, float, float] = (0.0, 0.0, 0.0),
     reach_mm: float = 10_000.0,
+    inverse: Inverse = anywhere,
+    joint_limit_deg: float = 360.0,
     version: Version = E_SERIES,
     seed: int = 0,
     ready: Callable[[Point], bool] = lambda _target: True,
@@ -266,12 +269,16 @@ def emulate(
     """Serve a controller on the address ``at``.
 
     Base frame = scan frame turned by roll, pitch and yaw (``rotation_deg``, about the fixed x, y
-    and z), then moved by ``origin_mm``. Poses beyond ``reach_mm`` of the base are out of reach. A
-    move to a target (scan frame) that is not ``ready`` is held until it is.
+    and z), then moved by ``origin_mm``. Poses beyond ``reach_mm`` of the base are out of reach, and
+    those that ``inverse`` finds no joint angles for; angles beyond ``joint_limit_deg`` are not
+    allowed. A move to a target (scan frame) that is not ``ready`` is held until it is.
     """
     x, y, z = origin_mm
     turn = Rotation.from_euler("xyz", rotation_deg, degrees=True)
-    mounting = Mounting((1e-3 * x, 1e-3 * y, 1e-3 * z), turn, 1e-3 * reach_mm)
+    mounting = Mounting(
+        (1e-3 * x, 1e-3 * y, 1e-3 * z), turn, 1e-3 * reach_mm, inverse,
+        float(np.radians(joint_limit_deg)),
+    )  # fmt: skip
     rate_hz = min(rate_hz, CB3_HZ) if version[0] == 3 else rate_hz
     robot = Robot(phantom, mounting, noise_n, seed, 1 / rate_hz, ready)
     controller = UrController(robot, at, version)

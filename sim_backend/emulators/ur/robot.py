@@ -13,12 +13,14 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sim_backend.arrays import Array
+from sim_backend.emulators.ur.kinematics import POSTURE, Inverse, Six, anywhere
 from sim_backend.phantom.phantom import SLOPE_M, Phantom
 
 READY, DONE = 1, 2
 MOVE_L, ZERO_FORCE, SPEED_L, SPEED_STOP, SERVO_STOP, SET_PAYLOAD = 3, 8, 10, 15, 16, 17
 SERVO_L, SET_TCP, STOP_L, WATCHDOG = 24, 29, 33, 35
-WITHIN_LIMITS, TCP_OFFSET, STOP_SCRIPT = 36, 40, 255
+JOINTS_NEAR, WITHIN_LIMITS, JOINTS_WITHIN_LIMITS, TCP_OFFSET, JOINTS = 30, 36, 37, 40, 46
+STOP_SCRIPT = 255
 AT_ONCE = (SPEED_L, SERVO_L, 25)  # obeyed in each cycle: READY stays, DONE never comes
 PLAYING, STOPPED = 2, 1
 NORMAL_MODE, PROTECTIVE_MODE, EMERGENCY_MODE = 1, 3, 7
@@ -36,11 +38,14 @@ Point = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Mounting:
-    """Where the scan frame lies in the robot's base frame, how far the arm reaches from there."""
+    """Where the scan frame lies in the robot's base frame, how far the arm reaches from there, and
+    how far its joints turn."""
 
     origin_m: Point = (0.0, 0.0, 0.0)
     turn: Rotation = field(default_factory=Rotation.identity)
     reach_m: float = 10.0
+    inverse: Inverse = anywhere
+    joint_limit_rad: float = 2 * np.pi
 
     def to_base(self, place: Array) -> Array:
         """A place (3,) of the scan frame, in the base frame."""
@@ -87,7 +92,7 @@ class Robot:
         self._zero = np.zeros(3)
         self._slider = 1.0
         self._under_way: tuple[Point, float, float] | None = None
-        self._tcp: tuple[float, ...] = (0.0,) * 6
+        self._tcp: Six = (0.0,) * 6
         self._payload_kg = 0.0
         self._inputs: dict[str, Any] = {}
         self._said: dict[str, Any] = {f"output_int_register_{n}": 0 for n in range(3)}
@@ -267,17 +272,30 @@ class Robot:
         elif command == WATCHDOG:
             self._watchdog_s = 1 / self._numbers(1)[0]
         elif command == SET_TCP:
-            self._tcp = tuple(self._numbers(6))
+            self._tcp = _six(self._numbers(6))
         elif command == SET_PAYLOAD:
             self._payload_kg = self._numbers(1)[0]
         elif command == WITHIN_LIMITS:
             near = float(np.linalg.norm(self._numbers(3))) <= self._mounting.reach_m
-            self._said["output_int_register_1"] = int(near)
+            can = near and self._joints(POSTURE) is not None
+            self._said["output_int_register_1"] = int(can)
+        elif command in (JOINTS, JOINTS_NEAR):
+            near_to = POSTURE if command == JOINTS else _six(self._numbers(12)[6:])
+            if (joints := self._joints(near_to)) is None:
+                self.end_program()  # as a script that fails does
+            else:
+                self._said |= {f"output_double_register_{n}": at for n, at in enumerate(joints)}
+        elif command == JOINTS_WITHIN_LIMITS:
+            turned = max(map(abs, self._numbers(6)))
+            self._said["output_int_register_1"] = int(turned <= self._mounting.joint_limit_rad)
         elif command == TCP_OFFSET:
             self._said |= {f"output_double_register_{n}": at for n, at in enumerate(self._tcp)}
         elif command == STOP_SCRIPT:
             self.end_program()
         return True
+
+    def _joints(self, near: Six) -> Six | None:
+        return self._mounting.inverse(_six(self._numbers(6)), self._tcp, near)
 
     def _numbers(self, count: int) -> list[float]:
         return [float(self._inputs.get(f"input_double_register_{n}", 0)) for n in range(count)]
@@ -309,6 +327,11 @@ class Robot:
         now = self._phantom.clock.now()
         if self._phantom.tip.moving(now):
             self._phantom.tip.halt(now, STOP_M_S2)
+
+
+def _six(numbers: list[float]) -> Six:
+    a, b, c, d, e, f = numbers
+    return (a, b, c, d, e, f)
 
 
 def _normal(phantom: Phantom, place: Point) -> Array:

@@ -78,4 +78,4 @@ def test_places_out_of_reach_are_known_before_moving(winkler: Respond) -> None:
     with connected(winkler, reach_mm=430.0) as (made, _):
         made.stage.enable()
         near, far = Pose(0.0, 0.0, 0.004), Pose(0.06, 0.0, 0.004)
-        assert made.stage.unreachable([near, far, near]) == [far]
+        assert list(made.stage.unreachable([near, far, near])) == [far]
