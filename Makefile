@@ -31,8 +31,9 @@ test: .venv/.installed-dev
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 2
 
-# Against software that we did not write: makers' client libraries drive the emulated controllers, and
-# where a lab has them (docs/reference/devices/README.md) URSim and grblHAL's simulator our drivers.
+# Against software that we did not write: makers' client libraries drive the emulated controllers. Our
+# drivers move grblHAL's simulator if PALPATE_GRBLHAL is its path, and URSim if Docker is there or
+# PALPATE_URSIM is its address; what is not there is skipped with the reason.
 test-peers: .venv/.installed-dev
 	$(BIN)/pip install --quiet zaber-motion pipython PyTrinamic panda-python
 	$(BIN)/pytest -n 2 -rs tests/peers

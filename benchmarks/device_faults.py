@@ -19,7 +19,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import count
@@ -225,10 +225,11 @@ def strike(name: str, fault: str, phase: str) -> Outcome:
         sensor: Sensor = (
             opened if device.kind == "sensors" else virtual_sensor(clock, phantom=phantom)
         )
-        ended = run_scan(PLAN, stage, [sensor], clock, sink, LIMITS)
-        ended_s = clock.now()
-        while phantom.tip.moving(clock.now()):
-            time.sleep(0.01)
+        with closing(opened):
+            ended = run_scan(PLAN, stage, [sensor], clock, sink, LIMITS)
+            ended_s = clock.now()
+            while phantom.tip.moving(clock.now()):
+                time.sleep(0.01)
         if not struck:  # it ended before the fault: never counts as right
             struck.append(-100.0 if fault else ended_s)
         legs = phantom.tip.all_legs()
