@@ -20,8 +20,7 @@ from drivers.ur.joints import hindrances
 
 READY = 0  # number of the answer that says the client is connected
 NO_ANSWER = -1  # number of a command that nobody waits for
-READ_S = 2e-4
-REST_PERIODS = 0.5  # after a sample nobody needs to look for the next one
+READ_S = 2e-4  # states that were held up come less than a millisecond apart
 OBEY_S = 0.005  # a command wakes at once; the watchdog is kicked within this
 SEND_S = 0.004
 KICKS = 4  # in the time that the robot's watchdog waits
@@ -133,7 +132,7 @@ class _Client:
                 except OSError:
                     return
                 waiting = []
-            time.sleep(READ_S if state is None else REST_PERIODS / self._frequency_hz)
+            time.sleep(READ_S)
 
     def obey(self, commands: Connection) -> None:
         """One command at a time."""
