@@ -6,8 +6,7 @@ from contextlib import contextmanager
 from enum import IntEnum
 from types import FrameType
 
-HANGUP = getattr(signal, "SIGHUP", None)  # Windows has neither this nor the last two
-ENDING = tuple(
+ENDING = tuple(  # Windows has the first two
     getattr(signal, name)
     for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")
     if hasattr(signal, name)
@@ -58,23 +57,20 @@ class Control:
 
 @contextmanager
 def ctrl_c(control: Control) -> Iterator[None]:
-    """Within: any signal of `ENDING` aborts, which lifts the probe; a second one stops it there.
+    """Within: any signal of `ENDING` aborts, which lifts; Ctrl-C after that stops the probe there.
 
-    A closed terminal or Ctrl-Z must not leave the probe in the tissue either. Call it in the main
+    Only a person types Ctrl-C. A terminal that closes, a computer that shuts down and a Ctrl-Z may
+    come after each other, and none of them may leave the probe in the tissue. Call it in the main
     thread.
     """
 
-    def asked(_signal: int, _frame: FrameType | None) -> None:
-        if control.command >= RunCommand.ABORT:
+    def asked(number: int, _frame: FrameType | None) -> None:
+        if number == signal.SIGINT and control.command >= RunCommand.ABORT:
             control.stop()
         else:
             control.abort()
 
-    def hung_up(_signal: int, _frame: FrameType | None) -> None:
-        control.abort()  # comes once more from the shell that dies with the terminal
-
-    handlers = {n: hung_up if n == HANGUP else asked for n in ENDING}
-    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    before = {number: signal.signal(number, asked) for number in ENDING}
     try:
         yield
     finally:

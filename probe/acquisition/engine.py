@@ -17,7 +17,7 @@ from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
-from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, Levels, changed, unknown
+from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, Levels, changed, little, unknown
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
@@ -327,9 +327,14 @@ class _Scan(RunLoop):
         return levels
 
     def _check_contact(self) -> None:
+        if self.in_the_air:
+            return
         levels = self.monitor.levels(self.monitor.seen_s() - LEVEL_S)
-        if not self.in_the_air and (why := no_contact(levels, self.plan.indentation_m)) is not None:
+        if (why := no_contact(levels, self.plan.indentation_m)) is not None:
             raise why
+        if not self.noted_little and (soft := little(levels, self.most_n)) is not None:
+            self.noted_little = True
+            self.bus.note("warning", "engine", soft)
 
     def _indent(self, surface: Pose) -> None:
         """Go in along the normal, then on by what the rig itself has yielded."""

@@ -133,9 +133,14 @@ class Service:
             monitor.force_n(),
             None if out is None else Leaving(out.done, out.lifting, out.up, out.why_not),
             self._homed is not None and self._homed.is_set(),
-            abilities.pace(self._devices.stage),
+            self._pace(),
             jumped,
         )
+
+    def _pace(self) -> float:
+        with suppress(DeviceFault):  # a heartbeat is answered above all when the stage is lost
+            return abilities.pace(self._devices.stage)
+        return 1.0
 
     def enable(self) -> list[str]:
         return abilities.enable(self._devices.stage)

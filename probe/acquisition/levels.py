@@ -6,6 +6,7 @@ from collections.abc import Mapping
 LEVEL_S = 0.1  # a level is the mean force over this long
 MAX_LEVEL_S = 1.0  # and over up to this where there are fewer than two readings in it
 MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
+LITTLE_SHARE = 0.02  # of the force limit: a press so soft is protected by no such limit
 MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
@@ -38,3 +39,18 @@ def no_force(levels: Levels) -> str | None:
         return None
     values = ", ".join(f"{name} {mean:.3g} N" for name, (mean, _) in levels.items())
     return f"no force above the noise ({values})"
+
+
+def little(levels: Levels, most_n: float) -> str | None:
+    """Says so if every sensor measures less than `LITTLE_SHARE` of the limit ``most_n``.
+
+    Tissue may be as soft as that; but a sensor that clips there says the same on any tissue.
+    """
+    if not levels or not all(mean < LITTLE_SHARE * most_n for mean, _ in levels.values()):
+        return None
+    values = ", ".join(f"{name} {mean:.3g} N" for name, (mean, _) in levels.items())
+    return (
+        f"{values} in a hold, at max_force_n = {most_n:g}: such a limit does not protect tissue as "
+        "soft as that, and a sensor that clips would say the same on any; lower "
+        "safety.max_force_n, and try the sensor with a weight"
+    )

@@ -64,6 +64,7 @@ class RunLoop:
         self.most_n = limits.max_force_n
         self.top_m = limits.workspace_m[2][1]
         self.in_the_air = limits.in_the_air
+        self.noted_little = False
         self.jumps = 0
         self.station: int | None = None
         self.attempt: int | None = None

@@ -19,21 +19,27 @@ def test_the_most_urgent_command_wins_and_an_abort_stays() -> None:
     assert control.command is RunCommand.STOP
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGQUIT, signal.SIGTSTP])
-def test_ctrl_c_aborts_and_a_second_stops(number: signal.Signals) -> None:
+OTHERS = [signal.SIGTERM, signal.SIGQUIT, signal.SIGTSTP, signal.SIGHUP]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, *OTHERS])
+def test_any_signal_aborts_and_ctrl_c_after_it_stops(number: signal.Signals) -> None:
     control, before = Control(), signal.getsignal(number)
     with ctrl_c(control):
         os.kill(os.getpid(), number)
         assert control.command is RunCommand.ABORT
         for _ in range(50):
-            os.kill(os.getpid(), number)
+            os.kill(os.getpid(), signal.SIGINT)
         assert control.command is RunCommand.STOP
     assert signal.getsignal(number) is before
 
 
-def test_a_closed_terminal_aborts_however_often_it_is_told() -> None:
+@pytest.mark.parametrize("number", OTHERS)
+def test_what_a_dying_terminal_and_a_shutdown_send_lifts_however_often(
+    number: signal.Signals,
+) -> None:
     control = Control()
     with ctrl_c(control):
-        for _ in range(3):
-            os.kill(os.getpid(), signal.SIGHUP)
+        for sent in (signal.SIGTSTP, number, number, signal.SIGTERM):
+            os.kill(os.getpid(), sent)
         assert control.command is RunCommand.ABORT

@@ -15,7 +15,7 @@ from springs import (
     spring_rig,
 )
 
-from probe.core.events import Finish, Phase, PhaseEntered
+from probe.core.events import Finish, Note, Phase, PhaseEntered
 
 
 class Stuck(SpringSensor):
@@ -120,3 +120,19 @@ def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
 
     ran = run_springs(bed, stage, [Drifts(bed)], rig=spring_rig(scan={"stations": 2}))
     assert ran.reason == "every station is complete"
+
+
+class ClipsAtOnce(SpringSensor):
+    """Far below all that the guards can tell from soft tissue."""
+
+    def raw(self, time_s: float) -> float:
+        return min(self.bed.force_n(time_s), 0.02) + 0.5e-3 * float(self._rng.standard_normal())
+
+
+def test_a_press_that_feels_next_to_nothing_is_told_once() -> None:
+    bed, stage, _ = on_springs()
+    ran = run_springs(bed, stage, [ClipsAtOnce(bed)])
+    notes = [event.text for event in ran.events if isinstance(event, Note)]
+    (told,) = [text for text in notes if "a sensor that clips" in text]
+    assert told.startswith("cell 0.0")
+    assert "N in a hold, at max_force_n = 1.6" in told

@@ -7,10 +7,12 @@ from dataclasses import replace
 import pytest
 from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs, spring_rig
 
-from drivers import Block
+from drivers import Block, DeviceFault
 from probe.acquisition.clock_guard import ClockGuard
 from probe.acquisition.commands import Control
+from probe.acquisition.guard_process import Service
 from probe.acquisition.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
+from probe.config.devices import Devices
 from probe.config.scan_plan import limits_for, plan_for
 from probe.planning.limits import Limits
 from probe.planning.plan import flat
@@ -90,3 +92,17 @@ def test_a_trip_ends_a_long_hold() -> None:
     assert f"limit is {LIMIT_N:g} N" in ran.reason
     assert ran.lifted
     assert bed.clock.now() - began_s < 15.0
+
+
+class Lost(SpringStage):
+    @property
+    def pace(self) -> float:
+        raise DeviceFault(self.name, "sends nothing")
+
+
+def test_a_heartbeat_is_answered_also_when_the_stage_is_lost() -> None:
+    """By it the scan learns that the way out is over, and how it ended."""
+    bed, _, sensor = on_springs()
+    stage = Lost(bed)
+    service = Service(Devices(stage, (sensor,), None, ()), monitored(sensor, stage))
+    assert service.status().pace == 1.0
