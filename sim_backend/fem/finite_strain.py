@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from math import ceil
+from math import ceil, sqrt
 
+from sim_backend.fem.contact.finger_contact import Finger
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.mesh_transfer import continued
-from sim_backend.fem.model import Grading, Section, build_section
+from sim_backend.fem.model import CONTACT_SHARE, Grading, Section, build_section
 from sim_backend.fem.newton import CannotSolve, Load, NotConverged, Solution
 from sim_backend.scene.scene_file import Scene
 
@@ -14,6 +15,9 @@ Solved = tuple[Section, list[Solution]]
 
 RAMP_STEP_M = 0.6e-3
 FIRST_TOUCH = (0.2, 0.55)
+STEPS_PER_ELEMENT = 3
+"""Of a bonded finger's way down, per element that its contact's edge passes. On a block of 2.4 mm
+three leave 0.4 % of the force, where one step for all missed 10 %."""
 
 
 def solve_finite(
@@ -32,17 +36,22 @@ def solve_finite(
     The lumen is filled before the press, which holds soft vessels open on the way down; the
     answer does not depend on the order, since nothing here slides with friction. Where filling
     first meets a limit, pressing first is tried. With what was solved on a ``coarser`` mesh the way
-    down need not be gone again.
+    down need not be gone again, but by a bonded finger: what it touches keeps its place, so that
+    the answer is its path's, and each mesh goes its own.
     """
     section = build_section(
         scene, x_m, depth_m=depth_m, size_m=size_m, element=element, grading=grading
     )
-    if coarser is not None:
+    if coarser is not None and not scene.indenter.bonded:
         with suppress(NotConverged):
             first_there = continued(coarser[0], coarser[1][0], section)
             others = [Load(depth_m, p) for p in pressures_pa[1:]]
             return section, [first_there, *continuation(section, first_there, others)]
-    depths = _ramp(scene, depth_m)
+    if scene.indenter.bonded:
+        contact_m = grading.contact_m if grading else CONTACT_SHARE * size_m
+        depths = bonded_way_m(section.finger, depth_m, contact_m)
+    else:
+        depths = _ramp(scene, depth_m)
     first = pressures_pa[0] if section.lumens else 0.0
     ramp = [Load(d, first) for d in depths]
     if first:
@@ -57,6 +66,14 @@ def solve_finite(
         rest = [Load(depth_m, p) for p in pressures_pa]
         solutions = list(continuation(section, unloaded(section), [*ramp, *rest]))
     return section, solutions[-len(pressures_pa) :]
+
+
+def bonded_way_m(finger: Finger, depth_m: float, contact_m: float) -> list[float]:
+    """Depths on the way down of a bonded finger over elements of ``contact_m``: the contact's edge,
+    which goes with the root of the depth, moves evenly."""
+    edge_m = sqrt(2 * finger.radius * depth_m)
+    steps = max(STEPS_PER_ELEMENT, ceil(STEPS_PER_ELEMENT * edge_m / contact_m))
+    return [depth_m * ((k + 1) / steps) ** 2 for k in range(steps)]
 
 
 def _ramp(scene: Scene, depth_m: float) -> list[float]:

@@ -14,7 +14,8 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.continuation import continuation, unloaded
-from sim_backend.fem.model import Section, build_section, usual_grading
+from sim_backend.fem.finite_strain import bonded_way_m
+from sim_backend.fem.model import CONTACT_SHARE, Section, build_section, usual_grading
 from sim_backend.fem.newton import Load, Solution
 from sim_backend.fem.section_contact import walls_cross
 from sim_backend.fem.sensitivity import Slope, slopes
@@ -84,7 +85,7 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
         loads = [load for load in loads if load.depth_m + bulge > 0]
     if not loads:
         return _untouched(scene, x_m, max_depth_m, bulge)
-    ramp = list(continuation(section, start, loads))
+    ramp = _down(scene, section, start, loads)
     by_depth, by_pressure = zip(*(slopes(section, state) for state in ramp), strict=True)
     ends = _ends(section, ramp[-1], by_pressure[-1], low, high) if beats else []
     sunk = np.array([load.depth_m + bulge for load in loads])
@@ -113,6 +114,19 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     )
     length_m = 1e-3 * scene.indenter.length_mm
     return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress, LEFT)
+
+
+def _down(scene: Scene, section: Section, start: Solution, loads: list[Load]) -> list[Solution]:
+    """The solutions at ``loads``; a bonded finger takes the steps between that its path needs."""
+    if not scene.indenter.bonded:
+        return list(continuation(section, start, loads))
+    deepest = loads[-1]
+    contact_m = CONTACT_SHARE * element_size_m(scene)
+    way = bonded_way_m(section.finger, deepest.depth_m, contact_m)
+    wanted = {load.depth_m for load in loads}
+    path = [Load(d, deepest.pressure_pa) for d in sorted({*wanted, *way})]
+    found = continuation(section, start, path)
+    return [one for one, load in zip(found, path, strict=True) if load.depth_m in wanted]
 
 
 def _untouched(scene: Scene, x_m: float, max_depth_m: float, bulge_m: float) -> StationResponse:

@@ -13,6 +13,7 @@ from sim_backend.fem.newton import CannotSolve, Load
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.models.press import press
+from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -119,3 +120,26 @@ def test_a_bonded_finger_is_pressed_at_finite_strain() -> None:
     assert shallow.model.startswith("finite")
     with pytest.raises(CannotSolve, match="bonded"):
         press(finger(bonded=True), 12.0, 0.05, model="small")
+
+
+def test_a_bonded_finger_s_answer_is_its_path_s() -> None:
+    """What it touches keeps its place, so that long steps bond what short ones would have let
+    slide before: one step misses a tenth of the force here."""
+    scene = block(shape="flat", width_mm=6.2, edge_radius_mm=1.4, bonded=True)
+    assert scene.tissue is not None
+    thin = scene.model_copy(
+        update={"tissue": scene.tissue.model_copy(update={"height_mm": 2.4, "width_mm": 24.0})}
+    )
+    place, size_m = (0.012, 0.33e-3), 0.56e-3
+    section = build_section(thin, place[0], depth_m=place[1], size_m=size_m)
+    short = [Load(place[1] * (k / 60) ** 2, 0.0) for k in range(1, 61)]
+    *_, truth = continuation(section, unloaded(section), short)
+    assert force(thin, place[1], size_m) == pytest.approx(truth.force_n_per_m, rel=0.01)
+    (long,) = continuation(section, unloaded(section), [Load(place[1], 0.0)])
+    assert long.force_n_per_m < 0.95 * truth.force_n_per_m
+    coarser = solve_finite(thin, *place, [0.0], 2 * size_m)
+    _, (nested,) = solve_finite(thin, *place, [0.0], size_m, coarser=coarser)
+    assert nested.force_n_per_m == pytest.approx(truth.force_n_per_m, rel=0.01)
+    station = respond(thin, place[0], place[1])
+    felt = float(station.force_n(place[0], place[1], 0.0)) / station.length_m
+    assert felt == pytest.approx(truth.force_n_per_m, rel=0.03)
