@@ -19,6 +19,7 @@ PLAN, SCAN_PLAN = "probe/planning/plan.py", "probe/config/scan_plan.py"
 TANGENTS = ("tests/sim_backend/fem/test_tangents.py", "tests/sim_backend/fem/test_balance.py")
 LAW = ("tests/sim_backend/fem/test_material.py",)
 PULSE, DETECT = ("tests/probe/detection/test_pulse.py",), ("tests/probe/detection/test_detect.py",)
+KINDS = ("tests/probe/detection/test_classifier.py",)
 BEATS = ("tests/probe/detection/test_reference.py",)
 TRUTH = ("tests/calibration/test_known_truth.py", "tests/calibration/test_applied.py")
 PLANNED = ("tests/probe/planning/test_plan.py",)
@@ -50,7 +51,7 @@ ELSEWHERE = (
            "for walls in section.walls if section.self_contact else ():", "for walls in ():",
            ("tests/sim_backend/fem/test_mesh_transfer.py",)),
     Mutant("neighbours are taken for one", POOLED,
-           "2 * len(searches)))", "2))", PULSE + DETECT),
+           "chdtrc(2 * len(searches), total", "chdtrc(2, total", PULSE + DETECT),
     Mutant("neighbours' beats are averaged", POOLED,
            "total = np.sum([", "total = np.mean([",
            ("tests/probe/detection/test_pooled_evidence.py",)),
@@ -66,18 +67,19 @@ ELSEWHERE = (
     Mutant("clipped samples are believed", HELD,
            "kept = inside & whole & ~clipped", "kept = inside & whole", PULSE + DETECT),
     Mutant("a press in the air is contact", HELD,
-           "if rise <= CONTACT_SIGMAS * error:", "if rise <= -1e99:", PULSE + DETECT),
+           "if rise <= CONTACT_SIGMAS * error:", "if rise <= -1e99:",
+           ("tests/probe/detection/test_unusual_scans.py",)),
     Mutant("something else is impossible", CLASSIFIER,
            "likelihood[ELSE] = PRIOR[ELSE] * max(inside, 1e-300) / (high - low)",
-           "likelihood[ELSE] = 0.0", ("tests/probe/detection/test_causes.py", *DETECT)),
+           "likelihood[ELSE] = 0.0", KINDS),
     Mutant("nothing is impossible", CLASSIFIER,
-           "something = 1 / (1 + against_nothing(seen.chance))", "something = 1.0", DETECT),
+           "something = 1 / (1 + against_nothing(seen.chance))", "something = 1.0", KINDS),
     Mutant("any share names a kind", CLASSIFIER,
            "if kind == best and share[best] >= MIN_POSTERIOR:", "if kind == best:", DETECT),
     Mutant("five stations show a bump", BUMPS,
            "if n < MIN_STATIONS:\n        return Row((), np.full(n, np",
            "if n < 3:\n        return Row((), np.full(n, np",
-           (*DETECT, "tests/probe/detection/test_unusual_scans.py")),
+           ("tests/probe/detection/test_bumps.py",)),
     Mutant("taxels are a face each", STRESS,
            'share = len(columns) if role == "taxel" else 1', "share = 1", STRESSED + DETECT),
     Mutant("units are not looked at", STRESS, "return factor / area_m2", "return 1 / area_m2",
