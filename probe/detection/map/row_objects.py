@@ -19,8 +19,9 @@ from probe.detection.map.bumps import (
     shape,
     surroundings,
 )
+from probe.detection.map.sideways import reach_inwards_m
 from probe.detection.pulse.pooled_evidence import hidden
-from probe.detection.pulse.presses import Press
+from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.pulse.search import Search
 
 NORMAL_95 = 1.96
@@ -32,7 +33,10 @@ MIN_SHARE = 0.3
 
 @dataclass(frozen=True)
 class Line:
-    """The presses of one row that can be judged, along x; repeats at one place are averaged."""
+    """The presses of one row that can be judged, along x; repeats at one place are averaged.
+
+    ``depth_m`` is the median press's, 0 where depths were not recorded.
+    """
 
     x_m: Array
     level_pa: Array
@@ -40,6 +44,7 @@ class Line:
     pulse_pa: Array
     pulse_sd_pa: Array
     searches: tuple[tuple[Search, ...], ...]
+    depth_m: float
 
 
 @dataclass(frozen=True)
@@ -75,7 +80,8 @@ def line_of(presses: tuple[Press, ...]) -> Line:
         rows.append((float(np.mean([x_m for x_m, *_ in some])), *level, *pulse))
     searches = tuple(tuple(q.search for *_, q in some if q.search) for some in repeats)
     x_m, level_pa, level_sd, pulse_pa, pulse_sd = np.array(rows).reshape(-1, 5).T
-    return Line(x_m, level_pa, level_sd, pulse_pa, pulse_sd, searches)
+    pressed_m = float(np.median([depth_m(p.station) for _, p, _ in judged])) if judged else 0.0
+    return Line(x_m, level_pa, level_sd, pulse_pa, pulse_sd, searches, pressed_m)
 
 
 def _mean(value: list[float], sd: list[float]) -> tuple[float, float]:
@@ -188,8 +194,10 @@ def _measured(size_pa: float, sd_pa: float) -> Callable[[Array], Array]:
 
 
 def _finding(place: Place, height: float, pulse: float, said: Judged, line: Line) -> ObjectFinding:
-    """The interval reaches no further than what was scanned."""
-    low, high = (float(np.clip(x, line.x_m[0], line.x_m[-1])) for x in (place.low_m, place.high_m))
+    """The interval also holds where it lay before it was squeezed aside; it ends with the row."""
+    aside = reach_inwards_m(place.x_m, line.x_m, line.depth_m)
+    ends = place.low_m + min(aside, 0.0), place.high_m + max(aside, 0.0)
+    low, high = (float(np.clip(x, line.x_m[0], line.x_m[-1])) for x in ends)
     return ObjectFinding(
         said.kind, place.x_m, (low, high), height, pulse, said.confidence, said.reason
     )

@@ -42,13 +42,29 @@ class Coarse:
 
 @dataclass(frozen=True)
 class BeatTrain:
-    """``log_evidence`` of the hold given some train of beats; the likeliest one ``begins_s`` (b,)
-    with ``lengths_s`` (b,) and sizes ``swing_pa`` (b,)."""
+    """``log_evidence`` of the hold given some train of beats of a ``form``; the likeliest one
+    ``begins_s`` (b,) with ``lengths_s`` (b,) and sizes ``swing_pa`` (b,)."""
 
     log_evidence: float
     begins_s: Array
     lengths_s: Array
     swing_pa: Array
+    form: Form = "arterial"
+
+    def beats_at(self, time_s: Array) -> tuple[Array, Array]:
+        """Of the beats at times (n,): the phase (n,) since its foot, and its size (n,)."""
+        last = len(self.begins_s) - 1
+        beat = np.clip(np.searchsorted(self.begins_s, time_s + 1e-9, "right") - 1, 0, last)
+        return (time_s - self.begins_s[beat]) / self.lengths_s[beat], self.swing_pa[beat]
+
+    def wave(self, phase: Array, swing_pa: Array) -> Array:
+        """Beats (n,) of a size at phases (n,)."""
+        return swing_pa * _wave(self.form, phase)
+
+
+def _wave(form: Form, phase: Array) -> Array:
+    """A beat of a swing of 1, without its mean."""
+    return brachial(phase) if form == "arterial" else -0.5 * np.cos(2 * np.pi * phase)
 
 
 def beat_train(hold: Coarse, form: Form = "arterial") -> BeatTrain:
@@ -85,7 +101,7 @@ def beat_train(hold: Coarse, form: Form = "arterial") -> BeatTrain:
     begins = np.array([places.starts[i] for i, _ in paths[best]]) * places.grid_s
     lengths = np.array([places.lengths[k] for _, k in paths[best]]) * places.grid_s
     swings = np.array([mean[best][k, i] for i, k in paths[best]])
-    return BeatTrain(float(evidence[best]), begins, lengths, swings)
+    return BeatTrain(float(evidence[best]), begins, lengths, swings, form)
 
 
 def whiten(columns: Array, memory: float) -> Array:
@@ -127,7 +143,7 @@ def _dictionary(
     inside = (phase >= 0) & (phase < 1)
     beats = np.zeros(phase.shape)
     within = phase[inside]
-    beats[inside] = brachial(within) if form == "arterial" else -0.5 * np.cos(2 * np.pi * within)
+    beats[inside] = _wave(form, within)
     white = np.moveaxis(whiten(np.moveaxis(beats, -1, 0), memory), 0, -1).astype(np.float32)
     return white, np.einsum("kin,kin->ki", white, white).astype(float)
 

@@ -10,7 +10,7 @@ from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
 from probe.detection.pulse.rivals import chance_without_pulse, coarse_of
-from probe.detection.pulse.search import FINEST, TESTED_HARMONICS, Search, search
+from probe.detection.pulse.search import FINEST, SHARE, TESTED_HARMONICS, Search, search
 
 SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
 """Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
@@ -113,8 +113,8 @@ def scale_of(null: Fit, known: Fit) -> Scale:
 def find_pulse(hold: Hold) -> Pulse:
     """The clearest pulse of a hold, whether or not there is one: ``p_value`` says.
 
-    It passes at one rate or as a train of beats of any lengths; the chance of either is at most
-    twice the smaller one's.
+    It passes at one rate or as a train of beats of any lengths, which has its own `SHARE` of the
+    chance.
     """
     found, null = search(hold)
     columns = harmonics(hold.time_s, found.rate_hz, TESTED_HARMONICS)
@@ -122,6 +122,5 @@ def find_pulse(hold: Hold) -> Pulse:
     p_value = found.p_value
     if MAX_CLEAR_CHANCE < p_value < MAX_TRAIN_CHANCE and hold.span_s >= SHORTEST_TRAIN_S:
         coarse = coarse_of(hold, null)
-        p_value = min(p_value, chance_without_pulse(coarse, beat_train(coarse)))
-    p_value = min(1.0, 2 * p_value)
+        p_value = min(p_value, chance_without_pulse(coarse, beat_train(coarse)) / SHARE["train"])
     return pulse_at(hold, found.rate_hz, p_value, scale_of(null, known), found)

@@ -24,6 +24,8 @@ SPIKE_SIGMAS = 8.0
 """Robust standard deviations beyond which a sample is no sample."""
 NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
 """A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
+SLOWEST_BEAT_S = 1.5
+"""Of a heart of 40 a minute, the slowest that is looked for."""
 MIN_SAMPLES = 12
 MIN_BINS = 7
 """More than what is fitted: a level, a drift and two harmonics."""
@@ -195,10 +197,23 @@ def _limits(station: Station, mean: Array, whole: Bools) -> tuple[float, float]:
 
 
 def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
-    """The first top of those that come near the highest sample, which may be a later beat's."""
-    ahead = max(2, round(AHEAD_S / step_s))
-    near_top = np.flatnonzero(smooth >= smooth.max() - (1 - NEAR_TOP_SHARE) * np.ptp(smooth))
-    top = next(int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max())
+    """The first top of those that come near the highest sample, which may be a later beat's.
+
+    A beat on a slow ramp makes a top too: where what follows within a beat still rises half as
+    fast as the ramp, or faster, the ramp goes on.
+    """
+    low, span = float(smooth.min()), float(np.ptp(smooth))
+    ahead, beat = (max(2, round(one / step_s)) for one in (AHEAD_S, SLOWEST_BEAT_S))
+    near_top = np.flatnonzero(smooth >= low + NEAR_TOP_SHARE * span)
+    tops = [int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max()]
+    early = int(np.argmax(smooth >= low + (1 - NEAR_TOP_SHARE) * span))
+    slope = (2 * NEAR_TOP_SHARE - 1) * span / max(int(near_top[0]) - early, 1)
+
+    def goes_on(i: int) -> bool:
+        later = smooth[i + 1 : i + 1 + beat] - smooth[i]
+        return bool((later > 0.5 * slope * np.arange(1, len(later) + 1)).any())
+
+    top = next((i for i in tops if not goes_on(i)), tops[-1])
     return max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])
 
 

@@ -16,6 +16,7 @@ from probe.detection.pulse.beat_train import MEMORIES, BeatTrain, Coarse, beat_t
 from probe.detection.pulse.fit import Fit, design_of
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
+from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH, shape_evidence
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
 
 COARSE_S = 0.04
@@ -26,16 +27,14 @@ BREATHING_HZ, BREATHING_HARMONICS = (0.1, 0.6), 6
 MOTION_S = (0.1, 0.2, 0.4, 0.8)
 """Standard deviations of a bump: a hand that shifts, a swallow, a cough."""
 MOVEMENTS, MOVEMENT_UNKNOWNS = 5, 3
-SAMPLES_EACH = 4.0
-"""Samples at least for each unknown of a rival (a harmonic has two, a movement its time, length and
-size): with fewer, breathing or motion of enough parts explains any hold."""
 PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "tremor": 0.1}
 """Before the hold is looked at: a pulse is what a scan looks for, nothing is known of the others. A
 choice; how much it matters has not been measured."""
-NYQUIST_SHARE = 0.45
-"""Of the sampling rate: harmonics above are not looked at."""
 REFINED = 3
 """Rounds of narrowing a rate, each to a quarter: a strong line must be met within its doubt."""
+OWN_HARMONICS = 6
+"""Harmonics in which a person's wave may differ from the mean one; the brachial wave's further ones
+are below 0.08 of its first."""
 STEADY, STEADY_HARMONICS = 0.1, (2, 8)
 """Share of pulses that are taken as any harmonics at one rate instead of a train of arterial waves,
 and how many: a loud steady pulse is known better than the grid on which beats begin."""
@@ -88,14 +87,14 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
     """Log evidence of each cause that `PRIOR` names."""
     return {
         "pulse": float(logsumexp([
-            np.log(1 - STEADY) + train.log_evidence,
+            np.log(1 - STEADY) + shape_evidence(hold, train, OWN_HARMONICS),
             *(np.log(STEADY / len(STEADY_HARMONICS))
               + _periodic(hold, SLOWEST_HZ, FASTEST_HZ, count) for count in STEADY_HARMONICS),
         ])),
         "breathing": _periodic(hold, *BREATHING_HZ, BREATHING_HARMONICS),
         "a steady line": _periodic(hold, *LINE_HZ, 1),
         "motion": _motion(hold),
-        "tremor": beat_train(hold, "symmetric").log_evidence,
+        "tremor": shape_evidence(hold, beat_train(hold, "symmetric"), 0),
     }  # fmt: skip
 
 

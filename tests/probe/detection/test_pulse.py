@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_presses import station
+from known_presses import station, wave
 
 from probe.core.recording import Recording
 from probe.detection.pulse.estimate import find_pulse
@@ -148,3 +148,24 @@ def test_a_reference_shows_a_pulse_that_is_too_small_alone() -> None:
                 beside, alone = (beside + 1, alone) if with_it else (beside, alone + 1)
     assert beside >= 11
     assert beside >= alone + 2
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_beat_on_a_slow_ramp_is_not_taken_for_its_end(seed: int) -> None:
+    """A ramp of 30 s: a beat of 3 % on its last seconds makes a top, and a beat is all that the
+    hold may begin early or late."""
+    rng = np.random.default_rng(seed)
+    one = station(rng, pulse_pa=270.0, noise_pa=5.0, sample_hz=10.0, hold_s=4.0)
+    held_s = one.time_s - one.time_s[0]
+    before_s = np.arange(-30.0, 0.0, 0.1)
+    beats = 270.0 * wave(1.2 * before_s + rng.uniform())
+    ramp = 9000.0 * ((before_s + 30) / 30) ** 1.5 + beats + 5.0 * rng.standard_normal(300)
+    time_s = np.concatenate([before_s, held_s])
+    signal = np.concatenate([ramp, one.signal_pa[:, 0]])
+    n = len(time_s)
+    whole = replace(
+        one, time_s=time_s, signal_pa=signal[:, None], saturated=np.zeros((n, 1), dtype=bool),
+        depth_m=np.full(n, np.nan), indent_s=np.nan, hold_s=np.nan, retract_s=np.nan,
+    )  # fmt: skip
+    hold = hold_of(whole)
+    assert -0.9 < hold.start_s + hold.time_s[0] < 1.3
