@@ -2,9 +2,9 @@
 
     python benchmarks/empty_scans.py HOLDS.csv [SCANS]
 
-HOLDS as for `benchmarks/power.py`. A scan is 7 or 15 presses 4 mm apart, each the hold of another
-curve drawn at random, brought to one level as in even tissue (they differ by 1 %); recorded at
-10 Hz, or taken as 500 Hz with the noise of a sensor of 0.02 % of the level. Goes on where
+HOLDS as for `benchmarks/real_data.py`. A scan is 7 or 15 presses 4 mm apart, each the hold of
+another curve drawn at random, brought to one level as in even tissue (they differ by 1 %); recorded
+at 10 Hz, or taken as 500 Hz with the noise of a sensor of 0.02 % of the level. Goes on where
 docs/results/empty-scans.csv ends.
 """
 
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from kept import ROOT, Row, exact, fill, read
-from power import holds
+from real_data import holds
 from scipy.interpolate import PchipInterpolator
 
 from drivers.core.arrays import Array

@@ -52,10 +52,16 @@ def read(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def exact(count: int, of: int) -> str:
-    """A share in per cent with its 95 % interval (Clopper & Pearson 1934)."""
-    if not of:
-        return "none"
+def interval(count: int, of: int) -> tuple[float, float]:
+    """The 95 % interval of a share (Clopper & Pearson 1934)."""
     low = 0.0 if count == 0 else float(beta.ppf(0.025, count, of - count + 1))
     high = 1.0 if count == of else float(beta.ppf(0.975, count + 1, of - count))
+    return low, high
+
+
+def exact(count: int, of: int) -> str:
+    """A share in per cent with its 95 % interval."""
+    if not of:
+        return "none"
+    low, high = interval(count, of)
     return f"{100 * count / of:.1f} ({100 * low:.1f} to {100 * high:.1f})"

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from kept import ROOT, Row, exact, fill, read
-from power import pulses
+from real_data import pulses
 
 from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station

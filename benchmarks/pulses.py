@@ -2,11 +2,13 @@
 
     python benchmarks/pulses.py HOLDS.csv PULSES.csv.gz[,MORE.csv.gz] [CASES]
 
-HOLDS and PULSES as for `benchmarks/power.py`; a person is what stands before the dash in a record's
-name, a specimen is a curve. All goes through `probe.detection.detect`. It has nothing that is
-fitted to people or specimens: the search knows the mean brachial wave of eight others. A peer lets
-through 1 % of the holds without a pulse; its limit is set on all specimens but the one that is
-judged. Goes on where docs/results/pulses.csv ends.
+HOLDS: indent-and-hold recordings of tissue without a pulse; PULSES: arterial pressure (columns:
+`benchmarks/real_data.py`). A stretch of a pulse, its slow wander removed, is scaled to a share of
+the hold's force, trough to crest, and added at random phase. A person is what stands before the
+dash in a record's name, a specimen is a curve. All goes through `probe.detection.detect`. It has
+nothing that is fitted to people or specimens: the search knows the mean brachial wave of eight
+others. A peer lets through 1 % of the holds without a pulse; its limit is set on all specimens but
+the one that is judged. Goes on where docs/results/pulses.csv ends. Draws docs/pictures/power.png.
 """
 
 import sys
@@ -16,8 +18,9 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, exact, fill, read
-from power import FALSE_ALARM, holds, pulses
+from kept import ROOT, Row, exact, fill, interval, read
+from matplotlib.figure import Figure
+from real_data import holds, pulses
 
 from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
@@ -26,15 +29,18 @@ from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold, hold_of
 from probe.detection.pulse.search import rates_hz
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
+from probe.report.look import BLUE, GREEN, ORANGE
 
 Curve = tuple[Array, Array]
 
 CELLS = ((0.01, 5.0), (0.005, 5.0), (0.03, 2.5), (0.0025, 5.0), (0.05, 5.0), (0.03, 5.0))
 """Share of the force, and length of the hold [s]."""
+FALSE_ALARM = 0.01
 LATER_S = 1.0
 MATCHED_PHASES = 24
 OUT = ROOT / "docs" / "results" / "pulses.csv"
 EMPTY = ROOT / "docs" / "results" / "empty-presses.csv"
+PICTURE = ROOT / "docs" / "pictures" / "power.png"
 
 
 def press(time_s: Array, signal: Array) -> Station:
@@ -151,6 +157,33 @@ def main(tissue_file: Path, heart_files: list[Path], cases: int) -> None:
     jobs = [(*cell, person, seed) for seed in range(cases) for cell in CELLS for person in hearts]
     fill(OUT, ("share", "hold_s", "person", "seed"), ("palpate", *PEERS), jobs, found)
     tell()
+    draw().savefig(PICTURE, dpi=150, facecolor="white")
+
+
+def draw() -> Figure:
+    """Power against the pulse's size in holds of 5 s, beside the peers, with 95 % intervals."""
+    table = pd.DataFrame(read(OUT))
+    table = table[table.hold_s.astype(float) == 5.0]
+    figure = Figure(figsize=(6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    ways = {"palpate": (BLUE, "o"), "matched beat": (ORANGE, "s"), "lock-in": (GREEN, "^"),
+            "two harmonics": ("0.4", "d"), "paper": ("0.7", "v")}  # fmt: skip
+    for place, (name, (colour, mark)) in enumerate(ways.items()):
+        right = table[name].isin(["artery", "1"]).groupby(table.share.astype(float))
+        count, of = right.sum().to_numpy(), right.size().to_numpy()
+        size = 100 * right.mean().index.to_numpy() * (1 + 0.03 * (place - 2))
+        ends = np.array([interval(int(k), int(n)) for k, n in zip(count, of, strict=True)]).T
+        share = count / of
+        reach = 100 * np.abs(ends - share)
+        axes.errorbar(size, 100 * share, reach, color=colour, marker=mark, ms=5, lw=1.2,
+                      elinewidth=0.8, label=name)  # fmt: skip
+    sizes = sorted({share for share, hold_s in CELLS if hold_s == 5.0})
+    axes.set(xscale="log", xlabel="pulse, trough to crest, over the force [%]", ylim=(0, 103),
+             ylabel="found at 1 % false alarms [%]")  # fmt: skip
+    axes.set_xticks([100 * s for s in sizes], [f"{100 * s:g}" for s in sizes])
+    axes.minorticks_off()
+    axes.legend(frameon=False, ncols=2)
+    return figure
 
 
 def tell() -> None:

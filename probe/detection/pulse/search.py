@@ -83,13 +83,14 @@ def search(hold: Hold) -> tuple[Search, Fit]:
         for each in ([(one, one.shaped) for one in looks], [(one, one.free) for one in looks])
     )
     dof, lost = max(null.dof, 4 + 2 * TESTED_HARMONICS), 2 * TESTED_HARMONICS
-    chances = _single(shaped, 2, dof - 2), _single(free, lost, dof - lost)
+    chosen = np.maximum(shaped - CHOICE / 2 * (n >= SHORT), 0.0)
+    chances = _single(chosen, 2, dof - 2), _single(free, lost, dof - lost)
     ways = (chances[0], shaped, SHARE["shaped"]), (chances[1], free, SHARE["free"])
     one, gain, share = min(ways, key=lambda way: way[0].min() / way[2])
     best = max(looks, key=lambda one: one.without + one.shaped.max())
     return Search(
         rates, best.along, best.power,
-        np.maximum(chdtri(2, np.maximum(chances[0], 1e-300)) - CHOICE * (n >= SHORT), 0.0),
+        np.asarray(chdtri(2, np.maximum(chances[0], 1e-300))),
         looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
         min(1.0, anywhere(float(one.min()), hold.span_s) / share), hold.span_s, best.noise,
     ), null  # fmt: skip
