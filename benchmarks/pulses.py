@@ -182,7 +182,7 @@ def draw() -> Figure:
              ylabel="found at 1 % false alarms [%]")  # fmt: skip
     axes.set_xticks([100 * s for s in sizes], [f"{100 * s:g}" for s in sizes])
     axes.minorticks_off()
-    axes.legend(frameon=False, ncols=2)
+    axes.legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
     return figure
 
 
