@@ -3,7 +3,7 @@
 A rule looks at what is `Seen` at every tick and returns the `Interrupted` to raise, or None. The
 first of `RULES` that objects decides. Rules that need the levels of a hold follow below. The limits
 that a guard enforces without the engine are not here but in `force_limit` and `pose_guard`; their
-objection arrives as the ``trip``.
+objection arrives as the ``trip``. How long a hold lasts is `engine`'s, by the plan.
 """
 
 from collections.abc import Callable

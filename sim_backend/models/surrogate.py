@@ -161,7 +161,7 @@ def train(scene: Scene, max_depth_m: float) -> dict[str, Array]:
 
 def _places(scene: Scene) -> Array:
     """Places to solve [m]: close to each other near inclusions; half of them by symmetry."""
-    assert scene.tissue is not None  # `fast_model` has looked
+    assert scene.tissue is not None  # `surrogate` has looked
     width = 1e-3 * scene.tissue.width_mm
     low = min(4e-3, width / 8)
     high = width / 2 if mirrored(scene) == scene else width - low
