@@ -16,6 +16,7 @@ from probe.studies.solve import jobs, solve
 from probe.studies.sweep import solve_points, sweep
 from probe.studies.vary import parse, points
 from sim_backend import load_scene
+from sim_backend.models import kept_tables
 from sim_backend.models import surrogate as fast
 from sim_backend.models.press import press
 
@@ -51,7 +52,7 @@ def test_a_failed_point_is_a_row_with_its_reason(tmp_path: Path) -> None:
 def test_the_fast_model_is_trained_once_for_all_presses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(fast.platformdirs, "user_cache_dir", lambda *_: tmp_path)
+    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
     for name, fewer in (("DEPTH_NODES", 4), ("PRESSURE_NODES", 2), ("HELD_BACK", 3)):
         monkeypatch.setattr(fast, name, fewer)
     trained = []
