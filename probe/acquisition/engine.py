@@ -215,6 +215,8 @@ class _Scan(RunLoop):
             text = "the probe was not lifted, as asked; it may still press"
             self.bus.note("warning", self.stage.name, text)
         if why.finish is None:
+            if self.phase is Phase.STOPPING:
+                self.enter(Phase.RETRACTING)  # it was up already
             self.monitor.go_on()
         return why
 

@@ -1,6 +1,5 @@
 """``palpate emulate``: controllers that speak their real protocols and answer from the phantom."""
 
-import os
 import signal
 import sys
 import threading
@@ -18,9 +17,6 @@ if TYPE_CHECKING:  # commands import what they need when they run
     from sim_backend.emulators.serving import Served
     from sim_backend.phantom.phantom import Response
     from sim_backend.scene.scene_file import Scene
-
-NICE_LEVEL = -10
-"""Priority of the emulated controllers."""
 
 
 def register(app: typer.Typer) -> None:
@@ -59,16 +55,16 @@ def emulate(
             raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(DEVICES)}")
     places = _addresses(at or [], devices)
     from drivers import WallClock
+    from probe.acquisition.guard_threads import come_first
     from sim_backend.emulators.solving import Solver
     from sim_backend.phantom.phantom import Phantom
     from sim_backend.scene.scene_file import load_scene
 
     phantom = Phantom(load_scene(scene), WallClock(), solve_here, seed=seed)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C: take the links away
-    with suppress(OSError):  # only root may: a controller keeps its time whatever else runs
-        os.setpriority(os.PRIO_PROCESS, 0, NICE_LEVEL)
     with ExitStack() as open_devices:
         solver = open_devices.enter_context(closing(Solver(phantom)))
+        come_first()  # a controller keeps its time whatever else runs, guards included
         served: dict[str, Served] = {}
         for name in devices:
             module = import_module(f"sim_backend.emulators.{name}")

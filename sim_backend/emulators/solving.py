@@ -5,7 +5,9 @@ its moves at a speed slider of 0: positions and forces go on, and nothing is eve
 """
 
 import math
+import os
 import threading
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -16,6 +18,7 @@ from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 
 END_S = 1.0
+AFTER_OTHERS = 15  # nice value: the emulator that starts it may have gone before others
 Place = tuple[float, float]
 
 
@@ -70,6 +73,8 @@ def solve(scene: Scene, pipe: "Connection[Any, Any]") -> None:
     """Body of the process: places and depths in, responses out."""
     from sim_backend.models.station_response import respond
 
+    with suppress(AttributeError, OSError):  # what is served, scanned and guarded comes first
+        os.setpriority(os.PRIO_PROCESS, 0, AFTER_OTHERS)
     try:
         while True:
             (x_m, y_m), depth_m = pipe.recv()

@@ -3,14 +3,15 @@
 from pathlib import Path
 
 import pytest
+from springs import on_springs, run_springs
 
 import palpate
-from probe.acquisition.commands import RunCommand
+from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
 from probe.acquisition.stop_rules import Seen, interrupted, no_contact
 from probe.config.rig import Rig
-from probe.core.events import Finish, Phase
+from probe.core.events import Event, Finish, Phase, PhaseEntered
 
 GO_ON = Seen(RunCommand.RESUME, None, None, Phase.HOLDING)
 TRIP = Trip(1.0, "cell", "force 6 N; the limit is 5 N", can_retract=False)
@@ -76,3 +77,22 @@ def test_a_sensor_slower_than_a_level_is_waited_for(tmp_path: Path) -> None:
     }
     found = palpate.scan(Rig.model_validate(slow), out=tmp_path, seed=1)
     assert palpate.open_run(found.path).finish is Finish.COMPLETED
+
+
+def test_a_pause_before_the_probe_went_down_ends_no_scan() -> None:
+    """There is nothing to lift then, and the press is made when the scan goes on."""
+    bed, stage, sensor = on_springs()
+    control, paused = Control(), list[Event]()
+
+    def ask(event: Event) -> None:
+        entered = event.phase if isinstance(event, PhaseEntered) else None
+        if entered is Phase.TARING and not paused:
+            paused.append(event)
+            control.pause(now=True)
+        elif entered is Phase.PAUSED:
+            control.resume()
+
+    ran = run_springs(bed, stage, [sensor], sink=ask, control=control)
+    assert ran.raised is None
+    assert ran.ended is not None
+    assert ran.ended.finish is Finish.COMPLETED, ran.reason
