@@ -102,7 +102,18 @@ def record(
     note: str = "",
     now: datetime | None = None,
 ) -> Record:
-    """A calibration ready to be written; ``raw`` names every column it was computed from."""
+    """A calibration ready to be written; ``raw`` names every column it was computed from.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import palpate
+    >>> fitted = palpate.calibrate("force", "loads.csv")
+    >>> table = np.genfromtxt("loads.csv", delimiter=",", names=True)
+    >>> columns = {name: table[name] for name in table.dtype.names}
+    >>> palpate.record(fitted, "cell", columns, note="weights of 2025").kind
+    'force'
+    """
     fit = result.fit
     return Record(
         kind=result.KIND,
@@ -127,7 +138,15 @@ def record(
 
 
 def save(one: Record, path: Path) -> None:
-    """Write a calibration file, whole or not at all."""
+    """Write a calibration file, whole or not at all.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> import palpate
+    >>> fitted = palpate.calibrate("force", "loads.csv")
+    >>> palpate.save(palpate.record(fitted, "cell", {}), Path("force-cell.json"))
+    """
     draft = path.with_suffix(path.suffix + ".part")
     draft.write_text(one.model_dump_json(indent=1) + "\n", encoding="utf-8")
     draft.replace(path)

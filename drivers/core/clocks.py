@@ -5,7 +5,16 @@ import time
 
 
 class WallClock:
-    """Monotonic seconds, ``start_s`` when the clock is made."""
+    """Monotonic seconds, ``start_s`` when the clock is made.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> clock = palpate.WallClock(start_s=5.0)
+    >>> clock.sleep_until(5.01)
+    >>> clock.now() >= 5.01
+    True
+    """
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._zero = time.monotonic() - start_s
@@ -21,7 +30,16 @@ class WallClock:
 
 
 class SimulatedClock:
-    """Time that passes only when someone sleeps; exactly repeatable."""
+    """Time that passes only when someone sleeps; exactly repeatable.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> clock = palpate.SimulatedClock()
+    >>> clock.sleep_until(3600.0)
+    >>> clock.now()
+    3600.0
+    """
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now = start_s

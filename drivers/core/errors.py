@@ -2,11 +2,27 @@
 
 
 class ConfigError(ValueError):
-    """A setting is wrong; nothing has moved. The text names key, value and what is allowed."""
+    """A setting is wrong; nothing has moved. The text names key, value and what is allowed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.scan(seed=-1)
+    Traceback (most recent call last):
+    drivers.core.errors.ConfigError: seed = -1: must not be negative
+    """
 
 
 class DeviceFault(RuntimeError):
-    """A device stopped doing its job. ``device`` names it, ``reason`` says why in its own words."""
+    """A device stopped doing its job. ``device`` names it, ``reason`` says why in its own words.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> fault = palpate.DeviceFault("ft300", "no reading for 0.5 s")
+    >>> fault.device, str(fault)
+    ('ft300', 'ft300: no reading for 0.5 s')
+    """
 
     def __init__(self, device: str, reason: str) -> None:
         super().__init__(f"{device}: {reason}")
@@ -23,7 +39,16 @@ class MotionFault(DeviceFault):
 
 
 class DeviceAbsent(DeviceFault):
-    """The device could not be reached at connection; the only fault a fallback may replace."""
+    """The device could not be reached at connection; the only fault a fallback may replace.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> rig = palpate.Rig(stage={"driver": "grbl", "port": "/dev/ttyNone"})
+    >>> palpate.connect(rig, palpate.WallClock())
+    Traceback (most recent call last):
+    drivers.core.errors.DeviceAbsent: grbl: port = '/dev/ttyNone': no such port; ...
+    """
 
 
 class MissingExtra(ConfigError):

@@ -27,6 +27,16 @@ class Control:
     """What whoever watches the scan asks for. Every method may be called from any thread.
 
     Plain flags and no lock: a signal handler may interrupt any of these methods, itself included.
+
+    Examples
+    --------
+    A scan that was told to end before its first station stores an aborted run:
+
+    >>> import palpate
+    >>> control = palpate.Control()
+    >>> control.abort()
+    >>> palpate.scan(scene="TIHA", control=control).ended.finish.value
+    'aborted'
     """
 
     def __init__(self) -> None:

@@ -67,6 +67,19 @@ def run_scan(
     ``monitor``: the one that has the devices in another process; without it one is made here.
     Devices are connected and stopped here, and closed by whoever opened them. A fault of the
     program itself (not of a device) stops the stage and is raised.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> rig, events = palpate.Rig(scan={"stations": 3}), []
+    >>> plan, clock = palpate.plan_for(rig), palpate.SimulatedClock()
+    >>> with palpate.connect(rig, clock, palpate.load_scene("TIHA")) as devices:
+    ...     ended = palpate.run_scan(
+    ...         plan, devices.stage, devices.sensors, clock, events.append,
+    ...         palpate.limits_for(rig, plan),
+    ...     )
+    >>> ended == events[-1], ended.reason
+    (True, 'every station is complete')
     """
     control = control or Control()
     threaded = not isinstance(clock, SimulatedClock)

@@ -122,6 +122,15 @@ def resume(
     A run from another computer opens real devices only with ``trust``. Raises `RunFileError` for
     one without, if there is nothing to do or a file has changed since, and as
     `probe.acquisition.session.scan`.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> control = palpate.Control()
+    >>> control.abort()
+    >>> begun = palpate.scan(palpate.Rig(scan={"stations": 3}), "TIHA", control=control)
+    >>> palpate.resume(begun.path).ended.finish.value
+    'completed'
     """
     left = unfinished(path)
     if not left.missing and open_run(path).finish is Finish.COMPLETED:

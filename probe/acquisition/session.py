@@ -27,7 +27,15 @@ DEFAULT_SCENE = "TIHA"
 
 @dataclass(frozen=True)
 class ScanResult:
-    """Where the run is stored, its last event, and what a person should know of the devices."""
+    """Where the run is stored, its last event, and what a person should know of the devices.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.scan(palpate.Rig(scan={"stations": 3}), "TIHA", seed=1)
+    >>> result.path.suffix, result.ended.finish.value, result.notes
+    ('.run', 'completed', ())
+    """
 
     path: Path
     ended: RunEnded
@@ -56,6 +64,14 @@ def scan(
     ``opened`` is given the run file and the devices' notes before anything moves.
     Raises `RigError`, `SceneError`, `drivers.ConfigError` and `drivers.DeviceFault` before
     anything moves, and `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> rig = palpate.Rig(scan={"start_mm": 24.0, "stations": 5})
+    >>> result = palpate.scan(rig, "TIHA", seed=1, labels={"operator": "A. Person"})
+    >>> result.ended.reason
+    'every station is complete'
     """
     if seed < 0:
         raise ConfigError(f"seed = {seed}: must not be negative")

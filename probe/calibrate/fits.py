@@ -73,6 +73,15 @@ def calibrate(
     Raises
     ------
     CalibrationError : names file and column, or says what the data leave open.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> fitted = palpate.calibrate("force", "loads.csv", device="cell")
+    >>> fitted.fit.names
+    ('offset of channel 0', 'sensitivity[0] of channel 0')
+    >>> isinstance(fitted, palpate.Calibration)
+    True
     """
     if kind not in KINDS:
         raise CalibrationError(f"kind = {kind!r}: allowed are {', '.join(KINDS)}")

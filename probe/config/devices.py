@@ -66,6 +66,14 @@ def connect(
     ``scene`` overrides the rig's. ``fallback`` allows stand-ins for all devices. With the wall
     clock every station is solved here, so that no reading waits for the physics.
     Raises `RigError`, `SceneError`, and `DeviceAbsent` where no stand-in is allowed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> scene = palpate.load_scene("TIHA")
+    >>> with palpate.connect(palpate.default_rig(), palpate.SimulatedClock(), scene) as devices:
+    ...     [(channel.name, channel.unit) for channel in devices.sensors[0].channels]
+    [('force', 'N'), ('von_mises', 'Pa')]
     """
     notes: list[str] = []
     absent: list[str] = []

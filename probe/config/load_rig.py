@@ -14,7 +14,14 @@ from sim_backend.scene.scene_file import MAX_FILE_BYTES, explain, scene_names
 
 
 def load_rig(path: str | Path) -> Rig:
-    """Read a rig file; the paths in it are relative to its folder. Raises `RigError`."""
+    """Read a rig file; the paths in it are relative to its folder. Raises `RigError`.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.load_rig("rig.toml").scan.indentation_mm
+    2.5
+    """
     path = Path(path)
     try:
         raw = parse_toml(read_file(path, MAX_FILE_BYTES))

@@ -21,7 +21,15 @@ Fallback = Literal["virtual"]
 
 
 class RigError(ValueError):
-    """A rig that cannot be: the text names file, key, value and what is allowed."""
+    """A rig that cannot be: the text names file, key, value and what is allowed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.load_rig("lost.toml")
+    Traceback (most recent call last):
+    probe.config.rig.RigError: lost.toml: no such file; not a rig file
+    """
 
 
 class _Table(BaseModel):
@@ -184,7 +192,16 @@ class Rig(_Table):
 
 
 def default_rig(scene: Scene | None = None) -> Rig:
-    """The simulated rig: 15 stations 4 mm apart, or the one over an artery out of tissue."""
+    """The simulated rig: 15 stations 4 mm apart, or the one over an artery out of tissue.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.default_rig().scan.stations
+    15
+    >>> palpate.default_rig(palpate.load_scene("HAOT")).scan.stations
+    1
+    """
     if scene is None or scene.tissue is not None:
         return Rig()
     return Rig(scan=Scan(start_mm=scene.inclusion[0].x_mm, stations=1))

@@ -14,6 +14,13 @@ def plan_for(rig: Rig) -> Plan:
 
     Reads the calibrations of surface and compliance, so call it once. Raises `CalibrationError`,
     and `RigError` if the surface's points do not make one.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> plan = palpate.plan_for(palpate.default_rig())
+    >>> len(plan.places), plan.indentation_m
+    (15, 0.0025)
     """
     scan, files = rig.scan, rig.calibration
     (x, dx, columns), (y, dy, rows) = zip(
@@ -47,6 +54,13 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
 
     Raises `RigError` if the plan goes deeper than it allows, and `ConfigError` if a pose of the
     plan lies outside the workspace.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> rig = palpate.Rig(safety={"max_force_n": 5.0})
+    >>> palpate.limits_for(rig, palpate.plan_for(rig)).max_force_n
+    5.0
     """
     safety = rig.safety
     deepest_mm = 1e3 * plan.deepest_below_m

@@ -17,6 +17,13 @@ class Station:
     then one hold). ``depth_m`` (n,) is the measured indentation, NaN where unknown.
     ``reference`` (m,) at ``reference_s`` (m,) is a PPG or ECG beside it; empty without one.
     ``x_m``, ``y_m`` are NaN for a recording without positions.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> station = palpate.open_run("TIHA.run").recording().stations[7]
+    >>> station.x_m, station.signal_pa.shape[1]
+    (0.032, 1)
     """
 
     index: int
@@ -48,6 +55,13 @@ class Recording:
     ``pitch_m`` is the station distance (NaN for one station), ``face_m2`` the probe's face,
     ``simulated`` the names of simulated channels, ``length_m`` the indenter's length.
     ``quantum_pa`` is the sensor's resolution (0 = unknown).
+
+    Examples
+    --------
+    >>> import palpate
+    >>> recording = palpate.open_run("TIHA.run").recording()
+    >>> recording.channels, recording.finish, len(recording.stations)
+    (('force.force',), 'completed', 15)
     """
 
     stations: tuple[Station, ...]

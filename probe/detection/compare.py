@@ -18,6 +18,13 @@ def compare(a: Recording, b: Recording) -> Comparison:
     Each scan is represented by the station of its largest pulse. ``neither`` when stiffness and
     pulse are equal within their doubt, ``undecided`` when they contradict each other or no pulse
     is seen at all.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> recording = palpate.open_run("TIHA.run").recording()
+    >>> palpate.compare(recording, recording).reason  # of one scan with itself
+    'stiffness and pulse are equal within what the two scans can tell'
     """
     presses = [presses_of(recording, FALSE_ALARM / 2) for recording in (a, b)]
     one, other = (_clearest(some) for some in presses)

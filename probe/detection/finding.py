@@ -24,6 +24,14 @@ class StationFinding:
 
     NaN where a press gave nothing to judge by; ``note`` then says why. ``clipped`` is the share
     of samples lost to saturation. ``rate_hz`` is the pulse's, NaN where none was found.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> found = palpate.detect(palpate.open_run("TIHA.run").recording())
+    >>> strongest = max(found.stations, key=lambda station: station.pulse_pa)
+    >>> strongest.x_m, strongest.clipped
+    (0.032, 0.0)
     """
 
     index: int
@@ -46,6 +54,15 @@ class ObjectFinding:
     ``peak_pa`` is how much stiffer (negative: softer) it makes the place than its surroundings.
     ``confidence`` is the posterior probability of ``kind``. ``course`` has a point (x, y) per row
     of a grid where the object was seen, ``stenosed_m`` the rows (y) between which it is diseased.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> found = palpate.detect(palpate.open_run("TIHA.run").recording())
+    >>> vessel = found.objects[0]
+    >>> low_m, high_m = vessel.position_ci_m
+    >>> vessel.kind, low_m < 0.032 < high_m
+    ('artery', True)
     """
 
     kind: Kind
@@ -66,6 +83,13 @@ class Finding:
     ``needed_pa`` is the smallest pulse, trough to crest, that the scan would have shown (NaN:
     unknown), ``asked_pa`` the one that it was to show. ``heart_rate_bpm`` is the rate with its 95 %
     interval, None without a pulse.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> found = palpate.detect(palpate.open_run("TIHA.run").recording())
+    >>> found.finding, len(found.objects), len(found.stations)
+    ('artery', 1, 15)
     """
 
     finding: Kind
@@ -123,7 +147,16 @@ class Finding:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Which of two scans shows disease; ratios are A over B."""
+    """Which of two scans shows disease; ratios are A over B.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> recording = palpate.open_run("TIHA.run").recording()
+    >>> compared = palpate.compare(recording, recording)
+    >>> compared.diseased, compared.peak_ratio
+    ('neither', 1.0)
+    """
 
     diseased: Diseased
     peak_ratio: float

@@ -39,6 +39,12 @@ def detect(
     By default it is that of the paper's healthy artery on this probe's face. Works on real and
     simulated recordings alike. Never raises for what was recorded: a press that cannot be judged is
     a station with a ``note``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.detect(palpate.open_run("TIHA.run").recording(), asked_pa=200.0).finding
+    'artery'
     """
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm is {false_alarm:g}; it is a chance between 0 and 1")

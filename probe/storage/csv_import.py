@@ -49,7 +49,15 @@ FACE_MM2 = 100.0
 
 @dataclass(frozen=True)
 class Imported:
-    """What was written; ``notes`` tell what was left out or assumed."""
+    """What was written; ``notes`` tell what was left out or assumed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> imported = palpate.import_csv("press.csv", "imported.run", face_mm2=100.0)
+    >>> imported.stations, imported.samples
+    (1, 500)
+    """
 
     path: Path
     stations: int
@@ -68,6 +76,15 @@ def import_csv(
     ``face_mm2`` is the probe's face, which turns a force into the stress that detection works on;
     it scales what is found and does not change what is found.
     Raises `CsvError` for a bad recording, `StoreError` if ``out`` exists or cannot be written.
+
+    Examples
+    --------
+    A table of ``time_s`` and ``force_n`` becomes a run that all else reads:
+
+    >>> import palpate
+    >>> imported = palpate.import_csv("press.csv", "press.run", face_mm2=100.0)
+    >>> palpate.open_run(imported.path).recording().channels
+    ('imported.force',)
     """
     source, out = Path(source), Path(out)
     if face_mm2 is not None and not 0 < face_mm2 < 1e6:

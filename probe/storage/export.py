@@ -31,6 +31,13 @@ def export(run_path: str | Path, formats: Sequence[str], out_dir: str | Path) ->
 
     Files of an earlier export are replaced. Raises `ValueError` for another format, `RunFileError`
     for a run that cannot be read.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> files = palpate.export("TIHA.run", ["csv"], "tables")
+    >>> sorted(file.name for file in files)[0]
+    'TIHA-config.json'
     """
     if unknown := [name for name in formats if name not in WRITERS]:
         raise ValueError(f"format {', '.join(unknown)!r}: known are {', '.join(WRITERS)}")

@@ -33,6 +33,15 @@ class Run:
     """A run file, read anew at each call: a scan may still be writing it.
 
     ``started`` is the run's first event. Methods raise `RunFileError` for a damaged file.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> run = palpate.open_run("TIHA.run")
+    >>> run.config["scene"]["name"], run.finish.value, run.simulated
+    ('TIHA', 'completed', ('force.force', 'force.von_mises', 'stage.x', 'stage.y', 'stage.z'))
+    >>> run.stations()[["x_mm", "complete"]].shape
+    (15, 2)
     """
 
     def __init__(self, path: Path, started: RunStarted) -> None:
@@ -114,6 +123,12 @@ def open_run(path: str | Path) -> Run:
     """Open a run file: finished, growing, or left by a scan that was killed.
 
     Nothing is written. Raises `RunFileError` if the file is no run, damaged, or too new.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> len(palpate.open_run("TIHA.run").recording().stations)
+    15
     """
     path = Path(path)
     with reading(path) as connection:
@@ -130,6 +145,16 @@ def follow(path: str | Path) -> Iterator[Event | None]:
     """The events of a run as they are committed; None whenever there is nothing new.
 
     Waits for a file that is not there yet; never ends by itself. Raises `RunFileError`.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> for event in palpate.follow("TIHA.run"):  # here of a scan that has ended
+    ...     if event is None:
+    ...         break  # of one that goes on: time.sleep(0.1)
+    ...     last = event
+    >>> last.reason
+    'every station is complete'
     """
     path, last = Path(path), 0
     while True:

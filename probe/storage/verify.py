@@ -22,6 +22,13 @@ class Report:
 
     ``samples`` and ``lost`` (known to be missing, as the device said) count by device;
     ``finish`` is None for a run that goes on or was broken off.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> report = palpate.verify("TIHA.run")
+    >>> report.ok, report.stations_complete, report.problems, report.lost
+    (True, 15, (), {})
     """
 
     path: Path
@@ -64,6 +71,12 @@ def verify(path: str | Path) -> Report:
     the last events are there, the order of events, that no sample is there twice or under a
     station it was not taken at, and that stations marked complete are. Raises `RunFileError` only
     for a file that is no run at all.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.verify("TIHA.run").ok
+    True
     """
     path = Path(path)
     audit = Audit()

@@ -74,8 +74,12 @@ def sweep(
     Examples
     --------
     >>> import palpate
-    >>> table = palpate.sweep("TIHA", {"wall_mm": [0.5, 0.7]}, model="small", accuracy_pct=10)
-    ... # doctest: +SKIP
+    >>> table = palpate.sweep(
+    ...     "TIHA", {"wall_mm": [0.5, 0.7]}, indentation_mm=1.0, model="small", accuracy_pct=5,
+    ...     workers=1,
+    ... )
+    >>> table["inclusion.0.wall_mm"].tolist(), bool((table["force_n"] > 0).all())
+    ([0.5, 0.7], True)
     """
     loaded = as_scene(scene)
     varied = [

@@ -37,7 +37,18 @@ MIN_AREA_RATIO = 0.02
 
 
 class CannotSolve(RuntimeError):
-    """No equilibrium was found; ``limit`` names the physics that ended it."""
+    """No equilibrium was found; ``limit`` names the physics that ended it.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> lone = palpate.load_scene("HAOT")
+    >>> wall = lone.inclusion[0].model_copy(update={"modulus_kpa": 5.0})
+    >>> soft = lone.model_copy(update={"inclusion": (wall,)})
+    >>> palpate.press(soft, x_mm=32.0, depth_mm=0.5, pressures_mmhg=[1000.0])
+    Traceback (most recent call last):
+    sim_backend.fem.newton.CannotSolve: found no equilibrium beyond ...
+    """
 
     def __init__(self, limit: str, message: str) -> None:
         super().__init__(limit, message)

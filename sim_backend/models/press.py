@@ -88,6 +88,15 @@ class Press:
     ``error_estimate_pct`` is the larger of those of force and of pulse;
     ``pulse_error_estimate_pct`` that of the span of forces alone, None at a single pressure.
     ``element`` is named as in `sim_backend.fem.elements`, and ``why`` says why this model.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> pressed = palpate.press(
+    ...     "TIHA", x_mm=32.0, depth_mm=1.0, pressures_mmhg=[80.0, 120.0], accuracy_pct=5
+    ... )
+    >>> len(pressed.states), pressed.pulse_n > 0, pressed.error_estimate_pct < 5
+    (2, True, True)
     """
 
     scene: Scene
@@ -201,6 +210,13 @@ def press(
     space. Meshes are refined until what changes is
     small enough; where that cannot be reached, the stated error is above ``accuracy_pct``. Raises
     `SceneError` for a press that cannot be meant and `CannotSolve` where physics ends.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> pressed = palpate.press("TI", x_mm=32.0, depth_mm=1.0, accuracy_pct=5)
+    >>> 0.2 < pressed.states[0].force_n < 0.4
+    True
     """
     scene = as_scene(scene)
     if pressures_mmhg is None:

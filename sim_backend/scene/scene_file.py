@@ -31,7 +31,15 @@ Poisson = Annotated[float, Field(ge=0, lt=0.5)]
 
 
 class SceneError(ValueError):
-    """A scene that cannot be: the text names file, key, value and what is allowed."""
+    """A scene that cannot be: the text names file, key, value and what is allowed.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.load_scene("TIHB")
+    Traceback (most recent call last):
+    sim_backend.scene.scene_file.SceneError: TIHB: neither a file nor a built-in scene (HAOT, ...
+    """
 
 
 class Tissue(Table):
@@ -311,7 +319,14 @@ def mirrored(scene: Scene) -> Scene:
 
 
 def scene_names() -> list[str]:
-    """The scenes that are built in."""
+    """The scenes that are built in.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.scene_names()
+    ['HAOT', 'SAOT', 'TI', 'TI-solid', 'TIHA', 'TIHA-solid', 'TISA', 'TISA-solid', 'TIT', ...]
+    """
     folder = resources.files("sim_backend.scene") / "builtin"
     return sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml"))
 
@@ -325,6 +340,12 @@ def load_scene(name_or_path: str | Path) -> Scene:
     """A built-in scene by name, or a scene file. Raises `SceneError`.
 
     A wave file is looked for beside the scene file; the scene holds its full path.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> palpate.load_scene("TIHA").tissue.modulus_kpa
+    50.0
     """
     path = Path(name_or_path)
     if str(name_or_path) in scene_names():
