@@ -8,9 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import settings
 
 from drivers.core.arrays import Array
 from sim_backend.scene.scene_file import Scene
+
+settings.register_profile("busy machine", deadline=None)
+settings.load_profile("busy machine")
 
 WINDOWS = Path(__file__).parent / "probe" / "gui"
 

@@ -5,6 +5,7 @@ from mutants.devices import DEVICES
 from mutants.elsewhere import ELSEWHERE
 from mutants.guarded import GUARDED
 from mutants.mutant import Mutant
+from mutants.numerics import NUMERICS
 from mutants.stored import STORED
 
-MUTANTS: tuple[Mutant, ...] = (*GUARDED, *AROUND, *STORED, *DEVICES, *ELSEWHERE)
+MUTANTS: tuple[Mutant, ...] = (*GUARDED, *AROUND, *STORED, *DEVICES, *ELSEWHERE, *NUMERICS)

@@ -143,3 +143,19 @@ def test_a_bonded_finger_s_answer_is_its_path_s() -> None:
     station = respond(thin, place[0], place[1])
     felt = float(station.force_n(place[0], place[1], 0.0)) / station.length_m
     assert felt == pytest.approx(truth.force_n_per_m, rel=0.03)
+
+
+@pytest.mark.parametrize("element", ["T6", "Q4", "Q8R"])
+def test_a_node_s_share_of_the_surface_is_the_force_of_an_even_pressure(element: str) -> None:
+    """The integral of its shape function: 1/6, 2/3 and 1/6 of a quadratic side, halves of a linear
+    one; by Lagrange's polynomials here, element by element."""
+    section = build_section(BLOCK, 12e-3, depth_m=1e-3, size_m=0.8e-3, element=element)
+    x = section.mesh.nodes[section.mesh.surface, 0]
+    order = 1 if element == "Q4" else 2
+    wanted = np.zeros(len(x))
+    for first in range(0, len(x) - order, order):
+        side = x[first : first + order + 1]
+        for k in range(order + 1):
+            hat = np.poly1d(np.polyfit(side, np.eye(order + 1)[k], order)).integ()
+            wanted[first + k] += hat(side[-1]) - hat(side[0])
+    assert section.surface_share_m == pytest.approx(wanted, rel=1e-6)

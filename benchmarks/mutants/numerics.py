@@ -1,0 +1,43 @@
+"""Errors and corners of the finite elements: numbers that are a little wrong."""
+
+from mutants.mutant import Mutant
+
+MATERIAL, LUMEN = "sim_backend/fem/material.py", "sim_backend/fem/lumen.py"
+SKIN, REFINE = "sim_backend/fem/contact/elastic_foundation.py", "sim_backend/models/refine.py"
+CHOOSE = "sim_backend/models/choose.py"
+LAW = ("tests/sim_backend/fem/test_material.py",)
+RING = ("tests/sim_backend/fem/test_inflated_ring.py",)
+FINGERS = ("tests/sim_backend/fem/test_fingers.py",)
+REFINED = ("tests/sim_backend/models/test_refine.py",)
+CHOSEN = ("tests/sim_backend/models/test_choose.py",)
+
+NUMERICS = (
+    Mutant("von Mises by another factor", MATERIAL, "np.sqrt(1.5 * square)", "np.sqrt(square)",
+           LAW),
+    Mutant("von Mises at another power of the volume", MATERIAL,
+           "shear * volume ** (-5 / 3)", "shear * volume ** (-2 / 3)", LAW),
+    Mutant("pressure on the section as it was", LUMEN,
+           "thickness, thinning = solid.thickness, solid.thinning",
+           "thickness, thinning = np.ones(f.shape[:2]), np.zeros_like(f)", RING),
+    Mutant("a skin's nodes bear as those of straight sides", SKIN,
+           "share[middle] = 2 * whole / 3\n    np.add.at(share, middle - 1, whole / 6)\n"
+           "    np.add.at(share, middle + 1, whole / 6)",
+           "share[middle] = whole / 2\n    np.add.at(share, middle - 1, whole / 4)\n"
+           "    np.add.at(share, middle + 1, whole / 4)", FINGERS),
+    Mutant("half of the error is stated", REFINE,
+           "error_pct = np.maximum(left_pct, least_pct)",
+           "error_pct = np.maximum(left_pct, least_pct) / 2", REFINED),
+    Mutant("half of the meshes' change is stated", REFINE,
+           "_changes_pct(coarser[1], solved[1]) / (finer**ORDER - 1)",
+           "_changes_pct(coarser[1], solved[1]) / 2 / (finer**ORDER - 1)", REFINED),
+    Mutant("meshes may agree by chance", REFINE,
+           "FLOOR_PCT = np.array([6.0, 20.0])", "FLOOR_PCT = np.array([3.0, 10.0])", REFINED),
+    Mutant("what is left out is counted once", CHOOSE, "SAFETY = 2.0", "SAFETY = 1.0", CHOSEN),
+    Mutant("far inclusions are dropped sooner", CHOOSE,
+           "FAR_PCT, FAR_SHARE = 150.0, 0.121", "FAR_PCT, FAR_SHARE = 75.0, 0.121", CHOSEN),
+    Mutant("far inclusions are dropped nearer", CHOOSE,
+           "FAR_PCT, FAR_SHARE = 150.0, 0.121", "FAR_PCT, FAR_SHARE = 150.0, 0.1", CHOSEN),
+    Mutant("inclusions may cost the whole budget", CHOOSE,
+           "        if effect_pct > budget_pct / 4:\n            kept, far_pct = scene, 0.0",
+           "        if effect_pct > budget_pct:\n            kept, far_pct = scene, 0.0", CHOSEN),
+)  # fmt: skip
