@@ -1,6 +1,7 @@
 """Every figure, the quick ones first."""
 
 from figures.calibrating import calibration, wrong_rig
+from figures.installing import install
 from figures.keep import Figure
 from figures.presses import fast_model, fleet, lone_vessel, paper
 from figures.scans import demo
@@ -9,6 +10,7 @@ FIGURES = {
     figure.name: figure
     for figure in (
         Figure("demo", 0.5, demo),
+        Figure("install", 1.5, install),
         Figure("lone-vessel", 0.5, lone_vessel),
         Figure("fast-model", 2, fast_model),
         Figure("wrong-rig", 2, wrong_rig),
