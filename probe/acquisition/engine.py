@@ -108,7 +108,7 @@ class _Scan(RunLoop):
                 if place.index not in completed:
                     self._visit(place, attempts)
             if self.known_levels is not None:
-                self._note_drift(self._levels())
+                self._note_last_drift()
         except Interrupted as why:
             finish, reason = why.finish or Finish.FAULTED, why.reason
         except BaseException as error:
@@ -324,6 +324,13 @@ class _Scan(RunLoop):
         if drift is not None:
             self.bus.note("warning", "engine", f"{drift} in the air since the last tare: the "
                           "forces of the press before are off by up to that")  # fmt: skip
+
+    def _note_last_drift(self) -> None:
+        try:
+            self._note_drift(self._levels())
+        except DeviceFault as fault:  # what was asked for is complete
+            text = f"{fault.reason}: whether its zero moved in the last press is not known"
+            self.bus.note("warning", fault.device, text)
 
     def _levels(self) -> Levels:
         """Force of each sensor at rest: its mean over a tenth of a second, and how sure it is."""

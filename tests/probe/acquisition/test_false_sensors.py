@@ -15,6 +15,7 @@ from springs import (
     spring_rig,
 )
 
+from drivers import Block
 from probe.core.events import Finish, Note, Phase, PhaseEntered
 
 
@@ -136,3 +137,27 @@ def test_a_press_that_feels_next_to_nothing_is_told_once() -> None:
     (told,) = [text for text in notes if "a sensor that clips" in text]
     assert told.startswith("cell 0.0")
     assert "N in a hold, at max_force_n = 1.6" in told
+
+
+class SlowAfterThePress(SpringSensor):
+    """Skips all but one reading in 1.2 s once the probe is up again."""
+
+    pressed, next_s = False, 0.0
+
+    def block(self, time_s: Any, force: Any) -> Block:
+        height_m = self.bed.tip.point(self.bed.clock.now())[2]
+        self.pressed = self.pressed or height_m < -1e-3
+        given = np.full(len(time_s), True)
+        if self.pressed and height_m > 1.9e-3:
+            for k, t in enumerate(time_s):
+                given[k] = t >= self.next_s
+                self.next_s = t + 1.2 if given[k] else self.next_s
+        return super().block(np.asarray(time_s)[given], np.asarray(force)[given])
+
+
+def test_a_zero_that_cannot_be_looked_at_after_the_last_press_spoils_no_scan() -> None:
+    bed, stage, _ = on_springs()
+    ran = run_springs(bed, stage, [SlowAfterThePress(bed)], rig=spring_rig(safety={"silence_s": 2}))
+    assert ran.raised is None
+    assert ran.reason == "every station is complete"
+    assert any("whether its zero moved in the last press is not known" in n for n in ran.notes)
