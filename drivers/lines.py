@@ -193,10 +193,10 @@ class LineSource:
         """Raises `DeviceFault` where a gauge was switched to another unit that is one."""
         if self._unit_group is None:
             return True
-        told = (found[self._unit_group] or b"").decode("ascii", "replace")
-        if told != self._unit and told in SI:
-            raise DeviceFault(self._name, f"tells {told} now, not unit = {self._unit!r}")
-        return told == self._unit
+        unit = (found[self._unit_group] or b"").decode("ascii", "replace")
+        if unit != self._unit and unit in SI:
+            raise DeviceFault(self._name, f"sends {unit} now, not unit = {self._unit!r}")
+        return unit == self._unit
 
 
 def number_reader(decimal: str, thousands: str) -> Callable[[bytes], float]:

@@ -10,8 +10,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.core.axes import AXES, LineStageSettings, Reading
-from drivers.core.errors import ConfigError, DeviceFault
+from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
+from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
@@ -153,7 +153,5 @@ def in_words(error: int) -> str:
 
 def open_stage(_clock: Clock, settings: PiSettings) -> LineStage:
     """The axes at ``settings.port``, not yet connected. Raises `ConfigError`."""
-    given = [keys for axis in AXES if (keys := getattr(settings, axis))]
-    if not given or not all(keys.units_per_mm for keys in given):
-        raise ConfigError("x, y, z: name at least one axis, each with units_per_mm not 0")
+    check_axes(settings, "units_per_mm")
     return LineStage(settings, lambda: PiAxes(settings))

@@ -13,8 +13,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.core.axes import AXES, LineStageSettings, Reading
-from drivers.core.errors import ConfigError, DeviceFault
+from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
+from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
@@ -156,8 +156,8 @@ class TmclAxes:
     def _ask(self, module: int, command: int, kind: int, bank: int, value: int = 0) -> int:
         """The value in the reply. Raises `NoAnswer` where it is damaged."""
         answer = self._line.ask(frame(module, command, kind, bank, value), size=LENGTH)
-        _, address, status, told, found, check = struct.unpack(">BBBBiB", answer)
-        if check != sum(answer[:-1]) % 256 or (address, told) != (module, command):
+        _, address, status, answered, found, check = struct.unpack(">BBBBiB", answer)
+        if check != sum(answer[:-1]) % 256 or (address, answered) != (module, command):
             raise NoAnswer(self._device, f"{answer.hex(' ')} is no reply")
         if status == 1:
             raise NoAnswer(self._device, f"module {module}: {STATUS[1]}")
@@ -175,7 +175,5 @@ def frame(module: int, command: int, kind: int, bank: int, value: int) -> bytes:
 
 def open_stage(_clock: Clock, settings: TmclSettings) -> LineStage:
     """The motors at ``settings.port``, not yet connected. Raises `ConfigError`."""
-    given = [keys for axis in AXES if (keys := getattr(settings, axis))]
-    if not given or not all(keys.microsteps_per_mm for keys in given):
-        raise ConfigError("x, y, z: name at least one axis, each with microsteps_per_mm not 0")
+    check_axes(settings, "microsteps_per_mm")
     return LineStage(settings, lambda: TmclAxes(settings))

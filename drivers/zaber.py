@@ -9,8 +9,8 @@ from typing import Annotated, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from drivers.core.axes import AXES, LineStageSettings, Reading
-from drivers.core.errors import ConfigError, DeviceFault
+from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
+from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
@@ -168,8 +168,8 @@ class ZaberAxes:
         text = answer.decode("ascii", errors="replace")
         if not text.startswith("@"):
             return None
-        text, colon, told = text[1:].partition(":")
-        if (colon and told != check_sum(text)) or (self._checked and not colon):
+        text, colon, sum_sent = text[1:].partition(":")
+        if (colon and sum_sent != check_sum(text)) or (self._checked and not colon):
             return None
         return text.split()
 
@@ -193,7 +193,5 @@ def check_sum(text: str) -> str:
 
 def open_stage(_clock: Clock, settings: ZaberSettings) -> LineStage:
     """The axes at ``settings.port``, not yet connected. Raises `ConfigError`."""
-    given = [keys for axis in AXES if (keys := getattr(settings, axis))]
-    if not given or not all(keys.microsteps_per_mm for keys in given):
-        raise ConfigError("x, y, z: name at least one axis, each with microsteps_per_mm not 0")
+    check_axes(settings, "microsteps_per_mm")
     return LineStage(settings, lambda: ZaberAxes(settings))

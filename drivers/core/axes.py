@@ -5,6 +5,7 @@ from typing import Annotated, NamedTuple, Protocol
 
 from pydantic import Field
 
+from drivers.core.errors import ConfigError
 from drivers.core.settings import Point, Positive, Settings
 
 AXES = "xyz"
@@ -33,6 +34,13 @@ class LineStageSettings(Settings):
     answer_s: Positive = 0.1
     silent_s: Positive = 0.25
     arrived_mm: Positive = 0.05
+
+
+def check_axes(settings: LineStageSettings, counts_per_mm: str) -> None:
+    """Raises `ConfigError` unless an axis is named, and each gives its key ``counts_per_mm``."""
+    named = [keys for axis in AXES if (keys := getattr(settings, axis))]
+    if not named or not all(getattr(keys, counts_per_mm) for keys in named):
+        raise ConfigError(f"x, y, z: name at least one axis, each with {counts_per_mm} not 0")
 
 
 class Reading(NamedTuple):

@@ -42,8 +42,8 @@ class Line:
         due_s = time.monotonic() + self._answer_s
         while not (end and got.endswith(end)) and not (size and len(got) >= size):
             if time.monotonic() > due_s or len(got) > LONGEST:
-                told = f", only {got!r}" if got else ""
-                raise NoAnswer(self.device, f"no answer within {self._answer_s:g} s{told}")
+                heard = f", only {got!r}" if got else ""
+                raise NoAnswer(self.device, f"no answer within {self._answer_s:g} s{heard}")
             got += read_some(self._line)
         return got.removesuffix(end) if end else got[:size]
 

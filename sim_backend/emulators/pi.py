@@ -139,13 +139,14 @@ class PiController:
         if any(axis not in AXES for axis in axes):
             self._error = BAD_AXIS
             return ""
-        told = [self._told(command, axis) for axis in axes]
-        if None in told:
+        values = [self._answer_of(command, axis) for axis in axes]
+        if None in values:
             self._error = UNKNOWN
             return ""
-        return " \n".join(f"{axis}={value}" for axis, value in zip(axes, told, strict=True)) + "\n"
+        lines = [f"{axis}={value}" for axis, value in zip(axes, values, strict=True)]
+        return " \n".join(lines) + "\n"
 
-    def _told(self, command: str, axis: str) -> str | None:
+    def _answer_of(self, command: str, axis: str) -> str | None:
         name = AXES[axis]
         match command:
             case "POS?":

@@ -115,7 +115,7 @@ class TmclModule:
     def _parameter(self, axis: str, kind: int) -> tuple[int, int]:
         at = self._steps(axis) - self._zero[axis]
         moving = self._carriage.moving(axis)
-        told = {
+        values = {
             0: self._targets[axis],
             1: at,
             3: self._speeds[axis] if moving else 0,
@@ -124,7 +124,7 @@ class TmclModule:
             10: 0,
             11: int(axis in self._at_switch),
         }
-        return (OK, told[kind]) if kind in told else (BAD_TYPE, 0)
+        return (OK, values[kind]) if kind in values else (BAD_TYPE, 0)
 
     def _variable(self, command: int, kind: int, bank: int, value: int) -> tuple[int, int]:
         if bank != 2 or kind >= USER_VARIABLES:

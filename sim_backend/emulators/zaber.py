@@ -62,8 +62,8 @@ class ZaberChain:
         """A damaged command is not answered, nor is one for a device that is not there."""
         if not line.startswith("/"):
             return b""
-        text, colon, told = line[1:].partition(":")
-        if colon and told.strip().upper() != lrc(text):
+        text, colon, sum_sent = line[1:].partition(":")
+        if colon and sum_sent.strip().upper() != lrc(text):
             return b""
         words = text.split()
         numbers: list[str] = []
@@ -111,16 +111,16 @@ class ZaberChain:
             case ["stop"]:
                 self._carriage.halt(name)
             case ["warnings", *clear] if clear in ([], ["clear"]):
-                told = [flag for flag in self._warnings(name) if flag != "--"]
+                flags = [flag for flag in self._warnings(name) if flag != "--"]
                 if clear:
                     self._flags[name] = "" if self._enabled else "FD"
-                return "OK", " ".join([f"{len(told):02d}", *told])
+                return "OK", " ".join([f"{len(flags):02d}", *flags])
             case _:
                 return "RJ", "BADCOMMAND"
         return "OK", "0"
 
     def _get(self, name: str, setting: str) -> tuple[str, str]:
-        told: dict[str, object] = {
+        values: dict[str, object] = {
             "pos": round(self._carriage.place_mm(name) * MICROSTEPS_PER_MM),
             "maxspeed": self._speeds[name],
             "version": FIRMWARE,
@@ -128,7 +128,7 @@ class ZaberChain:
             "comm.checksum": int(self._check_sums),
             "system.axiscount": 1,
         }
-        return ("OK", str(told[setting])) if setting in told else ("RJ", "BADCOMMAND")
+        return ("OK", str(values[setting])) if setting in values else ("RJ", "BADCOMMAND")
 
     def _move(self, name: str, value: str) -> tuple[str, str]:
         if not self._enabled:

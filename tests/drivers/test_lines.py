@@ -253,7 +253,7 @@ def test_what_does_not_match_is_shown(clock: WallClock, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("pattern", "words"),
     [
-        ("(?P<force>[-0-9.]+) (?P<unit>[a-zA-Z]+)", "tells lbf now, not unit = 'N'"),
+        ("(?P<force>[-0-9.]+) (?P<unit>[a-zA-Z]+)", "sends lbf now, not unit = 'N'"),
         ("(?P<force>[-0-9.]+) N", "do not match the pattern; the last is '1.0 lbf'"),
     ],
 )

@@ -1,4 +1,4 @@
-"""How far what lies beneath has moved aside when it is felt.
+"""How far what lies beneath has moved aside when a press finds it.
 
 A block that slides on its support is held at its middle, and a probe squeezes everything beneath it
 away from there; one that is bonded to its support hardly moves. Which of the two a scan is of is
@@ -17,7 +17,7 @@ is 0.10, 0.36 and 0.55 in the first, second and third tenth, and 0.6 from there 
 
 
 def reach_inwards_m(x_m: float, row_m: Array, depth_m: float) -> float:
-    """How much nearer to the middle of a row at ``row_m`` (n,) a thing felt at ``x_m`` may lie [m].
+    """How much nearer to the middle of a row at ``row_m`` (n,) one found at ``x_m`` may lie [m].
 
     The block is taken to end a pitch beyond the row; 0 where the ``depth_m`` of the presses is not
     known. Negative where inwards is towards smaller x.

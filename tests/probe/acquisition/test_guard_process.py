@@ -83,6 +83,11 @@ class Bench:
                 return line
         pytest.fail(f"the scan ended before it said {word!r}: {line}")
 
+    def wait_until_pressed(self) -> None:
+        self.wait_for("holding")
+        time.sleep(0.3)
+        assert self.height_m() < -2.4e-3
+
     def guards(self) -> list[int]:
         """The processes that guard: children of the scan, of whichever of its threads."""
         tasks = Path(f"/proc/{self.scanning.pid}/task").glob("*/children")
@@ -161,9 +166,7 @@ def test_a_scan_that_stands_still_or_dies_is_lifted(
     number: signal.Signals, winkler: Respond, tmp_path: Path
 ) -> None:
     with bench(winkler, tmp_path) as on:
-        on.wait_for("holding")
-        time.sleep(0.3)
-        assert on.height_m() < -2.4e-3
+        on.wait_until_pressed()
         os.killpg(on.scanning.pid, number)  # the whole group, as a terminal would
         on.lifted_within(8.0)
         os.killpg(on.scanning.pid, signal.SIGKILL)
@@ -192,9 +195,7 @@ def test_when_the_guards_die_or_hang_others_take_over_and_lift(
     number: signal.Signals, winkler: Respond, tmp_path: Path
 ) -> None:
     with bench(winkler, tmp_path) as on:
-        on.wait_for("holding")
-        time.sleep(0.3)
-        assert on.height_m() < -2.4e-3
+        on.wait_until_pressed()
         os.kill(on.guard(), number)
         line = on.wait_for("END")
         assert "END faulted guard: the process that guarded has ended; another took" in line
