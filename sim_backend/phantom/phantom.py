@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from drivers import Clock
 from sim_backend.arrays import Array
@@ -66,8 +67,6 @@ class Phantom:
         folder: Path | None = None,
     ) -> None:
         self.scene = scene
-        if scene.tissue is not None and scene.tissue.relaxation:
-            import scipy.signal  # noqa: F401 - here, so that no reading waits for half a second
         self.clock = clock
         self.surface = surface
         self.tip = Trajectory(home, clock.now())
@@ -200,8 +199,6 @@ class Phantom:
         piecewise linear F_e). The pulse is not relaxed: softening everything alike does not
         change the load that a given pressure passes on.
         """
-        from scipy.signal import lfilter
-
         assert self.scene.tissue is not None
         start = math.floor(self._in_air_since(before) / RELAXATION_STEP_S)
         stop = math.ceil(time_s[-1] / RELAXATION_STEP_S) + 1
@@ -217,7 +214,8 @@ class Phantom:
         for g, tau_s in self.scene.tissue.relaxation:
             decay = math.exp(-RELAXATION_STEP_S / tau_s)
             gain = tau_s / RELAXATION_STEP_S * (1 - decay)
-            taken += g * (elastic - lfilter([gain], [1.0, -decay], rise))
+            bands = np.broadcast_to([[1.0], [-decay]], (2, len(grid)))
+            taken += g * (elastic - solve_banded((1, 0), bands, gain * rise))
         return np.interp(time_s, grid, taken)
 
     def _in_air_since(self, before: Rest) -> float:
