@@ -52,7 +52,7 @@ def there_and_back(stage: Stage, away_m: tuple[float, float, float]) -> None:
 
 
 @pytest.mark.skipif(not SIMULATOR, reason="PALPATE_GRBLHAL gives no path to a grblHAL_sim")
-def test_grblhal_s_own_firmware_moves_stops_and_refuses(tmp_path: Path) -> None:
+def test_grblhal_s_own_firmware_moves_and_stops(tmp_path: Path) -> None:
     board, ours = os.openpty()
     tty.setraw(ours)
     with subprocess.Popen([SIMULATOR, "-n"], stdin=board, stdout=board, cwd=tmp_path) as firmware:

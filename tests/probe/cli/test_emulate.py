@@ -1,12 +1,16 @@
 """``palpate emulate``: served until told to stop, failing on command."""
 
+import os
 import signal
 import subprocess
 import sys
+import time
 from itertools import takewhile
 from pathlib import Path
 
 import pytest
+
+from sim_backend.emulators.solving import AFTER_OTHERS
 
 
 def test_serves_until_terminated_and_fails_on_command(tmp_path: Path) -> None:
@@ -35,6 +39,39 @@ def test_serves_until_terminated_and_fails_on_command(tmp_path: Path) -> None:
     assert any("nonsense" in line and "drop" in line for line in said)
     assert process.returncode == 0
     assert not port.exists()
+
+
+def may_come_first() -> bool:
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    except OSError:
+        return False
+    os.sched_setscheduler(0, *before)
+    return True
+
+
+def test_a_controller_comes_first_and_its_solver_last(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "probe.cli", "emulate", "ft300", "--scene", "HAOT"]
+    process = subprocess.Popen(
+        [*command, "--at", str(tmp_path / "ft300")],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        tasks = Path(f"/proc/{process.pid}/task").glob("*/children")
+        (solver,) = [int(pid) for task in tasks for pid in task.read_text().split()]
+        if may_come_first():
+            assert os.sched_getscheduler(process.pid) == os.SCHED_RR
+        assert os.sched_getscheduler(solver) == os.SCHED_OTHER
+        end_s = time.monotonic() + 60
+        while os.getpriority(os.PRIO_PROCESS, solver) != AFTER_OTHERS:  # once it has begun
+            assert time.monotonic() < end_s
+            time.sleep(0.02)
+    finally:
+        process.terminate()
+        process.communicate(timeout=20)
 
 
 @pytest.mark.parametrize(
