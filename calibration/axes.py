@@ -41,13 +41,6 @@ class AxesCalibration:
         """(3,): how much longer each axis is than it reads, as a fraction."""
         return np.asarray(np.linalg.norm(self.matrix, axis=0) - 1)
 
-    @property
-    def squareness_rad(self) -> Array:
-        """(xy, yz, zx): by how much the angle between two axes falls short of a right one."""
-        unit = self.matrix / np.linalg.norm(self.matrix, axis=0)
-        cosines = [unit[:, a] @ unit[:, b] for a, b in ((0, 1), (1, 2), (2, 0))]
-        return np.asarray(np.arcsin(np.array(cosines)))
-
 
 def fit_axes(read_m: Array, true_m: Array) -> AxesCalibration:
     """Axis errors from points (n, 3) the stage read and where they were (a gauge, a tracker).

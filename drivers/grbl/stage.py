@@ -31,7 +31,7 @@ SETTINGS_S = 2.0
 OFFSET_REPORTS = 35  # GRBL 1.1 tells the offset every 10 to 30 reports
 REPORT_S = 0.02  # between two reports, at least
 REPORT_MASK = 10
-REPORT_INCHES, HARD_LIMITS, SOFT_LIMITS, HOMING = 13, 21, 20, 22
+REPORT_INCHES, SOFT_LIMITS, HOMING = 13, 20, 22
 MAX_RATE = (110, 111, 112)  # mm/min
 
 Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]

@@ -27,7 +27,7 @@ KICKS = 4  # in the time that the robot's watchdog waits
 BEGINS_S = 1.0  # an accepted move is under way within a few cycles, on a busy machine later
 NICE_LEVEL = -10
 """Samples and the watchdog wait for nobody's computing."""
-NORMAL, REDUCED = 1, 2  # safety modes in which the arm may move
+REDUCED = 2  # a safety mode in which the arm may move, slower
 VARIABLES = [
     "timestamp", "actual_TCP_pose", "actual_TCP_force", "target_TCP_speed", "robot_mode",
     "safety_mode", "runtime_state", "speed_scaling", "target_speed_fraction", "payload",

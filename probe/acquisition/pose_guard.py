@@ -33,10 +33,6 @@ class PoseGuard:
         """From now on the tip rests here."""
         self._way = (pose, pose, REST_M)
 
-    def expect_anything(self) -> None:
-        """A homing cycle goes its own way."""
-        self._way = None
-
     def check(
         self, pose: Pose, now_s: float, asked_s: float | None = None
     ) -> tuple[str, bool] | None:

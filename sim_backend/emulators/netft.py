@@ -21,7 +21,6 @@ PAGE = f"""<?xml version="1.0" encoding="UTF-8"?>
 <netft><prodname>Ethernet F/T</prodname><cfgcpf>{COUNTS_PER_N}</cfgcpf>
 <cfgcpt>{COUNTS_PER_NM}</cfgcpt><scfgfu>N</scfgfu><scfgtu>Nm</scfgtu></netft>
 """
-SATURATED = 0x00020000
 
 SELDOM = 200
 """One record in this many comes twice, or after the next."""

@@ -15,7 +15,7 @@ from sim_backend.phantom.trajectory import Point
 AXES = {"1": "x", "2": "y", "3": "z"}
 IDENTITY = "(c)2015 Physik Instrumente (PI) GmbH & Co. KG, C-884.DB, 118012345, 1.2.0.0"
 SYNTAX, UNKNOWN, UNREFERENCED, POSITION, VELOCITY, STOPPED = 1, 2, 5, 7, 8, 10
-BAD_AXIS, OUT_OF_RANGE, COUNT, MOTION_ERROR = 15, 17, 24, -1024
+BAD_AXIS, COUNT, MOTION_ERROR = 15, 24, -1024
 FASTEST_MM_S = 100.0
 
 

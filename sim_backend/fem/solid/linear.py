@@ -61,7 +61,7 @@ class LinearSolver:
         self._leaning = [(s, (w[self._dofs] * free.ravel())) for s, w in leaning]
         self._size = 3 * len(nodes)
         self._factors: Factors | None = None
-        self.factorisations = self.steps = 0
+        self.steps = 0
 
     def matrix(self, blocks: list[Array]) -> bsr_matrix:
         """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
@@ -119,7 +119,6 @@ class LinearSolver:
         for stiffness, weight in self._leaning:
             on_diagonal = stiffness * (weight**2).reshape(-1, 3)
             propped.data[self._diagonal[:, None], [0, 1, 2], [0, 1, 2]] += on_diagonal
-        self.factorisations += 1
         return Factors(self._plan, propped)
 
     def _krylov(self, matrix: bsr_matrix, right: Array, most: int) -> tuple[Array | None, int]:
