@@ -7,8 +7,8 @@ import palpate
 
 result = palpate.scan(scene="TIHA", seed=1)
 run = palpate.open_run(result.path)
-finding = palpate.detect(run.recording())
+finding = palpate.detect(run)
 print(run.path)
 print(finding.finding)
 for one in finding.objects:
-    print(f"{one.kind} at x = {1e3 * one.position_m:.2f} mm, pulse {one.pulse_pa:.0f} Pa")
+    print(f"{one.kind} at x = {one.position_mm:.2f} mm, pulse {one.pulse_pa:.0f} Pa")

@@ -4,7 +4,7 @@ import palpate
 result = palpate.scan(scene="TIHA")           # or palpate.scan("rig.toml")
 run = palpate.open_run(result.path)
 run.stations(), run.samples()                 # a table; labelled arrays with units
-palpate.detect(run.recording())               # what lies beneath, and where
+palpate.detect(run)                           # what lies beneath, and where
 
 Names are imported when they are first used: ``import palpate`` costs nothing.
 """
@@ -148,4 +148,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return list(__all__)

@@ -12,6 +12,7 @@ from probe.acquisition.event_bus import EventSink
 from probe.acquisition.guard_process import Order
 from probe.acquisition.opening import OpenedRig, opened_devices
 from probe.acquisition.prepare import Prepared, prepare
+from probe.acquisition.progress import in_notebook
 from probe.acquisition.remote import listening
 from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
@@ -19,6 +20,7 @@ from probe.config.scan_plan import limits_for, plan_for
 from probe.core.events import RunEnded
 from probe.core.log import log_event
 from probe.storage.writer import Store, create_store
+from sim_backend import html
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene, load_scene
 
@@ -41,6 +43,15 @@ class ScanResult:
     ended: RunEnded
     notes: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"ScanResult({self.path}, {self.ended.finish.value}: {self.ended.reason})"
+
+    def _repr_html_(self) -> str:
+        """Where the run is, how it ended, and the devices' notes, for notebooks."""
+        ended = f"{self.ended.finish.value}: {self.ended.reason}"
+        notes = [("note", note) for note in self.notes]
+        return html.table([("run", str(self.path)), ("finish", ended), *notes])
+
 
 def scan(
     rig: Rig | str | Path | None = None,
@@ -61,6 +72,7 @@ def scan(
     ``scene``, a built-in name or a file, is what simulated devices feel. A rig of simulated
     devices only runs on simulated time, as fast as the machine allows, unless ``real_time``.
     ``labels`` (operator, specimen, notes of your own) are kept in the run for `palpate runs`.
+    In a notebook the cell shows the station that is pressed and the time left.
     ``opened`` is given the run file and the devices' notes before anything moves.
     Raises `RigError`, `SceneError`, `drivers.ConfigError` and `drivers.DeviceFault` before
     anything moves, and `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
@@ -112,7 +124,7 @@ def run_prepared(
         sink,
         prepared.limits,
         control=control,
-        observers=(log_event, *observers),
+        observers=(log_event, *in_notebook(len(prepared.plan.places), len(completed)), *observers),
         config=prepared.config | {"labels": dict(labels)},
         completed=completed,
         attempts=attempts,

@@ -53,8 +53,8 @@ class Reading:
             _number(self.raw, self.noise),
             _number(self.tared, self.noise),
             self.channel.unit,
-            "-" if self.noise is None else f"{self.noise:.2g}",
-            "-" if self.drift is None else f"{self.drift:+.1g}",
+            _number(self.noise, self.noise),
+            "-" if self.drift is None else f"{self.drift:+.{_decimals(self.noise)}f}",
             f"{self.rate_hz:.0f} of {self.wanted_hz:.0f}",
             "-" if self.age_s is None else f"{1e3 * max(self.age_s, 0.0):.0f}",
             " ".join(mark for mark in marks if mark),
@@ -65,8 +65,12 @@ def _number(value: float | None, noise: float | None) -> str:
     """With as many decimals as the noise lets stand."""
     if value is None:
         return "-"
+    return f"{value:.{_decimals(noise)}f}"
+
+
+def _decimals(noise: float | None) -> int:
     digits = 1 - math.floor(math.log10(noise)) if noise else DECIMALS
-    return f"{value:.{min(max(digits, 0), MOST_DECIMALS)}f}"
+    return min(max(digits, 0), MOST_DECIMALS)
 
 
 @dataclass

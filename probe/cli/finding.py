@@ -11,15 +11,7 @@ import typer
 from probe.cli.arguments import RunFiles
 from probe.cli.say import Json, answer, answer_json, plain
 from probe.cli.several import of_each
-from probe.core.finding_words import (
-    assumption,
-    headline,
-    heart_rate_line,
-    object_line,
-    percent,
-    reach,
-    simulated_words,
-)
+from probe.core.finding_words import percent, reach, simulated_words, summary
 
 MAX_LINES = 40
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
@@ -121,12 +113,8 @@ def show_finding(found: Mapping[str, Any]) -> None:
         answer(f"{len(found['stations'])} stations: the report shows them as a map")
     if found["simulated"]:
         answer(simulated_words(found["simulated"]))
-    answer(f"Finding: {headline(found)}")
-    for one in found["objects"]:
-        answer(f"  {object_line(one)}")
-    for line in (heart_rate_line(found), found.get("reason"), assumption(found)):
-        if line:
-            answer(f"  {line}")
+    for line in summary(found):
+        answer(line)
 
 
 def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:

@@ -1,8 +1,8 @@
 """A run's events as lines that a person reads."""
 
 from collections.abc import Iterable, Iterator
-from math import isfinite
 
+from probe.acquisition.progress import place_words
 from probe.core.events import (
     Event,
     Note,
@@ -13,14 +13,6 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-
-
-def place_words(station: StationStarted) -> str:
-    """Where a press is; y only off the line y = 0."""
-    if not isfinite(station.x_m):
-        return "an unknown place"
-    y = f", y = {1e3 * station.y_m:.1f} mm" if isfinite(station.y_m) and station.y_m else ""
-    return f"x = {1e3 * station.x_m:.1f} mm{y}"
 
 
 def lines(events: Iterable[Event]) -> Iterator[str]:

@@ -1,7 +1,6 @@
 """Where a scan is and how long it will take, written to standard error."""
 
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import TracebackType
@@ -10,7 +9,7 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
-from probe.cli.history import place_words
+from probe.acquisition.progress import StationCount
 from probe.cli.say import inform
 from probe.core.events import Event, Phase, PhaseEntered, StationEnded, StationStarted
 
@@ -18,14 +17,11 @@ from probe.core.events import Event, Phase, PhaseEntered, StationEnded, StationS
 class ScanProgress:
     """An observer of a scan: a bar in a terminal, one plain line per station elsewhere.
 
-    ``total`` stations, of which ``done`` are complete already; ``each_s`` is the best guess of a
-    station's duration until one has been measured (None: say nothing until then).
+    ``total``, ``done`` and ``each_s`` as `StationCount` has them.
     """
 
     def __init__(self, total: int, done: int = 0, each_s: float | None = None) -> None:
-        self._total, self._done, self._each_s = total, done, each_s
-        self._measured = 0
-        self._began_s = time.monotonic()
+        self._count = StationCount(total, done, each_s)
         self._bar: Progress | None = None
         if sys.stderr.isatty():
             self._bar = Progress(
@@ -57,26 +53,16 @@ class ScanProgress:
         """Take one event of the scan."""
         match event:
             case StationStarted():
-                where = f"station {event.station + 1} of {self._total}"
-                self._show(f"{where}, {place_words(event)}", self._left())
+                self._show(self._count.words(event), self._count.left())
             case StationEnded(complete=True):
-                self._done += 1
-                self._measured += 1
-                self._each_s = (time.monotonic() - self._began_s) / self._measured
+                self._count.ended()
                 if self._bar is not None:
-                    self._bar.update(self._task, completed=self._done, left=self._left())
+                    done, left = self._count.done, self._count.left()
+                    self._bar.update(self._task, completed=done, left=left)
             case PhaseEntered() if self._bar is not None:
                 self._bar.update(self._task, phase=event.phase.value)
                 if event.phase is Phase.PAUSED:
                     self._bar.update(self._task, left="paused")
-
-    def _left(self) -> str:
-        if self._each_s is None:
-            return ""
-        left_s = round(self._each_s * (self._total - self._done))
-        return (
-            f"about {left_s // 60} min {left_s % 60} s left" if left_s > 99 else f"{left_s} s left"
-        )
 
     def _show(self, text: str, left: str) -> None:
         if self._bar is not None:

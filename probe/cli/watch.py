@@ -78,6 +78,7 @@ def _in_terminal(
     ends_s = None if seconds is None else clock.now() + seconds
     live = sys.stdout.isatty() and not quiet
     said_s = clock.now()
+    widths: list[int] = []
     last: list[Reading] = watched.readings()
     try:
         with Live(auto_refresh=False, transient=False) if live else _Nothing() as screen:
@@ -88,13 +89,25 @@ def _in_terminal(
                     screen.update(_table(last), refresh=True)
                 elif not quiet and clock.now() - said_s >= SAID_EVERY_S:
                     said_s = clock.now()
-                    for one in last:
-                        answer("  ".join(cell for cell in one.row() if cell))
+                    widths = _say(last, widths)
                 if all(one.fault for one in last):
                     break
     except KeyboardInterrupt:  # how it is usually left
         pass
     return last
+
+
+def _say(readings: "list[Reading]", widths: list[int]) -> list[int]:
+    """A line per channel, in columns whose heads come first; their ``widths``, empty at first."""
+    from probe.acquisition.watch import HEAD
+
+    rows = [one.row() for one in readings]
+    lines = rows if widths else [HEAD, *rows]
+    widths = widths or [max(map(len, column)) for column in zip(*lines, strict=True)]
+    for name, *cells in lines:
+        padded = (cell.rjust(width) for cell, width in zip(cells[:-1], widths[1:], strict=False))
+        answer("  ".join((name.ljust(widths[0]), *padded, cells[-1])).rstrip())
+    return widths
 
 
 class _Nothing:

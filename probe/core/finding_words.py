@@ -36,6 +36,13 @@ def object_line(one: Mapping[str, Any]) -> str:
     return ", ".join(parts + over_rows(one))
 
 
+def summary(found: Mapping[str, Any]) -> list[str]:
+    """The finding in lines: the headline, what it is made of, why, and what was assumed."""
+    objects = (object_line(one) for one in found["objects"])
+    more = (heart_rate_line(found), found.get("reason"), assumption(found))
+    return [f"Finding: {headline(found)}", *(f"  {line}" for line in (*objects, *more) if line)]
+
+
 def over_rows(one: Mapping[str, Any]) -> list[str]:
     """Where an object of a grid was seen across the rows, and where a vessel is stenosed."""
     parts = []

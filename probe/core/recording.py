@@ -71,6 +71,12 @@ class Recording:
     finish: str = "completed"
     quantum_pa: float = 0.0
 
+    def __repr__(self) -> str:
+        return (
+            f"Recording({len(self.stations)} complete stations of {', '.join(self.channels)}, "
+            f"{self.finish})"
+        )
+
     def rows(self) -> list[list[int]]:
         """Places in ``stations`` of those of equal y; one row where y is unknown."""
         rows: dict[int, list[int]] = {}

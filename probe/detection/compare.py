@@ -1,23 +1,25 @@
 """Two scans beside each other: which one shows disease."""
 
 from math import isfinite, log
+from os import PathLike
 
 from scipy.special import ndtr
 
 from probe.core.recording import Recording
 from probe.detection.finding import Comparison, Diseased
 from probe.detection.pulse.presses import Press, presses_of
+from probe.storage.run import recording_of
 
 FALSE_ALARM = 0.01
 MIN_POSTERIOR = 0.95
 
 
-def compare(a: Recording, b: Recording) -> Comparison:
+def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[str]) -> Comparison:
     """Which of two scans shows the diseased artery: the stiffer one with the weaker pulse.
 
-    Each scan is represented by the station of its largest pulse. ``neither`` when stiffness and
-    pulse are equal within their doubt, ``undecided`` when they contradict each other or no pulse
-    is seen at all.
+    ``a`` and ``b`` are recordings, runs or run files. Each scan is represented by the station of
+    its largest pulse. ``neither`` when stiffness and pulse are equal within their doubt,
+    ``undecided`` when they contradict each other or no pulse is seen at all.
 
     Examples
     --------
@@ -26,7 +28,7 @@ def compare(a: Recording, b: Recording) -> Comparison:
     >>> palpate.compare(recording, recording).reason  # of one scan with itself
     'stiffness and pulse are equal within what the two scans can tell'
     """
-    presses = [presses_of(recording, FALSE_ALARM / 2) for recording in (a, b)]
+    presses = [presses_of(recording, FALSE_ALARM / 2) for recording in map(recording_of, (a, b))]
     one, other = (_clearest(some) for some in presses)
     if one is None or other is None:
         which = "A" if one is None else "B"

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any, Literal
 
+from probe.core.finding_words import summary
 from sim_backend import html
 
 Kind = Literal["nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see"]
@@ -11,6 +12,10 @@ Diseased = Literal["A", "B", "neither", "undecided"]
 
 MAX_CONFIDENCE = 0.999
 """No model of the world is surer of itself than this, whatever its likelihoods say."""
+
+
+DECIMALS = 6
+"""Of a place in mm: a nanometre, which leaves 36.00000000000001 out."""
 
 
 def stated(confidence: float) -> float:
@@ -46,6 +51,16 @@ class StationFinding:
     rate_hz: float = nan
     p_value: float = 1.0
 
+    @property
+    def x_mm(self) -> float:
+        """Where along the row; NaN without positions."""
+        return 1e3 * self.x_m
+
+    @property
+    def y_mm(self) -> float:
+        """Which row; NaN without positions."""
+        return 1e3 * self.y_m
+
 
 @dataclass(frozen=True)
 class ObjectFinding:
@@ -75,6 +90,17 @@ class ObjectFinding:
     course: tuple[tuple[float, float], ...] = ()
     stenosed_m: tuple[float, float] | None = None
 
+    @property
+    def position_mm(self) -> float:
+        """Where it lies; NaN without positions."""
+        return 1e3 * self.position_m
+
+    @property
+    def position_ci_mm(self) -> tuple[float, float]:
+        """The 95 % interval of `position_mm`."""
+        low_m, high_m = self.position_ci_m
+        return 1e3 * low_m, 1e3 * high_m
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -101,19 +127,19 @@ class Finding:
     asked_pa: float = nan
     heart_rate_bpm: tuple[float, float, float] | None = None
 
+    def __repr__(self) -> str:
+        """As the terminal shows it; the numbers are in the attributes and in `as_json`."""
+        return "\n".join(summary(self.as_json()))
+
     def _repr_html_(self) -> str:
-        """The finding, its objects, and level and pulse along x, for notebooks."""
-        rows = [
-            (one.kind, f"{1e3 * one.position_m:.2f}", f"{one.peak_pa:.4g}", f"{one.pulse_pa:.4g}")
-            for one in self.objects
-        ]
-        head = ("kind", "x mm", "peak Pa", "pulse Pa")
+        """The finding, and level and pulse along x, for notebooks."""
+        first, *more = summary(self.as_json())
         x_mm = [1e3 * s.x_m for s in self.stations]
         maps = {"level": [s.baseline_pa for s in self.stations]}
         pulses = {"pulse": [s.pulse_pa for s in self.stations]}
         return (
-            f"<b>{html.escape(self.finding)}</b> {html.escape(self.reason)}"
-            + (html.table(rows, head) if rows else "")
+            f"<b>{html.escape(first)}</b>"
+            + "".join(f"<br>{html.escape(line)}" for line in more)
             + html.lines(x_mm, maps, "x mm", "Pa")
             + html.lines(x_mm, pulses, "x mm", "Pa")
         )
@@ -186,9 +212,9 @@ def _object(one: ObjectFinding) -> dict[str, Any]:
         "confidence": _known(one.confidence),
     }
     if one.course:
-        fields["course_mm"] = [[1e3 * x, 1e3 * y] for x, y in one.course]
+        fields["course_mm"] = [[_mm(x), _mm(y)] for x, y in one.course]
     if one.stenosed_m is not None:
-        fields["stenosed_mm"] = [1e3 * edge for edge in one.stenosed_m]
+        fields["stenosed_mm"] = [_mm(edge) for edge in one.stenosed_m]
     return fields
 
 
@@ -197,4 +223,4 @@ def _known(value: float) -> float | None:
 
 
 def _mm(value_m: float) -> float | None:
-    return 1e3 * float(value_m) if isfinite(value_m) else None
+    return round(1e3 * float(value_m), DECIMALS) if isfinite(value_m) else None

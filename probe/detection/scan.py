@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import replace
+from os import PathLike
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.presses import Press, presses_of
 from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
+from probe.storage.run import recording_of
 
 ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
 """Which object's kind is the whole finding's: the one that a person would act on."""
@@ -29,9 +31,12 @@ HEALTHY_PULSE_N = 0.0455
 
 
 def detect(
-    recording: Recording, *, false_alarm: float = 0.01, asked_pa: float | None = None
+    source: Recording | str | PathLike[str],
+    *,
+    false_alarm: float = 0.01,
+    asked_pa: float | None = None,
 ) -> Finding:
-    """What lies beneath a scan, and where.
+    """What lies beneath a scan, and where: of a recording, a run, or a run file.
 
     ``false_alarm`` is the chance that a scan over nothing finds something: half of it is spent on
     the pulse, half on the level map. ``asked_pa`` is the smallest pulse, trough to crest, that
@@ -48,6 +53,7 @@ def detect(
     """
     if not 0 < false_alarm < 1:
         raise ValueError(f"false_alarm is {false_alarm:g}; it is a chance between 0 and 1")
+    recording = recording_of(source)
     if asked_pa is None:
         asked_pa = HEALTHY_PULSE_N / recording.face_m2
     elif not asked_pa > 0:

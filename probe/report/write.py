@@ -1,6 +1,7 @@
 """Writes a run's report: the page and its figures as PNG, SVG and PDF."""
 
 from collections.abc import Mapping
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,9 @@ from sim_backend.scene.scene_file import Scene
 DPI = 300
 
 
-def write_report(run_path: Path, out_dir: Path, *, without_names: bool = False) -> Path:
+def write_report(
+    run_path: str | PathLike[str], out_dir: str | Path, *, without_names: bool = False
+) -> Path:
     """Write ``report.html`` and the figures into ``out_dir``; returns the page's path.
 
     ``without_names`` leaves out who, where and when: see `probe.report.anonymous`.
@@ -28,13 +31,13 @@ def write_report(run_path: Path, out_dir: Path, *, without_names: bool = False) 
     from probe.storage.run import open_run
 
     run = open_run(run_path)
+    shown = Path("anonymous.run") if without_names else run.path
     started = next(event for event in run.events() if isinstance(event, RunStarted))
     recording = run.recording()
     if without_names:
         started = anonymous(started)
-        run_path = Path("anonymous.run")
     found = detect(recording)
-    return report(recording, started, found.as_json(), run_path, out_dir)
+    return report(recording, started, found.as_json(), shown, Path(out_dir))
 
 
 def report(

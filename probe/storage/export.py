@@ -7,6 +7,7 @@ conventions have them. MCAP: see `probe.storage.export_mcap`.
 
 import json
 from collections.abc import Callable, Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -26,11 +27,13 @@ CONVENTIONS = "CF-1.11"
 UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 
 
-def export(run_path: str | Path, formats: Sequence[str], out_dir: str | Path) -> tuple[Path, ...]:
-    """Write a run in each of ``formats`` (csv, hdf5, netcdf) into ``out_dir``; the files written.
+def export(
+    run_path: str | PathLike[str], formats: Sequence[str], out_dir: str | Path
+) -> tuple[Path, ...]:
+    """Write a run into ``out_dir`` in each of ``formats``; the files written.
 
-    Files of an earlier export are replaced. Raises `ValueError` for another format, `RunFileError`
-    for a run that cannot be read.
+    ``formats``: csv, hdf5, netcdf, parquet, mcap. Files of an earlier export are replaced. Raises
+    `ValueError` for another format, `RunFileError` for a run that cannot be read.
 
     Examples
     --------

@@ -8,6 +8,7 @@ run.recording()           # what detection works on
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -47,6 +48,10 @@ class Run:
     def __init__(self, path: Path, started: RunStarted) -> None:
         self.path = path
         self.started = started
+
+    def __fspath__(self) -> str:
+        """A run stands for its file wherever a path is taken."""
+        return str(self.path)
 
     def __repr__(self) -> str:
         return f"Run({str(self.path)!r}, started {self.started.started_utc})"
@@ -119,7 +124,12 @@ class Run:
             raise _at(self.path, error) from None
 
 
-def open_run(path: str | Path) -> Run:
+def recording_of(source: Recording | str | PathLike[str]) -> Recording:
+    """What detection works on, of a run or its file; a recording as it is."""
+    return source if isinstance(source, Recording) else open_run(source).recording()
+
+
+def open_run(path: str | PathLike[str]) -> Run:
     """Open a run file: finished, growing, or left by a scan that was killed.
 
     Nothing is written. Raises `RunFileError` if the file is no run, damaged, or too new.

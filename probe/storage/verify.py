@@ -3,6 +3,7 @@
 import sqlite3
 import time
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,7 @@ class Report:
         }
 
 
-def verify(path: str | Path) -> Report:
+def verify(path: str | PathLike[str]) -> Report:
     """Check everything that can be checked; nothing is written.
 
     The database's own integrity, its log, every row's checksum and its place in the chain, that

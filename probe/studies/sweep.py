@@ -17,7 +17,7 @@ from typing import Any
 
 from drivers import ConfigError
 from drivers.core.extras import needs, require
-from probe.core.processes import leave_with_parent
+from probe.core.processes import leave_with_parent, without_main
 from probe.studies.solve import Job, Row, jobs, solve
 from probe.studies.vary import Design, Point, parse, places, points
 from sim_backend.scene.scene_file import Scene, as_scene
@@ -147,14 +147,14 @@ def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
     with ProcessPoolExecutor(
         count, mp_context=get_context("spawn"), initializer=leave_with_parent
     ) as pool:
-        futures = [pool.submit(solve, job) for job in todo]
+        with without_main():
+            futures = [pool.submit(solve, job) for job in todo]
         try:
             for future in as_completed(futures):
                 yield future.result()
         except BrokenProcessPool:
             raise ConfigError(
-                "a worker process ended. In a script, call sweep below "
-                '`if __name__ == "__main__":`, or with workers=1; else memory may have run out'
+                "a worker process ended; memory may have run out: sweep with fewer workers"
             ) from None
         finally:
             pool.shutdown(wait=True, cancel_futures=True)
@@ -184,7 +184,7 @@ def _read_log(log: Path, key: str) -> Solved:
             row = json.loads(line)
         except json.JSONDecodeError:  # the last line of a sweep that was killed
             continue
-        if number == 0:
+        if number == 0 or "sweep" in row:  # two that began together each wrote their line
             if row.get("sweep") != key:
                 raise ConfigError(f"{log} belongs to another sweep: choose another --out, or "
                                   "remove it")  # fmt: skip

@@ -1,13 +1,17 @@
 """Results in a notebook: HTML that parses, shows its numbers, and escapes what others wrote."""
 
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
+from types import ModuleType
 from xml.etree import ElementTree
 
 import pytest
 
 import palpate
+from palpate import ScanResult
 from sim_backend import html
+from sim_backend.phantom.phantom import Respond
 
 
 class Cells(HTMLParser):
@@ -53,13 +57,63 @@ def test_a_press_shows_each_state() -> None:
     assert len(repr(pressed)) < 200
 
 
-def test_a_run_and_its_finding_show_their_stations(winkler: object, tmp_path: Path) -> None:
-    result = palpate.scan(scene="TIHA", out=tmp_path, seed=1, respond=winkler)  # type: ignore[arg-type]
-    run = palpate.open_run(result.path)
-    assert "15 complete" in Cells(run._repr_html_()).found
-    assert len(svg_of(run._repr_html_()).findall("{*}circle")) == 15
-    finding = palpate.detect(run.recording())
+@pytest.fixture(scope="module")
+def scanned(
+    winkler: Respond, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[ScanResult, palpate.Finding]:
+    result = palpate.scan(
+        scene="TIHA", out=tmp_path_factory.mktemp("runs"), seed=1, respond=winkler
+    )
+    return result, palpate.detect(result.path)
+
+
+def test_a_run_and_its_finding_show_their_stations(
+    scanned: tuple[ScanResult, palpate.Finding],
+) -> None:
+    result, finding = scanned
+    shown = palpate.open_run(result.path)._repr_html_()
+    assert "15 complete" in Cells(shown).found
+    assert len(svg_of(shown).findall("{*}circle")) == 15
     assert finding.finding in finding._repr_html_()
+    assert str(result.path) in Cells(result._repr_html_()).found
+
+
+def test_results_print_as_the_terminal_shows_them(
+    scanned: tuple[ScanResult, palpate.Finding],
+) -> None:
+    result, finding = scanned
+    first, *objects = str(finding).splitlines()
+    assert first == f"Finding: {finding.finding}"
+    assert f"x = {finding.objects[0].position_mm:.2f} mm" in objects[0]
+    assert "confidence" in objects[0]
+    recording = palpate.open_run(result.path).recording()
+    assert len(repr(recording)) < 150
+    assert repr(result) == f"ScanResult({result.path}, completed: every station is complete)"
+
+
+def test_a_run_stands_for_its_file(
+    scanned: tuple[ScanResult, palpate.Finding], tmp_path: Path
+) -> None:
+    result, finding = scanned
+    run = palpate.open_run(result.path)
+    assert str(palpate.detect(run)) == str(finding)
+    assert palpate.verify(run).ok
+    assert all(file.exists() for file in palpate.export(run, ["csv"], tmp_path))
+
+
+def test_a_cell_that_scans_shows_how_far_it_is(
+    winkler: Respond,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    palpate.scan(scene="TIHA", out=tmp_path, respond=winkler)
+    assert not capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "ipykernel", ModuleType("ipykernel"))
+    palpate.scan(scene="TIHA", out=tmp_path, respond=winkler)
+    shown = [line.rstrip() for line in capsys.readouterr().err.split("\r")]
+    assert shown[1].startswith("station 1 of 15, x = 4.0 mm")
+    assert shown[-1] == "15 of 15 stations: completed"
 
 
 def test_what_others_wrote_is_escaped() -> None:

@@ -49,6 +49,7 @@ def test_a_ramp_is_drift_not_noise():
         (now,) = follow(clock, watched, 3.0)
     assert now.drift == pytest.approx(0.5)
     assert now.noise == pytest.approx(0.0, abs=1e-9)
+    assert "e" not in "".join(now.row()[4:6])  # never 5e-01
 
 
 def test_a_silent_sensor_grows_old_and_a_lost_one_says_so_while_others_go_on():

@@ -93,10 +93,13 @@ def test_watch_ends_by_ctrl_c_as_something_done(rig: Path) -> None:
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
-        first = process.stdout.readline()
+        head, first = process.stdout.readline(), process.stdout.readline()
         process.send_signal(signal.SIGINT)
         _, err = process.communicate(timeout=30)
     assert first.startswith("force.force")
+    for name, cell in (("noise rms", first.split()[4]), ("age ms", first.split()[-2])):
+        end = head.index(name) + len(name)
+        assert first[:end].endswith(" " + cell), (head, first)  # each number below its name
     assert "SIMULATED" in first
     assert process.returncode == 0, err
     assert err == ""

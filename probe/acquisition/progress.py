@@ -1,0 +1,73 @@
+"""How far a scan is, in words: for the command, and for notebooks by itself."""
+
+import sys
+import time
+from collections.abc import Callable
+from math import isfinite
+
+from probe.core.events import Event, RunEnded, StationEnded, StationStarted
+
+
+def place_words(station: StationStarted) -> str:
+    """Where a press is; y only off the line y = 0."""
+    if not isfinite(station.x_m):
+        return "an unknown place"
+    y = f", y = {1e3 * station.y_m:.1f} mm" if isfinite(station.y_m) and station.y_m else ""
+    return f"x = {1e3 * station.x_m:.1f} mm{y}"
+
+
+class StationCount:
+    """Counts the stations of a scan and measures how long one takes.
+
+    ``total`` stations, of which ``done`` are complete already; ``each_s`` is the best guess of a
+    station's duration until one has been measured (None: say nothing until then).
+    """
+
+    def __init__(self, total: int, done: int = 0, each_s: float | None = None) -> None:
+        self.done = done
+        self._total, self._each_s = total, each_s
+        self._measured = 0
+        self._began_s = time.monotonic()
+
+    def ended(self) -> None:
+        """A station is complete."""
+        self.done += 1
+        self._measured += 1
+        self._each_s = (time.monotonic() - self._began_s) / self._measured
+
+    def words(self, station: StationStarted) -> str:
+        """Which station begins, of how many, and where."""
+        return f"station {station.station + 1} of {self._total}, {place_words(station)}"
+
+    def left(self) -> str:
+        """The time that the rest will take; empty while nothing is known of it."""
+        if self._each_s is None:
+            return ""
+        left_s = round(self._each_s * (self._total - self.done))
+        return (
+            f"about {left_s // 60} min {left_s % 60} s left" if left_s > 99 else f"{left_s} s left"
+        )
+
+
+def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
+    """An observer that writes over one line below a notebook's cell; none elsewhere."""
+    if "ipykernel" not in sys.modules:
+        return ()
+    count, width = StationCount(total, done), 0
+
+    def say(text: str, end: str = "") -> None:
+        nonlocal width
+        sys.stderr.write("\r" + text.ljust(width) + end)
+        sys.stderr.flush()
+        width = len(text)
+
+    def show(event: Event) -> None:
+        match event:
+            case StationStarted():
+                say(", ".join(filter(None, (count.words(event), count.left()))))
+            case StationEnded(complete=True):
+                count.ended()
+            case RunEnded():
+                say(f"{count.done} of {total} stations: {event.finish.value}", "\n")
+
+    return (show,)
