@@ -72,8 +72,12 @@ def reach(sd: float | None) -> float | None:
 
 
 def _pascal(value: float | None, digits: int) -> str:
-    """To ``digits`` significant digits, never with an exponent."""
-    return "an unknown one" if value is None else f"{float(f'{value:.{digits}g}'):.10g} Pa"
+    return "an unknown one" if value is None else f"{plain(value, digits)} Pa"
+
+
+def plain(value: float, digits: int) -> str:
+    """To ``digits`` significant digits, without an exponent from 0.0001 to 10,000,000,000."""
+    return f"{float(f'{value:.{digits}g}'):.10g}"
 
 
 def percent(value: float | None) -> str:

@@ -33,7 +33,7 @@ class StationFinding:
     Examples
     --------
     >>> import palpate
-    >>> found = palpate.detect(palpate.open_run("TIHA.run").recording())
+    >>> found = palpate.detect("TIHA.run")
     >>> strongest = max(found.stations, key=lambda station: station.pulse_pa)
     >>> strongest.x_m, strongest.clipped
     (0.032, 0.0)
@@ -73,7 +73,7 @@ class ObjectFinding:
     Examples
     --------
     >>> import palpate
-    >>> found = palpate.detect(palpate.open_run("TIHA.run").recording())
+    >>> found = palpate.detect("TIHA.run")
     >>> vessel = found.objects[0]
     >>> low_m, high_m = vessel.position_ci_m
     >>> vessel.kind, low_m < 0.032 < high_m
@@ -113,7 +113,7 @@ class Finding:
     Examples
     --------
     >>> import palpate
-    >>> found = palpate.detect(palpate.open_run("TIHA.run").recording())
+    >>> found = palpate.detect("TIHA.run")
     >>> found.finding, len(found.objects), len(found.stations)
     ('artery', 1, 15)
     """

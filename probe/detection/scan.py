@@ -48,7 +48,7 @@ def detect(
     Examples
     --------
     >>> import palpate
-    >>> palpate.detect(palpate.open_run("TIHA.run").recording(), asked_pa=200.0).finding
+    >>> palpate.detect("TIHA.run", asked_pa=200.0).finding
     'artery'
     """
     if not 0 < false_alarm < 1:

@@ -11,6 +11,8 @@ from math import ceil, inf
 
 import numpy as np
 
+from probe.core.finding_words import plain
+
 SIGMAS = 5.0
 HOLDS_S = tuple(float(h) for h in np.geomspace(0.5, 120.0, 60))
 MAX_SAMPLES = 4000
@@ -66,8 +68,8 @@ def in_words(seen: Visibility, face_m2: float | None = None) -> str:
     """One sentence, in mN and, with the probe's face, in Pa."""
 
     def size(force_n: float) -> str:
-        pa = f" ({force_n / face_m2:.3g} Pa)" if face_m2 else ""
-        return f"{1e3 * force_n:.3g} mN{pa}"
+        pa = f" ({plain(force_n / face_m2, 3)} Pa)" if face_m2 else ""
+        return f"{plain(1e3 * force_n, 3)} mN{pa}"
 
     text = f"expected {size(seen.pulse_n)}; one hold shows {size(seen.smallest_n)} or more"
     if seen.visible:

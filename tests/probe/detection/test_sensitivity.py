@@ -1,5 +1,7 @@
 """What a sensor can see."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -40,6 +42,7 @@ def test_a_tisa_pulse_under_an_ft300_is_not_visible() -> None:
     assert not seen.visible
     assert in_words(seen).startswith("no: expected 1.1 mN")
     assert "quieter sensor" in in_words(seen)
+    assert not re.search(r"\de[+-]?\d", in_words(seen, 1e-6))  # 4.63e+03 Pa is for programs
     far = visibility(3e-3, 1000, 0.825, 1.1e-3, 1.2)
     assert not far.visible
     assert far.hold_s < 20
