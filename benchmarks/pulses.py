@@ -27,7 +27,7 @@ from probe.core.recording import Recording, Station
 from probe.detection import detect
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold, hold_of
-from probe.detection.pulse.search import rates_hz
+from probe.detection.pulse.rate_prior import rates_hz
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
 from probe.report.look import BLUE, GREEN, ORANGE
 

@@ -16,7 +16,7 @@ from probe.detection.map.open_row import only_settled
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.presses import Press, presses_of
-from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
 from probe.storage.run import recording_of
 
 ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")

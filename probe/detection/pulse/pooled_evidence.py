@@ -3,21 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 from scipy.special import chdtrc, chdtri, logsumexp
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.search import Search, anywhere
+from probe.detection.pulse.rate_prior import anywhere, unusual, weights
+from probe.detection.pulse.search import Search
 
-USUAL_HZ, USUAL_SPREAD = 72 / 60, 0.3
-"""Resting hearts: the median rate, and the standard deviation of the logarithm."""
 COHERENT = 0.95
 """What a wave of one steady rate sees of a pulse whose beats vary by 4 to 6 % in a hold of 5 s."""
-
-
-def unusual(rate_hz: ArrayLike) -> Array:
-    """Minus the log density of a heart's rate, but for a constant."""
-    return np.asarray(0.5 * (np.log(np.asarray(rate_hz) / USUAL_HZ) / USUAL_SPREAD) ** 2)
 
 
 def usual_excess(searches: Sequence[Search]) -> float:
@@ -32,8 +25,8 @@ def shared_chance(searches: Sequence[Search], excess: float) -> float:
     longest = max(searches, key=lambda s: s.span_s)
     rates = longest.rates_hz
     total = np.sum([np.interp(rates, s.rates_hz, s.clear) for s in searches], axis=0)
-    one = float(chdtrc(2 * len(searches), total.max() / excess))
-    return anywhere(one, longest.span_s)
+    one = chdtrc(2 * len(searches), total / excess) / weights(rates)
+    return anywhere(float(one.min()), longest.span_s)
 
 
 def hidden(searches: Sequence[Search], profile: Array, size_pa: Array) -> Array:

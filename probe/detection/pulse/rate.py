@@ -10,8 +10,8 @@ from probe.detection.pulse.estimate import SHARES, Pulse, harmonics_seen
 from probe.detection.pulse.fit import design_of, harmonics, scale_rows
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise
-from probe.detection.pulse.pooled_evidence import unusual
-from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED_HARMONICS, rates_hz
+from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, rates_hz, unusual
+from probe.detection.pulse.search import TESTED_HARMONICS
 
 SMOOTH = 0.75
 """Cycles that the last harmonic looked at may gain in a hold from one rate tried to the next: of

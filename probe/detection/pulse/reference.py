@@ -11,7 +11,8 @@ from probe.detection.pulse.estimate import Pulse, pulse_at, scale_of
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
-from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ, TESTED_HARMONICS
+from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.search import TESTED_HARMONICS
 
 SMOOTHED_S, INTEGRATED_S = 0.04, 0.1
 """Half of a QRS complex, which noise and mains are averaged over, and its length, over which its

@@ -11,13 +11,15 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import logsumexp
 
-from drivers.core.arrays import Array, Bools, Ints
+from drivers.core.arrays import Array
 from probe.detection.pulse.beat_train import MEMORIES, BeatTrain, Coarse, beat_train, whiten
 from probe.detection.pulse.fit import Fit, design_of
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
-from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH, shape_evidence
-from probe.detection.pulse.search import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.own_shape import SAMPLES_EACH, shape_evidence
+from probe.detection.pulse.periodic import beside_of, log_evidence, mean_wave, periodic
+from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.search import SHARE
 
 COARSE_S = 0.04
 """Samples closer than half of this are averaged in pairs: a beat's rise takes twice as long."""
@@ -30,14 +32,12 @@ MOVEMENTS, MOVEMENT_UNKNOWNS = 5, 3
 PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "tremor": 0.1}
 """Before the hold is looked at: a pulse is what a scan looks for, nothing is known of the others. A
 choice; how much it matters has not been measured."""
-REFINED = 3
-"""Rounds of narrowing a rate, each to a quarter: a strong line must be met within its doubt."""
 OWN_HARMONICS = 6
 """Harmonics in which a person's wave may differ from the mean one; the brachial wave's further ones
 are below 0.08 of its first."""
-STEADY, STEADY_HARMONICS = 0.1, (2, 8)
-"""Share of pulses that are taken as any harmonics at one rate instead of a train of arterial waves,
-and how many: a loud steady pulse is known better than the grid on which beats begin."""
+STEADY_HARMONICS = (2, 8)
+"""Of a pulse that is taken as any harmonics at one rate: a loud steady one is known better than the
+grid on which beats begin."""
 
 
 @dataclass(frozen=True)
@@ -87,12 +87,13 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
     """Log evidence of each cause that `PRIOR` names."""
     return {
         "pulse": float(logsumexp([
-            np.log(1 - STEADY) + shape_evidence(hold, train, OWN_HARMONICS),
-            *(np.log(STEADY / len(STEADY_HARMONICS))
-              + _periodic(hold, SLOWEST_HZ, FASTEST_HZ, count) for count in STEADY_HARMONICS),
+            np.log(SHARE["shaped"]) + mean_wave(hold, SLOWEST_HZ, FASTEST_HZ),
+            *(np.log(SHARE["free"] / len(STEADY_HARMONICS))
+              + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count) for count in STEADY_HARMONICS),
+            np.log(SHARE["train"]) + shape_evidence(hold, train, OWN_HARMONICS),
         ])),
-        "breathing": _periodic(hold, *BREATHING_HZ, BREATHING_HARMONICS),
-        "a steady line": _periodic(hold, *LINE_HZ, 1),
+        "breathing": periodic(hold, *BREATHING_HZ, BREATHING_HARMONICS),
+        "a steady line": periodic(hold, *LINE_HZ, 1),
         "motion": _motion(hold),
         "tremor": shape_evidence(hold, beat_train(hold, "symmetric"), 0),
     }  # fmt: skip
@@ -105,82 +106,11 @@ def cause_of(evidences: Sequence[dict[str, float]]) -> Cause:
     return Cause(dict(zip(PRIOR, share.tolist(), strict=True)))
 
 
-def _log_evidence(left: Array, n: int, unknowns: int | Ints) -> Array:
-    """Of a linear model by what it leaves of the hold (Schwarz 1978)."""
-    return np.asarray(-0.5 * n * np.log(np.maximum(left, 1e-300) / n) - 0.5 * n
-                      - 0.5 * (unknowns + 2) * np.log(n))  # fmt: skip
-
-
-def _periodic(hold: Coarse, slowest_hz: float, fastest_hz: float, count: int) -> float:
-    """Evidence of up to ``count`` harmonics at one unknown rate, the first the largest."""
-    n = len(hold.signal)
-    count = max(1, min(count, int((n / SAMPLES_EACH - 1) / 2)))
-    fastest_hz = min(fastest_hz, NYQUIST_SHARE / hold.step_s)
-    independent = 1 + (fastest_hz - slowest_hz) * n * hold.step_s
-    rates = np.linspace(slowest_hz, fastest_hz, int(4 * independent))
-    best, at = -np.inf, (MEMORIES[0], 0)
-    for memory in MEMORIES:
-        each = _at_rates(hold, rates, count, memory)
-        if each.max() > best:
-            best, at = float(each.max()), (memory, int(np.argmax(each)))
-    memory, k = at
-    low, high = rates[max(k - 1, 0)], rates[min(k + 1, len(rates) - 1)]
-    for _ in range(REFINED):
-        fine = np.linspace(low, high, 9)
-        each = _at_rates(hold, fine, count, memory)
-        k = int(np.argmax(each))
-        best = max(best, float(each[k]))
-        low, high = fine[max(k - 1, 0)], fine[min(k + 1, 8)]
-    return float(best - np.log(independent))
-
-
-def _at_rates(hold: Coarse, rates: Array, count: int, memory: float) -> Array:
-    """Evidence (r,) of harmonics at each rate; none where the first is not the largest."""
-    n = len(hold.signal)
-    beside = _beside(hold, memory)
-    y = whiten(hold.signal, memory)
-    y = y - beside @ (beside.T @ y)
-    c, seen = _waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
-    c = c - beside @ (beside.T @ c)
-    gram = np.swapaxes(c, 1, 2) @ c + 1e-9 * n * np.eye(2 * count)
-    right = np.swapaxes(c, 1, 2) @ y
-    size = np.linalg.solve(gram, right[..., None])[..., 0]
-    left = float(y @ y) - (right * size).sum(axis=1)
-    swing = np.hypot(size[:, :count], size[:, count:])
-    unknowns = 2 * seen.sum(axis=1)
-    found = _log_evidence(left, n - (memory == 1.0), unknowns)
-    return np.asarray(np.where(swing.argmax(axis=1) == 0, found, -np.inf))
-
-
-@lru_cache(maxsize=32)
-def _waves(
-    n: int, step_s: float, rates: tuple[float, ...], count: int, memory: float
-) -> tuple[Array, Bools]:
-    """Whitened harmonics (r, n, 2 count) of each rate, and which (r, count) the samples can tell:
-    the same for all holds of a scan, but for those of a refined rate."""
-    seen = np.outer(rates, np.arange(1, count + 1)) <= max(NYQUIST_SHARE / step_s, rates[0])
-    turn = (
-        2
-        * np.pi
-        * (np.arange(n) * step_s)[:, None, None]
-        * np.outer(rates, np.arange(1, count + 1))
-    )
-    waves = np.concatenate([np.cos(turn) * seen, np.sin(turn) * seen], axis=2)
-    return np.ascontiguousarray(np.moveaxis(whiten(waves, memory), 0, 1)), seen
-
-
-def _beside(hold: Coarse, memory: float) -> Array:
-    """An orthonormal basis (n, k) of what relaxation and drift could take, whitened."""
-    columns = whiten(hold.nuisance, memory)
-    u, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(u[:, size > 1e-9 * size[0]])
-
-
 def _motion(hold: Coarse) -> float:
     """Evidence of a few steps and bumps at any time, chosen one after the other."""
     found = []
     for memory in MEMORIES:
-        beside = _beside(hold, memory)
+        beside = beside_of(hold, memory)
         c = _movements(len(hold.signal), hold.step_s, memory)
         y = whiten(hold.signal, memory)
         y, along = y - beside @ (beside.T @ y), beside.T @ c
@@ -196,7 +126,7 @@ def _motion(hold: Coarse) -> float:
             y = y - one * (one @ y)
             taken = np.column_stack([taken, one])
             choice = k * np.log(c.shape[1] / 4)
-            found.append(float(_log_evidence(y @ y, total, k)) - choice)
+            found.append(float(log_evidence(y @ y, total, k)) - choice)
     return float(max(found))
 
 

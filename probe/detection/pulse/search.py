@@ -10,9 +10,15 @@ from drivers.core.arrays import Array, Bools
 from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise, family
+from probe.detection.pulse.rate_prior import (
+    FASTEST_HZ,
+    SLOWEST_HZ,
+    anywhere,
+    rates_hz,
+    weights,
+)
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD, SWING_MMHG
 
-SLOWEST_HZ, FASTEST_HZ = 40 / 60, 180 / 60
 BEYOND_HZ, MIN_TURNS = (20 / 60, 300 / 60), 1.5
 """Rates that are looked at beside those, to say so, and turns that a hold must have of them."""
 TESTED_HARMONICS = 2
@@ -86,13 +92,15 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     chosen = np.maximum(shaped - CHOICE / 2 * (n >= SHORT), 0.0)
     chances = _single(chosen, 2, dof - 2), _single(free, lost, dof - lost)
     ways = (chances[0], shaped, SHARE["shaped"]), (chances[1], free, SHARE["free"])
-    one, gain, share = min(ways, key=lambda way: way[0].min() / way[2])
+    weight = weights(rates)
+    one, gain, share = min(ways, key=lambda way: (way[0] / weight).min() / way[2])
     best = max(looks, key=lambda one: one.without + one.shaped.max())
     return Search(
         rates, best.along, best.power,
         np.asarray(chdtri(2, np.maximum(chances[0], 1e-300))),
         looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
-        min(1.0, anywhere(float(one.min()), hold.span_s) / share), hold.span_s, best.noise,
+        min(1.0, anywhere(float((one / weight).min()), hold.span_s) / share), hold.span_s,
+        best.noise,
     ), null  # fmt: skip
 
 
@@ -119,24 +127,6 @@ def beyond(hold: Hold) -> tuple[float, float]:
     independent = 2 + 2 * wide * hold.span_s
     best = int(np.argmin(chance))
     return float(rates[best]), float(min(1.0, independent * chance[best]))
-
-
-def rates_hz(span_s: float) -> Array:
-    """Rates to try: four to each resolvable one."""
-    count = max(24, int(np.ceil(4 * (FASTEST_HZ - SLOWEST_HZ) * span_s)))
-    return np.linspace(SLOWEST_HZ, FASTEST_HZ, count)
-
-
-def anywhere(one: float, span_s: float) -> float:
-    """How often a hold without a pulse shows at its best rate what has the chance ``one`` at a
-    given rate: the number of rates that are independent (Davies 1987: crossings of the statistic,
-    here about two for each resolvable rate)."""
-    return float(-np.expm1(independent_rates(span_s) * np.log1p(-min(one, 1 - 1e-16))))
-
-
-def independent_rates(span_s: float) -> float:
-    """Rates that a hold of ``span_s`` tells apart."""
-    return 1 + 2 * (FASTEST_HZ - SLOWEST_HZ) * span_s
 
 
 @dataclass(frozen=True)

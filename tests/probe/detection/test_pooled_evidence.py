@@ -8,7 +8,8 @@ from scipy.stats import chi2
 
 from probe.detection.pulse.noise import WHITE
 from probe.detection.pulse.pooled_evidence import shared_chance
-from probe.detection.pulse.search import Search, anywhere
+from probe.detection.pulse.rate_prior import anywhere, weights
+from probe.detection.pulse.search import Search
 
 RATES_HZ = np.linspace(0.7, 3.0, 40)
 SPAN_S = 5.0
@@ -26,7 +27,8 @@ def search_with(clear: float) -> Search:
 def test_equal_holds_add_up(count: int) -> None:
     """Fisher's sum: ``count`` holds of 9 are a chi-square of 9 ``count``, of two degrees each."""
     found = shared_chance([search_with(9.0)] * count, excess=1.0)
-    assert found == pytest.approx(anywhere(float(chi2.sf(9.0 * count, 2 * count)), SPAN_S))
+    one = float(chi2.sf(9.0 * count, 2 * count) / weights(RATES_HZ)[17])
+    assert found == pytest.approx(anywhere(one, SPAN_S))
 
 
 def test_noise_that_was_not_fitted_is_taken_off() -> None:
