@@ -63,7 +63,8 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("pyproject.toml", "README.md", "LICENSE"):
         shutil.copy(ROOT / name, source / name)
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
-    run([*pip, "wheel", "--no-deps", "--wheel-dir", str(folder), str(source)], folder)
+    build = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder)]
+    run([*pip, *build, str(source)], folder)  # by the setuptools that is here: no download
     shutil.rmtree(source)
     run([sys.executable, "-m", "venv", str(folder / "venv")], folder)
     (wheel,) = folder.glob("palpate-*.whl")

@@ -70,6 +70,7 @@ def hear(sensor: LineSensor, count: int) -> tuple[list[float], int]:
         block = gather(sensor, 0.005)
         values += block.values[:, 0].tolist()
         lost += block.lost
+    assert len(values) >= count, "the device went silent"
     return values, lost
 
 
@@ -272,6 +273,7 @@ def test_a_gauge_that_is_switched_to_another_unit_is_a_fault(
                 time.sleep(0.01)
             connected.result()
         sensor.start()
+        says.say(b"1.0 N\n")  # all that was said before is read by now
         hear(sensor, 1)
         says.say(b"3.0 X\n2.0 N\n")  # damage: no reading, and no other unit
         values, lost = hear(sensor, 1)
