@@ -22,6 +22,9 @@ FLAT = 0.1  # of the rise that the press so far foretells: soft tissue stiffens,
 # A press is judged when it went on by a quarter of its way in contact: a pulse changes the force by
 # less than a fifth (463 Pa of TIHA's 3 kPa), and may fall while the tip goes on.
 JUDGED_SHARE = 0.25
+# From SOFT_SHARE of the limit on, a force that does not move at all over so much way is judged
+# too. A lone vessel's is as flat for a quarter of a millimetre, where it bulges.
+SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
 SLACK = 1.2  # a stage may be that much faster than it was told
 WAY_M = 50e-6  # five of a GRBL board's digits
 POLLS = 2.0  # a pose may be older than the newest by that many of the stage's periods
@@ -133,7 +136,12 @@ class PressGuard:
         self._times.append(now)
         self._downs.append(self._contact_m - self._z_m)
         self._forces.append(force)
-        return self._too_fast() or self._too_flat()
+        enough_n = NOISE_SIGMAS * self._noise_n / JUDGED_SHARE
+        return (
+            self._too_fast()
+            or self._too_flat(WAY_M, max(self._least_n(), enough_n))
+            or self._too_flat(SOFT_WAY_M, max(SOFT_SHARE * self._limit_n, enough_n), still=True)
+        )
 
     def _least_n(self) -> float:
         return max(MIN_LIMIT_SHARE * self._limit_n, NOISE_SIGMAS * self._noise_n)
@@ -159,23 +167,29 @@ class PressGuard:
             "and press slower"
         )
 
-    def _too_flat(self) -> str | None:
-        """The newest part of the press against all before it.
+    def _too_flat(self, way_m: float, least_n: float, *, still: bool = False) -> str | None:
+        """The newest part of the press, ``way_m`` at least, against ``least_n`` or more before it.
+
+        ``still``: only noise may have moved the force meanwhile.
 
         A pose may be some polls old, so the force at the beginning of that part is one from
         before.
         """
         down_m, force = self._downs[-1], self._forces[-1]
-        row = bisect_right(self._downs, min(down_m / (1 + JUDGED_SHARE), down_m - WAY_M)) - 1
+        row = bisect_right(self._downs, min(down_m / (1 + JUDGED_SHARE), down_m - way_m)) - 1
         if row < 0 or self._gap_s == 0.0:
             return None
         began = self._before(self._times[row] - POLLS * self._gap_s)
-        force_n = self._forces[began] - self._forces[0]
-        if began < 0 or force_n < max(self._least_n(), NOISE_SIGMAS * self._noise_n / JUDGED_SHARE):
+        force_n = self._forces[began] - self._first_n
+        if began < 0 or force_n < least_n:
             return None
         went_m = down_m - self._downs[row]
-        rose_n, foretold_n = force - self._forces[began], force_n * went_m / self._downs[row]
+        rose_n = force - self._forces[began]
+        foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
         if rose_n >= FLAT * foretold_n:
+            return None
+        newest_n = self._forces[began:]
+        if still and max(newest_n) - min(newest_n) > NOISE_SIGMAS * self._noise_n:
             return None
         return (
             f"the force changed by {rose_n:+.3f} N while the tip went {1e3 * went_m:.2f} mm "

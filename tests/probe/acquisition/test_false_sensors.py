@@ -1,5 +1,7 @@
 """Sensors that do not tell what they feel, on the wall clock; judged by the bed's true force."""
 
+from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from springs import (
     spring_rig,
 )
 
+import palpate
 from drivers import Block
 from probe.core.events import Finish, Note, Phase, PhaseEntered
 
@@ -123,11 +126,30 @@ def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
     assert ran.reason == "every station is complete"
 
 
-class ClipsAtOnce(SpringSensor):
-    """Far below all that the guards can tell from soft tissue."""
+class ClipsLow(SpringSensor):
+    """At a fiftieth of the limit."""
 
     def raw(self, time_s: float) -> float:
-        return min(self.bed.force_n(time_s), 0.02) + 0.5e-3 * float(self._rng.standard_normal())
+        return min(self.bed.force_n(time_s), 0.03) + 0.5e-3 * float(self._rng.standard_normal())
+
+
+@pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M])
+def test_a_sensor_that_clips_far_below_the_limit_does_not_pass_for_soft_tissue(
+    stiffness_n_m: float,
+) -> None:
+    bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m)
+    ran = run_springs(bed, stage, [ClipsLow(bed)], rig=SLOW)
+    assert "0.5" in ran.reason
+    assert "mm deeper" in ran.reason
+    assert ran.force_n.max() < stiffness_n_m * 0.9e-3  # not the 2.5 mm of the press
+    assert ran.lifted
+
+
+class ClipsAtOnce(SpringSensor):
+    """At less than the guards can tell from noise."""
+
+    def raw(self, time_s: float) -> float:
+        return min(self.bed.force_n(time_s), 0.01) + 0.5e-3 * float(self._rng.standard_normal())
 
 
 def test_a_press_that_feels_next_to_nothing_is_told_once() -> None:
@@ -161,3 +183,15 @@ def test_a_zero_that_cannot_be_looked_at_after_the_last_press_spoils_no_scan() -
     assert ran.raised is None
     assert ran.reason == "every station is complete"
     assert any("whether its zero moved in the last press is not known" in n for n in ran.notes)
+
+
+@pytest.mark.parametrize("ramp_s", [1.0, 5.0])
+def test_a_lone_vessel_that_beats_against_the_finger_is_no_sensor_that_clips(
+    ramp_s: float, tmp_path: Path
+) -> None:
+    text = (files("sim_backend.scene") / "builtin" / "HAOT.toml").read_text(encoding="utf-8")
+    scene = tmp_path / "beating.toml"
+    scene.write_text(text.replace('start = "hold"', 'start = "free"'))
+    press = {"start_mm": 32.0, "stations": 1, "ramp_s": ramp_s, "hold_s": 0.3}
+    ended = palpate.scan(palpate.Rig(scan=press), scene, tmp_path, seed=3).ended
+    assert ended.reason == "every station is complete"
