@@ -185,10 +185,9 @@ def _end(scan: Scan) -> None:
 
 
 def _await_file(path: Path) -> None:
-    until_s = time.monotonic() + 5.0
+    until_s = time.monotonic() + 20.0
     while not path.exists() and time.monotonic() < until_s:
         time.sleep(0.01)
-    time.sleep(0.05)
 
 
 def _answer(path: Path) -> dict[str, Any] | None:

@@ -168,8 +168,9 @@ def save(
 ) -> None:
     """The truth: times on the machine's monotonic clock [s], metres, newtons."""
     jogs = np.array([(t, *target, v) for t, target, v in board.jogs]).reshape(-1, 5)
+    part = path.with_stem("part")  # who waits for the file must find all of it
     np.savez(
-        path,
+        part,
         rows=np.array(world.rows).reshape(-1, 8),
         lines=np.array(cell.lines).reshape(-1, 3),
         stops=np.array(board.stops),
@@ -177,3 +178,4 @@ def save(
         struck=np.array(struck),
         late_s=late_s,
     )
+    part.rename(path)
