@@ -120,6 +120,8 @@ def test_the_comments_in_the_rig_are_keys_that_work(palpate: Any, tmp_path: Path
 @pytest.mark.slow
 def test_the_driver_that_init_writes_keeps_the_contract(palpate: Any, tmp_path: Path) -> None:
     package = tmp_path / "mine"
+    above = '[tool.pytest.ini_options]\naddopts = "--of-another-project"\n'
+    (tmp_path / "pyproject.toml").write_text(above)
     assert palpate("init", "driver", package).status == 0
     groups = tomllib.loads((package / "pyproject.toml").read_text())["project"]["entry-points"]
     info = package / "mine-1.0.dist-info"  # as pip would leave it
