@@ -164,7 +164,8 @@ class _Signal:
         self.compliance_m_per_n = compliance_m_per_n(config)
 
     def station(self, index: int, press: _Press) -> Station:
-        time_s, values, saturated = self._measured(press)
+        time_s, signal_pa, saturated = self._measured(press, self.picked)
+        signal_pa *= self.gains
         reference_s, reference = self._reference(press)
         phase, keep = press.phases, self._spill.keep
         return Station(
@@ -172,28 +173,28 @@ class _Signal:
             x_m=press.x_m,
             y_m=press.y_m,
             time_s=keep(time_s),
-            signal_pa=keep(values * self.gains),
+            signal_pa=keep(signal_pa),
             saturated=keep(saturated),
             indent_s=phase.get(Phase.INDENTING, math.nan),
             hold_s=phase.get(Phase.HOLDING, math.nan),
             retract_s=phase.get(Phase.RETRACTING, math.nan),
-            depth_m=keep(self._depth(index, press, time_s)),
+            depth_m=keep(self._depth(index, press, time_s, signal_pa)),
             reference_s=keep(reference_s),
             reference=keep(reference),
         )
 
     def quantum_pa(self, press: _Press) -> float | None:
         """The step of the readings; 0 if they are not multiples of one, None without any."""
-        _, values, _ = self._measured(press)
+        _, values, _ = self._measured(press, self.picked[:1])
         return quantum(values[:, 0]) * float(self.gains[0]) if len(values) else None
 
-    def _measured(self, press: _Press) -> tuple[Array, Array, Bools]:
+    def _measured(self, press: _Press, picked: list[int]) -> tuple[Array, Array, Bools]:
         """What the sensor measured since its tare: readings before it have another zero."""
-        found = joined(press.blocks[self.device], len(self.picked), self.picked)
-        tared = found[0] > press.phases.get(Phase.APPROACHING, -math.inf)
-        return found[0][tared], found[1][tared], found[2][tared]
+        time_s, values, saturated = joined(press.blocks[self.device], len(picked), picked)
+        tared = np.searchsorted(time_s, press.phases.get(Phase.APPROACHING, -math.inf), "right")
+        return time_s[tared:], values[tared:], saturated[tared:]  # no copies: they may be large
 
-    def _depth(self, index: int, press: _Press, time_s: Array) -> Array:
+    def _depth(self, index: int, press: _Press, time_s: Array, signal_pa: Array) -> Array:
         """Along the normal from the surface: the plan's, or where a touch found it (where the
         ramp began), less what the rig has given way."""
         poses_s, poses, _ = joined(press.blocks["stage"], 3, [0, 1, 2])
@@ -205,9 +206,7 @@ class _Signal:
             surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 2]))
         depth = (surface - z) / math.cos(self.incline.get(index, 0.0))
         if self.compliance_m_per_n and math.isfinite(self.face_m2):
-            measured_s, measured, _ = self._measured(press)
-            force_n = self.face_m2 * (measured * self.gains).mean(axis=1)
-            depth = depth - self.compliance_m_per_n * np.interp(time_s, measured_s, force_n)
+            depth = depth - self.compliance_m_per_n * self.face_m2 * signal_pa.mean(axis=1)
         return depth
 
     def _reference(self, press: _Press) -> tuple[Array, Array]:
@@ -227,11 +226,13 @@ def joined(
         return np.empty(0), np.empty((0, channels)), np.empty((0, channels), bool)
     if any(block.values.shape[1] <= max(picked) for block in blocks):
         raise RunFileError("a block of samples has fewer channels than its device")
-    return (
-        np.concatenate([b.time_s for b in blocks]),
-        np.concatenate([b.values[:, picked] for b in blocks]),
-        np.concatenate([b.saturated[:, picked] for b in blocks]),
-    )
+    time_s = np.concatenate([block.time_s for block in blocks])
+    values, saturated = (np.empty((len(time_s), len(picked)), kind) for kind in (float, bool))
+    end = np.cumsum([len(block.time_s) for block in blocks])
+    for block, upto in zip(blocks, end, strict=True):  # one copy: it may be most of the memory
+        rows = slice(upto - len(block.time_s), upto)
+        values[rows], saturated[rows] = block.values[:, picked], block.saturated[:, picked]
+    return time_s, values, saturated
 
 
 def quantum(values: Array) -> float:

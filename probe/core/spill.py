@@ -1,8 +1,8 @@
 """Arrays beyond what memory is for: kept in files without a name, which end with the process.
 
 A run of a day holds more samples than a computer has memory. What is read from it beyond the first
-tens of megabytes is written to temporary files and mapped from there, so that the system may drop
-it from memory whenever it likes and read it again.
+megabytes is written to temporary files and mapped from there, so that the system may drop it from
+memory whenever it likes and read it again.
 """
 
 import mmap
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 Kind = TypeVar("Kind", bound=np.generic)
 
-IN_MEMORY = 48 * 1024**2  # bytes; a scan of fifteen stations has one or two
+IN_MEMORY = 16 * 1024**2  # bytes; a scan of fifteen stations has one or two
 FILE = 64 * 1024**2  # bytes of each file, so that a process has few of them
 ALIGNED = 64  # bytes: what vector instructions like
 
