@@ -6,6 +6,7 @@ that is not is left along the mode that is unstable, as a body would, or refused
 """
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ from sim_backend.fem.newton import (
     Unstable,
     as_solved,
     equilibrium,
+    is_stable,
     tangent,
 )
 from sim_backend.fem.section_contact import contact_pairs, walls_cross
@@ -32,9 +34,11 @@ MAX_FAILURES = 14
 fold one fold after another, this ends it."""
 MAX_EXTRAPOLATION = 2.5
 """Length of a step over the one before up to which that one is continued."""
-BRANCH_M = np.array([0.02, 0.1, 0.4, 1.0]) * 1e-3
-"""How far the unstable mode is followed before Newton's method is tried from there: it falls back
-to the unstable state from too near, and finds nothing from too far."""
+KICK_M = 0.02e-3
+"""How far an unstable state is moved along its unstable mode, to begin to fall."""
+DRAG, MAX_FALL = 3.0, 60
+"""Viscous drag of a fall over the stiffness that is unstable: each of its steps takes the mode 1.5
+times as far; and how many steps a fall may have."""
 
 INVERSE_ITERATIONS = 12
 """The lowest eigenvalues of a lone vessel lie a factor of ten apart: twelve leave nothing else."""
@@ -85,34 +89,45 @@ def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> S
 
 
 def stable_branch(section: Section, unstable: Solution) -> Solution:
-    """The stable equilibrium beside ``unstable`` at the same load. Raises `Unstable`."""
-    mode = _unstable_mode(section, unstable)
+    """The stable equilibrium that a body in an ``unstable`` one falls to. Raises `Unstable`.
+
+    It falls against a viscous drag, implicitly step by step (pseudo-transient continuation, Kelley
+    and Keyes 1998), until its tangent is stable again; Newton's method alone falls back.
+    """
     here = as_solved(section, unstable)
-    for far_m in BRANCH_M:
-        for side in (far_m, -far_m):
-            start = replace(unstable, displacement=unstable.displacement + side * mode)
-            try:
-                found = equilibrium(here, start, unstable.load)
-            except NotConverged:
-                continue
-            if found.stable:
-                return found
+    mode, stiffness = _unstable_mode(here, unstable)
+    drag = DRAG * abs(stiffness)
+    falling = replace(unstable, displacement=unstable.displacement + KICK_M * mode)
+    for _ in range(MAX_FALL):
+        try:
+            falling = equilibrium(here, falling, unstable.load, drag)
+        except NotConverged:
+            drag *= 4
+            continue
+        if is_stable(here, falling):
+            drag /= 2
+            with suppress(NotConverged):
+                found = equilibrium(here, falling, unstable.load)
+                if found.stable:
+                    return found
     raise Unstable("the equilibrium is unstable, and no stable one was found beside it")
 
 
-def _unstable_mode(section: Section, solution: Solution) -> Array:
+def _unstable_mode(section: Section, solution: Solution) -> tuple[Array, float]:
     """The eigenvector (n, 2) of the eigenvalue nearest to zero, its largest entry 1: the first to
-    turn negative. By inverse iteration (Golub and Van Loan 2013, sec. 7.6.1)."""
-    here = as_solved(section, solution)
+    turn negative; by inverse iteration (Golub and Van Loan 2013, sec. 7.6.1). And its stiffness
+    over the drag's of 1."""
     try:
-        factors = here.assembly.factor(tangent(here, solution)[0])
+        factors = section.assembly.factor(tangent(section, solution)[0])
     except SingularMatrix:
         raise Unstable("the tangent is singular") from None
-    mode = np.zeros(here.size)
-    mode[here.assembly.free] = np.random.default_rng(0).standard_normal(len(here.assembly.free))
+    mode, free = np.zeros(section.size), section.assembly.free
+    mode[free] = np.random.default_rng(0).standard_normal(len(free))
     for _ in range(INVERSE_ITERATIONS):
-        mode = here.assembly.solve(factors, mode / np.abs(mode).max())
-    return np.asarray(mode.reshape(-1, 2) / np.abs(mode).max())
+        mode = section.assembly.solve(factors, mode / np.abs(mode).max())
+    mode /= np.abs(mode).max()
+    stiffness = float(mode[free] @ (factors.matrix @ mode[free]))
+    return mode.reshape(-1, 2), stiffness / float(mode @ (section.valence * mode))
 
 
 def _predicted(section: Section, before: Solution, now: Solution, target: Load) -> Solution:

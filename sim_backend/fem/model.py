@@ -66,6 +66,11 @@ class Section:
         return surface_share(self.mesh, self.cells)
 
     @cached_property
+    def valence(self) -> Array:
+        """How many cells each displacement (2n,) belongs to."""
+        return np.bincount(self.cells.dofs.ravel(), minlength=self.size).astype(float)
+
+    @cached_property
     def with_self_contact(self) -> "Section":
         """The same section, whose lumens' walls may touch."""
         return replace(self, self_contact=True)

@@ -112,8 +112,12 @@ def as_solved(section: Section, solution: Solution) -> Section:
     )
 
 
-def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
-    """The equilibrium at ``load``, in one step from ``start``. Raises `NotConverged`."""
+def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 0.0) -> Solution:
+    """The equilibrium at ``load``, in one step from ``start``. Raises `NotConverged`.
+
+    With ``drag_pa`` every node is dragged back to where it started, by so much for each cell that
+    it belongs to.
+    """
     finger = _lowered(section, load)
     u, multiplier = start.displacement.copy(), list(start.multiplier)
     bonds = _bonds(section, start)
@@ -126,11 +130,16 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
             t.active(m, COMPLEMENTARITY * section.tissue_pa)
             for t, m in zip(pairs, multiplier, strict=True)
         ]
+        if iteration == 1:
+            active[0] = _first_active(pairs[0], multiplier[0], active[0])
         multiplier = [np.where(a, m, 0.0) for m, a in zip(multiplier, active, strict=True)]
         with np.errstate(invalid="ignore", over="ignore"):
             residual, matrices = _body(section, u, load.pressure_pa, change)
         if not np.all(np.isfinite(residual)):
             raise NotConverged("elements were crushed")
+        if drag_pa:
+            residual += drag_pa * section.valence * (u - start.displacement).ravel()
+            matrices[0] = matrices[0] + drag_pa * np.eye(matrices[0].shape[1])
         for t, m in zip(pairs, multiplier, strict=True):
             residual -= t.force(m, section.size)
         for bond in bonds:
@@ -150,7 +159,10 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
             )
             found = Solution(load, u, tuple(multiplier), float(force), iteration, bonded_at_m)
             last = factors is None or factors.negative == 0
-            return replace(found, stable=last or _is_stable(section, found))
+            return replace(found, stable=last or is_stable(section, found))
+        # normals turn under the forces as they are, without the springs: so the iteration is
+        # Newton's on forces and gaps together, and closes both at second order
+        matrices += _contact_blocks(section, pairs, multiplier, active, bonds)
         springs = [t.stiffness(PENALTY * section.tissue_pa) * t.open(m)
                    for t, m in zip(pairs, multiplier, strict=True)]  # fmt: skip
         for t, s, a in zip(pairs, springs, active, strict=True):  # they close what gaps are left
@@ -158,7 +170,6 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
         multiplier = [
             np.where(a, m - s, 0.0) for m, s, a in zip(multiplier, springs, active, strict=True)
         ]
-        matrices += _contact_blocks(section, pairs, multiplier, active, bonds)
         change, factors = _newton_step(section, matrices, residual, u)
         u += change
         multiplier = [
@@ -167,6 +178,17 @@ def equilibrium(section: Section, start: Solution, load: Load) -> Solution:
         ]
         before = active
     raise NotConverged(f"Newton's method did not converge within {MAX_ITERATIONS} steps")
+
+
+def _first_active(finger: ContactPairs, multiplier: Array, active: Bools) -> Bools:
+    """Nodes (s,) under the finger in a step's first iteration: of those that it newly overlaps,
+    the ones that it overlaps by more than half of the most. What overlaps before anything has
+    given way is more than what will touch (Johnson 1985, eq. 3.42: a^2 = R d, not 2 R d)."""
+    new = active & (multiplier <= 0)
+    if not new.any():
+        return active
+    gap = finger.open(multiplier)
+    return np.asarray(active & (~new | finger.bonded | (gap <= 0.5 * float(gap[new].min()))))
 
 
 def _bonds(section: Section, solution: Solution) -> tuple[BondedContact, BondedContact]:
@@ -193,7 +215,7 @@ def _contact_blocks(
             *blocks[len(bonds) :]]  # fmt: skip
 
 
-def _is_stable(section: Section, solution: Solution) -> bool:
+def is_stable(section: Section, solution: Solution) -> bool:
     """Whether the tangent at ``solution`` itself has no negative eigenvalue."""
     try:
         return section.assembly.factor(tangent(section, solution)[0]).negative == 0

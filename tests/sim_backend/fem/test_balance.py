@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_block import BLOCK
 
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
@@ -153,3 +154,17 @@ def test_stiffer_tissue_pushes_back_in_proportion(scale):
         solve_finite(s, 0.030, DEPTH_M, [0.0], 1e-3)[1][0].force_n_per_m for s in (scene, other)
     ]
     assert forces[1] == pytest.approx(scale * forces[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_forces_and_gaps_close_together(plane):
+    """Where the contact stays, Newton's method squares its error: normals turn under the forces
+    that the finger bears. And a step deeper begins with about the nodes that will touch."""
+    section = build_section(
+        BLOCK.model_copy(update={"plane": plane}), 12e-3, depth_m=1.5e-3, size_m=0.5e-3
+    )
+    loads = [Load(d, P) for d in (-1.5e-3, 0.1e-3, 0.5e-3, 1e-3, 1.5e-3)]
+    _, first, second, third, deep = continuation(section, unloaded(section), loads)
+    assert max(s.iterations for s in (first, second, third, deep)) <= 6
+    (more,) = continuation(section, deep, [Load(1.5e-3, 1.3 * P)])
+    assert more.iterations <= 4

@@ -50,7 +50,7 @@ def test_a_vessel_that_can_roll_is_found_rolled_also_from_right_above(
 def test_an_unstable_state_without_a_stable_one_beside_it_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(following, "BRANCH_M", ())
+    monkeypatch.setattr(following, "MAX_FALL", 0)
     with pytest.raises(CannotSolve, match="unstable"):
         rolling(0.0)
 
