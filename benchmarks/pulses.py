@@ -1,5 +1,6 @@
 """Pulses of people on real tissue, person by person, with peers at equal false rates.
 
+    pip install .[benchmarks]
     python benchmarks/pulses.py HOLDS.csv PULSES.csv.gz[,MORE.csv.gz] [CASES]
 
 HOLDS: indent-and-hold recordings of tissue without a pulse; PULSES: arterial pressure (columns:
@@ -7,24 +8,25 @@ HOLDS: indent-and-hold recordings of tissue without a pulse; PULSES: arterial pr
 the hold's force, trough to crest, and added at random phase. A person is what stands before the
 dash in a record's name, a specimen is a curve. All goes through `probe.detection.detect`. It has
 nothing that is fitted to people or specimens: the search knows the mean brachial wave of eight
-others. A peer lets through 1 % of the holds without a pulse; its limit is set on all specimens but
-the one that is judged. Goes on where docs/results/pulses.csv ends. Draws docs/pictures/power.png.
+others. Each way gives a score, kept for holds with and without a pulse. At a false rate its limit
+lets through that share of the holds without a pulse of all specimens but the one that is judged.
+Goes on where docs/results/pulses.csv ends. Draws docs/pictures/power.png.
 """
 
 import sys
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, exact, fill, interval, read
+from kept import ROOT, Row, exact, fill
 from matplotlib.figure import Figure
 from real_data import holds, pulses
 
-from drivers.core.arrays import Array
+from drivers.core.arrays import Array, Bools
 from probe.core.recording import Recording, Station
 from probe.detection import detect
+from probe.detection.finding import Finding
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold, hold_of
 from probe.detection.pulse.rate_prior import rates_hz
@@ -36,8 +38,12 @@ Curve = tuple[Array, Array]
 CELLS = ((0.01, 5.0), (0.005, 5.0), (0.03, 2.5), (0.0025, 5.0), (0.05, 5.0), (0.03, 5.0))
 """Share of the force, and length of the hold [s]."""
 FALSE_ALARM = 0.01
-LATER_S = 1.0
+BOLD = 0.5
+"""False alarm at which everything is asked what moves in it, for the curve."""
+DRAWN_RATES = np.linspace(0.005, 0.1, 20)
+LATER_S, MOST_LATER = 1.0, 8
 MATCHED_PHASES = 24
+BEATS_AT_HZ, MIN_BEATS = 100, 3
 OUT = ROOT / "docs" / "results" / "pulses.csv"
 EMPTY = ROOT / "docs" / "results" / "empty-presses.csv"
 PICTURE = ROOT / "docs" / "pictures" / "power.png"
@@ -67,7 +73,7 @@ def without(hold_s: float, curve: Curve) -> list[Station]:
     """Holds without a pulse: a curve from its ramp on, and stretches of its later hold."""
     time_s, force = curve
     found = [press(time_s[time_s <= hold_s], force[time_s <= hold_s])]
-    for start in np.arange(LATER_S, time_s[-1] - hold_s, hold_s / 2)[:4]:
+    for start in np.arange(LATER_S, time_s[-1] - hold_s, hold_s / 4)[:MOST_LATER]:
         kept = (time_s >= start) & (time_s <= start + hold_s)
         found.append(press(time_s[kept], force[kept]))
     return found
@@ -106,6 +112,21 @@ def peak_to_peak(hold: Hold) -> float:
     return float(np.ptp(hold.signal_pa) / max(abs(float(np.mean(hold.signal_pa))), 1e-300))
 
 
+def beat_quality(hold: Hold) -> float:
+    """Beats found by neurokit2 (Elgendi et al. 2013), and how alike they are: the mean correlation
+    with their mean (Orphanidou et al. 2015); 0 where fewer than three beats are found."""
+    import neurokit2  # half a minute on a busy machine
+
+    y, _ = _left(hold)
+    time_s = np.arange(hold.time_s[0], hold.time_s[-1], 1 / BEATS_AT_HZ)
+    clean = neurokit2.ppg_clean(np.interp(time_s, hold.time_s, y), sampling_rate=BEATS_AT_HZ)
+    beats = neurokit2.ppg_findpeaks(clean, sampling_rate=BEATS_AT_HZ)["PPG_Peaks"]
+    if len(beats) < MIN_BEATS:
+        return 0.0
+    quality = neurokit2.ppg_quality(clean, beats, sampling_rate=BEATS_AT_HZ)
+    return float(np.nanmean(quality)) if np.isfinite(quality).any() else 0.0
+
+
 def _left(hold: Hold) -> tuple[Array, Array]:
     """What relaxation and drift leave, and their basis."""
     design = design_of(hold)
@@ -116,12 +137,25 @@ def _left(hold: Hold) -> tuple[Array, Array]:
 
 PEERS: dict[str, Callable[[Hold], float]] = {
     "lock-in": lock_in, "two harmonics": lambda hold: lock_in(hold, 2),
-    "matched beat": matched_beat, "paper": peak_to_peak,
+    "matched beat": matched_beat, "neurokit2": beat_quality, "paper": peak_to_peak,
 }  # fmt: skip
 
 
-def named(station: Station) -> str:
-    return detect(Recording((station,), ("force",), (), 1e-4), false_alarm=FALSE_ALARM).finding
+def named(station: Station, false_alarm: float = FALSE_ALARM) -> str:
+    return _finding(station, false_alarm).finding
+
+
+def _finding(station: Station, false_alarm: float) -> Finding:
+    return detect(Recording((station,), ("force",), (), 1e-4), false_alarm=false_alarm)
+
+
+def judged(station: Station) -> Row:
+    """What a hold is called, and every way's score, larger where a pulse is clearer."""
+    bold = _finding(station, BOLD)
+    chance = bold.stations[0].p_value if bold.finding == "artery" else 1.0
+    hold = hold_of(station)
+    scores = {name: f"{peer(hold):.6g}" for name, peer in PEERS.items()}
+    return {"palpate": named(station), "score": f"{1 - chance:.6g}"} | scores
 
 
 def main(tissue_file: Path, heart_files: list[Path], cases: int) -> None:
@@ -133,73 +167,84 @@ def main(tissue_file: Path, heart_files: list[Path], cases: int) -> None:
         for name, one in zip(names, pulses(file), strict=True):
             hearts.setdefault(str(name).split("-")[0], []).append(one)
 
-    @lru_cache(maxsize=4)
-    def scores(hold_s: float) -> list[dict[str, list[float]]]:
-        """Of each specimen's holds without a pulse, by peer."""
-        empty = [[hold_of(s) for s in without(hold_s, curve)] for curve in tissue]
-        return [{n: [peer(h) for h in some] for n, peer in PEERS.items()} for some in empty]
-
     def found(share: float, hold_s: float, person: str, seed: int) -> Row:
-        station = of_person(seed, hold_s, share, tissue, hearts[person])
-        hold, own = hold_of(station), seed % len(tissue)
-        row: dict[str, object] = {"palpate": named(station)}
-        for name, peer in PEERS.items():
-            others = [v for i, one in enumerate(scores(hold_s)) if i != own for v in one[name]]
-            row[name] = int(peer(hold) > np.quantile(others, 1 - FALSE_ALARM))
-        return row
+        row = judged(of_person(seed, hold_s, share, tissue, hearts[person]))
+        return row | {"specimen": seed % len(tissue)}
 
     def false(hold_s: float, specimen: int, part: int) -> Row:
-        return {"palpate": named(without(hold_s, tissue[specimen])[part])}
+        return judged(without(hold_s, tissue[specimen])[part])
 
     empty = [(h, k, part) for h in (5.0, 2.5) for k in range(len(tissue))
              for part in range(len(without(h, tissue[k])))]  # fmt: skip
-    fill(EMPTY, ("hold_s", "specimen", "part"), ("palpate",), empty, false)
+    answers = ("palpate", "score", *PEERS)
+    fill(EMPTY, ("hold_s", "specimen", "part"), answers, empty, false)
     jobs = [(*cell, person, seed) for seed in range(cases) for cell in CELLS for person in hearts]
-    fill(OUT, ("share", "hold_s", "person", "seed"), ("palpate", *PEERS), jobs, found)
+    fill(OUT, ("share", "hold_s", "person", "seed"), ("specimen", *answers), jobs, found)
     tell()
     draw().savefig(PICTURE, dpi=150, facecolor="white")
 
 
+WAYS = {"palpate": "score"} | {name: name for name in PEERS}
+"""Columns of the scores."""
+
+
+def passing(cell: pd.DataFrame, empty: pd.DataFrame, way: str, false_rate: float) -> Bools:
+    """Which holds (n,) of a cell pass at a false rate; both tables have holds of one length."""
+    limit = {k: empty[empty.specimen != k][way].quantile(1 - false_rate)
+             for k in cell.specimen.unique()}  # fmt: skip
+    return np.asarray(cell[way] > cell.specimen.map(limit))
+
+
+def tables() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Holds with a pulse and without."""
+    return pd.read_csv(OUT), pd.read_csv(EMPTY)
+
+
 def draw() -> Figure:
-    """Power against the pulse's size in holds of 5 s, beside the peers, with 95 % intervals."""
-    table = pd.DataFrame(read(OUT))
-    table = table[table.hold_s.astype(float) == 5.0]
-    figure = Figure(figsize=(6, 3.6), layout="constrained")
-    axes = figure.subplots()
-    ways = {"palpate": (BLUE, "o"), "matched beat": (ORANGE, "s"), "lock-in": (GREEN, "^"),
-            "two harmonics": ("0.4", "d"), "paper": ("0.7", "v")}  # fmt: skip
-    for place, (name, (colour, mark)) in enumerate(ways.items()):
-        right = table[name].isin(["artery", "1"]).groupby(table.share.astype(float))
-        count, of = right.sum().to_numpy(), right.size().to_numpy()
-        size = 100 * right.mean().index.to_numpy() * (1 + 0.03 * (place - 2))
-        ends = np.array([interval(int(k), int(n)) for k, n in zip(count, of, strict=True)]).T
-        share = count / of
-        reach = 100 * np.abs(ends - share)
-        axes.errorbar(size, 100 * share, reach, color=colour, marker=mark, ms=5, lw=1.2,
-                      elinewidth=0.8, label=name)  # fmt: skip
-    sizes = sorted({share for share, hold_s in CELLS if hold_s == 5.0})
-    axes.set(xscale="log", xlabel="pulse, trough to crest, over the force [%]", ylim=(0, 103),
-             ylabel="found at 1 % false alarms [%]")  # fmt: skip
-    axes.set_xticks([100 * s for s in sizes], [f"{100 * s:g}" for s in sizes])
-    axes.minorticks_off()
-    axes.legend(frameon=False, ncols=3, loc="lower center", bbox_to_anchor=(0.5, 1.0))
+    """Found against the false rate, and a star where palpate stands that is asked for 1 %."""
+    table, empties = tables()
+    figure = Figure(figsize=(8, 6), layout="constrained")
+    looks = {"palpate": (BLUE, "-"), "matched beat": (ORANGE, "-"), "lock-in": (GREEN, "-"),
+             "two harmonics": ("0.4", "--"), "neurokit2": ("0.4", ":"),
+             "paper": ("0.7", "-")}  # fmt: skip
+    for axes, (share, hold_s) in zip(figure.subplots(2, 2, sharex=True, sharey=True).flat,
+                                     CELLS, strict=False):  # fmt: skip
+        cell = table[(table.share == share) & (table.hold_s == hold_s)]
+        empty = empties[empties.hold_s == hold_s]
+        for name, (colour, line) in looks.items():
+            found = [passing(cell, empty, WAYS[name], rate).mean() for rate in DRAWN_RATES]
+            axes.plot(100 * DRAWN_RATES, 100 * np.array(found), line, color=colour, label=name)
+        false, right = ((one.palpate == "artery").mean() for one in (empty, cell))
+        axes.plot(100 * false, 100 * right, "*", color=BLUE, ms=12, clip_on=False, zorder=3)
+        axes.set_title(f"{100 * share:g} %, {hold_s:g} s, n = {len(cell)}", fontsize="medium")
+        axes.set(xlim=(0, 10), ylim=(0, 100))
+    figure.supxlabel(f"false pulses in holds without one [%], n = {len(empties)}")
+    figure.supylabel("found [%]")
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, frameon=False, ncols=6, loc="outside upper center")
     return figure
 
 
 def tell() -> None:
     """The tables of what is kept."""
-    for hold_s, some in pd.DataFrame(read(EMPTY)).groupby("hold_s"):
+    table, empties = tables()
+    for hold_s, some in empties.groupby("hold_s"):
         wrong = int((some.palpate == "artery").sum())
         print(f"{hold_s} s, nothing there: artery {exact(wrong, len(some))} % of {len(some)}, "
               f"undecided {(some.palpate == 'undecided').sum()}")  # fmt: skip
-    for (share, hold_s), cell in pd.DataFrame(read(OUT)).groupby(["share", "hold_s"]):
-        whole = [("all", cell), *cell.groupby("person")]
-        for person, some in whole:
-            mine = int((some.palpate == "artery").sum())
-            peers = "; ".join(f"{n} {exact(int((some[n] == '1').sum()), len(some))}" for n in PEERS)
-            print(f"{100 * float(share):g} % {hold_s} s {person} ({len(some)}): palpate "
-                  f"{exact(mine, len(some))}"
-                  + (f"; {peers}" if person == "all" else ""))  # fmt: skip
+    for (share, hold_s), cell in table.groupby(["share", "hold_s"]):
+        empty = empties[empties.hold_s == hold_s]
+        mine = (cell.palpate == "artery").groupby(cell.person).agg(["sum", "size"])
+        people = ", ".join(f"{who} {one['sum']} of {one['size']}" for who, one in mine.iterrows())
+        undecided = int((cell.palpate == "undecided").sum())
+        print(f"{100 * share:g} % {hold_s} s: {exact(int(mine['sum'].sum()), len(cell))} % of "
+              f"{len(cell)}, undecided {undecided}: {people}")  # fmt: skip
+        for rate in (0.01, 0.02, 0.05):
+            found = "; ".join(
+                f"{name} {exact(int(passing(cell, empty, way, rate).sum()), len(cell))}"
+                for name, way in WAYS.items()
+            )
+            print(f"    at {100 * rate:g} % false: {found}")
 
 
 if __name__ == "__main__":

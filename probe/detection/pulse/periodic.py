@@ -11,7 +11,9 @@ from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
 
 REFINED = 3
-"""Rounds of narrowing a rate, each to a quarter: a strong line must be met within its doubt."""
+"""Rounds of narrowing a rate, each to an eighth: a strong line must be met within its doubt."""
+FINER = 17
+"""Rates of such a round."""
 SHAPE_PHASES = 24
 
 
@@ -41,20 +43,21 @@ def mean_wave(hold: Coarse, slowest_hz: float, fastest_hz: float) -> float:
 def _at_best_rate(
     hold: Coarse, slowest_hz: float, fastest_hz: float, at: Callable[[Array, float], Array]
 ) -> float:
-    """Log evidence of the best rate, in the likeliest noise, less what choosing it costs."""
+    """Log evidence of the best rate, in the likeliest noise, less what choosing it costs.
+
+    Each noise finds its own: a loud line between two rates of the grid leaves what looks coloured.
+    """
     fastest_hz = min(fastest_hz, NYQUIST_SHARE / hold.step_s)
     independent = 1 + (fastest_hz - slowest_hz) * len(hold.signal) * hold.step_s
     rates = np.linspace(slowest_hz, fastest_hz, int(4 * independent))
-    tried = {memory: at(rates, memory) for memory in MEMORIES}
-    memory = max(MEMORIES, key=lambda one: float(tried[one].max()))
-    best, k = float(tried[memory].max()), int(np.argmax(tried[memory]))
-    low, high = rates[max(k - 1, 0)], rates[min(k + 1, len(rates) - 1)]
-    for _ in range(REFINED):
-        fine = np.linspace(low, high, 9)
-        each = at(fine, memory)
-        k = int(np.argmax(each))
-        best = max(best, float(each[k]))
-        low, high = fine[max(k - 1, 0)], fine[min(k + 1, 8)]
+    best = -np.inf
+    for memory in MEMORIES:
+        tried = rates
+        for _ in range(1 + REFINED):
+            each = at(tried, memory)
+            k = int(np.argmax(each))
+            best = max(best, float(each[k]))
+            tried = np.linspace(tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)], FINER)
     return float(best - np.log(independent))
 
 

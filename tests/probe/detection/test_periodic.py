@@ -68,3 +68,18 @@ def test_a_slow_wave_that_drift_could_take_is_fitted_beside_it() -> None:
     rates = 1 + (FASTEST_HZ - SLOWEST_HZ) * COUNT * STEP_S
     plain = float(log_evidence(np.asarray(left @ left), COUNT, 2)) - np.log(rates)
     assert by_wave(one) > plain - 0.5
+
+
+@pytest.mark.parametrize("rate_hz", [0.75, 1.76, 2.1, 2.43])
+def test_a_loud_line_is_met_wherever_it_lies_between_the_rates_tried(rate_hz: float) -> None:
+    """Over a wide range and over a narrow one, but for what choosing among more rates costs."""
+    step_s, count = 0.04, 125
+    t = np.arange(count) * step_s
+    noise = np.random.default_rng(4).standard_normal(count)
+    line = 100.0 * np.cos(2 * np.pi * rate_hz * t + 0.5)
+    one = Coarse(
+        line + noise, step_s, np.column_stack([np.ones_like(t), np.exp(-t), np.exp(-3 * t)])
+    )
+    wide, narrow = periodic(one, 0.3, 5.0, 1), periodic(one, rate_hz - 0.1, rate_hz + 0.1, 1)
+    choice = np.log((1 + 4.7 * count * step_s) / (1 + 0.2 * count * step_s))
+    assert wide == pytest.approx(narrow - choice, abs=0.5)
