@@ -32,7 +32,8 @@ def object_line(one: Mapping[str, Any]) -> str:
     for name, key in (("peak", "peak_pa"), ("pulse", "pulse_pa")):
         if one.get(key) is not None:
             parts.append(f"{name} {_pascal(one[key], 3)}")
-    parts.append(f"confidence {percent(one['confidence'])}")
+    if one["kind"] != "undecided":  # of which kind would it be?
+        parts.append(f"confidence {percent(one['confidence'])}")
     return ", ".join(parts + over_rows(one))
 
 

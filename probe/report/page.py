@@ -111,7 +111,7 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
                 *([", ".join(over_rows(one))] if across else []),
                 _pascal(one["peak_pa"]),
                 _pascal(one["pulse_pa"]),
-                percent(one["confidence"]),
+                "–" if one["kind"] == "undecided" else percent(one["confidence"]),
             )
         )
     rows_head = ("across the rows",) if across else ()

@@ -46,7 +46,7 @@ def commands(page: Path) -> list[list[str]]:
 
 
 @pytest.fixture(scope="module")
-def _site(tmp_path_factory: pytest.TempPathFactory) -> str:
+def _site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pytest.importorskip("mkdocs", reason="mkdocs is not installed (extra: docs)")
     folder = tmp_path_factory.mktemp("site")
     done = subprocess.run(
@@ -54,13 +54,25 @@ def _site(tmp_path_factory: pytest.TempPathFactory) -> str:
         cwd=ROOT, capture_output=True, text=True, check=False, timeout=280,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-3000:]
-    return (folder / "reference" / "cli.html").read_text(encoding="utf-8")
+    return folder
 
 
-def test_the_site_builds_without_a_warning_and_names_every_command(_site: str) -> None:
+def test_the_site_builds_without_a_warning_and_names_every_command(_site: Path) -> None:
+    shown = (_site / "reference" / "cli.html").read_text(encoding="utf-8")
     group: Any = typer.main.get_command(build())
     for name, command in group.commands.items():
-        assert command.hidden or f'id="{name}"' in _site
+        assert command.hidden or f'id="{name}"' in shown
+
+
+def test_pages_show_lists_and_drawings_not_their_source(_site: Path) -> None:
+    glossary = (_site / "glossary.html").read_text(encoding="utf-8")
+    assert len(re.findall("<dt>", glossary)) > 10
+    for page in _site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        assert not re.search(r"^(<p>)?: {2,}\S", text, re.MULTILINE), page  # a definition's mark
+        assert 'class="language-mermaid' not in text, page
+    states = (_site / "reference" / "states.html").read_text(encoding="utf-8")
+    assert 'class="mermaid"' in states
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(DOCS)))

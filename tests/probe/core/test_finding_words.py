@@ -30,6 +30,10 @@ def test_an_object_without_a_place_has_no_gaps_in_its_line():
     assert line == "artery, pulse 12500 Pa, confidence 99.9 %"
 
 
+def test_what_is_undecided_has_no_confidence():
+    assert object_line(thing("undecided")).endswith("pulse 12500 Pa")
+
+
 def test_an_object_of_a_grid_says_where_it_lies_across_the_rows():
     vessel = thing(course_mm=[[20.0, 0.0], [24.0, 8.0]], stenosed_mm=[4.0, 8.0])
     assert object_line(vessel).endswith(
