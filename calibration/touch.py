@@ -35,6 +35,8 @@ def find_contact(travel_m: Array, force_n: Array) -> Fit:
     travel, force = travel[:near], force[:near]  # deep down the power is another one
     size, span = float(np.mean(force[-end:])) - first, float(np.ptp(travel))
     half = force > first + 0.5 * size
+    if not half.any() or np.ptp(travel[half]) == 0:
+        raise CalibrationError(f"the force rises between two readings; {ADVICE}, slowly")
     slope, level = np.polyfit(travel[half], force[half], 1)
     start = float(np.clip((first - level) / slope, travel[0] + 0.02 * span, travel[-1]))
 

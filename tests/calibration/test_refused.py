@@ -199,6 +199,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: find_contact(RAMP + 1e-3, 500 * (RAMP + 1e-3) + 1e-4 * NOISE[:, 0]),
         "in contact from the beginning; begin above",
     ),
+    "touch: a step without a way in": (
+        lambda: find_contact(np.repeat([-5e-4, 2e-3], 50), np.repeat([0.0, 0.577], 50)),
+        "rises between two readings; begin above",
+    ),
 }
 
 
