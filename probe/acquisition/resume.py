@@ -30,7 +30,8 @@ from probe.planning.plan import Plan
 from probe.storage.run import open_run
 from probe.storage.writer import reopen_store
 from sim_backend.phantom.phantom import Respond
-from sim_backend.scene.scene_file import Scene, explain
+from sim_backend.scene.explain import explain
+from sim_backend.scene.scene_file import Scene
 
 PAUSE_S = 1.0  # between the last stored time and the resumed scan's first
 NOISE_STEP = 7919  # a resumed scan's simulated noise must not repeat that of the first

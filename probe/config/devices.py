@@ -24,7 +24,8 @@ from probe.config.rig import Device, Fallback, Rig, RigError
 from probe.config.scan_plan import plan_for, true_surface
 from probe.planning.plan import Plan
 from sim_backend.phantom.phantom import Phantom, Respond
-from sim_backend.scene.scene_file import Scene, explain, load_scene, scene_names
+from sim_backend.scene.explain import explain
+from sim_backend.scene.scene_file import Scene, load_scene, scene_names
 
 VIRTUAL = Device(driver="virtual")
 

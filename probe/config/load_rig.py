@@ -10,7 +10,8 @@ from drivers import ConfigError
 from drivers.core.files import FileRefused, parse_toml, read_file
 from probe.config.rig import Rig, RigError
 from probe.config.scan_plan import limits_for, plan_for
-from sim_backend.scene.scene_file import MAX_FILE_BYTES, explain, scene_names
+from sim_backend.scene.explain import explain
+from sim_backend.scene.scene_file import MAX_FILE_BYTES, scene_names
 
 
 def load_rig(path: str | Path) -> Rig:

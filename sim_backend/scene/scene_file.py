@@ -4,15 +4,13 @@ Keys carry their units (``depth_mm``, ``modulus_kpa``); ``depth_mm`` is from the
 centre. Impossible geometry is refused with the key, the value and what is allowed.
 """
 
-from difflib import get_close_matches
 from importlib import resources
 from math import hypot
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
 from pydantic import (
     AfterValidator,
-    BaseModel,
     Field,
     ValidationError,
     field_validator,
@@ -21,6 +19,7 @@ from pydantic import (
 
 from drivers.core.files import FileRefused, parse_toml, read_file
 from sim_backend import html
+from sim_backend.scene.explain import explain
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch, Sphere
 from sim_backend.scene.table import Positive, Table, is_unset
 
@@ -374,45 +373,3 @@ def scene_from_text(text: str | bytes, source: str) -> Scene:
         raise SceneError("\n".join(f"{source}: {line}" for line in explain(error, Scene))) from None
     except ValueError as error:
         raise SceneError(f"{source}: {error}") from None
-
-
-def explain(error: ValidationError, model: type[BaseModel] | None = None) -> list[str]:
-    """One line per fault: key, value, what is allowed; of ``model``, what keys there are."""
-    lines = []
-    for fault in error.errors():
-        key = ".".join(str(part) for part in fault["loc"])
-        value = fault["input"]
-        shown = "" if isinstance(value, dict) or fault["type"] == "missing" else f" = {value!r}"
-        text = fault["msg"].removeprefix("Value error, ")
-        if model is not None and fault["type"] == "extra_forbidden":
-            text = _unknown_key(model, fault["loc"])
-        lines.append(f"{key}{shown}: {text}".lstrip(": "))
-    return lines
-
-
-def _unknown_key(model: type[BaseModel], where: tuple[int | str, ...]) -> str:
-    """What the table at ``where`` knows, the likeliest first."""
-    tables = [model]
-    for part in where[:-1]:
-        fields = [t.model_fields[part] for t in tables if part in t.model_fields]
-        tables = [one for f in fields for one in _tables(f.annotation)] or tables
-        tables = [t for t in tables if str(part) == _kind(t)] or tables  # the tag of a union
-    known = sorted({key for table in tables for key in table.model_fields})
-    near = get_close_matches(str(where[-1]), known, 1)
-    guess = f"did you mean {near[0]}? " if near else ""
-    return f"unknown key; {guess}Known here: {', '.join(known)}"
-
-
-def _tables(annotation: Any) -> list[type[BaseModel]]:
-    """Every table within an annotation."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [table for part in get_args(annotation) for table in _tables(part)]
-
-
-def _kind(table: type[BaseModel]) -> str:
-    """The word that tells a table from others in its place, such as artery or cylinder."""
-    for key in ("kind", "shape"):
-        if key in table.model_fields:
-            return str(next(iter(get_args(table.model_fields[key].annotation)), ""))
-    return ""
