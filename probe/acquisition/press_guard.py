@@ -188,9 +188,9 @@ class PressGuard:
         foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
         if rose_n >= FLAT * foretold_n:
             return None
-        newest_n = self._forces[began:]
-        if still and max(newest_n) - min(newest_n) > NOISE_SIGMAS * self._noise_n:
-            return None
+        moved_n = max(self._forces[began:]) - min(self._forces[began:])
+        if still and not 0 < moved_n <= NOISE_SIGMAS * self._noise_n:
+            return None  # none at all: a resolution so coarse that it hides what a live one tells
         return (
             f"the force changed by {rose_n:+.3f} N while the tip went {1e3 * went_m:.2f} mm "
             f"deeper, where {foretold_n:.3f} N were to be expected: the sensor clips or does not "
