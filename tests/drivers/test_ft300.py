@@ -16,22 +16,11 @@ from pymodbus.framer import FramerRTU
 from drivers import DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
 from drivers.ft300 import Frames, Ft300Settings, open_sensor
-from sim_backend import load_scene
 from sim_backend.emulators import ft300
 from sim_backend.emulators.serving import Served
-from sim_backend.phantom.phantom import Phantom, Respond
+from sim_backend.phantom.phantom import Phantom
 
 PRESSED = (0.032, 0.0, -0.0025)
-
-
-@pytest.fixture
-def clock() -> WallClock:
-    return WallClock()
-
-
-@pytest.fixture
-def phantom(clock: WallClock, winkler: Respond) -> Phantom:
-    return Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.002))
 
 
 @pytest.fixture

@@ -13,22 +13,16 @@ from drivers import DeviceAbsent, DeviceFault, MotionFault, Pose, WallClock
 from drivers.core.ports import READ_S
 from drivers.grbl.line import Conversation
 from drivers.grbl.stage import GrblSettings, GrblStage, open_stage
-from sim_backend import load_scene
 from sim_backend.emulators import grbl
 from sim_backend.emulators.serving import Served
-from sim_backend.phantom.phantom import Phantom, Respond
+from sim_backend.phantom.phantom import Phantom
 
 HOME = (0.032, 0.0, 0.004)
 
 
 @pytest.fixture
-def clock() -> WallClock:
-    return WallClock()
-
-
-@pytest.fixture
-def phantom(clock: WallClock, winkler: Respond) -> Phantom:
-    return Phantom(load_scene("TIHA"), clock, winkler, home=HOME)
+def home() -> tuple[float, float, float]:
+    return HOME
 
 
 @pytest.fixture

@@ -45,11 +45,6 @@ class Says:
 
 
 @pytest.fixture
-def clock() -> WallClock:
-    return WallClock()
-
-
-@pytest.fixture
 def cell(clock: WallClock, winkler: Respond, tmp_path: Path) -> Iterator[tuple[Served, Phantom]]:
     phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.002))
     with lines.emulate(phantom, at=str(tmp_path / "cell"), noise_n=0.0) as device:

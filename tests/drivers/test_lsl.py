@@ -3,6 +3,7 @@
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from uuid import uuid4
 
 import numpy as np
@@ -43,6 +44,25 @@ def send(sender: "pylsl.StreamOutlet", clock: WallClock, count: int) -> list[flo
     return stamped
 
 
+@contextmanager
+def sending(sender: "pylsl.StreamOutlet") -> Iterator[None]:
+    """Within: a sample every 10 ms, since a sensor is there once a first one has come."""
+    stop = threading.Event()
+
+    def send_on() -> None:
+        while not stop.is_set():
+            sender.push_sample([-1.0, -1.0])
+            time.sleep(0.01)
+
+    thread = threading.Thread(target=send_on)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+
+
 @pytest.fixture
 def name() -> Iterator[str]:
     """A stream that no other test has; skips where liblsl finds no stream of its own machine."""
@@ -57,26 +77,15 @@ def name() -> Iterator[str]:
 def test_times_and_values_survive_the_round_trip(name: str) -> None:
     clock, sender = WallClock(), outlet(name, 2)
     sensor = open_sensor(clock, stream=name, channel=[PPG, FORCE], rate_hz=RATE_HZ)
-    stop = threading.Event()
-
-    def warm() -> None:  # a sensor is there once a first sample has come
-        while not stop.is_set():
-            sender.push_sample([-1.0, -1.0])
-            time.sleep(0.01)
-
-    warming = threading.Thread(target=warm)
-    warming.start()
     try:
-        sensor.connect()
-        stop.set()
-        warming.join()
+        with sending(sender):
+            sensor.connect()
         time.sleep(0.1)
         sensor.start()
         stamped = send(sender, clock, 200)
         time.sleep(0.2)
         block = sensor.read()
     finally:
-        stop.set()
         sensor.close()
     assert block.values[:, 0] == pytest.approx(np.arange(200.0))  # mV is not SI's: as it is
     assert block.values[:, 1] == pytest.approx(1.0 + 1e-3 * np.arange(200.0))
@@ -105,27 +114,16 @@ def test_a_stream_of_other_channels_is_refused(name: str) -> None:
 def test_a_sender_that_goes_is_a_fault(name: str) -> None:
     senders = [outlet(name, 2)]
     sensor = open_sensor(WallClock(), stream=name, channel=[PPG, FORCE], rate_hz=RATE_HZ)
-    stop = threading.Event()
-
-    def warm() -> None:
-        while not stop.is_set():
-            senders[0].push_sample([0.0, 0.0])
-            time.sleep(0.01)
-
-    warming = threading.Thread(target=warm)
-    warming.start()
     try:
-        sensor.connect()
-        sensor.start()
-        stop.set()
-        warming.join()
+        with sending(senders[0]):
+            sensor.connect()
+            sensor.start()
         senders.clear()  # nothing holds the outlet: the stream ends
         with pytest.raises(DeviceFault, match="the stream has ended"):
             for _ in range(200):
                 sensor.read()
                 time.sleep(0.05)
     finally:
-        stop.set()
         sensor.close()
 
 

@@ -10,19 +10,8 @@ import pytest
 from drivers import DeviceAbsent, DeviceFault, MissingExtra, WallClock
 from drivers.core.reader import LineSensor
 from drivers.netft import open_sensor
-from sim_backend import load_scene
 from sim_backend.emulators import netft
-from sim_backend.phantom.phantom import Phantom, Respond
-
-
-@pytest.fixture
-def clock() -> WallClock:
-    return WallClock()
-
-
-@pytest.fixture
-def phantom(clock: WallClock, winkler: Respond) -> Phantom:
-    return Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.002))
+from sim_backend.phantom.phantom import Phantom
 
 
 @pytest.fixture

@@ -22,11 +22,6 @@ ARRAY: dict[str, Any] = {
 
 
 @pytest.fixture
-def clock() -> WallClock:
-    return WallClock()
-
-
-@pytest.fixture
 def array(clock: WallClock, winkler: Respond, tmp_path: Path) -> Iterator[tuple[Served, Phantom]]:
     phantom = Phantom(load_scene("TI"), clock, winkler, home=(0.032, 0.0, -0.0025))
     with taxels.emulate(phantom, at=str(tmp_path / "array"), noise_pa=0.0) as device:

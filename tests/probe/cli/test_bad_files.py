@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from own_scene import OWN_SCENE
 
 from probe.cli.errors import status_of
 
@@ -19,23 +20,6 @@ stations = 3
 max_force_n = 5.0
 [scene]
 name = "TIHA"
-"""
-
-SCENE = """
-name = "mine"
-[tissue]
-width_mm = 64.0
-height_mm = 16.83
-modulus_kpa = 50.0
-poisson = 0.49
-[[inclusion]]
-kind = "artery"
-x_mm = 32.0
-depth_mm = 12.66
-inner_diameter_mm = 3.76
-wall_mm = 1.0
-modulus_kpa = 400.0
-poisson = 0.49
 """
 
 # (what is in the file, what is written instead, what the message must name)
@@ -104,7 +88,7 @@ def test_wrong_rig(palpate, tmp_path: Path, old: str, new: str, named: list[str]
 @pytest.mark.parametrize(("old", "new", "named"), WRONG_SCENES)
 def test_wrong_scene(palpate, tmp_path: Path, old: str, new: str, named: list[str]) -> None:
     scene = tmp_path / "scene.toml"
-    scene.write_text(wrong(SCENE, old, new))
+    scene.write_text(wrong(OWN_SCENE, old, new))
     check(palpate("scan", "--scene", scene, "--out", tmp_path / "runs"), named)
     assert not list(tmp_path.rglob("*.run"))
 
@@ -112,7 +96,7 @@ def test_wrong_scene(palpate, tmp_path: Path, old: str, new: str, named: list[st
 def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
     """The files that the wrong ones are made of are right."""
     (tmp_path / "rig.toml").write_text(RIG.replace("TIHA", "scene.toml"))
-    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "scene.toml").write_text(OWN_SCENE)
     outcome = palpate("scan", tmp_path / "rig.toml", "--dry-run", "--out", tmp_path)
     assert outcome.status == 0, outcome.err
 

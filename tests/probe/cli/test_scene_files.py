@@ -4,28 +4,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from own_scene import OWN_SCENE
 
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
-SCENE = """
-name = "mine"
-[tissue]
-width_mm = 64.0
-height_mm = 16.83
-modulus_kpa = 50.0
-poisson = 0.49
-[[inclusion]]
-kind = "artery"
-x_mm = 32.0
-depth_mm = 12.66
-inner_diameter_mm = 3.76
-wall_mm = 1.0
-modulus_kpa = 400.0
-poisson = 0.49
-[pulse]
-wave = "wave.csv"
-"""
+SCENE = f'{OWN_SCENE}[pulse]\nwave = "wave.csv"\n'
 WAVE = "time_s,pressure_mmhg\n0,70\n0.2,130\n0.5,90\n0.8,70\n"
 
 

@@ -1,6 +1,7 @@
 """An absent device is replaced only where the rig or the user allows it, and marked so."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -123,16 +124,23 @@ def marks(events: list[Event]) -> dict[str, bool]:
     return {device: own[0].simulated for device, own in started.channels.items()}
 
 
-def test_a_real_stage_with_a_virtual_sensor_rehearses_a_scan(
-    winkler: Respond, tmp_path: Path
-) -> None:
-    board_world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.032, 0.0, 0.003))
-    with grbl.emulate(board_world, at=str(tmp_path / "tty"), homed=True) as board:
+@contextmanager
+def real_stage_virtual_sensor(respond: Respond, folder: Path) -> Iterator[tuple[Path, Phantom]]:
+    """A rig file, and the world that its stage moves in; its sensor is not there."""
+    world = Phantom(load_scene("TIHA"), WallClock(), respond, home=(0.032, 0.0, 0.003))
+    with grbl.emulate(world, at=str(folder / "tty"), homed=True) as board:
         path = rig_file(
-            tmp_path,
+            folder,
             f'driver = "grbl"\nport = "{board.address}"\n{GRBL}',
             f'driver = "ft300"\n{ABSENT}\nfallback = "virtual"',
         )
+        yield path, world
+
+
+def test_a_real_stage_with_a_virtual_sensor_rehearses_a_scan(
+    winkler: Respond, tmp_path: Path
+) -> None:
+    with real_stage_virtual_sensor(winkler, tmp_path) as (path, board_world):
         events = scanned(path, winkler, lambda _event: None)
     assert events[-1].finish is Finish.COMPLETED
     assert marks(events) == {"stage": False, "ft300": True}
@@ -149,13 +157,7 @@ def test_a_real_stage_with_a_virtual_sensor_rehearses_a_scan(
 
 
 def test_a_rehearsal_without_room_is_refused(winkler: Respond, tmp_path: Path) -> None:
-    board_world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.032, 0.0, 0.003))
-    with grbl.emulate(board_world, at=str(tmp_path / "tty"), homed=True) as board:
-        path = rig_file(
-            tmp_path,
-            f'driver = "grbl"\nport = "{board.address}"\n{GRBL}',
-            f'driver = "ft300"\n{ABSENT}\nfallback = "virtual"',
-        )
+    with real_stage_virtual_sensor(winkler, tmp_path) as (path, board_world):
         low = path.read_text() + "\n[safety.workspace_mm]\nz = [-4.0, 9.0]\n"
         path.write_text(low)
         rig = load_rig(path)

@@ -1,0 +1,23 @@
+"""What tests of drivers share: a clock, and a phantom of springs that hangs over the artery."""
+
+import pytest
+
+from drivers import WallClock
+from sim_backend import load_scene
+from sim_backend.phantom.phantom import Phantom, Respond
+
+
+@pytest.fixture
+def clock() -> WallClock:
+    return WallClock()
+
+
+@pytest.fixture
+def home() -> tuple[float, float, float]:
+    """Where the tip is at first [m]; a file may have it elsewhere."""
+    return (0.032, 0.0, 0.002)
+
+
+@pytest.fixture
+def phantom(clock: WallClock, winkler: Respond, home: tuple[float, float, float]) -> Phantom:
+    return Phantom(load_scene("TIHA"), clock, winkler, home=home)
