@@ -31,7 +31,8 @@ def test_csv(path: Path, tmp_path: Path) -> None:
         "force-simulated.csv",
         "stage-simulated.csv",
     }
-    data, table = open_run(path).samples(), pd.read_csv(written["force-simulated.csv"])
+    data = open_run(path).samples()
+    table = pd.read_csv(written["force-simulated.csv"], float_precision="round_trip")
     assert list(table)[:5] == ["time_s", "station", "attempt", "phase", "force_N"]
     assert (table["force_N"].to_numpy() == data["force"].values).all()  # to the bit
     assert (table["time_s"].to_numpy() == data["time_s"].values).all()
