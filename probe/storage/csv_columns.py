@@ -161,7 +161,10 @@ def _check_names(names: list[str]) -> None:
 def _numbers(column: "pd.Series[str]", name: str, first_row: int) -> Array:
     """A column as numbers. Raises `CsvError` naming the row (1 is the header's)."""
     stripped = column.str.strip()
-    numbers: Array = pd.to_numeric(stripped, errors="coerce").to_numpy(np.float64)
+    numbers: Array = pd.to_numeric(stripped, errors="coerce").to_numpy(np.float64, copy=True)
+    # pandas 2 is the last bit off: "0.3" would not be 0.3
+    known = np.isfinite(numbers)
+    numbers[known] = stripped.to_numpy(dtype=np.str_)[known].astype(np.float64)
     wrong = ~np.isfinite(numbers) & ~stripped.str.lower().isin(NOTHING).to_numpy()
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
