@@ -16,6 +16,8 @@ from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PINK
 
 SCENES = {"TI": INK, "TIT": GREEN, "TIHA": ORANGE, "TISA": BLUE}
 OUT = Path(__file__).with_name("phantoms.png")
+BELOW = 0.75
+"""How far up the intervals are shaded: the legend stands above."""
 
 
 def draw_section(axes: Axes) -> None:
@@ -35,16 +37,16 @@ def draw_pulses(axes: Axes, folder: Path) -> None:
     """One scan of each scene; what was found stands in the legend."""
     for name, colour in SCENES.items():
         scanned = palpate.scan(scene=name, out=folder, seed=1)
-        found = palpate.detect(palpate.open_run(scanned.path).recording()).as_json()
+        found = palpate.detect(scanned.path).as_json()
         x = [one["x_mm"] for one in found["stations"]]
         pulse = [one["pulse_pa"] for one in found["stations"]]
         axes.plot(x, pulse, "o-", ms=3, color=colour, label=f"{name}: {found['finding']}")
         for one in found["objects"]:
-            axes.axvspan(*one["position_ci_mm"], color=PINK, alpha=0.15, lw=0)
-    axes.set(xlabel="station [mm]", ylabel="pulse [Pa]")
+            axes.axvspan(*one["position_ci_mm"], ymax=BELOW, color=PINK, alpha=0.15, lw=0)
+    axes.set(xlabel="x [mm]", ylabel="pulse [Pa]")
     axes.set_title("Pulse at each of 15 stations, and the finding", loc="left", fontsize=9)
     axes.set_yscale("symlog", linthresh=10)
-    axes.set(ylim=(0, 3000), yticks=[0, 10, 100, 1000], yticklabels=["0", "10", "100", "1000"])
+    axes.set(ylim=(0, 20000), yticks=[0, 10, 100, 1000], yticklabels=["0", "10", "100", "1000"])
     axes.legend(frameon=False, fontsize=8, ncols=2, loc="upper left")
 
 

@@ -114,7 +114,7 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
     if not runs:
         answer("no runs")
         return
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     labelled = any(one.labels for one in runs)
     left_out = {"who and what": not labelled, "finding": not found}
     table.add_column("run", no_wrap=True)  # whole, to be copied into the next command

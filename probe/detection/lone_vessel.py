@@ -123,9 +123,9 @@ def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:
     )  # fmt: skip
     best = max(share, key=lambda kind: share[kind])
     sure = share[best] * _pulse(press)
-    by = f"by the pulse and the stiffness of one press {best} with {100 * stated(sure):.0f} %"
+    by = f"{best} is likeliest, {100 * stated(sure):.0f} % by pulse and stiffness of one press"
     if sure < MIN_OF_ONE:
-        return "undecided", sure, f"it pulses; {by}: it needs {MORE}"
+        return "undecided", sure, f"it pulses; {by}; to decide it needs {MORE}"
     return best, sure, f"it pulses; {by}"
 
 

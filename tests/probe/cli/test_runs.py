@@ -1,5 +1,6 @@
 """``palpate runs``: a folder of runs is listed, filtered and sorted."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +57,18 @@ def test_the_table_names_each_run(palpate: Any, folder: Path) -> None:
     assert "Ann, gel=yes" in " ".join(outcome.out.split())
     for run in folder.rglob("*.run"):  # whole, to be copied
         assert any(line.split()[:1] == [str(run)] for line in outcome.out.splitlines())
+
+
+def test_a_run_is_one_line_of_a_terminal(
+    palpate: Any, tmp_path: Path, winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    made = scan(ONE, "TIHA", "runs", respond=winkler).path
+    lines = palpate("runs", "runs").out.splitlines()
+    (line,) = [line for line in lines if made.name in line]
+    assert line.split()[-1] == "completed"
+    assert re.search(r" 20\d\d-\d\d-\d\d \d\d:\d\d ", line)
+    assert max(map(len, lines)) <= 80
 
 
 def test_a_note_needs_a_value(palpate: Any, folder: Path) -> None:
