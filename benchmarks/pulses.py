@@ -123,7 +123,10 @@ def beat_quality(hold: Hold) -> float:
     beats = neurokit2.ppg_findpeaks(clean, sampling_rate=BEATS_AT_HZ)["PPG_Peaks"]
     if len(beats) < MIN_BEATS:
         return 0.0
-    quality = neurokit2.ppg_quality(clean, beats, sampling_rate=BEATS_AT_HZ)
+    try:
+        quality = neurokit2.ppg_quality(clean, beats, sampling_rate=BEATS_AT_HZ)
+    except ValueError:  # of three beats it makes no mean one
+        return 0.0
     return float(np.nanmean(quality)) if np.isfinite(quality).any() else 0.0
 
 
