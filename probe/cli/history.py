@@ -40,7 +40,7 @@ def _line(event: Event) -> str:
         case StationEnded():
             return f"station {event.station + 1} {'complete' if event.complete else 'broken off'}"
         case Note():
-            return f"{event.level}: {event.device}: {event.text}"
+            return f"{event.level}: {event.words}"
         case RunEnded():
             return f"run {event.finish.value}: {event.reason}"
         case Samples():

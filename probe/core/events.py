@@ -101,6 +101,13 @@ class Note:
     device: str
     text: str
 
+    @property
+    def words(self) -> str:
+        """The text with its device before it, once."""
+        return (
+            self.text if self.text.startswith(f"{self.device}:") else f"{self.device}: {self.text}"
+        )
+
 
 @dataclass(frozen=True)
 class RunEnded:

@@ -13,7 +13,7 @@ def log_event(event: Event) -> None:
     """An observer of a scan: notes at their own level, all else but samples for debugging."""
     match event:
         case Note():
-            LOGGER.log(LEVELS.get(event.level, logging.WARNING), "%s: %s", event.device, event.text)
+            LOGGER.log(LEVELS.get(event.level, logging.WARNING), "%s", event.words)
         case RunStarted():
             LOGGER.debug("run started %s: %s", event.started_utc, ", ".join(event.channels))
         case StationStarted():

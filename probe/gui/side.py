@@ -106,7 +106,7 @@ class SidePanel(QWidget):
         failed = state.finish is Finish.FAULTED
         self.fault.setVisible(bool(faults) or failed)
         if faults:
-            self.fault.setText(f"{faults[-1].device}: {faults[-1].text}")
+            self.fault.setText(faults[-1].words)
         elif failed:
             self.fault.setText(state.reason)
         self.finding.setText(f"Finding: {headline(finding)}" if finding else "Finding: none yet")

@@ -181,7 +181,7 @@ def _write_events(writer: Writer, run: "Run", zero_s: float) -> None:
     for event in run.events():
         match event:
             case Note():
-                text = f"{event.level}: {event.device}: {event.text}"
+                text = f"{event.level}: {event.words}"
             case RunEnded():
                 text = f"run {event.finish.value}: {event.reason}"
             case _:

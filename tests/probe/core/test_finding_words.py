@@ -2,6 +2,7 @@
 
 import pytest
 
+from probe.core.events import Note
 from probe.core.finding_words import assumption, headline, object_line, percent
 
 
@@ -47,3 +48,8 @@ def test_an_object_of_a_grid_says_where_it_lies_across_the_rows():
 )
 def test_nothing_is_certain(value, said):
     assert percent(value) == said
+
+
+@pytest.mark.parametrize("text", ["engine: blocked for 2 s", "blocked for 2 s"])
+def test_a_note_names_its_device_once(text):
+    assert Note(0.0, "fault", "engine", text).words == "engine: blocked for 2 s"
