@@ -80,13 +80,14 @@ def _at_rates(hold: Coarse, rates: Array, count: int, memory: float) -> Array:
 
 
 def _as_wave(hold: Coarse, rates: Array, memory: float) -> Array:
-    """Evidence (r,) of the mean wave at each rate, its size and phase the best."""
+    """Evidence (r,) of the mean wave at each rate, its size and phase the best; none where the
+    samples show its first harmonic only, which any line has."""
     n = len(hold.signal)
     beside = beside_of(hold, memory)
     y = whiten(hold.signal, memory)
     y = y - beside @ (beside.T @ y)
     count = len(AMPLITUDES_MMHG)
-    c, _ = _waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
+    c, seen = _waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
     turn = np.linspace(0, 2 * np.pi, SHAPE_PHASES, endpoint=False)[:, None]
     angle = turn * np.arange(1, count + 1) + PHASES_RAD
     shape = np.hstack([AMPLITUDES_MMHG * np.cos(angle), -AMPLITUDES_MMHG * np.sin(angle)]).T
@@ -94,7 +95,8 @@ def _as_wave(hold: Coarse, rates: Array, memory: float) -> Array:
     along = np.maximum(y @ waves, 0.0) ** 2
     power = (waves**2).sum(axis=1) - ((beside.T @ waves) ** 2).sum(axis=1)
     left = float(y @ y) - (along / np.maximum(power, 1e-300)).max(axis=1)
-    return log_evidence(left, n - (memory == 1.0), 2)
+    found = log_evidence(left, n - (memory == 1.0), 2)
+    return np.asarray(np.where(seen[:, 1], found, -np.inf))
 
 
 @lru_cache(maxsize=32)

@@ -83,3 +83,9 @@ def test_a_loud_line_is_met_wherever_it_lies_between_the_rates_tried(rate_hz: fl
     wide, narrow = periodic(one, 0.3, 5.0, 1), periodic(one, rate_hz - 0.1, rate_hz + 0.1, 1)
     choice = np.log((1 + 4.7 * count * step_s) / (1 + 0.2 * count * step_s))
     assert wide == pytest.approx(narrow - choice, abs=0.5)
+
+
+def test_samples_that_show_one_harmonic_only_tell_no_wave_from_a_line() -> None:
+    one = hold(20.0 * np.cos(2 * np.pi * turns(2.6, 1)), 1)  # at 10 Hz the second folds
+    assert mean_wave(one, 2.4, FASTEST_HZ) == -np.inf
+    assert np.isfinite(mean_wave(one, SLOWEST_HZ, 2.0))
