@@ -6,6 +6,7 @@ from os import PathLike
 
 import numpy as np
 
+from probe.core.finding_words import plain
 from probe.core.recording import Recording
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
@@ -198,10 +199,11 @@ def _reason(
         return f"the row is not finished; nothing between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet"
     if kind == "cannot see":
         return (
-            f"a pulse of {asked_pa:.2g} Pa was asked for and one of {needed_pa:.2g} Pa would have "
-            "shown: hold for more beats, repeat, or take a quieter sensor or a larger face"
+            f"a pulse of {plain(asked_pa, 2)} Pa was asked for and one of {plain(needed_pa, 2)} Pa "
+            "would have shown: hold for more beats, repeat, or take a quieter sensor or a larger "
+            "face"
         )
-    text = f"no pulse (one of {needed_pa:.2g} Pa would have shown)"
+    text = f"no pulse (one of {plain(needed_pa, 2)} Pa would have shown)"
     if mapped:
         return f"{text}, and no place stiffer or softer than its surroundings"
     return f"{text}; a lump would need a row of {MIN_STATIONS} stations or more to show"
