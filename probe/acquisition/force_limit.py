@@ -56,6 +56,12 @@ class SensorGuard:
         self._clips = sorted(clips.union(*(where for where, _, _ in self._norms)))
         self._last_s = -math.inf
 
+    def tare(self) -> None:
+        """The sensor has taken its present load as zero: what it said before has another zero."""
+        self.tared = True
+        self._newest.clear()
+        self.smooth_n = 0.0
+
     def check_times(self, block: Block, now_s: float) -> str | None:
         """Why a block with samples cannot be placed in time."""
         first, last = float(block.time_s[0]), float(block.time_s[-1])

@@ -183,7 +183,7 @@ class SafetyMonitor:
         """Take the present load of every sensor as zero; all are read on. Raises `DeviceFault`."""
         for sensor, guard in self._sensors:
             sensor.tare()
-            guard.tared = True
+            guard.tare()
 
     def moving(self) -> bool:
         """True while the stage moves. Raises `DeviceFault`."""

@@ -158,6 +158,22 @@ def test_a_coarse_sensor_on_soft_tissue_is_believed() -> None:
     assert run_springs(bed, stage, [Coarse(bed)], rig=rig).reason == "every station is complete"
 
 
+class BelowZero(SpringSensor):
+    """Slow, and far below zero before its tare."""
+
+    rate_hz = 50.0
+
+    def raw(self, time_s: float) -> float:
+        return super().raw(time_s) - 0.3
+
+
+def test_what_a_tare_changes_is_no_contact() -> None:
+    bed, stage, _ = on_springs(home=(0.0, 0.0, 10e-3))
+    rig = spring_rig(scan={"approach_mm_s": 2.0}, safety={"retract_mm": 5.0})
+    ran = run_springs(bed, stage, [BelowZero(bed)], rig=rig)
+    assert ran.reason == "every station is complete"
+
+
 class ClipsAtOnce(SpringSensor):
     """At less than the guards can tell from noise."""
 

@@ -83,7 +83,7 @@ def block(values: Any, saturated: Any = False) -> Block:
 )
 def test_sideways_force_and_torque_are_limited(row: list[float], said: str | None) -> None:
     guard = SensorGuard(FT, LIMITS)
-    guard.tared = True
+    guard.tare()
     why = guard.check(block(row))
     assert why is None if said is None else why is not None and said in why[0]
 
