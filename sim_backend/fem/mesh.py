@@ -147,7 +147,7 @@ def _fill(width: float, height: float, anchors: Array, rings: list[Ring], size: 
         edge = edge / 2
         quarter = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) * edge / 2
         cells = (cells[:, None, :] + quarter).reshape(-1, 2)
-    points = np.vstack(done)
+    points: Array = np.vstack(done)
     distance, _ = cKDTree(anchors).query(points)
     points = points[distance > 0.6 * size(points)]
     for ring in rings:

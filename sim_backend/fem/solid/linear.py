@@ -67,8 +67,8 @@ class LinearSolver:
         """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
         diagonal of what is held."""
         data = np.concatenate([b.ravel() for b in blocks])
-        values = np.bincount(self._index, weights=data, minlength=9 * len(self._columns))
-        values = values.reshape(-1, 3, 3)
+        flat = np.bincount(self._index, weights=data, minlength=9 * len(self._columns))
+        values = flat.reshape(-1, 3, 3)
         values[self._partly] *= self._mask
         scale = float(np.abs(values[self._diagonal, 0, 0]).max())
         values[self._diagonal[:, None], [0, 1, 2], [0, 1, 2]] += scale * self._still
