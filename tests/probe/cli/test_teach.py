@@ -11,6 +11,10 @@ from scipy.spatial.transform import Rotation
 from drivers import Pose
 from drivers.ur.stage import UrStage
 
+pytest.importorskip(
+    "rtde_control", reason="UR rigs are not tested: ur-rtde has no wheel for this Python"
+)
+
 RIG = """\
 face_mm2 = 100
 [stage]

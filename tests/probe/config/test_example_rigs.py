@@ -15,7 +15,7 @@ from sim_backend.emulators import modbus, taxels
 from sim_backend.phantom.phantom import Phantom, Respond
 
 RIGS = ROOT / "rigs"
-NEEDS = {"standa_lines": "libximc", "netft": "pynetft"}
+NEEDS = {"standa_lines": "libximc", "netft": "pynetft", "ur5e": "rtde_control"}
 
 
 @pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
