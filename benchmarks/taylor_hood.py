@@ -311,26 +311,26 @@ def forces_n_per_mm(poisson: float, m: int) -> list[float]:
 def main() -> None:
     """Go on with the table where it stopped; each ratio takes minutes."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else TABLE
-    told: dict[str, Any] = {
+    table: dict[str, Any] = {
         "made_by": "benchmarks/taylor_hood.py", "scene": "TIHA", "plane": "strain",
         "x_mm": 32.0, "depth_mm": 1e3 * DEPTH_M, "presses": [],
     }  # fmt: skip
     if path.exists():
-        told = json.loads(path.read_text(encoding="utf-8"))
-    done = [row["poisson"] for row in told["presses"]]
+        table = json.loads(path.read_text(encoding="utf-8"))
+    done = [row["poisson"] for row in table["presses"]]
     for poisson in POISSON:
         if poisson in done:
             continue
         coarse, fine = (np.array(forces_n_per_mm(poisson, m)) for m in MESHES)
         limit = fine + (fine - coarse) / ((MESHES[1] / MESHES[0]) ** ORDER - 1)
-        told["presses"].append({
+        table["presses"].append({
             "poisson": poisson,
             "pressures_mmhg": PRESSURES_MMHG,
             "force_n_per_mm": limit.round(8).tolist(),
             "meshes": {str(m): each.round(8).tolist()
                        for m, each in zip(MESHES, (coarse, fine), strict=True)},
         })  # fmt: skip
-        path.write_text(json.dumps(told, indent=1) + "\n", encoding="utf-8")
+        path.write_text(json.dumps(table, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -104,7 +104,7 @@ def serve_arm(draw: Draw, address: str, commands: int, folder: Path) -> None:
     with suppress(OSError):  # the truth must not wait for the machine
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(2))
     world = World(draw.bed, time.monotonic(), HOME)
-    board, cell, pressing = Board(world), Cell(world, draw.seed), Presses(world)
+    board, cell, pressing = Board(world), Cell(world, draw.seed, draw.zero_n), Presses(world)
     struck, late_s = [math.nan] * len(draw.faults), 0.0
     tip = Tip(world, board)
     with emulate(cast(Any, tip), at=address) as controller:

@@ -9,7 +9,7 @@ from campaign.world import World
 
 RATE_HZ = 200.0
 NOISE_N = 1e-3
-ZERO_N = 0.31  # what it reads in the air
+ZEROS_N = (-0.31, 0.31)  # what it reads in the air: a tare takes it either way
 FULL_SCALE_N = 20.0
 UP_S = 100.0  # it has been on for this long
 
@@ -34,10 +34,14 @@ class Sores:
 
 @dataclass
 class Cell:
-    """The cell; ``lines`` is what was sent, with when it was felt and the true force."""
+    """The cell; ``lines`` is what was sent, with when it was felt and the true force.
+
+    ``zero_n`` is what it reads in the air.
+    """
 
     world: World
     seed: int
+    zero_n: float
     sores: Sores = field(default_factory=Sores)
     lines: list[tuple[float, float, float]] = field(default_factory=list)  # felt at, said, true
     dead: bool = False
@@ -78,7 +82,7 @@ class Cell:
             felt = sores.gain * true + sores.extra_n
             felt += max(at_s - self.since_s, 0.0) * sores.drift_n_s
             noise = sores.noise * NOISE_N * self._rng.standard_normal()
-            clipped = min(felt + (0.0 if sores.hums else noise) + ZERO_N, sores.clip_n)
+            clipped = min(felt + (0.0 if sores.hums else noise) + self.zero_n, sores.clip_n)
             self._last_n = round(float(clipped + (noise if sores.hums else 0.0)), 5)
         self.lines.append((at_s, self._last_n, true))
         stamp = 1e3 * (at_s - self.zero_s + sores.jump_s)

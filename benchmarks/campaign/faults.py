@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from campaign.cell import ZEROS_N
 from campaign.limits import RAMP_S
 from campaign.world import Bed
 
@@ -152,6 +153,11 @@ class Draw:
     def name(self) -> str:
         """The kinds, in the order in which they strike."""
         return " + ".join(fault.kind.name for fault in self.faults)
+
+    @property
+    def zero_n(self) -> float:
+        """What the cell reads in the air."""
+        return ZEROS_N[int(np.random.default_rng([self.seed, 7]).integers(2))]
 
 
 def draw(seed: int, count: int, kinds: Sequence[Kind] = KINDS, *, arm: bool = False) -> Draw:

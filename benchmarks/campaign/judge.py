@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from campaign.cell import NOISE_N, RATE_HZ, ZERO_N
+from campaign.cell import NOISE_N, RATE_HZ
 from campaign.faults import Draw
 from campaign.limits import MAX_DEPTH_M, MAX_FORCE_N
 from campaign.scanning import Resumed
@@ -101,7 +101,7 @@ def judge(
     return Verdict(
         tuple(wrong), void, status, finish, up, force_n, allowed_n,
         1e3 * float(-truth.rows[:, Z].min()), float(truth.rows[:, SIDE].max()),
-        _rest_s(truth), _latency_s(truth), truth.late_s,
+        _rest_s(truth), _latency_s(truth, draw.zero_n), truth.late_s,
     )  # fmt: skip
 
 
@@ -146,7 +146,7 @@ def _allowed_force(draw: Draw, truth: Truth) -> float:
     lied_n = 0.0
     if any(math.isinf(fault.kind.blind_s) for fault in draw.faults):
         pressed = truth.lines[:, 2] > 0
-        lied = truth.lines[pressed, 2] + ZERO_N - truth.lines[pressed, 1]
+        lied = truth.lines[pressed, 2] + draw.zero_n - truth.lines[pressed, 1]
         lied_n = max(float(lied.max(initial=0.0)), 0.0)
     return MAX_FORCE_N + k * (over_m + _outside_m(draw)) + 5 * NOISE_N + lied_n
 
@@ -268,12 +268,12 @@ def _rest_s(truth: Truth) -> float:
     return max(float(rows[busy[-1], T] - cause_s), 0.0) if len(busy) else 0.0
 
 
-def _latency_s(truth: Truth) -> float:
+def _latency_s(truth: Truth, zero_n: float) -> float:
     """From the first line over the limit to the first order to stop on the wire; NaN without one.
 
     Only where no order came before.
     """
-    over = truth.lines[:, 1] - ZERO_N > MAX_FORCE_N
+    over = truth.lines[:, 1] - zero_n > MAX_FORCE_N
     if not over.any():
         return math.nan
     felt_s = float(truth.lines[over][0, 0])

@@ -103,7 +103,7 @@ def serve(draw: Draw, board_line: Line, cell_line: Line, commands: int, folder: 
     with suppress(OSError):  # the truth must not wait for the machine
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(2))
     world = World(draw.bed, time.monotonic(), HOME)
-    board, cell = Board(world), Cell(world, draw.seed)
+    board, cell = Board(world), Cell(world, draw.seed, draw.zero_n)
     struck = [math.nan] * len(draw.faults)
     pressing = Presses(world)
     late_s = 0.0

@@ -68,7 +68,7 @@ class Bench:
     def __init__(self, drawn: Draw, clock: Clock) -> None:
         self.drawn, self.clock = drawn, clock
         self.world = World(drawn.bed, clock.now(), HOME)
-        self.board, self.cell = Board(self.world), Cell(self.world, drawn.seed)
+        self.board, self.cell = Board(self.world), Cell(self.world, drawn.seed, drawn.zero_n)
         self.struck = [math.nan] * len(drawn.faults)
         self._presses = Presses(self.world)
 

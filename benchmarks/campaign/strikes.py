@@ -25,9 +25,9 @@ def _ail_cell(fault: Fault, cell: Cell) -> None:
         case "cell stuck":
             sores.stuck = True
         case "cell clipped":
-            sores.clip_n = cell.world.force_n + 0.31 + 0.02 * a
+            sores.clip_n = cell.world.force_n + cell.zero_n + 0.02 * a
         case "cell clipped with noise":
-            sores.clip_n, sores.hums = cell.world.force_n + 0.31 + 0.02 * a, True
+            sores.clip_n, sores.hums = cell.world.force_n + cell.zero_n + 0.02 * a, True
         case "cell drifting":
             sores.drift_n_s = -(0.02 + 0.5 * a)
         case "cell silent":

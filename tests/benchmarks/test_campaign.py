@@ -10,7 +10,7 @@ import pytest
 from campaign import simulated
 from campaign.arm import Tip
 from campaign.board import ORIGIN_MM, Board
-from campaign.cell import ZERO_N, Cell
+from campaign.cell import ZEROS_N, Cell
 from campaign.faults import BY_NAME, KINDS, SIMULATED, Draw, draw, of_kinds
 from campaign.judge import judge
 from campaign.world import HARDENING_PER_M, PULSE_N, TAU_S, Bed, World
@@ -89,21 +89,23 @@ def test_the_arm_feels_the_world() -> None:
     assert said["actual_TCP_force"][2] == pytest.approx(tip.rows[-1][4], abs=0.2)
 
 
-def test_the_cell_prints_what_it_feels() -> None:
+@pytest.mark.parametrize("zero_n", ZEROS_N)
+def test_the_cell_prints_what_it_feels(zero_n: float) -> None:
     tip = world(z_m=-2e-3)
-    cell = Cell(tip, seed=1)
+    cell = Cell(tip, seed=1, zero_n=zero_n)
     said: list[float] = []
     for n in range(1, 201):
         tip.advance(5e-3 * n)
         said += [float(line.split()[1]) for line in cell.due().splitlines()]
     assert len(said) == pytest.approx(200, abs=1)
-    assert np.mean(said[100:]) - ZERO_N == pytest.approx(tip.force_n, abs=10e-3)
+    assert np.mean(said[100:]) - zero_n == pytest.approx(tip.force_n, abs=10e-3)
 
 
 def test_a_seed_is_a_run() -> None:
     assert repr(draw(17, 2)) == repr(draw(17, 2))  # a time that is not known is no number
     assert repr(draw(17, 2)) != repr(draw(17 + len(KINDS), 2))
     assert {draw(seed, 1).name for seed in range(len(KINDS))} == {kind.name for kind in KINDS}
+    assert {draw(seed, 1).zero_n for seed in range(len(KINDS))} == set(ZEROS_N)
 
 
 @pytest.mark.parametrize("kind", ["cell silent", "board slow", "hard bed", "higher bed"])

@@ -61,6 +61,7 @@ def test_grblhal_s_own_firmware_moves_and_stops(tmp_path: Path) -> None:
             stage.connect()
             there_and_back(stage, (0.01, 0.005, 0.002))
             stage.stop()
+            assert not stage.moving()
         finally:
             stage.close()
             firmware.kill()

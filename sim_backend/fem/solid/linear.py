@@ -61,7 +61,6 @@ class LinearSolver:
         self._leaning = [(s, (w[self._dofs] * free.ravel())) for s, w in leaning]
         self._size = 3 * len(nodes)
         self._factors: Factors | None = None
-        self.steps = 0
 
     def matrix(self, blocks: list[Array]) -> bsr_matrix:
         """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
@@ -137,7 +136,6 @@ class LinearSolver:
             M=LinearOperator((n, n), matvec=factors.solve), callback=count,
             callback_type="pr_norm",
         )  # fmt: skip
-        self.steps += counted
         # where restarts end without the tolerance, a residual twice as small would still do
         good = np.all(np.isfinite(x)) and (
             not failed

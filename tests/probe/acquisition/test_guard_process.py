@@ -169,6 +169,7 @@ def test_a_scan_that_stands_still_or_dies_is_lifted(
         on.wait_until_pressed()
         os.killpg(on.scanning.pid, number)  # the whole group, as a terminal would
         on.lifted_within(8.0)
+        assert on.height_m() > 1.9e-3
         os.killpg(on.scanning.pid, signal.SIGKILL)
 
 
