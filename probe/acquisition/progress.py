@@ -3,17 +3,9 @@
 import sys
 import time
 from collections.abc import Callable
-from math import isfinite
 
-from probe.core.events import Event, RunEnded, StationEnded, StationStarted
-
-
-def place_words(station: StationStarted) -> str:
-    """Where a press is; y only off the line y = 0."""
-    if not isfinite(station.x_m):
-        return "an unknown place"
-    y = f", y = {1e3 * station.y_m:.1f} mm" if isfinite(station.y_m) and station.y_m else ""
-    return f"x = {1e3 * station.x_m:.1f} mm{y}"
+from probe.core.events import Event, RunEnded, RunStarted, StationEnded, StationStarted
+from probe.core.places import place_words, plans_rows
 
 
 class StationCount:
@@ -27,7 +19,12 @@ class StationCount:
         self.done = done
         self._total, self._each_s = total, each_s
         self._measured = 0
+        self._in_grid = False
         self._began_s = time.monotonic()
+
+    def started(self, run: RunStarted) -> None:
+        """The run begins: a grid's stations are told apart by x and y."""
+        self._in_grid = plans_rows(run.config)
 
     def ended(self) -> None:
         """A station is complete."""
@@ -37,7 +34,8 @@ class StationCount:
 
     def words(self, station: StationStarted) -> str:
         """Which station begins, of how many, and where."""
-        return f"station {station.station + 1} of {self._total}, {place_words(station)}"
+        place = place_words(station.x_m, station.y_m, in_grid=self._in_grid)
+        return f"station {station.station + 1} of {self._total}, {place}"
 
     def left(self) -> str:
         """The time that the rest will take; empty while nothing is known of it."""
@@ -63,6 +61,8 @@ def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
 
     def show(event: Event) -> None:
         match event:
+            case RunStarted():
+                count.started(event)
             case StationStarted():
                 say(", ".join(filter(None, (count.words(event), count.left()))))
             case StationEnded(complete=True):

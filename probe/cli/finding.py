@@ -12,6 +12,7 @@ from probe.cli.arguments import RunFiles
 from probe.cli.say import Json, answer, answer_json, plain
 from probe.cli.several import of_each
 from probe.core.finding_words import percent, reach, simulated_words, summary
+from probe.core.places import has_rows
 
 MAX_LINES = 40
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
@@ -123,7 +124,7 @@ def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    axes = ("x", "y") if len({one["y_mm"] for one in stations}) > 1 else ("x",)
+    axes = ("x", "y") if has_rows(one["y_mm"] for one in stations) else ("x",)
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     heads = (f"{axis} mm" for axis in axes)
     for head in ("station", *heads, "baseline Pa", "± 95 %", "pulse Pa", "± 95 %"):

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from probe.acquisition.progress import StationCount
 from probe.cli.say import inform
-from probe.core.events import Event, Phase, PhaseEntered, StationEnded, StationStarted
+from probe.core.events import Event, Phase, PhaseEntered, RunStarted, StationEnded, StationStarted
 
 
 class ScanProgress:
@@ -52,6 +52,8 @@ class ScanProgress:
     def __call__(self, event: Event) -> None:
         """Take one event of the scan."""
         match event:
+            case RunStarted():
+                self._count.started(event)
             case StationStarted():
                 self._show(self._count.words(event), self._count.left())
             case StationEnded(complete=True):

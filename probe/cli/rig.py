@@ -98,6 +98,7 @@ def plan(
     from probe.acquisition.preflight import known_noise, pulse_checks
     from probe.acquisition.session import resolve_rig
     from probe.config.scan_plan import plan_for
+    from probe.core.places import has_rows
     from sim_backend.models.station_response import respond
 
     whole, simulated = resolve_rig(rig, scene)
@@ -114,9 +115,13 @@ def plan(
         stations = [[1e3 * p.x_m, 1e3 * p.y_m] for p in places]
         answer_json({"stations_mm": stations, "checks": [asdict(c) for c in checks]})
         return
-    first, last = (1e3 * p.x_m for p in (places[0], places[-1]))
     how = f"{1e3 * press.indentation_m:g} mm in {press.ramp_s:g} s, held {press.hold_s:g} s"
-    answer(f"{len(places)} stations, {first:g} to {last:g} mm; {how}")
+    spans = [
+        f"{axis} = {1e3 * min(at):g} to {1e3 * max(at):g} mm"
+        for axis, at in (("x", [p.x_m for p in places]), ("y", [p.y_m for p in places]))
+        if axis == "x" or has_rows(1e3 * y for y in at)
+    ]
+    answer(f"{len(places)} stations, {', '.join(spans)}; {how}")
     show_checks(checks)
 
 

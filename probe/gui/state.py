@@ -26,6 +26,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.core.places import plans_rows
 
 TRACE_S = 12.0
 MIN_HOLD_SAMPLES = 8
@@ -140,7 +141,7 @@ class ViewState:
         self.config, self.started_utc = event.config, event.started_utc
         places = event.config.get("plan", {}).get("stations", ())
         self.plan = tuple(Place(int(i), _known(x), _known(y)) for i, x, y in places)
-        self.is_grid = len({round(p.y_mm, 3) for p in self.plan if np.isfinite(p.y_mm)}) > 1
+        self.is_grid = plans_rows(event.config)
         self.traces = {name: Trace(tuple(each)) for name, each in event.channels.items()}
         self.finish, self.reason = None, ""
         self.now_s = event.time_s

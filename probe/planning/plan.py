@@ -157,8 +157,9 @@ def check_reach(plan: Plan, workspace_m: Box) -> None:
         steep_deg = math.degrees(math.hypot(surface.rx, surface.ry))
         if steep_deg > STEEPEST_DEG:
             raise ConfigError(
-                f"station {place.index + 1} at x = {1e3 * place.x_m:g} mm: the surface is inclined "
-                f"by {steep_deg:.0f} degrees; allowed are {STEEPEST_DEG:g}. Is it measured right?"
+                f"station {place.index + 1} at x = {1e3 * place.x_m:g} mm, "
+                f"y = {1e3 * place.y_m:g} mm: the surface is inclined by {steep_deg:.0f} degrees; "
+                f"allowed are {STEEPEST_DEG:g}. Is it measured right?"
             )
         deepest = pressed(surface, plan.deepest_m)
         for pose in (top, deepest):

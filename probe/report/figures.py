@@ -12,6 +12,7 @@ import numpy as np
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
 from probe.core.finding_words import reach
+from probe.core.places import has_rows
 from probe.core.recording import Recording, Station
 from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PAPER_WIDTH_IN, PHASE_COLOURS
 
@@ -84,8 +85,8 @@ def _hold(station: Station) -> tuple[Array, Array]:
 
 def is_grid(recording: Recording) -> bool:
     """Whether the stations lie in more than one row."""
-    y = np.array([s.y_m for s in recording.stations])
-    return bool(np.isfinite(y).all() and len(np.unique(np.round(y, 6))) > 1)
+    y_mm = [1e3 * s.y_m for s in recording.stations]
+    return bool(np.isfinite(y_mm).all()) and has_rows(y_mm)
 
 
 def grid_of(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
@@ -182,7 +183,7 @@ def best_station(recording: Recording, finding: Mapping[str, Any]) -> Station:
     return max(stations, key=lambda s: float(s.signal_pa.mean(axis=1).max()))
 
 
-def force_trace(station: Station, face_m2: float) -> Figure:
+def force_trace(station: Station, face_m2: float, title: str) -> Figure:
     """Force against time of one station, its phases shaded."""
     figure = _figure()
     axes = figure.add_subplot()
@@ -199,7 +200,7 @@ def force_trace(station: Station, face_m2: float) -> Figure:
             axes.axvspan(start - zero, end - zero, color=colour, alpha=0.18, lw=0, label=phase)
     if axes.get_legend_handles_labels()[1]:
         _legend(figure)
-    axes.set_title(f"station {station_words(station)}", fontsize=8)
+    axes.set_title(title, fontsize=8)
     return _labelled(figure, axes, "time since first contact [s]", "force [N]")
 
 
@@ -216,16 +217,6 @@ def section(nodes_m: Array, displacement_m: Array, triangles: Ints, von_mises_pa
     axes.grid(False)
     figure.colorbar(picture, ax=axes, label="von Mises [kPa]", shrink=0.8)
     return _labelled(figure, axes, "x [mm]", "height [mm]")
-
-
-def station_words(station: Station) -> str:
-    """The station's number, from 1, and its place as far as it is known."""
-    place = ""
-    if np.isfinite(station.x_m):
-        place = f" at x = {1e3 * station.x_m:.1f} mm"
-    if np.isfinite(station.y_m) and abs(station.y_m) > 1e-6:
-        place += f", y = {1e3 * station.y_m:.1f} mm"
-    return f"{station.index + 1}{place}"
 
 
 def _legend(figure: Figure) -> None:

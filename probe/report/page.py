@@ -18,6 +18,7 @@ from probe.core.finding_words import (
     reach,
     simulated_words,
 )
+from probe.core.places import has_rows
 from probe.report.look import BLUE, INK
 
 if TYPE_CHECKING:
@@ -121,8 +122,7 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
 
 def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
     """Counted from 1; with y only where it tells stations apart."""
-    y_known = len({s["y_mm"] for s in stations}) > 1
-    axes = ("x_mm", "y_mm") if y_known else ("x_mm",)
+    axes = ("x_mm", "y_mm") if has_rows(s["y_mm"] for s in stations) else ("x_mm",)
     rows = [
         (
             str(s["station"]),

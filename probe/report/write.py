@@ -9,6 +9,7 @@ import numpy as np
 
 from probe.core.errors import RunFileError
 from probe.core.events import RunStarted
+from probe.core.places import place_words
 from probe.core.recording import Recording, Station
 from probe.report import figures
 from probe.report.anonymous import anonymous
@@ -86,11 +87,14 @@ def _pictures(
         pictures.append(Picture("tactile_map", caption, levels, grid))
         caption = "Pulse at each station, with 95 % limits as bars; shaded: where the object lies."
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
-    caption = f"Force against time at station {figures.station_words(best)}, the strongest pulse."
-    pictures.append(Picture("force", caption, figures.force_trace(best, recording.face_m2)))
+    place = place_words(best.x_m, best.y_m, in_grid=grid)
+    pressed = f"station {best.index + 1} at {place}"
+    caption = f"Force against time of {pressed}, the strongest pulse."
+    trace = figures.force_trace(best, recording.face_m2, pressed)
+    pictures.append(Picture("force", caption, trace))
     scene = started.config.get("scene")
     if scene is not None:
-        drawn = _section(Scene.model_validate(scene), best, started.config)
+        drawn = _section(Scene.model_validate(scene), best, started.config, place)
         if isinstance(drawn, Picture):
             pictures.append(drawn)
         else:
@@ -98,17 +102,19 @@ def _pictures(
     return pictures, remarks
 
 
-def _section(scene: Scene, best: Station, config: Mapping[str, Any]) -> Picture | str:
+def _section(scene: Scene, best: Station, config: Mapping[str, Any], place: str) -> Picture | str:
     """The pressed section, or why there is none."""
     from sim_backend.models.press import (  # here: real runs need no finite elements
         CannotSolve,
         press,
     )
+    from sim_backend.scene.slicing import section_at
 
     depth_mm = float(config["plan"]["indentation_mm"])
     mmhg = scene.pulse.systolic_mmhg
+    here = section_at(scene, 1e3 * best.y_m) if np.isfinite(best.y_m) else scene
     try:
-        pressed = press(scene, 1e3 * best.x_m, depth_mm, (mmhg,) if scene.arteries else ())
+        pressed = press(here, 1e3 * best.x_m, depth_mm, (mmhg,) if here.arteries else ())
     except CannotSolve as limit:
         return f"The section is not shown: {limit}"
     state = pressed.states[0]
@@ -118,8 +124,7 @@ def _section(scene: Scene, best: Station, config: Mapping[str, Any]) -> Picture 
         pressed.plane_mesh.triangles,
         pressed.plane_mesh.von_mises(state),
     )
-    caption = (
-        f"SIMULATED section of {scene.name}, pressed {depth_mm:g} mm at {1e3 * best.x_m:.1f} mm"
-        + (f", {mmhg:g} mmHg in the lumen." if scene.arteries else ".")
+    caption = f"SIMULATED section of {scene.name}, pressed {depth_mm:g} mm at {place}" + (
+        f", {mmhg:g} mmHg in the lumen." if here.arteries else "."
     )
     return Picture("section", caption, drawing, wide=True)

@@ -1,6 +1,7 @@
 """The report is complete, self-contained, marked where simulated, and its maps tell the truth."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,8 @@ from probe.report import figures
 from probe.report.anonymous import anonymous
 from probe.report.page import page, svg
 from probe.report.write import report
+from sim_backend import Scene, load_scene
+from sim_backend.models.press import CannotSolve
 
 FACE_M2 = 1e-4
 
@@ -111,6 +114,28 @@ def test_a_grids_table_has_y_and_counts_from_one() -> None:
     assert "e+0" not in text
 
 
+def test_the_section_is_that_of_the_row_which_was_pressed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An oblique vessel lies elsewhere in each row."""
+    scene = load_scene("TIHA").model_dump(mode="json")
+    scene["inclusion"][0]["path"] = [[0.0, 20.0, 10.0], [16.0, 36.0, 10.0]]
+    config = started().config | {"scene": scene}
+    found = finding(grid())
+    found["stations"][-1]["pulse_pa"] = 1e4  # in the last row, y = 16 mm
+    pressed = []
+
+    def press(there: Scene, x_mm: float, *_: object) -> None:
+        pressed.append((there.arteries[0].x_mm, x_mm))
+        raise CannotSolve("mesh", "shown without")
+
+    monkeypatch.setattr("sim_backend.models.press.press", press)
+    one = replace(started(), config=config)
+    text = report(grid(), one, found, Path("grid.run"), tmp_path).read_text()
+    assert pressed == [(36.0, 44.0)]
+    assert "station 40 at x = 44.0 mm, y = 16.0 mm, the strongest pulse" in text
+
+
 def test_a_certain_finding_is_not_called_certain() -> None:
     told = {"simulated": [], "finish": "completed", **finding(row())}
     told["objects"][0]["confidence"] = 1.0  # type: ignore[index]
@@ -173,7 +198,7 @@ def test_text_from_a_run_cannot_become_markup(tmp_path: Path) -> None:
 
 def test_ink_follows_the_page_so_that_dark_is_readable() -> None:
     with figures.style():
-        drawing = svg(figures.force_trace(station(0, 0.032), FACE_M2))
+        drawing = svg(figures.force_trace(station(0, 0.032), FACE_M2, "station 1"))
     assert "currentColor" in drawing
     assert figures.INK not in drawing
 
@@ -200,7 +225,7 @@ def test_every_axis_names_its_unit() -> None:
             figures.tactile_map(row()),
             figures.tactile_map(grid()),
             figures.pulse_map(finding(row()), row()),
-            figures.force_trace(station(0, 0.032), FACE_M2),
+            figures.force_trace(station(0, 0.032), FACE_M2, "station 1"),
         ]
     for figure in drawn:
         for axes in figure.axes:
