@@ -23,6 +23,7 @@ with needs("report", "a report"):
     from matplotlib.tri import Triangulation
 
 
+MAP_IN = 2.8  # a map's width within a column of PAPER_WIDTH_IN
 HARMONICS = 6  # those above hold 0.5 % of the variance of `sim_backend.scene.waves`' measured beat
 STYLE: Any = {
     "font.size": 8,
@@ -127,19 +128,21 @@ def tactile_map(recording: Recording, heart_rate_bpm: float | None = None) -> Fi
 def heat_maps(
     x: Array, y: Array, maps: Sequence[Array], titles: Sequence[str], unit: str
 ) -> Figure:
-    """Several maps of one grid side by side: one colour scale, equal axes."""
-    figure = Figure(figsize=(PAPER_WIDTH_IN * max(1.0, 0.8 * len(maps)), 2.6))
+    """Several maps of one grid below each other: one colour scale, equal axes."""
     low = min((float(np.nanmin(m)) for m in maps if np.isfinite(m).any()), default=0.0)
     high = max((float(np.nanmax(m)) for m in maps if np.isfinite(m).any()), default=1.0)
-    panels = [figure.add_subplot(1, len(maps), n + 1) for n in range(len(maps))]
+    tall = float(np.clip(MAP_IN * (np.ptp(y) + 1) / (np.ptp(x) + 1), 0.4, MAP_IN))
+    figure = Figure(figsize=(PAPER_WIDTH_IN, 1.0 + len(maps) * (tall + 0.3)))
+    panels = figure.subplots(len(maps), 1, sharex=True, squeeze=False)[:, 0]
     for panel, values, title in zip(panels, maps, titles, strict=True):
         columns, rows, table = grid_of(x, y, values)
         picture = panel.pcolormesh(
             columns, rows, table, cmap=HEAT, vmin=low, vmax=high, shading="nearest"
         )
-        panel.set(aspect="equal", title=title, xlabel="x [mm]", ylabel="y [mm]")
+        panel.set(aspect="equal", title=title, ylabel="y [mm]")
         panel.grid(False)
-    figure.colorbar(picture, ax=panels, label=unit, shrink=0.9)
+    panels[-1].set_xlabel("x [mm]")
+    _scale_below(figure, picture, panels, unit)
     return figure
 
 
@@ -206,7 +209,7 @@ def force_trace(station: Station, face_m2: float, title: str) -> Figure:
 
 def section(nodes_m: Array, displacement_m: Array, triangles: Ints, von_mises_pa: Array) -> Figure:
     """The deformed section (n, 2), coloured by von Mises stress (n,) at its nodes."""
-    figure = Figure(figsize=(2 * PAPER_WIDTH_IN, 2.6))
+    figure = Figure(figsize=(PAPER_WIDTH_IN, 1.9))
     axes = figure.add_subplot()
     place = 1e3 * (nodes_m + displacement_m)
     mesh = Triangulation(place[:, 0], place[:, 1], triangles)
@@ -215,8 +218,12 @@ def section(nodes_m: Array, displacement_m: Array, triangles: Ints, von_mises_pa
     picture.set_rasterized(True)
     axes.set(aspect="equal")
     axes.grid(False)
-    figure.colorbar(picture, ax=axes, label="von Mises [kPa]", shrink=0.8)
+    _scale_below(figure, picture, axes, "von Mises [kPa]")
     return _labelled(figure, axes, "x [mm]", "height [mm]")
+
+
+def _scale_below(figure: Figure, picture: Any, panels: Any, unit: str) -> None:
+    figure.colorbar(picture, ax=panels, label=unit, location="bottom", aspect=40, pad=0.03)
 
 
 def _legend(figure: Figure) -> None:

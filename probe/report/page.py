@@ -27,12 +27,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure with its file name (no ending) and caption; ``wide`` spans the page."""
+    """A figure with its file name (no ending) and caption."""
 
     name: str
     caption: str
     figure: "Figure"
-    wide: bool = False
 
 
 def page(
@@ -94,9 +93,8 @@ def svg(figure: "Figure") -> str:
 
 def _picture(picture: Picture) -> str:
     caption = escape(picture.caption)
-    kind = " class='wide'" if picture.wide else ""
     drawing = svg(picture.figure).replace("<svg ", f"<svg role='img' aria-label='{caption}' ", 1)
-    return f"<figure{kind}>{drawing}<figcaption>{caption}</figcaption></figure>"
+    return f"<figure>{drawing}<figcaption>{caption}</figcaption></figure>"
 
 
 def _objects(objects: Sequence[Mapping[str, Any]]) -> str:

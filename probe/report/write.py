@@ -84,8 +84,10 @@ def _pictures(
             ": its mean, and the mean beat's diastole and systole." if beats else "."
         )
         levels = figures.tactile_map(recording, beats)
-        pictures.append(Picture("tactile_map", caption, levels, grid))
-        caption = "Pulse at each station, with 95 % limits as bars; shaded: where the object lies."
+        pictures.append(Picture("tactile_map", caption, levels))
+        caption = "Pulse at each station" + (
+            "." if grid else ", with 95 % limits as bars; shaded: where the object lies."
+        )
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     place = place_words(best.x_m, best.y_m, in_grid=grid)
     pressed = f"station {best.index + 1} at {place}"
@@ -127,4 +129,4 @@ def _section(scene: Scene, best: Station, config: Mapping[str, Any], place: str)
     caption = f"SIMULATED section of {scene.name}, pressed {depth_mm:g} mm at {place}" + (
         f", {mmhg:g} mmHg in the lumen." if here.arteries else "."
     )
-    return Picture("section", caption, drawing, wide=True)
+    return Picture("section", caption, drawing)

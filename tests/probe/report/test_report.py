@@ -219,6 +219,22 @@ def test_pulses_are_drawn_with_their_limits() -> None:
     assert high - low == pytest.approx(2 * 1.96 * 5.0)
 
 
+def test_no_figure_is_wider_than_a_column_so_that_a_phone_shows_it_whole() -> None:
+    """At 360 px a figure of one column shows its text at 11 px; nothing asks for more width."""
+    triangle = np.array([[0, 1, 2]])
+    nodes_m = np.array([[0.0, 0.0], [0.064, 0.0], [0.064, 0.017]])
+    drawn = [
+        figures.tactile_map(row()),
+        figures.tactile_map(grid(), 60 / 0.825),
+        figures.pulse_map(finding(grid()), grid()),
+        figures.force_trace(station(0, 0.032), FACE_M2, "station 1"),
+        figures.section(nodes_m, np.zeros((3, 2)), triangle, np.ones(3)),
+    ]
+    assert {figure.get_figwidth() for figure in drawn} == {figures.PAPER_WIDTH_IN}
+    text = page("a run", {"simulated": [], "finish": "completed", **finding(row())}, [], {}, {})
+    assert "min-width:" not in text
+
+
 def test_every_axis_names_its_unit() -> None:
     with figures.style():
         drawn = [
