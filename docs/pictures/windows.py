@@ -5,13 +5,14 @@ import tempfile
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
+from time import perf_counter
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 from PySide6.QtWidgets import QWidget
 
 import palpate
-from probe.gui.feel import MAX_DEPTH_MM, FeelWindow
+from probe.gui.feel import HISTORY_S, MAX_DEPTH_MM, FeelWindow
 from probe.gui.replay import PairWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application
@@ -56,8 +57,9 @@ def main() -> None:
     place: Future[Table] = Future()
     place.set_result(solve(palpate.load_scene("TIHA"), 32.0, MAX_DEPTH_MM))
     feel = FeelWindow(palpate.load_scene("TIHA"), lambda _: place)
-    for n in range(90):  # three beats held
-        feel.touch(32.0, min(0.1 * n, 2.2))
+    began_s = perf_counter()
+    while (gone_s := perf_counter() - began_s) < HISTORY_S - 0.5:  # a press, then beats held
+        feel.touch(32.0, min(2.2 * gone_s, 2.2))
         feel.frame()
         application().thread().msleep(16)
     save(feel, "window-feel.png")

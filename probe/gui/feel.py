@@ -8,7 +8,7 @@ from time import perf_counter
 
 import numpy as np
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
-from PySide6.QtGui import QKeyEvent, QMouseEvent
+from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from probe.core.processes import leave_with_parent
@@ -26,6 +26,7 @@ MAX_DEPTH_MM = 2.5
 LIFTED_MM = -2.0
 KEY_DEPTH_MM = 0.1
 HISTORY_S = 6.0
+SAMPLE_S = 0.02  # between points of the curves, however long a frame takes
 
 Prepare = Callable[[float], "Future[Table]"]
 """Begins to solve the place at x [mm]."""
@@ -47,6 +48,7 @@ class FeelWindow(QWidget):
         self.x_mm = self._snap(middle)
         self.depth_mm = LIFTED_MM
         self._began_s = perf_counter()
+        self._before = (0.0, self.x_mm, LIFTED_MM)  # time, place and depth of the last frame
         self.history: deque[tuple[float, float, float]] = deque()
         self._build(scene)
         self.resize(1280, 700)
@@ -65,6 +67,7 @@ class FeelWindow(QWidget):
         self.readout, self.status = QLabel(), QLabel()
         self.readout.setObjectName("finding")
         self.section = HeatMap("", "von Mises [kPa]")
+        self.section.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         label(self.section.plot, ("x", "mm"), ("height", "mm"))
         draw_scene(self.section.plot, scene)
         frame_scene(self.section.plot, scene)
@@ -132,28 +135,40 @@ class FeelWindow(QWidget):
         if table is None:
             self.section.image.clear()
             self.contact.setData([], [])
+            self._before = (now_s, self.x_mm, LIFTED_MM)
             return
         state = table.press(max(self.depth_mm, 0.0) * 1e-3, pressure_pa)
         dx, dy = table.x_mm[1] - table.x_mm[0], table.y_mm[1] - table.y_mm[0]
         box = (table.x_mm[0] - dx / 2, table.y_mm[0] - dy / 2,
                dx * len(table.x_mm), dy * len(table.y_mm))  # fmt: skip
         self.section.show_table(table.picture(state) / 1e3, box, (0.0, table.highest_pa / 1e3))
-        self._numbers(now_s, pressure_pa, state.force_n, state.contact_mm)
+        self._curves(now_s, table)
+        self._numbers(state.force_n, state.contact_mm)
 
-    def _numbers(
-        self, now_s: float, pressure_pa: float, force_n: float, contact_mm: tuple[float, float]
-    ) -> None:
+    def _curves(self, now_s: float, table: Table) -> None:
+        """Force and pressure up to now; since the last frame the probe went down evenly."""
+        last_s, x_mm, last_mm = self._before
+        last_s = max(last_s, now_s - HISTORY_S)
+        last_mm = last_mm if x_mm == self.x_mm else self.depth_mm
+        self._before = (now_s, self.x_mm, self.depth_mm)
+        part = np.linspace(0, 1, 1 + max(1, round((now_s - last_s) / SAMPLE_S)))[1:]
+        t = last_s + part * (now_s - last_s)
+        depth_m = 1e-3 * (last_mm + part * (self.depth_mm - last_mm))
+        pressure_pa = self._wave.pressure_pa(t)
+        force_n = np.where(depth_m > 0, table.force_n(depth_m, pressure_pa), 0.0)
+        self.history.extend(zip(t, force_n, pressure_pa / PA_PER_MMHG, strict=True))
+        while self.history[0][0] < now_s - HISTORY_S:
+            self.history.popleft()
+        t, force_n, pressure_mmhg = np.array(self.history).T
+        self.force_curve.setData(t - now_s, force_n)
+        self.pulse_curve.setData(t - now_s, pressure_mmhg)
+
+    def _numbers(self, force_n: float, contact_mm: tuple[float, float]) -> None:
         pressing = self.depth_mm > 0
         force_n = force_n if pressing else 0.0
         wide = contact_mm[1] - contact_mm[0] if pressing else 0.0
         height = self.scene.surface_mm - self.depth_mm
         self.contact.setData(contact_mm if pressing else [], [height] * 2 if pressing else [])
-        self.history.append((now_s, force_n, pressure_pa / PA_PER_MMHG))
-        while self.history[0][0] < now_s - HISTORY_S:
-            self.history.popleft()
-        t, force, pressure = np.array(self.history).T
-        self.force_curve.setData(t - now_s, force)
-        self.pulse_curve.setData(t - now_s, pressure)
         self.readout.setText(
             f"x {self.x_mm:.0f} mm   depth {max(self.depth_mm, 0):.2f} mm   force {force_n:.3f} N"
             f"   stress {force_n / self.scene.face_mm2 * 1e3:.2f} kPa   contact {wide:.1f} mm"

@@ -56,6 +56,11 @@ class Table:
     place_m: float
     forces: "Response"
 
+    def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
+        """Total force (n,) at depths and lumen pressures (n,), both held to the solved range."""
+        depth_m = np.clip(depth_m, 0.0, self.depth_m[-1])
+        return self.forces.force_n(self.place_m, depth_m, np.clip(pressure_pa, *self.pressure_pa))
+
     def press(self, depth_m: float, pressure_pa: float) -> PressState:
         """The answer at a depth (held to the solved range) and a lumen pressure."""
         depth_m = float(np.clip(depth_m, 0.0, self.depth_m[-1]))
@@ -72,7 +77,7 @@ class Table:
 
         left, right = between(self.contact_mm)
         return PressState(
-            float(self.forces.force_n(self.place_m, np.array(depth_m), np.array(at_pa))),
+            float(self.force_n(np.array(depth_m), np.array(at_pa))),
             (float(left), float(right)),
             between(self.came_mm),
             between(self.von_mises_pa),

@@ -122,3 +122,25 @@ def test_the_next_frame_shows_the_press_and_waits_for_nothing() -> None:
     window.touch(40.0, 1.0)
     window.frame()
     assert "Solving" in window.status.text()
+
+
+def test_slow_frames_leave_no_corners_in_the_curves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a second between frames; between them the probe is taken to have gone down evenly."""
+    now_s = [100.0]
+    monkeypatch.setattr("probe.gui.feel.perf_counter", lambda: now_s[0])
+    application()
+    window = FeelWindow(TIHA, solved)
+    window.timer.stop()
+    for depth_mm in (0.0, 1.0, 2.0, 2.0):
+        now_s[0] += 0.5
+        window.touch(32.0, depth_mm)
+        window.frame()
+    time_s, force_n = window.force_curve.getData()
+    pressure_mmhg = window.pulse_curve.getData()[1]
+    assert np.diff(time_s).max() < 0.021
+    depth_m = np.interp(time_s, [-1.5, -1.0, -0.5, 0.0], [0.0, 1e-3, 2e-3, 2e-3])
+    expected_n = 400 * depth_m * (1 + 0.02 * (pressure_mmhg - 80) / 40)
+    assert force_n == pytest.approx(expected_n, rel=1e-6)
+    now_s[0] += 60.0  # a window that was hidden
+    window.frame()
+    assert len(window.history) < 310
