@@ -1,6 +1,6 @@
 """The scan's state machine: which phase may follow which. The engine enters no other.
 
-`diagram` draws it; docs/reference/states.md holds the drawing and a test keeps the two equal.
+docs/pictures/states.py draws it; a test keeps the drawing equal to this file.
 """
 
 from probe.core.events import Phase
@@ -41,9 +41,3 @@ def follow(now: Phase, then: Phase) -> Phase:
         allowed = ", ".join(ALLOWED[now]) or "nothing"
         raise RuntimeError(f"phase {then} cannot follow {now}; allowed: {allowed}")
     return then
-
-
-def diagram() -> str:
-    """The state machine as a Mermaid drawing."""
-    arrows = [f"    {a} --> {b}" for a, after in ALLOWED.items() for b in after]
-    return "\n".join(["stateDiagram-v2", "    [*] --> idle", *arrows, "    finished --> [*]"])

@@ -1,13 +1,22 @@
+import runpy
+
 import pytest
 from paths import ROOT
 
 from probe.core.events import Phase
-from probe.core.states import ALLOWED, diagram, follow
+from probe.core.states import ALLOWED, follow
 
 
-def test_the_drawing_in_the_docs_is_the_codes() -> None:
-    drawn = ROOT / "docs" / "reference" / "states.md"
-    assert diagram() in drawn.read_text(encoding="utf-8")
+def test_the_drawing_and_the_table_in_the_docs_are_the_codes() -> None:
+    drawing = runpy.run_path(str(ROOT / "docs" / "pictures" / "states.py"))["drawing"]()
+    stored = ROOT / "docs" / "pictures" / "states.svg"
+    assert stored.read_text(encoding="utf-8") == drawing
+    to_stopping = sum(Phase.STOPPING in after for after in ALLOWED.values())  # drawn as one
+    arrows = sum(map(len, ALLOWED.values())) - to_stopping + 1
+    assert drawing.count('<path d="M') == arrows + 1  # the arrows' tip
+    page = (ROOT / "docs" / "reference" / "states.md").read_text(encoding="utf-8")
+    for phase, after in ALLOWED.items():
+        assert f"| {phase.value} | {', '.join(one.value for one in after) or 'nothing'} |" in page
 
 
 def test_every_phase_can_be_reached_and_can_finish() -> None:
