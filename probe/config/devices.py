@@ -51,6 +51,8 @@ class Devices:
         self.stage.close()
         for sensor in self.sensors:
             sensor.close()
+        if self.phantom is not None:
+            self.phantom.close()
 
 
 def connect(
@@ -92,9 +94,14 @@ def connect(
         check_names(sensors)
         stage, true, remarks = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
         notes += remarks
-        if world.phantom is not None and not isinstance(clock, SimulatedClock):
-            world.phantom.prepare([(p.x_m, p.y_m) for p in plan.places])
+        if world.phantom is not None:
+            if respond is None:
+                world.phantom.solve_ahead([(p.x_m, p.y_m) for p in plan.places if plan.upright(p)])
+            if not isinstance(clock, SimulatedClock):
+                world.phantom.prepare([(p.x_m, p.y_m) for p in plan.places])
     except BaseException:
+        if world.phantom is not None:
+            world.phantom.close()
         for sensor in sensors:
             sensor.close()
         if stage is not None:

@@ -83,6 +83,11 @@ class Plan:
         """The pose at which a press at a station begins, turned to the surface's normal."""
         return self._starts[place.x_m, place.y_m]
 
+    def upright(self, place: Place) -> bool:
+        """Whether a station is pressed straight down."""
+        pose = self.at_surface(place)
+        return pose.rx == 0 == pose.ry
+
     @cached_property
     def _starts(self) -> dict[tuple[float, float], Pose]:
         return {

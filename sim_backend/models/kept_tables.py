@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
@@ -29,7 +30,7 @@ def kept_table(path: Path, make: Callable[[], dict[str, Array]]) -> dict[str, Ar
         pass  # not made yet, or cut short while it was written
     made = make()
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".part.npz")
+    partial = path.with_suffix(f".{os.getpid()}.part.npz")  # two processes may make it at once
     np.savez(partial, **made)  # type: ignore[arg-type]
     partial.replace(path)
     return made

@@ -6,8 +6,8 @@ evenly with its logarithm (a ball's first is 3/2: Hertz; Johnson 1985, eq. 4.22)
 first of those that `sim_backend.models.solid_press` refines.
 """
 
-from functools import lru_cache
 from math import ceil
+from pathlib import Path
 
 import numpy as np
 
@@ -39,14 +39,12 @@ WAY = 1
 """Number of the way of solving; what was kept by another way is solved again."""
 
 
-@lru_cache(maxsize=256)
 def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     """The answer of a solid ``scene`` above (``x_m``, z = 0) [m] down to ``max_depth_m`` [m].
 
     Raises `CannotSolve` where physics ends, and `SceneError` where elements cannot be made.
     """
-    content = [scene.model_dump(mode="json", exclude={"name"}), x_m, max_depth_m, WAY]
-    path = table_file("solid", content)
+    path = _file(scene, x_m, max_depth_m)
     table = kept_table(path, lambda: solve_place(scene, x_m, max_depth_m))
     rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
     sunk = max_depth_m * DEPTHS + float(table["bulge"])
@@ -63,6 +61,16 @@ def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
         )  # fmt: skip
 
     return StationResponse(x_m, max_depth_m, 1.0, float(table["bulge"]), curve(0), curve(1), LEFT)
+
+
+def is_kept(scene: Scene, x_m: float, max_depth_m: float) -> bool:
+    """Whether the answer lies on disk."""
+    return _file(scene, x_m, max_depth_m).exists()
+
+
+def _file(scene: Scene, x_m: float, max_depth_m: float) -> Path:
+    content = [scene.model_dump(mode="json", exclude={"name"}), x_m, max_depth_m, WAY]
+    return table_file("solid", content)
 
 
 def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array]:

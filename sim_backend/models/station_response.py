@@ -8,7 +8,7 @@ and the beat are the phantom's.
 """
 
 from dataclasses import replace
-from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from sim_backend.fem.sensitivity import Slope, slopes
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.response import Curve, Left, StationResponse, levels_pa
-from sim_backend.models.solid_response import respond_solid
+from sim_backend.models.solid_response import is_kept, respond_solid
 from sim_backend.scene.scene_file import Scene, mirrored
 
 DEPTHS = np.array([0.04, 0.2, 0.55, 1.0])
@@ -40,6 +40,20 @@ GROWTH, COARSEST = 0.6, 0.24
 a third of the time of `usual_grading`, for 0.15 % of the force at most."""
 LEFT = Left(rest=0.006, change=0.03, between=0.0015)
 """The figures above, added."""
+MAX_KEPT = 256
+"""Answers kept in memory, of a few hundred numbers each; the oldest goes first."""
+
+
+class Station(NamedTuple):
+    """What is solved: a place [m] of a scene down to a depth [m]. Of two places that are each
+    other's mirror image, it is the left one."""
+
+    scene: Scene
+    x_m: float
+    max_depth_m: float
+
+
+_kept: dict[Station, StationResponse] = {}
 
 
 def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
@@ -49,12 +63,33 @@ def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     z = 0, in up to half a minute, and kept on disk. Raises
     `sim_backend.fem.newton.CannotSolve` where physics ends.
     """
+    one = station(scene, x_m, max_depth_m)
+    found = _kept.get(one)
+    if found is None:
+        found = (respond_solid if scene.plane == "solid" else _respond)(*one)
+        learn(one, found)
+    return replace(found, x_m=x_m)
+
+
+def station(scene: Scene, x_m: float, max_depth_m: float) -> Station:
+    """What `respond` solves for these arguments."""
     half_m = round(x_m, 9)
     if scene.tissue is not None and mirrored(scene) == scene:
         width = 1e-3 * scene.tissue.width_mm
         half_m = round(min(half_m, width - half_m), 9)
-    solve = respond_solid if scene.plane == "solid" else _respond
-    return replace(solve(scene, half_m, round(max_depth_m, 9)), x_m=x_m)
+    return Station(scene, half_m, round(max_depth_m, 9))
+
+
+def learn(one: Station, response: StationResponse) -> None:
+    """Keep the answer of a station, whoever has solved it."""
+    while len(_kept) >= MAX_KEPT:
+        del _kept[next(iter(_kept))]
+    _kept[one] = response
+
+
+def is_known(one: Station) -> bool:
+    """Whether `respond` has the answer without solving anything."""
+    return one in _kept or (one.scene.plane == "solid" and is_kept(*one))
 
 
 def element_size_m(scene: Scene) -> float:
@@ -70,7 +105,6 @@ def section_for(scene: Scene, x_m: float, max_depth_m: float) -> Section:
     return build_section(scene, x_m, depth_m=max_depth_m, size_m=size_m, grading=grading)
 
 
-@lru_cache(maxsize=256)
 def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     section = section_for(scene, x_m, max_depth_m)
     beats = bool(section.lumens)

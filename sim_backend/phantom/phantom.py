@@ -8,7 +8,7 @@ pieces gives the same numbers.
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from scipy.linalg import solve_banded
@@ -19,6 +19,9 @@ from sim_backend.phantom.trajectory import Leg, Point, Rest, Trajectory
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 from sim_backend.scene.waves import load_wave
+
+if TYPE_CHECKING:
+    from sim_backend.models.ahead import SolvedAhead
 
 Surface = Callable[[float, float], float]
 
@@ -76,6 +79,7 @@ class Phantom:
         self._wave = load_wave(scene.pulse, folder)
         self._lead_s = np.random.default_rng(seed).uniform(0, self._wave.period_s)
         self._responses: dict[tuple[float, float], tuple[float, Response]] = {}
+        self._ahead: SolvedAhead | None = None
 
     def force_n(self, time_s: Array) -> Array:
         """Normal force (n,) [N] on the whole indenter at ascending ``time_s`` (n,)."""
@@ -117,6 +121,25 @@ class Phantom:
         for x, y in places:
             self._response(_snap(x, PLACE_GRID_M), _snap(y, PLACE_GRID_M), self._depth_m)
 
+    def solve_ahead(self, places: list[tuple[float, float]]) -> None:
+        """Let a second process begin with the sections at ``places`` (x, y) [m], in the order in
+        which they will be pressed straight down; `close` ends it. They are answered by
+        `sim_backend.models.station_response`."""
+        from sim_backend.models.ahead import SolvedAhead  # finite elements: only where simulated
+        from sim_backend.models.station_response import station
+
+        depth_m = _up_to_grid(self._depth_m)
+        snapped = [self.place_of((x, y, 0.0)) for x, y in places]
+        self._ahead = SolvedAhead(
+            station(section_at(self.scene, 1e3 * y), x, depth_m) for x, y in snapped
+        )
+        self._respond = self._ahead
+
+    def close(self) -> None:
+        """End what solves ahead."""
+        if self._ahead is not None:
+            self._ahead.close()
+
     def place_of(self, point: Point) -> tuple[float, float]:
         """The place (x, y) [m] whose section answers a press straight down at ``point``."""
         return _snap(point[0], PLACE_GRID_M), _snap(point[1], PLACE_GRID_M)
@@ -124,7 +147,7 @@ class Phantom:
     def depth_to_solve_m(self, point: Point) -> float:
         """Down to where a section is solved for a press to ``point`` [m]."""
         depth_m = max(self._depth_m, self.surface(*point[:2]) - point[2])
-        return math.ceil(depth_m / DEPTH_GRID_M - 1e-3) * DEPTH_GRID_M  # never rounded down
+        return _up_to_grid(depth_m)
 
     def in_air(self, point: Point) -> bool:
         """Whether the tip is felt by nothing there, however far a vessel lifts the surface."""
@@ -251,7 +274,7 @@ class Phantom:
         known_m, response = self._responses.get((x, y), (0.0, None))
         if response is None or depth_m > known_m:
             known_m = max(self._depth_m, depth_m if response is None else 1.25 * depth_m)
-            known_m = math.ceil(known_m / DEPTH_GRID_M - 1e-3) * DEPTH_GRID_M  # never rounded down
+            known_m = _up_to_grid(known_m)
             response = self._respond(section_at(self.scene, 1e3 * y), x, known_m)
             self._responses[x, y] = (known_m, response)
         return response
@@ -259,3 +282,7 @@ class Phantom:
 
 def _snap(value: float, grid: float) -> float:
     return float(np.round(value / grid) * grid)
+
+
+def _up_to_grid(depth_m: float) -> float:
+    return math.ceil(depth_m / DEPTH_GRID_M - 1e-3) * DEPTH_GRID_M  # never rounded down

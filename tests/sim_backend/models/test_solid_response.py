@@ -8,7 +8,7 @@ import pytest
 from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.fem.solid.stress import under_finger_pa
-from sim_backend.models import kept_tables, solid_response
+from sim_backend.models import kept_tables, solid_response, station_response
 from sim_backend.models.response import levels_pa
 from sim_backend.models.solid_press import SHARES
 from sim_backend.models.station_response import respond
@@ -37,7 +37,7 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_solid_s_response_is_its_presses(monkeypatch: pytest.MonkeyPatch, cache: Path) -> None:
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: cache)
-    solid_response.respond_solid.cache_clear()
+    station_response._kept.clear()
     found = respond(SCENE, 10e-3, DEPTH_M)
     rest, low, high = levels_pa(SCENE)
     # x = 10 mm is the mirror image of 6 mm
@@ -69,7 +69,7 @@ def test_a_place_that_was_solved_is_not_solved_again(
     monkeypatch.setattr(solid_response, "solve_place", solve_place)
     _, low, high = levels_pa(SCENE)
     for _ in range(2):
-        solid_response.respond_solid.cache_clear()
+        station_response._kept.clear()
         found = respond(SCENE, 5e-3, DEPTH_M)
         ends = found.force_n(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
         assert ends == pytest.approx([12.7, 13.9], rel=1e-9)

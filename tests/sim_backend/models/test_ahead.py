@@ -1,0 +1,136 @@
+"""A second process solves what a scan comes to later: the same answers, and never left behind."""
+
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+from small_block import BLOCK
+
+from drivers import SimulatedClock
+from palpate import Rig, connect
+from sim_backend import Scene, SceneError
+from sim_backend.models import ahead, station_response
+from sim_backend.models.ahead import SolvedAhead
+from sim_backend.models.station_response import Station, respond, station
+
+DEPTH_M = 1e-3
+PLACES_M = [9e-3, 10e-3, 11e-3, 12e-3, 13e-3]  # the last is the mirror image of 11 mm
+
+
+@pytest.fixture(autouse=True)
+def two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ahead, "processors", lambda: 2)
+    monkeypatch.setattr(station_response, "_kept", {})
+
+
+def stations(scene: Scene = BLOCK) -> list[Station]:
+    return [station(scene, x_m, DEPTH_M) for x_m in PLACES_M]
+
+
+@pytest.fixture
+def solved() -> Iterator[Callable[..., SolvedAhead]]:
+    made: list[SolvedAhead] = []
+
+    def make(of: list[Station]) -> SolvedAhead:
+        made.append(SolvedAhead(of))
+        return made[-1]
+
+    yield make
+    for one in made:
+        one.close()
+
+
+def wait_for(what: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + 60
+    while not what():
+        assert time.monotonic() < end_s
+        time.sleep(0.02)
+
+
+def test_both_processes_answer_to_the_last_bit(
+    solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both = solved(stations())
+    wait_for(lambda: len(both._solved) > 0)
+    answers = [both(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
+    assert len(both._ours) >= 1 and len(both._ours) + len(both._solved) >= 4
+    monkeypatch.setattr(station_response, "_kept", {})
+    alone = [respond(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
+    assert [pickle.dumps(one) for one in answers] == [pickle.dumps(one) for one in alone]
+
+
+def test_what_is_being_solved_elsewhere_is_waited_for(
+    solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both = solved(stations())
+    wait_for(lambda: len(both._theirs) > 0)
+    monkeypatch.setattr(station_response, "_respond", None)  # nothing can be solved here
+    both(BLOCK, PLACES_M[3], DEPTH_M)
+
+
+@pytest.mark.parametrize(("processors", "places"), [(1, 4), (2, 1)])
+def test_no_process_where_it_would_gain_nothing(
+    processors: int, places: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ahead, "processors", lambda: processors)
+    assert not SolvedAhead(stations()[:places])._thread.is_alive()
+
+
+def test_no_process_where_everything_is_known() -> None:
+    for one in stations():
+        station_response.learn(one, respond(*stations()[0]))
+    assert not SolvedAhead(stations())._thread.is_alive()
+
+
+def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., SolvedAhead]) -> None:
+    lump = {"kind": "tumour", "x_mm": 15.1001, "depth_mm": 5.0, "diameter_mm": 2.0,
+            "modulus_kpa": 500.0, "poisson": 0.45}  # fmt: skip
+    content = BLOCK.model_dump()
+    touching = Scene.model_validate(content | {"inclusion": [*content["inclusion"], lump]})
+    hopeless = station(touching, PLACES_M[3], DEPTH_M)
+    both = solved([*stations()[:2], hopeless])
+    wait_for(lambda: len(both._solved) > 0)  # it went on after what it could not solve
+    assert hopeless not in both._theirs
+    with pytest.raises(SceneError, match="too little to be meshed"):
+        both(*hopeless)
+    both(BLOCK, PLACES_M[0], DEPTH_M)
+
+
+def test_without_the_process_everything_is_solved_here(solved: Callable[..., SolvedAhead]) -> None:
+    both = solved(stations())
+    wait_for(lambda: len(both._theirs) > 0)
+    both.close()
+    wait_for(lambda: not both._thread.is_alive())
+    both(BLOCK, PLACES_M[3], DEPTH_M)
+
+
+def test_it_ends_with_a_parent_that_is_killed() -> None:
+    start = (
+        "import sys, time\n"
+        "from palpate import load_scene\n"
+        "from sim_backend.models import ahead\n"
+        "ahead.processors = lambda: 2\n"
+        "scene = load_scene('TIHA-solid')\n"
+        "one = ahead.SolvedAhead([ahead.station(scene, 1e-3 * x, 2.51e-3) for x in range(4, 30)])\n"
+        "while not one._theirs: time.sleep(0.02)\n"
+        "print('begun', flush=True)\n"
+        "time.sleep(600)\n"
+    )
+    # the child inherits stdout: its end is the end of both, long before a station is solved
+    with subprocess.Popen([sys.executable, "-c", start], stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        assert parent.stdout.readline().strip() == b"begun"
+        parent.kill()
+        assert parent.communicate(timeout=15)[0] == b""
+
+
+def test_devices_end_it_when_they_are_closed() -> None:
+    rig = Rig(scan={"start_mm": 4.0, "stations": 4, "pitch_mm": 4.0, "indentation_mm": 1.0})
+    with connect(rig, SimulatedClock(), BLOCK) as devices:
+        assert devices.phantom is not None and devices.phantom._ahead is not None
+        assert devices.phantom._ahead._thread.is_alive()
+    ahead_of_it = devices.phantom._ahead
+    wait_for(lambda: not ahead_of_it._thread.is_alive())
