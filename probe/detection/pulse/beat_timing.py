@@ -10,10 +10,9 @@ from drivers.core.arrays import Array
 from probe.detection.pulse.estimate import SHARES, Pulse
 from probe.detection.pulse.fit import harmonics
 from probe.detection.pulse.hold_samples import Hold
+from probe.detection.pulse.rate_prior import RATE_VARIABILITY
 from probe.detection.pulse.search import FINEST
 
-RATE_VARIABILITY = 0.05
-"""Standard deviation of one beat's length over the mean's: in people at rest a few per cent."""
 FOLLOWED = 5
 """Harmonics that are followed; finer ones only sharpen what these have placed."""
 STRETCHES = np.linspace(-0.08, 0.08, 17)

@@ -9,8 +9,10 @@ from probe.detection.pulse.beat_train import beat_train
 from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
+from probe.detection.pulse.rate_prior import RATE_VARIABILITY, USUAL_SPREAD
 from probe.detection.pulse.rivals import chance_without_pulse, coarse_of
 from probe.detection.pulse.search import FINEST, SHARE, TESTED_HARMONICS, Search, search
+from probe.detection.pulse.size import Rates, Sizes, averaged, mixed, sizes_at
 
 SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
 """Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
@@ -39,7 +41,8 @@ class Pulse:
     deviation, and ``p_value`` of one at least as clear in a hold without any, at any rate.
 
     ``baseline_pa`` is the mean over the hold of all but the pulse, with its standard deviation.
-    ``search`` is None where a reference gave the beats.
+    ``search`` is None where a reference gave the beats. ``sizes`` are what ``size_pa`` is the mean
+    of.
     """
 
     rate_hz: float
@@ -52,17 +55,19 @@ class Pulse:
     scale: Scale
     fit: Fit
     search: Search | None
+    sizes: Sizes
 
 
 def pulse_at(
     hold: Hold, rate_hz: float, p_value: float, scale: Scale, searched: Search | None,
-    beating_s: Array | None = None,
+    shared: Rates | None = None, beating_s: Array | None = None,
 ) -> Pulse:  # fmt: skip
     """The pulse at a known rate.
 
     Harmonics are shrunk towards the sizes that arterial waves have: a hold shorter than a beat, or
     a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel. The
     noise's level and spectrum are what the whole wave leaves.
+    ``shared`` are the rates that the scan leaves, of which ``rate_hz`` is the likeliest;
     ``beating_s`` (n,) where time is counted in another way for the harmonics.
     """
     first, _ = described(hold, rate_hz, WHITE, scale, beating_s)
@@ -72,16 +77,40 @@ def pulse_at(
     # with harmonics as large as its own size has them, noise adds nothing from trough to crest
     swing_pa = min(scale.swing_pa, float(np.ptp(columns @ found.coefficients[2:])))
     found, _ = described(hold, rate_hz, noise, Scale(swing_pa, scale.noise_pa), beating_s)
-    wave = columns @ found.coefficients[2:]
-    high, low = int(np.argmax(wave)), int(np.argmin(wave))
-    slope = columns[high] - columns[low]
-    size_sd = float(np.sqrt(max(slope @ found.covariance[2:, 2:] @ slope, 0.0)))
-    unmodelled = max(1.0, scale.noise_pa / max(found.noise_pa, 1e-12))
+    noise_pa = max(scale.noise_pa, found.noise_pa, 1e-12)
+    spread = USUAL_SPREAD
+    if beating_s is not None:
+        spread = 0.0
+    elif shared is not None:
+        spread = RATE_VARIABILITY / np.sqrt(max(hold.span_s * rate_hz, 1.0))
+    rates = Rates(np.array([rate_hz]), np.ones(1)) if shared is None else shared
+    wave = found.coefficients[2:].reshape(2, -1)
+
+    def at(hz: float) -> Sizes:
+        count = min(harmonics_seen(hold, hz, len(SHARES)), wave.shape[1])
+        late = quickened(hold, hz, wave[:, :count]) * spread if spread else None
+        prior_pa = SHARES[:count] * max(swing_pa, 1e-12)
+        return sizes_at(hold, noise, noise_pa, prior_pa, hz, late, beating_s)
+
+    sizes = mixed([at(float(hz)) for hz in rates.hz], rates.share)
+    size_pa, size_sd_pa = averaged(sizes, sizes.evidence)
+    unmodelled = noise_pa / max(found.noise_pa, 1e-12)
     return Pulse(
-        rate_hz, float(wave[high] - wave[low]), unmodelled * size_sd, p_value,
+        rate_hz, size_pa, size_sd_pa, p_value,
         float(found.rest_pa.mean()), unmodelled * found.rest_mean_sd_pa, found.noise_pa,
-        scale, found, searched,
+        scale, found, searched, sizes,
     )  # fmt: skip
+
+
+def quickened(hold: Hold, rate_hz: float, coefficients: Array) -> Array:
+    """What a rate higher by all of it adds to a wave of ``coefficients`` (2, k), to first order:
+    (n,)."""
+    cosines, sines = coefficients
+    order = np.arange(1, len(cosines) + 1)
+    turned = np.concatenate([order * sines, -order * cosines])
+    slope = harmonics(hold.time_s, rate_hz, len(order)) @ turned
+    t = hold.time_s - hold.time_s.mean()
+    return np.asarray(2 * np.pi * rate_hz * t * slope)
 
 
 def described(

@@ -28,13 +28,12 @@ class Design:
 
 @dataclass(frozen=True)
 class Fit:
-    """``coefficients`` of the free columns with their ``covariance``; ``rest_pa`` (n,) is all but
-    the pulse and ``rest_mean_sd_pa`` the doubt of its mean; ``noise_pa`` is the innovation's
-    standard deviation, ``dof`` what is left to judge by, ``decays`` which decays have weight.
+    """``coefficients`` of the free columns; ``rest_pa`` (n,) is all but the pulse and
+    ``rest_mean_sd_pa`` the doubt of its mean; ``noise_pa`` is the innovation's standard deviation,
+    ``dof`` what is left to judge by, ``decays`` which decays have weight.
     """
 
     coefficients: Array
-    covariance: Array
     rest_pa: Array
     rest_mean_sd_pa: float
     residual_pa: Array
@@ -99,12 +98,10 @@ def fit(
     mean = np.concatenate([free.mean(axis=0), design.decays[:, used].mean(axis=0)])
     mean[2 : a.shape[1]] = 0.0
     mean_sd = np.sqrt(max(mean @ information @ mean * variance, 0.0))
-    information = information[: a.shape[1], : a.shape[1]]
     rest = design.drift @ coefficients[:2] + design.decays @ weight
     plain = hold.signal_pa - rest - pulse @ coefficients[2:]
     return Fit(
-        coefficients, information * variance, rest, float(mean_sd), plain, rss, dof,
-        float(np.sqrt(variance)), noise, used,
+        coefficients, rest, float(mean_sd), plain, rss, dof, float(np.sqrt(variance)), noise, used,
     )  # fmt: skip
 
 

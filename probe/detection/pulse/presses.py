@@ -14,6 +14,7 @@ from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
 from probe.detection.pulse.rivals import Cause
 from probe.detection.pulse.search import beyond
+from probe.detection.pulse.size import Rates, averaged, together
 
 REPEATABILITY_M = 10e-6
 """What a stage's depth differs by from station to station."""
@@ -78,13 +79,16 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     pulsing, causes = which_pulse(measured, recording, false_alarm)
     others = {} if pulsing or causes else _beyond(measured, false_alarm)
     shared = shared_rate([measured[i] for i in pulsing[: 2 * REACH + 1]]) if pulsing else None
+    pulses = _sized([_at(one.hold, one.pulse, shared) for one in found])
     return tuple(
         replace(
-            _press(station, one.hold, _at(one.hold, one.pulse, shared), one.note),
+            _press(station, one.hold, pulse, one.note),
             pulsing=i in pulsing, cause=causes.get(i), touched=one.touched,
             step_s=one.hold.step_s if one.hold else 0.0, beyond_hz=others.get(i),
         )
-        for i, (station, one) in enumerate(zip(recording.stations, found, strict=True))
+        for i, (station, one, pulse) in enumerate(
+            zip(recording.stations, found, pulses, strict=True)
+        )
     )  # fmt: skip
 
 
@@ -117,15 +121,27 @@ def _own(station: Station, dead: Bools) -> _Own:
     return _Own(hold, find_pulse(hold))
 
 
-def _at(hold: Hold | None, own: Pulse | None, rate_hz: float | None) -> Pulse | None:
-    if hold is None or own is None or rate_hz is None or own.search is None:
+def _at(hold: Hold | None, own: Pulse | None, shared: Rates | None) -> Pulse | None:
+    if hold is None or own is None or shared is None or own.search is None:
         return own
-    steady = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search)
+    rate_hz = float(shared.hz[0])
+    steady = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, shared)
     if hold.span_s * rate_hz < MIN_BEATS:
         return steady
     beating_s = own_beats_s(hold, steady)
-    followed = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s)
+    followed = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s=beating_s)
     return followed if followed.size_pa >= FOLLOWED_SIGMAS * followed.size_sd_pa else steady
+
+
+def _sized(pulses: list[Pulse | None]) -> list[Pulse | None]:
+    """With sizes by what all presses say of relaxation."""
+    evidence = together([pulse.sizes for pulse in pulses if pulse is not None])
+
+    def sized(pulse: Pulse) -> Pulse:
+        size_pa, size_sd_pa = averaged(pulse.sizes, evidence)
+        return replace(pulse, size_pa=size_pa, size_sd_pa=size_sd_pa)
+
+    return [pulse and sized(pulse) for pulse in pulses]
 
 
 def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) -> Press:

@@ -12,16 +12,20 @@ from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise
 from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, rates_hz, unusual
 from probe.detection.pulse.search import TESTED_HARMONICS
+from probe.detection.pulse.size import Rates
 
 SMOOTH = 0.75
 """Cycles that the last harmonic looked at may gain in a hold from one rate tried to the next: of
 more harmonics the likelihood is too narrow a peak."""
+PLAUSIBLE = 0.02
+"""Of the likeliest rate's likelihood: less changes no interval."""
 CANDIDATES, EXACT_HZ = 4, 1e-3
 """Rates that each way of searching proposes, and how exactly the best of them is wanted."""
 
 
-def shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
-    """The rate that explains the clearest pulses best, given what rates hearts have."""
+def shared_rate(clear: list[tuple[Hold, Pulse]]) -> Rates:
+    """The rate that explains the clearest pulses best, given what rates hearts have; after it
+    all others that were tried and are at least `PLAUSIBLE` times as likely."""
     holds = [_whitened(hold, pulse) for hold, pulse in clear]
     rates = max((rates_hz(hold.span_s) for hold, _ in clear), key=len)
 
@@ -42,13 +46,19 @@ def shared_rate(clear: list[tuple[Hold, Pulse]]) -> float:
         smooth > TESTED_HARMONICS + 1
     ):  # in a short hold the wave's shape tells more than the search knows
         tried = set(range(len(rates)))
-    rate = min((float(rates[k]) for k in tried), key=lambda one: unlikely(one, smooth))
+    unlike = {float(rates[k]): unlikely(float(rates[k]), smooth) for k in tried}
+    rate = min(unlike, key=lambda one: unlike[one])
     for most, share in ((smooth, 1.0), (len(SHARES), 0.25)):
         bounds = max(rate - share * reach, SLOWEST_HZ), min(rate + share * reach, FASTEST_HZ)
         found = minimize_scalar(unlikely, bounds=bounds, args=(most,), method="bounded",
                                 options={"xatol": EXACT_HZ})  # fmt: skip
         rate = float(found.x)
-    return rate
+    best = unlikely(rate, smooth)
+    others = {one: float(np.exp(min(best - v, 0.0))) for one, v in unlike.items()
+              if abs(one - rate) > reach / 2}  # fmt: skip
+    others = {one: weight for one, weight in others.items() if weight >= PLAUSIBLE}
+    chance = np.array([1.0, *others.values()])
+    return Rates(np.array([rate, *others]), chance / chance.sum())
 
 
 @dataclass(frozen=True)

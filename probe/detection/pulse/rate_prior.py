@@ -8,6 +8,8 @@ from drivers.core.arrays import Array
 SLOWEST_HZ, FASTEST_HZ = 40 / 60, 180 / 60
 USUAL_HZ, USUAL_SPREAD = 72 / 60, 0.3
 """Resting hearts: the median rate, and the standard deviation of the logarithm."""
+RATE_VARIABILITY = 0.05
+"""Standard deviation of one beat's length over the mean's: in people at rest a few per cent."""
 EVEN = 0.5
 """Share of the chance that is spread evenly: a heart at an unusual rate then needs at most a
 likelihood twice as clear, one at rest half as clear."""

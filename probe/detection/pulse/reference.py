@@ -77,7 +77,7 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
     free = columns.shape[1]
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
     p_value = float(fdtrc(free, max(with_.dof, 1), ratio))
-    return pulse_at(hold, rate, p_value, scale_of(without, with_), None, warped.time_s)
+    return pulse_at(hold, rate, p_value, scale_of(without, with_), None, beating_s=warped.time_s)
 
 
 def _in_beats(time_s: Array, beats: Array, period: float) -> Array:
