@@ -18,6 +18,9 @@ from probe.planning.plan import Plan
 PERIODS = 5  # of a sensor: the fewest that are waited for, as readers and lines deliver in bursts
 MIN_LIMIT_SHARE = 0.1  # share of the limit that a press must have reached before it can be judged
 NOISE_SIGMAS = 10.0  # standard deviations of the sensor's noise that a change must have to count
+# And over which noise alone moves the mean of `force_limit.SMOOTH` readings at most: it is 9 of its
+# standard deviations.
+STILL_SIGMAS = 4.0
 FLAT = 0.1  # of the rise that the press so far foretells: soft tissue stiffens, it never stops
 # A press is judged when it went on by a quarter of its way in contact: a pulse changes the force by
 # less than a fifth (463 Pa of TIHA's 3 kPa), and may fall while the tip goes on.
@@ -25,6 +28,11 @@ JUDGED_SHARE = 0.25
 # From SOFT_SHARE of the limit on, a force that does not move at all over so much way is judged
 # too. A lone vessel's is as flat for a quarter of a millimetre, where it bulges.
 SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
+# And over this far any force that is told from noise, if the rise that it foretells would be too.
+FAINT_WAY_M = 1e-3
+# Of the way in contact. A force that stood still from there on, and as long after the tip came to
+# rest: a beat or a relaxation that hid the rise of a live one would go on.
+LAST_SHARE = 0.05
 SLACK = 1.2  # a stage may be that much faster than it was told
 WAY_M = 50e-6  # five of a GRBL board's digits
 POLLS = 2.0  # a pose may be older than the newest by that many of the stage's periods
@@ -102,6 +110,7 @@ class PressGuard:
         self._times: list[float] = []
         self._downs: list[float] = []
         self._forces: list[float] = []
+        self._rest: list[float] = []  # since the tip rests
 
     def begin(self, start: Pose, target: Pose, speed_m_s: float) -> None:
         """A move has been ordered; one that does not go down is not judged.
@@ -115,16 +124,16 @@ class PressGuard:
         self._noise_n = min(self._noise_n, noise_n) if down else noise_n
         self._first_n = self._feels.smooth_n
         self._z_m, self._changed_s, self._gap_s = start.z, math.inf, 0.0
-        self._times, self._downs, self._forces = [], [], []
+        self._times, self._downs, self._forces, self._rest = [], [], [], []
 
     def end(self) -> None:
         """The tip rests."""
         self._speed_m_s = 0.0
 
     def check(self, pose: Pose, now: float) -> str | None:
-        """Why the force does not belong to a pose on the way down."""
+        """Why the force does not belong to a pose on the way down, or to the rest after it."""
         if self._speed_m_s == 0.0:
-            return None
+            return self._stood_still(now) if self._times else None
         if pose.z < self._z_m:
             self._gap_s = max(self._gap_s, now - self._changed_s)
             self._z_m, self._changed_s = pose.z, now
@@ -141,6 +150,7 @@ class PressGuard:
             self._too_fast()
             or self._too_flat(WAY_M, max(self._least_n(), enough_n))
             or self._too_flat(SOFT_WAY_M, max(SOFT_SHARE * self._limit_n, enough_n), still=True)
+            or self._too_flat(FAINT_WAY_M, NOISE_SIGMAS * self._noise_n, enough_n, still=True)
         )
 
     def _least_n(self) -> float:
@@ -167,10 +177,13 @@ class PressGuard:
             "and press slower"
         )
 
-    def _too_flat(self, way_m: float, least_n: float, *, still: bool = False) -> str | None:
+    def _too_flat(
+        self, way_m: float, least_n: float, least_foretold_n: float = 0.0, *, still: bool = False
+    ) -> str | None:
         """The newest part of the press, ``way_m`` at least, against ``least_n`` or more before it.
 
-        ``still``: only noise may have moved the force meanwhile.
+        That must foretell a rise of ``least_foretold_n``. ``still``: only noise may have moved the
+        force meanwhile.
 
         A pose may be some polls old, so the force at the beginning of that part is one from
         before.
@@ -186,13 +199,36 @@ class PressGuard:
         went_m = down_m - self._downs[row]
         rose_n = force - self._forces[began]
         foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
-        if rose_n >= FLAT * foretold_n:
+        if rose_n >= FLAT * foretold_n or foretold_n < least_foretold_n:
             return None
         moved_n = max(self._forces[began:]) - min(self._forces[began:])
-        if still and not 0 < moved_n <= NOISE_SIGMAS * self._noise_n:
+        if still and not 0 < moved_n <= STILL_SIGMAS * self._noise_n:
             return None  # none at all: a resolution so coarse that it hides what a live one tells
-        return (
-            f"the force changed by {rose_n:+.3f} N while the tip went {1e3 * went_m:.2f} mm "
-            f"deeper, where {foretold_n:.3f} N were to be expected: the sensor clips or does not "
-            "feel, or what is pressed gives way"
-        )
+        return _flat(rose_n, went_m, foretold_n)
+
+    def _stood_still(self, now: float) -> str | None:
+        """The end of the press and as long a time of rest, once; as `_too_flat` by noise alone."""
+        down_m = self._downs[-1]
+        row = bisect_right(self._downs, (1 - LAST_SHARE) * down_m) - 1
+        began = self._before(self._times[row] - POLLS * self._gap_s) if row >= 0 else -1
+        self._rest.append(self._feels.smooth_n)
+        if began >= 0 and now < 2 * self._times[-1] - self._times[began]:
+            return None
+        judged, force_n = self._forces[began:] + self._rest, self._forces[began] - self._first_n
+        self._times = []
+        if began < 0 or force_n < self._least_n():
+            return None
+        went_m = down_m - self._downs[row]
+        foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
+        moved_n = max(judged) - min(judged)
+        if not 0 < moved_n <= min(NOISE_SIGMAS * self._noise_n, 0.5 * foretold_n):
+            return None
+        return _flat(judged[-1] - judged[0], went_m, foretold_n)
+
+
+def _flat(rose_n: float, went_m: float, foretold_n: float) -> str:
+    return (
+        f"the force changed by {rose_n:+.3f} N while the tip went {1e3 * went_m:.2f} mm "
+        f"deeper, where {foretold_n:.3f} N were to be expected: the sensor clips or does not "
+        "feel, or what is pressed gives way"
+    )

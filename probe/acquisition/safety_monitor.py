@@ -337,7 +337,7 @@ class SafetyMonitor:
         self._readings.take_pose(pose, now)
         if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1], again=True)
-        for name, press in self._presses if self._in_motion else ():
+        for name, press in self._presses:
             if (odd := press.check(pose, now)) is not None:
                 self.object(name, odd, can_retract=True)
 

@@ -19,7 +19,7 @@ from springs import (
 
 import palpate
 from drivers import Block
-from probe.core.events import Finish, Note, Phase, PhaseEntered
+from probe.core.events import Finish, Note, Phase, PhaseEntered, StationEnded
 
 
 class Stuck(SpringSensor):
@@ -129,19 +129,46 @@ def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
 class ClipsLow(SpringSensor):
     """At a fiftieth of the limit."""
 
+    most_n = 0.03
+
     def raw(self, time_s: float) -> float:
-        return min(self.bed.force_n(time_s), 0.03) + 0.5e-3 * float(self._rng.standard_normal())
+        noise_n = 0.5e-3 * float(self._rng.standard_normal())
+        return min(self.bed.force_n(time_s), self.most_n) + noise_n
+
+
+class ClipsFaintly(ClipsLow):
+    """At sixteen standard deviations of its noise."""
+
+    most_n = 0.008
 
 
 @pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M])
+@pytest.mark.parametrize(("sensor", "said", "most_m"),
+                         [(ClipsLow, "0.5", 0.9e-3), (ClipsFaintly, "1.0", 1.5e-3)])  # fmt: skip
 def test_a_sensor_that_clips_far_below_the_limit_does_not_pass_for_soft_tissue(
-    stiffness_n_m: float,
+    sensor: Any, said: str, most_m: float, stiffness_n_m: float
 ) -> None:
     bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m)
-    ran = run_springs(bed, stage, [ClipsLow(bed)], rig=SLOW)
-    assert "0.5" in ran.reason
+    ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
+    assert f"went {said}" in ran.reason
     assert "mm deeper" in ran.reason
-    assert ran.force_n.max() < stiffness_n_m * 0.9e-3  # not the 2.5 mm of the press
+    assert ran.force_n.max() < stiffness_n_m * most_m  # not the 2.5 mm of the press
+    assert ran.lifted
+
+
+class ClipsLate(SpringSensor):
+    """In the last tenth of a press of 2.5 mm, and hums."""
+
+    def raw(self, time_s: float) -> float:
+        force = min(self.bed.force_n(time_s), 0.91 * 2.5e-3 * self.bed.stiffness_n_m)
+        return force + 0.5e-3 * float(self._rng.standard_normal())
+
+
+def test_a_sensor_that_clips_at_the_end_of_a_press_is_found_out_in_the_hold() -> None:
+    bed, stage, _ = on_springs()
+    ran = run_springs(bed, stage, [ClipsLate(bed)], rig=SLOW)
+    assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
+    assert not any(event.complete for event in ran.events if isinstance(event, StationEnded))
     assert ran.lifted
 
 
@@ -178,7 +205,7 @@ class ClipsAtOnce(SpringSensor):
     """At less than the guards can tell from noise."""
 
     def raw(self, time_s: float) -> float:
-        return min(self.bed.force_n(time_s), 0.01) + 0.5e-3 * float(self._rng.standard_normal())
+        return min(self.bed.force_n(time_s), 0.002) + 0.5e-3 * float(self._rng.standard_normal())
 
 
 def test_a_press_that_feels_next_to_nothing_is_told_once() -> None:
