@@ -23,6 +23,9 @@ UP_M, ARRIVED_M = 5e-6, 0.1e-3  # not worth a lift; close enough after one
 class Retreat:
     """``start`` begins a move; ``force_n`` is the latest force; ``lift_z_m`` None: only stop.
 
+    ``led_down``: the last order led below ``lift_z_m``, so the tip is lifted even if the pose says
+    that it is up.
+
     ``why_not`` says why the tip could not be brought up, once ``done``; ``lifting`` is true from
     the first order to lift on, ``up`` once the tip was lifted.
     """
@@ -37,13 +40,14 @@ class Retreat:
         speed_m_s: float,
         began_s: float,
         most_n: float,
+        led_down: bool,
     ) -> None:
         self.done = False
         self.lifting = self.up = False
         self.why_not: str | None = None
         self._stop, self._moving, self._start, self._force_n = stop, moving, start, force_n
         self._lift_z_m, self._speed_m_s = lift_z_m, speed_m_s
-        self._most_n = most_n
+        self._most_n, self._led_down = most_n, led_down
         self._deadline_s = began_s + PATIENCE_S
         self._stopped_s = self._tried_s = -math.inf
         self._trouble = "it does not come to rest"
@@ -84,7 +88,7 @@ class Retreat:
         near_m = ARRIVED_M if self.lifting else UP_M
         if self._lift_z_m is None:
             self._end(self.why_not)
-        elif pose.z >= self._lift_z_m - near_m:
+        elif pose.z >= self._lift_z_m - near_m and (self.lifting or not self._led_down):
             self.up = True
             self._end(self.why_not)
         elif now_s > self._deadline_s:
@@ -94,7 +98,7 @@ class Retreat:
             force_n = abs(self._force_n())
             self._limit_n = max(WORSE * force_n, self._most_n) if math.isfinite(force_n) else 0.0
             try:
-                self._start(pose._replace(z=self._lift_z_m), self._speed_m_s)
+                self._start(pose._replace(z=max(self._lift_z_m, pose.z)), self._speed_m_s)
             except DeviceFault as fault:
                 self._trouble = str(fault)
                 return

@@ -243,6 +243,7 @@ class SafetyMonitor:
             LIFT_SHARE * self._limits.max_speed_m_s,
             self._clock.now(),
             self._limits.max_force_n,
+            self._down_m_s > 0,
         )
 
     def _start_held(self, target: Pose, speed_m_s: float) -> None:

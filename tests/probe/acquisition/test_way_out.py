@@ -18,6 +18,7 @@ class Stage:
         self.now_s, self.z_m = 0.0, DOWN_M
         self.lifts: list[float] = []
         self.refuses = refuses
+        self.says_m: float | None = None  # whatever is true
         self._force = force_n
         self._target_m, self._speed_m_s = DOWN_M, 0.0
 
@@ -25,7 +26,7 @@ class Stage:
         self.now_s += STEP_S
         way = self._target_m - self.z_m
         self.z_m += max(min(way, self._speed_m_s * STEP_S), -self._speed_m_s * STEP_S)
-        retreat.step(self.now_s, Pose(0.0, 0.0, self.z_m), "")
+        retreat.step(self.now_s, Pose(0.0, 0.0, self.says_m or self.z_m), "")
 
     def stop(self) -> None:
         self._target_m = self.z_m
@@ -43,10 +44,10 @@ class Stage:
     def force_n(self) -> float:
         return self._force(self.now_s, self.z_m)
 
-    def out(self, most_s: float = 30.0) -> Retreat:
+    def out(self, most_s: float = 30.0, *, led_down: bool = False) -> Retreat:
         """Go the way out to its end."""
         retreat = Retreat(
-            self.stop, self.moving, self.start, self.force_n, UP_M, 6e-3, self.now_s, 1.6
+            self.stop, self.moving, self.start, self.force_n, UP_M, 6e-3, self.now_s, 1.6, led_down
         )
         while not retreat.done and self.now_s < most_s:
             self.step(retreat)
@@ -96,6 +97,16 @@ def test_a_stage_that_never_gets_there_is_not_asked_for_ever() -> None:
     assert stage.now_s < 30.0
 
 
+def test_a_tip_that_was_sent_down_is_lifted_though_its_pose_never_changed() -> None:
+    stage = Stage(spring)
+    stage.says_m = UP_M
+    assert stage.out(led_down=True).why_not is None
+    assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
+    stage.lifts.clear()
+    assert stage.out().up  # and what was not is left where it is
+    assert stage.lifts == []
+
+
 def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() -> None:
     """A second Ctrl-C comes on another thread, also between the order and what follows it."""
     stage = Stage(spring)
@@ -105,7 +116,7 @@ def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() ->
         retreat.stay()
 
     retreat = Retreat(
-        stage.stop, stage.moving, forbidden, stage.force_n, UP_M, 6e-3, stage.now_s, 1.6
+        stage.stop, stage.moving, forbidden, stage.force_n, UP_M, 6e-3, stage.now_s, 1.6, False
     )
     while not retreat.done and stage.now_s < 30.0:
         stage.step(retreat)
