@@ -12,17 +12,19 @@ or with one the tip rested later than `SOON_S`, the run completed in spite of a 
 """
 
 import argparse
+import os
 import subprocess
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import count
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -59,13 +61,13 @@ SOON_S = 2.0
 HOME = (0.020, 0.0, 0.003)
 RIG = Rig(
     scan=Scan(start_mm=32.0, stations=1, indentation_mm=1.5, ramp_s=0.6, hold_s=0.5, settle_s=0.15),
-    safety=Safety(retract_mm=3.0, silence_s=1.0),  # all emulators share this interpreter
+    safety=Safety(retract_mm=3.0, silence_s=1.0),  # the emulator shares its interpreter
 )
 PLAN = plan_for(RIG)
 LIMITS = replace(limits_for(RIG, PLAN), face_m2=1e-4)  # of 28 taxels
 LINE = ("silence", "drop", "garbage", "late")
 ROLES = {"stages": "stage", "sensors": "sensor"}
-_hosts = count(2)
+_hosts = count()
 Emulate = Callable[[Phantom, Path], AbstractContextManager[Any]]
 
 
@@ -86,6 +88,12 @@ def on_pty(module: Any, **keys: Any) -> Emulate:
     return lambda phantom, folder: module.emulate(phantom, at=str(folder / "tty"), **keys)
 
 
+def own_host() -> str:
+    """An address of this machine that no other scan takes: all controllers listen at one port."""
+    high, low = divmod(os.getpid() % 2**16, 256)
+    return f"127.{1 + next(_hosts) % 255}.{high}.{max(low, 1)}"
+
+
 def axes(module: Any) -> Callable[[Any], dict[str, Any]]:
     return lambda served: {
         "port": served.address, "origin_mm": module.RIG_ORIGIN_MM, "max_speed_mm_s": 25.0,
@@ -102,7 +110,7 @@ FORCE = {"name": "force", "unit": "N", "role": "force"}
 DEVICES = {
     "ur": Device(
         "stages", "ur",
-        lambda phantom, _: ur.emulate(phantom, at=f"127.0.1.{next(_hosts)}"),
+        lambda phantom, _: ur.emulate(phantom, at=own_host()),
         lambda served: {"host": served.address},
         ("protective stop", "emergency stop", "lost program", "silence", "drop", "blink", "garbage",
          "late"),
@@ -285,7 +293,7 @@ def main() -> int:
     jobs += [(n, f, str(p)) for n in given.devices for f in DEVICES[n].faults for p in PHASES]
     have = outcomes()
     solved()
-    with ThreadPoolExecutor(given.workers) as pool:
+    with ProcessPoolExecutor(given.workers, get_context("fork")) as pool:
         begun = {job: pool.submit(strike, *job) for job in jobs if job not in have}
         fill(KEPT, ("device", "fault", "phase"),
              ("ended_s", "rest_s", "finish", "reason", "samples", "deepest_mm"),
