@@ -2,16 +2,17 @@
 
 W = G/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2 with I1 = tr(F^T F) and J = det F (Ogden 1984, sec. 7.2;
 in CalculiX: C10 = G/2, D1 = 2/K). F is written as [F11, F12, F21, F22] on its last axis; the
-stretch across the section l3 is 1 in plane strain and free of stress in plane stress.
+stretch across the section l3 is 1 in plane strain and free of stress in plane stress. Inside, these
+four are on the first axis: numpy is quick over long last axes only.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from sim_backend.arrays import Array
 
-_UNIT = np.eye(4)
 _EPSILON = np.array([[0.0, 1.0], [-1.0, 0.0]])
 # (i, J), (k, L) -> eps_ik eps_JL
 _TWIST: Array = np.einsum("ik,jl->ijkl", _EPSILON, _EPSILON).reshape(4, 4)
@@ -34,12 +35,6 @@ def moduli(modulus_pa: float, poisson: float) -> tuple[float, float]:
     return modulus_pa / (2 * (1 + poisson)), modulus_pa / (3 * (1 - 2 * poisson))
 
 
-def inverse_transpose(f: Array, j: Array) -> Array:
-    """Cofactors over the determinant: F^-T (..., 4) for ``j`` = det F (...)."""
-    h = np.stack([f[..., 3], -f[..., 2], -f[..., 1], f[..., 0]], axis=-1)
-    return np.asarray(h / j[..., None])
-
-
 def area_ratio(f: Array) -> Array:
     """det F (...) in the plane."""
     return np.asarray(f[..., 0] * f[..., 3] - f[..., 1] * f[..., 2])
@@ -60,47 +55,77 @@ def plane_strain(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) 
 
 def plane_stress(f: Array, shear: Array, bulk: Array) -> Stressed:
     """As `plane_strain`, with the thickness condensed out of the tangent."""
-    j = area_ratio(f)
-    l3 = stress_free_thickness(f, j, shear, bulk)
-    stress, tangent = _in_plane(f, j, l3, shear, bulk)
-    scale = shear / np.cbrt(j * l3) ** 2
-    i1 = (f * f).sum(axis=-1) + l3**2
-    h = inverse_transpose(f, j)
-    # a = dP/dl3, m = dP33/dl3: the thickness adjusts until P33 = 0
-    iso = (scale / l3)[..., None] * (
-        -2 / 3 * (f - (i1 / 3)[..., None] * h) - (2 / 3 * l3**2)[..., None] * h
-    )
-    volume = bulk * (2 * (j * l3) ** 2 - j * l3) / l3
-    a = iso + volume[..., None] * h
-    m = _thickness_stiffness(i1, j, l3, scale, bulk)
-    thinning = -a / m[..., None]
-    tangent = tangent + a[..., :, None] * thinning[..., None, :]
-    return Stressed(stress, tangent, l3, thinning)
+    f, shear, bulk = _first(f, shear, bulk)
+    thin = _thinned(f, shear, bulk)
+    # the thickness adjusts until P33 = 0, which takes a a / m off the tangent
+    stress, tangent = _in_plane(f, thin, bulk)
+    return Stressed(_last(stress), _last(tangent, 2), thin.l3, _last(_thinning(f, thin)))
 
 
-def stress_free_thickness(f: Array, j: Array, shear: Array, bulk: Array) -> Array:
-    """Stretch l3 (...) at which P33 = 0, by Newton from the incompressible 1 / det F."""
-    plane = (f * f).sum(axis=-1)
-    l3 = 1 / j
+def thinning(f: Array, shear: Array, bulk: Array) -> tuple[Array, Array]:
+    """``thickness`` and ``thinning`` of `plane_stress` alone."""
+    f, shear, bulk = _first(f, shear, bulk)
+    thin = _thinned(f, shear, bulk)
+    return thin.l3, _last(_thinning(f, thin))
+
+
+class _Thin(NamedTuple):
+    """At a thickness ``l3`` (...): j, J = j l3, F^-T ``h`` (4, ...), I1, G J^(-2/3), and
+    a = dP/dl3 = by_f F + by_h h over m = dP33/dl3, the ``stiffness``."""
+
+    l3: Array
+    j: Array
+    volume: Array
+    h: Array
+    i1: Array
+    scale: Array
+    by_f: Array
+    by_h: Array
+    stiffness: Array
+
+
+def _thinned(f: Array, shear: Array, bulk: Array) -> _Thin:
+    """Where P33 = 0."""
+    j = f[0] * f[3] - f[1] * f[2]
+    plane = (f * f).sum(axis=0)
+    l3 = _stress_free_thickness(plane, j, shear, bulk)
+    volume, i1 = j * l3, plane + l3**2
+    scale = shear / np.cbrt(volume) ** 2
+    by_h = (scale * (2 / 9 * i1 - 2 / 3 * l3**2) + bulk * (2 * volume - 1) * volume) / l3
+    stiffness = _thickness_stiffness(i1, j, l3, scale, bulk)
+    by_f = -2 / 3 * scale / l3
+    return _Thin(l3, j, volume, _cofactor(f) / j, i1, scale, by_f, by_h, stiffness)
+
+
+def _thinning(f: Array, thin: _Thin) -> Array:
+    """dl3/dF (4, ...) = -a / m."""
+    return np.asarray((thin.by_f * f + thin.by_h * thin.h) / -thin.stiffness)
+
+
+def _stress_free_thickness(plane: Array, j: Array, shear: Array, bulk: Array) -> Array:
+    """Stretch l3 (...) at which P33 = 0, by Newton from the incompressible 1 / det F; ``plane`` is
+    tr(F^T F) in the plane."""
+    l3, scale = 1 / j, shear
     for _ in range(_THICKNESS_SWEEPS):
         i1 = plane + l3**2
-        scale = shear / np.cbrt(j * l3) ** 2
         p33 = scale * (l3 - i1 / (3 * l3)) + bulk * (j * l3 - 1) * j
         change = p33 / _thickness_stiffness(i1, j, l3, scale, bulk)
         l3 = np.maximum(l3 - change, 0.1 * l3)
-        if np.all(np.abs(change) < 1e-8 * l3):  # the next would be its square
+        if np.all(np.abs(change) < 1e-6 * l3):  # the next would be its square
             break
-    thickness: Array = l3
-    return thickness
+        scale = shear / np.cbrt(j * l3) ** 2
+    return np.asarray(l3)
 
 
 def isochoric(f: Array, shear: Array) -> tuple[Array, Array, Array, Array]:
     """Plane strain without the bulk term: stress, tangent, j (...) and the cofactor dj/dF."""
-    j = area_ratio(f)
-    one = np.ones_like(j)
-    stress, tangent = _in_plane(f, j, one, shear, np.zeros_like(j))
-    cofactor = np.stack([f[..., 3], -f[..., 2], -f[..., 1], f[..., 0]], axis=-1)
-    return stress, tangent, j, cofactor
+    f, shear, none = _first(f, shear, np.zeros_like(shear))
+    j = f[0] * f[3] - f[1] * f[2]
+    one, cofactor = np.ones_like(j), _cofactor(f)
+    i1 = (f * f).sum(axis=0) + 1
+    rigid = _Thin(one, j, j, cofactor / j, i1, shear / np.cbrt(j) ** 2, none, none, one)
+    stress, tangent = _in_plane(f, rigid, none)
+    return _last(stress), _last(tangent, 2), j, _last(cofactor)
 
 
 def cofactor_tangent() -> Array:
@@ -130,24 +155,38 @@ def von_mises(f: Array, thickness: Array, shear: Array) -> Array:
     return np.asarray(shear * volume ** (-5 / 3) * np.sqrt(1.5 * square))
 
 
-def _in_plane(f: Array, j: Array, l3: Array, shear: Array, bulk: Array) -> tuple[Array, Array]:
-    """P = dW/dF (..., 4) and dP/dF (..., 4, 4) at fixed l3."""
-    volume = j * l3
-    i1 = (f * f).sum(axis=-1) + l3**2
-    scale = shear / np.cbrt(volume) ** 2
-    h = inverse_transpose(f, j)
-    pressure = bulk * (volume - 1) * volume
-    stress = scale[..., None] * (f - (i1 / 3)[..., None] * h) + pressure[..., None] * h
-    # d(F^-T)/dF = -(H H - eps eps / j) with the two inner indices swapped; all but the unit and the
-    # twist is g H + H g
-    turning = scale * i1 / 3 - pressure
-    along = scale * 2 / 9 * i1 + bulk * (2 * volume**2 - volume) + turning
-    g = (along / 2)[..., None] * h - (2 / 3 * scale)[..., None] * f
-    half = g[..., :, None] * h[..., None, :]
-    tangent = half + np.swapaxes(half, -1, -2)
-    tangent[..., range(4), range(4)] += scale[..., None]
-    tangent[..., *np.nonzero(_TWIST)] -= (turning / j)[..., None] * _TWIST[_TWIST != 0]
-    return stress, tangent
+def _in_plane(f: Array, thin: _Thin, bulk: Array) -> tuple[Array, Array]:
+    """P = dW/dF (4, ...) and dP/dF (4, 4, ...), with the thickness' a a / m taken off."""
+    h, volume, i1, scale = thin.h, thin.volume, thin.i1, thin.scale
+    # d(F^-T)/dF = -(H H - eps eps / j) with the two inner indices swapped
+    turning = scale * i1 / 3 - bulk * (volume - 1) * volume
+    soft = thin.by_h / thin.stiffness
+    of_h = scale * 2 / 9 * i1 + bulk * (2 * volume - 1) * volume + turning - thin.by_h * soft
+    of_both = -2 / 3 * scale - thin.by_f * soft
+    of_f = -(thin.by_f**2) / thin.stiffness
+    with_h, with_f = of_h * h + of_both * f, of_both * h + of_f * f
+    tangent = h[:, None] * with_h + f[:, None] * with_f
+    tangent[range(4), range(4)] += scale
+    for row, column in zip(*np.nonzero(_TWIST), strict=True):
+        tangent[row, column] -= _TWIST[row, column] * turning / thin.j
+    return scale * f - turning * h, tangent
+
+
+def _first(f: Array, shear: Array, bulk: Array) -> tuple[Array, Array, Array]:
+    """``f`` (..., 4) as (4, ...), and both moduli at every point."""
+    f = np.ascontiguousarray(np.moveaxis(f, -1, 0))
+    points = f.shape[1:]
+    return f, np.broadcast_to(shear, points).copy(), np.broadcast_to(bulk, points).copy()
+
+
+def _last(components: Array, axes: int = 1) -> Array:
+    """(4, ...) as (..., 4); with 2 ``axes``, (4, 4, ...) as (..., 4, 4)."""
+    back = tuple(range(axes, components.ndim)) + tuple(range(axes))
+    return np.ascontiguousarray(components.transpose(back))
+
+
+def _cofactor(f: Array) -> Array:
+    return np.stack([f[3], -f[2], -f[1], f[0]])
 
 
 def _thickness_stiffness(i1: Array, j: Array, l3: Array, scale: Array, bulk: Array) -> Array:

@@ -177,14 +177,22 @@ def _ends(
 ) -> list[Solution]:
     """The deepest state at systole; and at diastole, where the pulse bends much on the way up or a
     lumen seems to close on the way down."""
-    depth_m, rest_pa = deepest.load.depth_m, deepest.load.pressure_pa
-    (high,) = continuation(section, deepest, [Load(depth_m, high_pa)])
+    rest_pa = deepest.load.pressure_pa
+
+    def at(pressure_pa: float) -> Solution:
+        """Begun where the exact slope points, which saves one factorisation of four."""
+        ahead = deepest.displacement + (pressure_pa - rest_pa) * slope.displacement
+        load = Load(deepest.load.depth_m, pressure_pa)
+        (found,) = continuation(section, replace(deepest, displacement=ahead), [load])
+        return found
+
+    high = at(high_pa)
     straight = slope.force_n_per_m * (high_pa - rest_pa)
     bent = abs(high.force_n_per_m - deepest.force_n_per_m - straight) > BEND * abs(straight)
     low_u = deepest.displacement + (low_pa - rest_pa) * slope.displacement
     if not bent and not walls_cross(section, low_u):
         return [high]
-    return [high, *continuation(section, deepest, [Load(depth_m, low_pa)])]
+    return [high, at(low_pa)]
 
 
 def _gain(over_rest_pa: list[float], value: float, slope: float, at: list[float]) -> Array:
