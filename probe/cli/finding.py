@@ -80,7 +80,9 @@ def compare(
         f"{name} {found[key]:.3g}" if found[key] is not None else f"{name} unknown"
         for name, key in (("peak A/B", "peak_ratio"), ("pulse A/B", "pulse_ratio"))
     )
-    answer(f"diseased: {found['diseased']} ({ratios}; confidence {percent(found['confidence'])})")
+    if found["diseased"] != "undecided":
+        ratios += f"; confidence {percent(found['confidence'])}"
+    answer(f"diseased: {found['diseased']} ({ratios})")
 
 
 def finding_json(

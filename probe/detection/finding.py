@@ -67,7 +67,8 @@ class ObjectFinding:
     """One thing beneath. Positions and the 95 % interval in m, NaN without positions.
 
     ``peak_pa`` is how much stiffer (negative: softer) it makes the place than its surroundings.
-    ``confidence`` is the posterior probability of ``kind``. ``course`` has a point (x, y) per row
+    ``confidence`` is the posterior probability of ``kind``; of an undecided one that of the
+    likeliest kind, or that what moves is a pulse. ``course`` has a point (x, y) per row
     of a grid where the object was seen, ``stenosed_m`` the rows (y) between which it is diseased.
 
     Examples
