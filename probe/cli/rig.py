@@ -127,6 +127,7 @@ def plan(
 
 def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool) -> int:
     """Check a scan without touching a device; the exit status."""
+    from drivers import MissingExtra
     from probe.acquisition.dry_run import draw_path, dry_run
     from probe.acquisition.session import resolve_rig
 
@@ -138,14 +139,18 @@ def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_js
     else:
         report = dry_run(rig, None, out)
     out.mkdir(parents=True, exist_ok=True)
-    picture = out / "path.png"
-    draw_path(rig, picture)
+    picture: Path | None = out / "path.png"
+    said = f"The probe's way: {picture}"
+    try:
+        draw_path(rig, out / "path.png")
+    except MissingExtra as error:  # the checks need no picture
+        picture, said = None, f"The probe's way is not drawn: {error}"
     if as_json:
         dry_run_json: dict[str, Any] = report.as_json()
         answer_json(dry_run_json | {"path_picture": picture})
     else:
         show_checks(report.checks)
-        answer(f"The probe's way: {picture}")
+        answer(said)
         answer(verdict(rig_file, rig, can_scan=report.can_scan))
     return 0 if report.can_scan else BAD_INPUT
 

@@ -86,6 +86,7 @@ def scan(
         from probe.cli.rig import show_dry_run
 
         raise typer.Exit(show_dry_run(rig, scene, out, json))
+    need_report(report)
     from probe.acquisition.commands import Control, ctrl_c
     from probe.acquisition.session import resolve_rig
     from probe.acquisition.session import scan as scan_with
@@ -140,6 +141,7 @@ def resume(
     json: Json = False,
 ) -> None:
     """Go on with a run that was killed, aborted or broke off; complete stations stay."""
+    need_report(report)
     from probe.acquisition.commands import Control, ctrl_c
     from probe.acquisition.resume import resume as go_on
     from probe.acquisition.resume import unfinished
@@ -161,6 +163,14 @@ def resume(
             )
         status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)
+
+
+def need_report(wanted: bool) -> None:
+    """Raises `MissingExtra` before anything moves, not when the scan is over."""
+    from drivers.core.extras import require
+
+    if wanted:
+        require("matplotlib", "report", "--report")
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """What worker processes share."""
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,7 +11,13 @@ from types import ModuleType
 
 
 def leave_with_parent() -> None:
-    """End this worker when its parent is killed: a pool's workers would wait for ever."""
+    """End this worker when its parent is killed: a pool's workers would wait for ever.
+
+    A terminal's Ctrl-C reaches the worker too and ends it without a traceback: what was broken off
+    is for the parent to say.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    _mask("SIG_UNBLOCK", {signal.SIGINT})
     parent = parent_process()
     assert parent is not None
 
@@ -22,15 +29,25 @@ def leave_with_parent() -> None:
 
 
 @contextmanager
-def without_main() -> Iterator[None]:
-    """Workers that are started inside do not run the caller's script again.
+def starting_workers() -> Iterator[None]:
+    """Workers that are started inside do not run the caller's script again, nor stop at Ctrl-C
+    before `leave_with_parent`, their initializer, runs: they would print where they were.
 
     A spawned worker imports the script it comes from, since what it shall do may be defined there.
     Ours is not: a script that calls us would only be run again in each worker, from its first line.
     """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
+    before = _mask("SIG_BLOCK", {signal.SIGINT})  # workers inherit it
     try:
         yield
     finally:
         sys.modules["__main__"] = main
+        _mask("SIG_SETMASK", before)  # a Ctrl-C that came meanwhile is raised here
+
+
+def _mask(how: str, signals: set[int | signal.Signals]) -> set[int | signal.Signals]:
+    """Windows has no masks."""
+    if not hasattr(signal, "pthread_sigmask"):
+        return set()
+    return signal.pthread_sigmask(getattr(signal, how), signals)

@@ -12,7 +12,7 @@ from probe.acquisition.remote import ask
 from probe.core.events import Event, Finish
 from probe.gui.replay import PairWindow, ReplayWindow
 from probe.gui.state import ViewState
-from probe.gui.style import application
+from probe.gui.style import application, until_closed
 from probe.gui.window import RunWindow
 
 READ_BUDGET_S = 0.015  # of a frame of 33 ms
@@ -98,7 +98,7 @@ def run_live(run_path: Path) -> int:
 
     with suppress(AttributeError):  # not on Windows
         os.nice(AFTER_THE_SCAN)
-    app = application()
+    application()
     follower = Follower(follow(run_path))
     window = RunWindow(
         run_path,
@@ -106,15 +106,14 @@ def run_live(run_path: Path) -> int:
         Detective(run_path, follower.state),
         lambda word: ask(run_path, word),
     )
-    window.show()
-    return app.exec()
+    return until_closed(window)
 
 
 def run_replay(run_path: Path, beside: Path | None = None) -> int:
     """Replay one run, or two side by side, until the window is closed; the exit status."""
     from probe.storage.run import open_run
 
-    app = application()
+    application()
     events = list(open_run(run_path).events())
     window: ReplayWindow | PairWindow
     if beside is None:
@@ -123,5 +122,4 @@ def run_replay(run_path: Path, beside: Path | None = None) -> int:
     else:
         other = list(open_run(beside).events())
         window = PairWindow((run_path.name, beside.name), (events, other))
-    window.show()
-    return app.exec()
+    return until_closed(window)

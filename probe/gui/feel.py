@@ -11,10 +11,10 @@ from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from probe.core.processes import leave_with_parent
+from probe.core.processes import leave_with_parent, starting_workers
 from probe.gui.body import draw_scene, finger_outline, frame_scene
 from probe.gui.maps import HeatMap
-from probe.gui.style import application, label, pen, plot
+from probe.gui.style import application, label, pen, plot, until_closed
 from probe.gui.table import Table, solve
 from probe.report.look import BLUE, GREEN, ORANGE
 from sim_backend.scene.scene_file import Scene
@@ -197,12 +197,16 @@ def run_feel(scene: Scene) -> int:
 
     Solving runs in a process of its own, so that no frame waits for it.
     """
-    app = application()
+    application()
     with ProcessPoolExecutor(
         1, mp_context=get_context("spawn"), initializer=leave_with_parent
     ) as solver:
-        window = FeelWindow(scene, lambda x_mm: solver.submit(solve, scene, x_mm, MAX_DEPTH_MM))
-        window.show()
-        status = app.exec()
+
+        def prepare(x_mm: float) -> "Future[Table]":
+            with starting_workers():
+                return solver.submit(solve, scene, x_mm, MAX_DEPTH_MM)
+
+        window = FeelWindow(scene, prepare)
+        status = until_closed(window)
         solver.shutdown(wait=False, cancel_futures=True)
     return status

@@ -1,10 +1,11 @@
 """The windows' one look: sizes readable at arm's length, plots like the report's figures."""
 
 import re
+import signal
 
 import pyqtgraph as pg
 from PySide6.QtGui import QColor, QFont, QPen
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QWidget
 
 from probe.report.look import HEAT, INK
 
@@ -40,6 +41,18 @@ def application(enlarge: float | None = None) -> QApplication:
     app.setStyleSheet(sizes.sub(lambda m: f"{int(m[1]) * scale():.0f}{m[2]}", SHEET))
     pg.setConfigOptions(background="w", foreground=INK, antialias=True)
     return app
+
+
+def until_closed(window: QWidget) -> int:
+    """Show ``window`` until it is closed, or Ctrl-C or SIGTERM ends it; the exit status.
+
+    Python acts on a signal when it runs next, so in the window's next frame.
+    """
+    app = application()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: app.quit())
+    window.show()
+    return app.exec()
 
 
 def scale() -> float:

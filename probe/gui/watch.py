@@ -1,6 +1,5 @@
 """A window of what every channel reads now; Space tares what it shows."""
 
-import signal
 from time import perf_counter
 
 from PySide6.QtCore import Qt, QTimer
@@ -16,7 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from probe.acquisition.watch import HEAD, Reading, Watch
-from probe.gui.style import application, scale
+from probe.gui.style import application, scale, until_closed
 
 FRAME_MS = 100
 FAULT_INK = "#a40e26"
@@ -65,11 +64,8 @@ class WatchWindow(QWidget):
 
 def run_watch(watched: Watch, title: str, seconds: float | None) -> list[Reading]:
     """Until the window is closed, or for ``seconds``; the last readings."""
-    app = application()
-    # Python sees Ctrl-C at the next frame; without this the frame would end in a traceback
-    signal.signal(signal.SIGINT, lambda *_: app.quit())
+    application()
     window = WatchWindow(watched, title)
-    window.show()
     ends_s = None if seconds is None else perf_counter() + seconds
 
     def over() -> None:
@@ -77,5 +73,5 @@ def run_watch(watched: Watch, title: str, seconds: float | None) -> list[Reading
             window.close()
 
     window.timer.timeout.connect(over)
-    app.exec()
+    until_closed(window)
     return window.last

@@ -17,7 +17,7 @@ from typing import Any
 
 from drivers import ConfigError
 from drivers.core.extras import needs, require
-from probe.core.processes import leave_with_parent, without_main
+from probe.core.processes import leave_with_parent, starting_workers
 from probe.studies.solve import Job, Row, jobs, solve
 from probe.studies.vary import Design, Point, parse, places, points
 from sim_backend.scene.scene_file import Scene, as_scene
@@ -147,7 +147,7 @@ def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
     with ProcessPoolExecutor(
         count, mp_context=get_context("spawn"), initializer=leave_with_parent
     ) as pool:
-        with without_main():
+        with starting_workers():
             futures = [pool.submit(solve, job) for job in todo]
         try:
             for future in as_completed(futures):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -57,6 +58,7 @@ sys.exit(main({arguments!r}))
         (["meshio"], "mesh", ["press", "TI", "--x", "20", "--depth", "1", "--vtu", "x.vtu"]),
         (["pandas", "xarray"], "data", ["sweep", "TI", "--vary", "modulus_kpa=10,20"]),
         (["matplotlib"], "report", ["paper"]),
+        (["matplotlib"], "report", ["scan", "--scene", "TI", "--report"]),
         (["pandas", "xarray"], "data", ["calibrate", "tare", "x.csv", "--device", "d"]),
     ],
 )
@@ -74,3 +76,15 @@ def test_a_command_without_its_library_is_one_line(
     (line,) = done.stderr.strip().splitlines()
     assert line.endswith(f"{sys.executable} -m pip install 'palpate[{extra}]'")
     assert absent[0] in line
+
+
+def test_a_dry_run_checks_without_the_library_that_draws(tmp_path: Path) -> None:
+    arguments = ["scan", "--scene", "TI", "--dry-run", "--out", str(tmp_path)]
+    done = subprocess.run(
+        [sys.executable, "-c", WITHOUT.format(absent=["matplotlib"], arguments=arguments)],
+        capture_output=True, text=True, timeout=200, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "ok      reach and limits" in done.stdout
+    assert "The probe's way is not drawn: the picture of the probe's way needs matpl" in done.stdout
+    assert done.stdout.endswith("The scan can go on.\n")

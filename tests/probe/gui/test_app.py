@@ -1,13 +1,20 @@
 """What a window says of a run is what the run means now, also when it has just ended."""
 
+import os
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+import pytest
+from PySide6.QtCore import QTimer
 
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import Event
-from probe.gui.app import Detective, at_the_end
+from probe.gui.app import Detective, at_the_end, run_live, run_replay
 from probe.gui.state import ViewState
+from probe.gui.style import application
 from probe.storage.run import open_run
 from probe.storage.writer import create_store
 
@@ -55,3 +62,31 @@ def test_a_replay_says_the_finding_at_its_end(tmp_path: Path, winkler: Any) -> N
     assert found["finding"]
     shown[0] = state_of(events[:-1])  # played again from the start
     assert finding() is None
+
+
+@pytest.fixture
+def _signals_as_they_were() -> Iterator[None]:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.usefixtures("_signals_as_they_were")
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("entry", [run_live, run_replay])
+def test_a_signal_closes_a_window(
+    tmp_path: Path,
+    winkler: Any,
+    monkeypatch: pytest.MonkeyPatch,
+    entry: Callable[[Path], int],
+    number: signal.Signals,
+) -> None:
+    """Ctrl-C once ended in a traceback of the frame, and the window stayed."""
+    monkeypatch.setattr("os.nice", lambda _: 0)  # of a window; this process goes on
+    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
+    path = scan(few, "TI", tmp_path, respond=winkler).path
+    app = application()
+    QTimer.singleShot(300, lambda: os.kill(os.getpid(), number))
+    QTimer.singleShot(60_000, lambda: app.exit(9))
+    assert entry(path) == 0

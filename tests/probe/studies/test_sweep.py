@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -127,6 +128,24 @@ def test_a_killed_sweep_leaves_no_workers_behind(tmp_path: Path) -> None:
     assert workers
     _, alive = psutil.wait_procs(workers, timeout=20)
     assert not alive
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("begun", [2, 3])
+def test_ctrl_c_while_workers_start_is_without_a_traceback(tmp_path: Path, begun: int) -> None:
+    """A terminal's Ctrl-C reaches the workers as well, in the middle of their imports."""
+    psutil = pytest.importorskip("psutil", reason="the extra `cluster` is not installed")
+    command = [sys.executable, "-m", "probe.cli", "sweep", "TIHA", "--vary", "wall_mm=0.4..0.8:200",
+               "--workers", "2", "--out", str(tmp_path / "t.csv")]  # fmt: skip
+    sweeping = psutil.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    while len(sweeping.children()) < begun:  # one keeps track of semaphores
+        assert sweeping.poll() is None
+        time.sleep(0.005)
+    time.sleep(0.1 * (begun - 2))
+    os.killpg(sweeping.pid, signal.SIGINT)
+    _, err = sweeping.communicate(timeout=60)
+    assert sweeping.returncode == 130
+    assert "Traceback" not in err
 
 
 def test_unknown_ending(tmp_path: Path) -> None:
