@@ -80,7 +80,7 @@ def _pose(name: str, pose: Pose, workspace: Workspace) -> Check:
         if not low <= at <= high:
             text += (
                 f": {axis} is outside the workspace, which allows {low:g} to {high:g} mm; "
-                f"move it there by hand, or mend safety.workspace_mm.{axis}"
+                f"move it there by hand, or change safety.workspace_mm.{axis}"
             )
             return Check(name, "fault", text)
     return Check(name, "ok", text)

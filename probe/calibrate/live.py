@@ -24,7 +24,7 @@ def take_weights(
     clock: Clock,
     path: Path,
     ask: Callable[[str], str],
-    tell: Callable[[str], None],
+    show: Callable[[str], None],
 ) -> None:
     """Ask for each load, take its reading, and append both to the table ``path``, until an empty
     answer. ``path`` is what `calibration.fit_force` wants: ``raw`` and ``load_n``, numbered where
@@ -48,7 +48,7 @@ def take_weights(
         raise CalibrationError(f"{path} exists already: move it, or give another --readings-out")
     names = " ".join(sensor.channels[n].name for n in where)
     what = "load" if one else f"loads on {names}"
-    tell(f"{sensor.name}: put a load on, say it as 0.5 (N) or 50g or 0.2kg; Enter alone ends")
+    show(f"{sensor.name}: put a load on, say it as 0.5 (N) or 50g or 0.2kg; Enter alone ends")
     path.write_text(",".join(head) + "\n", encoding="utf-8")
     sensor.start()
     try:
@@ -59,18 +59,18 @@ def take_weights(
                 if len(loads_n) != len(where):
                     raise ValueError(f"{len(where)} numbers are needed, one for each of {names}")
             except ValueError as error:
-                tell(str(error))
+                show(str(error))
                 continue
             mean, spread, moving = _take(sensor, clock, where)
             said = ", ".join(f"{m:.6g}" for m in mean)
             if moving:
-                tell(f"  {said}: still moving; let it come to rest and say it again")
+                show(f"  {said}: still moving; let it come to rest and say it again")
                 continue
             with path.open("a", encoding="utf-8", newline="") as file:
                 csv.writer(file).writerow([*map(repr, map(float, mean)), *map(repr, loads_n)])
             number += 1
             noise = ", ".join(f"{s:.2g}" for s in spread)
-            tell(f"  {said} {sensor.channels[where[0]].unit} (noise {noise} rms)")
+            show(f"  {said} {sensor.channels[where[0]].unit} (noise {noise} rms)")
     finally:
         sensor.stop()
 

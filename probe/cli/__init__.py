@@ -63,7 +63,7 @@ def build() -> typer.Typer:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; the exit status. Never shows a stack trace for what a user can mend."""
+    """Run one command; the exit status. Never shows a stack trace for what a user can correct."""
     given = list(sys.argv[1:] if arguments is None else arguments)
     for threads in ONE_THREAD:  # before numpy is imported; a user's own setting stands
         os.environ.setdefault(threads, "1")
@@ -82,7 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return status if isinstance(status, int) else 0
 
 
-def _tell_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
@@ -94,7 +94,7 @@ def _options(
     version: Annotated[  # noqa: ARG001 - its callback prints it
         bool,
         typer.Option(
-            "--version", help="Print the version and exit.", is_eager=True, callback=_tell_version
+            "--version", help="Print the version and exit.", is_eager=True, callback=_print_version
         ),
     ] = False,
     log: Annotated[

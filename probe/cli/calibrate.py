@@ -36,44 +36,56 @@ def calibrate(
     readings: Annotated[
         Path | None,
         typer.Argument(
-            metavar="[FILE.csv|FILE.run]", help="Raw readings. Without: what to do, step by step."
+            metavar="[FILE.csv|FILE.run]",
+            help="Raw readings. Without it: how to take them, step by step.",
         ),
     ] = None,
     device: Annotated[
-        str, typer.Option(help="The device's name, as in the rig file. A run knows it.")
+        str, typer.Option(help="The device's name in the rig file; a run names it itself.")
     ] = "",
     out: Annotated[
-        Path | None, typer.Option(metavar="FILE.json", help="Default: KIND-DEVICE.json.")
+        Path | None,
+        typer.Option(
+            metavar="FILE.json", help="The calibration file to write; default: KIND-DEVICE.json."
+        ),
     ] = None,
-    model: Annotated[str, typer.Option(help="Of a surface: plane, quadric or map.")] = "plane",
+    model: Annotated[
+        str, typer.Option(help="surface: its shape, plane, quadric or map.")
+    ] = "plane",
     scene: Annotated[
-        str, typer.Option(metavar="NAME|FILE", help="Of tissue: block and finger.")
+        str,
+        typer.Option(metavar="NAME|FILE", help="tissue: the scene with the block and the finger."),
     ] = "TI",
     relaxation_s: Annotated[
         list[float] | None,
-        typer.Option(help="Of tissue: a guess of a relaxation time; once for each wanted."),
+        typer.Option(help="tissue: a first guess of a relaxation time [s], once per term."),
     ] = None,
     cuff: Annotated[
-        str, typer.Option(metavar="SYS/DIA", help="Of a heart: the cuff's reading, mmHg.")
+        str, typer.Option(metavar="SYS/DIA", help="heart: the cuff's reading [mmHg].")
     ] = "120/80",
     station: Annotated[
-        int | None, typer.Option(min=1, help="Of a run: the press to take, counted from 1.")
+        int | None, typer.Option(min=1, help="The press of a run to take, counted from 1.")
     ] = None,
     scene_out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.toml", help="Of tissue or heart: write the scene found."),
+        typer.Option(
+            metavar="FILE.toml", help="tissue, heart: write what was found as a scene file."
+        ),
     ] = None,
     live: Annotated[
         Path | None,
         typer.Option(
-            metavar="RIG.toml", help="Of force: take the readings from the sensor, load by load."
+            metavar="RIG.toml", help="force: take the readings from the sensor, load by load."
         ),
     ] = None,
     readings_out: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.csv", help="With --live: the table. Default: loads-DEVICE.csv."),
+        typer.Option(
+            metavar="FILE.csv",
+            help="With --live: where the readings go; default: loads-DEVICE.csv.",
+        ),
     ] = None,
-    note: Annotated[str, typer.Option(help="Kept in the file.")] = "",
+    note: Annotated[str, typer.Option(help="A remark that is kept in the file.")] = "",
     json: Json = False,
 ) -> None:
     """Fit one calibration to raw readings, show how well it holds, and write its file.
@@ -111,7 +123,7 @@ def calibrate(
     one = record(result, r.device, raw_columns(r), note=note)
     save(one, path)
     if json:
-        answer_json(plain(_told(path, one)))
+        answer_json(plain(_as_json(path, one)))
     else:
         _show(result, path, one)
     if scene_out is not None:
@@ -154,7 +166,7 @@ def _cuff(text: str) -> tuple[float, float]:
     return systolic, diastolic
 
 
-def _told(path: Path, one: Any) -> dict[str, Any]:
+def _as_json(path: Path, one: Any) -> dict[str, Any]:
     return {
         "file": path,
         "kind": one.kind,

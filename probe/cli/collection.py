@@ -30,17 +30,25 @@ def list_all(
     finding: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Only runs with this finding, say artery.")
     ] = None,
-    scene: Annotated[str | None, typer.Option(metavar="NAME", help="Only of this scene.")] = None,
-    operator: Annotated[str | None, typer.Option(metavar="NAME", help="Only of them.")] = None,
-    specimen: Annotated[str | None, typer.Option(metavar="NAME", help="Only of this.")] = None,
-    note: Annotated[
-        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Only with this note.")
+    scene: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only runs of this scene.")
     ] = None,
-    since: Annotated[str | None, typer.Option(metavar="DATE", help="From 2026-01-31 on.")] = None,
+    operator: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only runs by this operator.")
+    ] = None,
+    specimen: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Only runs of this specimen.")
+    ] = None,
+    note: Annotated[
+        list[str] | None, typer.Option(metavar="KEY=VALUE", help="Only runs with this note.")
+    ] = None,
+    since: Annotated[
+        str | None, typer.Option(metavar="DATE", help="Only runs from this day on, say 2026-01-31.")
+    ] = None,
     simulated: Annotated[
         bool | None, typer.Option("--simulated/--real", help="Only simulated, or only real, runs.")
     ] = None,
-    sort: Annotated[By, typer.Option(help="In this order.")] = "date",
+    sort: Annotated[By, typer.Option(help="What to sort by.")] = "date",
     findings: Annotated[
         bool, typer.Option("--findings", help="Detect in each run and show what was found.")
     ] = False,

@@ -34,7 +34,7 @@ def emulate(
         ),
     ],
     scene: Annotated[
-        str, typer.Option(metavar="NAME|FILE", help="What they move in and feel.")
+        str, typer.Option(metavar="NAME|FILE", help="The phantom that all of them share.")
     ] = "TIHA",
     at: Annotated[
         list[str] | None,
@@ -42,11 +42,12 @@ def emulate(
             metavar="DEVICE=ADDRESS", help="Where to serve: a path for a pty, socket://HOST:PORT."
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the phantom.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the phantom's noise.")] = 0,
 ) -> None:
     """Serve emulated devices, all in one phantom, until Ctrl-C.
 
-    Each address goes into a rig file. Type `DEVICE FAULT` to make one fail, `DEVICE ok` to mend it.
+    Each address goes into a rig file. Type `DEVICE FAULT` to make one fail, `DEVICE ok` to end
+    the fault.
     """
     from sim_backend.emulators import DEVICES, STAGES
 

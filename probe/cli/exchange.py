@@ -22,12 +22,12 @@ def export_run(
         str,
         typer.Option(
             metavar="LIST",
-            help="Of csv, hdf5, netcdf, parquet, mcap.",
+            help="One or several of csv, hdf5, netcdf, parquet, mcap.",
             autocompletion=export_formats,
         ),
     ] = "csv",
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="By default where the run is.")
+        Path | None, typer.Option(metavar="DIR", help="Folder to write to; default: the run's own.")
     ] = None,
     json: Json = False,
 ) -> None:
@@ -60,7 +60,8 @@ def import_run(
         float | None, typer.Option(help="Area of the probe's face [mm2], for forces.")
     ] = None,
     topic: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Of an MCAP file: which WrenchStamped.")
+        str | None,
+        typer.Option(metavar="NAME", help="Which WrenchStamped topic of an MCAP file to take."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -68,7 +69,7 @@ def import_run(
 
     Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar; if known
     x_mm, y_mm, station, reference. What `palpate export` wrote is read too, and MCAP files with
-    geometry_msgs/WrenchStamped: the force along z counts as the push.
+    geometry_msgs/WrenchStamped: the force along z is taken as the normal force.
     """
     from probe.storage.csv_import import import_csv
 

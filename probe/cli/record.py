@@ -25,7 +25,10 @@ def record(
     ] = "",
     seconds: Annotated[float, typer.Option(min=0.1, max=60, help="How long sensors are read.")] = 2,
     move_mm: Annotated[
-        float, typer.Option(min=0, max=20, help="Move the stage up by this and back. 0: do not.")
+        float,
+        typer.Option(
+            min=0, max=20, help="Move the stage up by this much [mm] and back; 0: do not move."
+        ),
     ] = 0,
 ) -> None:
     """Record every device of a rig that hangs on a serial line or a TCP port, byte by byte.

@@ -30,7 +30,7 @@ def doctor(
         typer.Argument(metavar="[RIG.toml]", help="A rig whose devices to listen to."),
     ] = None,
     scene: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE", help="What simulated devices feel.")
+        str | None, typer.Option(metavar="NAME|FILE", help="What simulated devices press into.")
     ] = None,
     fallback: Annotated[
         Literal["virtual"] | None,
@@ -80,7 +80,7 @@ def plan(
         Path | None, typer.Argument(metavar="[RIG.toml]", help="A rig; default: simulated.")
     ] = None,
     scene: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE", help="What may lie beneath.")
+        str | None, typer.Option(metavar="NAME|FILE", help="What is expected to lie beneath.")
     ] = None,
     can_i_see: Annotated[
         bool, typer.Option("--can-i-see", help="Say whether each sensor sees the scene's pulse.")

@@ -28,7 +28,7 @@ RigFile = Annotated[
 SceneName = Annotated[
     str | None,
     typer.Option(
-        metavar="NAME|FILE", help="What simulated devices feel.", autocompletion=scene_names
+        metavar="NAME|FILE", help="What simulated devices press into.", autocompletion=scene_names
     ),
 ]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the run file.")]
@@ -53,7 +53,7 @@ def scan(
     rig: RigFile = None,
     scene: SceneName = None,
     out: Out = Path("runs"),
-    seed: Annotated[int, typer.Option(help="Of the simulated sensors' noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
     operator: Annotated[
         str | None, typer.Option(metavar="NAME", help="Who scans; kept in the run.")
     ] = None,
@@ -62,7 +62,7 @@ def scan(
     ] = None,
     note: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=VALUE", help="Anything else; may be given again."),
+        typer.Option(metavar="KEY=VALUE", help="Any other label; may be given again."),
     ] = None,
     fallback: Fallback = None,
     live: Live = False,

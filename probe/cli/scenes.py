@@ -40,13 +40,15 @@ def press(
     ] = None,
     deck: Annotated[
         Path | None,
-        typer.Option(metavar="FILE.inp", help="Write it as an Abaqus or CalculiX deck too."),
+        typer.Option(
+            metavar="FILE.inp", help="Also write the press as an Abaqus or CalculiX deck."
+        ),
     ] = None,
     feb: Annotated[
-        Path | None, typer.Option(metavar="FILE.feb", help="Write it for FEBio too.")
+        Path | None, typer.Option(metavar="FILE.feb", help="Also write the press for FEBio.")
     ] = None,
     vtu: Annotated[
-        Path | None, typer.Option(metavar="FILE.vtu", help="Write the answer for ParaView too.")
+        Path | None, typer.Option(metavar="FILE.vtu", help="Also write the solution for ParaView.")
     ] = None,
     json: Json = False,
 ) -> None:

@@ -9,7 +9,9 @@ import typer
 from probe.cli.errors import UNSOLVED
 from probe.cli.say import Json, answer, answer_json, inform, plain
 
-Table = Annotated[Path, typer.Option(metavar="FILE", help="Table: .parquet, .csv or .h5.")]
+Table = Annotated[
+    Path, typer.Option(metavar="FILE", help="The table to write: .parquet, .csv or .h5.")
+]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per processor.")]
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler: many machines.")
@@ -27,18 +29,20 @@ def sweep(
     scene: Annotated[str, typer.Argument(help="A built-in scene or a scene file.")],
     vary: Annotated[
         list[str],
-        typer.Option(metavar="KEY=VALUES", help="10,12,14 or 10..14:5 or 10..14 (random)."),
+        typer.Option(metavar="KEY=VALUES", help="Values: 10,12,14 or 10..14:5 or 10..14 (random)."),
     ],
     design: Annotated[
         Literal["full", "zip", "lhs", "sobol"], typer.Option(help="How values are combined.")
     ] = "full",
     count: Annotated[int, typer.Option(help="Points of a random design.")] = 0,
-    seed: Annotated[int, typer.Option(help="Of a random design.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of a random design.")] = 0,
     x: Annotated[
-        str, typer.Option(metavar="MM", help="Where: 32 or 4..60:15; default: over the inclusion.")
+        str, typer.Option(metavar="MM", help="Places, 32 or 4..60:15; default: over the inclusion.")
     ] = "",
     depth: Annotated[float, typer.Option(metavar="MM", help="Indentation [mm].")] = 2.5,
-    accuracy: Annotated[float, typer.Option(metavar="PCT", help="Of force and pulse [%].")] = 1.0,
+    accuracy: Annotated[
+        float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
+    ] = 1.0,
     model: Annotated[
         Literal["auto", "finite", "small", "quick", "fast"],
         typer.Option(
@@ -83,7 +87,7 @@ def sweep(
 
 def fleet(
     count: Annotated[int, typer.Argument(help="Phantoms of each kind.", min=1)],
-    seed: Annotated[int, typer.Option(help="Of what is drawn.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random phantoms.")] = 0,
     out: Table = Path("fleet.parquet"),
     workers: Workers = None,
     scheduler: Scheduler = None,

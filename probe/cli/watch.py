@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
 def watch(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="The rig with the sensors.")],
     scene: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE", help="What simulated sensors feel.")
+        str | None, typer.Option(metavar="NAME|FILE", help="What simulated sensors measure in.")
     ] = None,
     fallback: Annotated[
         Literal["virtual"] | None,

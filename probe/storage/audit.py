@@ -41,7 +41,7 @@ class Attempt:
     start_s: float
     end_s: float = math.inf
     phases: set[Phase] = field(default_factory=set)
-    felt_s: float = -math.inf
+    last_sample_s: float = -math.inf
     last_s: float = -math.inf
 
 
@@ -171,7 +171,7 @@ class Audit:
         scanned = self._started is not None and "imported" not in self._started.config
         if scanned and (missing := [phase for phase in PRESS if phase not in press.phases]):
             yield f"station {event.station + 1} is complete without {', '.join(missing)}"
-        if press.felt_s < event.time_s - TAIL_S:
+        if press.last_sample_s < event.time_s - TAIL_S:
             yield f"station {event.station + 1} is complete, but its last samples are not in"
 
     def _sample(self, event: Samples) -> Iterator[str]:
@@ -201,7 +201,7 @@ class Audit:
             return
         press.last_s = max(press.last_s, last)
         if any(channel.role in ROLES for channel in channels):
-            press.felt_s = max(press.felt_s, last)
+            press.last_sample_s = max(press.last_sample_s, last)
 
     def _break_off(self) -> None:
         """A killed scan has not said when its press ended: no later than its last sample."""

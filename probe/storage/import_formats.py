@@ -106,7 +106,7 @@ def _mcap(source: Path, topic: str | None) -> pd.DataFrame:
             reader = make_reader(file)
             summary = reader.get_summary()
             if summary is None:
-                raise CsvError(f"{source}: has no summary; `mcap recover` mends it")
+                raise CsvError(f"{source}: has no summary; `mcap recover` repairs it")
             names = {
                 c.topic: summary.schemas[c.schema_id].name
                 for c in summary.channels.values()

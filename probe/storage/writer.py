@@ -58,7 +58,7 @@ class Store:
         (self._last_s,) = connection.execute("SELECT max(time_s) FROM event").fetchone()
         self._channels = _channels(connection)
         self._waiting: deque[tuple[float, Event]] = deque()
-        self._told = 0
+        self._published = 0
         self._closing = self._hurry = False
         self._error: str | None = None
         self._change = threading.Condition()
@@ -74,7 +74,7 @@ class Store:
             if self._closing:
                 raise StoreError(f"{self.path}: closed")
             self._waiting.append((time.monotonic(), event))
-            self._told += 1
+            self._published += 1
             self._change.notify_all()
             waits_s = time.monotonic() - self._waiting[0][0]
             if waits_s > OLD_S:
@@ -87,7 +87,7 @@ class Store:
     def flush(self) -> None:
         """Return once everything published so far is committed. Raises `StoreError`."""
         with self._change:
-            wanted, self._hurry = self._told, True
+            wanted, self._hurry = self._published, True
             self._change.notify_all()
             in_time = self._change.wait_for(
                 lambda: self._error is not None or self.committed >= wanted, timeout=LATE_S

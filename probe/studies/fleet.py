@@ -55,7 +55,7 @@ def fleet(
 ) -> pd.DataFrame:  # fmt: skip
     """Scan ``count`` phantoms of each kind by the quick model and write the table ``out``.
 
-    Columns are those of a sweep after ``kind``, and ``half_pulse_n`` for `felt_n`. Each kind is a
+    Columns are those of a sweep after ``kind``, and ``half_pulse_n`` for `force_n`. Each kind is a
     sweep of its own beside ``out``; an interrupted fleet goes on where it stopped.
     """
     tables = []
@@ -76,7 +76,7 @@ def fleet(
     return whole
 
 
-def felt_n(rows: pd.DataFrame, share: Array) -> Array:
+def force_n(rows: pd.DataFrame, share: Array) -> Array:
     """Force (n, t) [N] of ``rows`` (n) of the quick model while the pressure is at ``share`` (t,)
     of the way from diastole to systole: the parabola through both and their mean."""
     low, pulse, half = (rows[name].to_numpy(float)[:, None]

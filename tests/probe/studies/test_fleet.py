@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from probe.studies.fleet import KINDS, drawn, felt_n, fleet
+from probe.studies.fleet import KINDS, drawn, fleet, force_n
 from probe.studies.vary import applied
 from sim_backend import load_scene
 
@@ -27,8 +27,8 @@ def test_kinds_are_drawn_from_seeds_of_their_own() -> None:
 
 def test_a_beat_goes_through_diastole_middle_and_systole() -> None:
     rows = pd.DataFrame({"force_n": [1.0, 2.0], "pulse_n": [0.1, 0.0], "half_pulse_n": [0.04, 0.0]})
-    felt = felt_n(rows, np.array([0.0, 0.5, 1.0]))
-    np.testing.assert_allclose(felt, [[1.0, 1.04, 1.1], [2.0, 2.0, 2.0]])
+    force = force_n(rows, np.array([0.0, 0.5, 1.0]))
+    np.testing.assert_allclose(force, [[1.0, 1.04, 1.1], [2.0, 2.0, 2.0]])
 
 
 @pytest.mark.slow
