@@ -46,8 +46,8 @@ def silent(scene: str) -> Recording:
     return palpate.open_run(runs[0]).recording()
 
 
-def judge(scene: str, sensor: str, seed: int) -> Row:
-    """One scan's finding."""
+def noisy(scene: str, sensor: str, seed: int) -> Recording:
+    """The scene's scan as a sensor has it."""
     whole = silent(scene)
     noise_n, quantum_n, fold = SENSORS[sensor]
     rng = np.random.default_rng([seed, list(TRUTH).index(scene), list(SENSORS).index(sensor)])
@@ -60,7 +60,12 @@ def judge(scene: str, sensor: str, seed: int) -> Row:
             one, time_s=one.time_s[::fold], signal_pa=read_n / whole.face_m2,
             saturated=one.saturated[::fold], depth_m=one.depth_m[::fold],
         ))  # fmt: skip
-    found = palpate.detect(replace(whole, stations=tuple(stations)))
+    return replace(whole, stations=tuple(stations))
+
+
+def judge(scene: str, sensor: str, seed: int) -> Row:
+    """One scan's finding."""
+    found = palpate.detect(noisy(scene, sensor, seed))
     best = max((one.confidence for one in found.objects), default=float("nan"))
     return {"found": found.finding, "confidence": f"{best:.4f}"}
 
