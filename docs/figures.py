@@ -2,16 +2,20 @@
 
 A page writes ``{{ figure("fleet.scan_s", ".2f") }}`` for a number, ``{{ table("paper") }}`` for a
 table and ``{{ measured("paper") }}`` for by what, of which code, when and where it was measured. A
-name that no stored result has stops the build. `make figures` measures them anew.
+name that no stored result has stops the build. `make figures` measures them anew. Of what
+benchmarks keep case by case in ``docs/results``, ``{{ counts("six-scenes", "sensor", "scene") }}``
+is a table of the answers, and ``{{ kept("six-scenes") }}`` says how many there are, of which code.
 """
 
+import csv
 import json
 import re
+from collections import Counter
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-STORED = Path(__file__).with_name("figures")
+STORED, RESULTS = Path(__file__).with_name("figures"), Path(__file__).with_name("results")
 MACRO = re.compile(r"\{\{\s*(\w+)\((.*?)\)\s*\}\}")
 WORDS = re.compile(r'"([^"]*)"')
 
@@ -69,7 +73,42 @@ def measured(name: str) -> str:
     )
 
 
-KINDS = {"figure": figure, "table": table, "measured": measured}
+@lru_cache
+def cases(name: str) -> list[dict[str, str]]:
+    """The cases that a benchmark kept and judged. Raises `NoFigure`."""
+    path = RESULTS / f"{name}.csv"
+    if not path.is_file():
+        raise NoFigure(f"{name}: no kept result of that name in {RESULTS}")
+    with path.open(newline="", encoding="utf-8") as file:
+        return [row for row in csv.DictReader(file) if row["found"]]
+
+
+def counts(name: str, down: str, across: str) -> str:
+    """What was found how often, most often first: a row for each value of the column ``down``, a
+    cell for each of ``across``."""
+    try:
+        cells = [(row[down], row[across], row["found"]) for row in cases(name)]
+    except KeyError as missing:
+        raise NoFigure(f"{name}: it has no column {missing}") from None
+    head = list(dict.fromkeys(cell[1] for cell in cells))
+    lines = [f"| {down} | " + " | ".join(head) + " |", "|---" * (len(head) + 1) + "|"]
+    for one in dict.fromkeys(cell[0] for cell in cells):
+        said = [Counter(f for d, a, f in cells if (d, a) == (one, other)) for other in head]
+        each = [", ".join(f"{n} {what}" for what, n in some.most_common()) for some in said]
+        lines.append(f"| {one} | " + " | ".join(each) + " |")
+    return "\n".join(lines)
+
+
+def kept(name: str) -> str:
+    """How many cases, of which code, when."""
+    rows = cases(name)
+    commits, dates = (", ".join(sorted({row[key] for row in rows})) for key in ("commit", "date"))
+    return f"{len(rows):,} cases of {commits} ({dates})"
+
+
+KINDS = {
+    "figure": figure, "table": table, "measured": measured, "counts": counts, "kept": kept,
+}  # fmt: skip
 
 
 def filled(markdown: str) -> str:

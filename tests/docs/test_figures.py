@@ -41,7 +41,8 @@ def test_every_figure_of_a_page_was_measured(page: Path) -> None:
 @pytest.mark.parametrize(
     "wrong",
     ['{{ figure("paper.no_such_key") }}', '{{ figure("no_such_result.x") }}',
-     '{{ table("demo") }}', '{{ number("paper.presses") }}'],
+     '{{ table("demo") }}', '{{ number("paper.presses") }}', '{{ kept("no_such_result") }}',
+     '{{ counts("six-scenes", "scene", "no_such_column") }}'],
 )  # fmt: skip
 def test_a_number_that_nothing_backs_stops_the_build(wrong: str) -> None:
     with pytest.raises(FILL.NoFigure):
@@ -63,6 +64,24 @@ def test_a_number_is_printed_as_asked(tmp_path: Path, monkeypatch: pytest.Monkey
     assert FILL.filled('{{ table("made") }}') == "| x | y |\n|---|---|\n| 1 | a\\|b |"
     assert "at commit abc by `make figures`" in FILL.filled('{{ measured("made") }}')
     FILL.stored.cache_clear()
+
+
+def test_answers_are_counted_case_by_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    lines = [
+        "scene,sensor,found,commit,date",
+        *["TI,a,nothing,abc,2026-11-22"] * 2,
+        "TI,a,artery,abd,2026-11-22",
+        "TI,b,,abc,2026-11-22",
+        "TIT,b,tumour,abc,2026-11-22",
+    ]
+    (tmp_path / "made.csv").write_text("\n".join(lines))
+    monkeypatch.setattr(FILL, "RESULTS", tmp_path)
+    FILL.cases.cache_clear()
+    table = FILL.filled('{{ counts("made", "sensor", "scene") }}').splitlines()
+    assert table == ["| sensor | TI | TIT |", "|---|---|---|", "| a | 2 nothing, 1 artery |  |",
+                     "| b |  | 1 tumour |"]  # fmt: skip
+    assert FILL.filled('{{ kept("made") }}') == "4 cases of abc, abd (2026-11-22)"
+    FILL.cases.cache_clear()
 
 
 @pytest.mark.parametrize("file", STORED, ids=lambda p: p.stem)
