@@ -23,6 +23,7 @@ NO_ANSWER = -1  # number of a command that nobody waits for
 READ_S = 2e-4  # states that were held up come less than a millisecond apart
 OBEY_S = 0.005  # a command wakes at once; the watchdog is kicked within this
 SEND_S = 0.004
+ORPHAN_S = 3.0  # to stop the robot's program, which takes less than one
 KICKS = 4  # in the time that the robot's watchdog waits
 BEGINS_S = 1.0  # an accepted move is under way within a few cycles, on a busy machine later
 NICE_LEVEL = -10
@@ -114,12 +115,17 @@ class _Client:
         self._before = (-1, 0.0)
         self._kicked_s = 0.0
         self._kick_s = 0.0
+        self._parent = os.getppid()
 
     def stream(self, states: Connection) -> None:
-        """Send every new sample; a few at a time, so that the pipe is not the bottleneck."""
+        """Send every new sample; a few at a time, so that the pipe is not the bottleneck.
+
+        When nobody listens any more `obey` ends too, and with it the process; unless the library
+        waits for a controller that has gone as well, which it does for ever.
+        """
         waiting: list[State] = []
         last_s, sent_s = -1.0, 0.0
-        while not self.end.is_set():
+        while not self.end.is_set() and os.getppid() == self._parent:
             state = whole_state(self._receive, last_s, self._busy)
             if state is not None:
                 last_s = state.timestamp_s
@@ -130,9 +136,11 @@ class _Client:
                 try:
                     states.send(waiting)
                 except OSError:
-                    return
+                    break
                 waiting = []
             time.sleep(READ_S)
+        time.sleep(ORPHAN_S)
+        os._exit(1)
 
     def obey(self, commands: Connection) -> None:
         """One command at a time."""

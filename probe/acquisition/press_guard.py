@@ -28,7 +28,8 @@ JUDGED_SHARE = 0.25
 # From SOFT_SHARE of the limit on, a force that does not move at all over so much way is judged
 # too. A lone vessel's is as flat for a quarter of a millimetre, where it bulges.
 SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
-# And over this far any force that is told from noise, if the rise that it foretells would be too.
+# And over this far one that noise explains as little as the rise that it foretells.
+# Below SOFT_SHARE it may be a cable that drags.
 FAINT_WAY_M = 1e-3
 # Of the way in contact. A force that stood still from there on, and as long after the tip came to
 # rest: a beat or a relaxation that hid the rise of a live one would go on.
@@ -145,12 +146,13 @@ class PressGuard:
         self._times.append(now)
         self._downs.append(self._contact_m - self._z_m)
         self._forces.append(force)
-        enough_n = NOISE_SIGMAS * self._noise_n / JUDGED_SHARE
+        clear_n = NOISE_SIGMAS * self._noise_n
+        enough_n, soft_n = clear_n / JUDGED_SHARE, SOFT_SHARE * self._limit_n
         return (
             self._too_fast()
             or self._too_flat(WAY_M, max(self._least_n(), enough_n))
-            or self._too_flat(SOFT_WAY_M, max(SOFT_SHARE * self._limit_n, enough_n), still=True)
-            or self._too_flat(FAINT_WAY_M, NOISE_SIGMAS * self._noise_n, enough_n, still=True)
+            or self._too_flat(SOFT_WAY_M, max(soft_n, enough_n), still=True)
+            or self._too_flat(FAINT_WAY_M, max(soft_n, clear_n), enough_n, still=True)
         )
 
     def _least_n(self) -> float:

@@ -7,6 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -271,6 +272,49 @@ if __name__ == "__main__":
         print("lifted", flush=True)
         stage.close()
 """
+
+
+KILLED_WITH_ITS_ROBOT = f"""
+import sys, time
+from drivers import DeviceFault, WallClock
+from drivers.ur.settings import UrStageSettings
+from drivers.ur.stage import open_stage
+keys = dict.fromkeys(("silence_s", "watchdog_s", "answer_s"), 5.0)
+stage = open_stage(
+    WallClock(), UrStageSettings(host=sys.argv[1], origin_mm={ORIGIN_MM}, **keys)
+)
+stage.connect()
+stage.enable()
+print("moves", flush=True)
+while True:
+    try:
+        stage.stop()
+        stage.move(stage.pose()._replace(z=0.003), 0.001)
+    except DeviceFault:
+        pass
+    time.sleep(0.05)
+"""
+
+
+def test_a_client_outlives_neither_its_scan_nor_its_robot(winkler: Respond, host: str) -> None:
+    world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.03, 0.0, 0.004))
+    with ur.emulate(world, at=host, origin_mm=ORIGIN_MM, noise_n=0.001) as robot:
+        scan = subprocess.Popen(
+            [sys.executable, "-c", KILLED_WITH_ITS_ROBOT, host], stdout=subprocess.PIPE, text=True
+        )
+        with scan:
+            assert scan.stdout is not None
+            assert scan.stdout.readline() == "moves\n"
+            children = ["pgrep", "-P", str(scan.pid), "-f", "drivers.core.child"]
+            found = subprocess.run(children, capture_output=True, text=True, check=True).stdout
+            client = Path(f"/proc/{int(found)}")
+            robot.fail("drop")
+            time.sleep(0.5)
+            scan.kill()
+        with AwakeTime() as awake:
+            while client.exists():
+                assert awake.now() < 20.0
+                time.sleep(0.05)
 
 
 def test_a_client_that_hangs_holds_up_nobody(rig: tuple[Rig, ur.UrController]) -> None:
