@@ -47,7 +47,7 @@ class Sides:
     def turn(self) -> Array:
         """How the force of each point turns with the side (q, 2k 2k), per thickness."""
         turn = np.einsum("qk,ql,ij->qkilj", self.spread, self.along, _QUARTER)
-        return turn.reshape(len(_GAUSS), -1)
+        return np.asarray(turn.reshape(len(_GAUSS), -1))
 
 
 def lumen_sides(
