@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import Lock, Timer
 from types import TracebackType
 from typing import Self
 
@@ -12,6 +13,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from probe.acquisition.progress import StationCount
 from probe.cli.say import inform
 from probe.core.events import Event, Phase, PhaseEntered, RunStarted, StationEnded, StationStarted
+
+PATIENCE_S = 2.0
+"""Who waits longer for an answer wants to know what for."""
 
 
 class ScanProgress:
@@ -71,6 +75,37 @@ class ScanProgress:
             self._bar.update(self._task, description=text, left=left)
         else:
             inform(f"{text}, {left}" if left else text)
+
+
+@contextmanager
+def solving(after_s: float | None = None) -> Iterator[Callable[[str], None]]:
+    """Is told what is being solved, and says so, a line each, from ``after_s`` on, by default
+    `PATIENCE_S`; where it does not take that long, nothing is said."""
+    lock, latest = Lock(), ""
+    patience_s = PATIENCE_S if after_s is None else after_s
+    late = patience_s <= 0
+
+    def begin() -> None:
+        nonlocal late
+        with lock:
+            late = True
+            if latest:
+                inform(f"solving {latest}")
+
+    def told(what: str) -> None:
+        nonlocal latest
+        with lock:
+            latest = what
+            if late:
+                inform(f"solving {what}")
+
+    timer = Timer(patience_s, begin)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield told
+    finally:
+        timer.cancel()
 
 
 @contextmanager

@@ -53,13 +53,16 @@ def press(
     json: Json = False,
 ) -> None:
     """Press once into a scene and print force, contact stress, pulse and contact."""
+    from probe.cli.progress import solving
     from sim_backend.models.press import press as press_once
     from sim_backend.scene.scene_file import load_scene
 
     chosen = {} if model is None else {"model": model}
-    pressed = press_once(
-        load_scene(scene), x, depth, pressure or None, accuracy_pct=accuracy, **chosen
-    )
+    with solving() as told:
+        pressed = press_once(
+            load_scene(scene), x, depth, pressure or None, accuracy_pct=accuracy, solving=told,
+            **chosen,
+        )  # fmt: skip
     pressures = [state.pressure_mmhg for state in pressed.states]
     if deck is not None:
         from sim_backend.fem.io.deck import write_deck

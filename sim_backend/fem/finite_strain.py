@@ -30,6 +30,7 @@ def solve_finite(
     *,
     grading: Grading | None = None,
     coarser: Solved | None = None,
+    must_carry: bool = False,
 ) -> Solved:
     """One solution per lumen pressure, ``depth_m`` deep at ``x_m``. Raises `CannotSolve`.
 
@@ -37,7 +38,8 @@ def solve_finite(
     answer does not depend on the order, since nothing here slides with friction. Where filling
     first meets a limit, pressing first is tried. With what was solved on a ``coarser`` mesh the way
     down need not be gone again, but by a bonded finger: what it touches keeps its place, so that
-    the answer is its path's, and each mesh goes its own.
+    the answer is its path's, and each mesh goes its own. Where that ``must_carry`` over, what does
+    not is not solved.
     """
     section = build_section(
         scene, x_m, depth_m=depth_m, size_m=size_m, element=element, grading=grading
@@ -47,6 +49,10 @@ def solve_finite(
             first_there = continued(coarser[0], coarser[1][0], section)
             others = [Load(depth_m, p) for p in pressures_pa[1:]]
             return section, [first_there, *continuation(section, first_there, others)]
+        if must_carry:
+            raise CannotSolve(
+                "mesh", "the coarser mesh's answer does not carry over to a finer one"
+            )
     if scene.indenter.bonded:
         contact_m = grading.contact_m if grading else CONTACT_SHARE * size_m
         depths = bonded_way_m(section.finger, depth_m, contact_m)

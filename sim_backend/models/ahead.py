@@ -16,8 +16,9 @@ from threading import Condition, Thread
 from typing import Any
 
 from drivers.core.child import Child
+from sim_backend.models import station_response
 from sim_backend.models.response import StationResponse
-from sim_backend.models.station_response import Station, is_known, learn, respond, station
+from sim_backend.models.station_response import Station, is_known, learn, station
 from sim_backend.scene.scene_file import Scene
 
 END_S = 5.0
@@ -61,7 +62,7 @@ class SolvedAhead:
             )
             if one in self._solved:
                 learn(one, self._solved[one])
-        return respond(scene, x_m, max_depth_m)
+        return station_response.respond(scene, x_m, max_depth_m)
 
     def close(self) -> None:
         """End the process, whatever it is doing."""
@@ -124,7 +125,7 @@ def solve_from_far_end(stations: list[Station], pipe: "Connection[Any, Any]") ->
             continue
         pipe.send((number, BEGUN))
         try:
-            pipe.send((number, respond(*stations[number])))
+            pipe.send((number, station_response.respond(*stations[number])))
         except Exception:  # noqa: BLE001 - whatever it is, it is met again where it is asked for
             pipe.send((number, FAILED))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from math import exp
 
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.models.refine import first_force_n_per_m
+from sim_backend.models.refine import Solving, first_force_n_per_m
 from sim_backend.scene.scene_file import Artery, Inclusion, Scene, SceneError
 
 SMALL_PCT, SMALL_POWER = 45.0, 1.35
@@ -58,18 +58,25 @@ def named(model: str, scene: Scene, depth_mm: float, pressures_mmhg: tuple[float
 
 
 def choose(
-    scene: Scene, x_mm: float, depth_mm: float, pressures_mmhg: tuple[float, ...], budget_pct: float
+    scene: Scene,
+    x_mm: float,
+    depth_mm: float,
+    pressures_mmhg: tuple[float, ...],
+    budget_pct: float,
+    solving: Solving = lambda _what: None,
 ) -> Choice:
     """Leave out what costs at most half of ``budget_pct``; the mesh may use the rest.
 
     Inclusions too far away to be felt go first, then finite strain. A filled vessel is always
     kept, at finite strain: its pressure is felt tens of millimetres away, and small strain misses
-    half of its pulse at any depth. Raises `CannotSolve`.
+    half of its pulse at any depth. ``solving`` is told of what is solved to find out. Raises
+    `CannotSolve`.
     """
     filled = any(p > 0 for p in pressures_mmhg)
     kept, far_pct = _without_far(scene, x_mm, filled, budget_pct)
     whole = Choice("finite", scene, 0.0)
     if kept != scene:
+        solving("what far inclusions do to the force, on a coarse mesh")
         effect_pct = _effect_pct(whole, Choice("finite", kept, 0.0), x_mm, depth_mm)
         if effect_pct > budget_pct / 4:
             kept, far_pct = scene, 0.0
@@ -78,6 +85,7 @@ def choose(
     effect_pct = 0.0
     stiff_only = not (filled and kept.arteries) and scene.tissue is not None
     if stiff_only and not scene.indenter.bonded and small_pct <= budget_pct / 4:
+        solving("what finite strain does to the force, on a coarse mesh")
         effect_pct = _effect_pct(Choice("finite", kept, 0.0), Choice("small", kept, 0.0), x_mm,
                                  depth_mm)  # fmt: skip
         if effect_pct <= budget_pct / 4:

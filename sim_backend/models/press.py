@@ -20,7 +20,7 @@ from sim_backend.fem.solid.forces import smallest_volume_ratio
 from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
 from sim_backend.models.choose import choose, named
-from sim_backend.models.refine import refine
+from sim_backend.models.refine import Solving, refine
 from sim_backend.models.solid_press import refine_axisymmetric, refine_solid
 from sim_backend.scene.scene_file import Scene, SceneError, as_scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -198,6 +198,7 @@ def press(
     *,
     model: str = "auto",
     accuracy_pct: float = 1.0,
+    solving: Solving = lambda _what: None,
 ) -> Press:
     """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg of an empty list.
 
@@ -208,7 +209,8 @@ def press(
     Model and mesh are the cheapest that keep force and pulse within ``accuracy_pct``, unless
     ``model`` names one: ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in
     space. Meshes are refined until what changes is
-    small enough; where that cannot be reached, the stated error is above ``accuracy_pct``. Raises
+    small enough; where that cannot be reached, the stated error is above ``accuracy_pct``.
+    ``solving`` is told in words of each mesh before it is solved. Raises
     `SceneError` for a press that cannot be meant and `CannotSolve` where physics ends.
 
     Examples
@@ -225,16 +227,16 @@ def press(
     _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()
     if scene.plane == "solid":
-        return _press_solid(scene, x_mm, depth_mm, pressures, model, accuracy_pct, began)
+        return _press_solid(scene, x_mm, depth_mm, pressures, model, accuracy_pct, solving, began)
     if model == "auto":
-        choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct)
+        choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct, solving)
     else:
         choice = named(model, scene, depth_mm, pressures)
     levels_pa = [p * PA_PER_MMHG for p in pressures]
     model_pct = np.array([choice.error_pct, choice.pulse_error_pct])
     left_pct = np.maximum(accuracy_pct - model_pct, accuracy_pct / 2)
     place = 1e-3 * x_mm, 1e-3 * depth_mm
-    refined = refine(choice.model, choice.scene, *place, levels_pa, left_pct)
+    refined = refine(choice.model, choice.scene, *place, levels_pa, left_pct, solving=solving)
     section, solutions = refined.solved
     states = tuple(_state(scene, section, s, p) for s, p in zip(solutions, pressures, strict=True))
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)
@@ -267,12 +269,13 @@ def _press_solid(
     pressures: tuple[float, ...],
     model: str,
     accuracy_pct: float,
+    solving: Solving,
     began: float,
 ) -> Press:
     """A solid scene as a body of revolution where that is near enough, else as a solid."""
     place = scene, 1e-3 * x_mm, 1e-3 * depth_mm
     if model in ("auto", "axisymmetric") and is_round(scene, x_mm):
-        section, solution, pct = refine_axisymmetric(*place, accuracy_pct)
+        section, solution, pct = refine_axisymmetric(*place, accuracy_pct, solving)
         if pct <= accuracy_pct or model == "axisymmetric":
             # of a whole turn, its force is in newtons
             states = tuple(
@@ -294,7 +297,9 @@ def _press_solid(
             "axisymmetric under a sphere or a round flat, over nothing or over one ball right below"
         )
     levels_pa = [p * PA_PER_MMHG for p in pressures]
-    (body, solutions), error_pct = refine_solid(*place, levels_pa, np.full(2, accuracy_pct))
+    (body, solutions), error_pct = refine_solid(
+        *place, levels_pa, np.full(2, accuracy_pct), solving
+    )
     pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
     return Press(
         scene, x_mm, depth_mm, "solid", len(body.free), perf_counter() - began,

@@ -1,6 +1,6 @@
 """Meshes refined until force and pulse stand still, and what is then still left of their errors."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from sim_backend.fem.axisymmetric import solve_axisymmetric
 from sim_backend.fem.finite_strain import Solved, solve_finite
 from sim_backend.fem.gaps import GAP_SHARE
 from sim_backend.fem.model import Grading
-from sim_backend.fem.newton import CannotSolve, Solution
+from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.scene.scene_file import Scene
 
@@ -39,6 +39,12 @@ FIRST_WALL = (0.25, 0.5)
 COARSEST, COARSEST_POWER = 0.3, 0.5
 """Largest size over the block's height on the first mesh; it falls as this power of the others."""
 
+Solving = Callable[[str], None]
+"""Is told in words what is about to be solved."""
+MODEL_WORDS = {
+    "finite": "finite strain", "small": "small strain", "axisymmetric": "a body of revolution",
+}  # fmt: skip
+
 
 @dataclass(frozen=True)
 class Refined:
@@ -46,6 +52,16 @@ class Refined:
 
     solved: Solved
     error_pct: Array
+
+
+def mesh_in_words(model: str, contact_m: float, error_pct: Array) -> str:
+    """What is solved next, for a person; ``error_pct`` (force, pulse) is not finite before two
+    meshes are known."""
+    words = f"{model} on elements of {1e3 * contact_m:.2g} mm under the finger"
+    if np.isinf(error_pct).any():
+        return words
+    pulse = f", the pulse {error_pct[1]:.2g} %" if error_pct[1] else ""
+    return f"{words}; so far the force is within {error_pct[0]:.2g} %{pulse}"
 
 
 def first_force_n_per_m(model: str, scene: Scene, x_m: float, depth_m: float) -> float:
@@ -65,12 +81,15 @@ def refine(
     pressures_pa: Sequence[float],
     budget_pct: Array,
     near: Solved | None = None,
+    *,
+    solving: Solving = lambda _what: None,
 ) -> Refined:
     """Solve on ever finer meshes until the errors left are within ``budget_pct`` (force, pulse).
 
     With ``model`` axisymmetric, ``x_m`` is the radius of the round block, and the first mesh begins
     at what was solved for one ``near`` to it. A mesh too fine to be
-    solved, or to be worth it, ends the refinement too. Raises `CannotSolve`.
+    solved, or to be worth it, ends the refinement too. ``solving`` is told of each mesh before it
+    is solved. Raises `CannotSolve`.
     """
     half_m = 0.5e-3 * scene.indenter.width_mm_projected
     floor_pct = FLOOR_PCT * [1.0, len(pressures_pa) > 1]
@@ -78,15 +97,19 @@ def refine(
     def solve(share: float, coarser: Solved | None) -> Solved:
         place = scene, x_m, depth_m, pressures_pa, share * half_m
         grading = mesh_grading(scene, share * half_m, share)
+        solving(mesh_in_words(MODEL_WORDS[model], grading.contact_m, error_pct))
         if model == "axisymmetric":
             return solve_axisymmetric(scene, x_m, depth_m, grading, coarser)
         if model == "small":
             return solve_small(*place, grading=grading)
-        return solve_finite(*place, grading=grading, coarser=coarser)
+        # not all the way down again where walls fold: a finer mesh may find no way past the folds
+        # in a minute, and no pulse is stated better there than two meshes tell it
+        must_carry = bool(np.isfinite(error_pct).all()) and coarser is not None and _folded(coarser)
+        return solve_finite(*place, grading=grading, coarser=coarser, must_carry=must_carry)
 
     share = FIRST_SHARE
-    solved = solve(share, near)
     error_pct = np.full(2, np.inf)
+    solved = solve(share, near)
     wanted = float(np.sqrt((budget_pct / np.maximum(floor_pct, 1e-9)).min()))
     finer = share / min(wanted, SECOND_SHARE)
     while (error_pct > budget_pct).any() and share > SMALLEST_SHARE:
@@ -126,6 +149,11 @@ def mesh_grading(scene: Scene, size_m: float, share: float) -> Grading:
 
     coarsest_m = COARSEST * finer**COARSEST_POWER * 1e-3 * scene.surface_mm
     return Grading(CONTACT_SHARE * size_m, at_wall, GROWTH, coarsest_m, GAP_SHARE * finer)
+
+
+def _folded(solved: Solved) -> bool:
+    """Whether a lumen's walls touch."""
+    return any(len(one.multiplier) > PAIRS_WITH_OPEN_LUMENS for one in solved[1])
 
 
 def _changes_pct(coarse: list[Solution], fine: list[Solution]) -> Array:

@@ -11,7 +11,7 @@ from sim_backend.fem.model import Section
 from sim_backend.fem.newton import CannotSolve, Solution
 from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.solve import SolvedSolid, solve_solid
-from sim_backend.models.refine import refine
+from sim_backend.models.refine import Solving, mesh_in_words, refine
 from sim_backend.scene.scene_file import Scene
 
 SHARES = (0.36, 0.25, 0.18)
@@ -20,23 +20,31 @@ ORDER = 1.6
 """The error falls at least as this power of the size, as in `sim_backend.models.refine`."""
 MOST_UNKNOWNS = 60_000
 """No mesh above this is solved: its factors take more than 1.5 GB."""
+SOLID = "a solid in three dimensions"
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
 
 
 def refine_solid(
-    scene: Scene, x_m: float, depth_m: float, pressures_pa: Sequence[float], budget_pct: Array
+    scene: Scene,
+    x_m: float,
+    depth_m: float,
+    pressures_pa: Sequence[float],
+    budget_pct: Array,
+    solving: Solving = lambda _what: None,
 ) -> tuple[SolvedSolid, Array]:
     """The finest solution needed for ``budget_pct`` (force, pulse), and what is left of both errors
-    [%]. Raises `CannotSolve`."""
+    [%]. ``solving`` is told of each mesh before it is solved. Raises `CannotSolve`."""
     half_m = half_width_m(scene)
-    solved = solve_solid(scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m)
     error_pct = np.full(2, np.inf)
+    solving(mesh_in_words(SOLID, SHARES[0] * half_m, error_pct))
+    solved = solve_solid(scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m)
     for before, share in pairwise(SHARES):
         finer = before / share
         if len(solved[0].free) * finer**2 > MOST_UNKNOWNS:
             break
         coarser = solved
+        solving(mesh_in_words(SOLID, share * half_m, error_pct))
         try:
             solved = solve_solid(scene, x_m, depth_m, pressures_pa, share * half_m, coarser=coarser)
         except CannotSolve:
@@ -56,7 +64,11 @@ def refine_solid(
 
 
 def refine_axisymmetric(
-    scene: Scene, x_m: float, depth_m: float, accuracy_pct: float
+    scene: Scene,
+    x_m: float,
+    depth_m: float,
+    accuracy_pct: float,
+    solving: Solving = lambda _what: None,
 ) -> tuple[Section, Solution, float]:
     """A press over round things by a body of revolution, its force and its error [%].
 
@@ -69,8 +81,9 @@ def refine_axisymmetric(
     sides = x_m, 1e-3 * tissue.width_mm - x_m, half_length_m
     inner, outer = min(sides), float(np.hypot(max(sides[:2]), half_length_m))
     budget = np.array([max(0.3 * accuracy_pct, 0.05), np.inf])
-    small = refine("axisymmetric", scene, inner, depth_m, [0.0], budget)
-    large = refine("axisymmetric", scene, outer, depth_m, [0.0], budget, small.solved)
+    press = depth_m, [0.0], budget
+    small = refine("axisymmetric", scene, inner, *press, solving=solving)
+    large = refine("axisymmetric", scene, outer, *press, small.solved, solving=solving)
     (section, (low,)), (_, (high,)) = small.solved, large.solved
     forces = np.array([low.force_n_per_m, high.force_n_per_m])  # of a whole turn: newtons
     force_n = float(forces.mean())

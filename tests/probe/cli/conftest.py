@@ -52,3 +52,6 @@ def palpate(capfd: pytest.CaptureFixture[str]) -> Palpate:
 def springs(monkeypatch: pytest.MonkeyPatch, winkler: Callable[..., Any]) -> None:
     """Tissue of springs in place of the finite elements: these tests are about the commands."""
     monkeypatch.setattr("sim_backend.models.station_response.respond", winkler)
+    monkeypatch.setattr(
+        "sim_backend.models.ahead.processors", lambda: 1
+    )  # it solves finite elements

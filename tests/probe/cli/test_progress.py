@@ -1,0 +1,49 @@
+"""What a command says while it takes long."""
+
+import time
+
+import pytest
+
+from palpate import press
+from probe.cli.progress import solving
+
+
+def test_who_waits_is_told_what_is_solved(capsys: pytest.CaptureFixture[str]) -> None:
+    with solving(after_s=0.05) as told:
+        told("the first mesh")
+        told("the second mesh")
+        assert not capsys.readouterr().err
+        end_s = time.monotonic() + 10
+        while not (said := capsys.readouterr().err):
+            assert time.monotonic() < end_s
+        told("the third mesh")
+    assert said == "solving the second mesh\n"
+    assert capsys.readouterr().err == "solving the third mesh\n"
+
+
+def test_a_short_wait_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
+    with solving(after_s=0.05) as told:
+        told("the first mesh")
+    time.sleep(0.1)
+    assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("depth_mm", "accuracy_pct", "said"),
+    [
+        (1.0, 0.1, ["finite strain on elements of 0.25 mm", "so far the force is within"]),
+        (0.1, 10.0, ["what finite strain does", "small strain on elements"]),
+    ],
+)
+def test_a_press_says_model_and_mesh(depth_mm: float, accuracy_pct: float, said: list[str]) -> None:
+    heard: list[str] = []
+    press("TI", 32.0, depth_mm, accuracy_pct=accuracy_pct, solving=heard.append)
+    for words in said:
+        assert any(words in one for one in heard), heard
+
+
+def test_a_long_press_says_so_on_standard_error(palpate, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("probe.cli.progress.PATIENCE_S", 0.0)
+    outcome = palpate("press", "TI", "--x", "32", "--depth", "1", "--json")
+    assert outcome.json["model"]
+    assert "solving" in outcome.err
