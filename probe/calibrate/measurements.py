@@ -12,7 +12,8 @@ from calibration.touch import find_contact
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.units import to_si
-from probe.core.contact_stress import compliance_m_per_n, tactile_device
+from probe.core.contact_stress import tactile_device
+from probe.core.cut_stations import compliance_m_per_n
 from probe.core.events import Phase
 from probe.storage.run import Run, open_run
 

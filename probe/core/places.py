@@ -1,8 +1,22 @@
-"""Where a press is, in words: x in a row, x and y at every station of a grid."""
+"""Where stations are, by the plan and in words: x in a row, x and y in a grid."""
 
 from collections.abc import Iterable, Mapping
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
+
+
+def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
+    """Where each station of the plan is: x, y [m], NaN where unknown; empty without a plan."""
+    try:
+        return {
+            int(n): (_metres(x_mm), _metres(y_mm)) for n, x_mm, y_mm in config["plan"]["stations"]
+        }
+    except (KeyError, TypeError, ValueError):
+        return {}
+
+
+def _metres(length_mm: float | None) -> float:
+    return nan if length_mm is None else 1e-3 * float(length_mm)
 
 
 def has_rows(y_mm: Iterable[float | None]) -> bool:
@@ -12,7 +26,7 @@ def has_rows(y_mm: Iterable[float | None]) -> bool:
 
 def plans_rows(config: Mapping[str, Any]) -> bool:
     """Whether the stations of a run's configuration snapshot are a grid."""
-    return has_rows(y_mm for _, _, y_mm in config.get("plan", {}).get("stations", ()))
+    return has_rows(1e3 * y_m for _, y_m in planned(config).values())
 
 
 def place_words(x_m: float, y_m: float, *, in_grid: bool) -> str:

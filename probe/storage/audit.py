@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from probe.core.contact_stress import ROLES, planned
+from probe.core.contact_stress import ROLES
 from probe.core.events import (
     Event,
     Finish,
@@ -24,6 +24,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.core.places import planned
 from probe.core.states import ALLOWED
 
 TAIL_S = 0.25  # a press must be measured to within this of its end

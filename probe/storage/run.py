@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers import Channel
-from probe.core.contact_stress import record, simulated_channels
+from probe.core.contact_stress import simulated_channels
+from probe.core.cut_stations import record
 from probe.core.errors import RunFileError
 from probe.core.events import Event, Finish, RunEnded, RunStarted
 from probe.core.recording import Recording

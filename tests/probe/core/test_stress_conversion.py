@@ -7,7 +7,8 @@ import pytest
 
 from drivers import Block, Channel
 from drivers.core.units import SI, to_si
-from probe.core.contact_stress import record, stress_conversion
+from probe.core.contact_stress import stress_conversion
+from probe.core.cut_stations import record
 from probe.core.errors import RunFileError
 from probe.core.events import Event, Phase, PhaseEntered, RunStarted, Samples, StationEnded
 from probe.core.events import StationStarted as Started

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from drivers import Block, Channel
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
-from probe.core.contact_stress import quantum, record
+from probe.core.cut_stations import quantum, record
 from probe.core.events import (
     Event,
     Finish,
