@@ -1,4 +1,4 @@
-"""Runs to look at, made of events; windows offscreen; screenshots kept under artefacts/."""
+"""Runs to look at, made of events; windows offscreen; screenshots kept under build/screenshots/."""
 
 import os
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from probe.gui.style import application
 from sim_backend import load_scene
 
 PERIOD_S = 0.825
-SCREENSHOTS = ROOT / "artefacts"
+SCREENSHOTS = ROOT / "build" / "screenshots"
 
 
 def a_run(rows: int = 1, columns: int = 15, taxels: int = 1) -> list[Event]:
@@ -88,7 +88,7 @@ def shoot() -> Callable[..., None]:
     app = application()
 
     def take(window: Any, name: str, size: tuple[int, int] = (1366, 768)) -> None:
-        SCREENSHOTS.mkdir(exist_ok=True)
+        SCREENSHOTS.mkdir(parents=True, exist_ok=True)
         window.resize(*size)
         window.show()
         for _ in range(3):
