@@ -49,13 +49,15 @@ class NoContact(NoHold):
 class Hold:
     """``signal_pa`` (n,) at ``time_s`` (n,) since the hold began; ``weight`` (n,) is how many
     samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation,
-    ``start_s`` when the hold began on the recording's clock."""
+    ``start_s`` when the hold began on the recording's clock. A mean weakens what oscillates at f as
+    one over ``averaged_s`` without gaps does, by sinc(f averaged_s)."""
 
     time_s: Array
     signal_pa: Array
     weight: Array
     clipped: float
     start_s: float
+    averaged_s: float = 0.0
 
     @property
     def step_s(self) -> float:
@@ -124,7 +126,9 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     mean = [np.bincount(bins, weights=v)[there] / count[there] for v in (time_s, signal)]
     weight = count[there] / count[there].mean()
     start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])
-    return Hold(mean[0] - start, mean[1], weight, clipped, start)
+    each = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+    averaged_s = each * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0)))
+    return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s)
 
 
 def _between(station: Station) -> tuple[Array, Array, float]:

@@ -62,7 +62,8 @@ def sizes_at(
     design, count = design_of(hold), len(prior_pa)
     q, _ = np.linalg.qr(white(design.drift))
     time_s = hold.time_s if beating_s is None else beating_s
-    wave = harmonics(time_s, rate_hz, count) * np.tile(prior_pa, 2)
+    kept = np.tile(np.sinc(rate_hz * np.arange(1, count + 1) * hold.averaged_s), 2)
+    wave = harmonics(time_s, rate_hz, count) * np.tile(prior_pa, 2) * kept
     if late is not None:
         wave = np.column_stack([wave, late])
     y, decays, wave = (v - q @ (q.T @ v) for v in map(white, (hold.signal_pa, design.decays, wave)))

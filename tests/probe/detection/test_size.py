@@ -43,3 +43,14 @@ def test_noise_does_not_make_an_interval_jump(seed: int) -> None:
            for i in range(15)]  # fmt: skip
     sds = [p.pulse.size_sd_pa for p in presses_of(recording(row), 0.01) if p.pulse is not None]
     assert max(sds) < 2 * np.median(sds)
+
+
+def test_averages_do_not_shrink_a_quick_pulse() -> None:
+    """Samples of 500 Hz are averaged over 20 ms, in which a pulse of 150 a minute moves."""
+    found = []
+    for seed in range(3):
+        one = station(np.random.default_rng(seed), relaxing=0.0, pulse_pa=300.0, noise_pa=1.0,
+                      rate_hz=2.5, hold_s=3.0)  # fmt: skip
+        (press,) = presses_of(recording([one]), 0.01)
+        found.append(press.size_pa / (300.0 * SWING))
+    assert np.mean(found) == pytest.approx(1.0, abs=0.01)
