@@ -22,6 +22,7 @@ from sim_backend.fem.newton import Load
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.kept_tables import kept_table, table_file
+from sim_backend.models.second_process import all_answers
 from sim_backend.models.station_response import element_size_m
 from sim_backend.scene.scene_file import Scene, SceneError, mirrored
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -154,7 +155,8 @@ def train(scene: Scene, max_depth_m: float) -> dict[str, Array]:
     x = _places(scene)
     depth = np.geomspace(SHALLOWEST_M, max_depth_m, DEPTH_NODES)
     pressure = _pressures(scene)
-    solved = np.stack([_column(scene, xi, depth, pressure, COARSER) for xi in x])
+    columns = [(scene, float(xi), depth, pressure, COARSER) for xi in x]
+    solved = np.stack(all_answers(_column, columns))
     table = {"x": x, "depth": depth, "pressure": pressure, "solved": solved}
     return table | {"errors": _held_back(scene, table)}
 
@@ -234,22 +236,26 @@ def _spline(axes: tuple[Array, Array, Array], values: Array) -> NdBSpline:
 
 
 def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
-    """Largest error of force and of pulse [%] over random states, times `SAFETY`.
-
-    The truth is solved at two thirds of the element size.
-    """
+    """Largest error of force and of pulse [%] over random states, times `SAFETY`."""
     model = _from_table(scene, table)
     rng = np.random.default_rng(len(table["x"]))
     ends = np.array([scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg]) * PA_PER_MMHG
     beats = ends if scene.arteries else np.zeros(1)
-    errors = []
+    states = []
     for _ in range(HELD_BACK):
         x = float(rng.uniform(*model.range.x_m))
-        d = float(np.exp(rng.uniform(*np.log(model.range.depth_m))))
-        _, solutions = solve_finite(scene, x, d, beats.tolist(), element_size_m(scene) / 1.5)
-        truth = 1e-3 * scene.indenter.length_mm * np.array([s.force_n_per_m for s in solutions])
+        states.append((scene, x, float(np.exp(rng.uniform(*np.log(model.range.depth_m)))), beats))
+    errors = []
+    for (_, x, d, _), truth in zip(states, all_answers(_truth, states), strict=True):
         ours = model.force_n(x, d, beats)
         pulse, span = float(np.ptp(ours)), float(np.ptp(truth))
         floor = SMALL_PULSE * truth.max()
         errors.append((np.abs(ours / truth - 1).max(), abs(pulse - span) / max(span, floor)))
     return np.asarray(np.maximum(100 * SAFETY * np.max(errors, axis=0), FLOOR_PCT))
+
+
+def _truth(scene: Scene, x_m: float, depth_m: float, pressure: Array) -> Array:
+    """Force [N] at pressures (p,), solved at two thirds of the element size."""
+    size_m = element_size_m(scene) / 1.5
+    _, solutions = solve_finite(scene, x_m, depth_m, pressure.tolist(), size_m)
+    return 1e-3 * scene.indenter.length_mm * np.array([s.force_n_per_m for s in solutions])

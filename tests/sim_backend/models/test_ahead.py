@@ -12,7 +12,7 @@ from small_block import BLOCK
 from drivers import SimulatedClock
 from palpate import Rig, connect
 from sim_backend import Scene, SceneError
-from sim_backend.models import ahead, station_response
+from sim_backend.models import second_process, station_response
 from sim_backend.models.ahead import SolvedAhead
 from sim_backend.models.station_response import Station, respond, station
 
@@ -22,7 +22,7 @@ PLACES_M = [9e-3, 10e-3, 11e-3, 12e-3, 13e-3]  # the last is the mirror image of
 
 @pytest.fixture(autouse=True)
 def two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ahead, "processors", lambda: 2)
+    monkeypatch.setattr(second_process, "processors", lambda: 2)
     monkeypatch.setattr(station_response, "_kept", {})
 
 
@@ -54,9 +54,9 @@ def test_both_processes_answer_to_the_last_bit(
     solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = solved(stations())
-    wait_for(lambda: len(both._solved) > 0)
+    wait_for(lambda: len(both._other._solved) > 0)
     answers = [both(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
-    assert len(both._ours) >= 1 and len(both._ours) + len(both._solved) >= 4
+    assert len(both._other._ours) >= 1 and len(both._other._ours) + len(both._other._solved) >= 4
     monkeypatch.setattr(station_response, "_kept", {})
     alone = [respond(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
     assert [pickle.dumps(one) for one in answers] == [pickle.dumps(one) for one in alone]
@@ -66,7 +66,7 @@ def test_what_is_being_solved_elsewhere_is_waited_for(
     solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = solved(stations())
-    wait_for(lambda: len(both._theirs) > 0)
+    wait_for(lambda: len(both._other._theirs) > 0)
     monkeypatch.setattr(station_response, "_respond", None)  # nothing can be solved here
     both(BLOCK, PLACES_M[3], DEPTH_M)
 
@@ -75,14 +75,14 @@ def test_what_is_being_solved_elsewhere_is_waited_for(
 def test_no_process_where_it_would_gain_nothing(
     processors: int, places: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ahead, "processors", lambda: processors)
-    assert not SolvedAhead(stations()[:places])._thread.is_alive()
+    monkeypatch.setattr(second_process, "processors", lambda: processors)
+    assert not SolvedAhead(stations()[:places])._other._thread.is_alive()
 
 
 def test_no_process_where_everything_is_known() -> None:
     for one in stations():
         station_response.learn(one, respond(*stations()[0]))
-    assert not SolvedAhead(stations())._thread.is_alive()
+    assert not SolvedAhead(stations())._other._thread.is_alive()
 
 
 def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., SolvedAhead]) -> None:
@@ -92,8 +92,8 @@ def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., Solv
     touching = Scene.model_validate(content | {"inclusion": [*content["inclusion"], lump]})
     hopeless = station(touching, PLACES_M[3], DEPTH_M)
     both = solved([*stations()[:2], hopeless])
-    wait_for(lambda: len(both._solved) > 0)  # it went on after what it could not solve
-    assert hopeless not in both._theirs
+    wait_for(lambda: len(both._other._solved) > 0)  # it went on after what it could not solve
+    assert 2 not in both._other._theirs
     with pytest.raises(SceneError, match="too little to be meshed"):
         both(*hopeless)
     both(BLOCK, PLACES_M[0], DEPTH_M)
@@ -101,9 +101,9 @@ def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., Solv
 
 def test_without_the_process_everything_is_solved_here(solved: Callable[..., SolvedAhead]) -> None:
     both = solved(stations())
-    wait_for(lambda: len(both._theirs) > 0)
+    wait_for(lambda: len(both._other._theirs) > 0)
     both.close()
-    wait_for(lambda: not both._thread.is_alive())
+    wait_for(lambda: not both._other._thread.is_alive())
     both(BLOCK, PLACES_M[3], DEPTH_M)
 
 
@@ -111,11 +111,11 @@ def test_it_ends_with_a_parent_that_is_killed() -> None:
     start = (
         "import sys, time\n"
         "from palpate import load_scene\n"
-        "from sim_backend.models import ahead\n"
-        "ahead.processors = lambda: 2\n"
+        "from sim_backend.models import ahead, second_process\n"
+        "second_process.processors = lambda: 2\n"
         "scene = load_scene('TIHA-solid')\n"
         "one = ahead.SolvedAhead([ahead.station(scene, 1e-3 * x, 2.51e-3) for x in range(4, 30)])\n"
-        "while not one._theirs: time.sleep(0.02)\n"
+        "while not one._other._theirs: time.sleep(0.02)\n"
         "print('begun', flush=True)\n"
         "time.sleep(600)\n"
     )
@@ -131,6 +131,6 @@ def test_devices_end_it_when_they_are_closed() -> None:
     rig = Rig(scan={"start_mm": 4.0, "stations": 4, "pitch_mm": 4.0, "indentation_mm": 1.0})
     with connect(rig, SimulatedClock(), BLOCK) as devices:
         assert devices.phantom is not None and devices.phantom._ahead is not None
-        assert devices.phantom._ahead._thread.is_alive()
+        assert devices.phantom._ahead._other._thread.is_alive()
     ahead_of_it = devices.phantom._ahead
-    wait_for(lambda: not ahead_of_it._thread.is_alive())
+    wait_for(lambda: not ahead_of_it._other._thread.is_alive())

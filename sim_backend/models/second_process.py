@@ -1,0 +1,140 @@
+"""Independent solves shared with a second process, which begins at their far end.
+
+Both meet. The other process says what it begins with, and is told what is begun here: at worst one
+task is done twice, and both answers are the same to the last bit. It is a fresh interpreter and no
+fork: where it is started there may be windows, guards and drivers with threads.
+"""
+
+import os
+import signal
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from multiprocessing import parent_process
+from multiprocessing.connection import Connection
+from threading import Condition, Thread
+from typing import Any, Generic, TypeVar
+
+from drivers.core.child import Child
+
+END_S = 5.0
+BEGUN, FAILED, SOLVED = "begun", "failed", "solved"
+Answer = TypeVar("Answer")
+
+
+class SecondProcess(Generic[Answer]):
+    """Answers of ``function(*task)``, a module's function, for some of ``tasks``.
+
+    No process is started for fewer than two of them, on a single processor, or in a worker of a
+    pool, which has its share of the processors already. `close` ends it.
+    """
+
+    def __init__(self, function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]]) -> None:
+        self._work = function, list(tasks)
+        self._theirs: set[int] = set()  # begun by the other process
+        self._ours: set[int] = set()  # begun by this one
+        self._solved: dict[int, Answer] = {}
+        self._child: Child | None = None
+        self._news = Condition()
+        self._ended = len(tasks) < 2 or processors() < 2 or parent_process() is not None
+        self._thread = Thread(target=self._learn, name="palpate second process", daemon=True)
+        if not self._ended:
+            self._thread.start()
+
+    def answer(self, number: int) -> Answer | None:
+        """That of a task, as soon as it is there; None if it is not begun, or could not be found:
+        then it is the caller's to find."""
+        with self._news:
+            if number not in self._theirs:
+                self._ours.add(number)
+                self._tell(number)
+            self._news.wait_for(
+                lambda: self._ended or number in self._solved or number not in self._theirs
+            )
+            return self._solved.get(number)
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        with self._news:
+            self._ended = True
+            if self._child is not None and self._child.alive():
+                os.kill(self._child.pid, signal.SIGTERM)
+        if self._thread.ident is not None:  # it was started
+            self._thread.join(END_S)
+
+    def _tell(self, number: int) -> None:
+        if self._child is not None:
+            with suppress(OSError):  # it has just ended
+                self._child.pipes[0].send(number)
+
+    def _learn(self) -> None:
+        """Body of the thread: start the process, take what it has solved, and wait for its end."""
+        child = Child(solve_from_far_end, self._work, pipes=1)
+        with self._news:
+            self._child = child
+            for number in self._ours:
+                self._tell(number)
+        with suppress(EOFError, OSError):
+            while not self._ended:
+                number, what, answer = child.pipes[0].recv()
+                with self._news:
+                    if what == BEGUN:
+                        self._theirs.add(number)
+                    elif what == FAILED:  # who asks for it is told why, where it is solved again
+                        self._theirs.discard(number)
+                    else:
+                        self._solved[number] = answer
+                    self._news.notify_all()
+        with self._news:
+            self._ended = True
+            self._child = None
+            self._news.notify_all()
+        child.end(END_S)
+
+
+def all_answers(function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]]) -> list[Answer]:
+    """``function(*task)`` of each task, in order, by two processes where that gains time.
+
+    Raises what ``function`` raises.
+    """
+    other = SecondProcess(function, tasks)
+    try:
+        found = []
+        for number, task in enumerate(tasks):
+            answer = other.answer(number)
+            found.append(function(*task) if answer is None else answer)
+        return found
+    finally:
+        other.close()
+
+
+def solve_from_far_end(
+    function: Callable[..., Any], tasks: list[tuple[Any, ...]], pipe: "Connection[Any, Any]"
+) -> None:
+    """Body of the process: what is begun elsewhere comes in, beginnings and answers go out.
+
+    It ends with the process at the other end, however that ends.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the scan's, which lifts the tip
+    taken: set[int] = set()
+
+    def listen() -> None:
+        try:
+            while True:
+                taken.add(pipe.recv())
+        except (EOFError, OSError):
+            os._exit(0)
+
+    Thread(target=listen, daemon=True).start()
+    for number in reversed(range(len(tasks))):
+        if number in taken:
+            continue
+        pipe.send((number, BEGUN, None))
+        try:
+            pipe.send((number, SOLVED, function(*tasks[number])))
+        except Exception:  # noqa: BLE001 - whatever it is, it is met again where it is asked for
+            pipe.send((number, FAILED, None))
+
+
+def processors() -> int:
+    """How many this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -1,0 +1,37 @@
+"""Work shared by two processes comes back in order, and a failure where it would be met alone."""
+
+import math
+
+import pytest
+
+from sim_backend.models import second_process
+from sim_backend.models.second_process import SecondProcess, all_answers
+
+
+@pytest.fixture(autouse=True)
+def two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(second_process, "processors", lambda: 2)
+
+
+def test_answers_come_in_the_order_of_their_tasks() -> None:
+    tasks = [(3.0 * n, 4.0 * n) for n in range(50)]
+    assert all_answers(math.hypot, tasks) == [5.0 * n for n in range(50)]
+    assert all_answers(math.hypot, tasks[:1]) == [0.0]
+
+
+def test_the_other_process_answers_from_the_far_end() -> None:
+    other = SecondProcess(math.sqrt, [(float(n * n),) for n in range(4)])
+    try:
+        other._news.acquire()
+        other._news.wait_for(lambda: len(other._solved) == 4)
+        other._news.release()
+        assert list(other._solved) == [3, 2, 1, 0]
+        assert other.answer(2) == 2.0
+        assert not other._ours
+    finally:
+        other.close()
+
+
+def test_a_failure_is_met_where_it_would_be_met_alone() -> None:
+    with pytest.raises(ValueError, match=r"math domain|nonnegative"):
+        all_answers(math.sqrt, [(4.0,), (1.0,), (-1.0,)])
