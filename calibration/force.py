@@ -7,6 +7,7 @@ The known loads are exact and the readings noisy, so the readings are regressed 
     load = pinv(sensitivity) @ (raw - offset - temperature (T - T0))
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -99,6 +100,7 @@ def fit_force(
     fits = [linear_fit(matrix, channel, names, advice) for channel in raw.T]
     values = np.array([fit.values for fit in fits])
     sensitivity = values[:, 1 : axes + 1]
+    _check_answer(fits, axes)
     if np.linalg.matrix_rank(sensitivity, tol=1e-6 * np.abs(sensitivity).max()) < axes:
         raise CalibrationError(
             "the channels answer all axes in the same proportion: check the wiring and that each "
@@ -117,6 +119,18 @@ def fit_force(
         hysteresis=max(hysteresis(loads[:, a], back[:, a]) for a in range(axes)),
         fit=stacked(fits),
     )
+
+
+def _check_answer(fits: Sequence[Fit], axes: int) -> None:
+    """Each axis must change a channel by more than noise does; dividing by such a gain would make
+    newtons of noise. A dead channel passes once in a hundred times."""
+    for axis in range(axes):
+        ends = np.array([fit.interval(0.99)[1 + axis] for fit in fits])
+        if (ends[:, 0] * ends[:, 1] <= 0).all():
+            raise CalibrationError(
+                f"no reading changes with load {axis} by more than its noise: check that the loads "
+                "were on this sensor, its wiring and its columns, or take larger loads"
+            )
 
 
 def hysteresis(load: Array, reading: Array) -> float:

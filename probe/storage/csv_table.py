@@ -91,6 +91,7 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
     """The table cut into stations, rows without a reading left out."""
     time_s = _whole(table, "time_s")
     labels = _labels(table)
+    first_number = min(int(labels.min()), 1)  # what is printed counts from 1, a run from 0
     starts = np.flatnonzero(np.diff(labels, prepend=labels[0] - 1))
     presses: dict[int, Press] = {}
     lost = doubled = 0
@@ -120,7 +121,7 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
         beside = rows["reference"].to_numpy() if "reference" in rows else np.full(len(rows), np.nan)
         known = fresh & np.isfinite(beside)
         presses[number] = Press(
-            number,
+            number - first_number,
             1e-3 * _middle(rows, "x_mm"),
             1e-3 * _middle(rows, "y_mm"),
             times[read],

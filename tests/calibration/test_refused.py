@@ -67,6 +67,14 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: fit_force(NOISE[:, :1], NOISE[:, 1:3]),
         "1 channels cannot tell 2 axes apart; leave axes out",
     ),
+    "force: a sensor that was not loaded": (
+        lambda: fit_force(NOISE[:, 0], LOADS),
+        "no reading changes with load 0 by more than its noise: check that the loads were on this",
+    ),
+    "force: one axis of two that no channel answers": (
+        lambda: fit_force(np.outer(LOADS, [1, 2]) + NOISE[:, :2], np.c_[LOADS, NOISE[:, 2]]),
+        "no reading changes with load 1 by more than its noise",
+    ),
     "force: channels that are copies": (
         lambda: fit_force(np.outer(NOISE[:, 0] + NOISE[:, 1], [1, 2]), NOISE[:, :2]),
         "same proportion: check the wiring",

@@ -63,13 +63,23 @@ def test_stations_places_and_a_reference(tmp_path: Path) -> None:
     assert verify(imported.path).ok
     run = open_run(imported.path)
     stations = run.recording().stations
-    assert [s.index for s in stations] == [1, 3, 7]
+    assert [s.index + 1 for s in stations] == [1, 3, 7]  # as they are shown
     assert [s.x_m for s in stations] == pytest.approx([0.01, 0.03, 0.07])
     assert stations[0].signal_pa[:3, 0] == pytest.approx(np.array([1.0, 1.01, 1.02]) / 50e-6)
     assert stations[2].reference == pytest.approx(np.sin(np.arange(20)), abs=1e-6)
     for station in stations:
         assert station.time_s - station.time_s[0] == pytest.approx(np.arange(20) / 100)
         assert (station.reference_s == station.time_s).all()
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_stations_that_count_from_0_or_from_1_are_the_same(tmp_path: Path, first: int) -> None:
+    """What `palpate export` writes counts from 0, people from 1."""
+    rows = [f"{n / 100 + s:g},{n},{first + s}" for s in range(3) for n in range(10)]
+    path = tmp_path / "rows.csv"
+    path.write_text(table("time_s,force_n,station", *rows))
+    imported = import_csv(path, tmp_path / "rows.run", face_mm2=50.0)
+    assert [s.index for s in open_run(imported.path).recording().stations] == [0, 1, 2]
 
 
 def test_a_new_position_is_a_new_station(tmp_path: Path) -> None:
