@@ -36,6 +36,7 @@ class RdtSource:
         clock: Clock,
         name: str,
         client: "pynetft.Client",
+        host: str,
         rate_hz: float,
         normal: Normal,
         latency_s: float,
@@ -43,6 +44,7 @@ class RdtSource:
         self._clock = clock
         self._name = name
         self._client = client
+        self._host = host
         self._rate_hz = rate_hz
         self._sign = 1.0 if normal[0] == "+" else -1.0
         self._axis = AXES.index(normal[1:])
@@ -67,7 +69,8 @@ class RdtSource:
             raise DeviceFault(self._name, "the stream has ended") from None
         except pynetft.SensorFaultError as error:
             if error.fault_code.value not in DISORDER:
-                raise DeviceFault(self._name, _in_words(error)) from None
+                unseen = f"; is the box at {self._host} on?" if self._count == 0 else ""
+                raise DeviceFault(self._name, _in_words(error) + unseen) from None
             self._begin_anew()
             return []
         received_s = 1e-9 * (time.monotonic_ns() - got.received_at_ns)
@@ -167,6 +170,6 @@ def open_sensor(
             client.start()
         except (pynetft.NetFTError, OSError) as error:
             raise DeviceAbsent(name, f"no Net F/T box at {host}: {error}") from None
-        return RdtSource(clock, name, client, rate_hz, normal, 1e-3 * latency_ms)
+        return RdtSource(clock, name, client, host, rate_hz, normal, 1e-3 * latency_ms)
 
     return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)

@@ -113,3 +113,11 @@ def test_a_missing_library_gives_the_line_to_type(
     monkeypatch.setitem(sys.modules, "pynetft", None)
     with pytest.raises(MissingExtra, match=r"pip install 'palpate\[netft\]'"):
         open_sensor(clock)
+
+
+def test_a_box_that_is_off_is_named_by_its_address(clock: WallClock) -> None:
+    pytest.importorskip("pynetft")
+    sensor = open_sensor(clock, host="127.0.0.1", rdt_port=9, http_port=9)
+    with pytest.raises((DeviceAbsent, DeviceFault), match=r"box at 127\.0\.0\.1"):
+        sensor.connect()
+    sensor.close()
