@@ -28,7 +28,7 @@ class RigError(ValueError):
     >>> import palpate
     >>> palpate.load_rig("lost.toml")
     Traceback (most recent call last):
-    probe.config.rig.RigError: lost.toml: no such file; not a rig file
+    probe.config.rig.RigError: lost.toml: no such file
     """
 
 

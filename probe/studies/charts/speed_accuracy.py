@@ -11,11 +11,11 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 
 from drivers.core.extras import needs
+from probe.studies.charts.kept_rows import kept_rows
 from probe.studies.charts.peers import felupe_forces, has_felupe
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.io.deck import ccx_forces_n_per_mm, write_deck
@@ -62,58 +62,59 @@ def chart(
         scene = scene.model_copy(update={"plane": plane})
     progress("Solving the reference …")
     force, pulse, _ = _ours(scene, "finite", "T6", REFERENCE_MM)
-    rows: list[dict[str, Any]] = []
+    with kept_rows(out / "speed-accuracy.csv", progress) as rows:
 
-    def add(solver: str, element: str, size_mm: float, solve: Callable[[], Answer], n: int) -> None:
-        row = {"solver": solver, "element": element, "size_mm": size_mm}
-        try:
-            seconds, answer = _timed(solve, n)
-        except CannotSolve as error:
-            rows.append(row | {"reason": str(error)})
-            return
-        rows.append(row | {
-            "dofs": answer[2], "seconds": seconds, "reason": "",
-            "force_error_pct": 100 * abs(answer[0] / force - 1),
-            "pulse_error_pct": 100 * abs(answer[1] / pulse - 1),
-        })  # fmt: skip
+        def add(
+            solver: str, element: str, size_mm: float, solve: Callable[[], Answer], n: int
+        ) -> None:
+            row = {"solver": solver, "element": element, "size_mm": size_mm}
+            try:
+                seconds, answer = _timed(solve, n)
+            except CannotSolve as error:
+                rows.append(row | {"reason": str(error)})
+                return
+            rows.append(row | {
+                "dofs": answer[2], "seconds": seconds, "reason": "",
+                "force_error_pct": 100 * abs(answer[0] / force - 1),
+                "pulse_error_pct": 100 * abs(answer[1] / pulse - 1),
+            })  # fmt: skip
 
-    for model in ("finite", "small"):
-        for element in ELEMENTS[scene.plane]:
-            for size in SIZES_MM:
-                progress(f"{model} strain, {NAMES[element, scene.plane]}, {size} mm")
-                add(
-                    f"{model} strain",
-                    NAMES[element, scene.plane],
-                    size,
-                    partial(_ours, scene, model, element, size),
-                    repeats,
-                )
-    for pct in (5.0, 2.0, 1.0, 0.5):
-        progress(f"by itself, {pct:g} %")
-        add(
-            f"palpate, accuracy {pct:g} %",
-            "by itself",
-            0.0,
-            partial(_by_itself, scene, pct),
-            repeats,
-        )
-    if shutil.which("ccx"):
-        for size in PEER_SIZES_MM:
-            progress(f"CalculiX, {size} mm")
+        for model in ("finite", "small"):
+            for element in ELEMENTS[scene.plane]:
+                for size in SIZES_MM:
+                    progress(f"{model} strain, {NAMES[element, scene.plane]}, {size} mm")
+                    add(
+                        f"{model} strain",
+                        NAMES[element, scene.plane],
+                        size,
+                        partial(_ours, scene, model, element, size),
+                        repeats,
+                    )
+        for pct in (5.0, 2.0, 1.0, 0.5):
+            progress(f"by itself, {pct:g} %")
             add(
-                "CalculiX",
-                "CPS6" if scene.plane == "stress" else "CPE6",
-                size,
-                partial(calculix, scene, size),
-                1,
+                f"palpate, accuracy {pct:g} %",
+                "by itself",
+                0.0,
+                partial(_by_itself, scene, pct),
+                repeats,
             )
-    if scene.plane == "strain" and has_felupe():
-        for size in PEER_SIZES_MM:
-            progress(f"FElupe, {size} mm")
-            add("FElupe", NAMES["Q4M", "strain"], size, partial(_felupe, scene, size), 1)
+        if shutil.which("ccx"):
+            for size in PEER_SIZES_MM:
+                progress(f"CalculiX, {size} mm")
+                add(
+                    "CalculiX",
+                    "CPS6" if scene.plane == "stress" else "CPE6",
+                    size,
+                    partial(calculix, scene, size),
+                    1,
+                )
+        if scene.plane == "strain" and has_felupe():
+            for size in PEER_SIZES_MM:
+                progress(f"FElupe, {size} mm")
+                add("FElupe", NAMES["Q4M", "strain"], size, partial(_felupe, scene, size), 1)
+
     table = pd.DataFrame(rows)
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "speed-accuracy.csv", index=False, float_format="%.5g")
     draw(table, scene_name).savefig(out / "speed-accuracy.png", dpi=150, facecolor="white")
     return table
 

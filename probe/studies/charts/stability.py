@@ -20,7 +20,9 @@ from typing import Any
 import numpy as np
 
 from drivers.core.extras import needs
+from probe.core.processes import leave_with_parent, starting_workers
 from probe.studies.charts.cells import Cell, cells
+from probe.studies.charts.kept_rows import kept_rows
 from probe.studies.solve import first_line
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
@@ -51,15 +53,19 @@ def chart(out: Path, quick: bool = False, progress: Callable[[str], None] = prin
           workers: int = 2) -> pd.DataFrame:  # fmt: skip
     """Judge all cells, write ``stability.csv`` and ``.png`` into ``out``; the table."""
     chosen = cells()[:: 5 if quick else 1]
-    rows = []
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for number, row in enumerate(pool.map(judge, chosen), start=1):
+    with (
+        kept_rows(out / "stability.csv", progress) as rows,
+        ProcessPoolExecutor(
+            workers, mp_context=get_context("spawn"), initializer=leave_with_parent
+        ) as pool,
+    ):
+        with starting_workers():
+            judged = pool.map(judge, chosen)
+        for number, row in enumerate(judged, start=1):
             rows.append(row)
             if number % 20 == 0:
                 progress(f"{number} of {len(chosen)} cells")
     table = pd.DataFrame(rows)
-    out.mkdir(parents=True, exist_ok=True)
-    table.to_csv(out / "stability.csv", index=False, float_format="%.5g")
     draw(table).savefig(out / "stability.png", dpi=150, facecolor="white")
     return table
 

@@ -1,11 +1,14 @@
 """The charts' cells and verdicts."""
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
 from probe.studies.charts.cells import Cell, cells
+from probe.studies.charts.kept_rows import kept_rows
 from probe.studies.charts.speed_accuracy import pareto
 from probe.studies.charts.stability import draw, judge
 from sim_backend.scene.scene_file import Scene
@@ -55,3 +58,16 @@ def test_every_verdict_is_drawn() -> None:
         for n, verdict in enumerate(["solved", "breaks", "refused", "wrong", "hangs"])
     ]
     assert isinstance(draw(pd.DataFrame(rows)), Figure)
+
+
+def test_a_chart_that_is_broken_off_keeps_its_rows(tmp_path: Path) -> None:
+    said: list[str] = []
+    with (
+        pytest.raises(KeyboardInterrupt),
+        kept_rows(tmp_path / "charts" / "stability.csv", said.append) as rows,
+    ):
+        rows += [{"cell": 1, "error_pct": 0.5}, {"cell": 2, "reason": "refused"}]
+        raise KeyboardInterrupt
+    table = pd.read_csv(tmp_path / "charts" / "stability.csv")
+    assert table["cell"].tolist() == [1, 2]
+    assert said == [f"2 rows are kept in {tmp_path / 'charts' / 'stability.csv'}"]
