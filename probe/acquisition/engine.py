@@ -352,7 +352,8 @@ class _Scan(RunLoop):
         if self.in_the_air:
             return
         levels = self.monitor.levels(self.monitor.seen_s() - LEVEL_S)
-        if (why := no_contact(levels, self.plan.indentation_m)) is not None:
+        rates_hz = {sensor.name: sensor.rate_hz for sensor in self.sensors}
+        if (why := no_contact(levels, rates_hz, self.most_n, self.plan.indentation_m)) is not None:
             raise why
         if not self.noted_little and (soft := little(levels, self.most_n)) is not None:
             self.noted_little = True

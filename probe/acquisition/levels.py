@@ -3,6 +3,8 @@
 import math
 from collections.abc import Mapping
 
+from probe.acquisition.press_guard import NOISE_SIGMAS
+
 LEVEL_S = 0.1  # a level is the mean force over this long
 MAX_LEVEL_S = 1.0  # and over up to this where there are fewer than two readings in it
 MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
@@ -28,14 +30,20 @@ def changed(these: Levels, those: Levels, most_n: float) -> str | None:
     return None
 
 
-def no_force(levels: Levels) -> str | None:
+def no_force(levels: Levels, rates_hz: Mapping[str, float], most_n: float) -> str | None:
     """Says so if no sensor measures a force that its own noise does not explain; else None.
 
-    A level of fewer than two readings (NaN) says nothing.
+    A level of fewer than two readings (NaN) says nothing. Nor is what `little` says of the limit
+    ``most_n`` a force if single readings do not show it: `press_guard` could not tell whether it
+    rose with the depth, so a sensor that clips there would be believed.
     """
-    if not levels or any(
-        not mean <= MIN_STANDARD_ERRORS * error for mean, error in levels.values()
-    ):
+
+    def least_n(name: str, error: float) -> float:
+        one_reading = error * math.sqrt(LEVEL_S * rates_hz[name])
+        faint = min(NOISE_SIGMAS * one_reading, LITTLE_SHARE * most_n)
+        return max(MIN_STANDARD_ERRORS * error, faint)
+
+    if not levels or any(not mean <= least_n(name, err) for name, (mean, err) in levels.items()):
         return None
     values = ", ".join(f"{name} {mean:.3g} N" for name, (mean, _) in levels.items())
     return f"no force above the noise ({values})"

@@ -6,7 +6,7 @@ that a guard enforces without the engine are not here but in `force_limit` and `
 objection arrives as the ``trip``. How long a hold lasts is `engine`'s, by the plan.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from probe.acquisition.commands import RunCommand
@@ -71,9 +71,11 @@ def interrupted(seen: Seen) -> Interrupted | None:
     return next((why for rule in RULES if (why := rule(seen)) is not None), None)
 
 
-def no_contact(levels: Levels, indentation_m: float) -> Interrupted | None:
+def no_contact(
+    levels: Levels, rates_hz: Mapping[str, float], most_n: float, indentation_m: float
+) -> Interrupted | None:
     """In a hold: a probe that feels nothing that deep has not met the tissue."""
-    if (why := no_force(levels)) is None:
+    if (why := no_force(levels, rates_hz, most_n)) is None:
         return None
     reason = f"{why} {1e3 * indentation_m:g} mm deep: the surface is lower than planned, or the "
     return Interrupted(

@@ -143,14 +143,12 @@ class ClipsFaintly(ClipsLow):
 
 
 @pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M])
-@pytest.mark.parametrize(("sensor", "said", "most_m"),
-                         [(ClipsLow, "0.5", 0.9e-3), (ClipsFaintly, "1.0", 1.5e-3)])  # fmt: skip
+@pytest.mark.parametrize(("sensor", "most_m"), [(ClipsLow, 0.9e-3), (ClipsFaintly, 1.8e-3)])
 def test_a_sensor_that_clips_far_below_the_limit_does_not_pass_for_soft_tissue(
-    sensor: Any, said: str, most_m: float, stiffness_n_m: float
+    sensor: Any, most_m: float, stiffness_n_m: float
 ) -> None:
     bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m)
     ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
-    assert f"went {said}" in ran.reason
     assert "mm deeper" in ran.reason
     assert ran.force_n.max() < stiffness_n_m * most_m  # not the 2.5 mm of the press
     assert ran.lifted
@@ -205,7 +203,7 @@ class ClipsAtOnce(SpringSensor):
     """At less than the guards can tell from noise."""
 
     def raw(self, time_s: float) -> float:
-        return min(self.bed.force_n(time_s), 0.004) + 0.5e-3 * float(self._rng.standard_normal())
+        return min(self.bed.force_n(time_s), 0.006) + 0.5e-3 * float(self._rng.standard_normal())
 
 
 def test_a_press_that_feels_next_to_nothing_is_told_once() -> None:

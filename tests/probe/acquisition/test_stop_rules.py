@@ -54,7 +54,7 @@ def test_a_pause_is_not_begun_twice() -> None:
      ({"cell": (-0.5, 0.01)}, False), ({"cell": (0.01, 0.01), "pad": (0.5, 0.01)}, True)],
 )  # fmt: skip
 def test_contact_is_more_force_than_noise(levels: Levels, met: bool) -> None:
-    why = no_contact(levels, 2.5e-3)
+    why = no_contact(levels, {"cell": 100.0, "pad": 100.0}, 5.0, 2.5e-3)
     assert (why is None) == met
     if why is not None:
         assert why.finish is Finish.FAULTED
