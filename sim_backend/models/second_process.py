@@ -125,14 +125,15 @@ def solve_from_far_end(
             os._exit(0)
 
     Thread(target=listen, daemon=True).start()
-    for number in reversed(range(len(tasks))):
-        if number in taken:
-            continue
-        pipe.send((number, BEGUN, None))
-        try:
-            pipe.send((number, SOLVED, function(*tasks[number])))
-        except Exception:  # noqa: BLE001 - whatever it is, it is met again where it is asked for
-            pipe.send((number, FAILED, None))
+    with suppress(OSError):  # nobody listens any more
+        for number in reversed(range(len(tasks))):
+            if number in taken:
+                continue
+            pipe.send((number, BEGUN, None))
+            try:
+                pipe.send((number, SOLVED, function(*tasks[number])))
+            except Exception:  # noqa: BLE001 - whatever it is, it is met again where it is asked for
+                pipe.send((number, FAILED, None))
 
 
 def processors() -> int:

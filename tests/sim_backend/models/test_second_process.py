@@ -1,11 +1,12 @@
 """Work shared by two processes comes back in order, and a failure where it would be met alone."""
 
 import math
+import threading
 
 import pytest
 
 from sim_backend.models import second_process
-from sim_backend.models.second_process import SecondProcess, all_answers
+from sim_backend.models.second_process import SecondProcess, all_answers, solve_from_far_end
 
 
 @pytest.fixture(autouse=True)
@@ -35,3 +36,19 @@ def test_the_other_process_answers_from_the_far_end() -> None:
 def test_a_failure_is_met_where_it_would_be_met_alone() -> None:
     with pytest.raises(ValueError, match=r"math domain|nonnegative"):
         all_answers(math.sqrt, [(4.0,), (1.0,), (-1.0,)])
+
+
+class NobodyListens:
+    """A pipe of which the other end has just been closed."""
+
+    def recv(self) -> int:
+        threading.Event().wait(1.0)  # what has ended is not noticed yet
+        return 0
+
+    def send(self, _message: object) -> None:
+        raise BrokenPipeError
+
+
+def test_it_ends_without_a_word_when_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(second_process.signal, "signal", lambda *_: None)
+    solve_from_far_end(math.sqrt, [(1.0,), (4.0,)], NobodyListens())  # type: ignore[arg-type]
