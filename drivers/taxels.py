@@ -173,7 +173,7 @@ def open_sensor(
         raise ConfigError(f"rate_hz = {rate_hz:g}: must be above 0")
     si, factor = to_si(unit)
     if si != "Pa":
-        raise ConfigError(f"unit = {unit!r}: taxels feel a pressure; Pa, kPa, mbar, mmHg, psi …")
+        raise ConfigError(f"unit = {unit!r}: taxels measure a pressure; Pa, kPa, mbar, mmHg, psi …")
     order = ">" if byte_order == "big" else "<"
     layout = f"{order}{'B' if counter else ''}{rows * columns}{CODES[number]}"
     full_pa = None if full_scale is None else factor * full_scale

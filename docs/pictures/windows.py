@@ -35,7 +35,7 @@ def save(window: QWidget, name: str) -> None:
 
 
 def main() -> None:
-    """A running scan, two runs side by side, and the phantom felt."""
+    """A running scan, two runs side by side, and the phantom pressed by hand."""
     application()
     with tempfile.TemporaryDirectory() as folder:
         runs = [palpate.open_run(palpate.scan(scene=name, out=Path(folder), seed=1).path)

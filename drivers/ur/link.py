@@ -214,7 +214,7 @@ class Link:
             try:
                 # Never waits: a client that hangs in the library leaves hundreds unread.
                 if not select.select((), (self._commands,), (), 0)[1]:
-                    raise DeviceFault(self.name, "the robot's client takes no orders")
+                    raise DeviceFault(self.name, "the robot's client takes no commands")
                 self._commands.send((number, name, arguments))
             except (OSError, ValueError):
                 why = self._gone or "the robot's client has ended"

@@ -44,7 +44,7 @@ def ask_version(name: str, host: str) -> Controller:
         line.sendall(struct.pack(">HB", 3, CONTROLLER))
         answer = line.recv(19)
         if len(answer) != 19 or answer[2] != CONTROLLER:
-            raise DeviceAbsent(name, f"{host}:{RTDE_PORT} does not tell its version")
+            raise DeviceAbsent(name, f"{host}:{RTDE_PORT} does not report its version")
         return Controller(*struct.unpack(">4I", answer[3:]))
 
 

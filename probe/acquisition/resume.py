@@ -157,7 +157,7 @@ def resume(
         if prepared.config.get("rehearsal_mm") != left.rehearsal_mm:
             raise RunFileError(
                 f"{left.path}: was {'a' if left.rehearsal_mm else 'no'} rehearsal in the air, and "
-                "with the devices found now it could not go on so; begin a new run"
+                "the devices found now would change that; begin a new run"
             )
         opened(left.path, prepared.notes)
         labels = open_run(left.path).config.get("labels", {})

@@ -118,7 +118,7 @@ def calibrate(
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
     path = out or Path(f"{kind}-{r.device.replace(' ', '-')}.json")
     if (worn := check_drift(path, kind, r)) is not None:
-        inform(f"what {path} held until now: {worn.removesuffix(': calibrate again')}")
+        inform(f"the calibration in {path} so far: {worn.removesuffix(': calibrate again')}")
     result = fit_measurements(kind, r, choices)
     one = record(result, r.device, raw_columns(r), note=note)
     save(one, path)
@@ -193,7 +193,7 @@ def _show(result: Any, path: Path, one: Any) -> None:
         answer(f"{len(result.rejected_m)} of {len(one.raw['x_mm'])} touches left out as outliers")
     if one.kind == "taxels":
         answer(f"{int(result.dead.sum())} dead of {len(result.dead)}")
-    answer(f"residuals {one.residual_rms:.3g} rms, good for {one.valid_days:g} days: {path}")
+    answer(f"residuals {one.residual_rms:.3g} rms, valid for {one.valid_days:g} days: {path}")
 
 
 def _write_scene_found(scene: Any, result: Any, scene_out: Path) -> None:

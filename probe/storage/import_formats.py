@@ -157,7 +157,7 @@ def _own_samples(reader: Any, summary: Any, topics: list[str], source: Path) -> 
             chosen = table[["time_s", "station", "attempt", signal]].copy()
             break
     else:
-        raise CsvError(f"{source}: no device that feels force or pressure")
+        raise CsvError(f"{source}: no device that measures force or pressure")
     stage = tables.get("/stage/sample")
     if stage is not None:
         middle = stage[stage["phase"] == stage.attrs["holding"]].groupby("station")

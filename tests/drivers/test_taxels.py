@@ -78,7 +78,7 @@ def test_lost_frames_are_counted_by_the_counter(
         ({"header": ""}, "header = ''"),
         ({"rows": 0}, "rows = 0"),
         ({"rate_hz": -1.0}, "rate_hz = -1"),
-        ({"unit": "N"}, "taxels feel a pressure"),
+        ({"unit": "N"}, "taxels measure a pressure"),
     ],
 )
 def test_wrong_keys_are_named(clock: WallClock, keys: dict[str, Any], words: str) -> None:
