@@ -31,7 +31,7 @@ ELSEWHERE = (
            "stress = stress + (bulk * (j - 1))[..., None] * cofactor",
            "stress = stress + (0.5 * bulk * (j - 1))[..., None] * cofactor", LAW),
     Mutant("the thickness does not thin", MATERIAL,
-           "thinning = -a / m[..., None]", "thinning = a / m[..., None]", LAW),
+           "thin.by_h * thin.h) / -thin.stiffness", "thin.by_h * thin.h) / thin.stiffness", LAW),
     Mutant("a tangent without its turning pressure", MATERIAL,
            "tangent = tangent + (bulk * (j - 1 - lag))[..., None, None] * _TWIST",
            "tangent = tangent + 0 * _TWIST", LAW),

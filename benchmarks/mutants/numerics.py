@@ -6,6 +6,7 @@ MATERIAL, LUMEN = "sim_backend/fem/material.py", "sim_backend/fem/lumen.py"
 SKIN, REFINE = "sim_backend/fem/contact/elastic_foundation.py", "sim_backend/models/refine.py"
 CHOOSE = "sim_backend/models/choose.py"
 LAW = ("tests/sim_backend/fem/test_material.py",)
+TANGENTS = ("tests/sim_backend/fem/test_tangents.py",)
 RING = ("tests/sim_backend/fem/test_inflated_ring.py",)
 FINGERS = ("tests/sim_backend/fem/test_fingers.py",)
 REFINED = ("tests/sim_backend/models/test_refine.py",)
@@ -17,8 +18,12 @@ NUMERICS = (
     Mutant("von Mises at another power of the volume", MATERIAL,
            "shear * volume ** (-5 / 3)", "shear * volume ** (-2 / 3)", LAW),
     Mutant("pressure on the section as it was", LUMEN,
-           "thickness, thinning = solid.thickness, solid.thinning",
-           "thickness, thinning = np.ones(f.shape[:2]), np.zeros_like(f)", RING),
+           "thickness, thinner = thinning(f, sides.shear, sides.bulk)",
+           "thickness, thinner = np.ones(f.shape[:2]), np.zeros_like(f)", RING),
+    Mutant("a lumen's force turns with half of its sides", LUMEN,
+           "turn = (thickness @ sides.turn)", "turn = (0.5 * thickness @ sides.turn)", TANGENTS),
+    Mutant("a thickness of the first guess", MATERIAL,
+           "        l3 = np.maximum(l3 - change, 0.1 * l3)", "        l3 = 1.0 * l3", LAW),
     Mutant("a skin's nodes bear as those of straight sides", SKIN,
            "share[middle] = 2 * whole / 3\n    np.add.at(share, middle - 1, whole / 6)\n"
            "    np.add.at(share, middle + 1, whole / 6)",
