@@ -21,7 +21,7 @@ from calibration.fit import (
 )
 
 ADVICE = "press the rigid block further, in steps, up to the largest force of your scans"
-LOADED = 0.3  # of the greatest force: from there on a reading is one under load
+MIN_LOAD_SHARE = 0.3  # of the greatest force: from there on a reading is one under load
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ class ComplianceCalibration:
     def misses(self, depth_m: Array, force_n: Array) -> Array:
         """Forces under load less the expected ones (n,) [N], wherever contact began."""
         force = np.asarray(force_n, dtype=float)
-        loaded = force > force.min() + LOADED * np.ptp(force)
+        loaded = force > force.min() + MIN_LOAD_SHARE * np.ptp(force)
         off = force[loaded] - self.stiffness_n_m * np.asarray(depth_m)[loaded]
         return np.asarray(off - off.mean())
 
@@ -78,7 +78,7 @@ def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
         raise CalibrationError(
             f"the force varies by {high - low:.3g} N, no more than noise; {ADVICE}"
         )
-    upper = force > low + LOADED * (high - low)
+    upper = force > low + MIN_LOAD_SHARE * (high - low)
     if len(np.unique(depth[upper])) < 3:
         raise CalibrationError(f"fewer than three loaded depths; {ADVICE}")
     slope, level = np.polyfit(depth[upper], force[upper], 1)

@@ -15,7 +15,8 @@ from calibration.errors import CalibrationError
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-WEAKEST = 0.01  # smallest singular value of the column-scaled design, relative to the largest
+MIN_SINGULAR_RATIO = 0.01
+"""Of the column-scaled design: its smallest singular value over the largest."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ def same_length(**arrays: Array) -> int:
 
 
 def require_rank(
-    design: Array, names: Sequence[str], advice: str, weakest: float = WEAKEST
+    design: Array, names: Sequence[str], advice: str, weakest: float = MIN_SINGULAR_RATIO
 ) -> None:
     """Raise `CalibrationError` unless ``design`` (n, p) determines every parameter."""
     rows, unknowns = design.shape
@@ -108,7 +109,11 @@ def require_rank(
 
 
 def linear_fit(
-    design: Array, data: Array, names: Sequence[str], advice: str, weakest: float = WEAKEST
+    design: Array,
+    data: Array,
+    names: Sequence[str],
+    advice: str,
+    weakest: float = MIN_SINGULAR_RATIO,
 ) -> Fit:
     """data (n,) = design (n, p) @ values (p,) + noise. Raises `CalibrationError`, see above."""
     require_rank(design, names, advice, weakest)

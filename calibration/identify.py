@@ -4,9 +4,9 @@ import numpy as np
 
 from calibration.fit import Array, Fit
 
-LOOSE = 0.2  # a relative standard error beyond which a value is a guess
-ENTANGLED = 0.97  # a correlation beyond which two values are one
-TREND = 4.0  # standard deviations of the residuals' lag-one correlation
+MAX_RELATIVE_ERROR = 0.2  # a relative standard error beyond which a value is a guess
+MAX_CORRELATION = 0.97  # a correlation beyond which two values are one
+MAX_TREND_SIGMAS = 4.0  # standard deviations of the residuals' lag-one correlation
 
 
 def limits_of(
@@ -24,11 +24,11 @@ def limits_of(
         error = sigma if logarithmic else sigma / abs(value) if value else np.inf
         if name.startswith("g ") and abs(value) < 2 * sigma:
             said.append(f"{name}: not distinguishable from 0; use fewer relaxation terms")
-        elif error > LOOSE and name != "surface":
+        elif error > MAX_RELATIVE_ERROR and name != "surface":
             said.append(f"{name.removeprefix('log ')}: known only to {100 * error:.0f} %")
     scale = np.outer(fit.sigma, fit.sigma)
     correlation = fit.covariance / np.where(scale > 0, scale, 1.0)
-    for i, j in zip(*np.nonzero(np.triu(np.abs(correlation), 1) > ENTANGLED), strict=True):
+    for i, j in zip(*np.nonzero(np.triu(np.abs(correlation), 1) > MAX_CORRELATION), strict=True):
         one, other = (fit.names[n].removeprefix("log ") for n in (i, j))
         said.append(
             f"{one} and {other} separately (correlation {correlation[i, j]:+.3f}): "
@@ -44,7 +44,7 @@ def limits_of(
     r = fit.residuals
     power = float(r @ r)
     lag = float(r[1:] @ r[:-1]) / power if power > 0 else 0.0
-    adequate = lag * np.sqrt(len(r)) < TREND
+    adequate = lag * np.sqrt(len(r)) < MAX_TREND_SIGMAS
     if not adequate:
         said.append(
             "layers, inclusions or a wrong rig stiffness: the residuals follow a trend "

@@ -17,9 +17,9 @@ from calibration.fit import Array, Fit, as_columns, correlated, nonlinear_fit, s
 ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or more"
 MAX_DELAY_S = 0.25
 SHORTEST_S = 4.0
-DEGREE = 2
+SPLINE_DEGREE = 2
 KNOTS = 16  # of the sensor's signal as a function of the stage's
-AIR = 0.2  # weight of the stage's range against the change of the signal in placing them
+RANGE_WEIGHT = 0.2  # weight of the stage's range against the change of the signal in placing them
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,9 @@ def _knots(course: Array, y: Array) -> Array:
     groups = np.array_split(np.arange(len(order)), 4 * KNOTS)
     at = np.array([levels[g].mean() for g in groups])
     change = np.abs(np.gradient(np.array([force[g].mean() for g in groups])))
-    share = np.cumsum(change / max(change.sum(), 1e-300) + AIR * np.gradient(at) / np.ptp(at))
+    share = np.cumsum(
+        change / max(change.sum(), 1e-300) + RANGE_WEIGHT * np.gradient(at) / np.ptp(at)
+    )
     inner = np.interp(np.linspace(share[0], share[-1], KNOTS)[1:-1], share, at)
     return np.unique(np.concatenate([[levels[0]], inner, [levels[-1]]]))
 
@@ -124,9 +126,9 @@ def _pieces(values: Array, knots: Array) -> tuple[Array, Array]:
     """Quadratic B-splines (n, knots + 1) at ``values`` (n,), and their derivatives."""
     from scipy.interpolate import BSpline
 
-    full = np.concatenate([[knots[0]] * DEGREE, knots, [knots[-1]] * DEGREE])
+    full = np.concatenate([[knots[0]] * SPLINE_DEGREE, knots, [knots[-1]] * SPLINE_DEGREE])
     at = np.clip(values, knots[0], knots[-1])
-    basis = BSpline(full, np.eye(len(full) - DEGREE - 1), DEGREE)
+    basis = BSpline(full, np.eye(len(full) - SPLINE_DEGREE - 1), SPLINE_DEGREE)
     return np.asarray(basis(at)), np.asarray(basis.derivative()(at))
 
 

@@ -24,7 +24,7 @@ TERMS = {"plane": 3, "quadric": 6, "map": 3}
 ADVICE = "touch at more places, spread over the scanned area, not along one line"
 SEARCH = 6000  # subsets tried for the cleanest core of the touches
 OUTLIER_SIGMAS = 4.0  # robust standard deviations from which a touch is none of a height map
-REJECT = 0.001  # chance that a good touch is called an outlier
+OUTLIER_CHANCE = 0.001  # chance that a good touch is called an outlier
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def _core(design: Array, z: Array, max_outliers: int) -> Mask:
         score = np.abs(residual) / np.sqrt(max(variance, 1e-30) * (1 + leverage))
         score[kept] = np.inf
         nearest = int(np.argmin(score))
-        if score[nearest] > stdtrit(max(dof, 1), 1 - REJECT / 2):
+        if score[nearest] > stdtrit(max(dof, 1), 1 - OUTLIER_CHANCE / 2):
             break
         kept[nearest] = True
     return kept

@@ -29,7 +29,7 @@ TIME, UNIT = "time", "unit"
 # Not damage but another pattern: this many lines in a row that do not match, for this long.
 UNMATCHED, UNMATCHED_S = 5, 0.2
 GREETING_S = 0.8  # ... or this long before the first that does: boards print what they are
-SHOWN = 60
+MAX_SHOWN_BYTES = 60
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
@@ -147,7 +147,7 @@ class LineSource:
             self._unmatched += 1
             wait_s = GREETING_S if self._last_s == -math.inf else UNMATCHED_S
             if self._unmatched >= UNMATCHED and arrival_s - self._arrival_s > wait_s:
-                shown = line[:SHOWN].decode("ascii", "backslashreplace")
+                shown = line[:MAX_SHOWN_BYTES].decode("ascii", "backslashreplace")
                 raise DeviceFault(
                     self._name, f"{self._unmatched} lines in a row do not match the pattern; the "
                     f"last is {shown!r}"

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 CHECK_S = 1.0
 RATE_SLACK = 0.03
 QUEUE = 20_000  # in the library, before our thread gets them
-DISORDER = ("ft_stall", "ft_backward")
+ORDER_FAULTS = ("ft_stall", "ft_backward")
 DISORDERS, DISORDERS_S = 10, 1.0  # each costs a few readings: more would be no scan
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
@@ -68,7 +68,7 @@ class RdtSource:
         except StopIteration:
             raise DeviceFault(self._name, "the stream has ended") from None
         except pynetft.SensorFaultError as error:
-            if error.fault_code.value not in DISORDER:
+            if error.fault_code.value not in ORDER_FAULTS:
                 unseen = f"; is the box at {self._host} on?" if self._count == 0 else ""
                 raise DeviceFault(self._name, _in_words(error) + unseen) from None
             self._begin_anew()

@@ -17,7 +17,7 @@ from drivers.core.protocols import Clock
 
 SPEED_UNIT = 1.6384  # the setting ``maxspeed`` counts this many to a microstep a second
 IDS = 100
-STRAYS = 4  # messages before the awaited reply, at most
+MAX_UNASKED_MESSAGES = 4  # messages before the awaited reply, at most
 LEAST_WORDS = 5
 UNREFERENCED = ("WR", "WH")
 FLAGS = {
@@ -149,7 +149,7 @@ class ZaberAxes:
         keys, self._id = self._axes[name], (self._id + 1) % IDS
         text = f"{keys.device:02d} {keys.axis} {self._id:02d} {command}"
         answer = self._line.ask(f"/{text}:{check_sum(text)}\n".encode(), end=b"\r\n")
-        for _ in range(STRAYS):
+        for _ in range(MAX_UNASKED_MESSAGES):
             words = self._words(answer)
             if words is not None and words[:3] == text.split()[:3] and len(words) > LEAST_WORDS:
                 break

@@ -14,7 +14,7 @@ from importlib import import_module
 from multiprocessing.connection import Client, Connection, Listener
 from typing import Any
 
-BOOT = (
+BOOTSTRAP = (
     "import pickle, sys; path, *rest = pickle.load(sys.stdin.buffer); sys.path[:] = path; "
     "from drivers.core.child import run; run(*rest)"
 )
@@ -34,7 +34,9 @@ class Child:
         key = os.urandom(KEY_BYTES)
         where = (function.__module__, function.__name__)
         with Listener(authkey=key) as listener:
-            self._process = subprocess.Popen([sys.executable, "-c", BOOT], stdin=subprocess.PIPE)
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", BOOTSTRAP], stdin=subprocess.PIPE
+            )
             try:
                 assert self._process.stdin is not None
                 with self._process.stdin as stdin:

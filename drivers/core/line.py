@@ -5,7 +5,7 @@ import time
 from drivers.core.errors import DeviceFault
 from drivers.core.ports import Port, open_port, read_some
 
-LONGEST = 4096  # bytes of an answer; what goes on beyond is none
+MAX_ANSWER_BYTES = 4096  # bytes of an answer; what goes on beyond is none
 
 
 class NoAnswer(DeviceFault):
@@ -41,7 +41,7 @@ class Line:
         got = b""
         due_s = time.monotonic() + self._answer_s
         while not (end and got.endswith(end)) and not (size and len(got) >= size):
-            if time.monotonic() > due_s or len(got) > LONGEST:
+            if time.monotonic() > due_s or len(got) > MAX_ANSWER_BYTES:
                 heard = f", only {got!r}" if got else ""
                 raise NoAnswer(self.device, f"no answer within {self._answer_s:g} s{heard}")
             got += read_some(self._line)

@@ -14,7 +14,8 @@ DRIFT = 5e-4  # far more than crystals differ, far less than a line's jitter
 FRAME_DRIFT = 2e-3  # while a device's period is still being learnt
 INSTANT_S = 1e-6
 STOOD_S = 0.01  # a smaller loss heals by `DRIFT` within 20 s
-STEADY = 0.25  # spread of lateness over its least; a stall of 60 ms on a quiet machine has 0.03
+MAX_LATENESS_SPREAD = 0.25
+"""Of lateness over its least; a stall of 60 ms on a quiet machine has 0.03."""
 LASTING_S = 0.25
 LATE_READS = 5
 PERIOD_SLACK = 0.03
@@ -70,7 +71,7 @@ class DeviceTime:
         self._late_s.append(late_s)
         if arrival_s - self._late_since_s > LASTING_S:
             least_s = min(self._late_s)
-            if median(self._late_s) - least_s < STEADY * least_s:
+            if median(self._late_s) - least_s < MAX_LATENESS_SPREAD * least_s:
                 self.jumped_s = least_s
                 self._offset_s += least_s
             self._late_s.clear()

@@ -24,7 +24,7 @@ READ_S = 2e-4  # states that were held up come less than a millisecond apart
 OBEY_S = 0.005  # a command wakes at once; the watchdog is kicked within this
 SEND_S = 0.004
 ORPHAN_S = 3.0  # to stop the robot's program, which takes less than one
-KICKS = 4  # in the time that the robot's watchdog waits
+WATCHDOG_RESETS = 4  # in the time that the robot's watchdog waits
 BEGINS_S = 1.0  # an accepted move is under way within a few cycles, on a busy machine later
 NICE_LEVEL = -10
 """Samples and the watchdog wait for nobody's computing."""
@@ -210,7 +210,7 @@ class _Client:
         control.kickWatchdog()
         tcp = tuple(found["getTCPOffset"])
         self._guarded = False
-        self._kick_s = setup.watchdog_s / KICKS
+        self._kick_s = setup.watchdog_s / WATCHDOG_RESETS
         self.control = control
         payload_kg = setup.payload_kg  # what the stream tells may still be from before
         if payload_kg is None:

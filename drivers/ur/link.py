@@ -26,7 +26,7 @@ DASHBOARD_S = 0.1
 RECENT_S = 0.1
 LONGEST_S = 20.0  # of samples kept for a reader that is late
 PLAYING, RUNNING = 2, 7
-ALIVE = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
+PROGRAM_RUNS = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
 SAFETY = {
     3: "protective stop: clear it on the pendant, and find out why",
     4: "recovery mode: move the arm out of its safety limits on the pendant",
@@ -93,7 +93,7 @@ class Link:
             return {}
         self.controls = False
         state = self.state()
-        if state.runtime_state in ALIVE and not replace_program:
+        if state.runtime_state in PROGRAM_RUNS and not replace_program:
             raise DeviceFault(
                 self.name, "another program runs on the robot; stop it on the pendant, or let this "
                 "scan end it: replace_program = true"

@@ -16,7 +16,7 @@ from drivers.ur.settings import UrStageSettings
 
 ARRIVED_M = 0.1e-3
 STILL_M, STILL_S = 5e-6, 0.02
-REST = 1e-6  # m/s and rad/s asked of the tool: a move that has ended asks for 0
+MAX_SPEED_AT_REST = 1e-6  # m/s and rad/s asked of the tool: a move that has ended asks for 0
 SETTLES_S = 0.2  # the joints follow their targets within this long
 REACH_S = 0.3  # three questions take some of the controller's cycles each, of a CB3 8 ms each
 FULL_PACE = 0.995
@@ -119,7 +119,8 @@ class UrStage:
         state, before = link.state(), link.earlier(STILL_S)
         # by the controller's time: on a busy machine states come late, and the arm is not at rest
         still = before is not None and math.dist(state.pose[:3], before.pose[:3]) < STILL_M
-        rests = still and max(map(abs, state.target_speed)) < REST  # of one packet with the pose
+        asked = max(map(abs, state.target_speed))  # of one packet with the pose
+        rests = still and asked < MAX_SPEED_AT_REST
         if state.busy or not rests or state.arrival_s < self._set_off_s:
             self._rests_since_s = None
             return True
