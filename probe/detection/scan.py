@@ -13,7 +13,7 @@ from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import lone_vessel, pulsing_place
 from probe.detection.map.bumps import MIN_STATIONS
 from probe.detection.map.field_objects import is_field, objects_in_field
-from probe.detection.map.open_row import only_settled
+from probe.detection.map.open_row import only_pulses, only_settled
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.presses import Press, presses_of
@@ -101,7 +101,7 @@ def _in_rows(
             continue
         line = line_of(tuple(presses[i] for i in row))
         moving = _moving(presses[i] for i in row)
-        objects = objects_in(line, moving, false_alarm / len(rows))
+        objects = only_pulses(objects_in(line, moving, false_alarm / len(rows)), line)
         if unfinished and last in row:
             objects = only_settled(objects, line, presses[last].station.x_m)
         found.append((recording.stations[row[0]].y_m, objects))

@@ -23,6 +23,9 @@ CONTRAST_BLUR, CONTRAST_SHARE, PULSE_BLUR = 0.04, 0.1, 0.25
 """Widths of a sample's kernel: contrast, with a share of the contrast itself, and logarithm of the
 pulse. They stand for what the scenes leave out (layers, bones, oblique vessels)."""
 ELSE = "something else"
+ONE_PRESS = "one press that differs"
+MIN_REASON = 0.1
+"""Least probability of a press that differs to say what would decide about it."""
 PRIOR: dict[str, float] = {
     "tumour": 0.3, "artery": 0.3, "stenotic artery": 0.3, ELSE: 0.1,
 }  # fmt: skip
@@ -37,7 +40,8 @@ class Seen:
     """Contrast (force over its surroundings, less 1) and pulse over force, each with its standard
     deviation. ``chance`` is that of a bump as clear where nothing lies, ``moving`` the posterior
     probability that what moves is a pulse. Where no pulse was seen, ``hidden`` is the likelihood
-    (n,) that pulses (n,) over the force have beside that of none."""
+    (n,) that pulses (n,) over the force have beside that of none, and ``alone`` the odds that one
+    press differs by itself, as one that goes deeper than the stage knows, against a bump."""
 
     contrast: float
     contrast_sd: float
@@ -46,6 +50,7 @@ class Seen:
     chance: float = 0.0
     moving: float = 1.0
     hidden: Callable[[Array], Array] | None = None
+    alone: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +70,9 @@ def judge(seen: Seen) -> Judged:
     for kind in KINDS:
         if kind == best and share[best] >= MIN_POSTERIOR:
             return Judged(kind, stated(share[best]), "")
+    if share[ONE_PRESS] >= MIN_REASON:
+        return Judged("undecided", stated(share[best]), "one press alone is stiffer or softer than "
+                      "the others: repeat it, and press beside it")  # fmt: skip
     chances = ", ".join(f"{k} {100 * stated(v):.0f} %" for k, v in share.items() if v >= 0.005)
     if seen.hidden is None:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
@@ -78,7 +86,8 @@ def judge(seen: Seen) -> Judged:
 
 
 def shares(seen: Seen) -> dict[str, float]:
-    """Posterior probability of each kind, of something else and of nothing.
+    """Posterior probability of each kind, of something else, of one press that differs and of
+    nothing.
 
     A kind's likelihood is the mean over its solved samples. Where a pulse was found, vessels are
     judged by the likelihood of their pulses as its size, and a lump only by the chance that what
@@ -95,9 +104,10 @@ def shares(seen: Seen) -> dict[str, float]:
     else:
         likelihood[ELSE] *= float(np.mean(seen.hidden(SIZES[SIZES >= PULSE_FLOOR])))
     total = sum(likelihood.values())
-    something = 1 / (1 + against_nothing(seen.chance))
+    nothing = against_nothing(seen.chance)
+    something = 1 / (1 + nothing + seen.alone)
     share = {kind: something * value / total for kind, value in likelihood.items()}
-    return share | {"nothing": 1 - something}
+    return share | {"nothing": something * nothing, ONE_PRESS: something * seen.alone}
 
 
 def against_nothing(chance: float) -> float:

@@ -22,6 +22,8 @@ MIN_DISTANCE = 1.5
 MAX_OBJECTS = 4
 SETTLED = 1e-4
 """Of places and widths in station distances: a hundredth of what is ever known of them."""
+LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
+"""Scatter over its own that leaves a station out of a fit; odds beyond these change no finding."""
 MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
 
@@ -31,7 +33,7 @@ class Bump:
     """``height`` above (below, when negative) the background at ``x_m``, ``half_width_m`` wide.
 
     ``x_low_m``, ``x_high_m``: 95 % interval; ``p_value``: chance of one as clear anywhere in a row
-    that has none.
+    that has none; ``alone``: odds that only the press at it differs, against the bump.
     """
 
     x_m: float
@@ -41,6 +43,7 @@ class Bump:
     height_sd: float
     half_width_m: float
     p_value: float
+    alone: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -206,12 +209,28 @@ def _row(
     height_sd = np.sqrt(scatter * np.diag(covariance)[count:])
     spread = _place_sd(x_m, sd, base, known, heights) * np.sqrt(scatter)
     reach = float(stdtrit(dof + TRUSTED, 0.975)) * spread
+    alone = [_alone(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))]
     bumps = [
-        Bump(c, c - r, c + r, float(h), float(s), w, p)
-        for (c, w), h, s, r, p in zip(known, heights, height_sd, reach, chances, strict=True)
+        Bump(c, c - r, c + r, float(h), float(s), w, p, odds)
+        for (c, w), h, s, r, p, odds in zip(
+            known, heights, height_sd, reach, chances, alone, strict=True
+        )
     ]
     bumps.sort(key=lambda b: b.p_value)
     return Row(tuple(bumps), columns[:, :count] @ coefficients[:count], float(np.sqrt(scatter)))
+
+
+def _alone(
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
+    rss: float, scatter: float,
+) -> float:  # fmt: skip
+    """Odds that the press nearest to the bump ``known[k]`` differs by itself, both alike
+    beforehand: the likelihood without the press and the bump over that with them, ``rss``."""
+    left_out = np.abs(x_m - known[k][0]) == np.abs(x_m - known[k][0]).min()
+    *_, left = _weighted(
+        x_m, value, np.where(left_out, LEFT_OUT * sd, sd), base, [*known[:k], *known[k + 1 :]]
+    )
+    return float(np.exp(min((rss - float(left @ left)) / (2 * max(scatter, 1.0)), MAX_LOG_ODDS)))
 
 
 def _place_sd(

@@ -1,4 +1,4 @@
-"""A row that is not finished: only what no further station could overturn is named."""
+"""A row that is not finished, or short: only what no further station could overturn is named."""
 
 from dataclasses import replace
 
@@ -11,6 +11,8 @@ from probe.detection.map.row_objects import Line
 MIN_BEYOND = 3.0
 """Pitches between an object and the open end: a vessel is felt two to either side, and a bump's
 half width is up to 2.8."""
+MIN_NAMED = MIN_STATIONS + int(MIN_BEYOND)
+"""Stations that show a bump beside what may follow."""
 REASON = "the row is not finished: further stations may change this"
 
 
@@ -21,10 +23,26 @@ def only_settled(objects: list[ObjectFinding], line: Line, end_x_m: float) -> li
     beside what may follow, is undecided.
     """
     pitch = float(np.median(np.diff(line.x_m))) if len(line.x_m) > 1 else 0.0
-    short = len(line.x_m) < MIN_STATIONS + MIN_BEYOND
+    short = len(line.x_m) < MIN_NAMED
     return [
         replace(one, kind="undecided", reason=REASON)
         if short or abs(one.position_m - end_x_m) < MIN_BEYOND * pitch
         else one
+        for one in objects
+    ]
+
+
+def only_pulses(objects: list[ObjectFinding], line: Line) -> list[ObjectFinding]:
+    """``objects`` of a finished row. In one of fewer than `MIN_NAMED` stations a lump cannot be
+    told from a block's end or from the flank of what lies beyond, and is undecided."""
+    count = len(line.x_m)
+    if count >= MIN_NAMED:
+        return objects
+    reason = (
+        f"{count} stations do not show whether this is a lump or what lies beyond their ends: "
+        f"{MIN_NAMED} do"
+    )
+    return [
+        replace(one, kind="undecided", reason=reason) if one.kind == "tumour" else one
         for one in objects
     ]

@@ -163,11 +163,12 @@ def _object(place: Place, line: Line, moving: float | None) -> ObjectFinding:
                     1.0 if moving is None else moving)  # fmt: skip
     else:
         # a neighbour's pulse reaches here too: only what rises above it is this object's
-        alone = moving is None
-        likelihood = _unseen(line, place) if alone else _measured(0.0, max(pulse_sd, 0.1 * pulse))
-        pulse = pulse if alone else 0.0
+        still = moving is None
+        likelihood = _unseen(line, place) if still else _measured(0.0, max(pulse_sd, 0.1 * pulse))
+        pulse = pulse if still else 0.0
+        alone = place.level.alone if place.level is not None else 0.0
         seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0,
-                    lambda p: likelihood(whole * p))  # fmt: skip
+                    lambda p: likelihood(whole * p), alone)  # fmt: skip
     return _finding(place, height, pulse, judge(seen), line)
 
 

@@ -63,6 +63,29 @@ def test_an_unfinished_row_names_nothing_that_may_change(count: int) -> None:
         assert high <= whole[count - 1].x_m + 1e-9
 
 
+@pytest.mark.parametrize("deeper", [0.05, 0.2, -0.1])
+def test_one_press_that_differs_is_no_lump(deeper: float) -> None:
+    """One that goes deeper than the stage knows; a lump is felt by its neighbours too."""
+    rng = np.random.default_rng(8)
+    whole = row(rng, noise_pa=4.0, hold_s=1.65)
+    whole[7] = replace(whole[7], signal_pa=(1 + deeper) * whole[7].signal_pa)
+    found = detect(recording(whole))
+    assert found.finding in ("undecided", "nothing")
+    assert found.finding == "nothing" or "repeat it" in found.objects[0].reason
+    lump = detect(recording(row(rng, bump=abs(deeper), noise_pa=4.0, hold_s=1.65)))
+    assert "repeat it" not in lump.reason
+
+
+def test_a_short_row_names_no_lump() -> None:
+    """What seven stations show as a lump may be the block's end, or a vessel's flank."""
+    rng = np.random.default_rng(9)
+    lump = row(rng, centre_mm=16.0, bump=0.5, noise_pa=4.0, hold_s=2.5)
+    assert detect(recording(lump)).finding == "tumour"
+    short = detect(recording(lump[:7]))
+    assert short.finding == "undecided"
+    assert "9 do" in short.objects[0].reason
+
+
 def array(one: Station, rng: np.random.Generator) -> Station:
     """The press as nine taxels that feel the same, with noise of their own."""
     nine = one.signal_pa + 20.0 * rng.standard_normal((len(one.time_s), 9))
