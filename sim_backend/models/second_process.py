@@ -115,6 +115,7 @@ def solve_from_far_end(
     It ends with the process at the other end, however that ends.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the scan's, which lifts the tip
+    _wait_like_others()
     taken: set[int] = set()
 
     def listen() -> None:
@@ -134,6 +135,14 @@ def solve_from_far_end(
                 pipe.send((number, SOLVED, function(*tasks[number])))
             except Exception:  # noqa: BLE001 - whatever it is, it is met again where it is asked for
                 pipe.send((number, FAILED, None))
+
+
+def _wait_like_others() -> None:
+    """Give up what precedence a process of guards has, which would be this one's too."""
+    with suppress(AttributeError, OSError):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    with suppress(AttributeError, OSError):
+        os.setpriority(os.PRIO_PROCESS, 0, max(os.getpriority(os.PRIO_PROCESS, 0), 0))
 
 
 def processors() -> int:

@@ -1,6 +1,7 @@
 """Work shared by two processes comes back in order, and a failure where it would be met alone."""
 
 import math
+import os
 import threading
 
 import pytest
@@ -52,3 +53,28 @@ class NobodyListens:
 def test_it_ends_without_a_word_when_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(second_process.signal, "signal", lambda *_: None)
     solve_from_far_end(math.sqrt, [(1.0,), (4.0,)], NobodyListens())  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(not hasattr(os, "SCHED_RR"), reason="this system has no such scheduling")
+def test_it_has_no_precedence_where_guards_have_it() -> None:
+    found: list[int] = []
+
+    def as_a_guard() -> None:
+        try:
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+        except PermissionError:
+            return
+        other = SecondProcess(os.sched_getscheduler, [(0,), (0,)])
+        try:
+            with other._news:
+                other._news.wait_for(lambda: len(other._solved) == 2)
+            found.extend([*other._solved.values(), os.sched_getscheduler(0)])
+        finally:
+            other.close()
+
+    guard = threading.Thread(target=as_a_guard)  # scheduling is a thread's
+    guard.start()
+    guard.join()
+    if not found:
+        pytest.skip("this user may not schedule by round robin")
+    assert found == [os.SCHED_OTHER, os.SCHED_OTHER, os.SCHED_RR]
