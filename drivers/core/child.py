@@ -72,5 +72,8 @@ def run(
     address: Any, key: bytes, pipes: int, module: str, name: str, arguments: tuple[Any, ...]
 ) -> None:
     """The other side."""
-    ends: list[Connection[Any, Any]] = [Client(address, authkey=key) for _ in range(pipes)]
+    try:
+        ends: list[Connection[Any, Any]] = [Client(address, authkey=key) for _ in range(pipes)]
+    except (OSError, EOFError):  # who started it ended meanwhile: there is nobody to tell
+        sys.exit(1)
     getattr(import_module(module), name)(*arguments, *ends)

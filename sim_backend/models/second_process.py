@@ -53,12 +53,13 @@ class SecondProcess(Generic[Answer]):
             return self._solved.get(number)
 
     def close(self) -> None:
-        """End the process, whatever it is doing."""
+        """End the process, whatever it is doing. One that is still starting ends by itself."""
         with self._news:
             self._ended = True
-            if self._child is not None and self._child.alive():
+            there = self._child is not None and self._child.alive()
+            if self._child is not None and there:
                 os.kill(self._child.pid, signal.SIGTERM)
-        if self._thread.ident is not None:  # it was started
+        if there:
             self._thread.join(END_S)
 
     def _tell(self, number: int) -> None:
@@ -68,6 +69,9 @@ class SecondProcess(Generic[Answer]):
 
     def _learn(self) -> None:
         """Body of the thread: start the process, take what it has solved, and wait for its end."""
+        with suppress(AttributeError):  # Ctrl-C is for the scan, which lifts the tip: the process
+            # inherits that this thread is not asked, from its first instruction on
+            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         child = Child(solve_from_far_end, self._work, pipes=1)
         with self._news:
             self._child = child
@@ -114,7 +118,7 @@ def solve_from_far_end(
 
     It ends with the process at the other end, however that ends.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is the scan's, which lifts the tip
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where signals cannot be blocked
     _wait_like_others()
     taken: set[int] = set()
 

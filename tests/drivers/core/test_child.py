@@ -1,5 +1,6 @@
 """A function in a process of its own, also from a script without a guard."""
 
+import pickle
 import subprocess
 import sys
 from importlib import import_module
@@ -7,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers.core.child import Child
+from drivers.core.child import BOOTSTRAP, KEY_BYTES, Child
 
 SCRIPT = """
 from drivers.core.child import Child
@@ -41,3 +42,14 @@ def test_it_ends_with_its_pipes_or_by_force(
     assert not child.alive()
     with pytest.raises(OSError):
         child.pipes[0].recv()
+
+
+def test_whose_starter_has_ended_meanwhile_it_ends_without_a_word(tmp_path: Path) -> None:
+    nobody = sys.path, str(tmp_path / "socket"), b"k" * KEY_BYTES, 1, "math", "sqrt", ()
+    ended = subprocess.run(
+        [sys.executable, "-c", BOOTSTRAP],
+        input=pickle.dumps(nobody),
+        capture_output=True,
+        timeout=60,
+    )
+    assert (ended.returncode, ended.stderr) == (1, b"")

@@ -2,6 +2,7 @@
 
 import math
 import os
+import signal
 import threading
 
 import pytest
@@ -78,3 +79,16 @@ def test_it_has_no_precedence_where_guards_have_it() -> None:
     if not found:
         pytest.skip("this user may not schedule by round robin")
     assert found == [os.SCHED_OTHER, os.SCHED_OTHER, os.SCHED_RR]
+
+
+@pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="no such signals here")
+def test_ctrl_c_is_not_for_it() -> None:
+    """Not even while it starts: it would end with a traceback, and be waited for."""
+    other = SecondProcess(signal.pthread_sigmask, [(signal.SIG_BLOCK, ())] * 2)
+    try:
+        with other._news:
+            other._news.wait_for(lambda: len(other._solved) == 2)
+        assert signal.SIGINT in other._solved[0]
+        assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    finally:
+        other.close()
