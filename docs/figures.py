@@ -4,7 +4,8 @@ A page writes ``{{ figure("fleet.scan_s", ".2f") }}`` for a number, ``{{ table("
 table and ``{{ measured("paper") }}`` for by what, of which code, when and where it was measured. A
 name that no stored result has stops the build. `make figures` measures them anew. Of what
 benchmarks keep case by case in ``docs/results``, ``{{ counts("six-scenes", "sensor", "scene") }}``
-is a table of the answers, and ``{{ kept("six-scenes") }}`` says how many there are, of which code.
+is a table of the answers, ``{{ greatest("device-faults", "device", "ended_s") }}`` one of how many
+cases there are and of the greatest values, and ``{{ kept("six-scenes") }}`` says of which code.
 """
 
 import csv
@@ -80,7 +81,7 @@ def cases(name: str) -> list[dict[str, str]]:
     if not path.is_file():
         raise NoFigure(f"{name}: no kept result of that name in {RESULTS}")
     with path.open(newline="", encoding="utf-8") as file:
-        return [row for row in csv.DictReader(file) if row["found"]]
+        return [row for row in csv.DictReader(file) if row.get("found", "judged")]
 
 
 def counts(name: str, down: str, across: str) -> str:
@@ -99,6 +100,21 @@ def counts(name: str, down: str, across: str) -> str:
     return "\n".join(lines)
 
 
+def greatest(name: str, down: str, *columns: str) -> str:
+    """A row for each value of the column ``down``: how many cases, and the greatest number in each
+    of ``columns``."""
+    head = [down, "cases", *(f"greatest {one}" for one in columns)]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    try:
+        for one in dict.fromkeys(row[down] for row in cases(name)):
+            rows = [row for row in cases(name) if row[down] == one]
+            most = [f"{max(float(row[column]) for row in rows):.3g}" for column in columns]
+            lines.append("| " + " | ".join([one, str(len(rows)), *most]) + " |")
+    except KeyError as missing:
+        raise NoFigure(f"{name}: it has no column {missing}") from None
+    return "\n".join(lines)
+
+
 def kept(name: str) -> str:
     """How many cases, of which code, when."""
     rows = cases(name)
@@ -107,7 +123,8 @@ def kept(name: str) -> str:
 
 
 KINDS = {
-    "figure": figure, "table": table, "measured": measured, "counts": counts, "kept": kept,
+    "figure": figure, "table": table, "measured": measured, "counts": counts,
+    "greatest": greatest, "kept": kept,
 }  # fmt: skip
 
 

@@ -42,11 +42,21 @@ def test_every_figure_of_a_page_was_measured(page: Path) -> None:
     "wrong",
     ['{{ figure("paper.no_such_key") }}', '{{ figure("no_such_result.x") }}',
      '{{ table("demo") }}', '{{ number("paper.presses") }}', '{{ kept("no_such_result") }}',
-     '{{ counts("six-scenes", "scene", "no_such_column") }}'],
+     '{{ counts("six-scenes", "scene", "no_such_column") }}',
+     '{{ greatest("device-faults", "device", "no_such_column") }}'],
 )  # fmt: skip
 def test_a_number_that_nothing_backs_stops_the_build(wrong: str) -> None:
     with pytest.raises(FILL.NoFigure):
         FILL.filled(f"It takes {wrong}.")
+
+
+def test_the_greatest_of_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "made.csv").write_text("device,late_s\na,0.25\nb,3\na,1.5\n")
+    monkeypatch.setattr(FILL, "RESULTS", tmp_path)
+    FILL.cases.cache_clear()
+    text = FILL.filled('{{ greatest("made", "device", "late_s") }}')
+    assert text.splitlines()[2:] == ["| a | 2 | 1.5 |", "| b | 1 | 3 |"]
+    FILL.cases.cache_clear()
 
 
 def test_a_number_is_printed_as_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
