@@ -222,9 +222,9 @@ class PressGuard:
             return None
         went_m = down_m - self._downs[row]
         foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
-        moved_n = max(judged) - min(judged)
-        if not 0 < moved_n <= min(NOISE_SIGMAS * self._noise_n, 0.5 * foretold_n):
-            return None
+        most_n = NOISE_SIGMAS * self._noise_n
+        if foretold_n < 2 * most_n or not 0 < max(judged) - min(judged) <= most_n:
+            return None  # moved, or noise would hide the rise of a live one
         return _flat(judged[-1] - judged[0], went_m, foretold_n)
 
 
