@@ -11,14 +11,14 @@ import typer
 Misused: Any = typer.BadParameter.__mro__[2]
 BAD_INPUT, FAULT, UNSOLVED, ABORTED, INTERRUPTED, BUG = 2, 3, 4, 5, 130, 70
 STATUSES = {
-    "sim_backend.models.press:CannotSolve": UNSOLVED,
+    "sim_backend.fem.newton:CannotSolve": UNSOLVED,
     "sim_backend.scene.scene_file:SceneError": BAD_INPUT,
     "drivers.core.errors:DeviceFault": FAULT,
     "drivers.core.errors:ConfigError": BAD_INPUT,
     "probe.acquisition.remote:NotRunning": FAULT,
     "probe.config.rig:RigError": BAD_INPUT,
-    "probe.storage.rows:RunFileError": BAD_INPUT,
-    "probe.storage.writer:StoreError": BAD_INPUT,
+    "probe.core.errors:RunFileError": BAD_INPUT,
+    "probe.storage.disk:StoreError": BAD_INPUT,
     "probe.storage.csv_columns:CsvError": BAD_INPUT,
     "calibration.errors:CalibrationError": BAD_INPUT,
     "builtins:OSError": BAD_INPUT,

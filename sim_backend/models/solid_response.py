@@ -15,7 +15,13 @@ from sim_backend.arrays import Array
 from sim_backend.fem.newton import CannotSolve, Load
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.build import build_body, half_width_m
-from sim_backend.fem.solid.newton import SolidSolution, continuation, is_stable, unloaded
+from sim_backend.fem.solid.newton import (
+    SolidSolution,
+    continuation,
+    fallen,
+    is_stable,
+    unloaded,
+)
 from sim_backend.fem.solid.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.kept_tables import kept_table, table_file
@@ -92,11 +98,14 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
     down = list(continuation(body, solver, start, [Load(float(d), rest) for d in depths]))
     ramp = down[between - 1 :: between]
     if is_stable(body, solver, ramp[-1]) is False:
-        raise CannotSolve(
-            "stability",
-            f"{1e3 * max_depth_m:g} mm deep at x = {1e3 * x_m:g} mm the solid is unstable: it "
-            "would give way sideways. Press less deep.",
-        )
+        stable = fallen(body, solver, ramp[-1])
+        if stable is None or abs(stable.force_n / ramp[-1].force_n - 1) > LEFT.rest:
+            raise CannotSolve(
+                "stability",
+                f"{1e3 * max_depth_m:g} mm deep at x = {1e3 * x_m:g} mm the solid is unstable: it "
+                "would give way sideways. Press less deep.",
+            )
+        ramp[-1] = stable
 
     def at(one: SolidSolution, pressure_pa: float) -> tuple[float, float]:
         if scene.arteries:

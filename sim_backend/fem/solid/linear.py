@@ -106,6 +106,22 @@ class LinearSolver:
         curvature = float(x @ self._apply(matrix, x)) / float(x @ x)
         return curvature if curvature < 0 else None
 
+    def released_by(self, matrix: bsr_matrix) -> Array | None:
+        """A displacement (size,) along which `lowest_curvature` is negative; None without one.
+
+        Raises `Singular`.
+        """
+        factors = self.factor(matrix)
+        if not factors.negative:
+            return None
+        x = factors.releasing()
+        x[self._still.ravel()] = 0.0
+        if x @ self._apply(matrix, x) >= 0:
+            return None
+        result = np.zeros(self._size)
+        result[self._dofs] = x
+        return result
+
     def _apply(self, matrix: bsr_matrix, x: Array) -> Array:
         y = matrix @ x
         for stiffness, weight in self._leaning:

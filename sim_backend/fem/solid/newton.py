@@ -5,9 +5,10 @@ active while its multiplier outweighs its gap.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.sparse import bsr_matrix
 
 from sim_backend.arrays import Array, Bools
 from sim_backend.fem.assembly import gather
@@ -31,6 +32,9 @@ CLOSED_SHARE = 2e-6
 """Largest gap left where contact is, over the element size."""
 TOLERANCE = 1e-6
 """Residual over the sum of contact forces."""
+PUSHES = (0.1, -0.1, 0.3, -0.3)
+"""Greatest displacement over the element size, by which an unstable equilibrium is left. TIHA-solid
+28 mm along: 0.03 falls back; 0.1 finds 1.0 % less force, -0.3 finds 0.2 % more."""
 
 
 @dataclass(frozen=True)
@@ -133,6 +137,37 @@ def equilibrium(
 def is_stable(body: Body, solver: LinearSolver, solution: SolidSolution) -> bool | None:
     """Whether the tangent has no negative eigenvalue, contact held as it is: True where all pivots
     are positive, False where a displacement is found that releases energy, None where neither."""
+    try:
+        lowest = solver.lowest_curvature(_tangent(body, solver, solution))
+    except Singular:
+        return None
+    return None if lowest is None else lowest > 0
+
+
+def fallen(body: Body, solver: LinearSolver, unstable: SolidSolution) -> SolidSolution | None:
+    """A stable equilibrium beside an ``unstable`` one, at the same load; None where none is found.
+
+    It is pushed along a displacement that releases energy, either way. Where a finger's edge is
+    finer than the elements, that is one node which slides over the edge.
+    """
+    push = solver.released_by(_tangent(body, solver, unstable))
+    if push is None:
+        return None
+    push = push.reshape(-1, 3)
+    push *= body.contact_m / float(np.linalg.norm(push, axis=1).max())
+    for share in PUSHES:
+        pushed = replace(unstable, displacement=unstable.displacement + share * push)
+        try:
+            found = equilibrium(body, solver, pushed, unstable.load)
+        except NotConverged:
+            continue
+        if is_stable(body, solver, found):
+            return found
+    return None
+
+
+def _tangent(body: Body, solver: LinearSolver, solution: SolidSolution) -> bsr_matrix:
+    """With contact held as it is."""
     finger = body.finger.lowered_by(solution.load.depth_m)
     place = body.wedges.nodes + solution.displacement
     _, normal, hessian = finger.gap(place[body.surface])
@@ -140,11 +175,7 @@ def is_stable(body: Body, solver: LinearSolver, solution: SolidSolution) -> bool
     blocks.append(
         _contact_blocks(body, solution.multiplier > 0, solution.multiplier, normal, hessian)
     )
-    try:
-        lowest = solver.lowest_curvature(solver.matrix(blocks))
-    except Singular:
-        return None
-    return None if lowest is None else lowest > 0
+    return solver.matrix(blocks)
 
 
 def _contact_blocks(

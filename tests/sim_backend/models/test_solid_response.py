@@ -1,11 +1,14 @@
 """What the phantom feels of a solid: the states that are solved, and what lies between them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.solid.build import half_width_m
+from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.fem.solid.stress import under_finger_pa
 from sim_backend.models import kept_tables, solid_response, station_response
@@ -85,3 +88,25 @@ def test_a_solid_is_pressed_above_its_middle_only() -> None:
     assert section_at(SCENE, 0.0) is SCENE
     with pytest.raises(SceneError, match="z = 0 only"):
         section_at(SCENE, 3.0)
+
+
+@pytest.mark.parametrize(("falls_to", "answers"), [(1.02, True), (1.2, False), (None, False)])
+def test_what_is_unstable_is_left_where_that_changes_little(
+    falls_to: float | None, answers: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By less than is said to be missed: a node that slides over an edge of the finger."""
+    plain = SCENE.model_copy(update={"inclusion": ()})
+    before = solid_response.solve_place(plain, 8e-3, DEPTH_M)["ramp"]
+
+    def fall(_body: object, _solver: object, one: SolidSolution) -> SolidSolution | None:
+        return falls_to and replace(one, force_n=falls_to * one.force_n)
+
+    monkeypatch.setattr(solid_response, "is_stable", lambda *_: False)
+    monkeypatch.setattr(solid_response, "fallen", fall)
+    if not answers:
+        with pytest.raises(CannotSolve, match="unstable"):
+            solid_response.solve_place(plain, 8e-3, DEPTH_M)
+        return
+    after = solid_response.solve_place(plain, 8e-3, DEPTH_M)["ramp"]
+    np.testing.assert_array_equal(after[:-1], before[:-1])
+    assert after[-1, 0] == pytest.approx(1.02 * before[-1, 0])

@@ -66,6 +66,13 @@ def test_solves_and_counts_as_dense_algebra_does(shift: float) -> None:
     curvature = solver.lowest_curvature(matrix)
     assert curvature is not None
     assert (curvature < 0) == (shift > 0)
+    released = solver.released_by(matrix)
+    assert (released is not None) == (shift > 0)
+    if released is not None:
+        np.testing.assert_array_equal(released.reshape(-1, 3)[held], 0.0)
+        _, cells = chequer()
+        each = released.reshape(-1, 3)[cells].reshape(len(cells), 24)
+        assert np.einsum("ci,cij,cj->", each, blocks, each) < 0
 
 
 def test_a_loose_part_has_no_inverse() -> None:
