@@ -73,7 +73,7 @@ ELSEWHERE = (
            "likelihood[ELSE] = PRIOR[ELSE] * max(inside, 1e-300) / (high - low)",
            "likelihood[ELSE] = 0.0", KINDS),
     Mutant("nothing is impossible", CLASSIFIER,
-           "something = 1 / (1 + against_nothing(seen.chance))", "something = 1.0", KINDS),
+           "nothing = against_nothing(seen.chance)", "nothing = 0.0", KINDS),
     Mutant("any share names a kind", CLASSIFIER,
            "if kind == best and share[best] >= MIN_POSTERIOR:", "if kind == best:", DETECT),
     Mutant("five stations show a bump", BUMPS,

@@ -54,8 +54,8 @@ GUARDED = (
         (f"{TEST_LIMIT}::test_sideways_force_and_torque_are_limited",),
     ),
     Mutant(
-        "sideways force is never looked at", MONITOR,
-        "            guard.tared = True", "            guard.tared = False",
+        "sideways force is never looked at", "probe/acquisition/force_limit.py",
+        "        self.tared = True", "        self.tared = False",
         (f"{TEST_LIMIT}::test_a_sideways_force_ends_the_scan_and_lifts",),
     ),
     Mutant(
@@ -88,7 +88,7 @@ GUARDED = (
     ),
     Mutant(
         "a press that is not felt goes on", LEVELS,
-        "not mean <= MIN_STANDARD_ERRORS * error for mean, error in levels.values()",
+        "not mean <= least_n(name, err) for name, (mean, err) in levels.items()",
         "True for _ in levels",
         ("tests/probe/acquisition/test_way_out.py::test_a_press_is_felt_as_a_push",),
     ),
@@ -143,7 +143,7 @@ GUARDED = (
     ),
     Mutant(
         "the probe is never lifted", RETREAT,
-        "self._start(pose._replace(z=self._lift_z_m), self._speed_m_s)",
+        "self._start(pose._replace(z=max(self._lift_z_m, pose.z)), self._speed_m_s)",
         "self._start(pose, self._speed_m_s)",
         (), ("simulated 5 hard bed",),
     ),
@@ -187,13 +187,44 @@ GUARDED = (
     ),
     Mutant(
         "a force that stops to rise is believed", PRESS,
-        "if rose_n >= FLAT * foretold_n:", "if rose_n >= -1e9:",
+        "if rose_n >= FLAT * foretold_n or", "if rose_n >= -1e9 or",
         (f"{TEST_FALSE}::test_a_force_that_stops_to_rise_is_not_believed",),
     ),
     Mutant(
         "what is harder than was said is pressed", PRESS,
-        "return self._too_fast() or self._too_flat()", "return self._too_flat()",
+        "            self._too_fast()\n            or self", "            self",
         (f"{TEST_FALSE}::test_what_is_harder_than_was_said_is_not_pressed",),
+    ),
+    Mutant(
+        "a clip at the end of a press is believed", PRESS,
+        "return self._stood_still(now) if self._times else None", "return None",
+        (f"{TEST_FALSE}::test_a_sensor_that_clips_at_the_end_of_a_press_is_found_out_in_the_hold",),
+    ),
+    Mutant(
+        "noise alone is a press that stood still", PRESS,
+        "if foretold_n < 2 * most_n or not 0 <", "if not 0 <",
+        (f"{TEST_FALSE}::test_a_noisy_sensor_on_a_short_way_is_believed",),
+    ),
+    Mutant(
+        "a faint clip passes for soft tissue", PRESS,
+        "FAINT_WAY_M = 1e-3", "FAINT_WAY_M = 1.0",
+        (f"{TEST_FALSE}::test_a_sensor_that_clips_far_below_the_limit_does_not_pass_for_soft_tissue",),
+    ),
+    Mutant(
+        "what few readings show counts as contact", LEVELS,
+        "return max(MIN_STANDARD_ERRORS * error, faint)", "return MIN_STANDARD_ERRORS * error",
+        ("tests/probe/acquisition/test_way_out.py::test_a_press_is_felt_as_a_push",),
+    ),
+    Mutant(
+        "a pose that says up is believed", RETREAT,
+        " and (self.lifting or not self._led_down)", "",
+        ("tests/probe/acquisition/test_way_out.py"
+         "::test_a_tip_that_was_sent_down_is_lifted_though_its_pose_never_changed",),
+    ),
+    Mutant(
+        "what is read before a tare is contact", "probe/acquisition/force_limit.py",
+        "        self._newest.clear()\n", "",
+        (f"{TEST_FALSE}::test_what_a_tare_changes_is_no_contact",),
     ),
     Mutant(
         "a blocked engine is waited for", MONITOR,

@@ -170,6 +170,18 @@ def test_a_sensor_that_clips_at_the_end_of_a_press_is_found_out_in_the_hold() ->
     assert ran.lifted
 
 
+class Noisy(SpringSensor):
+    """So much that contact is known at half of the force."""
+
+    def raw(self, time_s: float) -> float:
+        return self.bed.force_n(time_s) + 0.05 * float(self._rng.standard_normal())
+
+
+def test_a_noisy_sensor_on_a_short_way_is_believed() -> None:
+    bed, stage, _ = on_springs()
+    assert run_springs(bed, stage, [Noisy(bed)], rig=SLOW).reason == "every station is complete"
+
+
 class Coarse(SpringSensor):
     """Tells twentieths of a newton, and its noise is far less."""
 
