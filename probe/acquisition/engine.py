@@ -224,7 +224,7 @@ class _Scan(RunLoop):
             self.bus.note("fault", self.stage.name, f"THE PROBE WAS NOT LIFTED: {what}")
             reason = f"{why.reason}; the probe was not lifted: {what}"
             why = Interrupted(Finish.FAULTED, reason, why.device, retract=False)
-        elif not retreat.up and not why.retract:
+        elif not retreat.up:
             text = "the probe was not lifted, as asked; it may still press"
             self.bus.note("warning", self.stage.name, text)
         if why.finish is None:

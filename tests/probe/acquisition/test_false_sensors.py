@@ -19,6 +19,7 @@ from springs import (
 
 import palpate
 from drivers import Block
+from probe.acquisition.commands import Control
 from probe.core.events import Finish, Note, Phase, PhaseEntered, StationEnded
 
 
@@ -261,3 +262,18 @@ def test_a_lone_vessel_that_beats_against_the_finger_is_no_sensor_that_clips(
     press = {"start_mm": 32.0, "stations": 1, "ramp_s": ramp_s, "hold_s": 0.3}
     ended = palpate.scan(palpate.Rig(scan=press), scene, tmp_path, seed=3).ended
     assert ended.reason == "every station is complete"
+
+
+def test_a_stop_amid_the_lift_after_a_fault_leaves_no_probe_pressed_unsaid() -> None:
+    bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M / 2)
+    control = Control()
+
+    def stop(event: Any) -> None:
+        if isinstance(event, PhaseEntered) and event.phase is Phase.STOPPING:
+            control.stop()
+
+    ran = run_springs(
+        bed, stage, [ClipsAndHums(bed)], rig=SLOW, observers=[stop], sink=stop, control=control
+    )
+    assert ran.lifted or any("was not lifted" in note for note in ran.notes)
+    assert not ran.lifted
