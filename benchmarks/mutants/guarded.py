@@ -224,7 +224,7 @@ GUARDED = (
     Mutant(
         "what is read before a tare is contact", "probe/acquisition/force_limit.py",
         "        self._newest.clear()\n", "",
-        (f"{TEST_FALSE}::test_what_a_tare_changes_is_no_contact",),
+        (f"{TEST_MONITOR}::test_what_was_read_before_a_tare_is_in_no_mean_after_it",),
     ),
     Mutant(
         "a blocked engine is waited for", MONITOR,

@@ -169,6 +169,15 @@ def test_what_a_sensor_guard_objects_to(reading: Block, said: str | None) -> Non
     assert found is None if said is None else found is not None and said in found
 
 
+def test_what_was_read_before_a_tare_is_in_no_mean_after_it() -> None:
+    guard = SensorGuard((Channel("f", "N", "force"),), LIMITS)
+    assert guard.check(block(-0.30, -0.31, -0.30, -0.31)) is None
+    guard.tare()
+    assert guard.smooth_n == 0.0
+    assert guard.check(block(0.01, start_s=2.0)) is None
+    assert guard.smooth_n == 0.01
+
+
 def test_pressure_is_guarded_as_force_on_the_face() -> None:
     guard = SensorGuard((Channel("a", "Pa", "taxel"), Channel("b", "Pa", "taxel")), LIMITS)
     fine = Block(np.array([1.0]), np.array([[9e3, 9e3]]), np.zeros((1, 2), bool))
