@@ -6,6 +6,7 @@ was said to lie beneath (`Limits.hardest_n_m`) makes every bound that rests on i
 """
 
 import math
+import threading
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -97,9 +98,13 @@ def check_speed(plan: Plan, limits: Limits, sensors: Sequence[Sensor]) -> None:
 
 
 class PressGuard:
-    """Judges one sensor's force against the way that the tip goes down."""
+    """Judges one sensor's force against the way that the tip goes down.
+
+    Moves are ordered by one thread and poses come from another, also while the tip rests.
+    """
 
     def __init__(self, feels: SensorGuard, limits: Limits, rate_hz: float) -> None:
+        self._lock = threading.Lock()
         self._feels = feels
         self._limit_n = limits.max_force_n
         self._hardest_n_m = limits.hardest_n_m
@@ -120,12 +125,13 @@ class PressGuard:
         on the way down the noise is at most what it was before the last move that led elsewhere.
         """
         down = start.z - target.z > WAY_M
-        self._speed_m_s = speed_m_s if down else 0.0
         noise_n = self._feels.noise_n()
-        self._noise_n = min(self._noise_n, noise_n) if down else noise_n
-        self._first_n = self._feels.smooth_n
-        self._z_m, self._changed_s, self._gap_s = start.z, math.inf, 0.0
-        self._times, self._downs, self._forces, self._rest = [], [], [], []
+        with self._lock:
+            self._speed_m_s = speed_m_s if down else 0.0
+            self._noise_n = min(self._noise_n, noise_n) if down else noise_n
+            self._first_n = self._feels.smooth_n
+            self._z_m, self._changed_s, self._gap_s = start.z, math.inf, 0.0
+            self._times, self._downs, self._forces, self._rest = [], [], [], []
 
     def end(self) -> None:
         """The tip rests."""
@@ -133,8 +139,12 @@ class PressGuard:
 
     def check(self, pose: Pose, now: float) -> str | None:
         """Why the force does not belong to a pose on the way down, or to the rest after it."""
-        if self._speed_m_s == 0.0:
-            return self._stood_still(now) if self._times else None
+        with self._lock:
+            if self._speed_m_s == 0.0:
+                return self._stood_still(now) if self._times else None
+            return self._judge(pose, now)
+
+    def _judge(self, pose: Pose, now: float) -> str | None:
         if pose.z < self._z_m:
             self._gap_s = max(self._gap_s, now - self._changed_s)
             self._z_m, self._changed_s = pose.z, now
