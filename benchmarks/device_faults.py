@@ -187,11 +187,11 @@ class Outcome:
         if not self.fault:
             return not completed or abs(self.deepest_mm - 1.5) > 0.01
         over = self.phase == Phase.RETRACTING or self.fault in DEVICES[self.device].harmless
-        told = self.finish == Finish.FAULTED and self.device in self.reason
+        named = self.finish == Finish.FAULTED and self.device in self.reason
         if completed:
             return not over
         late = self.rest_s > SOON_S or self.ended_s > PATIENCE_S + SOON_S
-        return late or self.samples == 0 or not told
+        return late or self.samples == 0 or not named
 
 
 def outcomes() -> dict[tuple[str, ...], Outcome]:

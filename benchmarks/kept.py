@@ -31,16 +31,16 @@ def fill(
     date. A job that is judged None is kept without answers, so that it is not asked again.
     """
     have = {tuple(row[key] for key in keys) for row in read(path)}
-    told = {"commit": commit(), "date": datetime.now(UTC).date().isoformat()}
+    origin = {"commit": commit(), "date": datetime.now(UTC).date().isoformat()}
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("a", newline="") as file:
-        writer = csv.DictWriter(file, [*keys, *answers, *told])
+        writer = csv.DictWriter(file, [*keys, *answers, *origin])
         if not have:
             writer.writeheader()
         for job in jobs:
             if tuple(str(part) for part in job) in have:
                 continue
-            writer.writerow(dict(zip(keys, job, strict=True)) | dict(judge(*job) or {}) | told)
+            writer.writerow(dict(zip(keys, job, strict=True)) | dict(judge(*job) or {}) | origin)
             file.flush()
 
 

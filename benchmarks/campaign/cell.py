@@ -34,7 +34,7 @@ class Sores:
 
 @dataclass
 class Cell:
-    """The cell; ``lines`` is what was sent, with when it was felt and the true force.
+    """The cell; ``lines`` is what was sent, with when it was measured and the true force.
 
     ``zero_n`` is what it reads in the air.
     """
@@ -79,10 +79,10 @@ class Cell:
         if self._rng.uniform() > sores.keep:
             return b""
         if not sores.stuck:
-            felt = sores.gain * true + sores.extra_n
-            felt += max(at_s - self.since_s, 0.0) * sores.drift_n_s
+            read_n = sores.gain * true + sores.extra_n
+            read_n += max(at_s - self.since_s, 0.0) * sores.drift_n_s
             noise = sores.noise * NOISE_N * self._rng.standard_normal()
-            clipped = min(felt + (0.0 if sores.hums else noise) + self.zero_n, sores.clip_n)
+            clipped = min(read_n + (0.0 if sores.hums else noise) + self.zero_n, sores.clip_n)
             self._last_n = round(float(clipped + (noise if sores.hums else 0.0)), 5)
         self.lines.append((at_s, self._last_n, true))
         stamp = 1e3 * (at_s - self.zero_s + sores.jump_s)

@@ -79,8 +79,8 @@ class ScanProgress:
 
 @contextmanager
 def solving(after_s: float | None = None) -> Iterator[Callable[[str], None]]:
-    """Is told what is being solved, and says so, a line each, from ``after_s`` on, by default
-    `PATIENCE_S`; where it does not take that long, nothing is said."""
+    """Yields what is to be called with each thing that is solved. It shows them, a line each, from
+    ``after_s`` on, by default `PATIENCE_S`; what is over before shows nothing."""
     lock, latest = Lock(), ""
     patience_s = PATIENCE_S if after_s is None else after_s
     late = patience_s <= 0
@@ -92,7 +92,7 @@ def solving(after_s: float | None = None) -> Iterator[Callable[[str], None]]:
             if latest:
                 inform(f"solving {latest}")
 
-    def told(what: str) -> None:
+    def show(what: str) -> None:
         nonlocal latest
         with lock:
             latest = what
@@ -103,7 +103,7 @@ def solving(after_s: float | None = None) -> Iterator[Callable[[str], None]]:
     timer.daemon = True
     timer.start()
     try:
-        yield told
+        yield show
     finally:
         timer.cancel()
 

@@ -58,9 +58,9 @@ def press(
     from sim_backend.scene.scene_file import load_scene
 
     chosen = {} if model is None else {"model": model}
-    with solving() as told:
+    with solving() as show:
         pressed = press_once(
-            load_scene(scene), x, depth, pressure or None, accuracy_pct=accuracy, solving=told,
+            load_scene(scene), x, depth, pressure or None, accuracy_pct=accuracy, solving=show,
             **chosen,
         )  # fmt: skip
     pressures = [state.pressure_mmhg for state in pressed.states]

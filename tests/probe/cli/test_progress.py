@@ -8,22 +8,22 @@ from palpate import press
 from probe.cli.progress import solving
 
 
-def test_who_waits_is_told_what_is_solved(capsys: pytest.CaptureFixture[str]) -> None:
-    with solving(after_s=0.05) as told:
-        told("the first mesh")
-        told("the second mesh")
+def test_who_waits_sees_what_is_solved(capsys: pytest.CaptureFixture[str]) -> None:
+    with solving(after_s=0.05) as show:
+        show("the first mesh")
+        show("the second mesh")
         assert not capsys.readouterr().err
         end_s = time.monotonic() + 10
         while not (said := capsys.readouterr().err):
             assert time.monotonic() < end_s
-        told("the third mesh")
+        show("the third mesh")
     assert said == "solving the second mesh\n"
     assert capsys.readouterr().err == "solving the third mesh\n"
 
 
 def test_a_short_wait_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
-    with solving(after_s=0.05) as told:
-        told("the first mesh")
+    with solving(after_s=0.05) as show:
+        show("the first mesh")
     time.sleep(0.1)
     assert not capsys.readouterr().err
 

@@ -69,7 +69,7 @@ def test_what_is_being_solved_elsewhere_is_waited_for(
     both = solved(stations())
     wait_for(lambda: len(both._other._theirs) > 0)
     monkeypatch.setattr(station_response, "_respond", None)  # nothing can be solved here
-    both(BLOCK, PLACES_M[3], DEPTH_M)
+    assert both(BLOCK, PLACES_M[3], DEPTH_M).x_m == PLACES_M[3]
 
 
 @pytest.mark.parametrize(("processors", "places"), [(1, 4), (2, 1)])
@@ -105,7 +105,7 @@ def test_without_the_process_everything_is_solved_here(solved: Callable[..., Sol
     wait_for(lambda: len(both._other._theirs) > 0)
     both.close()
     wait_for(lambda: not both._other._thread.is_alive())
-    both(BLOCK, PLACES_M[3], DEPTH_M)
+    assert both(BLOCK, PLACES_M[3], DEPTH_M).x_m == PLACES_M[3]
 
 
 def test_it_ends_with_a_parent_that_is_killed() -> None:

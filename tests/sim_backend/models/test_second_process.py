@@ -47,13 +47,18 @@ class NobodyListens:
         threading.Event().wait(1.0)  # what has ended is not noticed yet
         return 0
 
+    asked = 0
+
     def send(self, _message: object) -> None:
+        self.asked += 1
         raise BrokenPipeError
 
 
 def test_it_ends_without_a_word_when_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(second_process.signal, "signal", lambda *_: None)
-    solve_from_far_end(math.sqrt, [(1.0,), (4.0,)], NobodyListens())  # type: ignore[arg-type]
+    pipe = NobodyListens()
+    solve_from_far_end(math.sqrt, [(1.0,), (4.0,)], pipe)  # type: ignore[arg-type]
+    assert pipe.asked == 1  # and the second task is not begun
 
 
 @pytest.mark.skipif(not hasattr(os, "SCHED_RR"), reason="this system has no such scheduling")
