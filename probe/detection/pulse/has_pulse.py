@@ -35,11 +35,9 @@ def _causes(clear: dict[int, tuple[Hold, Pulse]]) -> tuple[dict[int, Cause], lis
     """What moves in the clearest presses, and which of ``clear`` then hold a pulse.
 
     One that moves for another reason by itself is left out; the rest are asked together, since
-    they share one heart. A reference that beats along has already answered.
+    they share one heart.
     """
     asked = [i for i, (_, pulse) in clear.items() if pulse.search is not None][:MAX_PRESSES_ASKED]
-    if not asked:
-        return {}, list(clear)
     evidence = {}
     for i in asked:
         hold = clear[i][0]
@@ -47,6 +45,8 @@ def _causes(clear: dict[int, tuple[Hold, Pulse]]) -> tuple[dict[int, Cause], lis
             continue
         coarse = coarse_of(hold, fit(hold, design_of(hold), np.empty((len(hold.time_s), 0))))
         evidence[i] = evidence_of(coarse, beat_train(coarse))
+    if not evidence:  # a reference has answered, or the holds are too short to ask
+        return {}, list(clear)
     causes = {i: cause_of([one]) for i, one in evidence.items()}
     disturbed = [i for i, cause in causes.items() if cause.pulse < 1 - MIN_POSTERIOR]
     steady = [i for i in evidence if i not in disturbed]

@@ -88,6 +88,16 @@ def test_a_grid_gives_the_course_and_its_stenosed_stretch() -> None:
     assert one.stenosed_m == pytest.approx((8e-3, 12e-3))
 
 
+@pytest.mark.parametrize("hold_s", [1.7, 2.5])  # what moves is asked of holds of 2 s or more
+def test_a_grid_without_bumps_gives_the_course_by_pulses(hold_s: float) -> None:
+    rng = np.random.default_rng(7)
+    rows = [row(rng, centre_mm=30.0, y_mm=4.0 * k, first=15 * k, tilt=0.0, pulse_pa=600.0,
+                noise_pa=4.0, hold_s=hold_s) for k in range(4)]  # fmt: skip
+    (one,) = detect(recording([station for stations in rows for station in stations])).objects
+    assert one.kind == "artery"
+    assert [round(1e3 * y_m) for _, y_m in one.course] == [0, 4, 8, 12]
+
+
 def test_one_press_tells_a_pulse_and_no_more() -> None:
     rng = np.random.default_rng(8)
     nothing = detect(recording([station(rng)]))
