@@ -77,9 +77,10 @@ def refine_axisymmetric(
     """
     tissue = scene.tissue
     assert tissue is not None and tissue.length_mm is not None
-    half_length_m = 0.5e-3 * tissue.length_mm
-    sides = x_m, 1e-3 * tissue.width_mm - x_m, half_length_m
-    inner, outer = min(sides), float(np.hypot(max(sides[:2]), half_length_m))
+    across = x_m, 1e-3 * tissue.width_mm - x_m
+    half_m, aside_m = 0.5e-3 * tissue.length_mm, 1e-3 * abs(tissue.z_mm or 0.0)
+    inner = min(*across, half_m - aside_m)
+    outer = float(np.hypot(max(across), half_m + aside_m))
     budget = np.array([max(0.3 * accuracy_pct, 0.05), np.inf])
     press = depth_m, [0.0], budget
     small = refine("axisymmetric", scene, inner, *press, solving=solving)

@@ -4,6 +4,11 @@ One ramp is solved at the resting pressure; at some of its depths systole is sol
 full one diastole. Between depths force and stress follow powers of the depth that change
 evenly with its logarithm (a ball's first is 3/2: Hertz; Johnson 1985, eq. 4.22). The mesh is the
 first of those that `sim_backend.models.solid_press` refines.
+
+Where nothing but the block's ends varies along z, a place beside the middle is solved as two blocks
+that are symmetric about it, each half modelled: with ends a and b away the force is
+    F(a, b) = F + e(a) + e(b) = [F(a, a) + F(b, b)] / 2
+but for what the ends do to each other's effect, of the order of (e(a) - e(b))^2 / F.
 """
 
 from math import ceil
@@ -27,7 +32,7 @@ from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.kept_tables import kept_table, table_file
 from sim_backend.models.response import Curve, Left, StationResponse, levels_pa
 from sim_backend.models.solid_press import SHARES
-from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.scene_file import Artery, Scene
 
 DEPTHS = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
 """Shares of the greatest depth that are solved. The first is 0.5 mm of the usual 2.5: a contact
@@ -50,8 +55,8 @@ def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
 
     Raises `CannotSolve` where physics ends, and `SceneError` where elements cannot be made.
     """
-    path = _file(scene, x_m, max_depth_m)
-    table = kept_table(path, lambda: solve_place(scene, x_m, max_depth_m))
+    tables = [_table(part, x_m, max_depth_m) for part in symmetric_parts(scene)]
+    table = {key: np.mean([one[key] for one in tables], axis=0) for key in tables[0]}
     rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
     sunk = max_depth_m * DEPTHS + float(table["bulge"])
 
@@ -69,9 +74,34 @@ def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
     return StationResponse(x_m, max_depth_m, 1.0, float(table["bulge"]), curve(0), curve(1), LEFT)
 
 
+def _table(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array]:
+    path = _file(scene, x_m, max_depth_m)
+    return kept_table(path, lambda: solve_place(scene, x_m, max_depth_m))
+
+
 def is_kept(scene: Scene, x_m: float, max_depth_m: float) -> bool:
     """Whether the answer lies on disk."""
-    return _file(scene, x_m, max_depth_m).exists()
+    return all(_file(part, x_m, max_depth_m).exists() for part in symmetric_parts(scene))
+
+
+def symmetric_parts(scene: Scene) -> list[Scene]:
+    """The blocks whose mean is the answer: two for a straight scene beside its middle, up to where
+    an end comes under the finger; else the scene itself."""
+    tissue = scene.tissue
+    assert tissue is not None and tissue.length_mm is not None  # the scene was checked
+    aside_mm = abs(tissue.z_mm or 0.0)
+    near_mm = tissue.length_mm / 2 - aside_mm
+    straight = all(
+        isinstance(one, Artery) and (one.stenosis is None or one.stenosis.z_mm is None)
+        for one in scene.inclusion
+    )
+    if not straight or aside_mm == 0.0 or near_mm < scene.indenter.breadth_mm_projected / 2:
+        return [scene]
+    return [
+        scene.model_copy(update={"tissue": tissue.model_copy(
+            update={"length_mm": round(2 * end_mm, 9), "z_mm": None})})
+        for end_mm in (near_mm, near_mm + 2 * aside_mm)
+    ]  # fmt: skip
 
 
 def _file(scene: Scene, x_m: float, max_depth_m: float) -> Path:

@@ -23,6 +23,7 @@ from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.response import Curve, Left, StationResponse, levels_pa
 from sim_backend.scene.scene_file import Scene, mirrored
+from sim_backend.scene.slicing import mirrored_along
 
 DEPTHS = np.array([0.04, 0.2, 0.55, 1.0])
 """Shares of the greatest depth that are solved. Between them forces of TIHA and TIT are within
@@ -45,7 +46,7 @@ MAX_KEPT = 256
 
 class Station(NamedTuple):
     """What is solved: a place [m] of a scene down to a depth [m]. Of two places that are each
-    other's mirror image, it is the left one."""
+    other's mirror image, it is the left one, and along a solid the one at larger z."""
 
     scene: Scene
     x_m: float
@@ -58,8 +59,8 @@ _kept: dict[Station, StationResponse] = {}
 def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     """The answer of ``scene`` at ``x_m`` [m] down to ``max_depth_m`` [m].
 
-    A scene that is its own mirror image is solved on its left half only; a solid is solved above
-    z = 0, in up to half a minute, and kept on disk. Raises
+    A scene that is its own mirror image is solved on its left half only, a solid that is one along
+    z on one side of it too. A solid takes up to a minute and is kept on disk. Raises
     `sim_backend.fem.newton.CannotSolve` where physics ends.
     """
     one = station(scene, x_m, max_depth_m)
@@ -76,6 +77,8 @@ def station(scene: Scene, x_m: float, max_depth_m: float) -> Station:
     if scene.tissue is not None and mirrored(scene) == scene:
         width = 1e-3 * scene.tissue.width_mm
         half_m = round(min(half_m, width - half_m), 9)
+    if scene.tissue is not None and (scene.tissue.z_mm or 0.0) > 0:
+        scene = mirrored_along(scene)
     return Station(scene, half_m, round(max_depth_m, 9))
 
 

@@ -44,13 +44,14 @@ class SceneError(ValueError):
 class Tissue(Table):
     """The block; ``relaxation`` is a Prony series of [weight, tau_s] pairs of the stiffness.
 
-    A solid reaches ``length_mm`` / 2 to either side of z = 0; its ``ends`` are free, or held along
-    z as by neighbouring tissue.
+    A solid reaches ``length_mm`` / 2 to either side of ``z_mm`` (0 if not given); its ``ends`` are
+    free, or held along z as by neighbouring tissue. It is pressed above z = 0.
     """
 
     width_mm: Positive
     height_mm: Positive
     length_mm: Annotated[Positive | None, Field(exclude_if=is_unset)] = None
+    z_mm: Annotated[float | None, Field(exclude_if=is_unset)] = None
     ends: Annotated[Literal["free", "held"] | None, Field(exclude_if=is_unset)] = None
     modulus_kpa: Positive
     poisson: Poisson
@@ -259,6 +260,7 @@ def _need_plane(scene: Scene) -> None:
     """Keys that only a solid has are refused in a plane scene."""
     checked = {
         "tissue.length_mm": scene.tissue and scene.tissue.length_mm,
+        "tissue.z_mm": scene.tissue and scene.tissue.z_mm,
         "tissue.ends": scene.tissue and scene.tissue.ends,
         "indenter.axis": getattr(scene.indenter, "axis", None),
     }
@@ -290,12 +292,20 @@ def _need_solid(scene: Scene) -> None:
         raise ValueError("[support] is of plane scenes: a solid rests on its bottom, frictionless")
     if any(one.path for one in scene.arteries):
         raise ValueError("inclusion.path: vessels of a solid are straight along z")
-    half_mm = scene.tissue.length_mm / 2
+    half_mm, middle_mm = scene.tissue.length_mm / 2, scene.tissue.z_mm or 0.0
+    if abs(middle_mm) >= half_mm:
+        raise ValueError(
+            f"tissue.z_mm = {middle_mm:g}: the block must lie under the finger, at z = 0; "
+            f"it must stay within half of length_mm, {half_mm:g}, of 0"
+        )
     for n, one in enumerate(scene.inclusion):
-        if isinstance(one, Tumour) and abs(one.z_mm or 0.0) + one.outer_radius_mm >= half_mm:
+        if not isinstance(one, Tumour):
+            continue
+        room_mm = half_mm - one.outer_radius_mm
+        if abs((one.z_mm or 0.0) - middle_mm) >= room_mm:
             raise ValueError(
                 f"inclusion[{n}] (tumour): z_mm = {one.z_mm or 0:g} breaks an end; "
-                f"it must stay within {half_mm - one.outer_radius_mm:g} of 0"
+                f"it must stay within {room_mm:g} of {middle_mm:g}"
             )
 
 

@@ -1,5 +1,7 @@
 """The plane section of a scene that varies along the vessel: what lies under one row of a grid."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sim_backend.scene.scene_file import Artery, Scene, SceneError, Tumour
@@ -10,16 +12,11 @@ def section_at(scene: Scene, z_mm: float) -> Scene:
 
     A vessel's ``path`` gives its interpolated centre (held beyond its ends), a stenosis with
     ``z_mm`` lies only in that stretch, and a lump with ``z_mm`` is a sphere: its cut is a circle
-    of radius sqrt(r^2 - dz^2), or nothing. A solid is not cut: it is pressed as a whole, above
-    z = 0; elsewhere `SceneError`.
+    of radius sqrt(r^2 - dz^2), or nothing. A solid is not cut but moved by -``z_mm``, as it is
+    pressed above z = 0. Raises `SceneError` beyond a solid's ends.
     """
     if scene.plane == "solid":
-        if z_mm:
-            raise SceneError(
-                f"{scene.name} is a solid, which is scanned above z = 0 only, and a place lies at "
-                f'{z_mm:g} mm: take one row there, or the scene with plane = "stress" or "strain"'
-            )
-        return scene
+        return _moved_along(scene, -z_mm) if z_mm else scene
     cut = []
     for one in scene.inclusion:
         piece = _vessel(one, z_mm) if isinstance(one, Artery) else _lump(one, z_mm)
@@ -29,6 +26,46 @@ def section_at(scene: Scene, z_mm: float) -> Scene:
     return (
         scene if inclusion == scene.inclusion else scene.model_copy(update={"inclusion": inclusion})
     )
+
+
+def mirrored_along(scene: Scene) -> Scene:
+    """A solid seen with z turned round."""
+    return _along(scene, lambda z: 0.0 - z)  # no -0.0, which a file would be named after
+
+
+def is_symmetric_along(scene: Scene) -> bool:
+    """Whether a solid is its own mirror image about z = 0, where it is pressed."""
+    return mirrored_along(scene) == _along(scene, lambda z: z)
+
+
+def _moved_along(scene: Scene, way_mm: float) -> Scene:
+    moved = _along(scene, lambda z: round(z + way_mm, 9))
+    tissue = moved.tissue
+    assert tissue is not None and tissue.length_mm is not None  # the scene was checked
+    if abs(tissue.z_mm or 0.0) >= tissue.length_mm / 2:
+        middle_mm = (tissue.z_mm or 0.0) - way_mm
+        raise SceneError(
+            f"{scene.name}: a place lies at z = {-way_mm:g} mm, where the block has ended: "
+            f"it reaches from {middle_mm - tissue.length_mm / 2:g} to "
+            f"{middle_mm + tissue.length_mm / 2:g} mm"
+        )
+    return moved
+
+
+def _along(scene: Scene, place: Callable[[float], float]) -> Scene:
+    """A solid whose block, lumps and stretches of stenosis are at ``place(z)``."""
+    assert scene.tissue is not None  # the scene was checked
+    inclusion: list[Tumour | Artery] = []
+    for one in scene.inclusion:
+        change: dict[str, object] = {}
+        if isinstance(one, Tumour):
+            change["z_mm"] = place(one.z_mm or 0.0)
+        elif one.stenosis is not None and one.stenosis.z_mm is not None:
+            ends = tuple(sorted(place(z) for z in one.stenosis.z_mm))
+            change["stenosis"] = one.stenosis.model_copy(update={"z_mm": ends})
+        inclusion.append(one.model_copy(update=change))
+    tissue = scene.tissue.model_copy(update={"z_mm": place(scene.tissue.z_mm or 0.0)})
+    return scene.model_copy(update={"tissue": tissue, "inclusion": tuple(inclusion)})
 
 
 def _vessel(artery: Artery, z_mm: float) -> Artery:

@@ -24,6 +24,7 @@ from sim_backend.fem.solid.warp import BALL_CORE, cylinder_to_ball
 from sim_backend.fem.support import HOLD_WIDTH_M
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Artery, Scene, SceneError, Tumour
+from sim_backend.scene.slicing import is_symmetric_along
 
 SHARE = 0.36
 """Element size in the contact over the finger's smaller half width."""
@@ -39,32 +40,31 @@ HOLD_STIFFNESS = 100.0
 
 @dataclass(frozen=True)
 class _Span:
-    """The modelled stretch along z [m] and the finger's place on it."""
+    """The modelled stretch along z [m]; the finger is at 0."""
 
     low: float
     high: float
-    finger: float
 
     @property
     def halved(self) -> bool:
-        return self.low == self.finger
+        return self.low == 0.0
 
 
 def build_body(
-    scene: Scene, x_m: float, *, depth_m: float, size_m: float, z_m: float = 0.0,
-    tilt_deg: float = 0.0,
-) -> Body:  # fmt: skip
-    """Mesh a solid ``scene`` for a press at (``x_m``, ``z_m``) about ``depth_m`` deep.
+    scene: Scene, x_m: float, *, depth_m: float, size_m: float, tilt_deg: float = 0.0
+) -> Body:
+    """Mesh a solid ``scene`` for a press at (``x_m``, z = 0) about ``depth_m`` deep.
 
-    ``size_m`` is the element size in the contact. Where scene and finger are symmetric about
-    z = 0, one half is modelled. Raises `SceneError` where inclusions leave no room for elements
+    ``size_m`` is the element size in the contact. Where the scene is symmetric about z = 0, one
+    half is modelled. Raises `SceneError` where inclusions leave no room for elements
     and where elements would lock.
     """
     tissue = scene.tissue
     assert tissue is not None and tissue.length_mm is not None  # the scene was checked
     _refuse_locking(scene)
     half_m = 0.5e-3 * tissue.length_mm
-    span = _Span(0.0 if z_m == 0.0 and _symmetric(scene) else -half_m, half_m, z_m)
+    middle_m = 1e-3 * (tissue.z_mm or 0.0)
+    span = _Span(0.0 if is_symmetric_along(scene) else middle_m - half_m, middle_m + half_m)
     across, along = footprint(scene.indenter)
     grading = grading_of(scene, size_m)
     flat = section_scene(scene, across)
@@ -92,7 +92,7 @@ def build_body(
     return Body(
         wedges, region, shear, bulk,
         _held(scene, nodes, span), lumens, surface, _leaning(scene, nodes, span),
-        solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm, z_m, tilt_deg),
+        solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm, tilt_deg),
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
         (section.mesh.nodes, planes_of(edges)),
     )  # fmt: skip
@@ -162,19 +162,6 @@ def section_scene(scene: Scene, across: Finger) -> Scene:
     return scene.model_copy(update=changed)
 
 
-def _symmetric(scene: Scene) -> bool:
-    """Whether z -> -z changes nothing."""
-    for one in scene.inclusion:
-        if isinstance(one, Tumour):
-            if one.z_mm:
-                return False
-            continue
-        ring = one.stenosis
-        if ring and ring.z_mm and ring.z_mm[0] != -ring.z_mm[1]:
-            return False
-    return True
-
-
 def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Grading) -> Array:
     """Edges of the layers [m]."""
     reach = half_contact(along, depth_m)
@@ -189,7 +176,7 @@ def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Gr
             spots += [(1e-3 * z, wall) for z in one.stenosis.z_mm]
 
     def size(z: Array) -> Array:
-        away = np.abs(z - span.finger)
+        away = np.abs(z)
         beyond = np.maximum(np.maximum(away - reach, along.half_flat - along.radius - away), 0.0)
         wanted = grading.contact_m + grading.growth * beyond
         for spot, wall in spots:
@@ -198,7 +185,7 @@ def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Gr
 
     inner = {z for z, _ in spots if span.low < z < span.high}
     if not span.halved:
-        inner.add(span.finger)
+        inner.add(0.0)
     return graded_edges([span.low, *sorted(inner), span.high], size)
 
 
@@ -241,7 +228,7 @@ def _room_mm(scene: Scene, one: Tumour) -> float:
     tissue = scene.tissue
     assert tissue is not None and tissue.length_mm is not None
     room = [one.depth_mm, tissue.height_mm - one.depth_mm, one.x_mm, tissue.width_mm - one.x_mm,
-            tissue.length_mm / 2 - abs(one.z_mm or 0.0)]  # fmt: skip
+            tissue.length_mm / 2 - abs((one.z_mm or 0.0) - (tissue.z_mm or 0.0))]  # fmt: skip
     room += [
         float(np.hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm))
         - other.outer_radius_mm
@@ -265,13 +252,13 @@ def _held(scene: Scene, nodes: Array, span: _Span) -> Ints:
 def _leaning(scene: Scene, nodes: Array, span: _Span) -> tuple[tuple[float, Array], ...]:
     """The middle of the bottom slides and turns on its support not at all, on average."""
     assert scene.tissue is not None
-    middle = 0.5e-3 * scene.tissue.width_mm
-    away = np.hypot(nodes[:, 0] - middle, nodes[:, 2])
+    middle, along = 0.5e-3 * scene.tissue.width_mm, nodes[:, 2] - 1e-3 * (scene.tissue.z_mm or 0.0)
+    away = np.hypot(nodes[:, 0] - middle, along)
     bell = np.where(nodes[:, 1] < 1e-9, np.exp(-0.5 * (away / HOLD_WIDTH_M) ** 2), 0.0)
     bell = np.where(bell > 1e-3, bell, 0.0) / bell[bell > 1e-3].sum()
     ways = [np.column_stack([bell, 0 * bell, 0 * bell])]
     if not span.halved and scene.tissue.ends != "held":
-        turn = np.column_stack([nodes[:, 2], 0 * bell, middle - nodes[:, 0]]) / HOLD_WIDTH_M
+        turn = np.column_stack([along, 0 * bell, middle - nodes[:, 0]]) / HOLD_WIDTH_M
         ways += [np.column_stack([0 * bell, 0 * bell, bell]), bell[:, None] * turn]
     stiffness = HOLD_STIFFNESS * 1e3 * scene.tissue.modulus_kpa * HOLD_WIDTH_M
     return tuple((stiffness, way.ravel()) for way in ways)

@@ -58,9 +58,9 @@ class SolidFinger:
 
 
 def solid_finger(
-    indenter: Indenter, x_m: float, surface_m: float, z_m: float = 0.0, tilt_deg: float = 0.0
+    indenter: Indenter, x_m: float, surface_m: float, tilt_deg: float = 0.0
 ) -> SolidFinger:
-    """The scene's finger whose lowest point just touches the surface at (``x_m``, ``z_m``).
+    """The scene's finger whose lowest point just touches the surface at (``x_m``, z = 0).
 
     ``tilt_deg`` turns it in the plane of the section, its top towards larger x.
     """
@@ -78,7 +78,7 @@ def solid_finger(
     else:
         edge, axis, radius, half = 0.5e-3 * indenter.width_mm_projected, upright, 0.0, 0.0
     lowest = edge + radius * float(np.hypot(axis[0], axis[2])) + half * abs(float(axis[1]))
-    centre = np.array([x_m, surface_m + lowest, z_m])
+    centre = np.array([x_m, surface_m + lowest, 0.0])
     if tilt_deg:  # the lowest point of the core, not its middle, lies over the place
         level = np.array([axis[1], -axis[0], 0.0])
         low = -np.sign(axis[1] or 1.0) * half * axis - radius * np.sign(level[1]) * level

@@ -30,17 +30,16 @@ def solve_solid(
     pressures_pa: Sequence[float],
     size_m: float,
     *,
-    z_m: float = 0.0,
     tilt_deg: float = 0.0,
     coarser: SolvedSolid | None = None,
 ) -> SolvedSolid:
-    """One solution per lumen pressure, ``depth_m`` deep at (``x_m``, ``z_m``).
+    """One solution per lumen pressure, ``depth_m`` deep at (``x_m``, z = 0).
 
     The press comes first and the pressures in turn: the answer does not depend on the order, since
     nothing slides with friction. With what was solved on a ``coarser`` mesh the way down need not
     be gone again. Raises `CannotSolve`.
     """
-    body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, z_m=z_m, tilt_deg=tilt_deg)
+    body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, tilt_deg=tilt_deg)
     solver = body.solver()
     first = pressures_pa[0] if body.lumens else 0.0
     rest = [Load(depth_m, p) for p in pressures_pa[1:]]

@@ -14,8 +14,8 @@ from sim_backend.fem.solid.stress import under_finger_pa
 from sim_backend.models import kept_tables, solid_response, station_response
 from sim_backend.models.response import levels_pa
 from sim_backend.models.solid_press import SHARES
-from sim_backend.models.station_response import respond
-from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.models.station_response import respond, station
+from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 
 DEPTH_M = 0.6e-3
@@ -84,10 +84,71 @@ def test_between_depths_a_ball_s_force_follows_its_power() -> None:
     assert solid_response._slopes(sunk, sunk**1.5) == pytest.approx(1.5 * sunk**0.5, rel=1e-9)
 
 
-def test_a_solid_is_pressed_above_its_middle_only() -> None:
-    assert section_at(SCENE, 0.0) is SCENE
-    with pytest.raises(SceneError, match="z = 0 only"):
-        section_at(SCENE, 3.0)
+def test_a_quarter_of_a_grid_over_what_is_symmetric_both_ways_is_solved() -> None:
+    places = [(x_m, z_mm) for z_mm in (-3.0, -1.0, 1.0, 3.0) for x_m in (5e-3, 7e-3, 9e-3, 11e-3)]
+    solved = {station(section_at(SCENE, z_mm), x_m, DEPTH_M) for x_m, z_mm in places}
+    assert len(solved) == 4
+    lump = {"kind": "tumour", "x_mm": 3.0, "depth_mm": 4.0, "z_mm": 2.0, "diameter_mm": 2.0,
+            "modulus_kpa": 500.0, "poisson": 0.45}  # fmt: skip
+    skew = Scene.model_validate(SCENE.model_dump() | {"inclusion": [VESSEL, lump]})
+    assert len({station(section_at(skew, z_mm), x_m, DEPTH_M) for x_m, z_mm in places}) == 16
+
+
+def test_a_place_beside_the_middle_is_the_one_on_the_other_side() -> None:
+    """Solved on either side of a lump's middle; the phantom solves only one of them."""
+    lump = {"kind": "tumour", "x_mm": 8.0, "depth_mm": 4.5, "diameter_mm": 4.0,
+            "modulus_kpa": 500.0, "poisson": 0.45}  # fmt: skip
+    scene = Scene.model_validate(SCENE.model_dump() | {"inclusion": [lump]})
+    there, here = (
+        solve_solid(section_at(scene, z_mm), 7e-3, 0.4e-3, [0.0], 2.4e-3)[1][0].force_n
+        for z_mm in (-1.5, 1.5)
+    )
+    assert there == pytest.approx(here, rel=1e-6)
+    above = solve_solid(scene, 7e-3, 0.4e-3, [0.0], 2.4e-3)[1][0].force_n
+    assert above > 1.002 * here
+
+
+def test_a_straight_solid_beside_its_middle_is_the_mean_of_two_symmetric_ones(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Against the whole block: 3 mm beside its middle the nearer end takes 2 % of the force."""
+    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
+    monkeypatch.setattr(station_response, "_kept", {})
+    tissue = {**SCENE.model_dump()["tissue"], "length_mm": 16.0, "width_mm": 14.0}
+    plain = Scene.model_validate(SCENE.model_dump() | {"tissue": tissue, "inclusion": []})
+    there = section_at(plain, 3.0)
+    short, long = solid_response.symmetric_parts(there)
+    assert [one.tissue and one.tissue.length_mm for one in (short, long)] == [10.0, 22.0]
+    size_m = SHARES[0] * half_width_m(plain)
+    whole = solve_solid(there, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force_n
+    middle = solve_solid(plain, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force_n
+    found = respond(there, 7e-3, DEPTH_M)
+    assert found.force_n(found.x_m, DEPTH_M, 0.0) == pytest.approx(whole, rel=4e-3)
+    assert whole < 0.985 * middle
+
+
+def test_what_varies_along_the_vessel_or_ends_under_the_finger_is_solved_as_it_is() -> None:
+    ring = {"fraction": 0.3, "modulus_kpa": 2000.0}
+    whole = Scene.model_validate(SCENE.model_dump() | {"inclusion": [{**VESSEL, "stenosis": ring}]})
+    part = Scene.model_validate(
+        SCENE.model_dump() | {"inclusion": [{**VESSEL, "stenosis": {**ring, "z_mm": (-2.0, 2.0)}}]}
+    )
+    parts = solid_response.symmetric_parts
+    assert parts(SCENE) == [SCENE]
+    assert len(parts(section_at(whole, 1.0))) == 2
+    assert parts(section_at(part, 1.0)) == [section_at(part, 1.0)]
+    assert len(parts(section_at(SCENE, 1.1))) == 1  # 3.9 mm from an end under a ball of 4 mm
+
+
+def test_far_from_its_ends_a_block_is_felt_alike_everywhere() -> None:
+    """The half that is solved above the middle, and the whole that is solved beside it."""
+    tissue = {**SCENE.model_dump()["tissue"], "length_mm": 28.0, "width_mm": 14.0}
+    scene = Scene.model_validate(SCENE.model_dump() | {"tissue": tissue, "inclusion": []})
+    middle, beside = (
+        solve_solid(there, 7e-3, DEPTH_M, [0.0], 1.6e-3)[1][0].force_n
+        for there in (scene, section_at(scene, 3.0))
+    )
+    assert beside == pytest.approx(middle, rel=2e-3)
 
 
 @pytest.mark.parametrize(("falls_to", "answers"), [(1.02, True), (1.2, False), (None, False)])

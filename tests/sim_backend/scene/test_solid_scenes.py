@@ -7,7 +7,15 @@ import pytest
 from sim_backend.fem.model import build_section
 from sim_backend.models.press import press
 from sim_backend.scene.indenter import Punch, Sphere
-from sim_backend.scene.scene_file import Scene, SceneError, load_scene, scene_from_text, scene_names
+from sim_backend.scene.scene_file import (
+    Artery,
+    Scene,
+    SceneError,
+    load_scene,
+    scene_from_text,
+    scene_names,
+)
+from sim_backend.scene.slicing import section_at
 
 SOLID = """
 name = "mine"
@@ -75,6 +83,11 @@ def test_round_fingers() -> None:
             "z_mm = 18.0\ndiameter_mm = 5.0\nmodulus_kpa = 500.0\npoisson = 0.49\n",
             "must stay within 17.5 of 0",
         ),
+        (SOLID.replace("modulus", "z_mm = -20.0\nmodulus") + SPHERE, "must lie under the finger"),
+        (
+            SOLID.replace("modulus", "z_mm = 3.0\nmodulus").replace('"solid"', '"strain"')
+            .replace("length_mm = 40.0\n", ""), 'z_mm = 3.0: only with plane = "solid"',
+        ),
         ('name = "a"\nplane = "solid"\n', "needs a"),
     ],
 )  # fmt: skip
@@ -92,6 +105,28 @@ def test_balls_may_lie_behind_each_other() -> None:
     assert len(Scene.model_validate(table).inclusion) == 2
     with pytest.raises(ValueError, match="overlaps"):
         Scene.model_validate(table | {"inclusion": [lump(-1.0), lump(2.0)]})
+
+
+def test_a_row_beside_the_middle_sees_everything_moved() -> None:
+    ring = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": (-2.0, 6.0)}
+    vessel = {"kind": "artery", "x_mm": 20.0, "depth_mm": 10.0, "inner_diameter_mm": 4.0,
+              "wall_mm": 1.0, "modulus_kpa": 400.0, "poisson": 0.45, "stenosis": ring}  # fmt: skip
+    lump = {"kind": "tumour", "x_mm": 40.0, "depth_mm": 8.0, "diameter_mm": 4.0,
+            "modulus_kpa": 500.0, "poisson": 0.49}  # fmt: skip
+    scene = Scene.model_validate(
+        load_scene("TI-solid").model_dump() | {"inclusion": [vessel, lump]}
+    )
+    assert section_at(scene, 0.0) is scene
+    there = section_at(scene, 5.0)
+    artery, ball = there.inclusion
+    assert there.tissue is not None and there.tissue.z_mm == -5.0
+    assert isinstance(artery, Artery) and artery.stenosis is not None
+    assert artery.stenosis.z_mm == (-7.0, 1.0) and getattr(ball, "z_mm", None) == -5.0
+    assert Scene.model_validate(there.model_dump()) == there
+    back = section_at(there, -5.0)
+    assert back.inclusion[0] == scene.inclusion[0] and back.tissue.z_mm == 0.0
+    with pytest.raises(SceneError, match=r"z = -20 mm.*from -20 to 20 mm"):
+        section_at(scene, -20.0)
 
 
 def test_plane_models_refuse_a_solid() -> None:

@@ -6,7 +6,7 @@ import pytest
 from sim_backend.fem.solid.finger import solid_finger
 from sim_backend.scene.indenter import Cylinder, Indenter, Punch, Sphere
 
-PLACE = np.array([32e-3, 16e-3, 1e-3])
+PLACE = np.array([32e-3, 16e-3, 0.0])
 FINGERS = [
     Sphere(shape="sphere", radius_mm=5),
     Cylinder(edge_radius_mm=1, axis="along"),
@@ -21,7 +21,7 @@ def test_the_lowest_point_touches_the_surface(finger: Indenter, tilt_deg: float)
     side = 1e-3 * np.linspace(-8, 8, 81)
     x, z = np.meshgrid(side, side)
     surface = PLACE + np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)
-    body = solid_finger(finger, 32e-3, 16e-3, 1e-3, tilt_deg)
+    body = solid_finger(finger, 32e-3, 16e-3, tilt_deg)
     gap, _, _ = body.gap(surface)
     assert gap.min() == pytest.approx(0.0, abs=1e-9)
     touching = surface[gap < 1e-9].mean(axis=0)
@@ -30,7 +30,7 @@ def test_the_lowest_point_touches_the_surface(finger: Indenter, tilt_deg: float)
 
 @pytest.mark.parametrize("finger", FINGERS, ids=lambda f: f.shape)
 def test_gradient_and_hessian_by_differences(finger: Indenter) -> None:
-    body = solid_finger(finger, 32e-3, 16e-3, 1e-3, 10.0)
+    body = solid_finger(finger, 32e-3, 16e-3, 10.0)
     rng = np.random.default_rng(0)
     points = PLACE + 1e-3 * rng.uniform(-8, 8, (400, 3))
     points = points[body.gap(points)[0] > -0.8 * body.edge_m]
@@ -46,7 +46,7 @@ def test_gradient_and_hessian_by_differences(finger: Indenter) -> None:
 
 
 def test_a_capsule_as_short_as_it_is_thick_is_a_ball() -> None:
-    ball = solid_finger(Sphere(shape="sphere", radius_mm=5), *PLACE)
-    capsule = solid_finger(Cylinder(radius_mm=5, length_mm=10, edge_radius_mm=5), *PLACE)
+    ball = solid_finger(Sphere(shape="sphere", radius_mm=5), *PLACE[:2])
+    capsule = solid_finger(Cylinder(radius_mm=5, length_mm=10, edge_radius_mm=5), *PLACE[:2])
     points = PLACE + 1e-3 * np.random.default_rng(0).uniform(-4, 4, (50, 3))
     np.testing.assert_allclose(ball.gap(points)[0], capsule.gap(points)[0])

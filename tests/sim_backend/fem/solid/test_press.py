@@ -12,6 +12,7 @@ from sim_backend.fem.solid.build import grading_of
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.slicing import section_at
 from sim_backend.scene.waves import PA_PER_MMHG
 
 ARTERY = {"kind": "artery", "x_mm": 12.0, "depth_mm": 6.5, "inner_diameter_mm": 4.5,
@@ -48,8 +49,8 @@ def test_a_press_off_the_middle_is_the_same_on_either_side() -> None:
          "indenter": {"shape": "sphere", "radius_mm": 4.0}}
     )  # fmt: skip
     forces = [
-        solve_solid(scene, x, 0.3e-3, [0.0], 2.5e-3, z_m=z)[1][0].force_n
-        for x, z in ((9e-3, 2e-3), (15e-3, -2e-3))
+        solve_solid(section_at(scene, z_mm), x, 0.3e-3, [0.0], 2.5e-3)[1][0].force_n
+        for x, z_mm in ((9e-3, 2.0), (15e-3, -2.0))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=0.02)  # the meshes are no mirror images
 
