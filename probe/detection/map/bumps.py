@@ -181,18 +181,55 @@ def _refined(
     known: list[tuple[float, float]],
 ) -> list[tuple[float, float]]:  # fmt: skip
     """Places and widths of all bumps together, by least squares."""
+    n = len(x_m)
+    _, a, _, left = _weighted(x_m, value, sd, base, [])
+    q, _ = np.linalg.qr(a)
+
+    def beside(columns: Array) -> Array:
+        """What the base cannot explain of columns (n, k), weighted, above its prior's rows."""
+        whole = np.zeros((len(a), columns.shape[1]))
+        whole[:n] = columns / sd[:, None]
+        return np.asarray(whole - q @ (q.T @ whole))
+
+    def bumps(p: Array) -> tuple[Array, Array, Array]:
+        """The bumps beside the base, an orthonormal basis of them, and what both leave."""
+        shapes = np.column_stack([shape(x_m, c, w) for c, w in _bumps(p, pitch)])
+        own = beside(shapes)
+        basis, _ = np.linalg.qr(own)
+        return own, basis, left - basis @ (basis.T @ left)
 
     def residual(p: Array) -> Array:
-        bumps = list(zip(p[::2].tolist(), (pitch * np.exp(p[1::2])).tolist(), strict=True))
-        return _weighted(x_m, value, sd, base, bumps)[3][: len(x_m)]
+        return bumps(p)[2][:n]
+
+    def jacobian(p: Array) -> Array:
+        """Of variable projection (Golub and Pereyra 1973)."""
+        own, basis, rest = bumps(p)
+        inverse = np.linalg.pinv(own)
+        height = np.repeat(inverse @ left, 2)
+        moved = beside(np.column_stack([_moved(x_m, c, w) for c, w in _bumps(p, pitch)]))
+        across = moved - basis @ (basis.T @ moved)
+        found = across * height + np.repeat(inverse.T, 2, axis=1) * (rest @ moved)
+        return -found[:n]
 
     start = np.array([v for c, w in known for v in (c, np.log(w / pitch))])
     low = np.tile([x_m[0] + 0.5 * pitch, np.log(0.45)], len(known))
     high = np.tile([x_m[-1] - 0.5 * pitch, np.log(4.0)], len(known))
-    found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high),
-                          x_scale=np.tile([pitch, 0.3], len(known)),
+    found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
+                          bounds=(low, high), x_scale=np.tile([pitch, 0.3], len(known)),
                           xtol=SETTLED, ftol=SETTLED**2)  # fmt: skip
-    return list(zip(found.x[::2].tolist(), (pitch * np.exp(found.x[1::2])).tolist(), strict=True))
+    return _bumps(found.x, pitch)
+
+
+def _bumps(p: Array, pitch: float) -> list[tuple[float, float]]:
+    """Places and widths out of places and logarithms of widths in pitches."""
+    return list(zip(p[::2].tolist(), (pitch * np.exp(p[1::2])).tolist(), strict=True))
+
+
+def _moved(x_m: Array, centre: float, half_width: float) -> Array:
+    """Derivatives (n, 2) of `shape` by its place and the logarithm of its width."""
+    u = (x_m - centre) / half_width
+    slope = 2 * u * (1 + u**2 / 1.5) ** -2.5
+    return np.column_stack([slope / half_width, slope * u])
 
 
 def _row(

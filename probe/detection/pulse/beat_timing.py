@@ -7,7 +7,7 @@ as half of what it is. Where a pulse is clear, its beats are followed.
 import numpy as np
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.estimate import SHARES, Pulse
+from probe.detection.pulse.estimate import SHARES, Wave
 from probe.detection.pulse.fit import harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.rate_prior import RATE_VARIABILITY
@@ -26,26 +26,26 @@ MAX_MOVE = 0.2
 """Of a beat: how far one round may move it."""
 
 
-def own_beats_s(hold: Hold, pulse: Pulse) -> Array:
-    """Time (n,) [s] counted in the hold's own beats, as if each took one period of ``pulse``.
+def own_beats_s(hold: Hold, wave: Wave) -> Array:
+    """Time (n,) [s] counted in the hold's own beats, as if each took one period of ``wave``.
 
     Gauss-Newton on the wave and its timing at once. Beforehand the lengths of beats are normal
     about their own mean, with a standard deviation of
     `RATE_VARIABILITY` (so that timing is a random walk).
     """
-    t, period = hold.time_s, 1 / pulse.rate_hz
+    t, period = hold.time_s, 1 / wave.rate_hz
     scale = np.sqrt(hold.weight)
-    y = scale * (hold.signal_pa - pulse.fit.rest_pa)
+    y = scale * (hold.signal_pa - wave.fit.rest_pa)
     drift = scale[:, None] * np.column_stack([np.ones_like(t), (t - t.mean()) / hold.span_s])
-    count = int(np.clip(FINEST * len(t) / hold.span_s // pulse.rate_hz, 1, FOLLOWED))
+    count = int(np.clip(FINEST * len(t) / hold.span_s // wave.rate_hz, 1, FOLLOWED))
 
     def waves(time_s: Array, most: int) -> Array:
-        return np.asarray(scale[:, None] * harmonics(time_s, pulse.rate_hz, most))
+        return np.asarray(scale[:, None] * harmonics(time_s, wave.rate_hz, most))
 
-    def left_by(stretch: float) -> float:
-        a = np.hstack([drift, waves(t + stretch * (t - t.mean()), min(SMOOTH, count))])
-        q, _ = np.linalg.qr(a)
-        return float(y @ y - ((q.T @ y) ** 2).sum())
+    stretched = t + STRETCHES[:, None] * (t - t.mean())
+    tried = np.stack([np.hstack([drift, waves(one, min(SMOOTH, count))]) for one in stretched])
+    q, _ = np.linalg.qr(tried)
+    explained = ((y @ q) ** 2).sum(axis=1)
 
     knots = np.linspace(t[0], t[-1], max(3, 1 + round(hold.span_s / period)))
     hats = np.array([np.interp(t, knots, one) for one in np.eye(len(knots))]).T
@@ -53,8 +53,8 @@ def own_beats_s(hold: Hold, pulse: Pulse) -> Array:
     walk = (steps - steps.mean(axis=0)) / (
         RATE_VARIABILITY * np.sqrt(period * (knots[1] - knots[0]))
     )
-    late = min(STRETCHES, key=left_by) * (knots - t.mean())
-    noise = max(pulse.noise_pa, 1e-12)
+    late = STRETCHES[int(np.argmax(explained))] * (knots - t.mean())
+    noise = max(wave.fit.noise_pa, 1e-12)
     order, first, last = np.arange(1, count + 1), 2, 2 + 2 * count
     prior = np.diag(noise / (np.tile(SHARES[:count], 2) * max(np.ptp(y), 1e-12)))
     coefficients = np.zeros(2 * count)
@@ -66,7 +66,7 @@ def own_beats_s(hold: Hold, pulse: Pulse) -> Array:
         coefficients = found[first:]
         turned = np.concatenate(
             [order * coefficients[count:], -order * coefficients[:count]]
-        ) * (2 * np.pi * pulse.rate_hz)  # fmt: skip
+        ) * (2 * np.pi * wave.rate_hz)  # fmt: skip
         whole = np.zeros((len(t) + 2 * count + len(walk), last + len(knots)))
         whole[: len(t)] = np.hstack([base, (columns @ turned)[:, None] * hats])
         whole[len(t) : len(t) + 2 * count, first:last] = prior

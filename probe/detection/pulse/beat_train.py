@@ -30,10 +30,10 @@ MEMORIES = (0.0, 0.7, 1.0)
 ROUNDS = 4
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coarse:
     """A hold without relaxation and drift: ``signal`` (n,), ``step_s`` apart. ``nuisance`` (n, k)
-    are the columns that were taken out."""
+    are the columns that were taken out. Two are equal only if they are the same one."""
 
     signal: Array
     step_s: float

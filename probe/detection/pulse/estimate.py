@@ -36,13 +36,41 @@ class Scale:
 
 
 @dataclass(frozen=True)
+class Clearest:
+    """What beats most clearly in a hold, whether or not it is a pulse: ``p_value`` is the chance of
+    one at least as clear in a hold without any, at any rate.
+
+    ``search`` is None where a reference gave the beats: then ``beating_s`` (n,) counts time in
+    them. ``noise`` and ``scale`` are what the wave leaves at its own rate.
+    """
+
+    rate_hz: float
+    p_value: float
+    noise: Noise
+    scale: Scale
+    search: Search | None
+    beating_s: Array | None = None
+
+
+@dataclass(frozen=True)
+class Wave:
+    """A wave fitted at ``rate_hz``, of at most ``scale`` and of about ``swing_pa``."""
+
+    rate_hz: float
+    noise: Noise
+    scale: Scale
+    swing_pa: float
+    fit: Fit
+    beating_s: Array | None
+
+
+@dataclass(frozen=True)
 class Pulse:
     """A station's pulse at ``rate_hz``: ``size_pa`` from trough to crest as fitted, its standard
-    deviation, and ``p_value`` of one at least as clear in a hold without any, at any rate.
+    deviation, and ``p_value`` and ``search`` as of `Clearest`.
 
     ``baseline_pa`` is the mean over the hold of all but the pulse, with its standard deviation.
-    ``search`` is None where a reference gave the beats. ``sizes`` are what ``size_pa`` is the mean
-    of.
+    ``sizes`` are what ``size_pa`` is the mean of.
     """
 
     rate_hz: float
@@ -52,53 +80,66 @@ class Pulse:
     baseline_pa: float
     baseline_sd_pa: float
     noise_pa: float
-    scale: Scale
     fit: Fit
     search: Search | None
     sizes: Sizes
 
 
-def pulse_at(
-    hold: Hold, rate_hz: float, p_value: float, scale: Scale, searched: Search | None,
-    shared: Rates | None = None, beating_s: Array | None = None,
-) -> Pulse:  # fmt: skip
-    """The pulse at a known rate.
+def beside(
+    hold: Hold, rate_hz: float, scale: Scale, beating_s: Array | None = None
+) -> tuple[Noise, Scale]:
+    """The noise's spectrum and level beside a whole wave at a rate.
 
-    Harmonics are shrunk towards the sizes that arterial waves have: a hold shorter than a beat, or
-    a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel. The
-    noise's level and spectrum are what the whole wave leaves.
-    ``shared`` are the rates that the scan leaves, of which ``rate_hz`` is the likeliest;
     ``beating_s`` (n,) where time is counted in another way for the harmonics.
     """
     first, _ = described(hold, rate_hz, WHITE, scale, beating_s)
-    noise = likeliest(first.residual_pa, hold.step_s)
-    scale = Scale(scale.swing_pa, max(first.noise_pa, MISFIT * scale.swing_pa))
+    noise_pa = max(first.noise_pa, MISFIT * scale.swing_pa)
+    return likeliest(first.residual_pa, hold.step_s), Scale(scale.swing_pa, noise_pa)
+
+
+def wave_at(
+    hold: Hold, rate_hz: float, noise: Noise, scale: Scale, beating_s: Array | None = None
+) -> Wave:
+    """The wave at a known rate.
+
+    Harmonics are shrunk towards the sizes that arterial waves have: a hold shorter than a beat, or
+    a slow one in relaxing tissue, would otherwise be explained by huge waves that cancel.
+    """
     found, columns = described(hold, rate_hz, noise, scale, beating_s)
     # with harmonics as large as its own size has them, noise adds nothing from trough to crest
     swing_pa = min(scale.swing_pa, float(np.ptp(columns @ found.coefficients[2:])))
     found, _ = described(hold, rate_hz, noise, Scale(swing_pa, scale.noise_pa), beating_s)
-    noise_pa = max(scale.noise_pa, found.noise_pa, 1e-12)
+    return Wave(rate_hz, noise, scale, swing_pa, found, beating_s)
+
+
+def pulse_of(hold: Hold, own: Clearest, wave: Wave, shared: Rates | None = None) -> Pulse:
+    """How large a wave is, and how surely.
+
+    ``shared`` are the rates that the scan leaves, of which the wave's is the likeliest.
+    """
+    rate_hz, found, swing_pa = wave.rate_hz, wave.fit, wave.swing_pa
+    noise_pa = max(wave.scale.noise_pa, found.noise_pa, 1e-12)
     spread = USUAL_SPREAD
-    if beating_s is not None:
+    if wave.beating_s is not None:
         spread = 0.0
     elif shared is not None:
         spread = RATE_VARIABILITY / np.sqrt(max(hold.span_s * rate_hz, 1.0))
     rates = Rates(np.array([rate_hz]), np.ones(1)) if shared is None else shared
-    wave = found.coefficients[2:].reshape(2, -1)
+    parts = found.coefficients[2:].reshape(2, -1)
 
     def at(hz: float) -> Sizes:
-        count = min(harmonics_seen(hold, hz, len(SHARES)), wave.shape[1])
-        late = quickened(hold, hz, wave[:, :count]) * spread if spread else None
+        count = min(harmonics_seen(hold, hz, len(SHARES)), parts.shape[1])
+        late = quickened(hold, hz, parts[:, :count]) * spread if spread else None
         prior_pa = SHARES[:count] * max(swing_pa, 1e-12)
-        return sizes_at(hold, noise, noise_pa, prior_pa, hz, late, beating_s)
+        return sizes_at(hold, wave.noise, noise_pa, prior_pa, hz, late, wave.beating_s)
 
     sizes = mixed([at(float(hz)) for hz in rates.hz], rates.share)
     size_pa, size_sd_pa = averaged(sizes, sizes.evidence)
     unmodelled = noise_pa / max(found.noise_pa, 1e-12)
     return Pulse(
-        rate_hz, size_pa, size_sd_pa, p_value,
+        rate_hz, size_pa, size_sd_pa, own.p_value,
         float(found.rest_pa.mean()), unmodelled * found.rest_mean_sd_pa, found.noise_pa,
-        scale, found, searched, sizes,
+        found, own.search, sizes,
     )  # fmt: skip
 
 
@@ -139,8 +180,8 @@ def scale_of(null: Fit, known: Fit) -> Scale:
     return Scale(float(SWING_OVER_RESIDUAL * np.ptp(np.percentile(left, [2, 98]))), known.noise_pa)
 
 
-def find_pulse(hold: Hold) -> Pulse:
-    """The clearest pulse of a hold, whether or not there is one: ``p_value`` says.
+def find_pulse(hold: Hold) -> Clearest:
+    """The clearest pulse of a hold, whether or not there is one.
 
     It passes at one rate or as a train of beats of any lengths, which has its own `SHARE` of the
     chance.
@@ -152,4 +193,5 @@ def find_pulse(hold: Hold) -> Pulse:
     if MAX_CLEAR_CHANCE < p_value < MAX_TRAIN_CHANCE and hold.span_s >= SHORTEST_TRAIN_S:
         coarse = coarse_of(hold, null)
         p_value = min(p_value, chance_without_pulse(coarse, beat_train(coarse)) / SHARE["train"])
-    return pulse_at(hold, found.rate_hz, p_value, scale_of(null, known), found)
+    noise, scale = beside(hold, found.rate_hz, scale_of(null, known))
+    return Clearest(found.rate_hz, p_value, noise, scale, found)

@@ -6,6 +6,7 @@ the pulse share a band. The noise's level is unknown, its spectrum is one of a f
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.optimize import nnls
@@ -49,8 +50,9 @@ class Fit:
         return len(self.residual_pa) - self.dof
 
 
+@lru_cache(maxsize=64)
 def design_of(hold: Hold) -> Design:
-    """Drift and decays for a hold."""
+    """Drift and decays for a hold; kept for those of a scan."""
     t = hold.time_s
     span = max(hold.span_s, 1e-9)
     step = span / max(len(t) - 1, 1)
@@ -89,7 +91,7 @@ def fit(
     used = np.flatnonzero(weight > 0)
     rss = float(residual @ residual)
     whole = np.hstack([a, b[:, used]])
-    information = np.linalg.pinv(whole.T @ whole)
+    information = np.linalg.pinv(whole.T @ whole, hermitian=True)
     held_back = 0.0 if ridge is None else float(ridge**2 @ np.diag(information)[2 : a.shape[1]])
     penalty = 0.0 if ridge is None else float(((ridge * coefficients[2:]) ** 2).sum())
     n = len(hold.time_s)

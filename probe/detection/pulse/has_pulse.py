@@ -4,7 +4,7 @@ import numpy as np
 
 from probe.core.recording import Recording
 from probe.detection.pulse.beat_train import beat_train
-from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Pulse
+from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Clearest
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.pooled_evidence import shared_chance, usual_excess
@@ -19,7 +19,7 @@ MIN_POSTERIOR = 0.85
 
 
 def which_pulse(
-    measured: dict[int, tuple[Hold, Pulse]], recording: Recording, false_alarm: float
+    measured: dict[int, tuple[Hold, Clearest]], recording: Recording, false_alarm: float
 ) -> tuple[list[int], dict[int, Cause]]:
     """Stations that have a pulse, the clearest first, and what moves in those that were asked.
 
@@ -31,7 +31,7 @@ def which_pulse(
     return pulsing, causes
 
 
-def _causes(clear: dict[int, tuple[Hold, Pulse]]) -> tuple[dict[int, Cause], list[int]]:
+def _causes(clear: dict[int, tuple[Hold, Clearest]]) -> tuple[dict[int, Cause], list[int]]:
     """What moves in the clearest presses, and which of ``clear`` then hold a pulse.
 
     One that moves for another reason by itself is left out; the rest are asked together, since
@@ -59,7 +59,7 @@ def _causes(clear: dict[int, tuple[Hold, Pulse]]) -> tuple[dict[int, Cause], lis
     return causes, [i for i in clear if i not in disturbed]
 
 
-def _clear(pulses: dict[int, Pulse], recording: Recording, false_alarm: float) -> list[int]:
+def _clear(pulses: dict[int, Clearest], recording: Recording, false_alarm: float) -> list[int]:
     """Stations with a pulse, the clearest first: by themselves, or else the clearest group.
 
     Each of the two ways gets half of ``false_alarm``, where there are two.

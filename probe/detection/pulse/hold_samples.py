@@ -45,12 +45,13 @@ class NoContact(NoHold):
     """The probe met nothing."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hold:
     """``signal_pa`` (n,) at ``time_s`` (n,) since the hold began; ``weight`` (n,) is how many
     samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation,
     ``start_s`` when the hold began on the recording's clock. A mean weakens what oscillates at f as
-    one over ``averaged_s`` without gaps does, by sinc(f averaged_s)."""
+    one over ``averaged_s`` without gaps does, by sinc(f averaged_s). Two are equal only if they are
+    the same one, so that what is made of one can be kept."""
 
     time_s: Array
     signal_pa: Array

@@ -1,6 +1,7 @@
 """How likely a hold is if what moves in it repeats at one rate: harmonics, or the mean wave."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -25,99 +26,107 @@ def log_evidence(left: Array, n: int, unknowns: int | Ints) -> Array:
 
 def periodic(hold: Coarse, slowest_hz: float, fastest_hz: float, count: int) -> float:
     """Log evidence of up to ``count`` harmonics at one unknown rate, the first the largest."""
-    n = len(hold.signal)
-    count = max(1, min(count, int((n / SAMPLES_EACH - 1) / 2)))
-    return _at_best_rate(hold, slowest_hz, fastest_hz, lambda rates, memory: _at_rates(
-        hold, rates, count, memory
-    ))  # fmt: skip
+    count = max(1, min(count, int((len(hold.signal) / SAMPLES_EACH - 1) / 2)))
+    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_harmonics)
 
 
 def mean_wave(hold: Coarse, slowest_hz: float, fastest_hz: float) -> float:
     """Log evidence of the brachial wave at one unknown rate: of a faint pulse no more than its
     size and phase can be known, and harmonics of any size cost more than they explain."""
-    return _at_best_rate(hold, slowest_hz, fastest_hz, lambda rates, memory: _as_wave(
-        hold, rates, memory
-    ))  # fmt: skip
+    return _at_best_rate(hold, slowest_hz, fastest_hz, len(AMPLITUDES_MMHG), _as_wave)
+
+
+@dataclass(frozen=True)
+class _Waves:
+    """Whitened harmonics (r, n, 2 count) of each rate, their products (r, 2 count, 2 count), and
+    which (r, count) the samples can tell."""
+
+    columns: Array
+    gram: Array
+    seen: Bools
 
 
 def _at_best_rate(
-    hold: Coarse, slowest_hz: float, fastest_hz: float, at: Callable[[Array, float], Array]
-) -> float:
+    hold: Coarse, slowest_hz: float, fastest_hz: float, count: int,
+    evidence: Callable[[Coarse, _Waves, float], Array],
+) -> float:  # fmt: skip
     """Log evidence of the best rate, in the likeliest noise, less what choosing it costs.
 
     Each noise finds its own: a loud line between two rates of the grid leaves what looks coloured.
     """
+    n = len(hold.signal)
     fastest_hz = min(fastest_hz, NYQUIST_SHARE / hold.step_s)
-    independent = 1 + (fastest_hz - slowest_hz) * len(hold.signal) * hold.step_s
+    independent = 1 + (fastest_hz - slowest_hz) * n * hold.step_s
     rates = np.linspace(slowest_hz, fastest_hz, int(4 * independent))
     best = -np.inf
     for memory in MEMORIES:
         tried = rates
-        for _ in range(1 + REFINED):
-            each = at(tried, memory)
+        waves = _grid_waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
+        for finer in range(1 + REFINED):
+            if finer:
+                waves = _waves(n, hold.step_s, tried, count, memory)
+            each = evidence(hold, waves, memory)
             k = int(np.argmax(each))
             best = max(best, float(each[k]))
             tried = np.linspace(tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)], FINER)
     return float(best - np.log(independent))
 
 
-def _at_rates(hold: Coarse, rates: Array, count: int, memory: float) -> Array:
+def _as_harmonics(hold: Coarse, waves: _Waves, memory: float) -> Array:
     """Evidence (r,) of harmonics at each rate; none where the first is not the largest."""
-    n = len(hold.signal)
-    beside = beside_of(hold, memory)
-    y = whiten(hold.signal, memory)
-    y = y - beside @ (beside.T @ y)
-    c, seen = _waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
-    c = c - beside @ (beside.T @ c)
-    gram = np.swapaxes(c, 1, 2) @ c + 1e-9 * n * np.eye(2 * count)
-    right = np.swapaxes(c, 1, 2) @ y
+    n, count = len(hold.signal), waves.seen.shape[1]
+    beside, y = beside_of(hold, memory)
+    along = beside.T @ waves.columns
+    gram = waves.gram - np.swapaxes(along, 1, 2) @ along + 1e-9 * n * np.eye(2 * count)
+    right = y @ waves.columns
     size = np.linalg.solve(gram, right[..., None])[..., 0]
     left = float(y @ y) - (right * size).sum(axis=1)
     swing = np.hypot(size[:, :count], size[:, count:])
-    unknowns = 2 * seen.sum(axis=1)
+    unknowns = 2 * waves.seen.sum(axis=1)
     found = log_evidence(left, n - (memory == 1.0), unknowns)
     return np.asarray(np.where(swing.argmax(axis=1) == 0, found, -np.inf))
 
 
-def _as_wave(hold: Coarse, rates: Array, memory: float) -> Array:
+def _as_wave(hold: Coarse, waves: _Waves, memory: float) -> Array:
     """Evidence (r,) of the mean wave at each rate, its size and phase the best; none where the
     samples show its first harmonic only, which any line has."""
-    n = len(hold.signal)
-    beside = beside_of(hold, memory)
-    y = whiten(hold.signal, memory)
-    y = y - beside @ (beside.T @ y)
-    count = len(AMPLITUDES_MMHG)
-    c, seen = _waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
+    n, count = len(hold.signal), waves.seen.shape[1]
+    beside, y = beside_of(hold, memory)
     turn = np.linspace(0, 2 * np.pi, SHAPE_PHASES, endpoint=False)[:, None]
     angle = turn * np.arange(1, count + 1) + PHASES_RAD
     shape = np.hstack([AMPLITUDES_MMHG * np.cos(angle), -AMPLITUDES_MMHG * np.sin(angle)]).T
-    waves = c @ shape  # harmonics that are not seen are zero
-    along = np.maximum(y @ waves, 0.0) ** 2
-    power = (waves**2).sum(axis=1) - ((beside.T @ waves) ** 2).sum(axis=1)
+    # harmonics that are not seen are zero
+    aside = (beside.T @ waves.columns) @ shape
+    power = (shape * (waves.gram @ shape)).sum(axis=1) - (aside**2).sum(axis=1)
+    along = np.maximum((y @ waves.columns) @ shape, 0.0) ** 2
     left = float(y @ y) - (along / np.maximum(power, 1e-300)).max(axis=1)
     found = log_evidence(left, n - (memory == 1.0), 2)
-    return np.asarray(np.where(seen[:, 1], found, -np.inf))
+    return np.asarray(np.where(waves.seen[:, 1], found, -np.inf))
+
+
+def _waves(n: int, step_s: float, rates: Array, count: int, memory: float) -> _Waves:
+    seen = np.outer(rates, np.arange(1, count + 1)) <= max(NYQUIST_SHARE / step_s, rates[0])
+    first = np.exp(2j * np.pi * np.outer(np.arange(n) * step_s, rates))
+    turned = np.cumprod(np.repeat(first[..., None], count, axis=2), axis=2) * seen
+    white = whiten(np.concatenate([turned.real, turned.imag], axis=2), memory)
+    columns = np.ascontiguousarray(np.moveaxis(white, 0, 1))
+    return _Waves(columns, np.swapaxes(columns, 1, 2) @ columns, seen)
 
 
 @lru_cache(maxsize=32)
-def _waves(
+def _grid_waves(
     n: int, step_s: float, rates: tuple[float, ...], count: int, memory: float
-) -> tuple[Array, Bools]:
-    """Whitened harmonics (r, n, 2 count) of each rate, and which (r, count) the samples can tell:
-    the same for all holds of a scan, but for those of a refined rate."""
-    seen = np.outer(rates, np.arange(1, count + 1)) <= max(NYQUIST_SHARE / step_s, rates[0])
-    turn = (
-        2
-        * np.pi
-        * (np.arange(n) * step_s)[:, None, None]
-        * np.outer(rates, np.arange(1, count + 1))
-    )
-    waves = np.concatenate([np.cos(turn) * seen, np.sin(turn) * seen], axis=2)
-    return np.ascontiguousarray(np.moveaxis(whiten(waves, memory), 0, 1)), seen
+) -> _Waves:
+    """The same for all holds of a scan."""
+    return _waves(n, step_s, np.array(rates), count, memory)
 
 
-def beside_of(hold: Coarse, memory: float) -> Array:
-    """An orthonormal basis (n, k) of what relaxation and drift could take, whitened."""
+@lru_cache(maxsize=8)
+def beside_of(hold: Coarse, memory: float) -> tuple[Array, Array]:
+    """An orthonormal basis (n, k) of what relaxation and drift could take, whitened, and the
+    whitened signal (n,) beside it."""
     columns = whiten(hold.nuisance, memory)
     u, size, _ = np.linalg.svd(columns, full_matrices=False)
-    return np.asarray(u[:, size > 1e-9 * size[0]])
+    beside = np.asarray(u[:, size > 1e-9 * size[0]])
+    y = whiten(hold.signal, memory)
+    return beside, y - beside @ (beside.T @ y)

@@ -7,7 +7,15 @@ import numpy as np
 from drivers.core.arrays import Bools
 from probe.core.recording import Recording, Station
 from probe.detection.pulse.beat_timing import own_beats_s
-from probe.detection.pulse.estimate import Pulse, find_pulse, pulse_at
+from probe.detection.pulse.estimate import (
+    Clearest,
+    Pulse,
+    Wave,
+    beside,
+    find_pulse,
+    pulse_of,
+    wave_at,
+)
 from probe.detection.pulse.has_pulse import REACH, which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
 from probe.detection.pulse.rate import shared_rate
@@ -72,14 +80,17 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     dead = dead_channels(recording.stations)
     found = [_own(station, dead) for station in recording.stations]
     measured = {
-        i: (one.hold, one.pulse)
+        i: (one.hold, one.clearest)
         for i, one in enumerate(found)
-        if one.hold is not None and one.pulse is not None
+        if one.hold is not None and one.clearest is not None
     }
     pulsing, causes = which_pulse(measured, recording, false_alarm)
     others = {} if pulsing or causes else _beyond(measured, false_alarm)
-    shared = shared_rate([measured[i] for i in pulsing[: 2 * REACH + 1]]) if pulsing else None
-    pulses = _sized([_at(one.hold, one.pulse, shared) for one in found])
+    clear = [measured[i] for i in pulsing[: 2 * REACH + 1]]
+    shared = shared_rate([(h, _own_wave(h, c), c.search) for h, c in clear]) if clear else None
+    pulses = _sized([
+        _at(one.hold, one.clearest, shared) if one.hold and one.clearest else None for one in found
+    ])  # fmt: skip
     return tuple(
         replace(
             _press(station, one.hold, pulse, one.note),
@@ -92,7 +103,7 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     )  # fmt: skip
 
 
-def _beyond(measured: dict[int, tuple[Hold, Pulse]], false_alarm: float) -> dict[int, float]:
+def _beyond(measured: dict[int, tuple[Hold, Clearest]], false_alarm: float) -> dict[int, float]:
     """Stations in which something beats at a rate where no pulse is looked for [Hz]."""
     found = {i: beyond(hold) for i, (hold, _) in measured.items()}
     return {i: rate for i, (rate, chance) in found.items() if chance * len(found) <= false_alarm}
@@ -103,7 +114,7 @@ class _Own:
     """A station by itself."""
 
     hold: Hold | None
-    pulse: Pulse | None
+    clearest: Clearest | None
     note: str = ""
     touched: bool = True
 
@@ -114,23 +125,30 @@ def _own(station: Station, dead: Bools) -> _Own:
     except NoHold as error:
         return _Own(None, None, str(error), not isinstance(error, NoContact))
     if len(station.reference):
-        pulse = find_pulse_by(hold, station.reference_s - hold.start_s, station.reference)
-        if pulse is not None:
-            return _Own(hold, pulse)
+        found = find_pulse_by(hold, station.reference_s - hold.start_s, station.reference)
+        if found is not None:
+            return _Own(hold, found)
         return _Own(hold, find_pulse(hold), "its reference has no beats: judged without it")
     return _Own(hold, find_pulse(hold))
 
 
-def _at(hold: Hold | None, own: Pulse | None, shared: Rates | None) -> Pulse | None:
-    if hold is None or own is None or shared is None or own.search is None:
-        return own
+def _own_wave(hold: Hold, own: Clearest) -> Wave:
+    return wave_at(hold, own.rate_hz, own.noise, own.scale, own.beating_s)
+
+
+def _at(hold: Hold, own: Clearest, shared: Rates | None) -> Pulse:
+    """The pulse at the heart's rate, its beats followed where it is clear enough."""
+    if shared is None or own.search is None:
+        return pulse_of(hold, own, _own_wave(hold, own))
     rate_hz = float(shared.hz[0])
-    steady = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, shared)
-    if hold.span_s * rate_hz < MIN_BEATS:
-        return steady
-    beating_s = own_beats_s(hold, steady)
-    followed = pulse_at(hold, rate_hz, own.p_value, own.scale, own.search, beating_s=beating_s)
-    return followed if followed.size_pa >= FOLLOWED_SIGMAS * followed.size_sd_pa else steady
+    steady = wave_at(hold, rate_hz, *beside(hold, rate_hz, own.scale))
+    if hold.span_s * rate_hz >= MIN_BEATS:
+        beating_s = own_beats_s(hold, steady)
+        noise, scale = beside(hold, rate_hz, own.scale, beating_s)
+        followed = pulse_of(hold, own, wave_at(hold, rate_hz, noise, scale, beating_s))
+        if followed.size_pa >= FOLLOWED_SIGMAS * followed.size_sd_pa:
+            return followed
+    return pulse_of(hold, own, steady, shared)
 
 
 def _sized(pulses: list[Pulse | None]) -> list[Pulse | None]:

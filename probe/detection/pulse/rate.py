@@ -6,12 +6,12 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.estimate import SHARES, Pulse, harmonics_seen
+from probe.detection.pulse.estimate import SHARES, Wave, harmonics_seen
 from probe.detection.pulse.fit import design_of, harmonics, scale_rows
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise
 from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, rates_hz, unusual
-from probe.detection.pulse.search import TESTED_HARMONICS
+from probe.detection.pulse.search import TESTED_HARMONICS, Search
 from probe.detection.pulse.size import Rates
 
 SMOOTH = 0.75
@@ -23,23 +23,23 @@ CANDIDATES, EXACT_HZ = 4, 1e-3
 """Rates that each way of searching proposes, and how exactly the best of them is wanted."""
 
 
-def shared_rate(clear: list[tuple[Hold, Pulse]]) -> Rates:
+def shared_rate(clear: list[tuple[Hold, Wave, Search | None]]) -> Rates:
     """The rate that explains the clearest pulses best, given what rates hearts have; after it
     all others that were tried and are at least `PLAUSIBLE` times as likely."""
-    holds = [_whitened(hold, pulse) for hold, pulse in clear]
-    rates = max((rates_hz(hold.span_s) for hold, _ in clear), key=len)
+    holds = [_whitened(hold, wave) for hold, wave, _ in clear]
+    rates = max((rates_hz(hold.span_s) for hold, *_ in clear), key=len)
 
     def unlikely(rate_hz: float, most: int) -> float:
         misfit = sum(_misfit(one, rate_hz, most) for one in holds)
         return float(unusual(rate_hz)) + misfit
 
     reach = float(rates[1] - rates[0])
-    searches = [pulse.search for _, pulse in clear if pulse.search is not None]
+    searches = [one for *_, one in clear if one is not None]
     likely = [
         np.sum([np.interp(rates, s.rates_hz, seen) for s, seen in each], axis=0) - unusual(rates)
         for each in ([(s, s.gain) for s in searches], [(s, s.clear / 2) for s in searches])
     ]
-    span_s = max(hold.span_s for hold, _ in clear)
+    span_s = max(hold.span_s for hold, *_ in clear)
     smooth = int(np.clip(round(SMOOTH / (reach * span_s)), TESTED_HARMONICS + 1, len(SHARES)))
     tried = {int(k) for one in likely for k in np.argsort(one)[-CANDIDATES:]}
     if (
@@ -74,10 +74,10 @@ class _Whitened:
     noise_over_swing: float
 
 
-def _whitened(hold: Hold, pulse: Pulse) -> _Whitened:
+def _whitened(hold: Hold, wave: Wave) -> _Whitened:
     design, weight = design_of(hold), np.sqrt(hold.weight)
-    columns = np.hstack([design.drift, design.decays[:, pulse.fit.decays]])
-    noise, scale = pulse.fit.noise, pulse.scale
+    columns = np.hstack([design.drift, design.decays[:, wave.fit.decays]])
+    noise, scale = wave.noise, wave.scale
     beside, _ = np.linalg.qr(noise.whiten(scale_rows(columns, weight)))
     signal = noise.whiten(hold.signal_pa * weight)
     signal = signal - beside @ (beside.T @ signal)

@@ -7,7 +7,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.special import fdtrc
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.estimate import Pulse, pulse_at, scale_of
+from probe.detection.pulse.estimate import Clearest, beside, scale_of
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
@@ -51,7 +51,7 @@ def beats_s(time_s: Array, reference: Array) -> Array:
     return np.asarray(time_s[peaks[energy[peaks] >= MIN_ENERGY * usual]])
 
 
-def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
+def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Clearest | None:
     """The pulse that beats as ``reference`` (m,) does at ``time_s`` (m,), counted as the hold's.
 
     None where the reference has fewer than two beats, or none near the hold. Beats may vary: time
@@ -77,7 +77,8 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Pulse | None:
     free = columns.shape[1]
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
     p_value = float(fdtrc(free, max(with_.dof, 1), ratio))
-    return pulse_at(hold, rate, p_value, scale_of(without, with_), None, beating_s=warped.time_s)
+    noise, scale = beside(hold, rate, scale_of(without, with_), warped.time_s)
+    return Clearest(rate, p_value, noise, scale, None, warped.time_s)
 
 
 def _in_beats(time_s: Array, beats: Array, period: float) -> Array:

@@ -110,10 +110,9 @@ def _motion(hold: Coarse) -> float:
     """Evidence of a few steps and bumps at any time, chosen one after the other."""
     found = []
     for memory in MEMORIES:
-        beside = beside_of(hold, memory)
+        beside, y = beside_of(hold, memory)
         c = _movements(len(hold.signal), hold.step_s, memory)
-        y = whiten(hold.signal, memory)
-        y, along = y - beside @ (beside.T @ y), beside.T @ c
+        along = beside.T @ c
         square = np.maximum((c * c).sum(axis=0) - (along * along).sum(axis=0), 1e-12)
         total = len(y) - (memory == 1.0)
         taken = beside
