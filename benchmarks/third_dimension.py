@@ -83,6 +83,24 @@ ANSWERS = ("model", "unknowns", "seconds", "force_n", "pulse_n", "error_pct", "p
            "stress_force", "stress_pulse", "strain_force", "strain_pulse")  # fmt: skip
 
 
+def in_words(rows: list[dict[str, str]]) -> str:
+    """The page's table: a line for the force of each cell, and one for its pulse."""
+    lines = ["| scene | finger | N | plane stress over it | plane strain over it |",
+             "|---|---|---|---|---|"]  # fmt: skip
+    for row in sorted(rows, key=lambda row: (SCENES.index(row["scene"]),
+                                             list(FINGERS).index(row["finger"]))):  # fmt: skip
+        for what in ("force", "pulse"):
+            if row[f"{what}_n"]:
+                ratios = " | ".join(
+                    f"{float(row[f'{p}_{what}']):.2f}" for p in ("stress", "strain")
+                )
+                lines.append(
+                    f"| {row['scene']}, {what} | {row['finger']} | {float(row[f'{what}_n']):.3g} "
+                    f"| {ratios} |"
+                )
+    return "\n".join(lines)
+
+
 def main(minutes: float, table: Path) -> None:
     end = monotonic() + 60 * minutes
 
@@ -93,8 +111,7 @@ def main(minutes: float, table: Path) -> None:
                     yield finger, scene
 
     fill(table, ("finger", "scene"), ANSWERS, jobs(), cell)
-    for row in read(table):
-        print({key: row[key] for key in ("finger", "scene", "force_n", *ANSWERS[7:])})
+    print(in_words(read(table)))
 
 
 if __name__ == "__main__":

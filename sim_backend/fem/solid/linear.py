@@ -13,7 +13,9 @@ from sim_backend.fem.solid.dissection import dissected
 from sim_backend.fem.solid.fronts import Factors, Plan, Singular
 
 RELATIVE = 1e-5
-"""How far a Newton step's residual falls: its own error is squared anyway."""
+"""How far a Newton step's residual falls: its own error is squared anyway. A ball pressed in three
+steps into a block of 4,862 unknowns takes 11 Newton steps, with 1e-4 12, 1e-3 17 and 1e-2 91.
+"""
 MOST_STEPS, SLOW_STEPS = 30, 15
 """Krylov steps after which new factors are made at once, and for the next Newton step."""
 
