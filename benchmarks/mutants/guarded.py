@@ -75,8 +75,8 @@ GUARDED = (
     ),
     Mutant(
         "a stuck sensor is believed", GUARDS,
-        "if (dead := self._alive.check(block.values[:, self._used])) is not None:",
-        "if (dead := self._alive.check(block.values[:0, self._used])) is not None:",
+        "if (dead := self._alive.check(used)) is not None:",
+        "if (dead := self._alive.check(used[:0])) is not None:",
         (f"{TEST_FALSE}::test_a_sensor_that_does_not_feel_is_found_out",),
         ("simulated 3 cell stuck",),
     ),

@@ -65,7 +65,7 @@ class SensorGuard:
     def check_times(self, block: Block, now_s: float) -> str | None:
         """Why a block with samples cannot be placed in time."""
         first, last = float(block.time_s[0]), float(block.time_s[-1])
-        onward = first > self._last_s and bool((np.diff(block.time_s) > 0).all())
+        onward = first > self._last_s and bool((block.time_s[1:] > block.time_s[:-1]).all())
         if not (onward and last <= now_s + FUTURE_S):  # also true for not-a-number
             return (
                 f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s); "
@@ -103,11 +103,12 @@ class SensorGuard:
         if block.saturated[:, self._clips].any():
             return "the sensor is saturated: the true force is unknown", True
         if self.feels:
-            force = block.values[:, self._used] * self._gains
+            used = block.values[:, self._used]
+            force = used * self._gains
             if self._array:
                 force = force.sum(axis=1, keepdims=True)
             self.force_n = float(force[-1, 0])
-            if (dead := self._alive.check(block.values[:, self._used])) is not None:
+            if (dead := self._alive.check(used)) is not None:
                 return dead, True
             self._keep(block.time_s, force[:, 0])
             greatest = float(np.abs(force).max())

@@ -2,8 +2,6 @@
 
 import math
 
-import numpy as np
-
 from drivers.core.arrays import Array
 
 MAX_CHANCE = 1e-9  # how unlikely a run of equal readings must be before it counts as stuck
@@ -22,23 +20,18 @@ class Alive:
 
     def __init__(self, most_same: int) -> None:
         self._most_same = most_same
-        self._last: Array | None = None
+        self._last: list[float] | None = None
         self._pairs = self._equal = self._run = 0
 
     def check(self, values: Array) -> str | None:
         """Why readings (n, channels) that follow the last ones are not those of a live sensor."""
-        same = np.empty(len(values), bool)
-        same[1:] = (values[1:] == values[:-1]).all(axis=1)
-        same[0] = self._last is not None and bool((values[0] == self._last).all())
-        self._last = values[-1]
-        if not same.any():
-            self._run, self._pairs = 0, self._pairs + len(same)
-            return None
-        for equal in same.tolist():
+        for reading in values.tolist():  # lists: blocks are short, and numpy is slow on those
+            equal = reading == self._last
+            self._last = reading
             self._run = self._run + 1 if equal else 0
-            if self._run >= self._longest():
+            if equal and self._run >= self._longest():
                 return (
-                    f"the last {self._run + 1} readings are all {values[-1, 0]:.6g}: stuck or "
+                    f"the last {self._run + 1} readings are all {reading[0]:.6g}: stuck or "
                     "clipped (a coarse sensor: safety.same_readings)"
                 )
             self._pairs += 1

@@ -78,9 +78,9 @@ class PoseGuard:
 
 def _off_the_way(pose: Pose, start: Pose, target: Pose) -> float:
     """Distance [m] of a pose from the straight line between two others."""
-    way = [b - a for a, b in zip(start[:3], target[:3], strict=True)]
-    gone = [b - a for a, b in zip(start[:3], pose[:3], strict=True)]
-    length2 = sum(w * w for w in way)
-    along = sum(w * g for w, g in zip(way, gone, strict=True)) / length2 if length2 else 0.0
-    share = min(max(along, 0.0), 1.0)
-    return math.dist(gone, [share * w for w in way])
+    (x, y, z), (from_x, from_y, from_z), (to_x, to_y, to_z) = pose[:3], start[:3], target[:3]
+    u, v, w = to_x - from_x, to_y - from_y, to_z - from_z
+    length2 = u * u + v * v + w * w
+    along = u * (x - from_x) + v * (y - from_y) + w * (z - from_z)
+    share = min(max(along / length2, 0.0), 1.0) if length2 else 0.0
+    return math.dist((x, y, z), (from_x + share * u, from_y + share * v, from_z + share * w))

@@ -7,9 +7,9 @@ simulated clock the engine calls `SafetyMonitor.step` itself, at most two sensor
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 
@@ -37,6 +37,7 @@ PAUSE_S = 0.1
 DEAD_S = 1.0  # a supervisor that is later than this is itself at fault
 LIFT_SHARE = 0.25  # of the greatest speed: a lift is no emergency once the stage rests
 RETREATS = 3  # of one run, at most, where something moves the stage again after each
+Answer = TypeVar("Answer")
 
 
 class SafetyMonitor:
@@ -144,10 +145,13 @@ class SafetyMonitor:
 
     def move(self, target: Pose, speed_m_s: float) -> None:
         """Start a move, unless a guard has stopped the scan. Raises `DeviceFault`."""
-        with self._held():
+
+        def go() -> None:
             if self.trip is not None:
                 raise DeviceFault(self.trip.device, self.trip.reason)
             self._start(target, speed_m_s)
+
+        self._alone(go)
 
     def home(self) -> threading.Event:
         """Let the stage find its switches; set when it has, or a trip says why it has not.
@@ -187,13 +191,11 @@ class SafetyMonitor:
 
     def moving(self) -> bool:
         """True while the stage moves. Raises `DeviceFault`."""
-        with self._held():
-            return self._stage.moving()
+        return self._alone(self._stage.moving)
 
     def pose(self) -> Pose:
         """The stage's pose. Raises `DeviceFault`."""
-        with self._held():
-            return self._stage.pose()
+        return self._alone(self._stage.pose)
 
     def leave(self, *, lift: bool) -> Retreat:
         """Stop, and lift if so wanted; the way out that is under way already is not begun anew."""
@@ -247,8 +249,7 @@ class SafetyMonitor:
         )
 
     def _start_held(self, target: Pose, speed_m_s: float) -> None:
-        with self._held():
-            self._start(target, speed_m_s)
+        self._alone(partial(self._start, target, speed_m_s))
 
     def _start(self, target: Pose, speed_m_s: float) -> None:
         here = self._stage.pose()
@@ -260,13 +261,12 @@ class SafetyMonitor:
         self._in_motion = True
         self._stage.move(target, speed_m_s)
 
-    @contextmanager
-    def _held(self) -> Iterator[None]:
-        """The stage to oneself. Raises `DeviceFault` if another call to it hangs."""
+    def _alone(self, ask: Callable[[], Answer]) -> Answer:
+        """What ``ask`` returns, the stage to itself. Raises `DeviceFault` if another call hangs."""
         if not self._stage_lock.acquire(timeout=2 * self._limits.silence_s):
             raise DeviceFault(self._stage.name, "does not answer")
         try:
-            yield
+            return ask()
         finally:
             self._stage_lock.release()
 

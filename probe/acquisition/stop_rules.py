@@ -7,7 +7,7 @@ objection arrives as the ``trip``. How long a hold lasts is `engine`'s, by the p
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from probe.acquisition.commands import RunCommand
 from probe.acquisition.interruption import Interrupted, Trip, interruption_of
@@ -17,8 +17,7 @@ from probe.core.events import Finish, Phase
 STOPPED = "stopped by the user"
 
 
-@dataclass(frozen=True)
-class Seen:
+class Seen(NamedTuple):
     """What the rules judge: the user's command, a guard's trip, the store, the phase."""
 
     command: RunCommand

@@ -5,7 +5,7 @@ import numpy as np
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.elements import gradients, operator, q4, t6
 from sim_backend.fem.internal import deformation
-from sim_backend.fem.material import plane_stress, von_mises
+from sim_backend.fem.material import thinning, von_mises
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.revolved import hoop_stretch
@@ -59,7 +59,7 @@ def _von_mises(section: Section, chosen: Ints, f: Array, around: Array) -> Array
     """``around`` (m, q) is F33 where the section does not thin."""
     shear, bulk = section.shear[chosen, None], section.bulk[chosen, None]
     free = section.plane_stress
-    thickness = plane_stress(f, shear, bulk).thickness if free else around
+    thickness = thinning(f, shear, bulk)[0] if free else around
     return von_mises(f, thickness, shear)
 
 

@@ -152,10 +152,18 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
         [one.force_n_per_m for one in by_pressure],
         [s.force_n_per_m for s in ends],
     )
+    on_ramp = [under_finger_pa(section, s.displacement) for s in ramp]
+
+    def stress_slopes(along: tuple[Slope, ...], step: float) -> list[float]:
+        return [
+            (under_finger_pa(section, state.displacement + step * slope.displacement) - here) / step
+            for state, slope, here in zip(ramp, along, on_ramp, strict=True)
+        ]
+
     stress = curve(
-        [under_finger_pa(section, s.displacement) for s in ramp],
-        [_stress_slope(section, *one, PROBE_M) for one in zip(ramp, by_depth, strict=True)],
-        [_stress_slope(section, *one, PROBE_PA) for one in zip(ramp, by_pressure, strict=True)],
+        on_ramp,
+        stress_slopes(by_depth, PROBE_M),
+        stress_slopes(by_pressure, PROBE_PA),
         [under_finger_pa(section, s.displacement) for s in ends],
     )
     length_m = 1e-3 * scene.indenter.length_mm
@@ -222,8 +230,3 @@ def _surface_m(section: Section, solution: Solution) -> float:
     surface = section.mesh.surface
     gap, _, _ = section.finger.gap(section.mesh.nodes[surface] + solution.displacement[surface])
     return float(-gap.min())
-
-
-def _stress_slope(section: Section, solution: Solution, slope: Slope, step: float) -> float:
-    ahead = under_finger_pa(section, solution.displacement + step * slope.displacement)
-    return (ahead - under_finger_pa(section, solution.displacement)) / step
