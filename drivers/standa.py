@@ -37,6 +37,7 @@ class StandaStage:
         self._steps_per_mm = steps_per_mm
         self._origin_mm = origin_mm
         self._limits_mm = limits_mm
+        self.max_speed_m_s = 1e-3 * max_speed_mm_s
         self._max_speed_mm_s = max_speed_mm_s
         self._acceleration_mm_s2 = acceleration_mm_s2
         self._open: dict[str, Any] = {}

@@ -1,5 +1,6 @@
 """What some stages can do beyond the protocol, asked only of those; see `drivers.Stage`."""
 
+import math
 from collections.abc import Sequence
 
 from drivers.core.protocols import Pose, Stage
@@ -20,6 +21,11 @@ def keep_alive(stage: Stage) -> None:
 def pace(stage: Stage) -> float:
     """The share of a commanded speed that it allows now; 1 if it does not say."""
     return float(getattr(stage, "pace", 1.0))
+
+
+def max_speed_m_s(stage: Stage) -> float:
+    """The speed above which it refuses a move; infinite if it does not say."""
+    return float(getattr(stage, "max_speed_m_s", math.inf))
 
 
 def unreachable(stage: Stage, poses: Sequence[Pose]) -> dict[Pose, str]:

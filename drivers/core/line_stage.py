@@ -28,6 +28,10 @@ class _Job(NamedTuple):
     found: list[object]
 
 
+def _mistake(name: str, error: Exception) -> DeviceFault:
+    return DeviceFault(name, f"driver: {type(error).__name__}: {error}")
+
+
 class LineStage:
     """A `Stage` over `Axes`; ``open_axes`` raises `DeviceAbsent` if there is none."""
 
@@ -35,6 +39,7 @@ class LineStage:
         self.name = settings.name
         self.simulated = settings.simulated
         self.homes = settings.home
+        self.max_speed_m_s = 1e-3 * settings.max_speed_mm_s
         self._settings = settings
         self._open = open_axes
         self._names = ""
@@ -196,7 +201,8 @@ class LineStage:
             raise DeviceFault(self.name, "not connected")
         age_s = time.monotonic() - self._read_s
         if self._reading is not None and age_s > self._settings.silent_s:
-            raise DeviceFault(self.name, f"silent for {age_s:.2f} s")
+            allowed = f"silent_s = {self._settings.silent_s:g}"
+            raise DeviceFault(self.name, f"silent for {age_s:.2f} s; allowed: {allowed}")
         return self._reading
 
     def _fresh(self) -> Reading:
@@ -241,7 +247,7 @@ class LineStage:
         except OSError as error:
             self._fault = DeviceFault(self.name, f"connection lost ({error})")
         except Exception as error:  # noqa: BLE001 - a dead thread must not look like silence
-            self._fault = DeviceFault(self.name, f"driver: {type(error).__name__}: {error}")
+            self._fault = _mistake(self.name, error)
         finally:
             self._leave(axes)
 
@@ -272,6 +278,9 @@ class LineStage:
             job.found.append(fault)
         except OSError as error:
             job.found.append(DeviceFault(self.name, f"connection lost ({error})"))
+            raise
+        except Exception as error:
+            job.found.append(_mistake(self.name, error))
             raise
         finally:
             self._moved_after = self._asked

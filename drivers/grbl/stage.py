@@ -64,6 +64,7 @@ class GrblStage:
         self.name = settings.name
         self.simulated = settings.simulated
         self.homes = settings.home
+        self.max_speed_m_s = 1e-3 * settings.max_speed_mm_s
         self._settings = settings
         self._period_s = 1 / settings.status_hz
         self._talk: Conversation | None = None

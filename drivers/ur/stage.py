@@ -31,6 +31,7 @@ class UrStage:
         keys = settings
         self.name = keys.name
         self.simulated = keys.simulated
+        self.max_speed_m_s = 1e-3 * keys.max_speed_mm_s
         self._settings = keys
         self._origin_m = 1e-3 * np.array(keys.origin_mm)
         self._mounted = Rotation.from_euler(

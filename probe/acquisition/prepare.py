@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from drivers import Sensor, Stage
+from drivers import ConfigError, Sensor, Stage
+from drivers.core import abilities
 from probe.acquisition.force_limit import FORCE_ROLES
-from probe.acquisition.press_guard import check_speed
+from probe.acquisition.press_guard import ROUNDING, check_speed, press_speeds_m_s
 from probe.acquisition.rehearsal import in_the_air, lift_m, needs_rehearsal
 from probe.config.rig import Rig, RigError
 from probe.config.snapshot import run_config
@@ -42,7 +43,7 @@ def prepare(
     """The plan and limits as these devices allow them: in the air where nothing real feels.
 
     Raises `RigError` where newtons cannot become a stress, `ConfigError` where a rehearsal has no
-    room, and where a press is too fast for its sensors.
+    room, and where a move is too fast for the stage, or a press for its sensors.
     """
     notes, config = devices.notes, run_config(rig, scene, plan, seed)
     face_mm2 = config["face_mm2"]
@@ -55,8 +56,20 @@ def prepare(
         config |= {"rehearsal_mm": up_mm}
         notes = (*notes, f"REHEARSAL: no real sensor feels the force, so the real stage makes the "
                  f"whole scan in the air, {up_mm:g} mm higher than planned")  # fmt: skip
+    _check_stage(devices.stage, plan)
     check_speed(plan, limits, devices.sensors)
     return Prepared(plan, limits, config, notes)
+
+
+def _check_stage(stage: Stage, plan: Plan) -> None:
+    most_m_s = abilities.max_speed_m_s(stage)
+    speeds_m_s = {"scan.travel_mm_s": plan.travel_m_s} | press_speeds_m_s(plan)
+    for key, speed_m_s in speeds_m_s.items():
+        if speed_m_s > most_m_s * (1 + ROUNDING):
+            raise ConfigError(
+                f"{key} = {1e3 * speed_m_s:g} mm/s: stage {stage.name!r} allows at most "
+                f"{1e3 * most_m_s:g} mm/s (stage.max_speed_mm_s); scan slower, or allow it more"
+            )
 
 
 def _check_face(face_mm2: float | None, sensors: Sequence[Sensor]) -> None:
@@ -67,5 +80,6 @@ def _check_face(face_mm2: float | None, sensors: Sequence[Sensor]) -> None:
         reads = "a force" if channel.role == "force" else "a pressure"
         raise RigError(
             f"face_mm2 is missing: sensor {name!r} reads {reads}, and without a simulated scene "
-            "only you know the area of the probe's face that presses; say face_mm2 = 100"
+            "only you know the area of the probe's face that presses; say face_mm2 = 100 at the "
+            "top of the rig file"
         )

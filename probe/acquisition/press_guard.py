@@ -73,6 +73,14 @@ def check_blind(
     )
 
 
+def press_speeds_m_s(plan: Plan) -> dict[str, float]:
+    """Those of the way down, by the keys of the rig file that say them."""
+    return {
+        "scan.approach_mm_s": plan.approach_m_s,
+        "scan.indentation_mm / scan.ramp_s": plan.indentation_m / plan.ramp_s,
+    }
+
+
 def check_speed(plan: Plan, limits: Limits, sensors: Sequence[Sensor]) -> None:
     """Refuse a press that `PERIODS` of the fastest sensor could hide from the limit.
 
@@ -82,11 +90,7 @@ def check_speed(plan: Plan, limits: Limits, sensors: Sequence[Sensor]) -> None:
     if not rates_hz or limits.in_the_air:
         return
     most_m_s = limits.max_force_n * max(rates_hz) / (PERIODS * limits.hardest_n_m)
-    speeds = {
-        "scan.approach_mm_s": plan.approach_m_s,
-        "scan.indentation_mm / scan.ramp_s": plan.indentation_m / plan.ramp_s,
-    }
-    for key, speed in speeds.items():
+    for key, speed in press_speeds_m_s(plan).items():
         if speed > most_m_s * (1 + ROUNDING):
             raise ConfigError(
                 f"{key} = {1e3 * speed:g} mm/s: on something as hard as safety.hardest_n_mm = "

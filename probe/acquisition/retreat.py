@@ -8,16 +8,24 @@ import math
 from collections import deque
 from collections.abc import Callable
 
-from drivers import DeviceFault, Pose
+from drivers import DeviceFault, Pose, Stage
+from drivers.core import abilities
+from probe.planning.limits import Limits
 
 STOP_AGAIN_S = 0.02  # a stop is repeated this often
 STILL_S, STILL_M = 0.03, 20e-6  # at rest: not further than this from where it was this long ago
 LIFT_AGAIN_S = 0.1
+LIFT_SHARE = 0.25  # of the greatest speed: a lift is no emergency once the stage rests
 LIFTS = 3  # a patient who moves may make the first ones worse
 PATIENCE_S = 10.0  # for a stage that does not answer, stop or lift
 WRONG_WAY_M = 0.1e-3  # a lift may begin with this much slack of the stage
 WORSE = 1.2  # a lift may begin with this much more force: friction, the end of a pulse
 UP_M, ARRIVED_M = 5e-6, 0.1e-3  # not worth a lift; close enough after one
+
+
+def lift_speed_m_s(stage: Stage, limits: Limits) -> float:
+    """Never more than the stage takes: a lift that it refuses leaves the probe in the tissue."""
+    return min(LIFT_SHARE * limits.max_speed_m_s, abilities.max_speed_m_s(stage))
 
 
 class Retreat:

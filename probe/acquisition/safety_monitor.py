@@ -23,7 +23,7 @@ from probe.acquisition.interruption import Trip
 from probe.acquisition.pose_guard import PoseGuard
 from probe.acquisition.press_guard import PERIODS, WAY_M, ForceReading, PressGuard, check_blind
 from probe.acquisition.readings import STAGE, Readings
-from probe.acquisition.retreat import Retreat
+from probe.acquisition.retreat import Retreat, lift_speed_m_s
 from probe.planning.limits import Limits
 from probe.planning.plan import Surface
 
@@ -35,7 +35,6 @@ SUPERVISOR_PERIOD_S = 0.01
 # nobody else is to blame for having been silent meanwhile.
 PAUSE_S = 0.1
 DEAD_S = 1.0  # a supervisor that is later than this is itself at fault
-LIFT_SHARE = 0.25  # of the greatest speed: a lift is no emergency once the stage rests
 RETREATS = 3  # of one run, at most, where something moves the stage again after each
 Answer = TypeVar("Answer")
 
@@ -242,7 +241,7 @@ class SafetyMonitor:
             self._start_held,
             self.force_n,
             self._lift_z_m if lift else None,
-            LIFT_SHARE * self._limits.max_speed_m_s,
+            lift_speed_m_s(self._stage, self._limits),
             self._clock.now(),
             self._limits.max_force_n,
             self._down_m_s > 0,

@@ -125,6 +125,10 @@ class CalibratedStage:
     def pace(self) -> float:
         return abilities.pace(self._stage)
 
+    @property
+    def max_speed_m_s(self) -> float:
+        return abilities.max_speed_m_s(self._stage)
+
     def enable(self) -> list[str]:
         """As the device's own."""
         return abilities.enable(self._stage)

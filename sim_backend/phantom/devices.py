@@ -31,14 +31,14 @@ class VirtualStage:
         clock: Clock,
         phantom: Phantom,
         limits_mm: Limits,
-        max_speed: float,
+        max_speed_m_s: float,
         acceleration: float,
     ) -> None:
         self.name = "virtual"
         self._clock = clock
         self._tip = phantom.tip
         self._limits_mm = limits_mm
-        self._max_speed = max_speed
+        self.max_speed_m_s = max_speed_m_s
         self._acceleration = acceleration
 
     def connect(self) -> None:
@@ -52,10 +52,10 @@ class VirtualStage:
         """Set off. Raises `DeviceFault` outside the limits, when too fast or still moving."""
         if self.moving():
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
-        if not 0 < speed_m_s <= self._max_speed * (1 + 1e-9):
+        if not 0 < speed_m_s <= self.max_speed_m_s * (1 + 1e-9):
             raise DeviceFault(
                 self.name,
-                f"speed {1e3 * speed_m_s:g} mm/s; allowed: up to {1e3 * self._max_speed:g} mm/s",
+                f"speed {1e3 * speed_m_s:g} mm/s; allowed: up to {1e3 * self.max_speed_m_s:g} mm/s",
             )
         for axis, at, (low, high) in zip("xyz", target[:3], self._limits_mm, strict=True):
             if not low <= 1e3 * at <= high:

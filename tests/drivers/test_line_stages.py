@@ -1,7 +1,7 @@
 """Zaber, PI and TMCL against emulated controllers: what each says is understood in its words."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
@@ -13,6 +13,7 @@ import drivers.tmcl
 import drivers.zaber
 from drivers import DeviceFault, MotionFault, Pose, SimulatedClock, WallClock
 from drivers.core.abilities import enable
+from drivers.core.axes import LineStageSettings, Reading
 from drivers.core.errors import ConfigError
 from drivers.core.line import NoAnswer
 from drivers.core.line_stage import LineStage
@@ -269,3 +270,28 @@ def test_what_is_told_at_rest_was_read_at_rest(
         while (reading := axes.read()).moving:
             pass
         assert reading.places_mm["x"] == pytest.approx(target_mm, abs=1e-3)
+
+
+class MistakenAxes:
+    names = "z"
+
+    def read(self) -> Reading:
+        return Reading({"z": 0.0}, moving=False)
+
+    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
+        del speeds_mm_s
+        places_mm["x"]
+
+    def stop(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def test_a_mistake_in_a_driver_is_said_as_what_it_is() -> None:
+    stage = LineStage(LineStageSettings(name="mine", port="-", **PATIENT), MistakenAxes)
+    stage.connect()
+    try:
+        with pytest.raises(DeviceFault, match="mine: driver: KeyError: 'x'"):
+            stage.move(Pose(0.0, 0.0, 1e-3), 1e-3)
+    finally:
+        stage.close()

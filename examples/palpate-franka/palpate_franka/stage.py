@@ -36,6 +36,7 @@ class FrankaStage:
     def __init__(self, settings: FrankaSettings, connect_arm: Callable[[str], Any]) -> None:
         self.name = settings.name
         self.simulated = settings.simulated
+        self.max_speed_m_s = 1e-3 * settings.max_speed_mm_s
         self._settings = settings
         self._origin_m = 1e-3 * np.array(settings.origin_mm)
         self._connect_arm = connect_arm

@@ -114,6 +114,23 @@ def test_a_stage_outside_its_workspace_is_a_fault(winkler: Any) -> None:
     assert "x is outside the workspace, which allows 30 to 70 mm" in here[0].text
 
 
+@pytest.mark.parametrize(
+    ("allowed", "said"),
+    [
+        (25.0, None),
+        (19.0, "scan.travel_mm_s = 20 mm/s: stage 'virtual' allows at most 19"),
+        (9.0, "scan.travel_mm_s = 20"),
+    ],
+)
+def test_a_scan_that_is_too_fast_for_its_stage_is_a_fault(
+    allowed: float, said: str | None, tmp_path: Path, winkler: Any
+) -> None:
+    stage = {"driver": "virtual", "max_speed_mm_s": allowed}
+    report = dry_run(Rig.model_validate({"stage": stage}), load_scene("TIHA"), tmp_path, winkler)
+    assert report.can_scan == (said is None)
+    assert said is None or said in str(report.checks)
+
+
 def test_an_unknown_driver_is_a_fault(tmp_path: Path) -> None:
     rig = Rig.model_validate({"stage": {"driver": "warp"}})
     report = dry_run(rig, None, tmp_path)

@@ -260,6 +260,20 @@ def test_a_sensor_that_dies_faults_with_its_own_words(winkler: Any) -> None:
     assert opened.stage.pose().z == pytest.approx(2e-3)
 
 
+def test_a_stage_that_is_slower_than_the_usual_lift_is_lifted(winkler: Any) -> None:
+    ended, events, opened = scan(
+        winkler,
+        tables={
+            "stage": {"driver": "virtual", "max_speed_mm_s": 10.0},
+            "scan": {"start_mm": 28, "stations": 1, "travel_mm_s": 10.0},
+            "safety": {"max_speed_mm_s": 100.0, "max_force_n": 0.1},
+        },
+    )
+    assert ended.finish is Finish.FAULTED
+    assert not [e.text for e in events if isinstance(e, Note) and "NOT LIFTED" in e.text]
+    assert opened.stage.pose().z == pytest.approx(2e-3)
+
+
 def test_a_lost_stage_is_not_moved_again(winkler: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def lose(event: Event, _: Control, opened: Devices) -> None:
         if isinstance(event, PhaseEntered) and event.phase is Phase.INDENTING:
