@@ -17,31 +17,15 @@ from typing import Any
 from drivers.core.child import Child
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.ur.client import NO_ANSWER, READY, Control, State, serve
-from drivers.ur.preflight import DASHBOARD_PORT, ask_version, check_control
+from drivers.ur.controller import DASHBOARD_PORT, ask_version, check_control
 from drivers.ur.settings import CONNECT_S
+from drivers.ur.stops import PLAYING, PROGRAM_RUNS, SAFETY_STOPS, why_stopped
 
 FIRST_S = 1.0
 COMMAND_S = 0.5
 DASHBOARD_S = 0.1
 RECENT_S = 0.1
 LONGEST_S = 20.0  # of samples kept for a reader that is late
-PLAYING, RUNNING = 2, 7
-PROGRAM_RUNS = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
-SAFETY = {
-    3: "protective stop: clear it on the pendant, and find out why",
-    4: "recovery mode: move the arm out of its safety limits on the pendant",
-    5: "safeguard stop: close the safeguard",
-    6: "emergency stop of the cell",
-    7: "emergency stop: release the button and restart the robot",
-    8: "safety violation",
-    9: "safety fault: restart the controller",
-    10: "safety: the joints' identity is being checked",
-}
-REDUCED = 2
-MODES = {
-    -1: "no controller", 0: "disconnected", 1: "confirming safety", 2: "booting", 3: "power off",
-    4: "power on, not started", 5: "idle: release the brakes", 6: "back-drive", 8: "updating",
-}  # fmt: skip
 
 
 class Link:
@@ -118,14 +102,8 @@ class Link:
         age_s = time.monotonic() - state.arrival_s
         if age_s > self.silence_s:
             raise DeviceFault(self.name, f"the robot has sent nothing for {age_s:.2f} s")
-        if (words := SAFETY.get(state.safety_mode)) is not None:
+        if (words := why_stopped(state, controls=self.controls)) is not None:
             raise DeviceFault(self.name, words)
-        # A playing program implies a running robot; the mode only tells why none plays.
-        if state.runtime_state != PLAYING and state.robot_mode != RUNNING:
-            mode = MODES.get(state.robot_mode, str(state.robot_mode))
-            raise DeviceFault(self.name, f"the robot is not running ({mode})")
-        if self.controls and state.runtime_state != PLAYING:
-            raise DeviceFault(self.name, "its control program has stopped: connect again")
         return state
 
     def earlier(self, by_s: float) -> State | None:
@@ -202,7 +180,7 @@ class Link:
 
     def _fail(self, why: str) -> None:
         """Give up connecting, in the robot's words if it has any."""
-        words = None if self._state is None else SAFETY.get(self._state.safety_mode)
+        words = None if self._state is None else SAFETY_STOPS.get(self._state.safety_mode)
         self.close()
         raise DeviceAbsent(self.name, f"no connection to {self.host}: {words or why}")
 

@@ -12,8 +12,8 @@ from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import DeviceTime
 from drivers.ur.client import State
+from drivers.ur.controller import E_SERIES_HZ
 from drivers.ur.link import Link, leave_link, take_link
-from drivers.ur.preflight import E_SERIES_HZ
 from drivers.ur.settings import Normal, UrSensorSettings
 
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")

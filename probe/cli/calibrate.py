@@ -135,7 +135,7 @@ def _take_live(rig: Path, device: str, table: Path | None) -> tuple[Path, str]:
     """Ask for load after load; the table and the sensor's name."""
     from drivers import WallClock
     from probe.acquisition.session import resolve_rig
-    from probe.calibrate.live import take_weights
+    from probe.calibrate.weigh import take_weights
     from probe.config.devices import open_sensors
 
     whole, scene = resolve_rig(rig, None)

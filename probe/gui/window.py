@@ -8,8 +8,8 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import QLabel, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from probe.gui.body import BodyPanel
+from probe.gui.controls import Ask, SidePanel
 from probe.gui.maps import MapPanel
-from probe.gui.side import Ask, SidePanel
 from probe.gui.state import ViewState
 from probe.gui.traces import TracePanel
 

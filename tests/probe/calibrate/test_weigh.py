@@ -10,7 +10,7 @@ from one_sensor import FunctionSensor
 
 from calibration.errors import CalibrationError
 from drivers import Channel, SimulatedClock
-from probe.calibrate.live import newtons, take_weights
+from probe.calibrate.weigh import newtons, take_weights
 from probe.cli import main
 
 GAIN, OFFSET = 0.37, 11.0

@@ -1,0 +1,35 @@
+"""In which modes a UR does not work (protective and emergency stops, no program), in words.
+
+Numbers by Universal Robots, "RTDE guide": safety mode, robot mode, runtime state.
+"""
+
+from drivers.ur.client import State
+
+PLAYING, RUNNING = 2, 7
+PROGRAM_RUNS = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
+SAFETY_STOPS = {
+    3: "protective stop: clear it on the pendant, and find out why",
+    4: "recovery mode: move the arm out of its safety limits on the pendant",
+    5: "safeguard stop: close the safeguard",
+    6: "emergency stop of the cell",
+    7: "emergency stop: release the button and restart the robot",
+    8: "safety violation",
+    9: "safety fault: restart the controller",
+    10: "safety: the joints' identity is being checked",
+}
+MODES = {
+    -1: "no controller", 0: "disconnected", 1: "confirming safety", 2: "booting", 3: "power off",
+    4: "power on, not started", 5: "idle: release the brakes", 6: "back-drive", 8: "updating",
+}  # fmt: skip
+
+
+def why_stopped(state: State, *, controls: bool) -> str | None:
+    """None if the robot works; with ``controls`` its control program must run."""
+    if (words := SAFETY_STOPS.get(state.safety_mode)) is not None:
+        return words
+    # A playing program implies a running robot; the mode only tells why none plays.
+    if state.runtime_state != PLAYING and state.robot_mode != RUNNING:
+        return f"the robot is not running ({MODES.get(state.robot_mode, str(state.robot_mode))})"
+    if controls and state.runtime_state != PLAYING:
+        return "its control program has stopped: connect again"
+    return None
