@@ -9,6 +9,8 @@ ROWS = re.findall(r"^\| (.+\?) \| (.+) \|$", (ROOT / "CONTRIBUTING.md").read_tex
 PACKAGES = ("palpate", "probe", "sim_backend", "drivers", "calibration")
 DEFINED = {
     "force limit": "the limit is",
+    "lift after a stop": "def lift_speed_m_s",
+    "protective stop": "def why_stopped",
     "newtons into pascals": "class StressConversion",
     "stop rule": "RULES: tuple[Rule, ...]",
     "hold has a pulse": "def which_pulse",
