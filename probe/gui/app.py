@@ -2,7 +2,7 @@
 
 import os
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from time import perf_counter
@@ -13,7 +13,7 @@ from probe.core.events import Event, Finish
 from probe.gui.replay import PairWindow, ReplayWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application, until_closed
-from probe.gui.window import RunWindow
+from probe.gui.window import Found, RunWindow
 
 READ_BUDGET_S = 0.015  # of a frame of 33 ms
 FINISHED_POLL_S = 1.0
@@ -70,26 +70,22 @@ class Detective:
         return self.latest
 
     def _look(self) -> None:
-        from probe.detection import detect  # here: a window without detection opens faster
-        from probe.storage.run import open_run
-
-        self.latest = detect(open_run(self._run_path).recording()).as_json()
+        self.latest = judged(self._run_path)
 
 
-def at_the_end(
-    run_path: Path, state: Callable[[], ViewState]
-) -> Callable[[], Mapping[str, Any] | None]:
-    """What the whole run means, for a replay that has come to its end; None before."""
-    whole: Detective | None = None
+def judged(run_path: Path) -> Mapping[str, Any]:
+    """The JSON of what a run, as far as it is stored, means."""
+    from probe.detection import detect  # here: a window without detection opens faster
+    from probe.storage.run import open_run
 
-    def finding() -> Mapping[str, Any] | None:
-        nonlocal whole
-        if state().finish is None:
-            return None
-        whole = whole or Detective(run_path, state())
-        return whole()
+    return detect(open_run(run_path).recording()).as_json()
 
-    return finding
+
+def judged_once(run_path: Path) -> Found:
+    """The finding of a stored run, looked for beside the window from now on; None until then."""
+    found: list[Mapping[str, Any]] = []
+    threading.Thread(target=lambda: found.append(judged(run_path)), daemon=True).start()
+    return lambda: found[0] if found else None
 
 
 def run_live(run_path: Path) -> int:
@@ -117,9 +113,9 @@ def run_replay(run_path: Path, beside: Path | None = None) -> int:
     events = list(open_run(run_path).events())
     window: ReplayWindow | PairWindow
     if beside is None:
-        window = ReplayWindow(run_path, events)
-        window.finding = at_the_end(run_path, window.state)
+        window = ReplayWindow(run_path, events, judged_once(run_path))
     else:
         other = list(open_run(beside).events())
-        window = PairWindow((run_path.name, beside.name), (events, other))
+        found = judged_once(run_path), judged_once(beside)
+        window = PairWindow((run_path.name, beside.name), (events, other), found)
     return until_closed(window)

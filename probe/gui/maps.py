@@ -49,6 +49,7 @@ class LineMap(QWidget):
         x, base, beat = np.array(rows or np.empty((0, 3))).reshape(-1, 3).T
         order = np.argsort(x)
         self.base_curve.setData(x[order], base[order] / 1e3)
+        order = order[np.isfinite(beat[order])]
         self.beat_curve.setData(x[order], beat[order])
         if levels is not None:
             self.base.setYRange(levels.low_pa / 1e3, levels.high_pa / 1e3)
@@ -156,7 +157,7 @@ class GridMap:
         self._cells = {
             p.index: (row[round(p.y_mm, 4)], column[round(p.x_mm, 4)]) for p in state.plan
         }
-        self.state, self._read = state, 0
+        self.state, self._read, self._finding = state, 0, state.finding
         self.table = np.full((len(ys), len(xs)), np.nan)
         self.pulses = np.full((len(ys), len(xs)), np.nan)
         dx = (xs[-1] - xs[0]) / max(1, len(xs) - 1) or 1.0
@@ -164,11 +165,14 @@ class GridMap:
         self.box = (xs[0] - dx / 2, ys[0] - dy / 2, dx * len(xs), dy * len(ys))
 
     def follow(self) -> bool:
-        """Take in the stations pressed since the last call; whether there were any."""
+        """Take in what was pressed or measured since the last call; whether there was any."""
         changed = False
+        if self.state.finding is not self._finding:
+            self._finding, self._read = self.state.finding, 0
         for index in self.state.pressed[max(0, self._read - 1) :]:  # the last may have gone on
             cell, (baseline_pa, pulse_pa) = self._cells[index], self.state.maps[index]
-            changed |= self.table[cell] != baseline_pa or self.pulses[cell] != pulse_pa
+            before = self.table[cell], self.pulses[cell]
+            changed |= not np.array_equal(before, (baseline_pa, pulse_pa), equal_nan=True)
             self.table[cell], self.pulses[cell] = baseline_pa, pulse_pa
         self._read = len(self.state.pressed)
         return bool(changed)
@@ -185,5 +189,6 @@ def common_levels(states: tuple[ViewState, ...]) -> Levels | None:
     known = [one for state in states for one in state.maps.values()]
     if not known:
         return None
-    baselines, pulses = zip(*known, strict=True)
-    return Levels(min(baselines), max(baselines), max(pulses))
+    baselines, pulses = np.array(known).T
+    seen = pulses[np.isfinite(pulses)]
+    return Levels(float(baselines.min()), float(baselines.max()), float(seen.max(initial=0.0)))

@@ -2,8 +2,9 @@
 
 import bisect
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import (
@@ -21,7 +22,7 @@ from probe.core.events import Event, Samples
 from probe.core.finding_words import simulated_words
 from probe.gui.maps import MapPanel, common_levels
 from probe.gui.state import ViewState
-from probe.gui.window import FRAME_MS, RunWindow
+from probe.gui.window import FRAME_MS, Found, RunWindow, judge
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0)
 SLIDER_STEPS = 1000
@@ -107,26 +108,39 @@ class TimeBar(QWidget):
 
 
 class ReplayWindow(RunWindow):
-    """One run with a time bar below."""
+    """One run with a time bar below; what the whole of it means is said at its end."""
 
-    def __init__(self, run_path: Path, events: Sequence[Event]) -> None:
+    def __init__(
+        self, run_path: Path, events: Sequence[Event], finding: Found = lambda: None
+    ) -> None:
         player = Player(events)
         self.bar = TimeBar(player.length_s)
-        super().__init__(run_path, lambda: player.seek(self.bar.tick()))
+        super().__init__(run_path, lambda: player.seek(self.bar.tick()), finding)
         self.setWindowTitle(f"palpate replay: {run_path.name}")
         self.column.addWidget(self.bar)
 
+    def said(self, state: ViewState) -> Mapping[str, Any] | None:
+        return None if state.finish is None else state.finding
+
 
 class PairWindow(QWidget):
-    """Two runs at the same time after their starts; both maps have the same scale."""
+    """Two runs at the same time after their starts; both maps have the same scale.
 
-    def __init__(self, names: tuple[str, str], runs: tuple[Sequence[Event], Sequence[Event]]):
+    ``found`` are their findings, whose pulses are drawn.
+    """
+
+    def __init__(
+        self,
+        names: tuple[str, str],
+        runs: tuple[Sequence[Event], Sequence[Event]],
+        found: tuple[Found, Found] = (lambda: None, lambda: None),
+    ) -> None:
         super().__init__()
         self.setWindowTitle(f"palpate: {names[0]} beside {names[1]}")
         self.players = tuple(Player(events) for events in runs)
         self.panels = (MapPanel(), MapPanel())
         self.heads = (QLabel(names[0]), QLabel(names[1]))
-        self.names = names
+        self.names, self.found = names, found
         self.bar = TimeBar(max(p.length_s for p in self.players))
         sides = QGridLayout()
         sides.setRowStretch(1, 1)
@@ -146,6 +160,8 @@ class PairWindow(QWidget):
         """Draw both runs at the bar's time."""
         now_s = self.bar.tick()
         states = tuple(player.seek(now_s) for player in self.players)
+        for state, found in zip(states, self.found, strict=True):
+            judge(state, found())
         levels = common_levels(states)
         for name, head, panel, state in zip(
             self.names, self.heads, self.panels, states, strict=True

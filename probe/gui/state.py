@@ -4,7 +4,7 @@
 """
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -72,7 +72,10 @@ class Trace:
 class ViewState:
     """A run as seen so far. ``now_s`` is the scan clock's latest time; NaN before the start.
 
-    ``seen`` counts the events: what has not changed need not be drawn again.
+    ``maps`` hold each station's baseline and pulse [Pa]: as ``finding``, the latest JSON of
+    detection, measured them where the station is complete; before that the hold's mean and the
+    height of its mean beat, NaN while no heart rate is known. ``seen`` counts what came in: what
+    has not changed need not be drawn again.
     """
 
     config: Mapping[str, Any] = field(default_factory=dict)
@@ -83,7 +86,8 @@ class ViewState:
     phase: Phase = Phase.IDLE
     phases: deque[tuple[float, Phase]] = field(default_factory=lambda: deque(maxlen=200))
     station: int | None = None
-    maps: dict[int, tuple[float, float]] = field(default_factory=dict)  # baseline, pulse [Pa]
+    maps: dict[int, tuple[float, float]] = field(default_factory=dict)
+    finding: Mapping[str, Any] | None = None
     pressed: list[int] = field(default_factory=list)  # stations of the maps, in order, repeats too
     complete: set[int] = field(default_factory=set)
     taxels_pa: Array = field(default_factory=lambda: np.empty(0))
@@ -93,6 +97,7 @@ class ViewState:
     now_s: float = float("nan")
     seen: int = 0
     _conversions: dict[str, StressConversion] = field(default_factory=dict)
+    _measured: dict[int, tuple[float, float]] = field(default_factory=dict)
     _hold: list[tuple[Array, Array]] = field(default_factory=list)
     _hold_from_s: float = float("inf")
     _hold_to_s: float = float("inf")
@@ -123,6 +128,7 @@ class ViewState:
             case StationEnded(time_s, station, _, complete):
                 if complete:
                     self.complete.add(station)
+                    self._take_measured([station])
                     self._spent_s += time_s - self._began_s
                     self._timed += 1
                 self._tick(time_s)
@@ -132,6 +138,20 @@ class ViewState:
             case RunEnded(time_s, finish, reason):
                 self.finish, self.reason, self.phase = finish, reason, Phase.FINISHED
                 self._tick(time_s)
+
+    def judge(self, finding: Mapping[str, Any]) -> None:
+        """Take in what detection measured: the heart's rate, and each station it judged."""
+        self.seen += 1
+        self.finding = finding
+        self._measured = {
+            each["station"] - 1: (each["baseline_pa"], each["pulse_pa"])
+            for each in finding["stations"]
+            if None not in (each["baseline_pa"], each["pulse_pa"])
+        }
+        self._take_measured(self.complete)
+
+    def _take_measured(self, stations: Iterable[int]) -> None:
+        self.maps |= {n: self._measured[n] for n in stations if n in self._measured}
 
     def _tick(self, time_s: float) -> None:
         self.now_s = time_s if np.isnan(self.now_s) else max(self.now_s, time_s)
@@ -176,9 +196,11 @@ class ViewState:
     def _map(self, station: int) -> None:
         time_s, stress_pa = self.hold()
         if len(time_s) >= MIN_HOLD_SAMPLES:
-            _, beat = fold(time_s, stress_pa, self.period_s)
-            known = beat[np.isfinite(beat)]
-            self.maps[station] = float(stress_pa.mean()), float(np.ptp(known))
+            pulse_pa = float("nan")
+            if (period_s := self.period_s) is not None:
+                _, beat = fold(time_s, stress_pa, period_s)
+                pulse_pa = float(np.ptp(beat[np.isfinite(beat)]))
+            self.maps[station] = float(stress_pa.mean()), pulse_pa
             if not self.pressed or self.pressed[-1] != station:
                 self.pressed.append(station)
 
@@ -199,10 +221,15 @@ class ViewState:
         return self._conversions[device].stress_pa(values)
 
     @property
-    def period_s(self) -> float:
-        """One heartbeat: the scene's, or 60 beats a minute while nothing is known."""
-        pulse = (self.config.get("scene") or {}).get("pulse") or {}
-        return 60.0 / float(pulse.get("rate_bpm", 60.0))
+    def period_s(self) -> float | None:
+        """One heartbeat [s]: by detection, or before that a simulated one's; None if neither."""
+        if self.finding is not None and (found := self.finding["heart_rate_bpm"]):
+            return 60.0 / float(found)
+        pulse = (self.config.get("scene") or {}).get("pulse")
+        trace = self.traces.get(self.signal_device)
+        if not pulse or trace is None or not all(c.simulated for c in trace.channels):
+            return None
+        return 60.0 / float(pulse["rate_bpm"])
 
     @property
     def simulated(self) -> tuple[str, ...]:

@@ -4,6 +4,7 @@ import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
+from drivers.core.arrays import Array
 from probe.gui.state import TRACE_S, ViewState, fold
 from probe.gui.style import pen, plot, shade, symbol_size
 from probe.report.look import BLUE, GREEN, ORANGE, PHASE_COLOURS, PINK, SKY
@@ -15,7 +16,10 @@ SHADES = 40
 
 
 class TracePanel(QWidget):
-    """The last seconds of the tactile signal, and one mean beat of the current hold."""
+    """The last seconds of the tactile signal, and one mean beat of the current hold.
+
+    While no heart rate is known, the hold is shown as it is.
+    """
 
     def __init__(self) -> None:
         super().__init__()
@@ -30,7 +34,8 @@ class TracePanel(QWidget):
             region.setZValue(-10)
             region.hide()
             self.trace.addItem(region, ignoreBounds=True)
-        self.beat = plot("Pulse, folded", ("time in the beat", "s"), ("change", "Pa"))
+        self.beat = plot("Pulse", ("time", "s"), ("change", "Pa"))
+        self._beat_title = ""
         self.beat_curve = self.beat.plot(
             pen=pen(ORANGE, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=ORANGE
         )
@@ -57,9 +62,23 @@ class TracePanel(QWidget):
         self._shade(state)
         held_s, stress_pa = state.hold()
         if len(held_s):
-            phase, mean = fold(held_s, stress_pa, state.period_s)
+            self._beat(held_s, stress_pa, state.period_s)
+
+    def _beat(self, held_s: Array, stress_pa: Array, period_s: float | None) -> None:
+        if period_s is None:
+            title = "Hold: no heart rate is known yet"
+            step = max(1, len(held_s) // MAX_POINTS)
+            time_s, change_pa = held_s[::step] - held_s[0], stress_pa[::step] - stress_pa.mean()
+        else:
+            title = f"Pulse, folded at {60 / period_s:.0f} /min"
+            phase_s, mean = fold(held_s, stress_pa, period_s)
             known = np.isfinite(mean)
-            self.beat_curve.setData(phase[known], mean[known] - mean[known].mean())
+            time_s, change_pa = phase_s[known], mean[known] - mean[known].mean()
+        if title != self._beat_title:
+            self._beat_title = title
+            self.beat.setTitle(title)
+        self.beat_curve.setSymbol(None if period_s is None else "o")
+        self.beat_curve.setData(time_s, change_pa)
 
     def _curves(self, count: int) -> None:
         while len(self.curves) < count:

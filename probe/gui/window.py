@@ -16,6 +16,16 @@ from probe.gui.traces import TracePanel
 FRAME_MS = 33
 
 
+Found = Callable[[], Mapping[str, Any] | None]
+"""The latest JSON of a run's detection; None until there is one."""
+
+
+def judge(state: ViewState, finding: Mapping[str, Any] | None) -> None:
+    """Let ``state`` know a new ``finding``."""
+    if finding is not None and finding is not state.finding:
+        state.judge(finding)
+
+
 class RunWindow(QWidget):
     """Shows ``state()``; ``finding()`` is the latest JSON of detection, or None.
 
@@ -26,7 +36,7 @@ class RunWindow(QWidget):
         self,
         run_path: Path,
         state: Callable[[], ViewState],
-        finding: Callable[[], Mapping[str, Any] | None] = lambda: None,
+        finding: Found = lambda: None,
         ask: Ask | None = None,
     ) -> None:
         super().__init__()
@@ -64,6 +74,10 @@ class RunWindow(QWidget):
         whole.setSizes([480, 460, 320])
         return whole
 
+    def said(self, state: ViewState) -> Mapping[str, Any] | None:
+        """The finding that is put into words."""
+        return state.finding
+
     def frame(self) -> None:
         """Draw what is known now, if it is not what is drawn."""
         state = self.state()
@@ -71,7 +85,8 @@ class RunWindow(QWidget):
         self.pages.setCurrentIndex(int(started))
         if not started:
             return
-        self.side.show_state(state, self.finding())
+        judge(state, self.finding())
+        self.side.show_state(state, self.said(state))
         drawn = (id(state), state.seen)
         if drawn == self._drawn:  # an idle window costs next to nothing
             return

@@ -12,7 +12,8 @@ from PySide6.QtCore import QTimer
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import Event
-from probe.gui.app import Detective, at_the_end, run_live, run_replay
+from probe.gui.app import Detective, judged_once, run_live, run_replay
+from probe.gui.replay import ReplayWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application
 from probe.storage.run import open_run
@@ -49,19 +50,23 @@ def test_a_finding_is_looked_at_again_when_the_run_has_ended(tmp_path: Path, win
         assert said(look) == "nothing"
 
 
-def test_a_replay_says_the_finding_at_its_end(tmp_path: Path, winkler: Any) -> None:
+def test_a_replay_draws_what_was_measured_and_says_the_finding_at_its_end(
+    tmp_path: Path, winkler: Any
+) -> None:
     few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
     path = scan(few, "TIHA", tmp_path, seed=1, respond=winkler).path
     events = list(open_run(path).events())
-    shown = [state_of(events[:-1])]
-    finding = at_the_end(path, lambda: shown[0])
-    assert finding() is None
-    shown[0] = state_of(events)
-    while (found := finding()) is None:
+    application()
+    window = ReplayWindow(path, events, judged_once(path))
+    while (found := window.finding()) is None:
         pass
-    assert found["finding"]
-    shown[0] = state_of(events[:-1])  # played again from the start
-    assert finding() is None
+    for place, says in ((0.99, False), (1.0, True), (0.99, False)):  # played again from the start
+        window.bar.now_s = place * window.bar.length_s
+        window.frame()
+        assert (window.side.finding.text() != "Finding: none yet") == says
+        shown = window.state().maps[0]
+        assert shown == (found["stations"][0]["baseline_pa"], found["stations"][0]["pulse_pa"])
+    window.close()
 
 
 @pytest.fixture

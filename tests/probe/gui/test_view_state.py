@@ -1,5 +1,7 @@
 """What the window knows follows from the events alone."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,21 @@ def test_a_hold_gives_baseline_and_pulse_as_contact_stress() -> None:
     assert baseline_pa == pytest.approx(1e4, rel=1e-3)  # 1 N over 100 mm2
     assert pulse_pa == pytest.approx(200, rel=0.05)
     assert state.simulated == ("virtual.force",)
+
+
+def test_a_real_heart_is_not_folded_at_the_scenes_rate() -> None:
+    """Of a real sensor a pulse is drawn once detection has found the heart's rate."""
+    real = {"virtual": (Channel("force", "N", "force"),)}
+    begun = replace(started(scene={"pulse": {"rate_bpm": 45.0}}), channels=real)
+    state = view(begun, *press(1.0, 0, 0.04))
+    assert np.isnan(state.maps[0][1])
+    assert state.period_s is None
+    station = {"station": 1, "baseline_pa": 9950.0, "pulse_pa": 399.0}
+    state.judge({"heart_rate_bpm": 60 / PERIOD_S, "stations": [station]})
+    assert state.maps[0] == (9950.0, 399.0)
+    for event in press(4.0, 1, 0.04):  # not judged yet, but the rate is known
+        state.update(event)
+    assert state.maps[1][1] == pytest.approx(400.0, rel=0.03)
 
 
 def test_time_left_comes_from_the_stations_so_far() -> None:

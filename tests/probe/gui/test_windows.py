@@ -26,6 +26,8 @@ FINDING = {
     "objects": [
         {"kind": "artery", "position_mm": 32.0, "position_ci_mm": [31.5, 32.5], "confidence": 0.98}
     ],
+    "heart_rate_bpm": None,
+    "stations": [],
 }
 
 
