@@ -91,7 +91,7 @@ def fit(
     used = np.flatnonzero(weight > 0)
     rss = float(residual @ residual)
     whole = np.hstack([a, b[:, used]])
-    information = np.linalg.pinv(whole.T @ whole, hermitian=True)
+    information = np.linalg.pinv(whole.T @ whole)
     held_back = 0.0 if ridge is None else float(ridge**2 @ np.diag(information)[2 : a.shape[1]])
     penalty = 0.0 if ridge is None else float(((ridge * coefficients[2:]) ** 2).sum())
     n = len(hold.time_s)
