@@ -70,6 +70,7 @@ class ObjectFinding:
     ``confidence`` is the posterior probability of ``kind``; of an undecided one that of the
     likeliest kind, or that what moves is a pulse. ``course`` has a point (x, y) per row
     of a grid where the object was seen, ``stenosed_m`` the rows (y) between which it is diseased.
+    ``diseased`` is the probability of a stenosis if it is known elsewhere that this is a vessel.
 
     Examples
     --------
@@ -90,6 +91,7 @@ class ObjectFinding:
     reason: str = ""
     course: tuple[tuple[float, float], ...] = ()
     stenosed_m: tuple[float, float] | None = None
+    diseased: float = nan
 
     @property
     def position_mm(self) -> float:

@@ -56,23 +56,29 @@ class Seen:
 @dataclass(frozen=True)
 class Judged:
     """The kind with its posterior probability; ``reason`` says why it is undecided, and what would
-    decide it."""
+    decide it. ``diseased``: that it is no healthy vessel, if it is a vessel: what is stiff without
+    a pulse then is a stenosis."""
 
     kind: Kind
     confidence: float
     reason: str
+    diseased: float
 
 
 def judge(seen: Seen) -> Judged:
     """The kind of an object that was found."""
     share = shares(seen)
     best = max(share, key=lambda k: share[k])
+    stiff = share["stenotic artery"] + share["tumour"]
+    diseased = stiff / max(stiff + share["artery"], 1e-300)
     for kind in KINDS:
         if kind == best and share[best] >= MIN_POSTERIOR:
-            return Judged(kind, stated(share[best]), "")
+            return Judged(kind, stated(share[best]), "", diseased)
     if share[ONE_PRESS] >= MIN_REASON:
-        return Judged("undecided", stated(share[best]), "one press alone is stiffer or softer than "
-                      "the others: repeat it, and press beside it")  # fmt: skip
+        reason = (
+            "one press alone is stiffer or softer than the others: repeat it, and press beside it"
+        )
+        return Judged("undecided", stated(share[best]), reason, diseased)
     chances = ", ".join(f"{k} {100 * stated(v):.0f} %" for k, v in share.items() if v >= 0.005)
     if seen.hidden is None:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
@@ -82,7 +88,7 @@ def judge(seen: Seen) -> Judged:
             f"a pulse of up to {100 * could:.2g} % of the force could be hidden: hold for more "
             "beats, repeat, or take a quieter sensor"
         )
-    return Judged("undecided", stated(share[best]), f"between {chances}; {advice}")
+    return Judged("undecided", stated(share[best]), f"between {chances}; {advice}", diseased)
 
 
 def shares(seen: Seen) -> dict[str, float]:

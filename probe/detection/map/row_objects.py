@@ -200,5 +200,6 @@ def _finding(place: Place, height: float, pulse: float, said: Judged, line: Line
     ends = place.low_m + min(aside, 0.0), place.high_m + max(aside, 0.0)
     low, high = (float(np.clip(x, line.x_m[0], line.x_m[-1])) for x in ends)
     return ObjectFinding(
-        said.kind, place.x_m, (low, high), height, pulse, said.confidence, said.reason
-    )
+        said.kind, place.x_m, (low, high), height, pulse, said.confidence, said.reason,
+        diseased=said.diseased,
+    )  # fmt: skip

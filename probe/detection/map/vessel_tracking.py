@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from probe.detection.classify.classifier import MIN_POSTERIOR
 from probe.detection.finding import Kind, ObjectFinding
 
 MAX_STRAY_PITCHES = 1.5
@@ -16,8 +17,10 @@ Chain = list[tuple[int, float, ObjectFinding]]
 def across_rows(rows: list[Row], pitch_m: float) -> list[ObjectFinding]:
     """One object per course; ``rows`` are (y in m, its objects) in order of y.
 
-    A course is a vessel if it pulses in any row: where it then is stenotic, or stiff without a
-    pulse, is its stenosed stretch. An object that only one of many rows shows stays as it is.
+    A course is a vessel if it pulses in any row. Where it then is stenotic, or likelier than
+    `MIN_POSTERIOR` no healthy vessel, is its stenosed stretch, with the rows beside it that show
+    nothing. A vessel that any row leaves in doubt is undecided. An object that only one of many
+    rows shows stays as it is.
     """
     if len(rows) == 1:
         return rows[0][1]
@@ -29,7 +32,7 @@ def across_rows(rows: list[Row], pitch_m: float) -> list[ObjectFinding]:
                 chains.append([(number, y_m, one)])
             else:
                 chain.append((number, y_m, one))
-    return [_course(chain) for chain in chains]
+    return [_course(chain, [y_m for y_m, _ in rows]) for chain in chains]
 
 
 def _nearest(chains: list[Chain], number: int, one: ObjectFinding, pitch_m: float) -> Chain | None:
@@ -37,29 +40,56 @@ def _nearest(chains: list[Chain], number: int, one: ObjectFinding, pitch_m: floa
     reach = [
         (abs(chain[-1][2].position_m - one.position_m), chain)
         for chain in chains
-        if 1 <= number - chain[-1][0] <= MAX_MISSED_ROWS
+        if 1 <= number - chain[-1][0] <= 1 + MAX_MISSED_ROWS
         and abs(chain[-1][2].position_m - one.position_m)
         <= MAX_STRAY_PITCHES * pitch_m * (number - chain[-1][0])
     ]
     return min(reach, key=lambda r: r[0])[1] if reach else None
 
 
-def _course(chain: Chain) -> ObjectFinding:
-    objects = [one for _, _, one in chain]
-    vessel = [one for one in objects if one.kind in ("artery", "stenotic artery")]
-    sick = [y for _, y, one in chain if one.kind in ("stenotic artery", "tumour")] if vessel else []
-    kind = _kind(objects, bool(vessel), bool(sick))
-    those = [one for one in objects if one.kind == kind] or objects
-    clearest = max(those, key=lambda one: (one.confidence, abs(one.peak_pa)))
-    return replace(
-        clearest,
-        kind=kind,
-        course=tuple((one.position_m, y) for _, y, one in chain),
-        stenosed_m=(min(sick), max(sick)) if sick else None,
-    )
+def _course(chain: Chain, rows_m: list[float]) -> ObjectFinding:
+    """``rows_m`` are all rows' y [m]."""
+    course = tuple((one.position_m, y_m) for _, y_m, one in chain)
+    vessel = [one for _, _, one in chain if one.kind in ("artery", "stenotic artery")]
+    if not vessel:
+        kind: Kind = "tumour" if any(o.kind == "tumour" for _, _, o in chain) else "undecided"
+        return replace(_clearest([o for _, _, o in chain if o.kind == kind]), course=course)
+    sure = max(one.confidence for one in vessel)
+    diseased = {number: _diseased(one) for number, _, one in chain}
+    sick = [
+        replace(one, kind="stenotic artery", reason="",
+                confidence=one.confidence if one.kind == "stenotic artery" else sure * p)
+        for number, _, one in chain if (p := diseased[number]) >= MIN_POSTERIOR
+    ]  # fmt: skip
+    if sick:
+        stretch = _stretch([n for n, p in diseased.items() if p >= MIN_POSTERIOR], set(diseased))
+        ends = rows_m[stretch[0]], rows_m[stretch[1]]
+        return replace(_clearest(sick), course=course, stenosed_m=ends)
+    found = replace(_clearest(vessel), course=course)
+    missed = set(range(chain[0][0], chain[-1][0])) - set(diseased)
+    doubtful = sorted(missed | {n for n, p in diseased.items() if p > 1 - MIN_POSTERIOR})
+    if not doubtful:
+        return found
+    where = ", ".join(f"{1e3 * rows_m[n]:.1f}" for n in doubtful)
+    return replace(found, kind="undecided", reason=f"a vessel that beats less or not at all at y = "
+                   f"{where} mm: stenosed or deeper there; hold longer there")  # fmt: skip
 
 
-def _kind(objects: list[ObjectFinding], vessel: bool, sick: bool) -> Kind:
-    if vessel:
-        return "stenotic artery" if sick else "artery"
-    return "tumour" if any(one.kind == "tumour" for one in objects) else "undecided"
+def _diseased(one: ObjectFinding) -> float:
+    """Probability that a vessel, known as one from other rows, is stenosed in this one."""
+    known: dict[Kind, float] = {"artery": 0.0, "stenotic artery": 1.0, "tumour": 1.0}
+    return known.get(one.kind, one.diseased)
+
+
+def _stretch(sick: list[int], seen: set[int]) -> tuple[int, int]:
+    """The first and last row of a stretch, with rows beside it in which nothing was ``seen``."""
+    first, last = min(sick), max(sick)
+    while first - 1 not in seen and first > min(seen):
+        first -= 1
+    while last + 1 not in seen and last < max(seen):
+        last += 1
+    return first, last
+
+
+def _clearest(objects: list[ObjectFinding]) -> ObjectFinding:
+    return max(objects, key=lambda one: (one.confidence, abs(one.peak_pa)))
