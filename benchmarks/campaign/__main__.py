@@ -80,8 +80,8 @@ def run_task(task: Task) -> dict[str, Any]:
     return {"clock": clock, "faults": count, "seed": seed, "at": now, **row}
 
 
-def tasks(singles: int, pairs: int) -> list[Task]:
-    """Half of each on the wall clock, an eighth of those with the arm.
+def tasks(singles: int, pairs: int, first: int) -> list[Task]:
+    """Half of each on the wall clock, an eighth of those with the arm; seeds from ``first`` on.
 
     In such an order that a campaign that is broken off has some of everything.
     """
@@ -90,7 +90,7 @@ def tasks(singles: int, pairs: int) -> list[Task]:
         wall = (total + 1) // 2
         arm = wall // 8
         sizes = {"wall": wall - arm, "arm": arm, "simulated": total - wall}
-        parts += [[(clock, count, seed) for seed in range(n)] for clock, n in sizes.items()]
+        parts += [[(clock, count, first + k) for k in range(n)] for clock, n in sizes.items()]
     placed = [((n + 0.5) / len(part), task) for part in parts for n, task in enumerate(part)]
     return [task for _, task in sorted(placed)]
 
@@ -120,7 +120,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Every run that the log does not hold yet; the number of violations."""
     preload()
     before = done(arguments.log)
-    left = [task for task in tasks(arguments.singles, arguments.pairs) if task not in before]
+    every = tasks(arguments.singles, arguments.pairs, arguments.first)
+    left = [task for task in every if task not in before]
     if arguments.clock:
         left = [task for task in left if task[0] == arguments.clock]
     wrong, until_s = 0, time.monotonic() + 60.0 * arguments.minutes
@@ -183,6 +184,7 @@ def main() -> int:
     many = commands.add_parser("run")
     many.add_argument("--singles", type=int, default=1000)
     many.add_argument("--pairs", type=int, default=300)
+    many.add_argument("--first", type=int, default=0, help="seed: faults that no one has met")
     many.add_argument("--log", type=Path, default=Path("campaign.jsonl"))
     many.add_argument("--jobs", type=int, default=4)
     many.add_argument("--clock", choices=CLOCKS)
