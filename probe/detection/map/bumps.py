@@ -24,6 +24,8 @@ SETTLED = 1e-4
 """Of places and widths in station distances: a hundredth of what is ever known of them."""
 LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
 """Scatter over its own that leaves a station out of a fit; odds beyond these change no finding."""
+LEAST_LEVEL = 1e-6
+"""Over the largest: a row that is as uneven as this shows that nothing is pressed."""
 MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
 
@@ -56,13 +58,15 @@ class Row:
 
 
 def find_bumps(
-    x_m: Array, value: Array, sd: Array, base: Array, false_alarm: float, most: int = MAX_OBJECTS
-) -> Row:
+    x_m: Array, value: Array, sd: Array, base: Array, false_alarm: float, most: int = MAX_OBJECTS,
+    *, rising: bool = False,
+) -> Row:  # fmt: skip
     """Up to ``most`` bumps in ``value`` (n,) at ``x_m`` (n,), ascending; ``sd`` (n,) is at least
     their scatter.
 
-    ``base`` (n, k) are the columns of what may lie under them: `surroundings` or `floor`. Fewer
-    than 6 stations cannot show a bump apart from a background: none are found.
+    ``base`` (n, k) are the columns of what may lie under them: `surroundings` or `floor`.
+    ``rising``: dips are none, as in a map of pulses, where what lies between two vessels is no
+    object. Fewer than 6 stations cannot show a bump apart from a background: none are found.
     """
     n = len(x_m)
     if n < MIN_STATIONS:
@@ -71,11 +75,11 @@ def find_bumps(
     known: list[tuple[float, float]] = []
     chances: list[float] = []
     while len(known) < most and n - base.shape[1] - 3 * len(known) > 3:
-        found, p_value = _next(x_m, value, sd, pitch, base, known)
+        found, p_value = _next(x_m, value, sd, pitch, base, known, rising)
         new = [found]
         if most > 1 and p_value > false_alarm and n - base.shape[1] - 3 * len(known) > 6:
             # two that are equally clear hide each other: each looks like the other's scatter
-            new, p_value = _next_two(x_m, value, sd, pitch, base, known, found)
+            new, p_value = _next_two(x_m, value, sd, pitch, base, known, found, rising)
         if p_value > false_alarm:
             break
         known = _refined(x_m, value, sd, pitch, base, [*known, *new])
@@ -110,13 +114,18 @@ def floor(x_m: Array) -> Array:
     return np.ones((len(x_m), 1))
 
 
+def level_of(value: Array) -> float:
+    """The usual one, above 0 also where a sensor reads less than none."""
+    return max(float(np.median(value)), LEAST_LEVEL * float(np.abs(value).max())) or 1.0
+
+
 def _weighted(
     x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]]
 ) -> tuple[Array, Array, Array, Array]:
     """Columns, and weighted with what holds them: columns, values, residual."""
     columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
     held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
-    prior = np.diag(np.append(held, np.zeros(len(known)))) / max(float(np.median(value)), 1e-300)
+    prior = np.diag(np.append(held, np.zeros(len(known)))) / level_of(value)
     a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
     q, _ = np.linalg.qr(a)
     return columns, a, b, b - q @ (q.T @ b)
@@ -124,7 +133,7 @@ def _weighted(
 
 def _next(
     x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
-    known: list[tuple[float, float]],
+    known: list[tuple[float, float]], rising: bool,
 ) -> tuple[tuple[float, float], float]:  # fmt: skip
     """The clearest further bump and its chance."""
     inner = np.arange(x_m[0] + pitch, x_m[-1] - pitch + 1e-9, pitch / PLACES_PER_PITCH)
@@ -137,7 +146,10 @@ def _next(
     more[: len(x_m)] = np.column_stack([shape(x_m, *one) for one in tried]) / sd[:, None]
     q, _ = np.linalg.qr(a)
     more -= q @ (q.T @ more)
-    drop = (left @ more) ** 2 / np.maximum((more**2).sum(axis=0), 1e-300)
+    along = left @ more
+    drop = along**2 / np.maximum((more**2).sum(axis=0), 1e-300)
+    if rising:
+        drop[along < 0] = 0.0
     before, best = float(left @ left), int(np.argmax(drop))
     dof = len(x_m) - base.shape[1] - 3 * len(known)
     left_over = before - float(drop[best])
@@ -146,10 +158,10 @@ def _next(
 
 def _next_two(
     x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
-    known: list[tuple[float, float]], first: tuple[float, float],
+    known: list[tuple[float, float]], first: tuple[float, float], rising: bool,
 ) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
     """``first`` with the bump that is clearest beside it, and the chance of the two together."""
-    second, _ = _next(x_m, value, sd, pitch, base, [*known, first])
+    second, _ = _next(x_m, value, sd, pitch, base, [*known, first], rising)
     both = _refined(x_m, value, sd, pitch, base, [*known, first, second])
     *_, before = _weighted(x_m, value, sd, base, known)
     *_, after = _weighted(x_m, value, sd, base, both)

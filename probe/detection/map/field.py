@@ -8,7 +8,15 @@ from scipy.spatial import Delaunay, QhullError, cKDTree
 from scipy.special import stdtrit
 
 from drivers.core.arrays import Array
-from probe.detection.map.bumps import CURVATURE, MIN_DISTANCE, SETTLED, TRUSTED, WIDTHS, chance
+from probe.detection.map.bumps import (
+    CURVATURE,
+    MIN_DISTANCE,
+    SETTLED,
+    TRUSTED,
+    WIDTHS,
+    chance,
+    level_of,
+)  # fmt: skip
 
 MIN_PRESSES = 15
 """Places that can show a spot (four unknowns) apart from a curved background (six)."""
@@ -65,12 +73,13 @@ def map_of(place_m: Array, value: Array, sd: Array, *, curved: bool = True) -> M
     one, x, y = np.ones(len(u)), u[:, 0], u[:, 1]
     columns = np.column_stack([one, x, y, x * x, x * y, y * y] if curved else [one])
     held = np.array([0.0, 0.0, 0.0, *[1 / CURVATURE] * 3])[: columns.shape[1]]
-    level = max(float(np.median(value)), 1e-300)
-    return Map(place_m, value, sd, columns, held / level, spacing_m(place_m))
+    return Map(place_m, value, sd, columns, held / level_of(value), spacing_m(place_m))
 
 
-def find_spots(seen: Map, false_alarm: float, most: int = MAX_SPOTS) -> list[Spot]:
-    """Up to ``most`` spots, the clearest first."""
+def find_spots(
+    seen: Map, false_alarm: float, most: int = MAX_SPOTS, *, rising: bool = False
+) -> list[Spot]:
+    """Up to ``most`` spots, the clearest first; where ``rising``, dips are none."""
     if seen.spacing_m <= 0:
         return []
     centres = _centres(seen)
@@ -87,7 +96,10 @@ def find_spots(seen: Map, false_alarm: float, most: int = MAX_SPOTS) -> list[Spo
         more[: len(seen.value)] = spots / seen.sd[:, None]
         q, _ = np.linalg.qr(a)
         more -= q @ (q.T @ more)
-        drop = (left @ more) ** 2 / np.maximum((more**2).sum(axis=0), 1e-300)
+        along = left @ more
+        drop = along**2 / np.maximum((more**2).sum(axis=0), 1e-300)
+        if rising:
+            drop[along < 0] = 0.0
         best, before = int(np.argmax(drop)), float(left @ left)
         dof = len(seen.value) - seen.base.shape[1] - SPOT_UNKNOWNS * len(known)
         independent = 2 * max(len(free) / FINER**2, 1.0)

@@ -64,7 +64,8 @@ def _beating(judged: list[Press], place_m: Array, false_alarm: float) -> list[Sp
     noise = np.median([p.pulse.size_sd_pa for p in judged if p.pulse is not None])
     sd = np.full(len(pulse), float(np.hypot(noise, BEAT_SCATTER * pulse.max())))
     seen = map_of(place_m, pulse, sd, curved=False)
-    if found := [spot for spot in find_spots(seen, false_alarm) if spot.height > 0]:
+    spots = find_spots(seen, false_alarm, rising=True)
+    if found := [spot for spot in spots if spot.height > 0]:
         return found
     reach = np.full(2, seen.spacing_m)
     return [Spot(place_m[int(np.argmax(pulse))], reach, float(pulse.max()), float(sd[0]),

@@ -114,7 +114,7 @@ def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
     sd_pa = float(np.hypot(np.median(line.pulse_sd_pa), BEAT_SCATTER * pulse_pa.max()))
     even, base = np.full(len(x_m), sd_pa), floor(x_m)
     for chance, most in ((false_alarm, MAX_OBJECTS), (1.0, 1)):
-        found = find_bumps(x_m, pulse_pa, even, base, chance, most).bumps
+        found = find_bumps(x_m, pulse_pa, even, base, chance, most, rising=True).bumps
         if rising := tuple(bump for bump in found if bump.height > 0):
             return rising
     at, pitch = float(x_m[int(np.argmax(pulse_pa))]), float(np.median(np.diff(x_m)))
