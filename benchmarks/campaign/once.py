@@ -127,10 +127,11 @@ def _follow(draw: Draw, host: Host, commands: int, folder: Path) -> Ended:
         host.due()
         status = host.scan.status()
     seconds = time.monotonic() - began_s
+    beside = any((folder / "second").glob("*.run"))  # one that begins afterwards may drive
     _end(host.scan)
     second = None
     if host.second is not None:
-        second = _wait(host.second)
+        second = _wait(host.second) if beside else None
         _end(host.second)
     _linger(AFTER_KILL_S if status in (None, KILLED) else AFTER_S, host)
     resumed = _resume(host, folder) if status == KILLED and len(draw.faults) == 1 else None
