@@ -19,7 +19,8 @@ TRUSTED = 5
 """How many stations' worth the stated scatter is believed against the one that is seen."""
 MIN_DISTANCE = 1.5
 """Least distance between two objects, in station distances."""
-MAX_OBJECTS = 4
+MAX_OBJECTS, TOGETHER = 4, 3
+"""Bumps of a row at most, and how many are looked for at once."""
 SETTLED = 1e-4
 """Of places and widths in station distances: a hundredth of what is ever known of them."""
 LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
@@ -74,12 +75,13 @@ def find_bumps(
     pitch = float(np.median(np.diff(x_m)))
     known: list[tuple[float, float]] = []
     chances: list[float] = []
-    while len(known) < most and n - base.shape[1] - 3 * len(known) > 3:
-        found, p_value = _next(x_m, value, sd, pitch, base, known, rising)
-        new = [found]
-        if most > 1 and p_value > false_alarm and n - base.shape[1] - 3 * len(known) > 6:
-            # two that are equally clear hide each other: each looks like the other's scatter
-            new, p_value = _next_two(x_m, value, sd, pitch, base, known, found, rising)
+    while len(known) < most and (left := n - base.shape[1] - 3 * len(known)) > 3:
+        new, p_value = _next(x_m, value, sd, pitch, base, known, rising)
+        # those that are equally clear hide each other: each looks like the others' scatter
+        for _ in range(2, min(TOGETHER, most - len(known), (left - 1) // 3) + 1):
+            if p_value <= false_alarm:
+                break
+            new, p_value = _together(x_m, value, sd, pitch, base, known, new, rising)
         if p_value > false_alarm:
             break
         known = _refined(x_m, value, sd, pitch, base, [*known, *new])
@@ -134,13 +136,13 @@ def _weighted(
 def _next(
     x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
     known: list[tuple[float, float]], rising: bool,
-) -> tuple[tuple[float, float], float]:  # fmt: skip
+) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
     """The clearest further bump and its chance."""
     inner = np.arange(x_m[0] + pitch, x_m[-1] - pitch + 1e-9, pitch / PLACES_PER_PITCH)
     free = [c for c in inner if all(abs(c - k[0]) >= MIN_DISTANCE * pitch for k in known)]
     tried = [(float(c), w * pitch) for c in free for w in WIDTHS]
     if not tried:
-        return (float(x_m.mean()), pitch), 1.0
+        return [(float(x_m.mean()), pitch)], 1.0
     _, a, _, left = _weighted(x_m, value, sd, base, known)
     more = np.zeros((len(left), len(tried)))
     more[: len(x_m)] = np.column_stack([shape(x_m, *one) for one in tried]) / sd[:, None]
@@ -153,23 +155,24 @@ def _next(
     before, best = float(left @ left), int(np.argmax(drop))
     dof = len(x_m) - base.shape[1] - 3 * len(known)
     left_over = before - float(drop[best])
-    return tried[best], chance(before, left_over, 3, dof, _independent(len(free)))
+    return [tried[best]], chance(before, left_over, 3, dof, _independent(len(free)))
 
 
-def _next_two(
+def _together(
     x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
-    known: list[tuple[float, float]], first: tuple[float, float], rising: bool,
+    known: list[tuple[float, float]], new: list[tuple[float, float]], rising: bool,
 ) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
-    """``first`` with the bump that is clearest beside it, and the chance of the two together."""
-    second, _ = _next(x_m, value, sd, pitch, base, [*known, first], rising)
-    both = _refined(x_m, value, sd, pitch, base, [*known, first, second])
+    """``new`` bumps with the one that is clearest beside them, and the chance of all together."""
+    more, _ = _next(x_m, value, sd, pitch, base, [*known, *new], rising)
+    every = _refined(x_m, value, sd, pitch, base, [*known, *new, *more])
     *_, before = _weighted(x_m, value, sd, base, known)
-    *_, after = _weighted(x_m, value, sd, base, both)
-    places = PLACES_PER_PITCH * len(x_m)
+    *_, after = _weighted(x_m, value, sd, base, every)
+    count = len(new) + 1
+    places = (PLACES_PER_PITCH * len(x_m)) ** count // PLACES_PER_PITCH ** (count - 1)
     dof = len(x_m) - base.shape[1] - 3 * len(known)
-    both_are = chance(float(before @ before), float(after @ after), 6, dof,
-                      _independent(places**2 // PLACES_PER_PITCH))  # fmt: skip
-    return [first, second], both_are
+    both_are = chance(float(before @ before), float(after @ after), 3 * count, dof,
+                      _independent(places))  # fmt: skip
+    return every[len(known) :], both_are
 
 
 def chance(before: float, after: float, unknowns: int, dof: int, independent: float) -> float:

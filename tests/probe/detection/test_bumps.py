@@ -37,3 +37,12 @@ def test_a_row_that_reads_less_than_nothing_is_judged_without_a_warning(level: f
     value = level + 500.0 * shape(x_m, 32e-3, 4e-3) - level * 0.2 * (x_m > 40e-3)
     row = find_bumps(x_m, value, np.full(15, 3.0), surroundings(x_m), 0.01)
     assert all(np.isfinite(bump.height) for bump in row.bumps)
+
+
+def test_three_that_hide_each_other_are_found_together() -> None:
+    rng = np.random.default_rng(5)
+    x_m = 4e-3 * np.arange(1, 23)
+    places_m = 15e-3, 46e-3, 75e-3
+    value = 1000 + 200 * sum(shape(x_m, place_m, 4.5e-3) for place_m in places_m)
+    row = find_bumps(x_m, value + rng.normal(size=22), np.full(22, 3.0), surroundings(x_m), 0.0025)
+    assert sorted(bump.x_m for bump in row.bumps) == pytest.approx(places_m, abs=1e-3)

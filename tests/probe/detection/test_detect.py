@@ -71,6 +71,17 @@ def test_two_objects() -> None:
     assert places["tumour"] == pytest.approx(18.0, abs=1.0)
 
 
+def test_a_stenosis_in_a_row_with_a_healthy_artery_is_not_called_a_lump() -> None:
+    rng = np.random.default_rng(6)
+    quiet = {"scatter": 0.001, "tilt": 0.0, "noise_pa": 4.0}
+    one = row(rng, centre_mm=16.0, bump=0.1, pulse_pa=600.0, **quiet)
+    other = row(rng, centre_mm=48.0, bump=0.3, pulse_pa=30.0, **quiet)
+    both = [replace(a, signal_pa=a.signal_pa + b.signal_pa - 9000.0)
+            for a, b in zip(one, other, strict=True)]  # fmt: skip
+    found = sorted(detect(recording(both)).objects, key=lambda one: one.position_m)
+    assert [one.kind for one in found] == ["artery", "stenotic artery"]
+
+
 def test_a_grid_gives_the_course_and_its_stenosed_stretch() -> None:
     rng = np.random.default_rng(7)
     stations = []
