@@ -60,10 +60,10 @@ class Prepared:
 
 
 class Spare:
-    """Stands in for `subprocess.Popen`: one process that guards, and one if that dies."""
+    """Stands in for `subprocess.Popen`: one process that guards, and two if that dies."""
 
     def __init__(self) -> None:
-        self._prepared = [Prepared(), Prepared()]
+        self._prepared = [Prepared() for _ in range(3)]
 
     def __call__(self, command: Sequence[str], **given: Any) -> Prepared:
         """The next of them."""

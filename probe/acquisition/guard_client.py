@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, Self
@@ -54,7 +55,7 @@ class GuardClient:
         self._lock = threading.Lock()
         self._gone = False
         self._launch()
-        facts = self._open(None)
+        facts = self._open(order, None)
         self.stage = RemoteStage(facts, self)
         self.sensors = tuple(RemoteSensor(one) for one in facts.sensors)
         self.notes, self.scene = facts.notes, facts.scene
@@ -202,9 +203,9 @@ class GuardClient:
             end.close()
         self._calls, self._urgent = (Connection(end.detach()) for end in ours)
 
-    def _open(self, within_s: float | None) -> Facts:
+    def _open(self, order: Order, within_s: float | None) -> Facts:
         try:
-            self._calls.send(self._order)
+            self._calls.send(order)
             if not self._calls.poll(within_s):
                 raise DeviceFault("guard", "the process that guards did not come up")
             answer = self._calls.recv()
@@ -242,22 +243,32 @@ class GuardClient:
         return found
 
     def _replace(self) -> None:
-        """Once: another process opens the devices, stops the stage and lifts."""
+        """Once: another process opens the devices, stops the stage and lifts.
+
+        Where that fails, as a sensor is gone too, one more does so with the stage alone: to lift it
+        needs no force.
+        """
         first, self._gone = not self._replaced, True
         if self._closing or not first:
             return
         self._replaced = True
-        self._process.wait()
-        self._calls.close()
-        self._urgent.close()
-        try:
-            self._launch()
-            self._open(OPEN_S)
-            done, answer = self._ask("take_over", DIED, not self._homing)
-        except (EOFError, OSError, DeviceFault, ConfigError) as error:
-            raise DeviceFault("guard", f"{GONE} ({error})") from None
-        if done:
-            self._status, self._gone = answer, False
+        alone = replace(self._order, rig=self._order.rig.model_copy(update={"sensor": ()}))
+        failed: Exception | None = None
+        for order in (self._order, alone):
+            self._process.wait()
+            self._calls.close()
+            self._urgent.close()
+            try:
+                self._launch()
+                self._open(order, OPEN_S)
+                done, answer = self._ask("take_over", DIED, not self._homing)
+            except (EOFError, OSError, DeviceFault, ConfigError) as error:
+                failed = failed or error
+                continue
+            if done:
+                self._status, self._gone = answer, False
+            return
+        raise DeviceFault("guard", f"{GONE} ({failed})")
 
     def stop(self) -> None:
         """Stop the stage now."""

@@ -37,7 +37,7 @@ LOOK_S = 0.01
 
 @dataclass(frozen=True)
 class Order:
-    """What to open, on a clock whose zero both processes share."""
+    """What to open, on a clock whose zero both processes share. Without sensors: only to lift."""
 
     rig: Rig
     clock: Clock
@@ -240,6 +240,7 @@ def _ready(order: Order, devices: Devices, urgent: Connection) -> tuple[Facts, S
         control,
         threaded=True,
         lift_z_m=prepared.plan.travel_z_m,
+        lifts_only=not order.rig.sensor,
     )
     threading.Thread(target=_hear, args=(urgent, devices, control), daemon=True).start()
     facts = Facts(

@@ -44,7 +44,7 @@ class SafetyMonitor:
 
     ``trip`` is the first objection; from then on `move` refuses, and a `Retreat` brings the stage
     to rest and lifts it to ``lift_z_m`` (None: only to rest) without the engine. Raises
-    `ConfigError` where the force limit would hold no channel at all.
+    `ConfigError` where the force limit would hold no channel at all, unless it ``lifts_only``.
     """
 
     def __init__(
@@ -58,6 +58,7 @@ class SafetyMonitor:
         *,
         threaded: bool,
         lift_z_m: float | None = None,
+        lifts_only: bool = False,
     ) -> None:
         self.trip: Trip | None = None
         self.jumped: tuple[str, float] | None = None  # device, by how much its clock stood still
@@ -70,7 +71,7 @@ class SafetyMonitor:
         self._control = control
         self._lift_z_m = lift_z_m
         self._sensors = [(s, SensorGuard(s.channels, limits)) for s in sensors]
-        if not any(guard.feels for _, guard in self._sensors):
+        if not lifts_only and not any(guard.feels for _, guard in self._sensors):
             raise ConfigError(
                 "safety.max_force_n would hold nothing: no sensor reads a force, and a pressure "
                 "becomes one only over a known face; add a force sensor, or say face_mm2 = 100"

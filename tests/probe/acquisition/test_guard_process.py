@@ -7,10 +7,12 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -71,8 +73,10 @@ print("END", ended.finish.value, ended.reason, flush=True)
 class Bench:
     """The world, and a scan of it in another process."""
 
-    def __init__(self, world: Phantom, scanning: "subprocess.Popen[str]", out: Path) -> None:
-        self.world, self.scanning, self.out = world, scanning, out
+    def __init__(
+        self, world: Phantom, scanning: "subprocess.Popen[str]", out: Path, sensor: Any
+    ) -> None:
+        self.world, self.scanning, self.out, self.sensor = world, scanning, out, sensor
 
     def wait_for(self, word: str) -> str:
         """The next line of the scan that begins with ``word``."""
@@ -143,7 +147,7 @@ def bench(
             stdout=subprocess.PIPE, text=True, start_new_session=True,
         )  # fmt: skip
         try:
-            yield Bench(world, scanning, folder / "runs")
+            yield Bench(world, scanning, folder / "runs", sensor)
         finally:
             scanning.kill()
             scanning.communicate()
@@ -207,16 +211,35 @@ def test_when_the_guards_die_or_hang_others_take_over_and_lift(
     assert verify(run.path).ok
 
 
-def test_when_those_who_took_over_die_too_it_is_told(winkler: Respond, tmp_path: Path) -> None:
+def test_who_takes_over_lifts_without_a_sensor_that_is_gone_too(
+    winkler: Respond, tmp_path: Path
+) -> None:
+    with bench(winkler, tmp_path) as on:
+        on.wait_until_pressed()
+        on.sensor.fail("silence")
+        os.kill(on.guard(), signal.SIGKILL)
+        line = on.wait_for("END")
+        assert "END faulted" in line
+        assert "not lifted" not in line
+        assert on.height_m() > 1.9e-3
+
+
+def test_when_all_who_take_over_die_too_it_is_told(winkler: Respond, tmp_path: Path) -> None:
     with bench(winkler, tmp_path) as on:
         on.wait_for("holding")
-        first = on.guard()
-        os.kill(first, signal.SIGKILL)
-        end_s = time.monotonic() + 20.0
-        while on.guards() in ([], [first]) and time.monotonic() < end_s:
-            time.sleep(0.01)
-        os.kill(on.guards()[-1], signal.SIGKILL)
+        ended = threading.Event()
+
+        def kill_all() -> None:
+            while not ended.wait(0.01):
+                for pid in on.guards():
+                    with suppress(ProcessLookupError):
+                        os.kill(pid, signal.SIGKILL)
+
+        killer = threading.Thread(target=kill_all)
+        killer.start()
         line = on.wait_for("END")
+        ended.set()
+        killer.join()
         assert "END faulted" in line
         assert "the process that guards has ended: the probe may be in the tissue" in line
 
