@@ -255,6 +255,7 @@ class GuardClient:
         alone = replace(self._order, rig=self._order.rig.model_copy(update={"sensor": ()}))
         failed: Exception | None = None
         for order in (self._order, alone):
+            self._process.kill()  # one that hangs still has the devices
             self._process.wait()
             self._calls.close()
             self._urgent.close()

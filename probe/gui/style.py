@@ -1,14 +1,17 @@
 """The windows' one look: sizes readable at arm's length, plots like the report's figures."""
 
+import gc
 import re
 import signal
 
 import pyqtgraph as pg
+from PySide6.QtCore import QTimer
 from PySide6.QtGui import QColor, QFont, QPen
 from PySide6.QtWidgets import QApplication, QWidget
 
 from probe.report.look import HEAT, INK
 
+COLLECT_MS = 5000
 SHEET = """
 * { font-size: 11pt; color: #1b1f24; }
 QWidget { background: #ffffff; }
@@ -46,13 +49,23 @@ def application(enlarge: float | None = None) -> QApplication:
 def until_closed(window: QWidget) -> int:
     """Show ``window`` until it is closed, or Ctrl-C or SIGTERM ends it; the exit status.
 
-    Python acts on a signal when it runs next, so in the window's next frame.
+    Python acts on a signal when it runs next, so in the window's next frame. Garbage is collected
+    by this thread alone: Qt ends the process where another one, as that of detection, meets a
+    widget in it.
     """
-    app = application()
+    app, collecting = application(), QTimer()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: app.quit())
-    window.show()
-    return app.exec()
+    collecting.timeout.connect(gc.collect)
+    collecting.start(COLLECT_MS)
+    gc.disable()
+    gc.freeze()  # what is there stays: only what is new takes time to look through
+    try:
+        window.show()
+        return app.exec()
+    finally:
+        gc.unfreeze()
+        gc.enable()
 
 
 def scale() -> float:

@@ -170,9 +170,9 @@ def _together(
     count = len(new) + 1
     places = (PLACES_PER_PITCH * len(x_m)) ** count // PLACES_PER_PITCH ** (count - 1)
     dof = len(x_m) - base.shape[1] - 3 * len(known)
-    both_are = chance(float(before @ before), float(after @ after), 3 * count, dof,
+    all_new = chance(float(before @ before), float(after @ after), 3 * count, dof,
                       _independent(places))  # fmt: skip
-    return every[len(known) :], both_are
+    return every[len(known) :], all_new
 
 
 def chance(before: float, after: float, unknowns: int, dof: int, independent: float) -> float:

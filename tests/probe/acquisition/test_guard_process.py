@@ -17,7 +17,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import WallClock
+from drivers import DeviceFault, WallClock
+from probe.acquisition import guard_client
+from probe.acquisition.commands import Control
+from probe.acquisition.guard_client import GuardClient
+from probe.acquisition.guard_process import Order
+from probe.acquisition.session import resolve_rig
 from probe.storage.run import open_run
 from probe.storage.verify import verify
 from sim_backend import load_scene
@@ -242,6 +247,29 @@ def test_when_all_who_take_over_die_too_it_is_told(winkler: Respond, tmp_path: P
         killer.join()
         assert "END faulted" in line
         assert "the process that guards has ended: the probe may be in the tissue" in line
+
+
+def test_who_takes_over_and_hangs_is_not_waited_for(
+    winkler: Respond, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.032, 0.0, 0.003))
+    with (
+        grbl.emulate(world, at=str(tmp_path / "board"), homed=True) as board,
+        ft300.emulate(world, at=str(tmp_path / "ft")) as sensor,
+    ):
+        at = {"board": board.address, "sensor": sensor.address}
+        (tmp_path / "rig.toml").write_text(RIG.format(**at, hold_s=1.0, limit_n=5.0))
+        rig, _ = resolve_rig(tmp_path / "rig.toml", None)
+        with GuardClient(Order(rig, WallClock(), None, 0, None), Control()) as client:
+            monkeypatch.setattr(guard_client, "BODY", "import time; time.sleep(600)")
+            monkeypatch.setattr(guard_client, "OPEN_S", 0.5)
+            client._process.kill()
+            began_s = time.monotonic()
+            with pytest.raises(DeviceFault, match="the probe may be in the tissue"):
+                while time.monotonic() < began_s + 20.0:
+                    client.call("status")
+            assert time.monotonic() < began_s + 20.0
+            client._process.kill()
 
 
 def test_a_guard_that_is_told_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:

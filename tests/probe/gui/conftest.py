@@ -1,7 +1,8 @@
 """Runs to look at, made of events; windows offscreen; screenshots kept under build/screenshots/."""
 
+import gc
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -75,6 +76,13 @@ def _press(n: int, start: float, x_m: float, y_m: float, taxels: int) -> list[Ev
         pose = np.column_stack([np.full(10, x_m), np.full(10, y_m), 1e-3 - 3.5e-3 * depth])
         events.append(Samples("stage", Block(start + t, pose, np.zeros((10, 3), bool)), n, 1))
     return [*events, StationEnded(start + 2.45, n, 1, True)]
+
+
+@pytest.fixture(autouse=True)
+def _widgets_are_collected_by_their_thread() -> Iterator[None]:
+    """Qt ends the process where another thread, as a later test's emulator, collects a widget."""
+    yield
+    gc.collect()
 
 
 @pytest.fixture

@@ -2,12 +2,14 @@
 
 import os
 import signal
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QWidget
 
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
@@ -15,7 +17,7 @@ from probe.core.events import Event
 from probe.gui.app import Detective, judged_once, run_live, run_replay
 from probe.gui.replay import ReplayWindow
 from probe.gui.state import ViewState
-from probe.gui.style import application
+from probe.gui.style import application, until_closed
 from probe.storage.run import open_run
 from probe.storage.writer import create_store
 
@@ -94,3 +96,35 @@ def test_a_signal_closes_a_window(
     application()
     QTimer.singleShot(300, lambda: os.kill(os.getpid(), number))
     assert entry(path) == 0
+
+
+@pytest.mark.usefixtures("_signals_as_they_were")
+def test_no_other_thread_collects_what_may_be_a_widget(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("probe.gui.style.COLLECT_MS", 20)
+    collected_by: list[threading.Thread] = []
+
+    class Cycle:
+        def __init__(self) -> None:
+            self.own = self
+
+        def __del__(self) -> None:
+            collected_by.append(threading.current_thread())
+
+    ended = threading.Event()
+
+    def detect_beside() -> None:
+        while not ended.is_set():
+            _ = [Cycle() for _ in range(2000)]  # as many as make Python collect
+
+    beside = threading.Thread(target=detect_beside)
+
+    def end() -> None:
+        ended.set()
+        beside.join()
+        application().quit()
+
+    application()
+    QTimer.singleShot(50, beside.start)
+    QTimer.singleShot(350, end)
+    until_closed(QWidget())
+    assert set(collected_by) == {threading.main_thread()}
