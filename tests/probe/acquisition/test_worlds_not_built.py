@@ -274,8 +274,7 @@ def say(event):
     if isinstance(event, PhaseEntered):
         print(event.phase.value, flush=True)
 bed, stage, sensor = on_springs()
-rig = spring_rig(scan={"hold_s": 5.0})
-ran = run_springs(bed, stage, [sensor], rig=rig, observers=[say], may_stand_still=True)
+ran = run_springs(bed, stage, [sensor], rig=spring_rig(scan={"hold_s": 5.0}), observers=[say])
 print("END", ran.reason, "LIFTED" if ran.lifted else "PRESSED", flush=True)
 """
 
