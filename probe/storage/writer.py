@@ -162,6 +162,10 @@ class Store:
             batch = [self._waiting[n] for n in range(min(len(self._waiting), ROWS))]
         self._commit([event for _, event in batch])
         if (lost := self._in_place.lost()) is not None:
+            with self._change:
+                came_since = [event for _, event in self._waiting][len(batch) :]
+            for n in range(0, len(came_since), ROWS):
+                self._commit(came_since[n : n + ROWS])
             raise StoreError(self._rescued(lost))
         with self._change:
             for _ in batch:
