@@ -23,6 +23,9 @@ MAX_OBJECTS, TOGETHER = 4, 3
 """Bumps of a row at most, and how many are looked for at once."""
 SETTLED = 1e-4
 """Of places and widths in station distances: a hundredth of what is ever known of them."""
+NARROWEST, WIDEST = 0.45, 4.0
+"""Half widths of a fit, in station distances; any between is as likely, in the logarithm."""
+WIDTH_SD = float(np.log(WIDEST / NARROWEST) / np.sqrt(12))
 LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
 """Scatter over its own that leaves a station out of a fit; odds beyond these change no finding."""
 LEAST_LEVEL = 1e-6
@@ -67,7 +70,8 @@ def find_bumps(
 
     ``base`` (n, k) are the columns of what may lie under them: `surroundings` or `floor`.
     ``rising``: dips are none, as in a map of pulses, where what lies between two vessels is no
-    object. Fewer than 6 stations cannot show a bump apart from a background: none are found.
+    object; and bumps may lie at the row's ends, where a level shows a block's edge. Fewer than 6
+    stations cannot show a bump apart from a background: none are found.
     """
     n = len(x_m)
     if n < MIN_STATIONS:
@@ -84,7 +88,7 @@ def find_bumps(
             new, p_value = _together(x_m, value, sd, pitch, base, known, new, rising)
         if p_value > false_alarm:
             break
-        known = _refined(x_m, value, sd, pitch, base, [*known, *new])
+        known = _refined(x_m, value, sd, pitch, base, [*known, *new], rising)
         chances += [p_value] * len(new)
     return _row(x_m, value, sd, base, known, chances)
 
@@ -94,7 +98,7 @@ def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> R
     if len(x_m) < MIN_STATIONS or not bumps:
         return Row((), np.full(len(x_m), np.median(value)), float(np.median(sd)))
     known = [(one.x_m, one.half_width_m) for one in bumps]
-    return _row(x_m, value, sd, surroundings(x_m), known, [1.0] * len(known))
+    return _row(x_m, value, sd, surroundings(x_m), known, [1.0] * len(known), fixed=True)
 
 
 def shape(x_m: Array, centre: float, half_width: float) -> Array:
@@ -138,7 +142,8 @@ def _next(
     known: list[tuple[float, float]], rising: bool,
 ) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
     """The clearest further bump and its chance."""
-    inner = np.arange(x_m[0] + pitch, x_m[-1] - pitch + 1e-9, pitch / PLACES_PER_PITCH)
+    end = 0.0 if rising else pitch
+    inner = np.arange(x_m[0] + end, x_m[-1] - end + 1e-9, pitch / PLACES_PER_PITCH)
     free = [c for c in inner if all(abs(c - k[0]) >= MIN_DISTANCE * pitch for k in known)]
     tried = [(float(c), w * pitch) for c in free for w in WIDTHS]
     if not tried:
@@ -164,7 +169,7 @@ def _together(
 ) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
     """``new`` bumps with the one that is clearest beside them, and the chance of all together."""
     more, _ = _next(x_m, value, sd, pitch, base, [*known, *new], rising)
-    every = _refined(x_m, value, sd, pitch, base, [*known, *new, *more])
+    every = _refined(x_m, value, sd, pitch, base, [*known, *new, *more], rising)
     *_, before = _weighted(x_m, value, sd, base, known)
     *_, after = _weighted(x_m, value, sd, base, every)
     count = len(new) + 1
@@ -193,7 +198,7 @@ def _independent(places: int) -> float:
 
 def _refined(
     x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
-    known: list[tuple[float, float]],
+    known: list[tuple[float, float]], rising: bool,
 ) -> list[tuple[float, float]]:  # fmt: skip
     """Places and widths of all bumps together, by least squares."""
     n = len(x_m)
@@ -227,8 +232,9 @@ def _refined(
         return -found[:n]
 
     start = np.array([v for c, w in known for v in (c, np.log(w / pitch))])
-    low = np.tile([x_m[0] + 0.5 * pitch, np.log(0.45)], len(known))
-    high = np.tile([x_m[-1] - 0.5 * pitch, np.log(4.0)], len(known))
+    end = 0.0 if rising else pitch / 2
+    low = np.tile([x_m[0] + end, np.log(NARROWEST)], len(known))
+    high = np.tile([x_m[-1] - end, np.log(WIDEST)], len(known))
     found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
                           bounds=(low, high), x_scale=np.tile([pitch, 0.3], len(known)),
                           xtol=SETTLED, ftol=SETTLED**2)  # fmt: skip
@@ -249,18 +255,18 @@ def _moved(x_m: Array, centre: float, half_width: float) -> Array:
 
 def _row(
     x_m: Array, value: Array, sd: Array, base: Array,
-    known: list[tuple[float, float]], chances: list[float],
+    known: list[tuple[float, float]], chances: list[float], *, fixed: bool = False,
 ) -> Row:  # fmt: skip
+    """``fixed``: places and widths are known, from another map."""
     columns, a, b, left = _weighted(x_m, value, sd, base, known)
-    covariance, rss = np.linalg.pinv(a.T @ a), float(left @ left)
-    coefficients = covariance @ (a.T @ b)
+    rss = float(left @ left)
+    coefficients = np.linalg.pinv(a) @ b
     count = base.shape[1]
     dof = max(len(x_m) - count - 3 * len(known), 1)
     scatter = (rss + TRUSTED) / (dof + TRUSTED)
     heights = coefficients[count:]
-    height_sd = np.sqrt(scatter * np.diag(covariance)[count:])
-    spread = _place_sd(x_m, sd, base, known, heights) * np.sqrt(scatter)
-    reach = float(stdtrit(dof + TRUSTED, 0.975)) * spread
+    height_sd, place_sd = _doubts(x_m, sd, a, known, heights, scatter, fixed)
+    reach = float(stdtrit(dof + TRUSTED, 0.975)) * place_sd
     alone = [_alone(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))]
     bumps = [
         Bump(c, c - r, c + r, float(h), float(s), w, p, odds)
@@ -285,19 +291,20 @@ def _alone(
     return float(np.exp(min((rss - float(left @ left)) / (2 * max(scatter, 1.0)), MAX_LOG_ODDS)))
 
 
-def _place_sd(
-    x_m: Array, sd: Array, base: Array, known: list[tuple[float, float]], heights: Array
-) -> Array:
-    """Standard deviation of each place for unit scatter, from the fit's Jacobian."""
-    if not known:
-        return np.empty(0)
-    step = 1e-6
-    columns = [base]
-    for (c, w), h in zip(known, heights, strict=True):
-        by_place = h * (shape(x_m, c + step, w) - shape(x_m, c - step, w)) / (2 * step)
-        by_width = h * (shape(x_m, c, w + step) - shape(x_m, c, w - step)) / (2 * step)
-        columns.append(np.column_stack([by_place * step, by_width * step, shape(x_m, c, w)]))
-    jacobian = np.hstack(columns) / sd[:, None]
-    covariance = np.linalg.pinv(jacobian.T @ jacobian)
-    at = base.shape[1] + 3 * np.arange(len(known))
-    return np.asarray(step * np.sqrt(np.diag(covariance)[at]))
+def _doubts(
+    x_m: Array, sd: Array, fitted: Array, known: list[tuple[float, float]], heights: Array,
+    scatter: float, fixed: bool,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Standard deviations (k,) of heights and of places. Columns ``fitted`` are of the base and all
+    heights; unless ``fixed``, places and widths are as unknown: a wider bump may be higher."""
+    n, count, each = len(x_m), fitted.shape[1], len(known)
+    half = np.array([w for _, w in known])
+    whole = np.zeros((len(fitted) + each, count + 2 * each))
+    whole[: len(fitted), :count] = fitted
+    if known and not fixed:
+        moved = np.array([h * _moved(x_m, *one) for one, h in zip(known, heights, strict=True)])
+        whole[:n, count : count + each] = (half[:, None] * moved[:, :, 0] / sd).T
+        whole[:n, count + each :] = (moved[:, :, 1] / sd).T
+        whole[len(fitted) :, count + each :] = np.eye(each) * np.sqrt(scatter) / WIDTH_SD
+    spread = np.sqrt(scatter * np.diag(np.linalg.pinv(whole.T @ whole)))
+    return spread[count - each : count], half * spread[count : count + each]

@@ -14,6 +14,7 @@ from probe.detection.map.bumps import (
     MIN_DISTANCE,
     MIN_STATIONS,
     Bump,
+    Row,
     at_places,
     find_bumps,
     floor,
@@ -25,7 +26,7 @@ from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.pulse.search import Search
 
-NORMAL_95 = 1.96
+NORMAL_95, ONE_SIGMA = 1.96, 0.683
 BEAT_SCATTER = 0.08
 """What a heart's pulses differ by from press to press, over the largest."""
 TAIL = 2.0
@@ -109,7 +110,7 @@ def objects_in(line: Line, pulse: float | None, false_alarm: float) -> list[Obje
     levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
     beats = _beats(line, false_alarm / 2) if pulse is not None else ()
     places = _together(levels.bumps, beats, float(np.median(np.diff(line.x_m))))
-    return [_object(place, line, pulse, beats) for place in places]
+    return [_object(place, line, pulse, beats, levels) for place in places]
 
 
 def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
@@ -156,13 +157,17 @@ def _joined(level: Bump, pulse: Bump) -> Place:
 
 
 def _object(
-    place: Place, line: Line, moving: float | None, beats: tuple[Bump, ...]
+    place: Place, line: Line, moving: float | None, beats: tuple[Bump, ...], levels: Row
 ) -> ObjectFinding:
     at = int(np.argmin(np.abs(line.x_m - place.x_m)))
-    bump = place.level or place.pulse
-    level = at_places(line.x_m, line.level_pa, line.level_sd_pa, (bump,) if bump else ())
-    height, height_sd = level.bumps[0].height, level.bumps[0].height_sd
+    level, bump = levels, place.level
+    if bump is None and place.pulse is not None:
+        level = at_places(line.x_m, line.level_pa, line.level_sd_pa, (*levels.bumps, place.pulse))
+        bump = next(one for one in level.bumps if one.x_m == place.pulse.x_m)
+    assert bump is not None
     ground, whole = max(float(level.background[at]), 1e-9), max(float(line.level_pa[at]), 1e-9)
+    # the top is measured: what is added to the bump is taken from the ground
+    height, height_sd = bump.height, bump.height_sd * max(1 + bump.height / ground, 1.0)
     pulse, pulse_sd = float(line.pulse_pa[at]), float(line.pulse_sd_pa[at])
     chance = min((b.p_value for b in (place.level, place.pulse) if b is not None), default=1.0)
     if place.pulse is not None:
@@ -171,8 +176,9 @@ def _object(
     else:
         likelihood = _unseen(line, place)
         if moving is not None:  # another's pulse reaches here too
-            tail_pa = _tail_pa(float(line.x_m[at]), beats)
-            likelihood, pulse = _measured(pulse, pulse_sd, tail_pa), max(pulse - tail_pa, 0.0)
+            tail_pa = float(_tail_pa(line.x_m[at], beats))
+            sd_pa = pulse_sd * _stray(line, beats)
+            likelihood, pulse = _measured(pulse, sd_pa, tail_pa), max(pulse - tail_pa, 0.0)
         alone = place.level.alone if place.level is not None else 0.0
         seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0,
                     lambda p: likelihood(whole * p), alone)  # fmt: skip
@@ -195,10 +201,21 @@ def _unseen(line: Line, place: Place) -> Callable[[Array], Array]:
     return lambda size_pa: hidden([one for _, one in near], np.array([s for s, _ in near]), size_pa)
 
 
-def _tail_pa(x_m: float, beats: tuple[Bump, ...]) -> float:
+def _tail_pa(x_m: Array, beats: tuple[Bump, ...]) -> Array:
     """What pulses at other places may make at ``x_m`` at most: far away `shape` knows it badly."""
-    reach = (b.height * float(shape(np.array(x_m), b.x_m, b.half_width_m)) for b in beats)
-    return TAIL * sum(reach)
+    reach = [b.height * shape(x_m, b.x_m, b.half_width_m) for b in beats]
+    return np.asarray(TAIL * np.sum(reach, axis=0))
+
+
+def _stray(line: Line, beats: tuple[Bump, ...]) -> float:
+    """By how many of their stated deviations, at least 1, two thirds of the pulses far from all
+    ``beats`` exceed what these make there: tremor, or a wrong rate, is in all presses of a row."""
+    near = [shape(line.x_m, b.x_m, b.half_width_m) for b in beats]
+    far = np.max(near, axis=0) < MIN_SHARE
+    if not far.any():
+        return 1.0
+    over = (line.pulse_pa - _tail_pa(line.x_m, beats)) / np.maximum(line.pulse_sd_pa, 1e-9)
+    return max(float(np.quantile(over[far], ONE_SIGMA)), 1.0)
 
 
 def _measured(size_pa: float, sd_pa: float, tail_pa: float = 0.0) -> Callable[[Array], Array]:

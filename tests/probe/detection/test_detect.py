@@ -7,7 +7,10 @@ import numpy as np
 import pytest
 from known_presses import recording, row, station
 
+from drivers.core.arrays import Array
 from probe.detection import compare, detect
+from probe.detection.map.bumps import shape
+from probe.detection.map.row_objects import Line, objects_in
 
 
 def test_false_findings_are_as_rare_as_stated() -> None:
@@ -80,6 +83,35 @@ def test_a_stenosis_in_a_row_with_a_healthy_artery_is_not_called_a_lump() -> Non
             for a, b in zip(one, other, strict=True)]  # fmt: skip
     found = sorted(detect(recording(both)).objects, key=lambda one: one.position_m)
     assert [one.kind for one in found] == ["artery", "stenotic artery"]
+
+
+def line(pulse_pa: list[float], level_pa: Array) -> Line:
+    """A row's maps, pulses known to 15 Pa."""
+    n = len(pulse_pa)
+    return Line(4e-3 * np.arange(1, n + 1), level_pa, np.full(n, 30.0), np.array(pulse_pa),
+                np.full(n, 15.0), ((),) * n, 2e-3)  # fmt: skip
+
+
+def test_pulses_that_stray_by_more_than_they_say_name_nothing_else() -> None:
+    """A vessel pulses at the row's beginning, tremor is in all presses, and a lump has the most."""
+    x_m = 4e-3 * np.arange(1, 20)
+    level_pa = 9000 * (1 + 0.3 * shape(x_m, 57e-3, 5e-3))
+    still = [900, 500, 250, 90, 40, 20, 10, 12, 9, 15, 11, 9, 14, 12, 10, 16, 9, 12, 10]
+    tremor = [0, 0, 0, 90, 10, 110, 5, 130, 20, 140, 10, 90, 20, 120, 120, 0, 150, 20, 130]
+    pulse_pa = [float(a + b) for a, b in zip(still, tremor, strict=True)]
+    beating, other = sorted(objects_in(line(pulse_pa, level_pa), 0.999, 0.01),
+                            key=lambda one: one.position_m)  # fmt: skip
+    assert beating.kind == "artery"
+    assert other.position_m == pytest.approx(57e-3, abs=1e-3)
+    assert other.kind == "undecided"
+
+
+def test_what_stands_beside_another_is_as_high_as_by_itself() -> None:
+    x_m = 4e-3 * np.arange(1, 20)
+    both_pa = 9000 * (1 + 0.8 * shape(x_m, 22e-3, 5e-3) + 0.3 * shape(x_m, 50e-3, 5e-3))
+    found = objects_in(line([0.0] * 19, both_pa), None, 0.01)
+    heights = {round(1e3 * one.position_m): one.peak_pa for one in found}
+    assert heights == {22: pytest.approx(7200, rel=0.02), 50: pytest.approx(2700, rel=0.02)}
 
 
 def test_a_grid_gives_the_course_and_its_stenosed_stretch() -> None:
