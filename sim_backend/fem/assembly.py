@@ -7,6 +7,7 @@ The signs of the pivots tell stability.
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import sqrt
 from typing import Any
 
 import numpy as np
@@ -61,10 +62,10 @@ class Factors:
         if force.ndim == 2:
             return np.stack([self.solve(one, tolerance) for one in force.T], axis=1)
         found, left = np.zeros_like(force), force.copy()
-        wanted = tolerance * float(np.linalg.norm(force))
+        wanted = tolerance * sqrt(force @ force)
         moves: list[Array] = []
         images: list[Array] = []
-        while np.linalg.norm(left) > wanted:
+        while sqrt(left @ left) > wanted:
             if len(moves) == MAX_CORRECTIONS:
                 return np.asarray(self.lu.solve(force))
             move = np.asarray(self.ldl.solve(left))
@@ -72,7 +73,7 @@ class Factors:
             for earlier, its_image in zip(moves, images, strict=True):
                 share = float(its_image @ image)
                 move, image = move - share * earlier, image - share * its_image
-            size = float(np.linalg.norm(image))
+            size = sqrt(image @ image)
             if not 0 < size < np.inf:
                 raise SingularMatrix("the factors are not finite")
             moves.append(move / size)
@@ -121,8 +122,8 @@ class Assembly:
         self._index = np.full(len(row), len(unique))
         self._index[kept] = index.ravel()
         self._upper = np.flatnonzero(self._rows <= column_of)
-        transposed = self._rows[self._upper].astype(np.int64) * n + column_of[self._upper]
-        self._transposed = np.searchsorted(unique, transposed)
+        # the pattern is symmetric: what is k-th by columns is transposed into what is k-th by rows
+        self._transposed = np.argsort(self._rows.astype(np.int64) * n + column_of)[self._upper]
         upper_starts = np.searchsorted(column_of[self._upper], np.arange(n + 1))
         self._matrix = csc_matrix((np.zeros(len(unique)), self._rows, starts), shape=(n, n))
         self._half = csc_matrix(

@@ -8,6 +8,7 @@ whole element, which do not lock. Quadrilaterals come from splitting each triang
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -48,7 +49,7 @@ class Cells:
     shape: Shape
     hoop: Array | None = None
 
-    @property
+    @cached_property
     def dofs(self) -> Ints:
         """(m, 2k): displacement numbers of each element."""
         return np.stack([2 * self.nodes, 2 * self.nodes + 1], axis=-1).reshape(len(self.nodes), -1)

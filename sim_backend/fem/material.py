@@ -174,9 +174,9 @@ def _in_plane(f: Array, thin: _Thin, bulk: Array) -> tuple[Array, Array]:
 
 def _first(f: Array, shear: Array, bulk: Array) -> tuple[Array, Array, Array]:
     """``f`` (..., 4) as (4, ...), and both moduli at every point."""
-    f = np.ascontiguousarray(np.moveaxis(f, -1, 0))
-    points = f.shape[1:]
-    return f, np.broadcast_to(shear, points).copy(), np.broadcast_to(bulk, points).copy()
+    f = np.ascontiguousarray(f.transpose(f.ndim - 1, *range(f.ndim - 1)))
+    none = np.zeros_like(f[0])
+    return f, shear + none, bulk + none
 
 
 def _last(components: Array, axes: int = 1) -> Array:
@@ -186,7 +186,10 @@ def _last(components: Array, axes: int = 1) -> Array:
 
 
 def _cofactor(f: Array) -> Array:
-    return np.stack([f[3], -f[2], -f[1], f[0]])
+    found = np.empty_like(f)
+    found[0], found[3] = f[3], f[0]
+    np.negative(f[2:0:-1], out=found[1:3])
+    return found
 
 
 def _thickness_stiffness(i1: Array, j: Array, l3: Array, scale: Array, bulk: Array) -> Array:

@@ -167,10 +167,7 @@ def _relax(
     for iteration in range(16):
         if iteration % 4 == 0:
             corners = _triangulate(points, width, height)
-            bars = np.unique(
-                np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]])),
-                axis=0,
-            )
+            bars = _ends(np.unique(_side_numbers(corners, len(points))), len(points))
             wanted = size(points[bars].mean(axis=1))
         span = points[bars[:, 0]] - points[bars[:, 1]]
         length = np.hypot(*span.T)
@@ -210,8 +207,7 @@ def _with_sides(
     ``anchors`` points. Free points that keep one out, within the circle round it, are left out."""
     while True:
         corners = _triangulate(points, width, height)
-        edges = np.sort(np.vstack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]]))
-        numbers = np.unique(edges[:, 0] * len(points) + edges[:, 1])
+        numbers = np.unique(_side_numbers(corners, len(points)))
         low, high = np.sort(sides).T
         lost = sides[~np.isin(low * len(points) + high, numbers)]
         ends = points[lost]
@@ -239,6 +235,18 @@ def _triangulate(points: Array, width: float, height: float) -> Ints:
             on_side |= np.all(np.abs(points[corners][:, :, axis] - level) < 1e-12, axis=1)
     kept: Ints = corners[~(flat | on_side)]
     return kept
+
+
+def _side_numbers(corners: Ints, points: int) -> Ints:
+    """One number (m, 3) for each side of triangles (m, 3) between so many ``points``, whichever way
+    round it is; in the order of its lower end, then of its higher one."""
+    low, high = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)]), axis=0)
+    return np.asarray(low * points + high)
+
+
+def _ends(numbers: Ints, points: int) -> Ints:
+    """The lower and the higher end (s, 2) of sides by their ``numbers`` (s,)."""
+    return np.stack(np.divmod(numbers, points), axis=1)
 
 
 def _finish(
@@ -290,8 +298,8 @@ def _join(
 
 
 def _mid_sides(points: Array, corners: Ints, rings: list[Ring]) -> tuple[Array, Ints]:
-    sides = np.sort(np.stack([corners[:, [0, 1]], corners[:, [1, 2]], corners[:, [2, 0]]], axis=1))
-    unique, index = np.unique(sides.reshape(-1, 2), axis=0, return_inverse=True)
+    numbers, index = np.unique(_side_numbers(corners, len(points)), return_inverse=True)
+    unique = _ends(numbers, len(points))
     middle = points[unique].mean(axis=1)
     for ring in rings:
         away = points - np.asarray(ring.centre)

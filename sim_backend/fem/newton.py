@@ -143,7 +143,8 @@ def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 
         for t, m in zip(pairs, multiplier, strict=True):
             residual -= t.force(m, section.size)
         for bond in bonds:
-            residual += bond.force(u, section.size)
+            if bond.bonded.any():
+                residual += bond.force(u, section.size)
         scale = np.abs(multiplier[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
         error = float(np.abs(residual[section.assembly.free]).max())
         widest = max(
