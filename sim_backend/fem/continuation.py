@@ -32,8 +32,9 @@ MIN_STEP = 1 / 256
 MAX_FAILURES = 14
 """Steps on the way to one load that may fail. Each may take `newton.MAX_ITERATIONS`; where walls
 fold one fold after another, this ends it."""
-MAX_EXTRAPOLATION = 2.5
-"""Length of a step over the one before up to which that one is continued."""
+MAX_EXTRAPOLATION = 5.0
+"""Length of a step over the one before up to which that one is continued. A station's second step
+is up to four times its first."""
 KICK_M = 0.02e-3
 """How far an unstable state is moved along its unstable mode, to begin to fall."""
 DRAG, MAX_FALL = 3.0, 60

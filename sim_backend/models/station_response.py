@@ -126,6 +126,9 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     if beats:
         (start,) = continuation(section, start, [Load(-max_depth_m, rest)])
         bulge = _surface_m(section, start)
+        # the finger in the air is in equilibrium as far down as it just touches, which is where
+        # the first step begins that the second one continues
+        start = replace(start, load=Load(-bulge, rest))
     loads = [Load(max_depth_m * share, rest) for share in DEPTHS]
     if max_depth_m * DEPTHS[0] + bulge <= 0:  # beside a lone vessel: its first step is in the air
         loads = [load for load in loads if load.depth_m + bulge > 0]
