@@ -1,6 +1,7 @@
 """What lies under presses at any places (x, y): the spots of level and pulse, put together."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from probe.detection.classify.classifier import Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
 from probe.detection.map.field import Map, Spot, find_spots, map_of, shape, spacing_m, spot_at
-from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE
+from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE, TAIL, measured, stray
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
 
@@ -40,14 +41,15 @@ def objects_in_field(
                     np.array([p.level_sd_pa for p in judged]))  # fmt: skip
     stiff = find_spots(levels, false_alarm / 2)
     beating = _beating(judged, place_m, false_alarm / 2) if moving is not None else []
-    found = []
+    vessels, found = tuple(beating), []
     for spot in stiff:
         near = min(beating, key=lambda b: _apart(b, spot), default=None)
         same = near is not None and _apart(near, spot) < MIN_DISTANCE * levels.spacing_m
         if near is not None and same:
             beating.remove(near)
-        found.append(_object(spot, spot, judged, levels, moving if same else None))
-    return found + [_object(b, spot_at(levels, b), judged, levels, moving) for b in beating]
+        still = None if same else _still(spot, judged, levels, vessels)
+        found.append(_object(spot, spot, judged, levels, moving, still))
+    return found + [_object(b, spot_at(levels, b), judged, levels, moving, None) for b in beating]
 
 
 def _places(stations: list[Station]) -> Array:
@@ -72,30 +74,46 @@ def _beating(judged: list[Press], place_m: Array, false_alarm: float) -> list[Sp
                  seen.spacing_m, 0.0, 1.0)]  # fmt: skip
 
 
+def _still(
+    spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ...]
+) -> Callable[[Array], Array]:
+    """Likelihood of a pulse's size [Pa] under a ``spot`` that shows none of its own: by all presses
+    that would feel it, or beside ``vessels`` by the nearest, whose pulse may be all theirs."""
+    away = np.argsort(np.hypot(*(levels.place_m - spot.place_m).T))
+    if vessels:
+        near = [shape(levels.place_m, np.append(b.place_m, b.half_width_m)) for b in vessels]
+        tail_pa = TAIL * np.sum([b.height * n for b, n in zip(vessels, near, strict=True)], axis=0)
+        size_pa = np.array([p.size_pa for p in judged])
+        sd_pa = np.array([p.pulse.size_sd_pa if p.pulse else np.inf for p in judged])
+        far, at = np.max(near, axis=0) < MIN_SHARE, int(away[0])
+        beyond = stray((size_pa - tail_pa)[far], sd_pa[far])
+        return measured(float(size_pa[at]), float(sd_pa[at]) * beyond, float(tail_pa[at]))
+    share = shape(levels.place_m, np.append(spot.place_m, spot.half_width_m))
+    felt = [i for i in away[:MOST_ASKED] if share[i] >= MIN_SHARE] or [int(away[0])]
+    asked = [(share[i], s) for i in felt if (one := judged[i].pulse) and (s := one.search)]
+    if not asked:
+        return np.ones_like
+    return partial(hidden, [s for _, s in asked], np.array([k for k, _ in asked]))
+
+
 def _object(
-    spot: Spot, level: Spot, judged: list[Press], levels: Map, moving: float | None
-) -> ObjectFinding:
-    """An object at ``spot``; ``level`` is its spot in the level map."""
+    spot: Spot, level: Spot, judged: list[Press], levels: Map, moving: float | None,
+    still: Callable[[Array], Array] | None,
+) -> ObjectFinding:  # fmt: skip
+    """An object at ``spot``; ``level`` is its spot in the level map, ``still`` the likelihood of a
+    pulse's size [Pa] where it shows none of its own."""
     off = np.hypot(*(levels.place_m - spot.place_m).T)
     nearest = judged[int(np.argmin(off))]
     assert nearest.pulse is not None
     ground, whole = max(level.background, 1e-9), max(nearest.level_pa, 1e-9)
     contrast, contrast_sd = level.height / ground, level.height_sd / ground
     pulse, pulse_sd = nearest.size_pa, nearest.pulse.size_sd_pa
-    if moving is not None:
-        seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, spot.p_value, moving)
+    if still is None:
+        seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, spot.p_value,
+                    1.0 if moving is None else moving)  # fmt: skip
     else:
-        share = shape(levels.place_m, np.append(spot.place_m, spot.half_width_m))
-        near = [i for i in np.argsort(off)[:MOST_ASKED] if share[i] >= MIN_SHARE]
-        asked = [(share[i], s) for i in near or [int(np.argmin(off))]
-                 if (one := judged[i].pulse) and (s := one.search)]  # fmt: skip
-
-        def unseen(of_force: Array) -> Array:
-            if not asked:
-                return np.ones_like(of_force)
-            return hidden([s for _, s in asked], np.array([k for k, _ in asked]), whole * of_force)
-
-        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, unseen)
+        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0,
+                    lambda of_force: still(whole * of_force))  # fmt: skip
     said = judge(seen)
     x, y = (float(v) for v in spot.place_m)
     low, high = levels.place_m.min(axis=0)[0], levels.place_m.max(axis=0)[0]

@@ -178,7 +178,7 @@ def _object(
         if moving is not None:  # another's pulse reaches here too
             tail_pa = float(_tail_pa(line.x_m[at], beats))
             sd_pa = pulse_sd * _stray(line, beats)
-            likelihood, pulse = _measured(pulse, sd_pa, tail_pa), max(pulse - tail_pa, 0.0)
+            likelihood, pulse = measured(pulse, sd_pa, tail_pa), max(pulse - tail_pa, 0.0)
         alone = place.level.alone if place.level is not None else 0.0
         seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0,
                     lambda p: likelihood(whole * p), alone)  # fmt: skip
@@ -197,7 +197,7 @@ def _unseen(line: Line, place: Place) -> Callable[[Array], Array]:
     ]
     if not near:
         at = int(np.argmin(np.abs(line.x_m - place.x_m)))
-        return _measured(float(line.pulse_pa[at]), float(line.pulse_sd_pa[at]))
+        return measured(float(line.pulse_pa[at]), float(line.pulse_sd_pa[at]))
     return lambda size_pa: hidden([one for _, one in near], np.array([s for s, _ in near]), size_pa)
 
 
@@ -208,17 +208,23 @@ def _tail_pa(x_m: Array, beats: tuple[Bump, ...]) -> Array:
 
 
 def _stray(line: Line, beats: tuple[Bump, ...]) -> float:
-    """By how many of their stated deviations, at least 1, two thirds of the pulses far from all
-    ``beats`` exceed what these make there: tremor, or a wrong rate, is in all presses of a row."""
+    """`stray` of a row."""
     near = [shape(line.x_m, b.x_m, b.half_width_m) for b in beats]
     far = np.max(near, axis=0) < MIN_SHARE
-    if not far.any():
+    over_pa = line.pulse_pa - _tail_pa(line.x_m, beats)
+    return stray(over_pa[far], line.pulse_sd_pa[far])
+
+
+def stray(over_pa: Array, sd_pa: Array) -> float:
+    """By how many of their stated deviations (n,), at least 1, two thirds of the pulses far from
+    all vessels exceed what these make there, ``over_pa`` (n,): tremor, or a wrong rate, is in all
+    presses of a map."""
+    if not len(over_pa):
         return 1.0
-    over = (line.pulse_pa - _tail_pa(line.x_m, beats)) / np.maximum(line.pulse_sd_pa, 1e-9)
-    return max(float(np.quantile(over[far], ONE_SIGMA)), 1.0)
+    return max(float(np.quantile(over_pa / np.maximum(sd_pa, 1e-9), ONE_SIGMA)), 1.0)
 
 
-def _measured(size_pa: float, sd_pa: float, tail_pa: float = 0.0) -> Callable[[Array], Array]:
+def measured(size_pa: float, sd_pa: float, tail_pa: float = 0.0) -> Callable[[Array], Array]:
     """Likelihood of a pulse's size [Pa] beside that of none, where it was measured.
 
     Of the measured ``size_pa`` anything up to ``tail_pa`` is another's, each part alike.

@@ -40,6 +40,24 @@ def test_a_ball_that_pulses_is_a_vessel() -> None:
     assert 1e3 * found.objects[0].position_m == pytest.approx(BALL_MM[0], abs=2.0)
 
 
+@pytest.mark.parametrize(("seed", "said"), [(3, "undecided"), (7, "tumour")])
+def test_a_lump_in_a_map_with_an_artery_is_not_called_stenotic(seed: int, said: str) -> None:
+    """What its presses feel of the artery's pulse is not its own."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 50, (2, 60))
+    artery, lump = (
+        (1 + ((x - a) ** 2 + (y - b) ** 2) / 50) ** -1.5 for a, b in ((16, 16), (36, 32))
+    )
+    level = 9000 * (1 + 0.1 * artery + 0.9 * lump) * (1 + 0.01 * rng.standard_normal(60))
+    found = detect(recording([
+        station(rng, index=i, x_mm=x[i], y_mm=y[i], level_pa=level[i], pulse_pa=600 * artery[i],
+                hold_s=2.5, sample_hz=50.0, noise_pa=10.0)
+        for i in range(60)
+    ]))  # fmt: skip
+    vessel, other = sorted(found.objects, key=lambda one: one.position_m)
+    assert (vessel.kind, other.kind) == ("artery", said)
+
+
 def test_a_map_that_is_not_finished_names_nothing() -> None:
     broken_off = replace(ball(np.random.default_rng(3), 40, 1.0), finish="aborted")
     assert detect(broken_off).finding == "undecided"
