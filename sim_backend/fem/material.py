@@ -104,17 +104,21 @@ def _thinning(f: Array, thin: _Thin) -> Array:
 
 def _stress_free_thickness(plane: Array, j: Array, shear: Array, bulk: Array) -> Array:
     """Stretch l3 (...) at which P33 = 0, by Newton from the incompressible 1 / det F; ``plane`` is
-    tr(F^T F) in the plane."""
-    l3, scale = 1 / j, shear
+    tr(F^T F) in the plane.
+
+    In J = j l3: 3 P33 / j = G J^(-2/3) (2 J / j^2 - tr / J) + 3 K (J - 1), which rises everywhere.
+    """
+    volume, scale, three_bulk = np.ones_like(j), shear, 3 * bulk
+    thick = 2 / j**2
     for _ in range(_THICKNESS_SWEEPS):
-        i1 = plane + l3**2
-        p33 = scale * (l3 - i1 / (3 * l3)) + bulk * (j * l3 - 1) * j
-        change = p33 / _thickness_stiffness(i1, j, l3, scale, bulk)
-        l3 = np.maximum(l3 - change, 0.1 * l3)
-        if np.all(np.abs(change) < 1e-6 * l3):  # the next would be its square
+        out, back = thick * volume, plane / volume
+        rise = scale * (out + 5 * back) / (3 * volume) + three_bulk
+        change = (scale * (out - back) + three_bulk * (volume - 1)) / rise
+        volume = np.maximum(volume - change, 0.1 * volume)
+        if np.all(np.abs(change) < 1e-6 * volume):  # the next would be its square
             break
-        scale = shear / np.cbrt(j * l3) ** 2
-    return np.asarray(l3)
+        scale = shear / np.cbrt(volume) ** 2
+    return np.asarray(volume / j)
 
 
 def isochoric(f: Array, shear: Array) -> tuple[Array, Array, Array, Array]:
@@ -165,10 +169,13 @@ def _in_plane(f: Array, thin: _Thin, bulk: Array) -> tuple[Array, Array]:
     of_both = -2 / 3 * scale - thin.by_f * soft
     of_f = -(thin.by_f**2) / thin.stiffness
     with_h, with_f = of_h * h + of_both * f, of_both * h + of_f * f
-    tangent = h[:, None] * with_h + f[:, None] * with_f
-    tangent[range(4), range(4)] += scale
+    tangent = h[:, None] * with_h
+    tangent += f[:, None] * with_f
+    for both in range(4):
+        tangent[both, both] += scale
+    turned = turning / thin.j
     for row, column in zip(*np.nonzero(_TWIST), strict=True):
-        tangent[row, column] -= _TWIST[row, column] * turning / thin.j
+        tangent[row, column] -= _TWIST[row, column] * turned
     return scale * f - turning * h, tangent
 
 
