@@ -12,7 +12,7 @@ TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
 TEST_FALLBACK = "tests/probe/config/test_fallback.py"
 TEST_RIG = "tests/probe/config/test_rig.py"
 ENDING = '("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGTSTP")'
-SIGNALS = f"{TEST_COMMANDS}::test_ctrl_c_aborts_and_a_second_stops"
+SIGNALS = f"{TEST_COMMANDS}::test_any_signal_aborts_and_ctrl_c_after_it_stops"
 
 AROUND = (
     *(

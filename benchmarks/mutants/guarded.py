@@ -60,7 +60,8 @@ GUARDED = (
     ),
     Mutant(
         "a rig whose limit holds nothing is scanned with", MONITOR,
-        "if not any(guard.feels for _, guard in self._sensors):", "if not self._sensors:",
+        "if not lifts_only and not any(guard.feels for _, guard in self._sensors):",
+        "if not self._sensors:",
         (f"{TEST_LIMIT}::test_a_rig_whose_limit_holds_nothing_does_not_move",),
     ),
     Mutant(
@@ -312,5 +313,17 @@ GUARDED = (
         "a terminal's signals reach the guards", "probe/acquisition/guard_client.py",
         "start_new_session=True,", "start_new_session=False,",
         ("tests/probe/acquisition/test_guard_process.py::test_ctrl_c_at_the_terminal_lifts",),
+    ),
+    Mutant(
+        "who takes over without a sensor does not lift", "probe/acquisition/guard_client.py",
+        "for order in (self._order, alone):", "for order in (self._order,):",
+        ("tests/probe/acquisition/test_guard_process.py::"
+         "test_who_takes_over_lifts_without_a_sensor_that_is_gone_too",),
+    ),
+    Mutant(
+        "who takes over and hangs is waited for", "probe/acquisition/guard_client.py",
+        "            self._process.kill()  # one that hangs still has the devices\n", "",
+        ("tests/probe/acquisition/test_guard_process.py::"
+         "test_who_takes_over_and_hangs_is_not_waited_for",),
     ),
 )  # fmt: skip

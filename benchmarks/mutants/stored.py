@@ -137,4 +137,10 @@ STORED = (
         "if phase not in press.phases]):", "if phase in ()]):",
         (f"{TEST_VERIFY}::test_what_is_wrong_is_said",),
     ),
+    Mutant(
+        "what came during the last commit of a lost run is not kept", WRITER,
+        "for n in range(0, len(came_since), ROWS):", "for n in range(0, 0, ROWS):",
+        ("tests/probe/storage/test_lost_files.py::"
+         "test_what_came_during_the_last_commit_is_kept_too",),
+    ),
 )  # fmt: skip
