@@ -111,6 +111,7 @@ class TaxelSource:
         self._factor, self._offset = factor, offset
         self._time = FrameTime(period_s, latency_s)
         self._counter: int | None = None
+        self._lost = 0
 
     def read(self) -> list[Sample]:
         """The frames that have arrived."""
@@ -125,9 +126,13 @@ class TaxelSource:
                     missing = (count - self._counter - 1) % 256
                 self._counter = count
             time_s, lost = self._time.stamp(now, missing)
+            self._lost += lost
             values = self._factor * np.array(taxels) + self._offset
-            if np.isfinite(values).all():
-                samples.append(Sample(time_s, values.tolist(), lost))
+            if not np.isfinite(values).all():  # a damaged float is a lost sample, never a reading
+                self._lost += 1
+                continue
+            samples.append(Sample(time_s, values.tolist(), self._lost))
+            self._lost = 0
         return samples
 
     def close(self) -> None:

@@ -24,6 +24,9 @@ class Pose(NamedTuple):
     rz: float = 0.0
 
 
+UNIT_OF_ROLE = {"force": "N", "pressure": "Pa", "taxel": "Pa"}  # after calibration
+
+
 @dataclass(frozen=True)
 class Channel:
     """One quantity a sensor reads.

@@ -16,7 +16,7 @@ import pytest
 from drivers.core.abilities import enable
 from drivers.core.arrays import Array
 from drivers.core.errors import DeviceFault
-from drivers.core.protocols import Block, Pose, Sensor, Stage
+from drivers.core.protocols import UNIT_OF_ROLE, Block, Pose, Sensor, Stage
 from drivers.testing.awake import AwakeTime
 from drivers.testing.contract import Bench
 
@@ -24,7 +24,6 @@ PROMPT_S = 0.25  # no call may take longer, connecting and closing apart
 SOON_S = 3.0
 ARRIVED_M = 0.1e-3
 TRIES = 5
-UNIT_OF_ROLE = {"force": {"N"}, "pressure": {"Pa"}, "taxel": {"Pa"}}
 ROLES = {"force", "pressure", "taxel", "reference", "other"}
 _awake = AwakeTime()
 
@@ -188,7 +187,7 @@ def test_sensor_has_the_shape_of_one(sensor: Sensor) -> None:
     assert len(set(names)) == len(names)
     for channel in sensor.channels:
         assert channel.role in ROLES
-        assert channel.unit in UNIT_OF_ROLE.get(channel.role, {channel.unit})
+        assert channel.unit == UNIT_OF_ROLE.get(channel.role, channel.unit)
     sensor.connect()  # a second time changes nothing
 
 

@@ -19,7 +19,7 @@ from drivers.core.registry import Kind
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.prepare import prepare
 from probe.config.calibrated import calibrated, named
-from probe.config.devices import Devices, World, check_names, make_device
+from probe.config.devices import Devices, World, check_names, check_units, make_device
 from probe.config.rig import Device, Rig, RigError
 from probe.config.scan_plan import limits_for, plan_for
 from probe.detection.sensitivity import in_words, visibility
@@ -75,6 +75,7 @@ def device_checks(
     try:
         check_names(sensors)
         stage, true, _ = calibrated(stage, sensors, rig.calibration)
+        check_units(true)
         prepared = prepare(rig, plan, limits, scene, Devices(stage, true, world.phantom, ()), 0)
     except (ConfigError, RigError, CalibrationError) as error:
         return [*checks, Check("devices together", "fault", str(error))]

@@ -18,6 +18,7 @@ from drivers import (
     Stage,
     open_driver,
 )
+from drivers.core.protocols import UNIT_OF_ROLE
 from drivers.core.registry import Kind, settings_of
 from probe.config.calibrated import calibrated
 from probe.config.rig import Device, Fallback, Rig, RigError
@@ -94,6 +95,7 @@ def connect(
         check_names(sensors)
         stage, true, remarks = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
         notes += remarks
+        check_units(true)
         if world.phantom is not None:
             if respond is None:
                 world.phantom.solve_ahead([(p.x_m, p.y_m) for p in plan.places if plan.upright(p)])
@@ -226,6 +228,17 @@ def make_device(kind: Kind, where: str, device: Device, world: World, extra: dic
         ) from None
     except ConfigError as error:
         raise RigError(f"{where}.{error}") from None
+
+
+def check_units(sensors: Sequence[Sensor]) -> None:
+    """Raises `RigError` where the force limit would take another unit for newtons or pascals."""
+    for sensor in sensors:
+        for channel in sensor.channels:
+            if channel.unit != (unit := UNIT_OF_ROLE.get(channel.role, channel.unit)):
+                raise RigError(
+                    f"sensor {sensor.name!r}, channel {channel.name}: is in {channel.unit!r}; "
+                    f"what a driver or its calibration gives as {channel.role} must be in {unit}"
+                )
 
 
 def check_names(sensors: Sequence[Sensor]) -> None:

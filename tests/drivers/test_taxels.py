@@ -1,5 +1,9 @@
 """A taxel array over serial: shares of the stress, lost frames by their counter, wrong keys."""
 
+import math
+import os
+import pty
+import struct
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +13,8 @@ import numpy as np
 import pytest
 
 from drivers import ConfigError, WallClock
-from drivers.taxels import open_sensor
+from drivers.core.reader import Sample
+from drivers.taxels import FrameCutter, TaxelSource, open_sensor
 from sim_backend import load_scene
 from sim_backend.emulators import taxels
 from sim_backend.emulators.serving import Served
@@ -69,6 +74,31 @@ def test_lost_frames_are_counted_by_the_counter(
     times = np.concatenate([before.time_s, block.time_s])
     gap = float(np.diff(times).max())
     assert gap == pytest.approx(0.01 * (block.lost + 1), abs=0.01)
+
+
+@pytest.mark.parametrize(("counted", "gone"), [(True, [3, 4]), (False, [4])])
+def test_a_frame_that_is_not_a_number_is_a_lost_one(
+    clock: WallClock, counted: bool, gone: list[int]
+) -> None:
+    """Ten frames: 4 is not a number; 3 is never sent where a counter tells."""
+    layout = ">Bf" if counted else ">f"
+    ours, theirs = pty.openpty()
+    cutter = FrameCutter(b"\xaa\x55", layout, "none")
+    port = os.ttyname(theirs)
+    source = TaxelSource(clock, "skin", port, 115200, cutter, counted, 1.0, 0.0, 0.01, 0.0)
+    for n in [0, 1, 2, *range(3 + counted, 10)]:
+        value = math.nan if n == 4 else float(n)
+        os.write(ours, b"\xaa\x55" + struct.pack(layout, *([n] if counted else []), value))
+    samples: list[Sample] = []
+    end_s = time.monotonic() + 2.0
+    while sum(1 + s.lost for s in samples) < 10 and time.monotonic() < end_s:
+        samples += source.read()
+    source.close()
+    os.close(ours)
+    os.close(theirs)
+    assert [s.values for s in samples] == [[float(n)] for n in range(10) if n not in gone]
+    assert [s.lost for s in samples if s.lost] == [len(gone)]
+    assert samples[gone[0]].lost == len(gone)
 
 
 @pytest.mark.parametrize(

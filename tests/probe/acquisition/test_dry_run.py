@@ -99,6 +99,17 @@ def test_a_calibration_of_another_device_is_a_fault(tmp_path: Path, winkler: Any
     assert "made for 'another cell'" in str(report.checks)
 
 
+def test_a_force_in_another_unit_is_a_fault(tmp_path: Path, winkler: Any) -> None:
+    counts = {"name": "load", "unit": "counts", "role": "force"}
+    cell = {"driver": "lines", "port": "x", "pattern": "(?P<load>[0-9]+)", "rate_hz": 100.0}
+    rig = Rig.model_validate({"sensor": [cell | {"channel": [counts]}]})
+    report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
+    assert levels(report)["devices together"] == "fault"
+    assert "'counts'; what a driver or its calibration gives as force must be in N" in str(
+        report.checks
+    )
+
+
 def test_two_sensors_of_one_name_are_a_fault(tmp_path: Path, winkler: Any) -> None:
     rig = Rig.model_validate({"sensor": [{"driver": "virtual"}, {"driver": "virtual"}]})
     report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
