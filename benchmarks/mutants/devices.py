@@ -34,7 +34,7 @@ DEVICES = (
         ("tests/drivers/core/test_ports.py",),
     ),
     Mutant(
-        "not-a-number is a reading", LINES,
+        "an infinite number is a reading", LINES,
         "if not all(math.isfinite(v) for v in (*values, time_s)):",
         "if not all(math.isfinite(v) for v in (time_s,)):",
         ("tests/drivers/test_lines.py",),

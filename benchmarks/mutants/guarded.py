@@ -167,7 +167,7 @@ GUARDED = (
     Mutant(
         "a silent device is waited for", MONITOR,
         "        if silent_s > most_s:", "        if silent_s > 1e9:",
-        (), ("simulated 3 cell silent",),
+        (f"{TEST_WORLDS}::test_a_force_sensor_that_hangs_stops_the_stage",),
     ),
     Mutant(
         "a moving stage is silent's guess", MONITOR,
@@ -273,12 +273,12 @@ GUARDED = (
     Mutant(
         "a stage may rest anywhere", LOOP,
         "if off > ARRIVED_M:", "if off > 1e9:",
-        (), ("simulated 7 board runs on",),
+        ("tests/probe/acquisition/test_ur_scan.py::test_a_fault_of_motion_lifts_the_probe",),
     ),
     Mutant(
         "a station ends before its samples are in", LOOP,
         "while complete and self.monitor.seen_s() < now:", "while False:",
-        (f"{TEST_ENGINE}::test_every_sample_of_a_press_is_in_and_labelled",),
+        (f"{TEST_WORLDS}::test_a_station_waits_for_what_its_sensor_says_late",),
     ),
     Mutant(
         "nothing touched is a touch", ENGINE,

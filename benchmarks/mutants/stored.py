@@ -65,8 +65,7 @@ STORED = (
     Mutant(
         "a failed disk is not told", WRITER,
         "            self._fail()\n            if self._closing:", "            if self._closing:",
-        (f"{TEST_WRITER}::test_a_full_disk_keeps_what_was_committed",
-         f"{TEST_WRITER}::test_a_scan_survives_a_file_that_may_not_grow"),
+        (f"{TEST_WRITER}::test_after_a_failed_commit_nothing_more_is_taken",),
     ),
     Mutant(
         "a run is overwritten", WRITER,

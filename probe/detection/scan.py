@@ -11,9 +11,9 @@ from probe.core.recording import Recording
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import lone_vessel, pulsing_place
-from probe.detection.map.bumps import MIN_STATIONS
+from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS
 from probe.detection.map.field_objects import is_field, objects_in_field
-from probe.detection.map.open_row import only_pulses, only_settled
+from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, only_settled
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.presses import Press, presses_of
@@ -65,12 +65,14 @@ def detect(
     presses = presses_of(recording, false_alarm / 2 if mapped else false_alarm)
     judged = [[i for i in row if presses[i].pulse is not None] for row in rows]
     unfinished = recording.finish != "completed"
+    least_pa = float("inf")
     if is_field(recording.stations, judged):
+        least_pa = float("nan")
         objects = objects_in_field(presses, _moving(presses), false_alarm)
         if unfinished:
             objects = [replace(one, kind="undecided", reason=UNFINISHED) for one in objects]
     elif max((len(row) for row in judged), default=0) >= MIN_STATIONS:
-        objects = _in_rows(recording, presses, judged, false_alarm, unfinished)
+        objects, least_pa = _in_rows(recording, presses, judged, false_alarm, unfinished)
     elif found := lone_vessel(presses, rows):
         objects = [found]
     else:
@@ -82,7 +84,7 @@ def detect(
     kind = _whole(objects, presses, unfinished and len(recording.stations) > 1)
     if kind == "nothing" and needed_pa > asked_pa:
         kind = "cannot see"
-    reason = _reason(kind, objects, presses, (needed_pa, asked_pa), mapped)
+    reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa)
     return Finding(
         kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
         heart_rate(presses),
@@ -92,20 +94,23 @@ def detect(
 def _in_rows(
     recording: Recording, presses: tuple[Press, ...], rows: list[list[int]], false_alarm: float,
     unfinished: bool,
-) -> list[ObjectFinding]:  # fmt: skip
-    """The objects of all rows. Of an unfinished scan the row of the last station is open."""
+) -> tuple[list[ObjectFinding], float]:  # fmt: skip
+    """The objects of all rows, and the least bump that every row would have shown.
+
+    Of an unfinished scan the row of the last station is open.
+    """
     last = max(range(len(presses)), key=lambda i: presses[i].station.index)
-    found = []
-    for row in rows:
-        if not row:
-            continue
-        line = line_of(tuple(presses[i] for i in row))
+    found, lines = [], [line_of(tuple(presses[i] for i in row)) for row in rows if row]
+    for row, line in zip(filter(None, rows), lines, strict=True):
         moving = _moving(presses[i] for i in row)
         objects = only_pulses(objects_in(line, moving, false_alarm / len(rows)), line)
         if unfinished and last in row:
             objects = only_settled(objects, line, presses[last].station.x_m)
         found.append((recording.stations[row[0]].y_m, objects))
-    return across_rows(found, _pitch_m(recording))
+    named = across_rows(found, _pitch_m(recording))
+    least_pa = [least_bump_pa(line, false_alarm / len(lines)) for line in lines]
+    shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
+    return named if named or unfinished else doubtful(lines, false_alarm), shown_pa
 
 
 def _moving(presses: Iterable[Press]) -> float | None:
@@ -178,9 +183,12 @@ def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished:
 
 def _reason(
     kind: Kind, objects: list[ObjectFinding], presses: tuple[Press, ...],
-    bounds_pa: tuple[float, float], mapped: bool,
+    bounds_pa: tuple[float, float], least_pa: float,
 ) -> str:  # fmt: skip
-    """Why, in a sentence; for a finding of nothing, how much could still be hidden."""
+    """Why, in a sentence; for a finding of nothing, how much could still be hidden.
+
+    ``least_pa``: the bump that would have shown; infinite where none could, NaN if unknown.
+    """
     judged = [p for p in presses if p.pulse is not None]
     if not judged:
         if presses and not any(p.touched for p in presses):
@@ -204,9 +212,10 @@ def _reason(
             "face"
         )
     text = f"no pulse (one of {plain(needed_pa, 2)} Pa would have shown)"
-    if mapped:
-        return f"{text}, and no place stiffer or softer than its surroundings"
-    return f"{text}; a lump would need a row of {MIN_STATIONS} stations or more to show"
+    if np.isinf(least_pa):
+        return f"{text}; a lump would need a row of {MIN_LEVELS} stations or more to show"
+    text = f"{text}, and no place stiffer or softer than its surroundings"
+    return text if np.isnan(least_pa) else f"{text} (by {plain(least_pa, 2)} Pa would have shown)"
 
 
 def _station(press: Press) -> StationFinding:

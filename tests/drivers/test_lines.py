@@ -137,6 +137,20 @@ def test_a_gauge_that_speaks_when_asked_in_grams(clock: WallClock, tmp_path: Pat
     assert block.values[0] == pytest.approx([12.5 * 9.80665e-3, 3.0])
 
 
+def test_a_number_beyond_all_numbers_is_no_reading(clock: WallClock, tmp_path: Path) -> None:
+    says = Says()
+    says.say(b"1.0 N\r\n")
+    with served(says, str(tmp_path / "cell"), "cell") as device:
+        sensor = open_sensor(clock, port=device.address, pattern="(?P<force>[0-9.e]+) N",
+                             channel=[FORCE], rate_hz=50)  # fmt: skip
+        sensor.connect()
+        sensor.start()
+        says.say(b"2.0 N\r\n1e999 N\r\n3.0 N\r\n")
+        block = gather(sensor, 0.4)
+        sensor.close()
+    assert [v for v in block.values[:, 0] if v != 1.0] == [2.0, 3.0]
+
+
 def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
     clock: WallClock, tmp_path: Path
 ) -> None:

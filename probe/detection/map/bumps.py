@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import fdtrc, stdtrit
+from scipy.special import fdtrc, fdtri, ncfdtrinc, stdtrit
 
 from drivers.core.arrays import Array
 
@@ -32,6 +32,8 @@ LEAST_LEVEL = 1e-6
 """Over the largest: a row that is as uneven as this shows that nothing is pressed."""
 MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
+MIN_LEVELS = 7
+"""Stations that can show one apart from a tilted and curved background, as `surroundings`."""
 
 
 @dataclass(frozen=True)
@@ -91,6 +93,24 @@ def find_bumps(
         known = _refined(x_m, value, sd, pitch, base, [*known, *new], rising)
         chances += [p_value] * len(new)
     return _row(x_m, value, sd, base, known, chances)
+
+
+def least_height(x_m: Array, value: Array, sd: Array, base: Array, false_alarm: float) -> float:
+    """The bump, two station distances wide, that nine of ten such rows would show in their middle;
+    in the unit of ``value``, infinite where no bump could show."""
+    n = len(x_m)
+    if n < MIN_STATIONS or n - base.shape[1] <= 3:
+        return float("inf")
+    pitch = float(np.median(np.diff(x_m)))
+    _, fitted, _, _ = _weighted(x_m, value, sd, base, [])
+    column = np.zeros(len(fitted))
+    column[:n] = shape(x_m, float(x_m.mean()), 2 * pitch) / sd
+    q, _ = np.linalg.qr(fitted)
+    column -= q @ (q.T @ column)
+    one = -np.expm1(np.log1p(-false_alarm) / _independent(PLACES_PER_PITCH * (n - 2)))
+    left = max(n - base.shape[1] - 3, 1) + TRUSTED
+    wanted = float(ncfdtrinc(3, left, 0.1, fdtri(3, left, 1 - one)))
+    return float(np.sqrt(wanted / (column @ column)))
 
 
 def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> Row:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from probe.detection.finding import ObjectFinding
-from probe.detection.map.bumps import MIN_STATIONS
+from probe.detection.map.bumps import MIN_STATIONS, find_bumps, least_height, level_of, surroundings
 from probe.detection.map.row_objects import Line
 
 MIN_BEYOND = 3.0
@@ -13,6 +13,10 @@ MIN_BEYOND = 3.0
 half width is up to 2.8."""
 MIN_NAMED = MIN_STATIONS + int(MIN_BEYOND)
 """Stations that show a bump beside what may follow."""
+LUMP_SHARE = 0.11
+"""What a lump adds to the level at its middle: the built-in scene TIT, 9094 over 8187 Pa."""
+DOUBT = 0.05
+"""Chance below which a bump that is no finding yet is no reason to say "nothing" either."""
 REASON = "the row is not finished: further stations may change this"
 
 
@@ -40,9 +44,36 @@ def only_pulses(objects: list[ObjectFinding], line: Line) -> list[ObjectFinding]
         return objects
     reason = (
         f"{count} stations do not show whether this is a lump or what lies beyond their ends: "
-        f"{MIN_NAMED} do"
+        "a longer row does"
     )
     return [
         replace(one, kind="undecided", reason=reason) if one.kind == "tumour" else one
         for one in objects
     ]
+
+
+def least_bump_pa(line: Line, false_alarm: float) -> float:
+    """The bump of the level map that most such rows would show; infinite where none could."""
+    base = surroundings(line.x_m)
+    return least_height(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
+
+
+def doubtful(lines: list[Line], false_alarm: float) -> list[ObjectFinding]:
+    """Of finished rows without an object: what a lump could be, undecided, where a row is too short
+    to show one (`LUMP_SHARE`)."""
+    found = []
+    for line in lines:
+        if not least_bump_pa(line, false_alarm) > LUMP_SHARE * level_of(line.level_pa):
+            continue
+        base = surroundings(line.x_m)
+        chance = DOUBT / len(lines)
+        for bump in find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, chance, 1).bumps:
+            at = int(np.argmin(np.abs(line.x_m - bump.x_m)))
+            word = "stiffer" if bump.height > 0 else "softer"
+            found.append(ObjectFinding(
+                "undecided", bump.x_m, (bump.x_low_m, bump.x_high_m), bump.height,
+                float(line.pulse_pa[at]), 0.0,
+                f"no pulse; {abs(bump.height):.0f} Pa {word}, which {len(line.x_m)} stations "
+                "cannot tell from a curved surface or a block's end: a longer row can",
+            ))  # fmt: skip
+    return found

@@ -235,6 +235,8 @@ def test_a_full_disk_lifts_the_probe(winkler: Any) -> None:
     assert opened.stage.pose().z == pytest.approx(2e-3)
     assert not isinstance(events[-1], RunEnded)  # a broken sink is not asked again
     assert seen[-1] is ended
+    ends = [(e.station, e.complete) for e in seen if isinstance(e, StationEnded)]
+    assert ends == [(0, False)]  # what cannot be stored is not measured
 
 
 def test_a_broken_viewer_is_noted_and_left_alone(winkler: Any) -> None:

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import deque
 
 import numpy as np
 import pytest
@@ -26,7 +27,7 @@ from springs import (
 )
 
 from drivers import Block, DeviceFault, Pose, WallClock
-from probe.core.events import Event, Phase, PhaseEntered, Samples
+from probe.core.events import Event, Phase, PhaseEntered, Samples, StationEnded
 
 APPROACH_M_S = 10e-3
 
@@ -64,6 +65,29 @@ def test_one_sensor_that_fails_hides_nothing_and_lifts(how: str) -> None:
     assert ran.force_n.max() < 2 * LIMIT_N
     assert ran.raised is not None or ran.ended is not None
     assert ran.lifted
+
+
+def test_a_station_waits_for_what_its_sensor_says_late() -> None:
+    bed, stage, _ = on_springs()
+
+    class Late(SpringSensor):
+        """What it felt it says 80 ms later."""
+
+        kept: deque[Block] = deque()
+
+        def read(self) -> Block:
+            self.kept.append(super().read())
+            while self.kept and not len(self.kept[0].time_s):
+                self.kept.popleft()
+            said = self.kept and self.kept[0].time_s[-1] < self.bed.clock.now() - 0.08
+            return self.kept.popleft() if said else empty()
+
+    ran = run_springs(bed, stage, [Late(bed)])
+    assert ran.complete == [0]
+    ended_s = next(e.time_s for e in ran.events if isinstance(e, StationEnded))
+    inside = [e for e in ran.events if isinstance(e, Samples) and e.device == "cell"
+              and e.station == 0]  # fmt: skip
+    assert max(e.block.time_s[-1] for e in inside) > ended_s - 0.01
 
 
 def test_a_force_sensor_that_hangs_stops_the_stage() -> None:

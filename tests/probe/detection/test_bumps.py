@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from probe.detection.map.bumps import find_bumps, floor, shape, surroundings
+from probe.detection.map.bumps import find_bumps, floor, least_height, shape, surroundings
 
 HEIGHT, NOISE = 1.0, 1e-3
 
@@ -17,6 +17,30 @@ def test_fewer_than_six_stations_show_no_bump(stations: int, found: int) -> None
     assert len(row.bumps) == found
     for bump in row.bumps:
         assert bump.x_m == pytest.approx(x_m[stations // 2], abs=0.5e-3)
+
+
+@pytest.mark.parametrize("stations", [7, 9, 15])
+def test_the_least_height_is_what_most_rows_show(stations: int) -> None:
+    """Nine of ten by its formula; the scatter of a short row is partly believed, partly seen."""
+    rng = np.random.default_rng(stations)
+    x_m, level, sd = 4e-3 * np.arange(stations), np.full(stations, 8200.0), np.full(stations, 37.0)
+    base = surroundings(x_m)
+    least = least_height(x_m, level, sd, base, 0.0025)
+
+    def share(height: float) -> float:
+        bump = level + height * shape(x_m, float(x_m.mean()), 8e-3)
+        rows = (bump + sd * rng.standard_normal(stations) for _ in range(60))
+        return float(np.mean([len(find_bumps(x_m, row, sd, base, 0.0025).bumps) for row in rows]))
+
+    assert share(least) > 0.7
+    assert share(0.5 * least) < 0.3
+
+
+@pytest.mark.parametrize("stations", [5, 6])
+def test_where_none_can_show_no_height_is_promised(stations: int) -> None:
+    x_m = 4e-3 * np.arange(stations)
+    level = np.full(stations, 8200.0)
+    assert np.isinf(least_height(x_m, level, 0.004 * level, surroundings(x_m), 0.0025))
 
 
 @pytest.mark.parametrize("stations", [15, 19])

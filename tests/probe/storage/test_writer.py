@@ -237,6 +237,18 @@ def test_a_full_disk_keeps_what_was_committed(tmp_path: Path) -> None:
     assert report.samples["cell"] >= 5 * 25
 
 
+def test_after_a_failed_commit_nothing_more_is_taken(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+        store.flush()
+        store._connection.execute("PRAGMA max_page_count = 20")
+        until_s = time.monotonic() + 20
+        with pytest.raises(StoreError, match="disk is full"):  # told without asking for a flush
+            for n in range(5, 100_000):
+                store(samples(0.05 * n))
+                assert time.monotonic() < until_s
+
+
 FULL = """
 import resource, sys
 from pathlib import Path
