@@ -167,7 +167,7 @@ GUARDED = (
     Mutant(
         "a silent device is waited for", MONITOR,
         "        if silent_s > most_s:", "        if silent_s > 1e9:",
-        (f"{TEST_WORLDS}::test_a_force_sensor_that_hangs_stops_the_stage",),
+        (f"{TEST_WORLDS}::test_a_force_sensor_that_falls_silent_in_the_hold_ends_it",),
     ),
     Mutant(
         "a moving stage is silent's guess", MONITOR,
@@ -273,7 +273,7 @@ GUARDED = (
     Mutant(
         "a stage may rest anywhere", LOOP,
         "if off > ARRIVED_M:", "if off > 1e9:",
-        ("tests/probe/acquisition/test_ur_scan.py::test_a_fault_of_motion_lifts_the_probe",),
+        (f"{TEST_WORLDS}::test_a_stage_that_comes_to_rest_elsewhere_presses_nothing",),
     ),
     Mutant(
         "a station ends before its samples are in", LOOP,

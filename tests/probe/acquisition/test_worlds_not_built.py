@@ -67,27 +67,52 @@ def test_one_sensor_that_fails_hides_nothing_and_lifts(how: str) -> None:
     assert ran.lifted
 
 
+def test_a_force_sensor_that_falls_silent_in_the_hold_ends_it() -> None:
+    bed, stage, _ = on_springs()
+
+    class Silent(SpringSensor):
+        def read(self) -> Block:
+            block = super().read()
+            return empty() if self.bed.tip.point(self.bed.clock.now())[2] < -2.49e-3 else block
+
+    ran = run_springs(bed, stage, [Silent(bed)], rig=spring_rig(scan={"hold_s": 3.0}))
+    assert "cell: silent for 0." in ran.reason
+    assert ran.lifted
+    assert ran.ended is not None
+    assert ran.ended.time_s < 6.0
+
+
 def test_a_station_waits_for_what_its_sensor_says_late() -> None:
     bed, stage, _ = on_springs()
 
     class Late(SpringSensor):
         """What it felt it says 80 ms later."""
 
-        kept: deque[Block] = deque()
-
         def read(self) -> Block:
-            self.kept.append(super().read())
-            while self.kept and not len(self.kept[0].time_s):
-                self.kept.popleft()
-            said = self.kept and self.kept[0].time_s[-1] < self.bed.clock.now() - 0.08
-            return self.kept.popleft() if said else empty()
+            if len((block := super().read()).time_s):
+                kept.append(block)
+            said = kept and kept[0].time_s[-1] < self.bed.clock.now() - 0.08
+            return kept.popleft() if said else empty()
+
+    kept: deque[Block] = deque()
 
     ran = run_springs(bed, stage, [Late(bed)])
     assert ran.complete == [0]
-    ended_s = next(e.time_s for e in ran.events if isinstance(e, StationEnded))
-    inside = [e for e in ran.events if isinstance(e, Samples) and e.device == "cell"
-              and e.station == 0]  # fmt: skip
-    assert max(e.block.time_s[-1] for e in inside) > ended_s - 0.01
+    at = next(n for n, e in enumerate(ran.events) if isinstance(e, StationEnded))
+    before = [e for e in ran.events[:at] if isinstance(e, Samples) and e.device == "cell"]
+    assert before[-1].block.time_s[-1] > ran.events[at].time_s - 0.01
+
+
+def test_a_stage_that_comes_to_rest_elsewhere_presses_nothing() -> None:
+    bed, _, sensor = on_springs()
+
+    class Short(SpringStage):
+        def move(self, target: Pose, speed_m_s: float) -> None:
+            super().move(target._replace(x=target.x + 0.5e-3), speed_m_s)
+
+    ran = run_springs(bed, Short(bed), [sensor])
+    assert "came to rest 0.50 mm from its target" in ran.reason
+    assert ran.force_n.max() == 0.0
 
 
 def test_a_force_sensor_that_hangs_stops_the_stage() -> None:
