@@ -215,7 +215,7 @@ def _reason(
     if np.isinf(least_pa):
         return f"{text}; a lump would need a row of {MIN_LEVELS} stations or more to show"
     text = f"{text}, and no place stiffer or softer than its surroundings"
-    return text if np.isnan(least_pa) else f"{text} (by {plain(least_pa, 2)} Pa would have shown)"
+    return text if np.isnan(least_pa) else f"{text} ({plain(least_pa, 2)} Pa would have shown)"
 
 
 def _station(press: Press) -> StationFinding:
