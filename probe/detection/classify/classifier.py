@@ -23,9 +23,15 @@ CONTRAST_BLUR, CONTRAST_SHARE, PULSE_BLUR = 0.04, 0.1, 0.25
 """Widths of a sample's kernel: contrast, with a share of the contrast itself, and logarithm of the
 pulse. They stand for what the scenes leave out (layers, bones, oblique vessels)."""
 ELSE = "something else"
-ONE_PRESS = "one press that differs"
+ONE_PRESS, WAVES = "one press that differs", "an uneven surface"
 MIN_REASON = 0.1
-"""Least probability of a press that differs to say what would decide about it."""
+"""Least probability of one of these to say what would decide about it."""
+REASONS = {
+    ONE_PRESS: "one press alone is stiffer or softer than the others: repeat it, and press beside "
+    "it",
+    WAVES: "the row waves from end to end, as over an uneven surface: press as deep from where the "
+    "surface is at each station, or press a row across this one",
+}
 PRIOR: dict[str, float] = {
     "tumour": 0.3, "artery": 0.3, "stenotic artery": 0.3, ELSE: 0.1,
 }  # fmt: skip
@@ -41,7 +47,8 @@ class Seen:
     deviation. ``chance`` is that of a bump as clear where nothing lies, ``moving`` the posterior
     probability that what moves is a pulse. Where no pulse was seen, ``hidden`` is the likelihood
     (n,) that pulses (n,) over the force have beside that of none, and ``alone`` the odds that one
-    press differs by itself, as one that goes deeper than the stage knows, against a bump."""
+    press differs by itself, as one that goes deeper than the stage knows, against a bump, and
+    ``wave`` those that the whole row waves, as over an uneven surface."""
 
     contrast: float
     contrast_sd: float
@@ -51,6 +58,7 @@ class Seen:
     moving: float = 1.0
     hidden: Callable[[Array], Array] | None = None
     alone: float = 0.0
+    wave: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -74,11 +82,9 @@ def judge(seen: Seen) -> Judged:
     for kind in KINDS:
         if kind == best and share[best] >= MIN_POSTERIOR:
             return Judged(kind, stated(share[best]), "", diseased)
-    if share[ONE_PRESS] >= MIN_REASON:
-        reason = (
-            "one press alone is stiffer or softer than the others: repeat it, and press beside it"
-        )
-        return Judged("undecided", stated(share[best]), reason, diseased)
+    rival = max(REASONS, key=lambda k: share[k])
+    if share[rival] >= MIN_REASON:
+        return Judged("undecided", stated(share[best]), REASONS[rival], diseased)
     chances = ", ".join(f"{k} {100 * stated(v):.0f} %" for k, v in share.items() if v >= 0.005)
     if seen.hidden is None:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
@@ -92,8 +98,8 @@ def judge(seen: Seen) -> Judged:
 
 
 def shares(seen: Seen) -> dict[str, float]:
-    """Posterior probability of each kind, of something else, of one press that differs and of
-    nothing.
+    """Posterior probability of each kind, of something else, of one press that differs, of an
+    uneven surface and of nothing.
 
     A kind's likelihood is the mean over its solved samples. Where a pulse was found, vessels are
     judged by the likelihood of their pulses as its size, and a lump only by the chance that what
@@ -111,9 +117,10 @@ def shares(seen: Seen) -> dict[str, float]:
         likelihood[ELSE] *= float(np.mean(seen.hidden(SIZES[SIZES >= PULSE_FLOOR])))
     total = sum(likelihood.values())
     nothing = against_nothing(seen.chance)
-    something = 1 / (1 + nothing + seen.alone)
+    something = 1 / (1 + nothing + seen.alone + seen.wave)
     share = {kind: something * value / total for kind, value in likelihood.items()}
-    return share | {"nothing": something * nothing, ONE_PRESS: something * seen.alone}
+    rivals = {"nothing": nothing, ONE_PRESS: seen.alone, WAVES: seen.wave}
+    return share | {rival: something * odds for rival, odds in rivals.items()}
 
 
 def against_nothing(chance: float) -> float:

@@ -28,6 +28,9 @@ NARROWEST, WIDEST = 0.45, 4.0
 WIDTH_SD = float(np.log(WIDEST / NARROWEST) / np.sqrt(12))
 LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
 """Scatter over its own that leaves a station out of a fit; odds beyond these change no finding."""
+MIN_TURNS, PITCHES_OF_A_WAVE, TURNS_STEP = 1.5, 2.5, 0.125
+"""Of a wave along a row: fewer turns are its curvature, stations show none that is shorter, and two
+that differ by less than the step part by an eighth of a turn at most."""
 LEAST_LEVEL = 1e-6
 """Over the largest: a row that is as uneven as this shows that nothing is pressed."""
 MIN_STATIONS = 6
@@ -41,7 +44,8 @@ class Bump:
     """``height`` above (below, when negative) the background at ``x_m``, ``half_width_m`` wide.
 
     ``x_low_m``, ``x_high_m``: 95 % interval; ``p_value``: chance of one as clear anywhere in a row
-    that has none; ``alone``: odds that only the press at it differs, against the bump.
+    that has none; ``alone``: odds that only the press at it differs, against the bump; ``wave``:
+    odds that the row waves from end to end, as an uneven surface does.
     """
 
     x_m: float
@@ -52,6 +56,7 @@ class Bump:
     half_width_m: float
     p_value: float
     alone: float = 0.0
+    wave: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -288,10 +293,11 @@ def _row(
     height_sd, place_sd = _doubts(x_m, sd, a, known, heights, scatter, fixed)
     reach = float(stdtrit(dof + TRUSTED, 0.975)) * place_sd
     alone = [_alone(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))]
+    waves = [_waving(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))]
     bumps = [
-        Bump(c, c - r, c + r, float(h), float(s), w, p, odds)
-        for (c, w), h, s, r, p, odds in zip(
-            known, heights, height_sd, reach, chances, alone, strict=True
+        Bump(c, c - r, c + r, float(h), float(s), w, p, *odds)
+        for (c, w), h, s, r, p, *odds in zip(
+            known, heights, height_sd, reach, chances, alone, waves, strict=True
         )
     ]
     bumps.sort(key=lambda b: b.p_value)
@@ -309,6 +315,29 @@ def _alone(
         x_m, value, np.where(left_out, LEFT_OUT * sd, sd), base, [*known[:k], *known[k + 1 :]]
     )
     return float(np.exp(min((rss - float(left @ left)) / (2 * max(scatter, 1.0)), MAX_LOG_ODDS)))
+
+
+def _waving(
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
+    rss: float, scatter: float,
+) -> float:  # fmt: skip
+    """Odds that the row waves instead of the bump ``known[k]``, or of all ``known``, alike
+    beforehand: by likelihood, each unknown less for half the logarithm of the stations (Schwarz
+    1978). A wave has three, as a bump does."""
+    n, best, span = len(x_m), -np.inf, float(np.ptp(x_m))
+    most_turns = span / float(np.median(np.diff(x_m))) / PITCHES_OF_A_WAVE
+    for others in {(*known[:k], *known[k + 1 :]), ()}:
+        _, a, b, _ = _weighted(x_m, value, sd, base, list(others))
+        fewer = 3 * (len(known) - 1 - len(others))
+        for turns in np.arange(MIN_TURNS, most_turns, TURNS_STEP):
+            angle = 2 * np.pi * turns * (x_m - x_m[0]) / span
+            waves = np.zeros((len(a), 2))
+            waves[:n] = np.column_stack([np.cos(angle), np.sin(angle)]) / sd[:, None]
+            q, _ = np.linalg.qr(np.hstack([a, waves]))
+            left = b - q @ (q.T @ b)
+            gain = (rss - float(left @ left)) / (2 * max(scatter, 1.0)) + fewer * np.log(n) / 2
+            best = max(best, gain)
+    return float(np.exp(min(best, MAX_LOG_ODDS)))
 
 
 def _doubts(

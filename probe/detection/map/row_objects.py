@@ -179,9 +179,8 @@ def _object(
             tail_pa = float(_tail_pa(line.x_m[at], beats))
             sd_pa = pulse_sd * _stray(line, beats)
             likelihood, pulse = measured(pulse, sd_pa, tail_pa), max(pulse - tail_pa, 0.0)
-        alone = place.level.alone if place.level is not None else 0.0
         seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0,
-                    lambda p: likelihood(whole * p), alone)  # fmt: skip
+                    lambda p: likelihood(whole * p), bump.alone, bump.wave)  # fmt: skip
     return _finding(place, height, pulse, judge(seen), line)
 
 

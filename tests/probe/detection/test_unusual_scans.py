@@ -78,6 +78,19 @@ def test_one_press_that_differs_is_no_lump(deeper: float) -> None:
     assert "repeat it" not in lump.reason
 
 
+@pytest.mark.parametrize("begins_rad", [0.0, 1.0, 2.0])
+def test_a_surface_that_waves_is_no_lump(begins_rad: float) -> None:
+    """Twice along the row and as high as a lump: called one at up to 96 %."""
+    whole = row(np.random.default_rng(8), noise_pa=4.0, hold_s=1.0, sample_hz=100.0)
+    waves = [1 + 0.05 * np.sin(2 * np.pi * s.x_m / 28e-3 + begins_rad) for s in whole]
+    wavy = [replace(s, signal_pa=by * s.signal_pa) for s, by in zip(whole, waves, strict=True)]
+    found = detect(recording(wavy))
+    assert found.finding == "undecided"
+    assert "uneven surface" in found.reason
+    lump = row(np.random.default_rng(8), bump=0.6, noise_pa=4.0, hold_s=1.0, sample_hz=100.0)
+    assert detect(recording(lump)).finding == "tumour"
+
+
 def test_a_short_row_names_no_lump() -> None:
     """What seven stations show as a lump may be the block's end, or a vessel's flank."""
     rng = np.random.default_rng(9)
