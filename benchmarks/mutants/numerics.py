@@ -23,7 +23,7 @@ NUMERICS = (
     Mutant("a lumen's force turns with half of its sides", LUMEN,
            "turn = (thickness @ sides.turn)", "turn = (0.5 * thickness @ sides.turn)", TANGENTS),
     Mutant("a thickness of the first guess", MATERIAL,
-           "        l3 = np.maximum(l3 - change, 0.1 * l3)", "        l3 = 1.0 * l3", LAW),
+           "volume = np.maximum(volume - change, 0.1 * volume)", "volume = 1.0 * volume", LAW),
     Mutant("a skin's nodes bear as those of straight sides", SKIN,
            "share[middle] = 2 * whole / 3\n    np.add.at(share, middle - 1, whole / 6)\n"
            "    np.add.at(share, middle + 1, whole / 6)",
