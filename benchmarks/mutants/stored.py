@@ -3,6 +3,7 @@
 from mutants.mutant import Mutant
 
 DISK, WRITER, ROWS = "probe/storage/disk.py", "probe/storage/writer.py", "probe/storage/rows.py"
+LOCK = "probe/storage/lock.py"
 READER, AUDIT = "probe/storage/reader.py", "probe/storage/audit.py"
 SCHEMA = "probe/storage/schema.py"
 TEST_WRITER = "tests/probe/storage/test_writer.py"
@@ -32,7 +33,7 @@ STORED = (
         (f"{TEST_WRITER}::test_a_file_system_without_a_log_is_refused",),
     ),
     Mutant(
-        "two writers of one run", DISK,
+        "two writers of one run", LOCK,
         "fcntl.LOCK_EX | fcntl.LOCK_NB", "fcntl.LOCK_SH | fcntl.LOCK_NB",
         ("tests/probe/storage/test_safe_modes.py",),
     ),

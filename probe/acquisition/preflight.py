@@ -22,6 +22,8 @@ from probe.config.calibrated import calibrated, named
 from probe.config.devices import Devices, World, check_names, check_units, make_device
 from probe.config.rig import Device, Rig, RigError
 from probe.config.scan_plan import limits_for, plan_for
+from probe.config.snapshot import face_mm2_of
+from probe.core.contact_stress import square_metres
 from probe.detection.sensitivity import in_words, visibility
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
@@ -67,8 +69,7 @@ def device_checks(
     if None in sensors:
         return checks
     limits = limits_for(rig, plan)
-    face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
-    face_m2 = None if face_mm2 is None else 1e-6 * face_mm2
+    face_m2 = square_metres(face_mm2_of(rig, scene))
     checks.append(_force_limit(sensors, replace(limits, face_m2=face_m2)))
     if stage is None:
         return checks
@@ -106,8 +107,7 @@ def pulse_checks(
     """
     pulse_n, source = _expected_pulse(rig, scene, respond)
     beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
-    face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
-    face_m2 = None if face_mm2 is None else 1e-6 * face_mm2
+    face_m2 = square_metres(face_mm2_of(rig, scene))
     checks = []
     for name, noise_n, rate_hz in sensors:
         title = f"pulse on {name}"

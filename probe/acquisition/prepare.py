@@ -11,6 +11,7 @@ from probe.acquisition.press_guard import ROUNDING, check_speed, press_speeds_m_
 from probe.acquisition.rehearsal import in_the_air, lift_m, needs_rehearsal
 from probe.config.rig import Rig, RigError
 from probe.config.snapshot import run_config
+from probe.core.contact_stress import square_metres
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
 from sim_backend.scene.scene_file import Scene
@@ -48,8 +49,7 @@ def prepare(
     notes, config = devices.notes, run_config(rig, scene, plan, seed)
     face_mm2 = config["face_mm2"]
     _check_face(face_mm2, devices.sensors)
-    face_m2 = None if face_mm2 is None else 1e-6 * face_mm2
-    limits = replace(limits, face_m2=face_m2)
+    limits = replace(limits, face_m2=square_metres(face_mm2))
     if needs_rehearsal(devices.stage, devices.sensors):
         up_mm = 1e3 * lift_m(plan)
         plan, limits = in_the_air(plan, limits)

@@ -1,8 +1,9 @@
 """Asking a running scan from another process to pause, resume, abort or stop.
 
 The scan listens on a loopback port and leaves port and secret in ``RUN.control`` beside the run
-file, readable by its owner only. One line of JSON each way. Only the four words below exist, so
-the worst a peer with the secret can do is halt the probe.
+file, readable by its owner only. One line of JSON each way. Only the four words below exist: a
+peer with the secret can halt or lift the probe and let a paused scan go on, but not choose where
+it goes.
 """
 
 import json

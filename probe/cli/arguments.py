@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
 RunFiles = Annotated[
     list[Path], typer.Argument(metavar="RUN...", help="One run file or several, say runs/*.run.")
 ]

@@ -11,11 +11,11 @@ import typer
 from probe.cli.arguments import RunFiles
 from probe.cli.say import Json, answer, answer_json, plain
 from probe.cli.several import of_each
+from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import percent, reach, simulated_words, summary
 from probe.core.places import has_rows
 
 MAX_LINES = 40
-RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -28,7 +28,7 @@ def detect(
     runs: RunFiles,
     false_alarm: Annotated[
         float, typer.Option(help="Allowed chance of a finding where nothing lies.")
-    ] = 0.01,
+    ] = DEFAULT_FALSE_ALARM,
     ask: Annotated[
         float | None,
         typer.Option(
@@ -63,15 +63,17 @@ def detect(
 
 
 def compare(
-    run_a: Annotated[Path, typer.Argument(metavar="RUN_A", help="A run file.")],
-    run_b: Annotated[Path, typer.Argument(metavar="RUN_B", help="Another run file.")],
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN_A RUN_B", help="Two run files.")],
     json: Json = False,
 ) -> None:
     """Say which of two runs has the diseased artery: the stiffer one with the weaker pulse."""
+    if len(runs) != 2:
+        names = ", ".join(map(str, runs))
+        raise typer.BadParameter(f"compare takes two runs, got {len(runs)}: {names}; name two")
     from probe.detection import compare as compare_recordings
     from probe.storage.run import open_run
 
-    both = compare_recordings(open_run(run_a).recording(), open_run(run_b).recording())
+    both = compare_recordings(*(open_run(run).recording() for run in runs))
     found = plain(both.as_json())
     if json:
         answer_json(found)
@@ -89,7 +91,7 @@ def finding_json(
     run_path: Path,
     recording: Any,
     began_s: float,
-    false_alarm: float = 0.01,
+    false_alarm: float = DEFAULT_FALSE_ALARM,
     asked_pa: float | None = None,
 ) -> dict[str, Any]:
     """The JSON object of ``scan`` and ``detect``."""

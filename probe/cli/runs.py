@@ -5,9 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from probe.cli.arguments import RunFiles
+from probe.cli.arguments import RunFile, RunFiles
 from probe.cli.errors import BAD_INPUT
-from probe.cli.finding import RunFile
 from probe.cli.say import Json, answer, answer_json
 from probe.cli.several import of_each
 from probe.cli.windows import need_windows

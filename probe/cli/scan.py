@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from probe.cli.arguments import scene_names
+from probe.cli.arguments import RunFile, scene_names
 from probe.cli.errors import ABORTED, FAULT
-from probe.cli.finding import RunFile
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
 from probe.cli.windows import need_windows
 

@@ -2,6 +2,7 @@
 
 from probe.config.calibrated import compliance_of, surface_of
 from probe.config.rig import Heights, Rig, RigError, pair
+from probe.core.contact_stress import square_metres
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan, Surface, check_reach, grid, repeated
 from probe.planning.surfaces import level, through
@@ -83,7 +84,7 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
         engine_s=safety.engine_s,
         same_readings=safety.same_readings,
         hardest_n_m=1e3 * safety.hardest_n_mm,
-        face_m2=None if rig.face_mm2 is None else 1e-6 * rig.face_mm2,
+        face_m2=square_metres(rig.face_mm2),
     )
 
 

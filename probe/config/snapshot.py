@@ -21,10 +21,9 @@ LIBRARIES = ("palpate", "numpy", "scipy")
 def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str, Any]:
     """The ``config`` of `RunStarted`.
 
-    ``face_mm2`` is the rig's, or the indenter's of a simulated scene, or None if neither is known.
+    ``face_mm2`` is that of `face_mm2_of`.
     """
     starts = [plan.at_surface(place) for place in plan.places]
-    face_mm2 = rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
     return {
         "rig": rig.model_dump(mode="json"),
         "scene": None if scene is None else scene.model_dump(mode="json"),
@@ -45,8 +44,13 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
         "versions": library_versions(),
         "computer": this_computer(),
         "seed": seed,
-        "face_mm2": face_mm2,
+        "face_mm2": face_mm2_of(rig, scene),
     }
+
+
+def face_mm2_of(rig: Rig, scene: Scene | None) -> float | None:
+    """The probe's face: the rig's, or the indenter's of a simulated scene, or None."""
+    return rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
 
 
 def this_computer() -> str:

@@ -39,7 +39,8 @@ class StressConversion:
 
 
 def stress_conversion(channels: Sequence[Channel], face_m2: float) -> StressConversion:
-    """From a device's channels to contact stress: the one place where newtons become pascals.
+    """From a device's channels to contact stress: the one place where a recording's newtons become
+    pascals.
 
     Forces go before pressures, these before taxels. A force is spread over ``face_m2``; taxels
     share it. Raises `RunFileError` for a unit that is neither a force nor a pressure, and for a
@@ -71,7 +72,13 @@ def face_m2_of(config: Mapping[str, Any], face_mm2: float | None = None) -> floa
     face_mm2 = face_mm2 or config.get("face_mm2")
     if face_mm2 is not None and not (isinstance(face_mm2, int | float) and face_mm2 > 0):
         raise RunFileError(f"config.face_mm2 = {face_mm2!r}: must be above 0")
-    return math.nan if face_mm2 is None else 1e-6 * face_mm2
+    face_m2 = square_metres(face_mm2)
+    return math.nan if face_m2 is None else face_m2
+
+
+def square_metres(face_mm2: float | None) -> float | None:
+    """A face of ``face_mm2`` [m2]; None, a face that nobody knows, stays None."""
+    return None if face_mm2 is None else 1e-6 * face_mm2
 
 
 def simulated_channels(channels: Mapping[str, tuple[Channel, ...]]) -> tuple[str, ...]:

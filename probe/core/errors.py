@@ -11,3 +11,7 @@ class RunFileError(ValueError):
     Traceback (most recent call last):
     probe.core.errors.RunFileError: lost.run: no such run file
     """
+
+
+class StoreError(RuntimeError):
+    """The run cannot be stored (any longer); what was committed before stays readable."""

@@ -50,11 +50,12 @@ class Station:
 
 @dataclass(frozen=True)
 class Recording:
-    """A scan's stations in the order of their index; only complete ones.
+    """A scan's ``stations`` in the order of their index; only complete ones.
 
-    ``pitch_m`` is the station distance (NaN for one station), ``face_m2`` the probe's face,
-    ``simulated`` the names of simulated channels, ``length_m`` the indenter's length.
-    ``quantum_pa`` is the sensor's resolution (0 = unknown).
+    ``channels`` are the names of the signal's columns, as ``device.channel``; ``simulated`` the
+    names of all simulated channels. ``face_m2`` is the area of the probe's face (NaN = unknown),
+    ``finish`` how the run ended (``completed``, ``aborted`` or ``faulted``), ``quantum_pa`` the
+    sensor's resolution (0 = unknown).
 
     Examples
     --------

@@ -5,12 +5,12 @@ from os import PathLike
 
 from scipy.special import ndtr
 
+from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Recording
 from probe.detection.finding import Comparison, Diseased
 from probe.detection.pulse.presses import Press, presses_of
 from probe.storage.run import recording_of
 
-FALSE_ALARM = 0.01
 MIN_POSTERIOR = 0.95
 
 
@@ -28,7 +28,7 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     >>> palpate.compare(recording, recording).reason  # of one scan with itself
     'stiffness and pulse are equal within what the two scans can tell'
     """
-    presses = [presses_of(recording, FALSE_ALARM / 2) for recording in map(recording_of, (a, b))]
+    presses = [presses_of(recording_of(scan), DEFAULT_FALSE_ALARM / 2) for scan in (a, b)]
     one, other = (_clearest(some) for some in presses)
     if one is None or other is None:
         which = "A" if one is None else "B"

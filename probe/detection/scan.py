@@ -6,6 +6,7 @@ from os import PathLike
 
 import numpy as np
 
+from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import plain
 from probe.core.recording import Recording
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
@@ -34,7 +35,7 @@ HEALTHY_PULSE_N = 0.0455
 def detect(
     source: Recording | str | PathLike[str],
     *,
-    false_alarm: float = 0.01,
+    false_alarm: float = DEFAULT_FALSE_ALARM,
     asked_pa: float | None = None,
 ) -> Finding:
     """What lies beneath a scan, and where: of a recording, a run, or a run file.

@@ -1,13 +1,11 @@
 """Opening a run file for writing: on a local disk, with every safe mode on, by one writer only."""
 
-import fcntl
-import os
 import shutil
 import sqlite3
 from pathlib import Path
 
-from probe.core.errors import RunFileError
-from probe.storage.in_place import identity
+from probe.core.errors import RunFileError, StoreError
+from probe.storage.lock import hold, release
 from probe.storage.log import unreadable_frames
 from probe.storage.reader import log_of
 from probe.storage.schema import BUSY_S, VERSION, create, migrate, unseal, version_of
@@ -18,10 +16,6 @@ NETWORK = (
     "fuse.davfs", "fuse.gvfs", "fuse.glusterfs", "fuse.rclone", "fuse.s3fs", "fuse.sshfs",
 )  # fmt: skip
 LOG_PAGES = 100  # moved into the file often: little is missing if someone copies it without its log
-
-
-class StoreError(RuntimeError):
-    """The run cannot be stored (any longer); what was committed before stays readable."""
 
 
 def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
@@ -35,7 +29,10 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
             f"{path}: lies on a network file system ({kind}), where a run is not safe; "
             f"store it on a local disk and copy it afterwards"
         )
-    lock = _lock(path)
+    try:
+        lock = hold(path)
+    except OSError as error:
+        raise StoreError(f"{path}: {explain(error)}") from None
     try:
         connection = sqlite3.connect(
             path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
@@ -106,39 +103,3 @@ def _keep_damaged(log: Path) -> None:
     """A damaged log, which SQLite would overwrite, is kept for whoever can read more of it."""
     if log.exists() and unreadable_frames(log):
         shutil.copyfile(log, log.with_name(f"{log.name}-damaged"))
-
-
-def release(lock: int) -> None:
-    """Give a run file back to other writers; after SQLite's connection to it was closed."""
-    _writing.discard(identity(os.fstat(lock)))
-    os.close(lock)
-
-
-_writing: set[tuple[int, int]] = set()
-
-
-def _lock(path: Path) -> int:
-    """Only one writer; the lock goes with the process, however that ends.
-
-    Closing any descriptor of a file drops SQLite's locks on it. So the descriptor is closed after
-    SQLite's own, and a file that this process writes already is not opened again.
-    """
-    try:
-        found = path.stat()
-        if identity(found) in _writing:
-            raise StoreError(f"{path}: another scan is writing this run")
-        if found.st_nlink > 1:
-            raise StoreError(
-                f"{path}: has another name (hard link), and its log may lie beside that; copy it "
-                "and go on with the copy"
-            )
-        lock = os.open(path, os.O_RDWR)
-    except OSError as error:
-        raise StoreError(f"{path}: {explain(error)}") from None
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        os.close(lock)
-        raise StoreError(f"{path}: another scan is writing this run") from None
-    _writing.add(identity(os.fstat(lock)))
-    return lock

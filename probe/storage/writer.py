@@ -17,10 +17,11 @@ from types import TracebackType
 from typing import Self
 
 from drivers import Channel
-from probe.core.errors import RunFileError
+from probe.core.errors import RunFileError, StoreError
 from probe.core.events import Event, RunEnded, RunStarted
-from probe.storage.disk import StoreError, explain, open_safely, release
+from probe.storage.disk import explain, open_safely
 from probe.storage.in_place import InPlace, rescue
+from probe.storage.lock import release
 from probe.storage.rows import FIRST, Row, from_row, link, to_row
 from probe.storage.schema import seal
 

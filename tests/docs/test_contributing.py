@@ -22,6 +22,9 @@ DEFINED = {
     "every driver": "class Sensor(Protocol)",
     "add a unit": "SI = {",
     "tare subtracted": "raw - self._zero",
+    "called saturated": "saturated = np.abs(raw) >= self._full_scale",
+    "lock on a run file": "fcntl.flock(",
+    "false alarm": "DEFAULT_FALSE_ALARM = ",
     "cut from the stream": "def record(events",
     "ECG or PPG": "def beats_s",
 }

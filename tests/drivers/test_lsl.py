@@ -139,6 +139,7 @@ def test_a_scan_is_published_with_its_clock(name: str) -> None:
     inlet.open_stream(timeout=5.0)
     for _ in range(20):  # one of them arrives at once, however busy the machine is
         publisher(PhaseEntered(clock.now(), Phase.HOLDING, 0))
+    publisher(PhaseEntered(clock.now() - 0.2, Phase.HOLDING, 0))  # one that was kept waiting
     shift_s = clock_offset_s(clock)
     times = clock.now() + 0.002 * np.arange(50)
     values = np.linspace(0, 1, 50)[:, None]

@@ -1,10 +1,9 @@
-"""A window's command reaches the scan, quickly, and nobody else's does."""
+"""A window's command reaches the scan, and nobody else's does."""
 
 import json
 import socket
 import stat
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -24,9 +23,7 @@ from probe.acquisition.remote import NotRunning, ask, control_path, listening
 def test_each_word_is_heard(word: str, command: RunCommand, tmp_path: Path) -> None:
     control = Control()
     with listening(control, tmp_path / "a.run"):
-        began = time.perf_counter()
         ask(tmp_path / "a.run", word)
-        assert time.perf_counter() - began < 0.1
         assert control.command is command
 
 
@@ -65,15 +62,23 @@ def test_strangers_and_noise_change_nothing(line: bytes, tmp_path: Path) -> None
 
 
 def test_a_flood_of_connections_takes_no_threads_and_hides_no_stop(tmp_path: Path) -> None:
-    """Anybody on this machine may connect; only who has the secret is heard, and at once."""
+    """Anybody on this machine may connect; only who has the secret is heard."""
     control, before = Control(), threading.active_count()
     with listening(control, tmp_path / "a.run"):
         port = json.loads(control_path(tmp_path / "a.run").read_text())["port"]
         crowd = [socket.create_connection(("127.0.0.1", port), 5) for _ in range(300)]
         assert threading.active_count() <= before + 1
-        began = time.perf_counter()
         ask(tmp_path / "a.run", "stop")
-        assert time.perf_counter() - began < 1.0
         assert control.command is RunCommand.STOP
         for peer in crowd:
             peer.close()
+
+
+def test_a_peer_that_says_nothing_is_hung_up_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("probe.acquisition.remote.TIMEOUT_S", 0.1)
+    with listening(Control(), tmp_path / "a.run"):
+        port = json.loads(control_path(tmp_path / "a.run").read_text())["port"]
+        with socket.create_connection(("127.0.0.1", port), 10) as peer:
+            assert peer.recv(100) == b""

@@ -112,6 +112,8 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         (["detect", "none.run", "--false-alarm", "2"], ["--false-alarm 2", "between 0 and 1"]),
         (["detect", "none.run", "--ask", "-5"], ["--ask -5", "more than 0"]),
         (["detect", "none.run", "--ask", "nan"], ["--ask nan", "more than 0"]),
+        (["compare", "a.run"], ["takes two runs, got 1: a.run"]),
+        (["compare", "a.run", "b.run", "c.run"], ["got 3: a.run, b.run, c.run", "name two"]),
         (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
         (["press", "TI", "--x", "32"], ["--depth"]),
         (["press", "TI", "--x", "32", "--depth", "1", "--model", "magic"], ["magic", "finite"]),

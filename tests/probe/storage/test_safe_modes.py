@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from probe.storage.disk import StoreError, make_safe
+from probe.core.errors import StoreError
+from probe.storage.disk import make_safe
 from probe.storage.writer import create_store
 
 OTHER = """
