@@ -6,6 +6,9 @@ from mutants.elsewhere import ELSEWHERE
 from mutants.guarded import GUARDED
 from mutants.mutant import Mutant
 from mutants.numerics import NUMERICS
+from mutants.overlooked import OVERLOOKED
 from mutants.stored import STORED
 
-MUTANTS: tuple[Mutant, ...] = (*GUARDED, *AROUND, *STORED, *DEVICES, *ELSEWHERE, *NUMERICS)
+MUTANTS: tuple[Mutant, ...] = (
+    *GUARDED, *AROUND, *STORED, *DEVICES, *ELSEWHERE, *NUMERICS, *OVERLOOKED,
+)  # fmt: skip

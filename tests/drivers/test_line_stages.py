@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -234,6 +235,57 @@ def test_no_answer_with_a_flipped_bit_is_taken(
 
         with pytest.raises(NoAnswer):
             axes.read()
+
+
+def test_a_reply_that_comes_too_late_is_not_taken_for_the_next(
+    winkler: Respond, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=HOME)
+    device = zaber.ZaberChain(Carriage(phantom, homed=True), check_sums=True)
+    late: list[bytes] = []
+
+    class Line:
+        """The reply to each question comes again, before that to the next."""
+
+        def ask(self, data: bytes, **_how: Any) -> bytes:
+            late.append(device.received(data).removesuffix(b"\r\n"))
+            return late.pop(0) if len(late) > 1 else late[0]
+
+        def listen(self, **_how: Any) -> bytes:
+            return late[0]
+
+    monkeypatch.setattr("drivers.zaber.Line", lambda *_: Line())
+    both = {axis: zaber.RIG_AXES[axis] for axis in "xz"}
+    axes = drivers.zaber.ZaberAxes(drivers.zaber.ZaberSettings(port="pty", **both))
+    places_mm = axes.read().places_mm
+    assert places_mm == pytest.approx({"x": 52.0, "z": places_mm["z"]}, abs=1e-3)
+    assert axes.read().places_mm == places_mm
+
+
+def test_a_motor_that_was_told_to_go_and_has_not_set_off_has_not_arrived(
+    winkler: Respond, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = SimulatedClock()
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=HOME)
+    device = tmcl.TmclModule(Carriage(phantom, homed=True))
+
+    class Line:
+        """The module accepts a move a little before its motor turns."""
+
+        def ask(self, data: bytes, **_how: Any) -> bytes:
+            answer = device.received(data)
+            if tuple(data[1:3]) == (drivers.tmcl.GAP, drivers.tmcl.SPEED):
+                answer = answer[:4] + bytes(4)
+                answer += bytes([sum(answer) % 256])
+            return answer
+
+    monkeypatch.setattr("drivers.tmcl.Line", lambda *_: Line())
+    monkeypatch.setattr("drivers.tmcl.time", SimpleNamespace(monotonic=clock.now))
+    axes = drivers.tmcl.TmclAxes(drivers.tmcl.TmclSettings(port="pty", x=tmcl.RIG_AXES["x"]))
+    axes.move({"x": 54.0}, {"x": 5.0})
+    assert axes.read().moving
+    clock.sleep_until(10.0)
+    assert not axes.read().moving
 
 
 @pytest.mark.parametrize("name", EMULATORS)

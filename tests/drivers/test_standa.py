@@ -63,6 +63,21 @@ def test_a_stop_ends_all_axes_and_the_next_move_starts_from_there(stage: StandaS
     assert stage.pose()[:3] == pytest.approx((0, 0, 0), abs=1e-8)
 
 
+def test_a_stop_reaches_the_axes_behind_one_that_is_lost(
+    stage: StandaStage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unplugged() -> None:
+        raise ConnectionError("unplugged")
+
+    stage.move(Pose(0.0, 0.0, 0.004), 0.001)
+    time.sleep(0.2)
+    monkeypatch.setattr(stage._open["x"], "command_sstp", unplugged)
+    stage.stop()
+    time.sleep(0.1)
+    assert not stage.moving()
+    assert stage.pose().z < 0.0035
+
+
 @pytest.mark.parametrize(
     ("target", "speed", "words"),
     [

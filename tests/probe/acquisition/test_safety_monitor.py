@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from springs import Bed, SpringSensor, SpringStage
 
-from drivers import Block, Channel, DeviceFault, Pose, WallClock
+from drivers import Block, Channel, DeviceFault, Pose, SimulatedClock, WallClock
 from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.pose_guard import PoseGuard
+from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig
 from probe.config.scan_plan import limits_for, plan_for
@@ -228,3 +230,55 @@ def test_a_stage_that_is_too_fast_is_noticed(speed_m_s: float, within_s: float) 
     guard = PoseGuard(flat, WIDE)
     told = [guard.check(Pose(speed_m_s * t, 0, 0), t) for t in np.arange(0, within_s, 8e-3)]
     assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in told)
+
+
+def alone(stage: SpringStage, sensor: SpringSensor) -> SafetyMonitor:
+    """A monitor that lifts to where the bed's tip begins, 5 mm high."""
+    monitor = SafetyMonitor(
+        stage, [sensor], stage.bed.clock, flat, LIMITS, Control(), threaded=False, lift_z_m=5e-3
+    )
+    monitor.start()
+    return monitor
+
+
+def pass_time(monitor: SafetyMonitor, stage: SpringStage, for_s: float) -> None:
+    clock = stage.bed.clock
+    for _ in range(round(for_s / 4e-3)):
+        clock.sleep_until(clock.now() + 4e-3)
+        monitor.step()
+
+
+def simulated_springs() -> tuple[SpringStage, SpringSensor]:
+    bed = Bed(SimulatedClock())
+    return SpringStage(bed), SpringSensor(bed)
+
+
+def test_what_was_to_stay_is_not_lifted_by_the_next_objection() -> None:
+    """The user has said stop: where the probe rests, only they know what holds it."""
+    stage, sensor = simulated_springs()
+    monitor = alone(stage, sensor)
+    monitor.move(Pose(0.0, 0.0, 1e-3), 5e-3)
+    pass_time(monitor, stage, 0.2)
+    monitor.object("user", "stopped by the user", can_retract=False)
+    pass_time(monitor, stage, 0.5)
+    rests_m = stage.pose().z
+    monitor.object("cell", "force 2 N; the limit is 1 N", can_retract=True, again=True)
+    pass_time(monitor, stage, 2.0)
+    assert monitor.retreat is not None and monitor.retreat.done
+    assert stage.pose().z == rests_m < 4.5e-3
+
+
+def test_a_tip_that_was_sent_down_is_lifted_whatever_its_pose_says() -> None:
+    class Frozen(SpringStage):
+        def pose(self) -> Pose:
+            return Pose(0.0, 0.0, 5e-3)
+
+    stage, sensor = simulated_springs()
+    stage = Frozen(stage.bed)
+    monitor = alone(stage, sensor)
+    monitor.move(Pose(0.0, 0.0, -1e-3), 5e-3)
+    pass_time(monitor, stage, 0.5)
+    assert stage.bed.tip.point(stage.bed.clock.now())[2] < 3e-3
+    monitor.object("cell", "silent for 0.25 s", can_retract=True)
+    pass_time(monitor, stage, 3.0)
+    assert stage.bed.tip.point(stage.bed.clock.now())[2] == pytest.approx(5e-3, abs=1e-4)

@@ -19,6 +19,8 @@ class Stage:
         self.lifts: list[float] = []
         self.refuses = refuses
         self.says_m: float | None = None  # whatever is true
+        self.lowest_m = DOWN_M
+        self.x_m = self.slips_m_s = 0.0
         self._force = force_n
         self._target_m, self._speed_m_s = DOWN_M, 0.0
 
@@ -26,7 +28,9 @@ class Stage:
         self.now_s += STEP_S
         way = self._target_m - self.z_m
         self.z_m += max(min(way, self._speed_m_s * STEP_S), -self._speed_m_s * STEP_S)
-        retreat.step(self.now_s, Pose(0.0, 0.0, self.says_m or self.z_m), "")
+        self.lowest_m = min(self.lowest_m, self.z_m)
+        self.x_m += self.slips_m_s * STEP_S * self.moving()
+        retreat.step(self.now_s, Pose(self.x_m, 0.0, self.says_m or self.z_m), "")
 
     def stop(self) -> None:
         self._target_m = self.z_m
@@ -105,6 +109,31 @@ def test_a_tip_that_was_sent_down_is_lifted_though_its_pose_never_changed() -> N
     stage.lifts.clear()
     assert stage.out().up  # and what was not is left where it is
     assert stage.lifts == []
+
+
+def test_a_lift_never_goes_down() -> None:
+    stage = Stage(lambda _now_s, _z_m: 0.0)
+    stage.z_m = stage.lowest_m = high_m = UP_M + 5e-3
+    assert stage.out(led_down=True).up
+    assert stage.lowest_m == high_m
+
+
+def test_a_lift_that_goes_sideways_is_broken_off() -> None:
+    stage = Stage(spring)
+    stage.slips_m_s = 6e-3  # at 45 degrees through what lies there
+    retreat = stage.out()
+    assert retreat.why_not == "commanded to lift, the stage went another way"
+    assert stage.x_m < LIFTS * 0.7e-3  # half a millimetre each time, and a few steps
+    assert not stage.moving()
+
+
+def test_a_long_way_up_is_given_the_time_that_it_takes() -> None:
+    stage = Stage(lambda _now_s, _z_m: 0.0)
+    stage.z_m = -0.1  # 17 s at 6 mm/s
+    retreat = stage.out(most_s=60.0)
+    assert retreat.up
+    assert retreat.why_not is None
+    assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
 
 
 def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() -> None:

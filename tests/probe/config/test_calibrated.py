@@ -1,6 +1,7 @@
 """Calibrations from files, applied in scans."""
 
 import json
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -75,6 +76,18 @@ def test_wrong_gain_and_delay_are_put_right(tmp_path: Path) -> None:
     assert not notes
     assert np.abs(block.values[:, 0] - np.sin(20 * block.time_s**2)).max() < 0.01
     assert (block.values[:, 1] == Wrong().read().values[:, 1]).all()  # not a force
+
+
+def test_what_the_device_says_of_its_samples_is_passed_on(tmp_path: Path) -> None:
+    class Stumbling(Wrong):
+        def read(self) -> Block:
+            return replace(super().read(), lost=3, jumped_s=0.02)
+
+    _, (sensor,), _ = calibrated(
+        Skewed(), [Stumbling()], {"force": str(force_file(tmp_path / "f"))}
+    )
+    assert sensor.read().lost == 3
+    assert sensor.read().jumped_s == 0.02
 
 
 def test_another_devices_file_is_refused(tmp_path: Path) -> None:

@@ -53,6 +53,11 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
         ("[scan]\ntouch_n = 9\n", "scan.touch_n = 9: must be below safety.max_force_n = 5"),
         ("[safety]\nmax_depth_mm = 1\n", "safety.max_depth_mm = 1: the scan goes 2.5 mm"),
         ("[safety.workspace_mm]\nx = [5, 1]\n", r"x = \[5, 1\]: the first must be the smaller"),
+        (
+            "[scan]\nstart_mm = 0\nsurface_mm = [[0,0,0],[60,0,34.64],[0,9,0],[60,9,34.64]]\n"
+            "[safety]\nmax_depth_mm = 2.6\n",
+            "safety.max_depth_mm = 2.6: the scan goes 2.88",  # 2.5 mm along the normal, at 30 deg
+        ),
         ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
         ("[scan\n", "not TOML"),
         ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
