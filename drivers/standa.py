@@ -14,8 +14,10 @@ from drivers.core.extras import require
 from drivers.core.protocols import Clock, Pose
 
 AXES = "xyz"
-STILL_MM = 1e-6
-Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+STILL_MM = 1e-6  # a way this short is rounding: a microstep of the finest screws is 10 nm
+LOST = (ConnectionError, OSError, RuntimeError, ValueError)
+"""What libximc raises where an axis does not answer or refuses."""
+BoxMm = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class StandaStage:
@@ -27,7 +29,7 @@ class StandaStage:
         uris: Mapping[str, str],
         steps_per_mm: Mapping[str, float],
         origin_mm: Mapping[str, float],
-        limits_mm: Limits | None,
+        limits_mm: BoxMm | None,
         max_speed_mm_s: float,
         acceleration_mm_s2: float,
     ) -> None:
@@ -60,14 +62,14 @@ class StandaStage:
                     mode = int(device.get_engine_settings().MicrostepMode)
                     self._microsteps[axis] = 2 ** (mode - 1)
                     self._set_speed(axis, self._max_speed_mm_s)
-                except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+                except LOST as error:
                     self._release()
                     raise DeviceAbsent(
                         self.name, f"{axis}_uri = {uri!r}: {str(error).splitlines()[0]}"
                     ) from None
 
     def pose(self) -> Pose:
-        """Where the controllers are."""
+        """Where the controllers are. Raises `DeviceFault`."""
         here = dict.fromkeys(AXES, 0.0)
         for axis in self._uris:
             here[axis] = 1e-3 * self._position_mm(axis)
@@ -107,7 +109,7 @@ class StandaStage:
         for device in list(self._open.values()):
             try:
                 device.command_sstp()
-            except (ConnectionError, OSError, RuntimeError, ValueError):
+            except LOST:
                 continue  # a lost axis shows in `moving`; the others must still be stopped
 
     def close(self) -> None:
@@ -120,7 +122,7 @@ class StandaStage:
         for device in self._open.values():
             try:
                 device.close_device()
-            except (ConnectionError, OSError, RuntimeError, ValueError):
+            except LOST:
                 continue  # unplugged: there is nothing to release
         self._open = {}
 
@@ -130,7 +132,7 @@ class StandaStage:
             raise DeviceFault(self.name, "not connected")
         try:
             return getattr(device, call)(*arguments)
-        except (ConnectionError, OSError, RuntimeError, ValueError) as error:
+        except LOST as error:
             raise DeviceFault(self.name, f"axis {axis}: {error}") from None
 
     def _axis_moves(self, axis: str) -> bool:
@@ -147,6 +149,7 @@ class StandaStage:
         per_mm, microsteps = self._steps_per_mm[axis], self._microsteps[axis]
         steps, micro = divmod(round(speed_mm_s * per_mm * microsteps), microsteps)
         settings = self._ask(axis, "get_move_settings")
+        # a speed of 0 would never arrive: the slowest that the controller knows is one microstep/s
         settings.Speed, settings.uSpeed = steps, max(micro, 1 if steps == 0 else 0)
         settings.Accel = settings.Decel = max(round(self._acceleration_mm_s2 * per_mm), 1)
         self._ask(axis, "set_move_settings", settings)
@@ -185,7 +188,7 @@ def open_stage(
     z_uri: str | None = None,
     steps_per_mm: float | tuple[float, float, float] = 400.0,
     origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    limits_mm: Limits | None = None,
+    limits_mm: BoxMm | None = None,
     max_speed_mm_s: float = 10.0,
     acceleration_mm_s2: float = 100.0,
     name: str = "standa",

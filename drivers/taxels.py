@@ -21,6 +21,7 @@ from drivers.core.units import to_si
 
 Number = Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32"]
 Check = Literal["none", "sum8", "crc16-modbus", "crc16-x25"]
+MAX_TAXELS = 4096  # a slip of the pen beyond: 64 x 64 of 16 bits take 0.7 s at 115,200 baud
 CODES = {"u8": "B", "i8": "b", "u16": "H", "i16": "h", "u32": "I", "i32": "i", "f32": "f"}
 
 
@@ -31,7 +32,7 @@ def sum8(data: bytes) -> bytes:
 
 def crc16_modbus(data: bytes) -> bytes:
     """CRC-16/MODBUS, low byte first."""
-    return FramerRTU.compute_CRC(data).to_bytes(2, "big")
+    return FramerRTU.compute_CRC(data).to_bytes(2, "big")  # pymodbus returns it swapped
 
 
 def crc16_x25(data: bytes) -> bytes:
@@ -164,7 +165,10 @@ def open_sensor(
     """An array of ``rows`` x ``columns`` taxels at a serial ``port``.
 
     ``header`` in hexadecimal (``"AA55"``); pressure = ``scale`` x number + ``offset`` in ``unit``,
-    stored in Pa, in channels ``r0c0``, ``r0c1``, … Raises `ConfigError`.
+    stored in Pa, in channels ``r0c0``, ``r0c1``, … ``full_scale``: the pressure in ``unit``, after
+    ``scale`` and ``offset``, from which on a taxel counts as saturated. ``counter``: one byte after
+    the header counts frames modulo 256. ``check``: the check sum at a frame's end. ``latency_ms``:
+    from the touch to the frame's earliest arrival. Raises `ConfigError`.
     """
     try:
         start = bytes.fromhex(header)
@@ -172,8 +176,10 @@ def open_sensor(
         start = b""
     if not start:
         raise ConfigError(f"header = {header!r}: must be hexadecimal bytes such as 'AA55'")
-    if not (rows >= 1 and columns >= 1 and rows * columns <= 4096):
-        raise ConfigError(f"rows = {rows}, columns = {columns}: 1 to 4096 taxels are possible")
+    if not (rows >= 1 and columns >= 1 and rows * columns <= MAX_TAXELS):
+        raise ConfigError(
+            f"rows = {rows}, columns = {columns}: 1 to {MAX_TAXELS} taxels are possible"
+        )
     if not (math.isfinite(rate_hz) and rate_hz > 0):
         raise ConfigError(f"rate_hz = {rate_hz:g}: must be above 0")
     si, factor = to_si(unit)

@@ -6,6 +6,8 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+from campaign.limits import MAX_FORCE_N
+
 Row = dict[str, Any]
 HEAD = (
     "fault", "runs", "completed", "aborted", "faulted", "no answer", "not lifted",
@@ -44,10 +46,10 @@ def _line(kind: str, rows: list[Row]) -> str:
     counts = [finished.count(f) for f in ("completed", "aborted", "faulted", "none")]
     worst = max(rows, key=lambda row: row.get("force_n", 0.0))
     rest = [row["rest_s"] for row in rows if not math.isnan(row.get("rest_s", math.nan))]
-    over_n = max(worst.get("force_n", 0.0) - 1.6, 0.0)
+    over_n = max(worst.get("force_n", 0.0) - MAX_FORCE_N, 0.0)
     cells = [
         kind, len(rows), *counts, sum(not row.get("up", True) for row in rows), f"{over_n:.2f}",
-        f"{worst.get('allowed_n', math.nan) - 1.6:.2f}", f"{max(rest, default=0.0):.2f}",
+        f"{worst.get('allowed_n', math.nan) - MAX_FORCE_N:.2f}", f"{max(rest, default=0.0):.2f}",
         sum(bool(row["wrong"]) for row in rows),
     ]  # fmt: skip
     return f"| {' | '.join(map(str, cells))} |"

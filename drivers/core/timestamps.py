@@ -12,25 +12,39 @@ from statistics import median
 
 DRIFT = 5e-4  # far more than crystals differ, far less than a line's jitter
 FRAME_DRIFT = 2e-3  # while a device's period is still being learnt
-INSTANT_S = 1e-6
+INSTANT_S = 1e-6  # times ascend by at least this; half or twice of it changes nothing
 STOOD_S = 0.01  # a smaller loss heals by `DRIFT` within 20 s
 MAX_LATENESS_SPREAD = 0.25
-"""Of lateness over its least; a stall of 60 ms on a quiet machine has 0.03."""
-LASTING_S = 0.25
+"""Spread of the lateness, (median - least) / least, above which it is jitter and not a clock that
+stood still. 0.03 was seen in a stall of 60 ms; at 0.5 a busy second is taken for a stop of the
+clock (benchmarks/time_stamps.py)."""
+LASTING_S = 0.25  # at half of it too; twice of it finds the same stops
+
+# Of frames without a time of their own. What half or twice of each does to the error of the times
+# and to the count of lost frames is measured by benchmarks/time_stamps.py.
 LATE_READS = 5
+"""Late reads in a row that mean lost frames, not a busy reader: with 2 most counts are wrong, with
+10 as many as with 5."""
+LATE_PERIODS = 0.75
+"""How late they are, in periods, between jitter and one whole lost frame: with half most counts are
+wrong, with 0.9 as many as with 0.75."""
 PERIOD_SLACK = 0.03
+"""Share by which a period may differ from the nominal one: a device's own clock may be 2 % off its
+data sheet. Half of it loses those; with twice a device that loses frames passes for a slow one."""
 WINDOW_FRAMES = 10
+"""Half or twice of it makes the times up to twice as wrong, and half as many counts again."""
 WINDOWS = 80
+"""Half or twice of it changes nothing."""
 
 
 class DeviceTime:
     """Scan time of samples whose device gives a time of its own [s].
 
     ``latency_s`` is what passes between the touch and the earliest possible arrival. With
-    ``stands_still`` the device's clock may lose time (a controller that misses cycles counts them
-    as never been): where every sample of `LASTING_S` came later than its stamp by more than
-    `STOOD_S`, and all by about the same, the stamps are anchored anew, and ``jumped_s`` says how
-    early the ones before were. A machine that is late itself is so by ever different times, and
+    ``stands_still`` the device's clock may lose time (a controller that misses cycles does
+    not count the missed ones): where every sample of `LASTING_S` came later than its stamp by more
+    than `STOOD_S`, and all by about the same, the stamps are anchored anew, and ``jumped_s`` says
+    how early the ones before were. A machine that is late itself is so by ever different times, and
     catches up.
     """
 
@@ -115,7 +129,7 @@ class FrameTime:
 
     def _unseen(self) -> int:
         behind_s = min(self._late, default=0.0)
-        if len(self._late) < LATE_READS or behind_s < 0.75 * self._period_s:
+        if len(self._late) < LATE_READS or behind_s < LATE_PERIODS * self._period_s:
             return 0
         self._late.clear()
         return round(behind_s / self._period_s)

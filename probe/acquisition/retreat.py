@@ -12,6 +12,9 @@ from drivers import DeviceFault, Pose, Stage
 from drivers.core import abilities
 from probe.planning.limits import Limits
 
+# None of these times and ways is critical: halved and doubled one by one, they change the 0.7 s in
+# which a stage leaves a spring, a pulse of 12 % or a cough by at most 0.1 s, and after five refused
+# lifts the 1.2 s by 0.5 s (`Stage` of tests/probe/acquisition/test_way_out.py).
 STOP_AGAIN_S = 0.02  # a stop is repeated this often
 STILL_S, STILL_M = 0.03, 20e-6  # at rest: not further than this from where it was this long ago
 LIFT_AGAIN_S = 0.1

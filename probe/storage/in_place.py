@@ -10,7 +10,10 @@ Identity = tuple[int, int]  # of a file, whatever its name
 
 
 class InPlace:
-    """Whether a run, its log and its shared memory are still the files that were opened."""
+    """Whether a run, its log and its shared memory are still the files that were opened.
+
+    ``handle`` is an open descriptor of the run.
+    """
 
     def __init__(self, path: Path, handle: int) -> None:
         self._ids: dict[Path, Identity | None] = {path: identity(os.fstat(handle))}
@@ -18,7 +21,10 @@ class InPlace:
             self._ids[path.with_name(path.name + end)] = None
 
     def lost(self) -> Path | None:
-        """The first of them that was deleted, moved or replaced."""
+        """The first of them that was deleted, moved or replaced; None while all are there.
+
+        A log that appears later is adopted as it is.
+        """
         for path, known in self._ids.items():
             try:
                 found = path.stat()

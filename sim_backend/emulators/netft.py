@@ -66,7 +66,12 @@ class NetFtBox:
             thread.start()
 
     def fail(self, fault: str | None) -> None:
-        """Begin a fault of ``faults``; None: mend. ``lossy`` drops one record in five."""
+        """Begin a fault of ``faults``; None: mend. Raises `ValueError`.
+
+        ``silence`` sends nothing more, ``drop`` also hears nothing. Of the records ``lossy`` leaves
+        out one in five and ``garbage`` makes random bytes of all; ``late`` sends each 0.2 s late;
+        ``doubled`` sends one in `SELDOM` twice, ``swapped`` after the next.
+        """
         if fault is not None and fault not in self.faults:
             raise ValueError(f"fault {fault!r}: known are {', '.join(self.faults)}")
         self._fault = fault
@@ -113,6 +118,7 @@ class NetFtBox:
             -(self._force_n(late_s) - self._bias_n) + self._noise_n * self._rng.standard_normal()
         )
         counts = round(COUNTS_PER_N * measured_n)
+        # its sequence, that of the 7000 Hz at which a box samples, status; forces, torques
         return struct.pack(
             ">3I6i", self._sequence, 7 * self._sequence % 2**32, 0, 0, 0, counts, 0, 0, 0
         )
@@ -165,7 +171,11 @@ def emulate(
     rate_hz: float = 1000.0,
     noise_n: float = 0.001,
 ) -> Iterator[NetFtBox]:
-    """Serve a box on the address ``at``; port 0: any free one."""
+    """Serve a box on the address ``at``; port 0: any free one.
+
+    ``rdt_port`` is the real box's. Its page is on port 80, which only root may serve; 8049 stands
+    for it.
+    """
     box = NetFtBox(phantom, at, (rdt_port, http_port), rate_hz, noise_n)
     try:
         yield box

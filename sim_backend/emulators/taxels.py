@@ -41,7 +41,7 @@ class TaxelArray:
         return ("dead",)
 
     def fail(self, _fault: str) -> None:
-        """Lose the first taxel."""
+        """Lose the first taxel; `Served.fail` refuses any other fault."""
         self._share[0] = 0.0
 
     def received(self, _data: bytes) -> bytes:

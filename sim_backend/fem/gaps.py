@@ -16,9 +16,11 @@ GAP_SHARE = 1.5
 """Longest side along a gap over the gap's width: below 2, at which a point across the gap may fall
 into the circle round the side."""
 GROWTH = 0.45
-"""How fast elements grow from a gap into what bounds it."""
+"""How fast elements grow from a gap into what bounds it, as in `fem.model`; coarser models, whose
+error is measured with theirs, choose their own."""
 LEAST_GAP_M = 1e-6
-"""Gaps below this are not meshed: the tissue's own cells are ten times larger."""
+"""Gaps below this are not meshed: a cell of soft tissue is 10 to 100 um across (Alberts et al.
+2014, *Molecular Biology of the Cell*), so nothing there is a continuum."""
 
 Distance = Callable[[Array], Array]
 Circle = tuple[tuple[float, float], float]
@@ -81,12 +83,12 @@ def _between(one: Circle, other: Circle, n: int, m: int) -> Gap:
     )  # fmt: skip
 
 
-def _to_sides(circle: Circle, n: int, width: float, height: float) -> list[Gap]:
+def _to_sides(circle: Circle, n: int, width_m: float, height_m: float) -> list[Gap]:
     (x, y), radius = circle
     sides: list[tuple[Distance, float, str]] = [
-        (lambda points: height - points[:, 1], height - y, "the surface"),
+        (lambda points: height_m - points[:, 1], height_m - y, "the surface"),
         (lambda points: points[:, 1], y, "the bottom"),
-        (lambda points: width - points[:, 0], width - x, "the right side"),
+        (lambda points: width_m - points[:, 0], width_m - x, "the right side"),
     ]
     if x != 0.0:
         sides.append((lambda points: points[:, 0], x, "the left side"))

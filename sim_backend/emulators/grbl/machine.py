@@ -6,7 +6,7 @@ The probe input closes when the phantom pushes back with ``touch_n``.
 
 from collections import deque
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -15,23 +15,29 @@ from sim_backend.phantom.phantom import Phantom
 Point = tuple[float, float, float]
 ORIGIN_MM: Point = (-80.0, -20.0, -52.0)
 SETTINGS = {
-    10: 1.0, 13: 0.0, 20: 1.0, 21: 1.0, 22: 1.0, 25: 3000.0, 27: 1.0,
-    110: 6000.0, 111: 6000.0, 112: 3000.0, 120: 1000.0, 121: 1000.0, 122: 1000.0,
-    130: 100.0, 131: 40.0, 132: 60.0,
+    10: 1.0,  # status reports give the machine's position
+    13: 0.0,  # reports in inches
+    20: 1.0, 21: 1.0, 22: 1.0,  # soft limits, hard limits, homing
+    25: 3000.0, 27: 1.0,  # homing: speed [mm/min], way back off the switches [mm]
+    110: 6000.0, 111: 6000.0, 112: 3000.0,  # greatest speed of x, y, z [mm/min]
+    120: 1000.0, 121: 1000.0, 122: 1000.0,  # acceleration of x, y, z [mm/s2]
+    130: 100.0, 131: 40.0, 132: 60.0,  # travel of x, y, z [mm]
 }  # fmt: skip
 SWITCH_MM = 0.5  # the limit switches sit this far beyond the soft limits
 INCH_MM = 25.4
 CRITICAL = (1, 2, 10)  # after these only a reset is listened to
+AT_ONCE_MM_S2 = 1e6  # an alarm cuts the motors: from the greatest speed to rest within 5 um
 
 
 class Motion(NamedTuple):
-    kind: str  # Jog, Run, Probe, Home
+    kind: Literal["Jog", "Run", "Probe", "Home", "Dwell", "Touched"]
     target: Point
     speed_mm_s: float
 
 
 class GrblMachine:
-    """What moves and what stops it, said as lines in ``_said``; it knows no commands."""
+    """What moves and what stops it. It knows no commands; what it has to say is kept as lines for
+    the board, which sends them."""
 
     def __init__(
         self,
@@ -113,7 +119,7 @@ class GrblMachine:
 
     def _alarm(self, number: int) -> None:
         if number in CRITICAL:
-            self._halt(1e6)
+            self._halt(AT_ONCE_MM_S2)
             self._critical = True
         self._queue.clear()
         self._now = None

@@ -64,6 +64,18 @@ def test_a_device_that_is_not_quite_as_fast_as_its_data_sheet_loses_nothing(erro
     assert np.abs(np.array([t for t, _ in stamped]) - true)[200:].max() < 2e-3
 
 
+def test_a_device_that_loses_frames_is_not_taken_for_a_slow_one() -> None:
+    """4 % fewer frames than the data sheet says: more than a device's own clock can be off."""
+    rng = np.random.default_rng(3)
+    frames, true = FrameTime(0.01), 0.01 * 1.04 * np.arange(1500)
+    assert sum(frames.stamp(t + rng.exponential(0.001))[1] for t in true) > 20
+
+
+def test_four_late_reads_in_a_row_are_a_busy_reader_not_lost_frames() -> None:
+    frames, late = FrameTime(0.01), 0.0095 * np.isin(np.arange(60), range(20, 24))
+    assert sum(frames.stamp(0.01 * k + late[k])[1] for k in range(60)) == 0
+
+
 def test_a_device_that_starts_anew_is_followed_from_there() -> None:
     time = DeviceTime()
     before = [time.stamp(k * 0.1, 50 + k * 0.1) for k in range(10)]
