@@ -33,7 +33,7 @@ ROUNDS = 4
 """Of size and noise in turns with the best train: eight change those holds' by at most 1.0."""
 START_PERCENTILES, START_NOISE = (3, 97), 0.3
 """Where the rounds begin: the swing between these percentiles, and noise of this share of the
-power. Half or twice of either changes those holds' log evidence by at most 1.0, mostly below 0.2."""
+power. Half or twice of either changes those holds' log evidence by at most 1.0, mostly by 0.2."""
 MIN_FREE = 8.0
 """Samples that the noise's level is at least found from: half or twice of it changes nothing."""
 
