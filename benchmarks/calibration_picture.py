@@ -16,7 +16,7 @@ from drivers.core.arrays import Array
 from probe.cli import main
 from probe.config.rig import Rig
 from probe.core.recording import Recording
-from probe.report.look import BLUE, GREEN, ORANGE
+from probe.report.look import BLUE, GREEN, VERMILLION
 from sim_backend.models.station_response import respond
 
 SCENE, TRUE_MM, TRUE_KPA = "TIT", 32.0, 50.0
@@ -73,7 +73,7 @@ def draw(
 def wrong_and_right(folder: Path) -> list[Seen]:
     """The wrong rig's scan, the same with its calibrations, and one by a rig without fault."""
     rig = WrongRig(folder, SCENE, respond)
-    before = _seen(rig, rig.scan("", seed=1).path, "wrong rig", ORANGE)
+    before = _seen(rig, rig.scan("", seed=1).path, "wrong rig", VERMILLION)
     rig.calibrate_all()
     after = _seen(rig, rig.scan("", seed=1).path, "calibrated", BLUE)
     plain = Rig.model_validate({"face_mm2": 100, "scene": {"name": SCENE}})

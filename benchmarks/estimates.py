@@ -20,7 +20,7 @@ from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection.map.bumps import find_bumps, shape, surroundings
 from probe.detection.pulse.presses import presses_of
-from probe.report.look import BLUE, ORANGE
+from probe.report.look import BLUE, VERMILLION
 from sim_backend.scene.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES
 
 RATE_HZ = 500.0
@@ -135,7 +135,7 @@ def draw(
     """Variance over its bound against hold time; the place's error against stations."""
     figure = Figure(figsize=(8, 3.2), layout="constrained")
     left, right = figure.subplots(1, 2)
-    for sigmas, colour in zip(SIGMAS, (BLUE, ORANGE), strict=True):
+    for sigmas, colour in zip(SIGMAS, (BLUE, VERMILLION), strict=True):
         ratio = [sizes[h, sigmas][1] ** 2 for h in HOLDS_S]
         left.plot(HOLDS_S, ratio, "o-", color=colour, label=f"pulse of {sigmas:g} sigma")
     left.axhline(1.0, color="0.6", lw=1, ls="--")

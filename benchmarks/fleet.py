@@ -23,7 +23,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from probe.report.look import BLUE, ORANGE
+from probe.report.look import BLUE, VERMILLION
 from probe.studies.sweep import solve_points
 from probe.studies.vary import Point, applied, parse, places, points
 from sim_backend.fem.finite_strain import solve_finite
@@ -101,7 +101,7 @@ def draw(off: pd.DataFrame, seconds: list[float]) -> Figure:
     """True error against the stated one, and the time of a scan."""
     figure = Figure(figsize=(9, 4), layout="constrained")
     errors, times = figure.subplots(1, 2)
-    for name, colour in (("force", BLUE), ("pulse", ORANGE)):
+    for name, colour in (("force", BLUE), ("pulse", VERMILLION)):
         errors.loglog(off[f"{name}_stated_mn"], off[f"{name}_off_mn"], "o", ms=4, color=colour,
                       label=name)  # fmt: skip
     ends = np.array([off.filter(like="stated").min().min(), off.filter(like="stated").max().max()])

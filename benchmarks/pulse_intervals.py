@@ -23,7 +23,7 @@ from six_scenes import noisy, silent
 from drivers.core.arrays import Array
 from probe.core.recording import Recording
 from probe.detection.pulse.presses import Press, presses_of
-from probe.report.look import BLUE, GREEN, ORANGE
+from probe.report.look import BLUE, GREEN, VERMILLION
 from sim_backend.scene.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES
 
 RATE_HZ, LEVEL_PA, PULSE_PA, NOISE_PA = 500.0, 9000.0, 80.0, 5.0
@@ -106,7 +106,9 @@ def draw(table: pd.DataFrame) -> Figure:
     figure = Figure(figsize=(8, 3.4), layout="constrained")
     left, right = figure.subplots(1, 2)
     singles = table[table.station == 0]
-    looks = zip(RELAXING, (BLUE, GREEN, ORANGE), ("none", "a tenth", "as real tissue"), strict=True)
+    looks = zip(
+        RELAXING, (BLUE, GREEN, VERMILLION), ("none", "a tenth", "as real tissue"), strict=True
+    )
     for shift, (relaxing, colour, name) in enumerate(looks):
         for hold_s, cell in singles[singles.relaxing == relaxing].groupby("hold_s"):
             count, of = int(cell.holds.sum()), len(cell)

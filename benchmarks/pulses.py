@@ -31,7 +31,7 @@ from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold, hold_of
 from probe.detection.pulse.rate_prior import rates_hz
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
-from probe.report.look import BLUE, GREEN, ORANGE
+from probe.report.look import BLUE, GREEN, VERMILLION
 
 Curve = tuple[Array, Array]
 
@@ -215,7 +215,8 @@ def draw() -> Figure:
     table, empties = tables()
     figure = Figure(figsize=(8, 6), layout="constrained")
     looks = {
-        "palpate": (BLUE, "-"), "palpate, no causes": (BLUE, ":"), "matched beat": (ORANGE, "-"),
+        "palpate": (BLUE, "-"), "palpate, no causes": (BLUE, ":"),
+        "matched beat": (VERMILLION, "-"),
         "lock-in": (GREEN, "-"), "two harmonics": ("0.4", "--"), "neurokit2": ("0.4", ":"),
         "paper": ("0.7", "-"),
     }  # fmt: skip

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.tri import Triangulation
 
 import palpate
-from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PINK
+from probe.report.look import BLUE, GREEN, HEAT, INK, PURPLE, VERMILLION
 
-SCENES = {"TI": INK, "TIT": GREEN, "TIHA": ORANGE, "TISA": BLUE}
+SCENES = {"TI": INK, "TIT": GREEN, "TIHA": VERMILLION, "TISA": BLUE}
 OUT = Path(__file__).with_name("phantoms.png")
 BELOW = 0.75
 """How far up the intervals are shaded: the legend stands above."""
@@ -42,7 +42,7 @@ def draw_pulses(axes: Axes, folder: Path) -> None:
         pulse = [one["pulse_pa"] for one in found["stations"]]
         axes.plot(x, pulse, "o-", ms=3, color=colour, label=f"{name}: {found['finding']}")
         for one in found["objects"]:
-            axes.axvspan(*one["position_ci_mm"], ymax=BELOW, color=PINK, alpha=0.15, lw=0)
+            axes.axvspan(*one["position_ci_mm"], ymax=BELOW, color=PURPLE, alpha=0.15, lw=0)
     axes.set(xlabel="x [mm]", ylabel="pulse [Pa]")
     axes.set_title("Pulse at each of 15 stations, and the finding", loc="left", fontsize=9)
     axes.set_yscale("symlog", linthresh=10)
@@ -57,7 +57,7 @@ def main() -> None:
     draw_section(above)
     with tempfile.TemporaryDirectory() as folder:
         draw_pulses(below, Path(folder))
-    figure.text(0.995, 0.995, "SIMULATED", fontsize=7, color=ORANGE, ha="right", va="top")
+    figure.text(0.995, 0.995, "SIMULATED", fontsize=7, color=VERMILLION, ha="right", va="top")
     figure.savefig(OUT, dpi=160, facecolor="white")
 
 

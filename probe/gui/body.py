@@ -6,7 +6,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from probe.gui.state import ViewState
 from probe.gui.style import head, pen, plot
-from probe.report.look import GREEN, INK, ORANGE, PINK
+from probe.report.look import GREEN, INK, PURPLE, VERMILLION
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Artery, Scene
 
@@ -36,13 +36,13 @@ def draw_scene(area: pg.PlotItem, scene: Scene) -> None:
     for one in scene.inclusion:
         y = top - one.depth_mm if scene.tissue is not None else top / 2
         radii = [one.outer_radius_mm]
-        colour = PINK
+        colour = PURPLE
         if isinstance(one, Artery):
             inner = one.inner_diameter_mm / 2
             radii.append(inner)
             if one.stenosis is not None:
                 radii.append(inner * (1 - one.stenosis.fraction))
-            colour = ORANGE
+            colour = VERMILLION
         for r in radii:
             area.plot(one.x_mm + r * np.cos(CIRCLE), y + r * np.sin(CIRCLE), pen=pen(colour, 2))
 

@@ -17,7 +17,7 @@ from probe.core.finding_words import (
     simulated_words,
 )
 from probe.gui.state import ViewState
-from probe.report.look import GREEN, ORANGE
+from probe.report.look import GREEN, VERMILLION
 
 Ask = Callable[[str], None]
 """Passes pause, resume, abort or stop to the scan; raises `NotRunning`."""
@@ -113,7 +113,7 @@ class SidePanel(QWidget):
         self.objects.setText("\n".join(_details(finding)) if finding else "")
         self.progress.setText(progress_line(state))
         rows = (
-            f"<span style='color:{GREEN if s in ('ok', 'closed') else ORANGE}'>&#9679;</span> "
+            f"<span style='color:{GREEN if s in ('ok', 'closed') else VERMILLION}'>&#9679;</span> "
             f"{name}: {s}"
             + (f", {state.traces[name].lost} lost" if state.traces[name].lost else "")
             for name, s in state.device_states().items()

@@ -16,7 +16,7 @@ from probe.gui.body import draw_scene, finger_outline, frame_scene
 from probe.gui.maps import HeatMap
 from probe.gui.style import application, label, pen, plot, until_closed
 from probe.gui.table import Table, solve
-from probe.report.look import BLUE, GREEN, ORANGE
+from probe.report.look import BLUE, GREEN, VERMILLION
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
@@ -72,13 +72,13 @@ class FeelWindow(QWidget):
         draw_scene(self.section.plot, scene)
         frame_scene(self.section.plot, scene)
         self.finger = self.section.plot.plot([], [], pen=pen(GREEN, 3))
-        self.contact = self.section.plot.plot([], [], pen=pen(ORANGE, 5))
+        self.contact = self.section.plot.plot([], [], pen=pen(VERMILLION, 5))
         self.section.scene().installEventFilter(self)
         self.section.viewport().installEventFilter(self)
         self.force = plot("", ("time before now", "s"), ("force", "N"))
         self.force_curve = self.force.plot(pen=pen(BLUE, 2))
         self.pulse = plot("", ("time before now", "s"), ("lumen pressure", "mmHg"))
-        self.pulse_curve = self.pulse.plot(pen=pen(ORANGE, 2))
+        self.pulse_curve = self.pulse.plot(pen=pen(VERMILLION, 2))
         self.force.setXRange(-HISTORY_S, 0, padding=0)
         self.pulse.setXLink(self.force)
         pulse = scene.pulse

@@ -11,7 +11,7 @@ from PySide6.QtWidgets import QApplication, QStackedWidget, QVBoxLayout, QWidget
 from drivers.core.arrays import Array
 from probe.gui.state import ViewState
 from probe.gui.style import head, heat, label, pen, plot, scale, symbol_size
-from probe.report.look import BLUE, ORANGE
+from probe.report.look import BLUE, VERMILLION
 
 
 class Levels(NamedTuple):
@@ -36,7 +36,7 @@ class LineMap(QWidget):
             pen=pen(BLUE, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=BLUE
         )
         self.beat_curve = self.beat.plot(
-            pen=pen(ORANGE, 2), symbol="s", symbolSize=symbol_size(), symbolBrush=ORANGE
+            pen=pen(VERMILLION, 2), symbol="s", symbolSize=symbol_size(), symbolBrush=VERMILLION
         )
         for each in (self.base, self.beat):
             layout.addWidget(each)

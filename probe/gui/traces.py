@@ -7,11 +7,11 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from drivers.core.arrays import Array
 from probe.gui.state import TRACE_S, ViewState, fold
 from probe.gui.style import pen, plot, shade, symbol_size
-from probe.report.look import BLUE, GREEN, ORANGE, PHASE_COLOURS, PINK, SKY
+from probe.report.look import BLUE, GREEN, PHASE_COLOURS, PURPLE, SKY, VERMILLION
 
 MAX_POINTS = 3000
 MAX_CURVES = 4  # of more channels: the least, the mean and the greatest
-COLOURS = (SKY, BLUE, PINK, GREEN)
+COLOURS = (SKY, BLUE, PURPLE, GREEN)
 SHADES = 40
 
 
@@ -37,7 +37,7 @@ class TracePanel(QWidget):
         self.beat = plot("Pulse", ("time", "s"), ("change", "Pa"))
         self._beat_title = ""
         self.beat_curve = self.beat.plot(
-            pen=pen(ORANGE, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=ORANGE
+            pen=pen(VERMILLION, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=VERMILLION
         )
         layout.addWidget(self.trace, 3)
         layout.addWidget(self.beat, 2)

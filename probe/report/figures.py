@@ -14,7 +14,7 @@ from drivers.core.extras import needs
 from probe.core.finding_words import reach
 from probe.core.places import has_rows
 from probe.core.recording import Recording, Station
-from probe.report.look import BLUE, GREEN, HEAT, INK, ORANGE, PAPER_WIDTH_IN, PHASE_COLOURS
+from probe.report.look import BLUE, GREEN, HEAT, INK, PAPER_WIDTH_IN, PHASE_COLOURS, VERMILLION
 
 with needs("report", "a report"):
     import matplotlib as mpl
@@ -116,7 +116,11 @@ def tactile_map(recording: Recording, heart_rate_bpm: float | None = None) -> Fi
         return heat_maps(x, y, [m / 1e3 for m in maps.values()], list(maps), "stress [kPa]")
     figure = _figure()
     axes = figure.add_subplot()
-    looks = {"diastole": (BLUE, "s--"), "mean of the hold": (INK, "o-"), "systole": (ORANGE, "^:")}
+    looks = {
+        "diastole": (BLUE, "s--"),
+        "mean of the hold": (INK, "o-"),
+        "systole": (VERMILLION, "^:"),
+    }
     for name, values in maps.items():
         colour, mark = looks[name]
         axes.plot(x, values / 1e3, mark, color=colour, label=name)
@@ -157,7 +161,7 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
     axes = figure.add_subplot()
     x = np.array([_number(s["x_mm"]) for s in finding["stations"]])
     reaches = np.array([_number(reach(s["pulse_sd_pa"])) for s in finding["stations"]])
-    axes.errorbar(x, pulse, np.nan_to_num(reaches), fmt="o-", color=ORANGE, lw=1.2, capsize=2)
+    axes.errorbar(x, pulse, np.nan_to_num(reaches), fmt="o-", color=VERMILLION, lw=1.2, capsize=2)
     for number, one in enumerate(finding["objects"]):
         if one.get("position_mm") is None:
             continue
@@ -233,7 +237,7 @@ def _legend(figure: Figure) -> None:
 
 def mark_simulated(figure: Figure) -> None:
     """Say in the picture itself that what it shows was simulated."""
-    figure.text(0.01, 0.01, "SIMULATED", fontsize=6, color=ORANGE, ha="left", va="bottom")
+    figure.text(0.01, 0.01, "SIMULATED", fontsize=6, color=VERMILLION, ha="left", va="bottom")
 
 
 def _number(value: float | None) -> float:

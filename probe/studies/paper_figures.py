@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.core.extras import needs
-from probe.report.look import BLUE, GREEN, ORANGE
+from probe.report.look import BLUE, GREEN, VERMILLION
 from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA, TIMES_S
 
 with needs("data", "palpate paper"):
@@ -14,7 +14,7 @@ with needs("report", "palpate paper"):
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = (ORANGE, GREEN, BLUE)
+COLOURS = (VERMILLION, GREEN, BLUE)
 LABELS = {
     "inclusion.0.depth_mm": "depth of the artery [mm]",
     "indentation_mm": "indentation [mm]",
@@ -37,7 +37,7 @@ def _readings(table: pd.DataFrame) -> Figure:
     names = list(dict.fromkeys(rows.reading))[::-1]
     figure = Figure(figsize=(8, 4.2), layout="constrained")
     axes = figure.subplots()
-    for model, colour in (("finite", ORANGE), ("small", BLUE)):
+    for model, colour in (("finite", VERMILLION), ("small", BLUE)):
         some = rows[rows.model == model]
         at = [names.index(one) for one in some.reading]
         for column, mark, name in (("von_mises_pulse_pa", "o", "von Mises stress"),
@@ -97,7 +97,7 @@ def _trends(table: pd.DataFrame) -> Figure:
         for (model, plane), some in rows.groupby(["model", "plane"], sort=False):
             axes.plot(some[key], some.contact_pa_120 - some.contact_pa_80,
                       "o-" if plane == "stress" else "s--", ms=3,
-                      color=ORANGE if model == "finite" else BLUE,
+                      color=VERMILLION if model == "finite" else BLUE,
                       label=f"{model} strain, plane {plane}")  # fmt: skip
         axes.set(xlabel=LABELS[key], ylim=(0, None))
         axes.set_title(f"Fig. {number}", loc="left")

@@ -175,9 +175,9 @@ def pareto(table: pd.DataFrame, error: str) -> pd.DataFrame:
 
 def draw(table: pd.DataFrame, scene: str) -> Figure:
     """Two panels, force and pulse, log-log."""
-    from probe.report.look import BLUE, GREEN, INK, ORANGE, PINK, SKY
+    from probe.report.look import BLUE, GREEN, INK, PURPLE, SKY, VERMILLION
 
-    colours = {"finite strain": ORANGE, "small strain": BLUE, "CalculiX": GREEN,
+    colours = {"finite strain": VERMILLION, "small strain": BLUE, "CalculiX": GREEN,
                "FElupe": SKY}  # fmt: skip
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     panels = figure.subplots(1, 2, sharex=True)
@@ -191,7 +191,7 @@ def draw(table: pd.DataFrame, scene: str) -> Figure:
                 axes.plot(some.seconds, some[error].clip(lower=1e-3), marker + "-", ms=4, lw=0.8,
                           color=colour, alpha=0.85, label=f"{solver}, {element}")  # fmt: skip
         chosen = solved[solved.element == "by itself"]
-        axes.plot(chosen.seconds, chosen[error].clip(lower=1e-3), "*", ms=11, color=PINK,
+        axes.plot(chosen.seconds, chosen[error].clip(lower=1e-3), "*", ms=11, color=PURPLE,
                   label="palpate press --accuracy 5, 2, 1, 0.5")  # fmt: skip
         front = pareto(solved, error)
         axes.step(front.seconds, front[error].clip(lower=1e-3), where="post", color=INK, lw=2.5,

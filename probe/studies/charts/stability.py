@@ -179,7 +179,7 @@ def _too_long(_signal: int, _frame: object) -> None:
 
 def draw(table: pd.DataFrame) -> Figure:
     """A strip per row of cells: colour is the error, signs are refusals."""
-    from probe.report.look import INK, PINK
+    from probe.report.look import INK, PURPLE
 
     strips = list(table.groupby(["family", "row"], sort=False))
     figure = Figure(figsize=(11, 0.3 * len(strips) + 1.2), layout="constrained")
@@ -192,8 +192,8 @@ def draw(table: pd.DataFrame) -> Figure:
             x[solved], np.full(solved.sum(), y), c=some.error_pct[solved].clip(1e-2, 100),
             norm=LogNorm(1e-2, 100), cmap="cividis", marker="s", s=130,
         )  # fmt: skip
-        for verdict, sign, colour in (("refused", "x", INK), ("wrong", "o", PINK),
-                                      ("hangs", "^", PINK)):  # fmt: skip
+        for verdict, sign, colour in (("refused", "x", INK), ("wrong", "o", PURPLE),
+                                      ("hangs", "^", PURPLE)):  # fmt: skip
             those = (some.verdict == verdict).to_numpy()
             axes.scatter(x[those], np.full(those.sum(), y), marker=sign, color=colour, s=60)
         for at, value in zip(x, some.value, strict=True):

@@ -61,8 +61,11 @@ def test_strangers_and_noise_change_nothing(line: bytes, tmp_path: Path) -> None
     assert control.command is RunCommand.RESUME
 
 
-def test_a_flood_of_connections_takes_no_threads_and_hides_no_stop(tmp_path: Path) -> None:
+def test_a_flood_of_connections_takes_no_threads_and_hides_no_stop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Anybody on this machine may connect; only who has the secret is heard."""
+    monkeypatch.setattr("probe.acquisition.remote.TIMEOUT_S", 30.0)
     control, before = Control(), threading.active_count()
     with listening(control, tmp_path / "a.run"):
         port = json.loads(control_path(tmp_path / "a.run").read_text())["port"]
@@ -70,6 +73,7 @@ def test_a_flood_of_connections_takes_no_threads_and_hides_no_stop(tmp_path: Pat
         assert threading.active_count() <= before + 1
         ask(tmp_path / "a.run", "stop")
         assert control.command is RunCommand.STOP
+        assert crowd[0].recv(100) == b""  # who came first gave way
         for peer in crowd:
             peer.close()
 
