@@ -161,6 +161,8 @@ def _judge_seal(connection: sqlite3.Connection, events: int, chain: bytes, *, ha
                 "that were committed last are missing if it was lost (copied without it?)"
             )
         )
-    if sealed != (events, chain):
+    if sealed[0] != events:
         return f"seal: {events} events, but there were {sealed[0]} when the scan closed the file"
+    if sealed[1] != chain:
+        return "seal: the events are not those of when the scan closed the file; some were replaced"
     return ""

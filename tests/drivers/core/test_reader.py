@@ -71,6 +71,18 @@ def test_tare_is_subtracted_but_saturation_is_of_the_raw_reading() -> None:
     sensor.close()
 
 
+def test_a_tare_takes_nothing_from_before_a_gap() -> None:
+    feed = Feed()
+    sensor = sensor_on(feed)
+    send(feed, [Sample(0.01 * k, [100.0]) for k in range(-200, -193)])
+    send(feed, [Sample(0.01 * k, [6.0]) for k in range(3)])
+    sensor._clock = WallClock()  # the readings are of this moment
+    sensor.tare()
+    send(feed, [Sample(0.1, [7.0])])
+    assert sensor.read().values[-1, 0] == 1.0
+    sensor.close()
+
+
 def test_an_old_reading_is_no_zero() -> None:
     feed = Feed()
     sensor = sensor_on(feed)

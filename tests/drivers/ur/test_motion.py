@@ -2,11 +2,16 @@
 
 import math
 import time
+from typing import cast
 
 import pytest
 from emulated_ur import connected
 
 from drivers import MotionFault, Pose
+from drivers.ur.client import State
+from drivers.ur.link import Link
+from drivers.ur.settings import UrStageSettings
+from drivers.ur.stage import UrStage
 from sim_backend.phantom.phantom import Respond
 
 
@@ -78,3 +83,35 @@ def test_the_robot_stops_when_nobody_checks_the_force(winkler: Respond) -> None:
             time.sleep(0.005)
         time.sleep(0.1)
         assert not made.phantom.tip.moving(made.clock.now())
+
+
+class Told:
+    """A link that has only the state that it was given."""
+
+    controls = True
+
+    def __init__(self, state: State) -> None:
+        self.newest = self.before = state
+        self.asked: tuple[float, ...] = ()
+
+    def state(self) -> State:
+        return self.newest
+
+    def earlier(self, _by_s: float) -> State:
+        return self.before
+
+    def command(self, _name: str, pose: tuple[float, ...], *_more: float, **_how: float) -> None:
+        self.asked = pose
+
+
+def test_a_state_from_before_a_short_move_is_no_arrival() -> None:
+    """The newest state is still that of the rest before when the controller accepts the move."""
+    still = (0.0,) * 6
+    rest = State(1.0, time.monotonic(), still, still, still, 1, 7, 2, 1.0, False)
+    link, stage = Told(rest), UrStage(UrStageSettings(host="nowhere"))
+    stage._link = cast(Link, link)
+    here = stage.pose()
+    stage.move(here._replace(x=here.x + 0.05e-3), 1e-3)
+    assert stage.moving()
+    link.newest = link.before = rest._replace(arrival_s=time.monotonic(), pose=link.asked)
+    assert not stage.moving()

@@ -1,14 +1,16 @@
 """The force limit holds something on every rig, whatever kind of sensor it has."""
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from springs import HARD_N_M, LIMIT_N, SpringSensor, on_springs, run_springs, spring_rig
 
-from drivers import Block, Channel, ConfigError
+from drivers import Block, Channel, ConfigError, Pose
 from probe.acquisition.force_limit import SensorGuard
+from probe.acquisition.plausibility import Alive
 from probe.acquisition.prepare import Prepared, prepare
+from probe.acquisition.press_guard import ForceReading, PressGuard, check_blind
 from probe.config.devices import Devices
 from probe.config.rig import Rig, RigError
 from probe.config.scan_plan import limits_for, plan_for
@@ -122,3 +124,40 @@ def test_a_sideways_force_ends_the_scan_and_lifts() -> None:
 def block_at(time_s: Any, rows: Any) -> Block:
     values = np.asarray(rows, float).reshape(len(time_s), len(FT))
     return Block(time_s, values, np.zeros(values.shape, bool))
+
+
+def test_the_time_without_a_reading_is_that_of_the_force_still_allowed() -> None:
+    """At 1 mm/s on 10 N/mm the last 0.2 N take 20 ms; the whole newton took 100 ms."""
+    limits = Limits(1.0, 3e-3, ((-1.0, 1.0),) * 3, 25e-3, hardest_n_m=10e3)
+    for force_n, blind in ((0.0, False), (0.8, True), (-0.8, True), (2.0, True)):
+        said = check_blind(limits, 1e-3, [ForceReading("cell", 0.05, force_n, 500.0)])
+        assert (said is not None) == blind
+
+
+def test_a_sensor_that_is_stuck_within_one_block_is_found_out_by_it() -> None:
+    assert Alive(100).check(np.full((100, 1), 0.3)) is None
+    assert Alive(100).check(np.full((101, 1), 0.3)) is not None
+
+
+class Felt:
+    """What a `PressGuard` asks of a sensor."""
+
+    smooth_n = 0.0
+    noise = 1e-3
+
+    def noise_n(self) -> float:
+        return self.noise
+
+
+def test_a_rise_amid_which_a_press_begins_is_not_taken_for_noise() -> None:
+    """The approach has met the tissue: its rise must not excuse a force that then stands still."""
+    felt, limits = Felt(), Limits(1.6, 3e-3, ((-1.0, 1.0),) * 3, 25e-3, hardest_n_m=1e3)
+    guard = PressGuard(cast(SensorGuard, felt), limits, 500.0)
+    guard.begin(Pose(0.0, 0.0, 1e-3), Pose(0.0, 0.0, 2e-3), 20e-3)
+    felt.noise = 0.1
+    guard.begin(Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, -2.5e-3), 2.5e-3)
+    said = []
+    for n in range(1, 250):  # 4 ms and 10 um each
+        felt.smooth_n = min(0.4 * n * 10e-3, 0.4)  # clips 1 mm deep
+        said.append(guard.check(Pose(0.0, 0.0, -10e-6 * n), 4e-3 * n))
+    assert any(why is not None and "the sensor clips" in why for why in said)

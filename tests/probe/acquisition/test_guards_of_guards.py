@@ -33,10 +33,14 @@ def test_a_clock_is_held_to_another(jump_s: float, said: str | None) -> None:
     assert why is None if said is None else why is not None and said in why[0]
 
 
-def monitored(sensor: SpringSensor, stage: SpringStage) -> SafetyMonitor:
+def monitored(
+    sensor: SpringSensor, stage: SpringStage, lift_z_m: float | None = None
+) -> SafetyMonitor:
     rig = spring_rig()
     limits = replace(limits_for(rig, plan_for(rig)), max_force_n=LIMIT_N)
-    return SafetyMonitor(stage, [sensor], sensor.bed.clock, flat, limits, Control(), threaded=True)
+    return SafetyMonitor(
+        stage, [sensor], sensor.bed.clock, flat, limits, Control(), threaded=True, lift_z_m=lift_z_m
+    )
 
 
 def test_the_engine_misses_a_supervisor_that_died() -> None:
@@ -106,3 +110,21 @@ def test_a_heartbeat_is_answered_also_when_the_stage_is_lost() -> None:
     stage = Lost(bed)
     service = Service(Devices(stage, (sensor,), None, ()), monitored(sensor, stage))
     assert service.status().pace == 1.0
+
+
+@pytest.mark.parametrize("lift", [True, False])
+def test_who_takes_over_lifts_unless_the_stage_was_homing(lift: bool) -> None:
+    """Amid a homing no position means anything: a lift might go anywhere."""
+    _, stage, sensor = on_springs()
+    service = Service(
+        Devices(stage, (sensor,), None, ()),
+        monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3),
+    )
+    status = service.take_over("the process that guarded has ended", lift)
+    try:
+        while status.leaving is None or not status.leaving.done:
+            time.sleep(0.01)
+            status = service.status()
+    finally:
+        service.finish()
+    assert ("move" in {what for _, what in stage.orders}) == lift == status.leaving.up

@@ -202,6 +202,26 @@ def test_what_a_pose_guard_objects_to(pose: Pose, said: str | None) -> None:
     assert why is None if said is None else why is not None and said in why[0]
 
 
+def test_only_above_the_workspace_is_a_lift_the_wrong_way() -> None:
+    above = PoseGuard(flat, LIMITS).check(Pose(0.05, 0.0, 21e-3), 1.0)
+    beside = PoseGuard(flat, LIMITS).check(Pose(0.11, 0.0, 0.0), 1.0)
+    below = PoseGuard(flat, replace(LIMITS, max_depth_m=1.0)).check(Pose(0.05, 0.0, -6e-3), 1.0)
+    told = [why is not None and "the workspace is" in why[0] for why in (above, beside, below)]
+    assert all(told)
+    assert [why is not None and why[1] for why in (above, beside, below)] == [False, True, True]
+
+
+@pytest.mark.parametrize("z_m", [3e-3, -1e-3])
+def test_a_way_ends_where_it_was_to_end(z_m: float) -> None:
+    """1 mm before its beginning or beyond its end, and on its line."""
+    guard = PoseGuard(flat, LIMITS)
+    guard.expect(Pose(0.05, 0.0, 2e-3), Pose(0.05, 0.0, 0.0))
+    assert guard.check(Pose(0.05, 0.0, 1e-3), 1.0) is None
+    why = guard.check(Pose(0.05, 0.0, z_m), 2.0)
+    assert why is not None
+    assert "is 1.00 mm from where it was commanded to be" in why[0]
+
+
 def test_where_the_surface_is_not_known_nothing_may_press() -> None:
     guard = PoseGuard(lambda _x, _y: float("nan"), LIMITS)
     why = guard.check(Pose(0.05, 0.0, 0.0), 1.0)

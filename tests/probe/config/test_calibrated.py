@@ -220,6 +220,26 @@ def test_a_force_calibration_makes_newtons(tmp_path: Path) -> None:
     assert stress_conversion(sensor.channels, 1e-4).stress_pa(block.values)[0] == pytest.approx(2e4)
 
 
+class Two:
+    """Each cell counts 100 a newton; the second also feels a fifth of the first's load."""
+
+    name, rate_hz = "pair", 10.0
+    channels = (Channel("left", "raw", "force"), Channel("right", "raw", "force"))
+    felt = np.array([[100.0, 0.0], [20.0, 100.0]])
+
+    def read(self) -> Block:
+        loads = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 3.0]])
+        return Block(np.arange(3.0), loads @ self.felt.T, np.zeros((3, 2), bool))
+
+
+def test_crosstalk_is_taken_out_of_the_channel_that_has_it(tmp_path: Path) -> None:
+    loads = np.random.default_rng(2).uniform(0, 5, (20, 2))
+    one = fit_force(loads @ Two.felt.T + 1e-3 * np.sin(9 * loads), loads)
+    _, (sensor,), _ = calibrated(Skewed(), [Two()], saved(one, tmp_path / "f.json", "pair"))
+    true = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 3.0]])
+    assert sensor.read().values == pytest.approx(true, abs=1e-3)
+
+
 def test_what_is_old_absent_or_unknown_is_told(tmp_path: Path) -> None:
     loads = np.arange(6.0)[:, None]
     one = fit_force(loads + 1e-3 * np.sin(9 * loads), loads)

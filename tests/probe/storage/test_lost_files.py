@@ -23,6 +23,7 @@ from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.errors import RunFileError
 from probe.core.events import Event, Finish, RunEnded, RunStarted, Samples, StationStarted
+from probe.storage.rows import Row, link
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify
 from probe.storage.writer import Store, StoreError, create_store, reopen_store
@@ -274,6 +275,38 @@ def test_a_lost_end_is_said(tmp_path: Path) -> None:
     assert verify(path).problems == (
         "seal: 8 events, but there were 11 when the scan closed the file",
     )
+
+
+def test_a_last_event_that_was_replaced_and_chained_anew_is_said(tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 9)
+    columns = "kind, body, times, readings, saturated"
+    with opened(path, isolation_level=None) as other:
+        row = Row(*other.execute(f"SELECT {columns} FROM event WHERE id = 11").fetchone())
+        (before,) = other.execute("SELECT chain FROM event WHERE id = 10").fetchone()
+        other_row = row._replace(readings=bytes(8 * 25))
+        other.execute(
+            "UPDATE event SET readings = ?, sha256 = ?, chain = ? WHERE id = 11",
+            (other_row.readings, other_row.sha256, link(before, other_row.sha256)),
+        )
+    assert verify(path).problems == (
+        "seal: the events are not those of when the scan closed the file; some were replaced",
+    )
+
+
+def test_a_run_that_goes_on_and_is_copied_without_its_log_is_not_taken_for_whole(
+    tmp_path: Path,
+) -> None:
+    path, copy = tmp_path / "a.run", tmp_path / "copy.run"
+    with create_store(path) as store:
+        write(store, 9)
+    with reopen_store(path) as store:
+        store(samples(10))
+        store.flush()
+        shutil.copyfile(path, copy)
+    (problem,) = verify(copy).problems
+    assert "the scan did not close this file" in problem
 
 
 WRITER = """
