@@ -7,10 +7,12 @@ from typing import cast
 import pytest
 from emulated_ur import connected
 
-from drivers import MotionFault, Pose
+from drivers import MotionFault, Pose, SimulatedClock
+from drivers.core.reader import LineSensor
 from drivers.ur.client import State
 from drivers.ur.link import Link
-from drivers.ur.settings import UrStageSettings
+from drivers.ur.sensor import open_sensor
+from drivers.ur.settings import UrSensorSettings, UrStageSettings
 from drivers.ur.stage import UrStage
 from sim_backend.phantom.phantom import Respond
 
@@ -115,3 +117,40 @@ def test_a_state_from_before_a_short_move_is_no_arrival() -> None:
     assert stage.moving()
     link.newest = link.before = rest._replace(arrival_s=time.monotonic(), pose=link.asked)
     assert not stage.moving()
+
+
+def test_a_tip_that_still_moves_does_not_rest_though_nothing_is_asked_of_it() -> None:
+    """The joints follow their targets a little later."""
+    still = (0.0,) * 6
+    rest = State(1.0, time.monotonic(), still, still, still, 1, 7, 2, 1.0, False)
+    link, stage = Told(rest), UrStage(UrStageSettings(host="nowhere"))
+    stage._link = cast(Link, link)
+    link.before = rest._replace(pose=(0.05e-3, *still[1:]))
+    assert stage.moving()
+    link.before = rest
+    assert not stage.moving()
+
+
+class Drifted:
+    """A robot's sensor that reads 3 N until it is zeroed, which takes it 0.1 s."""
+
+    controls = True
+
+    def __init__(self, clock: SimulatedClock) -> None:
+        self.clock, self.zeroed_s = clock, math.inf
+
+    def command(self, _name: str) -> None:
+        self.zeroed_s = self.clock.now() + 0.1
+
+    def force_n(self) -> float:
+        return 3.0 if self.clock.now() < self.zeroed_s else 0.0
+
+
+def test_a_tare_waits_until_the_robot_has_zeroed(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = SimulatedClock()
+    link, taken = Drifted(clock), list[float]()
+    monkeypatch.setattr(LineSensor, "tare", lambda _self: taken.append(link.force_n()))
+    sensor = open_sensor(clock, UrSensorSettings(host="nowhere"))
+    sensor.link = cast(Link, link)
+    sensor.tare()
+    assert taken == [0.0]

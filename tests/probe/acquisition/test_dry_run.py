@@ -142,6 +142,17 @@ def test_a_scan_that_is_too_fast_for_its_stage_is_a_fault(
     assert said is None or said in str(report.checks)
 
 
+def test_a_press_that_is_too_fast_for_its_stage_is_a_fault(tmp_path: Path, winkler: Any) -> None:
+    """The default's approach is 10 mm/s."""
+    tables = {
+        "scan": {"travel_mm_s": 5.0},
+        "stage": {"driver": "virtual", "max_speed_mm_s": 9.0},
+    }
+    report = dry_run(Rig.model_validate(tables), load_scene("TIHA"), tmp_path, winkler)
+    assert not report.can_scan
+    assert "scan.approach_mm_s = 10 mm/s: stage 'virtual' allows at most 9" in str(report.checks)
+
+
 def test_an_unknown_driver_is_a_fault(tmp_path: Path) -> None:
     rig = Rig.model_validate({"stage": {"driver": "warp"}})
     report = dry_run(rig, None, tmp_path)

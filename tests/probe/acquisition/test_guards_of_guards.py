@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs, spring_rig
 
-from drivers import Block, DeviceFault
+from drivers import Block, DeviceFault, Pose
 from probe.acquisition.clock_guard import ClockGuard
 from probe.acquisition.commands import Control
 from probe.acquisition.guard_process import Service
@@ -96,6 +96,38 @@ def test_a_trip_ends_a_long_hold() -> None:
     assert f"limit is {LIMIT_N:g} N" in ran.reason
     assert ran.lifted
     assert bed.clock.now() - began_s < 15.0
+
+
+class Disabled(SpringStage):
+    """As an arm whose control program ended with the process that had uploaded it."""
+
+    enabled = False
+
+    def enable(self) -> list[str]:
+        self.enabled = True
+        return []
+
+    def move(self, target: Pose, speed_m_s: float) -> None:
+        if not self.enabled:
+            raise DeviceFault(self.name, "nobody has taken control")
+        super().move(target, speed_m_s)
+
+
+def test_who_takes_over_enables_the_stage_to_lift_it() -> None:
+    bed, _, sensor = on_springs()
+    stage = Disabled(bed)
+    service = Service(
+        Devices(stage, (sensor,), None, ()),
+        monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3),
+    )
+    status = service.take_over("the process that guarded has ended", True)
+    try:
+        while status.leaving is None or not status.leaving.done:
+            time.sleep(0.01)
+            status = service.status()
+    finally:
+        service.finish()
+    assert status.leaving.up
 
 
 class Lost(SpringStage):

@@ -94,3 +94,20 @@ def test_a_force_on_the_way_home_stops_it() -> None:
     time.sleep(0.2)
     assert not stage.moving()
     assert bed.tip.point(bed.clock.now()) != HOME
+
+
+def test_a_homing_that_fails_ends_the_scan() -> None:
+    """The stage tells a pose all the same, as one does that knows where it was switched on."""
+
+    class Lost(Homing):
+        def pose(self) -> Pose:
+            return SpringStage.pose(self)
+
+        def home(self) -> None:
+            raise DeviceFault(self.name, "alarm 9: found no switch")
+
+    bed, _, sensor = on_springs()
+    stage = Lost(bed)
+    ran = run_springs(bed, stage, [sensor])
+    assert "alarm 9: found no switch" in ran.reason
+    assert "move" not in {what for _, what in stage.orders}

@@ -158,6 +158,7 @@ def block(*force_n: float, start_s: float = 1.0, clipped: bool = False) -> Block
         (block(-1.2), "force 1.200 N"),
         (block(0.1, float("nan")), "force nan N"),
         (block(0.5, clipped=True), "saturated"),
+        (replace(block(0.5, 0.4), saturated=np.array([[True], [False]])), "saturated"),
         (block(0.1, start_s=0.4), "sample times jump"),
         (block(0.1, start_s=3.0), "sample times jump"),
         (block(0.1, start_s=float("nan")), "sample times jump"),
@@ -286,6 +287,19 @@ def test_what_was_to_stay_is_not_lifted_by_the_next_objection() -> None:
     pass_time(monitor, stage, 2.0)
     assert monitor.retreat is not None and monitor.retreat.done
     assert stage.pose().z == rests_m < 4.5e-3
+
+
+def test_a_tip_that_is_carried_off_after_its_way_out_is_lifted_again() -> None:
+    stage, sensor = simulated_springs()
+    monitor = alone(stage, sensor)
+    monitor.move(Pose(0.0, 0.0, 1e-3), 5e-3)
+    pass_time(monitor, stage, 0.5)
+    monitor.object("cell", "silent for 0.25 s", can_retract=True)
+    pass_time(monitor, stage, 2.0)
+    assert monitor.retreat is not None and monitor.retreat.up
+    stage.bed.tip.move(stage.bed.clock.now(), (0.0, 0.0, 3e-3), 5e-3, 1.0)  # by nobody's order
+    pass_time(monitor, stage, 3.0)
+    assert stage.pose().z == pytest.approx(5e-3, abs=1e-4)
 
 
 def test_a_tip_that_was_sent_down_is_lifted_whatever_its_pose_says() -> None:

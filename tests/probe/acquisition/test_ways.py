@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from springs import Bed, SpringSensor, SpringStage, run_springs, spring_rig
+import pytest
+from springs import SOFT_N_M, Bed, SpringSensor, SpringStage, run_springs, spring_rig
 
 from drivers import SimulatedClock
 from probe.acquisition.engine import run_scan
 from probe.config.scan_plan import limits_for, plan_for
+from probe.core.events import Event, Samples
 
 
 def test_a_tip_that_begins_low_goes_up_before_it_goes_sideways() -> None:
@@ -44,3 +46,31 @@ def test_a_load_that_was_tared_is_no_drift() -> None:
     ran = run_springs(bed, SpringStage(bed), [Loaded(bed)], rig=rig)
     assert ran.reason == "every station is complete"
     assert not [text for text in ran.notes if "in the air since the last tare" in text]
+
+
+def test_a_halt_that_is_not_heard_is_said_again() -> None:
+    class Deaf(SpringStage):
+        heard = 0
+
+        def stop(self) -> None:
+            self.heard += 1
+            if self.heard != 1:  # the first is lost on the line
+                super().stop()
+
+    bed, rig = Bed(SimulatedClock()), spring_rig(scan={"touch_n": 0.1, "search_mm": 2.0})
+    found = replace(plan_for(rig), indentation_m=0.2e-3)
+    ended = run_scan(
+        found, Deaf(bed), [SpringSensor(bed)], bed.clock, lambda _event: None,
+        limits_for(rig, found),
+    )  # fmt: skip
+    assert ended.reason == "every station is complete"
+    height_m, _ = bed.truth()
+    assert height_m.min() == pytest.approx(-0.1 / SOFT_N_M - 0.2e-3, abs=0.1e-3)
+
+
+def test_what_was_read_last_is_in_the_run() -> None:
+    bed, events = Bed(SimulatedClock()), list[Event]()
+    ran = run_springs(bed, SpringStage(bed), [SpringSensor(bed)], sink=events.append)
+    assert ran.ended is not None
+    times = [e.block.time_s for e in events if isinstance(e, Samples) and e.device == "cell"]
+    assert times[-1][-1] > ran.ended.time_s - 3 / SpringSensor.rate_hz
