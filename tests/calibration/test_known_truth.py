@@ -204,3 +204,21 @@ def test_a_curved_surface(model: Literal["quadric", "map"]) -> None:
     slope = -(0.014 - 0.01) / np.sqrt(0.08**2 - 0.004**2)
     normal = np.array([-0.03, -slope, 1.0])
     assert found.normal(0.03, 0.014) == pytest.approx(normal / np.linalg.norm(normal), abs=0.015)
+
+
+def test_intervals_of_gravity_cover() -> None:
+    """95 % intervals of mass, centre and bias hold the truth in 93 to 97 % of 300 x 10 cases."""
+    rng = np.random.default_rng(12)
+    turns = Rotation.random(12, random_state=rng).as_matrix()
+    weight = np.swapaxes(turns, 1, 2) @ np.array([0, 0, -9.80665]) * 0.35
+    bias = np.array([0.5, -1.0, 2.0, 0.01, 0.02, -0.01])
+    wrench = np.hstack([weight, np.cross([0.001, 0.0, 0.04], weight)]) + bias
+    scatter = [0.05, 0.05, 0.05, 1e-3, 1e-3, 1e-3]
+    truth = np.array([0.35, 0.001, 0.0, 0.04, *bias])
+    inside = []
+    for _ in range(300):
+        found = fit_gravity(wrench + scatter * rng.standard_normal((12, 6)), turns)
+        low, high = found.fit.interval().T
+        inside.append((low <= truth) & (truth <= high))
+    assert 0.93 <= np.mean(inside) <= 0.97
+    assert np.mean(inside, axis=0).min() > 0.9

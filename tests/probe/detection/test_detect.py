@@ -163,10 +163,15 @@ def test_compare_names_the_stiffer_with_the_weaker_pulse() -> None:
     rng = np.random.default_rng(10)
     healthy = recording([station(rng, pulse_pa=300.0, relaxing=0.0)])
     sick = recording([station(rng, level_pa=20000.0, pulse_pa=200.0, relaxing=0.0)])
-    assert compare(healthy, sick).diseased == "B"
+    found = compare(healthy, sick)
+    assert found.diseased == "B"
+    assert found.peak_ratio == pytest.approx(9 / 20, rel=0.05)
+    assert found.pulse_ratio == pytest.approx(3 / 2, rel=0.1)
     assert compare(sick, healthy).diseased == "A"
     same = recording([station(rng, pulse_pa=300.0, relaxing=0.0)])
     assert compare(healthy, same).diseased == "neither"
+    within_doubt = recording([station(rng, level_pa=9045.0, pulse_pa=300.0, relaxing=0.0)])
+    assert compare(healthy, within_doubt).diseased == "neither"  # presses repeat to 0.5 %
     none = recording([station(rng, relaxing=0.0)])
     assert compare(none, none).diseased == "undecided"
 

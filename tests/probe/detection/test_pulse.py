@@ -104,6 +104,22 @@ def test_clipped_samples_are_left_out_and_told() -> None:
     assert press.size_pa > 200  # averaging the bounds in would give 200 or less
 
 
+def test_a_sample_of_which_one_taxel_is_clipped_is_left_out() -> None:
+    """The mean over the taxels is too low there."""
+    one = station(np.random.default_rng(4))
+    over = np.zeros((len(one.time_s), 2), dtype=bool)
+    over[:500, 1] = True
+    both = np.where(over, 0.7, 1.0) * np.hstack([one.signal_pa, one.signal_pa])
+    found = hold_of(replace(one, signal_pa=both, saturated=over))
+    whole = hold_of(one)
+    assert found.clipped == pytest.approx(500 / len(over), rel=0.05)
+    assert found.time_s[0] > 0.9 > whole.time_s[0]
+    after = whole.time_s > 1.1
+    assert found.signal_pa[found.time_s > 1.1].mean() == pytest.approx(
+        whole.signal_pa[after].mean(), rel=1e-3
+    )
+
+
 def test_a_hold_that_is_all_clipped_says_so() -> None:
     one = station(np.random.default_rng(16))
     with pytest.raises(NoHold, match="100 % are clipped"):

@@ -68,6 +68,11 @@ def test_every_press_is_normal_to_the_surface() -> None:
         check_reach(plan, BOX)
 
 
+def test_a_press_is_normal_to_a_surface_that_rises_along_y() -> None:
+    plan = Plan(row(4e-3, 4e-3, 2), surface=lambda _x, y: 0.75 * y)
+    assert normal_of(plan.at_surface(plan.places[0])) == pytest.approx((0.0, -0.6, 0.8))
+
+
 def test_a_level_surface_turns_nothing() -> None:
     plan = Plan(row(4e-3, 4e-3, 2), surface=lambda _x, _y: 1e-3)
     assert plan.at_surface(plan.places[0])[3:] == (0.0, 0.0, 0.0)

@@ -38,6 +38,9 @@ def test_csv(path: Path, tmp_path: Path) -> None:
     assert list(rows[0])[:5] == ["time_s", "station", "attempt", "phase", "force_N"]
     assert [float(row["force_N"]) for row in rows] == data["force"].values.tolist()
     assert [float(row["time_s"]) for row in rows] == data["time_s"].values.tolist()
+    assert {(row["x_mm"], row["y_mm"]) for row in rows if row["x_mm"]} == {
+        ("28.0", "0.0"), ("32.0", "0.0"),
+    }  # fmt: skip
     assert pd.read_csv(written["stations.csv"])["x_mm"].to_list() == pytest.approx([28, 32])
     about = json.loads(written["config.json"].read_text())
     assert about["seed"] == 4

@@ -109,11 +109,13 @@ def test_a_sphere_is_cut_to_its_chord_and_a_path_is_followed() -> None:
     assert section_at(load_scene("TIHA"), 3.0) is not None
 
 
-def test_depth_is_along_the_normal(winkler: Any) -> None:
-    """1 mm straight down from a slope of 3 in 4 is 0.8 mm deep."""
+@pytest.mark.parametrize("home", [(0.004, 0.0, 2e-3), (0.0, 0.004, 2e-3)])
+def test_depth_is_along_the_normal(winkler: Any, home: tuple[float, float, float]) -> None:
+    """1 mm straight down from a slope of 3 in 4, along x or along y, is 0.8 mm deep."""
+    along = 0 if home[0] else 1
     sloping = Phantom(
-        load_scene("TI"), SimulatedClock(), winkler, surface=lambda x, _y: 0.75 * x,
-        home=(0.004, 0.0, 2e-3),
+        load_scene("TI"), SimulatedClock(), winkler, surface=lambda *at: 0.75 * at[along],
+        home=home,
     )  # fmt: skip
     assert sloping.depth_m(np.zeros(1)) == pytest.approx(0.8e-3)
 
