@@ -107,7 +107,11 @@ OVERLOOKED = (
     Mutant("ur: a tare does not wait for the robot's zero", "drivers/ur/sensor.py",
            "            self._clock.sleep_until(self._clock.now() + SETTLE_S)\n", "",
            ("tests/drivers/ur/test_motion.py",)),
-    Mutant("ur: a tip rests that nothing is asked of", "drivers/ur/stage.py",
-           "still and asked < MAX_SPEED_AT_REST", "still or asked < MAX_SPEED_AT_REST",
-           ("tests/drivers/ur/test_motion.py",)),
+    Mutant("a resumed clock forgets the samples", "probe/acquisition/resume.py",
+           "last_s = max(last_s, float(event.block.time_s[-1]))", "pass",
+           ("tests/probe/acquisition/test_resume.py",)),
+    Mutant("who takes over is not told of the homing", "probe/acquisition/guard_client.py",
+           "DIED, not self._homing)", "DIED, True)",
+           ("tests/probe/acquisition/test_guard_process.py"
+            "::test_who_takes_over_a_stage_that_was_homing_does_not_lift_it",)),
 )  # fmt: skip

@@ -272,6 +272,29 @@ def test_who_takes_over_and_hangs_is_not_waited_for(
             client._process.kill()
 
 
+@pytest.mark.parametrize("homing", [True, False])
+def test_who_takes_over_a_stage_that_was_homing_does_not_lift_it(
+    homing: bool, winkler: Respond, tmp_path: Path
+) -> None:
+    world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.032, 0.0, 0.003))
+    with (
+        grbl.emulate(world, at=str(tmp_path / "board"), homed=True) as board,
+        ft300.emulate(world, at=str(tmp_path / "ft")) as sensor,
+    ):
+        at = {"board": board.address, "sensor": sensor.address}
+        (tmp_path / "rig.toml").write_text(RIG.format(**at, hold_s=1.0, limit_n=5.0))
+        rig, _ = resolve_rig(tmp_path / "rig.toml", None)
+        with GuardClient(Order(rig, WallClock(), None, 0, None), Control()) as client:
+            if homing:
+                client.home()
+            client._process.kill()
+            while client.trip is None:
+                client.engine_heartbeat()
+                time.sleep(0.01)
+            assert client.trip.reason == guard_client.DIED
+            assert client.trip.can_retract is not homing
+
+
 def test_a_guard_that_is_told_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:
     with bench(winkler, tmp_path) as on:
         on.wait_for("holding")

@@ -19,10 +19,10 @@ from probe.acquisition.commands import Control
 from probe.acquisition.resume import resume, unfinished
 from probe.acquisition.session import ScanResult, scan
 from probe.config.rig import Device, Rig
-from probe.core.events import Event, Finish, Phase, PhaseEntered
+from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples
 from probe.storage.run import RunFileError, follow, open_run
 from probe.storage.verify import verify
-from probe.storage.writer import StoreError, reopen_store
+from probe.storage.writer import StoreError, create_store, reopen_store
 
 TESTS = ROOT / "tests"
 FIVE = {"scan": {"start_mm": 24, "stations": 5}}
@@ -143,6 +143,23 @@ def test_noise_is_not_repeated(tmp_path: Path, winkler: Any) -> None:
     n = min(map(len, held))
     flat = [h[:n] - np.polyval(np.polyfit(range(n), h[:n], 9), range(n)) for h in held]
     assert abs(np.corrcoef(flat[0], flat[1])[0, 1]) < 0.3
+
+
+def test_a_run_that_ends_amid_a_hold_goes_on_after_its_last_sample(
+    tmp_path: Path, winkler: Any
+) -> None:
+    """Nothing but samples comes for 3 s there, and a power cut leaves them last."""
+    rig = Rig.model_validate({"scan": {"start_mm": 24, "stations": 1, "hold_s": 3.0}})
+    whole = scan(rig, "TIHA", tmp_path, respond=winkler).path
+    events = list(open_run(whole).events())
+    lifts = [isinstance(e, PhaseEntered) and e.phase is Phase.RETRACTING for e in events]
+    kept = events[: lifts.index(True)]
+    path = tmp_path / "cut.run"
+    with create_store(path) as store:
+        for event in kept:
+            store(event)
+    last_s = max(float(e.block.time_s[-1]) for e in kept if isinstance(e, Samples))
+    assert unfinished(path).start_s > last_s
 
 
 def test_a_complete_run_is_left_alone(undisturbed: Path, winkler: Any) -> None:
