@@ -116,8 +116,9 @@ class Service:
         """Go on for a process that died: guard, stop, and lift."""
         with suppress(DeviceFault):  # the way out asks again
             self.enable()
-        self.start(homes=False)
+        # Before the guards look: what they object to first would say whether to lift.
         self._monitor.object("guard", why, can_retract=lift)
+        self.start(homes=False)
         return self.status()
 
     def status(self) -> Status:

@@ -98,6 +98,36 @@ def test_a_trip_ends_a_long_hold() -> None:
     assert bed.clock.now() - began_s < 15.0
 
 
+class Astray(SpringStage):
+    """Amid its homing it tells a pose from before, far out of the workspace."""
+
+    def pose(self) -> Pose:
+        return super().pose()._replace(x=1.0)
+
+
+def test_who_takes_over_amid_a_homing_does_not_lift_for_what_the_pose_says() -> None:
+    bed, _, sensor = on_springs()
+    stage = Astray(bed)
+    monitor = monitored(sensor, stage, lift_z_m=bed.tip.point(bed.clock.now())[2] + 1e-3)
+    start = monitor.start
+
+    def start_where_the_guards_look_first(*, homes: bool) -> None:
+        start(homes=homes)
+        time.sleep(0.1)
+
+    monitor.start = start_where_the_guards_look_first  # type: ignore[method-assign,assignment]
+    service = Service(Devices(stage, (sensor,), None, ()), monitor)
+    status = service.take_over("the process that guarded has ended", False)
+    try:
+        while status.leaving is None or not status.leaving.done:
+            time.sleep(0.01)
+            status = service.status()
+    finally:
+        service.finish()
+    assert status.trip is not None and not status.trip.can_retract
+    assert "move" not in {what for _, what in stage.orders}
+
+
 class Disabled(SpringStage):
     """As an arm whose control program ended with the process that had uploaded it."""
 
