@@ -111,7 +111,7 @@ def _in_rows(
     named = across_rows(found, _pitch_m(recording))
     least_pa = [least_bump_pa(line, false_alarm / len(lines)) for line in lines]
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
-    return named if named or unfinished else doubtful(lines, false_alarm), shown_pa
+    return named if named or unfinished else doubtful(lines, least_pa), shown_pa
 
 
 def _moving(presses: Iterable[Press]) -> float | None:

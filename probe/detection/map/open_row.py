@@ -58,12 +58,12 @@ def least_bump_pa(line: Line, false_alarm: float) -> float:
     return least_height(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
 
 
-def doubtful(lines: list[Line], false_alarm: float) -> list[ObjectFinding]:
+def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
     """Of finished rows without an object: what a lump could be, undecided, where a row is too short
-    to show one (`LUMP_SHARE`)."""
+    to show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`."""
     found = []
-    for line in lines:
-        if not least_bump_pa(line, false_alarm) > LUMP_SHARE * level_of(line.level_pa):
+    for line, least in zip(lines, least_pa, strict=True):
+        if not least > LUMP_SHARE * level_of(line.level_pa):
             continue
         base = surroundings(line.x_m)
         chance = DOUBT / len(lines)

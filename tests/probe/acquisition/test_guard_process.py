@@ -158,6 +158,21 @@ def bench(
             scanning.communicate()
 
 
+@contextmanager
+def guarded(respond: Respond, folder: Path) -> Iterator[GuardClient]:
+    """Guards in another process, of devices that this one emulates; no scan."""
+    world = Phantom(load_scene("TIHA"), WallClock(), respond, home=(0.032, 0.0, 0.003))
+    with (
+        grbl.emulate(world, at=str(folder / "board"), homed=True) as board,
+        ft300.emulate(world, at=str(folder / "ft")) as sensor,
+    ):
+        at = {"board": board.address, "sensor": sensor.address}
+        (folder / "rig.toml").write_text(RIG.format(**at, hold_s=1.0, limit_n=5.0))
+        rig, _ = resolve_rig(folder / "rig.toml", None)
+        with GuardClient(Order(rig, WallClock(), None, 0, None), Control()) as client:
+            yield client
+
+
 def test_a_scan_completes_and_leaves_no_process(winkler: Respond, tmp_path: Path) -> None:
     with bench(winkler, tmp_path, hold_s=0.2) as on:
         on.wait_for("holding")
@@ -252,47 +267,31 @@ def test_when_all_who_take_over_die_too_it_is_told(winkler: Respond, tmp_path: P
 def test_who_takes_over_and_hangs_is_not_waited_for(
     winkler: Respond, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.032, 0.0, 0.003))
-    with (
-        grbl.emulate(world, at=str(tmp_path / "board"), homed=True) as board,
-        ft300.emulate(world, at=str(tmp_path / "ft")) as sensor,
-    ):
-        at = {"board": board.address, "sensor": sensor.address}
-        (tmp_path / "rig.toml").write_text(RIG.format(**at, hold_s=1.0, limit_n=5.0))
-        rig, _ = resolve_rig(tmp_path / "rig.toml", None)
-        with GuardClient(Order(rig, WallClock(), None, 0, None), Control()) as client:
-            monkeypatch.setattr(guard_client, "BODY", "import time; time.sleep(600)")
-            monkeypatch.setattr(guard_client, "OPEN_S", 0.5)
-            client._process.kill()
-            began_s = time.monotonic()
-            with pytest.raises(DeviceFault, match="the probe may be in the tissue"):
-                while time.monotonic() < began_s + 20.0:
-                    client.call("status")
-            assert time.monotonic() < began_s + 20.0
-            client._process.kill()
+    with guarded(winkler, tmp_path) as client:
+        monkeypatch.setattr(guard_client, "BODY", "import time; time.sleep(600)")
+        monkeypatch.setattr(guard_client, "OPEN_S", 0.5)
+        client._process.kill()
+        began_s = time.monotonic()
+        with pytest.raises(DeviceFault, match="the probe may be in the tissue"):
+            while time.monotonic() < began_s + 20.0:
+                client.call("status")
+        assert time.monotonic() < began_s + 20.0
+        client._process.kill()
 
 
 @pytest.mark.parametrize("homing", [True, False])
 def test_who_takes_over_a_stage_that_was_homing_does_not_lift_it(
     homing: bool, winkler: Respond, tmp_path: Path
 ) -> None:
-    world = Phantom(load_scene("TIHA"), WallClock(), winkler, home=(0.032, 0.0, 0.003))
-    with (
-        grbl.emulate(world, at=str(tmp_path / "board"), homed=True) as board,
-        ft300.emulate(world, at=str(tmp_path / "ft")) as sensor,
-    ):
-        at = {"board": board.address, "sensor": sensor.address}
-        (tmp_path / "rig.toml").write_text(RIG.format(**at, hold_s=1.0, limit_n=5.0))
-        rig, _ = resolve_rig(tmp_path / "rig.toml", None)
-        with GuardClient(Order(rig, WallClock(), None, 0, None), Control()) as client:
-            if homing:
-                client.home()
-            client._process.kill()
-            while client.trip is None:
-                client.engine_heartbeat()
-                time.sleep(0.01)
-            assert client.trip.reason == guard_client.DIED
-            assert client.trip.can_retract is not homing
+    with guarded(winkler, tmp_path) as client:
+        if homing:
+            client.home()
+        client._process.kill()
+        while client.trip is None:
+            client.engine_heartbeat()
+            time.sleep(0.01)
+        assert client.trip.reason == guard_client.DIED
+        assert client.trip.can_retract is not homing
 
 
 def test_a_guard_that_is_told_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:

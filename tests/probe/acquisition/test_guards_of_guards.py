@@ -10,7 +10,7 @@ from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs,
 from drivers import Block, DeviceFault, Pose
 from probe.acquisition.clock_guard import ClockGuard
 from probe.acquisition.commands import Control
-from probe.acquisition.guard_process import Service
+from probe.acquisition.guard_process import Leaving, Service
 from probe.acquisition.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
 from probe.config.devices import Devices
 from probe.config.scan_plan import limits_for, plan_for
@@ -128,6 +128,20 @@ def test_who_takes_over_amid_a_homing_does_not_lift_for_what_the_pose_says() -> 
     assert "move" not in {what for _, what in stage.orders}
 
 
+def taken_over(sensor: SpringSensor, stage: SpringStage, *, lift: bool) -> Leaving:
+    """How the way out ended, of guards that take over from others."""
+    monitor = monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3)
+    service = Service(Devices(stage, (sensor,), None, ()), monitor)
+    status = service.take_over("the process that guarded has ended", lift)
+    try:
+        while status.leaving is None or not status.leaving.done:
+            time.sleep(0.01)
+            status = service.status()
+    finally:
+        service.finish()
+    return status.leaving
+
+
 class Disabled(SpringStage):
     """As an arm whose control program ended with the process that had uploaded it."""
 
@@ -146,18 +160,8 @@ class Disabled(SpringStage):
 def test_who_takes_over_enables_the_stage_to_lift_it() -> None:
     bed, _, sensor = on_springs()
     stage = Disabled(bed)
-    service = Service(
-        Devices(stage, (sensor,), None, ()),
-        monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3),
-    )
-    status = service.take_over("the process that guarded has ended", True)
-    try:
-        while status.leaving is None or not status.leaving.done:
-            time.sleep(0.01)
-            status = service.status()
-    finally:
-        service.finish()
-    assert status.leaving.up
+    leaving = taken_over(sensor, stage, lift=True)
+    assert leaving.up
 
 
 class Lost(SpringStage):
@@ -178,15 +182,5 @@ def test_a_heartbeat_is_answered_also_when_the_stage_is_lost() -> None:
 def test_who_takes_over_lifts_unless_the_stage_was_homing(lift: bool) -> None:
     """Amid a homing no position means anything: a lift might go anywhere."""
     _, stage, sensor = on_springs()
-    service = Service(
-        Devices(stage, (sensor,), None, ()),
-        monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3),
-    )
-    status = service.take_over("the process that guarded has ended", lift)
-    try:
-        while status.leaving is None or not status.leaving.done:
-            time.sleep(0.01)
-            status = service.status()
-    finally:
-        service.finish()
-    assert ("move" in {what for _, what in stage.orders}) == lift == status.leaving.up
+    leaving = taken_over(sensor, stage, lift=lift)
+    assert ("move" in {what for _, what in stage.orders}) == lift == leaving.up

@@ -86,7 +86,7 @@ def test_a_station_waits_for_what_its_sensor_says_late() -> None:
     bed, stage, _ = on_springs()
 
     class Late(SpringSensor):
-        """What it felt it says 80 ms later."""
+        """Each reading arrives 80 ms late."""
 
         def read(self) -> Block:
             if len((block := super().read()).time_s):
