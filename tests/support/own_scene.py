@@ -1,4 +1,4 @@
-"""The text of a scene file of a user's own."""
+"""The texts of scene files of a user's own."""
 
 OWN_SCENE = """
 name = "mine"
@@ -15,4 +15,17 @@ inner_diameter_mm = 3.76
 wall_mm = 1.0
 modulus_kpa = 400.0
 poisson = 0.49
+"""
+
+BALL = """name = "a ball on a block"
+plane = "solid"
+[tissue]
+width_mm = 64.0
+height_mm = 16.83
+length_mm = 40.0
+modulus_kpa = {modulus_kpa}
+poisson = 0.49
+[indenter]
+shape = "sphere"
+radius_mm = 5.0
 """

@@ -2,24 +2,13 @@
 
 import numpy as np
 import pytest
+from own_scene import BALL
 from scipy.interpolate import CubicSpline
 
 from calibration.tissue import fit_tissue
 from probe.calibrate import tissue_force
 from sim_backend.scene.scene_file import scene_from_text
 
-BALL = """name = "a ball on a block"
-plane = "solid"
-[tissue]
-width_mm = 64.0
-height_mm = 16.83
-length_mm = 40.0
-modulus_kpa = {modulus_kpa}
-poisson = 0.49
-[indenter]
-shape = "sphere"
-radius_mm = 5.0
-"""
 # On 30 kPa, by `palpate press --model solid --accuracy 3` (wedges in space, the whole block) but
 # for the last, which is CalculiX' (C3D15, 12,465 unknowns: 0.5770 N on 50 kPa).
 DEPTHS_M = 1e-3 * np.array([0.25, 0.5, 1.0, 1.5, 2.0])

@@ -6,22 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from own_scene import BALL
 
 from sim_backend.models import solid_press
 from sim_backend.scene.scene_file import scene_from_text
-
-BALL = """name = "a ball on a block"
-plane = "solid"
-[tissue]
-width_mm = 64.0
-height_mm = 16.83
-length_mm = 40.0
-modulus_kpa = 50.0
-poisson = 0.49
-[indenter]
-shape = "sphere"
-radius_mm = 5.0
-"""
 
 
 @dataclass(frozen=True)
@@ -37,7 +25,7 @@ def test_both_round_blocks_lie_within_the_stated_error(monkeypatch: pytest.Monke
         return SimpleNamespace(solved=(None, (Solved(next(forces_n)),)), error_pct=np.zeros(2))
 
     monkeypatch.setattr(solid_press, "refine", refined)
-    scene = scene_from_text(BALL, "ball")
+    scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
     _, solution, error_pct = solid_press.refine_axisymmetric(scene, 32e-3, 1e-3, 1.0)
     assert solution.force_n_per_m == pytest.approx(1.0)
     assert error_pct == pytest.approx(10.0)
