@@ -109,7 +109,7 @@ def _in_rows(
             objects = only_settled(objects, line, presses[last].station.x_m)
         found.append((recording.stations[row[0]].y_m, objects))
     named = across_rows(found, _pitch_m(recording))
-    least_pa = [least_bump_pa(line, false_alarm / len(lines)) for line in lines]
+    least_pa = [least_bump_pa(line, false_alarm / len(rows)) for line in lines]
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
     return named if named or unfinished else doubtful(lines, least_pa), shown_pa
 

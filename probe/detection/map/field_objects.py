@@ -89,8 +89,8 @@ def _still(
         beyond = stray((size_pa - tail_pa)[far], sd_pa[far])
         return measured(float(size_pa[at]), float(sd_pa[at]) * beyond, float(tail_pa[at]))
     share = shape(levels.place_m, np.append(spot.place_m, spot.half_width_m))
-    near = [i for i in away[:MOST_ASKED] if share[i] >= MIN_SHARE] or [int(away[0])]
-    asked = [(share[i], s) for i in near if (one := judged[i].pulse) and (s := one.search)]
+    close = [i for i in away[:MOST_ASKED] if share[i] >= MIN_SHARE] or [int(away[0])]
+    asked = [(share[i], s) for i in close if (one := judged[i].pulse) and (s := one.search)]
     if not asked:
         return np.ones_like
     return partial(hidden, [s for _, s in asked], np.array([k for k, _ in asked]))
