@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
-from scipy.special import fdtrc, fdtri, ncfdtrinc, stdtrit
+from scipy.special import chdtrc, fdtrc, fdtri, ncfdtrinc, stdtrit
 
 from drivers.core.arrays import Array
 
@@ -107,7 +107,7 @@ def least_height(x_m: Array, value: Array, sd: Array, base: Array, false_alarm: 
     if n < MIN_STATIONS or n - base.shape[1] <= 3:
         return float("inf")
     pitch = float(np.median(np.diff(x_m)))
-    _, fitted, _, _ = _weighted(x_m, value, sd, base, [])
+    _, fitted, _, rest = _weighted(x_m, value, sd, base, [])
     column = np.zeros(len(fitted))
     column[:n] = shape(x_m, float(x_m.mean()), 2 * pitch) / sd
     q, _ = np.linalg.qr(fitted)
@@ -115,7 +115,14 @@ def least_height(x_m: Array, value: Array, sd: Array, base: Array, false_alarm: 
     one = -np.expm1(np.log1p(-false_alarm) / _independent(PLACES_PER_PITCH * (n - 2)))
     left = max(n - base.shape[1] - 3, 1) + TRUSTED
     wanted = float(ncfdtrinc(3, left, 0.1, fdtri(3, left, 1 - one)))
-    return float(np.sqrt(wanted / (column @ column)))
+    scatter = max((float(rest @ rest) + TRUSTED) / (n - base.shape[1] + TRUSTED), 1.0)
+    return float(np.sqrt(wanted * scatter / (column @ column)))
+
+
+def evenness(x_m: Array, value: Array, sd: Array, base: Array) -> float:
+    """How often ``base`` and a scatter of ``sd`` (n,) leave a row as uneven as ``value`` (n,)."""
+    *_, left = _weighted(x_m, value, sd, base, [])
+    return float(chdtrc(len(x_m) - base.shape[1], float(left @ left)))
 
 
 def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> Row:

@@ -5,8 +5,15 @@ from dataclasses import replace
 import numpy as np
 
 from probe.detection.finding import ObjectFinding
-from probe.detection.map.bumps import MIN_STATIONS, find_bumps, least_height, level_of, surroundings
-from probe.detection.map.row_objects import Line
+from probe.detection.map.bumps import (
+    MIN_STATIONS,
+    evenness,
+    find_bumps,
+    least_height,
+    level_of,
+    surroundings,
+)
+from probe.detection.map.row_objects import NORMAL_95, Line
 
 MIN_BEYOND = 3.0
 """Pitches between an object and the open end: a vessel is felt two to either side, and a bump's
@@ -59,21 +66,32 @@ def least_bump_pa(line: Line, false_alarm: float) -> float:
 
 
 def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
-    """Of finished rows without an object: what a lump could be, undecided, where a row is too short
-    to show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`."""
+    """Of finished rows without an object: what a lump could be, undecided, where a row would not
+    show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`.
+
+    That is a bump with a chance below `DOUBT`, or, in a row that is more uneven than its presses
+    scatter, one as high as a lump: several lumps look like a scatter of each other.
+    """
     found = []
     for line, least in zip(lines, least_pa, strict=True):
-        if not least > LUMP_SHARE * level_of(line.level_pa):
+        lump_pa = LUMP_SHARE * level_of(line.level_pa)
+        if not least > lump_pa:
             continue
-        base = surroundings(line.x_m)
+        row = line.x_m, line.level_pa, line.level_sd_pa, surroundings(line.x_m)
         chance = DOUBT / len(lines)
-        for bump in find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, chance, 1).bumps:
+        uneven = evenness(*row) < chance
+        for bump in find_bumps(*row, false_alarm=1.0, most=1).bumps:
+            clear = abs(bump.height) > max(lump_pa, NORMAL_95 * bump.height_sd)
+            if bump.p_value > chance and not (uneven and clear):
+                continue
             at = int(np.argmin(np.abs(line.x_m - bump.x_m)))
+            low, high = np.clip((bump.x_low_m, bump.x_high_m), line.x_m[0], line.x_m[-1])
             word = "stiffer" if bump.height > 0 else "softer"
             found.append(ObjectFinding(
-                "undecided", bump.x_m, (bump.x_low_m, bump.x_high_m), bump.height,
+                "undecided", bump.x_m, (float(low), float(high)), bump.height,
                 float(line.pulse_pa[at]), 0.0,
                 f"no pulse; {abs(bump.height):.0f} Pa {word}, which {len(line.x_m)} stations "
-                "cannot tell from a curved surface or a block's end: a longer row can",
+                "cannot tell from a curved surface, a block's end or presses that differ: "
+                "a longer row can",
             ))  # fmt: skip
     return found

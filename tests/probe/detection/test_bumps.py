@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from probe.detection.map.bumps import find_bumps, floor, least_height, shape, surroundings
+from drivers.core.arrays import Array
+from probe.detection.map.bumps import (
+    evenness,
+    find_bumps,
+    floor,
+    least_height,
+    shape,
+    surroundings,
+)
 
 HEIGHT, NOISE = 1.0, 1e-3
 
@@ -34,6 +42,32 @@ def test_the_least_height_is_what_most_rows_show(stations: int) -> None:
 
     assert share(least) > 0.7
     assert share(0.5 * least) < 0.3
+
+
+def test_presses_that_scatter_more_than_stated_show_less() -> None:
+    """Nine of ten by the formula, whose scatter is seen in one row and met in others."""
+    rng = np.random.default_rng(2)
+    x_m, stated = 4e-3 * np.arange(15), np.full(15, 37.0)
+    base = surroundings(x_m)
+
+    def row(bump_pa: float) -> Array:
+        bump = bump_pa * shape(x_m, float(x_m.mean()), 8e-3)
+        return np.asarray(8200.0 + bump + 3 * stated * rng.standard_normal(15))
+
+    rows = [row(0.0) for _ in range(40)]
+    least = float(np.median([least_height(x_m, one, stated, base, 0.0025) for one in rows]))
+    assert max(evenness(x_m, one, stated, base) for one in rows) < 0.01
+    found = [len(find_bumps(x_m, row(least), stated, base, 0.0025).bumps) > 0 for _ in range(60)]
+    assert np.mean(found) > 0.7
+
+
+def test_a_row_is_as_even_as_its_presses_scatter() -> None:
+    rng = np.random.default_rng(3)
+    x_m, sd = 4e-3 * np.arange(15), np.full(15, 37.0)
+    base = surroundings(x_m)
+    rows = (8200.0 + sd * rng.standard_normal(15) for _ in range(400))
+    few = np.mean([evenness(x_m, one, sd, base) < 0.1 for one in rows])
+    assert 0.06 < few < 0.15
 
 
 @pytest.mark.parametrize("stations", [5, 6])

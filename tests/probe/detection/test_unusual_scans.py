@@ -123,6 +123,22 @@ def test_what_a_short_row_cannot_show_is_not_called_nothing(count: int) -> None:
     assert re.search(r"its surroundings \([0-9]+ Pa would have shown\)", nothing.reason)
 
 
+def test_several_lumps_are_not_called_nothing() -> None:
+    """Two lumps and a vessel's flank in 14 stations, by finite elements: beside tilt, curvature and
+    edges too few are left to name them by, and none of them looks clear beside the others."""
+    rng = np.random.default_rng(1)
+    force_mn = np.array([458.3, 480.1, 506.6, 520.1, 512.3, 520.5, 546.9, 553.5, 522.7, 488.7,
+                         479.3, 487.4, 503.5, 493.4])  # fmt: skip
+    row = [
+        station(rng, index=n, x_mm=7.5 + 3 * n, level_pa=6.7 * float(mn), noise_pa=4.0, hold_s=2.5)
+        for n, mn in enumerate(force_mn)
+    ]
+    found = detect(recording(row))
+    assert found.finding == "undecided"
+    assert all(7.5e-3 <= x <= 46.5e-3 for x in found.objects[0].position_ci_m)
+    assert "presses that differ" in found.reason
+
+
 def array(one: Station, rng: np.random.Generator) -> Station:
     """The press as nine taxels that feel the same, with noise of their own."""
     nine = one.signal_pa + 20.0 * rng.standard_normal((len(one.time_s), 9))
