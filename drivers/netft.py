@@ -4,22 +4,26 @@ Records carry a sequence number: it counts what the network lost and is the devi
 box's RDT output rate, which the rig file must give (``rate_hz``) and the driver checks.
 """
 
+import math
 import time
 from collections import deque
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
 
 from drivers.core.errors import DeviceAbsent, DeviceFault
 from drivers.core.extras import needs
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
+from drivers.core.settings import NonNegative, Positive
 from drivers.core.timestamps import DeviceTime
 from drivers.core.units import SI
 
 if TYPE_CHECKING:
     import pynetft
 
-CHECK_S = 1.0
+SILENCE_S = 0.1  # a hundred records at 1000 Hz
+CHECK_S = 0.5
 RATE_SLACK = 0.03
 QUEUE = 20_000  # in the library, before our thread gets them
 ORDER_FAULTS = ("ft_stall", "ft_backward")
@@ -29,32 +33,39 @@ Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
 
 class RdtSource:
-    """A running client; see `drivers.core.reader.Source`."""
+    """A running client; see `drivers.core.reader.Source`. Raises `DeviceAbsent`."""
 
     def __init__(
         self,
         clock: Clock,
         name: str,
-        client: "pynetft.Client",
-        host: str,
+        config: "pynetft.Config",
         rate_hz: float,
         normal: Normal,
         latency_s: float,
     ) -> None:
         self._clock = clock
         self._name = name
-        self._client = client
-        self._host = host
+        self._config = config
         self._rate_hz = rate_hz
         self._sign = 1.0 if normal[0] == "+" else -1.0
         self._axis = AXES.index(normal[1:])
         self._time = DeviceTime(latency_s)
-        self._samples: Iterator[pynetft.Sample] = client.samples(timeout=0.05)
+        self._client: pynetft.Client
+        self._samples: Iterator[pynetft.Sample]
         self._last: int | None = None
         self._count = 0
-        self._since: tuple[float, int] | None = None
+        self._since_s = clock.now()
+        self._lateness_s = math.inf  # the least since then
+        self._before_s: float | None = None  # the least of the time before
         self._arrival_s = clock.now()
         self._disorders: deque[float] = deque(maxlen=DISORDERS)
+        try:
+            self._begin()
+        except DeviceFault as fault:
+            raise DeviceAbsent(
+                name, f"no Net F/T box at {config.sensor_host}: {fault.reason}"
+            ) from None
 
     def read(self) -> list[Sample]:
         """The next record. Raises `DeviceFault` on the box's own faults."""
@@ -69,9 +80,10 @@ class RdtSource:
             raise DeviceFault(self._name, "the stream has ended") from None
         except pynetft.SensorFaultError as error:
             if error.fault_code.value not in ORDER_FAULTS:
-                unseen = f"; is the box at {self._host} on?" if self._count == 0 else ""
+                host = self._config.sensor_host
+                unseen = f"; is the box at {host} on?" if self._count == 0 else ""
                 raise DeviceFault(self._name, _in_words(error) + unseen) from None
-            self._begin_anew()
+            self._begin_anew(error.health.sensor_configuration)
             return []
         received_s = 1e-9 * (time.monotonic_ns() - got.received_at_ns)
         arrival_s = self._clock.now() - received_s
@@ -93,13 +105,24 @@ class RdtSource:
         """End the stream."""
         self._client.stop()
 
-    def _begin_anew(self) -> None:
-        """A record came twice or was overtaken on the network, where the library ends its stream.
-
-        Raises `DeviceFault` if that goes on.
-        """
+    def _begin(self) -> None:
+        """Start a client and its stream. Raises `DeviceFault`."""
         import pynetft
 
+        self._client = pynetft.Client(self._config, queue_size=QUEUE)
+        try:
+            self._client.start()
+        except (pynetft.NetFTError, OSError) as error:
+            raise DeviceFault(self._name, f"connection lost ({error})") from None
+        self._samples = self._client.samples(timeout=0.05)
+        self._last = None
+
+    def _begin_anew(self, known: "pynetft.SensorConfiguration | None") -> None:
+        """A record came twice or was overtaken on the network, where the library ends its stream.
+
+        The calibration is ``known``: its page would cost the box, whose web server is slow, records
+        that nobody reads. Raises `DeviceFault` if that goes on.
+        """
         now_s = self._clock.now()
         self._disorders.append(now_s)
         if len(self._disorders) == DISORDERS and now_s - self._disorders[0] < DISORDERS_S:
@@ -108,24 +131,27 @@ class RdtSource:
                 f"{DISORDERS_S:g} s: use a cable without other traffic"
             )  # fmt: skip
         self._client.stop()
-        try:
-            self._client.start()
-        except (pynetft.NetFTError, OSError) as error:
-            raise DeviceFault(self._name, f"connection lost ({error})") from None
-        self._samples = self._client.samples(timeout=0.05)
-        self._last = None
+        if known is not None:
+            self._config = replace(self._config, calibration_override=known.calibration)
+        self._begin()
 
     def _check_rate(self, arrival_s: float) -> None:
-        if self._since is None:
-            self._since = (arrival_s, self._count)
+        """Records of another rate come ever later, or earlier. Raises `DeviceFault`.
+
+        A machine that stands still delays some; the one least late in `CHECK_S` is compared.
+        """
+        self._lateness_s = min(self._lateness_s, arrival_s - self._count / self._rate_hz)
+        if (passed_s := arrival_s - self._since_s) < CHECK_S:
             return
-        if (passed_s := arrival_s - self._since[0]) < CHECK_S:
+        before_s, self._before_s = self._before_s, self._lateness_s
+        self._since_s, self._lateness_s = arrival_s, math.inf
+        if before_s is None:
             return
-        rate_hz = (self._count - self._since[1]) / passed_s
-        self._since = (arrival_s, self._count)
-        if abs(rate_hz / self._rate_hz - 1) > RATE_SLACK:
+        later = (self._before_s - before_s) / passed_s
+        if abs(later) > RATE_SLACK:
+            sent_hz = self._rate_hz * (1 - later)
             raise DeviceFault(
-                self._name, f"sends {rate_hz:.0f} records a second; rate_hz = {self._rate_hz:g}"
+                self._name, f"sends {sent_hz:.0f} records a second; rate_hz = {self._rate_hz:g}"
             )
 
 
@@ -138,9 +164,10 @@ def open_sensor(
     clock: Clock,
     *,
     host: str = "192.168.1.1",
-    rate_hz: float = 1000.0,
+    rate_hz: Positive = 1000.0,
     normal: Normal = "-fz",
-    latency_ms: float = 0.0,
+    latency_ms: NonNegative = 0.0,
+    silence_s: Positive = SILENCE_S,
     rdt_port: int = 49152,
     http_port: int = 80,
     name: str = "netft",
@@ -148,7 +175,8 @@ def open_sensor(
 ) -> LineSensor:
     """A Net F/T box at ``host`` that sends ``rate_hz`` records a second (RDT output rate).
 
-    The channel ``force`` is the axis ``normal``, positive when pressed. Raises `MissingExtra`.
+    The channel ``force`` is the axis ``normal``, positive when pressed. ``silence_s`` without a
+    record is a fault. Raises `MissingExtra`.
     """
     with needs("netft", 'driver = "netft"'):
         import pynetft
@@ -163,13 +191,9 @@ def open_sensor(
             sensor_host=host,
             rdt_port=rdt_port,
             http_port=http_port,
+            receive_timeout=silence_s,
             recovery_policy=pynetft.RecoveryPolicy.FAIL_STOP,
         )
-        client = pynetft.Client(config, queue_size=QUEUE)
-        try:
-            client.start()
-        except (pynetft.NetFTError, OSError) as error:
-            raise DeviceAbsent(name, f"no Net F/T box at {host}: {error}") from None
-        return RdtSource(clock, name, client, host, rate_hz, normal, 1e-3 * latency_ms)
+        return RdtSource(clock, name, config, rate_hz, normal, 1e-3 * latency_ms)
 
     return LineSensor(clock, name, channels, rate_hz, open_source, simulated=simulated)

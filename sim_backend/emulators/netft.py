@@ -7,9 +7,11 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
 import numpy as np
 
+from sim_backend.arrays import Array
 from sim_backend.emulators.serving import on_this_machine
 from sim_backend.phantom.phantom import Phantom
 
@@ -44,7 +46,8 @@ class NetFtBox:
         self._kept = b""
         self._sequence = 0
         host = on_this_machine(host)
-        self._page = ThreadingHTTPServer((host, ports[1]), _Page)
+        self.asked = 0  # how often for its page
+        self._page = ThreadingHTTPServer((host, ports[1]), self._answer)
         self._udp = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._udp.bind((host, ports[0]))
         self._udp.settimeout(0.001)
@@ -85,16 +88,30 @@ class NetFtBox:
         self._page.server_close()
         self._udp.close()
 
+    def _answer(self, *connection: Any) -> "_Page":
+        self.asked += 1
+        return _Page(*connection)
+
     def _run(self) -> None:
-        next_s = time.monotonic()
+        began_s, sent = time.monotonic(), 0
         while not self._end.is_set():
             self._listen()
-            while next_s <= time.monotonic() and not self._end.is_set():
-                late_s = time.monotonic() - next_s  # a box measures in time, however late it sends
-                next_s += 1 / self._rate_hz
-                self._sequence = (self._sequence + 1) % 2**32
-                if self._client is not None and self._fault not in ("silence", "drop"):
-                    self._send(self._record(late_s), self._client)
+            now_s = time.monotonic()
+            due = int((now_s - began_s) * self._rate_hz) - sent
+            # a box measures in time, however late this thread sends
+            ago_s = now_s - began_s - np.arange(sent, sent + due) / self._rate_hz
+            sent += due
+            self._stream(ago_s)
+
+    def _stream(self, ago_s: Array) -> None:
+        """Send the records that were due so long ago: one question to the phantom for all."""
+        first, self._sequence = self._sequence + 1, (self._sequence + len(ago_s)) % 2**32
+        if self._client is None or self._fault in ("silence", "drop") or not len(ago_s):
+            return
+        noise_n = self._noise_n * self._rng.standard_normal(len(ago_s))
+        measured_n = self._bias_n - self._force_n(ago_s) + noise_n
+        for sequence, force_n in enumerate(measured_n, first):
+            self._send(sequence % 2**32, force_n)
 
     def _listen(self) -> None:
         try:
@@ -111,20 +128,13 @@ class NetFtBox:
         elif command == STOP:
             self._client = None
         elif command == BIAS:
-            self._bias_n = self._force_n()
+            self._bias_n = float(self._force_n(np.zeros(1))[0])
 
-    def _record(self, late_s: float) -> bytes:
-        measured_n = (
-            -(self._force_n(late_s) - self._bias_n) + self._noise_n * self._rng.standard_normal()
-        )
-        counts = round(COUNTS_PER_N * measured_n)
+    def _send(self, sequence: int, measured_n: float) -> None:
         # its sequence, that of the 7000 Hz at which a box samples, status; forces, torques
-        return struct.pack(
-            ">3I6i", self._sequence, 7 * self._sequence % 2**32, 0, 0, 0, counts, 0, 0, 0
-        )
-
-    def _send(self, record: bytes, client: tuple[str, int]) -> None:
-        if self._fault == "lossy" and self._sequence % 5 == 0:
+        counts = round(COUNTS_PER_N * measured_n)
+        record = struct.pack(">3I6i", sequence, 7 * sequence % 2**32, 0, 0, 0, counts, 0, 0, 0)
+        if self._fault == "lossy" and sequence % 5 == 0:
             return
         if self._fault == "garbage":
             record = self._rng.bytes(int(self._rng.integers(1, 35)))
@@ -133,19 +143,19 @@ class NetFtBox:
         records = [record]
         if self._kept:  # it is overtaken by this one
             records, self._kept = [record, self._kept], b""
-        elif self._fault == "doubled" and self._sequence % SELDOM == 0:
+        elif self._fault == "doubled" and sequence % SELDOM == 0:
             records = [record, record]
-        elif self._fault == "swapped" and self._sequence % SELDOM == 0:
+        elif self._fault == "swapped" and sequence % SELDOM == 0:
             records, self._kept = [], record
         try:
             for one in records:
-                self._udp.sendto(one, client)
+                if self._client is not None:
+                    self._udp.sendto(one, self._client)
         except ConnectionError:
             self._client = None
 
-    def _force_n(self, ago_s: float = 0.0) -> float:
-        at_s = self._phantom.clock.now() - ago_s
-        return float(self._phantom.force_n(np.array([at_s]))[0])
+    def _force_n(self, ago_s: Array) -> Array:
+        return self._phantom.force_n(self._phantom.clock.now() - ago_s)
 
 
 class _Page(BaseHTTPRequestHandler):

@@ -2,14 +2,15 @@
 
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
-from drivers import DeviceAbsent, DeviceFault, MissingExtra, WallClock
+from drivers import Block, DeviceAbsent, DeviceFault, MissingExtra, WallClock
 from drivers.core.reader import LineSensor
 from drivers.netft import open_sensor
+from sim_backend.arrays import Array
 from sim_backend.emulators import netft
 from sim_backend.phantom.phantom import Phantom
 
@@ -21,13 +22,35 @@ def box(phantom: Phantom) -> Iterator[netft.NetFtBox]:
         yield running
 
 
-def opened(box: netft.NetFtBox, clock: WallClock, rate_hz: float = 1000.0) -> LineSensor:
+def opened(
+    box: netft.NetFtBox, clock: WallClock, rate_hz: float = 1000.0, silence_s: float = 5.0
+) -> LineSensor:
+    """By default the emulator, which shares this process, may be slow."""
     sensor = open_sensor(
-        clock, host=box.host, rdt_port=box.rdt_port, http_port=box.http_port, rate_hz=rate_hz
-    )
+        clock, host=box.host, rdt_port=box.rdt_port, http_port=box.http_port, rate_hz=rate_hz,
+        silence_s=silence_s,
+    )  # fmt: skip
     sensor.connect()
     sensor.start()
     return sensor
+
+
+def read_until(sensor: LineSensor, enough: Callable[[Block], bool]) -> Block:
+    """All that it read until ``enough``, or a fault."""
+    blocks = [sensor.read()]
+    while not enough(block := joined(blocks)):
+        time.sleep(0.02)
+        blocks.append(sensor.read())
+    return block
+
+
+def joined(blocks: list[Block]) -> Block:
+    """As if they had been read at once."""
+    return Block(
+        *(np.concatenate([getattr(block, name) for block in blocks])
+          for name in ("time_s", "values", "saturated")),
+        lost=sum(block.lost for block in blocks),
+    )  # fmt: skip
 
 
 def test_a_thousand_readings_a_second_in_newtons_and_in_time(
@@ -35,15 +58,10 @@ def test_a_thousand_readings_a_second_in_newtons_and_in_time(
 ) -> None:
     sensor = opened(box, clock)
     phantom.tip.move(clock.now() + 0.1, (0.032, 0.0, -0.0025), 0.02, 1.0)
-    blocks = []
-    while not blocks or blocks[-1].time_s[-1] - blocks[0].time_s[0] < 0.6:
-        time.sleep(0.1)
-        if len((block := sensor.read()).time_s):
-            blocks.append(block)
+    block = read_until(sensor, lambda block: len(block.time_s) + block.lost > 600)
     sensor.close()
-    time_s = np.concatenate([block.time_s for block in blocks])
-    values = np.concatenate([block.values for block in blocks])
-    in_all = len(time_s) + sum(block.lost for block in blocks)
+    time_s, values = block.time_s, block.values
+    in_all = len(time_s) + block.lost
     assert in_all / (time_s[-1] - time_s[0]) == pytest.approx(1000.0, rel=0.05)
     np.testing.assert_array_equal(values[:, 0], -values[:, 3])
     # 10 N/s: 0.1 N is 10 ms.
@@ -53,11 +71,9 @@ def test_a_thousand_readings_a_second_in_newtons_and_in_time(
 
 def test_records_that_the_network_loses_are_counted(box: netft.NetFtBox, clock: WallClock) -> None:
     sensor = opened(box, clock)
-    time.sleep(0.1)
-    sensor.read()
+    read_until(sensor, lambda block: len(block.time_s) > 100)  # the first to arrive may be late
     box.fail("lossy")
-    time.sleep(0.5)
-    block = sensor.read()
+    block = read_until(sensor, lambda block: block.lost > 80)
     sensor.close()
     assert block.lost == pytest.approx(len(block.time_s) / 4, rel=0.2)
     assert (np.diff(block.time_s) > 0.5e-3).all()
@@ -70,20 +86,39 @@ def test_records_that_come_twice_or_late_are_no_fault(
     """The library ends its stream at one; what is missing until the next counts as lost."""
     sensor = opened(box, clock)
     box.fail(fault)
-    time.sleep(0.1)
-    sensor.read()
-    time.sleep(0.8)
-    block = sensor.read()
+    block = read_until(sensor, lambda block: block.lost > 0 and len(block.time_s) > 300)
     sensor.close()
-    assert len(block.time_s) > 100
-    assert block.lost > 0
     span_s = block.time_s[-1] - block.time_s[0]
     assert (np.diff(block.time_s) > 0).all()
     assert len(block.time_s) + block.lost == pytest.approx(1000.0 * span_s, rel=0.1)
 
 
-def test_a_silent_box_is_a_fault(box: netft.NetFtBox, clock: WallClock) -> None:
+def test_a_stream_begun_anew_asks_the_box_for_nothing(
+    box: netft.NetFtBox, clock: WallClock
+) -> None:
+    """The page of a real box is slow: what it says is known from the first time."""
     sensor = opened(box, clock)
+    asked = box.asked
+    box.fail("doubled")
+    read_until(sensor, lambda block: block.lost > 0 and len(block.time_s) > 300)
+    sensor.close()
+    assert asked == box.asked == 1
+
+
+def test_a_pause_shorter_than_silence_s_is_lost_samples(
+    box: netft.NetFtBox, clock: WallClock
+) -> None:
+    sensor = opened(box, clock)
+    box.fail("silence")
+    time.sleep(0.3)
+    box.fail(None)
+    block = read_until(sensor, lambda block: block.lost > 0)
+    sensor.close()
+    assert block.lost > 200
+
+
+def test_a_silent_box_is_a_fault(box: netft.NetFtBox, clock: WallClock) -> None:
+    sensor = opened(box, clock, silence_s=0.1)
     box.fail("silence")
     with pytest.raises(DeviceFault, match="netft: timeout"):
         for _ in range(200):
@@ -99,6 +134,25 @@ def test_a_rate_other_than_the_rig_says_is_told(box: netft.NetFtBox, clock: Wall
             sensor.read()
             time.sleep(0.01)
     sensor.close()
+
+
+def test_a_sender_that_stumbles_has_no_other_rate(
+    box: netft.NetFtBox, phantom: Phantom, clock: WallClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Four times a second all is 0.1 s late; then what was due comes at once."""
+    stumbled, force_n = [0.0], phantom.force_n
+
+    def slow(time_s: Array) -> Array:
+        if time.monotonic() > stumbled[0] + 0.25:
+            time.sleep(0.1)
+            stumbled[0] = time.monotonic()
+        return force_n(time_s)
+
+    monkeypatch.setattr(phantom, "force_n", slow)
+    sensor = opened(box, clock)
+    block = read_until(sensor, lambda block: len(block.time_s) > 2000)
+    sensor.close()
+    assert block.lost == 0
 
 
 def test_no_box_is_absence(clock: WallClock) -> None:

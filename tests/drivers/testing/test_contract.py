@@ -52,7 +52,8 @@ def modbus_tcp(phantom: Phantom, clock: WallClock, _folder: Path) -> Iterator[Be
 def net_ft(phantom: Phantom, clock: WallClock, _folder: Path) -> Iterator[Bench]:
     pytest.importorskip("pynetft")
     with netft.emulate(phantom, rdt_port=0, http_port=0) as box:
-        settings = {"host": box.host, "rdt_port": box.rdt_port, "http_port": box.http_port}
+        ports = {"rdt_port": box.rdt_port, "http_port": box.http_port}
+        settings = {"host": box.host, **ports, "silence_s": 2.0}
         unplug, replug = partial(box.fail, "drop"), partial(box.fail, None)
         yield Bench("netft", settings, unplug, replug, clock=clock)
 
