@@ -9,6 +9,7 @@ from probe.gui.style import head, pen, plot
 from probe.report.look import GREEN, INK, PURPLE, VERMILLION
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Artery, Scene
+from sim_backend.scene.slicing import section_at
 
 LIFT_MM = 6.0  # room above the surface: a scan's clearance and a little more
 CIRCLE = np.linspace(0, 2 * np.pi, 61)
@@ -61,7 +62,7 @@ def frame_scene(area: pg.PlotItem, scene: Scene) -> None:
 
 
 class BodyPanel(QWidget):
-    """Where the probe is over the section; without a known scene, over a plain surface."""
+    """Where the probe is over the section of its row; without a known scene, over the surface."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -71,28 +72,47 @@ class BodyPanel(QWidget):
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self.area)
         self.finger = self.area.plot([], [], pen=pen(GREEN, 3))
-        self._drawn: object = None
+        self._started_utc = ""
+        self._scene: Scene | None = None
+        self._row_mm: float | None = None
         self._top_mm = 0.0
         self._outline = finger_outline(Cylinder())
 
     def show_state(self, state: ViewState) -> None:
-        if state.started_utc and self._drawn != state.started_utc:
-            self._drawn = state.started_utc
-            self._scene(state)
+        if state.started_utc != self._started_utc:
+            self._started_utc = state.started_utc
+            self._start(state)
+        place = state.place()
+        if self._scene is not None:
+            self._cut(self._scene, 0.0 if place is None else place.y_mm)
         tip = state.tip_m()
         if tip is not None:
             x, y = self._outline
-            self.finger.setData(x + 1e3 * tip[0], y + self._top_mm + 1e3 * tip[2])
+            above_mm = 1e3 * tip[2] - (0.0 if place is None else place.surface_mm)
+            self.finger.setData(x + 1e3 * tip[0], y + self._top_mm + above_mm)
 
-    def _scene(self, state: ViewState) -> None:
+    def _start(self, state: ViewState) -> None:
+        self._clear()
         written = state.config.get("scene")
         if written:
-            scene = Scene.model_validate(written)
+            self._scene = scene = Scene.model_validate(written)
             head(self.area, f"{scene.name} (known section)")
-            draw_scene(self.area.getPlotItem(), scene)
             frame_scene(self.area.getPlotItem(), scene)
             self._top_mm, self._outline = scene.surface_mm, finger_outline(scene.indenter)
         else:
             head(self.area, "Section unknown: the surface only")
             ends = [p.x_mm for p in state.plan] or [0.0, 1.0]
             self.area.plot([min(ends), max(ends)], [0, 0], pen=pen(INK, 2))
+
+    def _cut(self, scene: Scene, y_mm: float) -> None:
+        """Draw what lies under the row at ``y_mm``, unless it is drawn."""
+        if y_mm != self._row_mm:
+            self._clear()
+            draw_scene(self.area.getPlotItem(), section_at(scene, y_mm))
+            self._row_mm = y_mm
+
+    def _clear(self) -> None:
+        self._row_mm = None
+        for curve in self.area.getPlotItem().listDataItems():
+            if curve is not self.finger:
+                self.area.removeItem(curve)

@@ -104,7 +104,7 @@ class TimeBar(QWidget):
         return self.now_s
 
     def _moved(self, step: int) -> None:
-        self.now_s = self.length_s * step / SLIDER_STEPS
+        self.now_s = self.length_s * (step / SLIDER_STEPS)  # at the last step exactly the end
 
 
 class ReplayWindow(RunWindow):

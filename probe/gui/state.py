@@ -36,11 +36,12 @@ STALE_S = 1.0
 
 @dataclass(frozen=True)
 class Place:
-    """A station of the plan, in mm."""
+    """A station of the plan, in mm; ``surface_mm`` is the planned surface's height there."""
 
     index: int
     x_mm: float
     y_mm: float
+    surface_mm: float
 
 
 @dataclass
@@ -96,6 +97,7 @@ class ViewState:
     reason: str = ""
     now_s: float = float("nan")
     seen: int = 0
+    _places: dict[int, Place] = field(default_factory=dict)
     _conversions: dict[str, StressConversion] = field(default_factory=dict)
     _measured: dict[int, tuple[float, float]] = field(default_factory=dict)
     _hold: list[tuple[Array, Array]] = field(default_factory=list)
@@ -159,8 +161,14 @@ class ViewState:
     def _start(self, event: RunStarted) -> None:
         """A resumed run starts again: what was complete stays."""
         self.config, self.started_utc = event.config, event.started_utc
-        places = event.config.get("plan", {}).get("stations", ())
-        self.plan = tuple(Place(int(i), _known(x), _known(y)) for i, x, y in places)
+        plan = event.config.get("plan", {})
+        places = plan.get("stations", ())
+        heights_mm = plan.get("surface_mm") or [0.0] * len(places)  # an import knows none
+        self.plan = tuple(
+            Place(int(i), _known(x), _known(y), float(z))
+            for (i, x, y), z in zip(places, heights_mm, strict=True)
+        )
+        self._places = {one.index: one for one in self.plan}
         self.is_grid = plans_rows(event.config)
         self.traces = {name: Trace(tuple(each)) for name, each in event.channels.items()}
         self.finish, self.reason = None, ""
@@ -240,6 +248,10 @@ class ViewState:
             for c in trace.channels
             if c.simulated
         )
+
+    def place(self) -> Place | None:
+        """Where the plan has the station that is pressed; None before the first."""
+        return None if self.station is None else self._places.get(self.station)
 
     def tip_m(self) -> tuple[float, float, float] | None:
         """Where the probe is (x, y, z) [m], or None before the stage was read."""

@@ -10,10 +10,19 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
 from probe.acquisition.remote import NotRunning
-from probe.core.events import Event, Finish, Note, RunEnded
+from probe.core.events import (
+    Event,
+    Finish,
+    Note,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+)
 from probe.gui.app import Follower
+from probe.gui.body import BodyPanel
 from probe.gui.maps import MapPanel
-from probe.gui.replay import SPEEDS, PairWindow, Player, ReplayWindow
+from probe.gui.replay import SPEEDS, PairWindow, Player, ReplayWindow, TimeBar
 from probe.gui.state import ViewState
 from probe.gui.style import application
 from probe.gui.window import RunWindow
@@ -151,6 +160,49 @@ def test_replay_follows_slider_speed_and_play(make_run: Make, shoot: Shoot) -> N
     assert not window.bar.playing
 
 
+@pytest.mark.parametrize("length_s", [40.3, 40.2969999999973])
+def test_the_slider_at_its_end_is_the_end_of_the_run(length_s: float) -> None:
+    application()
+    bar = TimeBar(length_s)
+    bar.slider.setValue(bar.slider.maximum())
+    assert bar.now_s == length_s
+
+
+@pytest.mark.parametrize("surface_mm", [None, 12.0])
+def test_the_finger_is_drawn_over_the_surface_that_the_scan_has(
+    surface_mm: float | None, make_run: Make
+) -> None:
+    """Held 2.5 mm deep, however high the surface lies in the scan's frame."""
+    events, state, panel = make_run(columns=1), ViewState(), BodyPanel()
+    started = events[0]
+    assert isinstance(started, RunStarted)
+    if surface_mm is not None:
+        started.config["plan"]["surface_mm"] = [surface_mm]
+    for event in events:
+        if isinstance(event, Samples) and event.device == "stage":
+            event.block.values[:, 2] += 1e-3 * (surface_mm or 0.0)
+        state.update(event)
+        if len(state.hold()[0]) > 50:
+            break
+    panel.show_state(state)
+    assert np.min(panel.finger.getData()[1]) == pytest.approx(16.83 - 2.5)
+
+
+def test_a_grid_shows_the_section_of_the_row_that_is_pressed(make_run: Make) -> None:
+    events = make_run(rows=2, columns=2)  # 4 mm apart
+    started = events[0]
+    assert isinstance(started, RunStarted)
+    started.config["scene"]["inclusion"][0]["path"] = [[0.0, 20.0, 12.66], [4.0, 40.0, 12.66]]
+    state, panel, middles = ViewState(), BodyPanel(), []
+    for event in events:
+        state.update(event)
+        if isinstance(event, StationEnded):
+            panel.show_state(state)
+            vessel = panel.area.getPlotItem().listDataItems()[-1]
+            middles.append(float(np.mean([vessel.xData.min(), vessel.xData.max()])))
+    assert middles == pytest.approx([20.0, 20.0, 40.0, 40.0], abs=0.01)
+
+
 def test_seeking_forwards_and_backwards_gives_the_same(make_run: Make) -> None:
     player = Player(make_run())
     straight = dict(player.seek(10.0).maps)
@@ -177,8 +229,6 @@ def test_a_frame_reads_no_longer_than_its_budget(make_run: Make) -> None:
 
 def test_a_run_that_has_only_begun_is_drawn() -> None:
     """In real time the first event comes long before the first phase."""
-    from probe.core.events import RunStarted
-
     window = window_on([RunStarted(5.0, "2026-01-01T00:00:00+00:00", {}, {"stage": ()})])
     window.frame()
     assert "0 of 0 stations" in window.side.progress.text()
