@@ -54,6 +54,7 @@ class GuardClient:
         self.jumped: tuple[str, float] | None = None
         self._lock = threading.Lock()
         self._gone = False
+        self._asked = 0
         self._launch()
         facts = self._open(order, None)
         self.stage = RemoteStage(facts, self)
@@ -218,13 +219,16 @@ class GuardClient:
         facts: Facts = answer
         return facts
 
-    def call(self, name: str, *arguments: Any) -> Any:
-        """What `Service` answers to ``name``. Raises `DeviceFault`, also when it is gone."""
+    def call(self, name: str, *arguments: Any, extra_s: float = 0.0) -> Any:
+        """What `Service` answers to ``name``, which may take ``extra_s`` longer than others.
+
+        Raises `DeviceFault`, also when it is gone.
+        """
         with self._lock:
             if self._gone:
                 raise DeviceFault("guard", GONE)
             try:
-                done, answer = self._ask(name, *arguments)
+                done, answer = self._ask(name, *arguments, extra_s=extra_s)
             except (EOFError, OSError):
                 self._replace()
                 raise DeviceFault("guard", DIED) from None
@@ -232,15 +236,23 @@ class GuardClient:
             raise answer
         return answer
 
-    def _ask(self, name: str, *arguments: Any) -> tuple[bool, Any]:
-        """Raises `EOFError` or `OSError` where nobody answers any more."""
-        self._calls.send((name, arguments))
-        if not self._calls.poll(STATUS_S if name == "status" else ANSWER_S):
-            if name != "status":
-                raise DeviceFault("guard", f"no answer to {name} within {ANSWER_S:g} s")
-            self._process.kill()
-        found: tuple[bool, Any] = self._calls.recv()
-        return found
+    def _ask(self, name: str, *arguments: Any, extra_s: float = 0.0) -> tuple[bool, Any]:
+        """Raises `EOFError` or `OSError` where nobody answers any more.
+
+        An answer carries its call's number: one that came too late is not the next call's.
+        """
+        self._asked += 1
+        self._calls.send((self._asked, name, arguments))
+        within_s = STATUS_S if name == "status" else ANSWER_S + extra_s
+        until_s = time.monotonic() + within_s
+        number, done, answer = 0, False, None
+        while number != self._asked:
+            if not self._calls.poll(max(until_s - time.monotonic(), 0.0)):
+                if name != "status":
+                    raise DeviceFault("guard", f"no answer to {name} within {within_s:g} s")
+                self._process.kill()
+            number, done, answer = self._calls.recv()
+        return done, answer
 
     def _replace(self) -> None:
         """Once: another process opens the devices, stops the stage and lifts.

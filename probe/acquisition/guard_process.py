@@ -259,14 +259,14 @@ def _ready(order: Order, devices: Devices, urgent: Connection) -> tuple[Facts, S
 def _serve(service: Service, calls: Connection) -> None:
     while True:
         try:
-            name, arguments = calls.recv()
+            number, name, arguments = calls.recv()
         except (EOFError, OSError):
             break
-        answer: tuple[bool, Any]
+        answer: tuple[int, bool, Any]
         try:
-            answer = (True, getattr(service, name)(*arguments))
+            answer = (number, True, getattr(service, name)(*arguments))
         except Exception as error:  # noqa: BLE001 - every fault is the engine's to handle
-            answer = (False, error)
+            answer = (number, False, error)
         with suppress(OSError):  # it went away meanwhile: the next `recv` says so
             calls.send(answer)
     service.left_alone()

@@ -6,11 +6,13 @@ from typing import Any, Protocol
 from drivers import Block, Pose
 from probe.acquisition.guard_process import Facts, SensorFacts, Status
 
+POSE_S = 0.5  # an arm's driver gives its controller 0.3 s for the questions about one pose
+
 
 class Line(Protocol):
     """What is asked of the other process: see `probe.acquisition.guard_client.GuardClient`."""
 
-    def call(self, name: str, *arguments: Any) -> Any: ...
+    def call(self, name: str, *arguments: Any, extra_s: float = 0.0) -> Any: ...
     def status(self) -> Status: ...
     def engine_heartbeat(self) -> None: ...
     def stop(self) -> None: ...
@@ -36,7 +38,7 @@ class RemoteStage:
 
     def unreachable(self, poses: list[Pose]) -> dict[Pose, str]:
         """As `drivers.core.abilities.unreachable`."""
-        return dict(self._client.call("unreachable", poses))
+        return dict(self._client.call("unreachable", poses, extra_s=POSE_S * len(poses)))
 
     def stop(self) -> None:
         """Past all calls that wait for an answer."""

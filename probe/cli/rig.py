@@ -39,7 +39,7 @@ def doctor(
     json: Json = False,
 ) -> None:
     """Look at this machine and, with a rig, listen to its devices; nothing is moved."""
-    from drivers import DeviceAbsent
+    from drivers import DeviceFault
     from probe.acquisition.doctor import Noise, listen, machine
     from probe.acquisition.preflight import Check, SensorNoise, device_checks, pulse_checks
     from probe.acquisition.session import clock_for, resolve_rig
@@ -62,8 +62,10 @@ def doctor(
                             noises.append(found)
                         else:
                             checks.append(found)
-            except DeviceAbsent as missing:
-                checks.append(Check(missing.device, "fault", missing.reason))
+            except (
+                DeviceFault
+            ) as fault:  # absent, or there and locked: the rest is said all the same
+                checks.append(Check(fault.device, "fault", fault.reason))
         forces = [n for n in noises if n.role == "force" and n.unit == "N"]
         measured = [SensorNoise(f"{n.sensor}.{n.channel}", n.std, n.rate_hz) for n in forces]
         checks += pulse_checks(whole, simulated, respond, measured)

@@ -7,7 +7,7 @@ Any SQLite tool can read it: ``event`` holds everything in the order in which it
 import sqlite3
 
 from probe.core.errors import RunFileError
-from probe.storage.rows import FIRST, Row, link
+from probe.storage.rows import FIRST, link
 
 APPLICATION_ID = 0x50414C50  # "PALP"
 VERSION = 3
@@ -142,13 +142,13 @@ def _add_chain(connection: sqlite3.Connection) -> None:
     connection.execute("ALTER TABLE event RENAME TO event_1")
     connection.execute(_EVENT)
     chain = FIRST
-    kept = "kind, body, times, readings, saturated"
-    for number, *parts in connection.execute(f"SELECT id, {kept} FROM event_1 ORDER BY id"):
-        row = Row(*parts)
-        chain = link(chain, row.sha256)
+    # With the checksums as they were stored: of a damaged row a new one would be right.
+    kept = "id, kind, body, times, readings, saturated, sha256"
+    for *row, digest in connection.execute(f"SELECT {kept} FROM event_1 ORDER BY id"):
+        chain = link(chain, digest)
         connection.execute(
-            f"INSERT INTO event (id, {kept}, sha256, chain) VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-            (number, *row, row.sha256, chain),
+            f"INSERT INTO event ({kept}, chain) VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            (*row, digest, chain),
         )
     connection.execute("DROP TABLE event_1")
     for statement in (*_RULES, _STATION):

@@ -279,6 +279,22 @@ def test_who_takes_over_and_hangs_is_not_waited_for(
         client._process.kill()
 
 
+def test_an_answer_that_comes_too_late_is_not_the_next_call_s(
+    winkler: Respond, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with guarded(winkler, tmp_path) as client:
+        here = client.pose()
+        client._process.send_signal(signal.SIGSTOP)
+        with monkeypatch.context() as hurried:
+            hurried.setattr(guard_client, "ANSWER_S", 0.05)
+            with pytest.raises(DeviceFault, match="no answer to collect"):
+                client.call("collect")
+        client._process.send_signal(signal.SIGCONT)
+        assert client.pose() == here
+        client.engine_heartbeat()
+        assert client.trip is None
+
+
 @pytest.mark.parametrize("homing", [True, False])
 def test_who_takes_over_a_stage_that_was_homing_does_not_lift_it(
     homing: bool, winkler: Respond, tmp_path: Path

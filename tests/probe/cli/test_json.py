@@ -11,12 +11,15 @@ from typing import Any
 import pytest
 from databases import opened
 
-from drivers import DeviceFault
+from drivers import DeviceFault, WallClock
 from probe.cli import GROUPS, build, say
 from probe.cli.errors import STATUSES
 from probe.cli.finding import show_finding
+from sim_backend.emulators import grbl
 from sim_backend.models.press import CannotSolve
 from sim_backend.phantom.devices import VirtualStage
+from sim_backend.phantom.phantom import Phantom
+from sim_backend.scene.scene_file import load_scene
 
 pytestmark = pytest.mark.usefixtures("springs")
 
@@ -210,6 +213,18 @@ def test_doctor(palpate) -> None:
     assert force["std"] == pytest.approx(0.5e-3, rel=0.1)
     assert force["step"] == pytest.approx(0.1e-3)
     assert force["simulated"] is True
+
+
+def test_doctor_says_of_a_locked_board_what_to_do(palpate, tmp_path: Path, winkler) -> None:
+    world = Phantom(load_scene("TIHA"), WallClock(), winkler)
+    rig = tmp_path / "rig.toml"
+    with grbl.emulate(world, at=str(tmp_path / "board")) as board:
+        rig.write_text(f'[stage]\ndriver = "grbl"\nport = "{board.address}"\n')
+        outcome = palpate("doctor", rig, "--scene", "TIHA", "--json")
+    assert outcome.status == 3
+    (board_said,) = (one for one in outcome.json["checks"] if one["name"] == "grbl")
+    assert board_said["level"] == "fault"
+    assert "home = true" in board_said["text"]
 
 
 def test_verify_and_replay(palpate, run_file: Path) -> None:

@@ -303,14 +303,20 @@ def test_one_seed_gives_the_same_bytes(tmp_path: Path, winkler: Any) -> None:
     assert open_run(paths[0]).config["seed"] == 3
 
 
-def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: Any) -> None:
-    new = scan(scene="TIHA", out=tmp_path, respond=winkler).path
-    old = tmp_path / "old.run"
+def as_version_1(new: Path) -> Path:
+    """The same run as the first version stored it."""
+    old = new.with_name("old.run")
     kept = "id, kind, body, times, readings, saturated, sha256"
     with opened(old, isolation_level=None) as connection:
         create(connection, version=1)
         connection.execute("ATTACH ? AS new", (str(new),))
         connection.execute(f"INSERT INTO main.event ({kept}) SELECT {kept} FROM new.event")
+    return old
+
+
+def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: Any) -> None:
+    new = scan(scene="TIHA", out=tmp_path, respond=winkler).path
+    old = as_version_1(new)
     before = old.read_bytes()
     assert verify(old).ok
     assert open_run(old).stations().equals(open_run(new).stations())
@@ -320,6 +326,16 @@ def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: A
         assert one(one_, "PRAGMA user_version") == VERSION
         for query in ("SELECT chain FROM event", "SELECT sql FROM sqlite_schema ORDER BY sql"):
             assert one_.execute(query).fetchall() == two.execute(query).fetchall()
+
+
+def test_what_is_damaged_stays_so_when_brought_up_to_date(tmp_path: Path) -> None:
+    with create_store(tmp_path / "a.run") as store:
+        short_run(store)
+    old = as_version_1(tmp_path / "a.run")
+    with opened(old, isolation_level=None) as other:
+        other.execute("UPDATE event SET readings = zeroblob(length(readings)) WHERE id = 4")
+    reopen_store(old).close()
+    assert "event 4 is damaged: its checksum is wrong" in verify(old).problems
 
 
 def test_a_damaged_file_is_not_added_to(tmp_path: Path) -> None:
