@@ -18,6 +18,12 @@ def keep_alive(stage: Stage) -> None:
         own()
 
 
+def start_again(stage: Stage) -> None:
+    """Have a stage ready again that has halted by its watchdog. Raises `DeviceFault`."""
+    if (own := getattr(stage, "start_again", None)) is not None:
+        own()
+
+
 def pace(stage: Stage) -> float:
     """The share of a commanded speed that it allows now; 1 if it does not say."""
     return float(getattr(stage, "pace", 1.0))

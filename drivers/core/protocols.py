@@ -86,6 +86,8 @@ class Stage(Protocol):
       without moving; what then holds, in words. Called once, before a scan's first move.
     - ``keep_alive()``: called by whoever checks the force, each time that it has; a device with a
       watchdog halts by itself when the calls stop.
+    - ``start_again()``: called by the way out alone, where the stage does not answer: what its
+      watchdog ended is begun again, so that the probe can be lifted; what a person ended is not.
     - ``max_speed_m_s``: above it a move is refused; a scan or a lift that is faster is not begun.
     - ``pace``: the share of a commanded speed that the device allows now, above 0 up to 1.
     - ``unreachable(poses) -> dict[Pose, str]``: those that it cannot go to in this order, and why;

@@ -8,6 +8,7 @@ Reading needs no program on the robot and changes nothing there. Control begins 
 for: the library then uploads its program, in place of whatever runs.
 """
 
+import math
 import os
 import threading
 import time
@@ -25,9 +26,12 @@ OBEY_S = 0.005  # a command wakes at once; the watchdog is kicked within this
 SEND_S = 0.004
 ORPHAN_S = 3.0  # to stop the robot's program, which takes less than one
 WATCHDOG_RESETS = 4  # in the time that the robot's watchdog waits
+STARVED_SHARE = 0.5  # of that time without a reset, twice what is usual, or without a state
+STARTS_S = 5.0  # as long as the library waits for the first start
 BEGINS_S = 1.0  # an accepted move is under way within a few cycles, on a busy machine later
 NICE_LEVEL = -10
 """Samples and the watchdog wait for nobody's computing."""
+PLAYING = 2  # a runtime state
 REDUCED = 2  # a safety mode in which the arm may move, slower
 VARIABLES = [
     "timestamp", "actual_TCP_pose", "actual_TCP_force", "target_TCP_speed", "robot_mode",
@@ -41,7 +45,9 @@ class State(NamedTuple):
     ``arrival_s`` is on this machine's monotonic clock. ``target_speed`` is what the controller
     asks of the tool now (m/s and rad/s). ``pace`` is the share of a commanded speed that the
     controller allows. ``busy``: our program says that a move or a stop is under way; it comes by
-    another stream than the rest, and may be earlier or later.
+    another stream than the rest, and may be earlier or later. ``starved``: a moment ago this
+    machine or the line stood still for so long that the robot's watchdog may have ended our
+    program.
     """
 
     timestamp_s: float
@@ -54,6 +60,7 @@ class State(NamedTuple):
     runtime_state: int
     pace: float
     busy: bool
+    starved: bool = False
 
 
 class Control(NamedTuple):
@@ -115,6 +122,8 @@ class _Client:
         self._before = (-1, 0.0)
         self._kicked_s = 0.0
         self._kick_s = 0.0
+        self._watchdog_s = math.inf
+        self._starved_s = -math.inf
         self._parent = os.getppid()
 
     def stream(self, states: Connection) -> None:
@@ -124,12 +133,14 @@ class _Client:
         waits for a controller that has gone as well, which it does for ever.
         """
         waiting: list[State] = []
-        last_s, sent_s = -1.0, 0.0
+        last_s, sent_s, arrival_s = -1.0, 0.0, time.monotonic()
         while not self.end.is_set() and os.getppid() == self._parent:
             state = whole_state(self._receive, last_s, self._busy)
             if state is not None:
-                last_s = state.timestamp_s
-                waiting.append(state)
+                self._notice_starving(state.arrival_s - arrival_s)
+                last_s, arrival_s = state.timestamp_s, state.arrival_s
+                starved = state.arrival_s - self._starved_s < self._watchdog_s
+                waiting.append(state._replace(starved=starved))
             now_s = time.monotonic()
             if waiting and now_s - sent_s >= SEND_S:
                 sent_s = now_s
@@ -190,7 +201,7 @@ class _Client:
             control = rtde_control.RTDEControlInterface(self._host, self._frequency_hz)
         else:
             control, self.control = self.control, None
-            if not control.reuploadScript():
+            if not (control.reuploadScript() and self._plays()):
                 return False, "its control program does not start"
         steps: list[tuple[str, tuple[Any, ...]]] = []
         if setup.tcp is not None:
@@ -208,6 +219,7 @@ class _Client:
                 control.stopScript()
                 return False, f"the controller has refused {name}"
         control.kickWatchdog()
+        self._kicked_s, self._watchdog_s = time.monotonic(), setup.watchdog_s
         tcp = tuple(found["getTCPOffset"])
         self._guarded = False
         self._kick_s = setup.watchdog_s / WATCHDOG_RESETS
@@ -217,10 +229,27 @@ class _Client:
             payload_kg = self._receive.getPayload()
         return True, {"tcp": tcp, "payload_kg": payload_kg}
 
+    def _plays(self) -> bool:
+        """Wait for a program that was uploaded again: the library itself does not, and refuses
+        commands until it plays."""
+        end_s = time.monotonic() + STARTS_S
+        while self._receive.getRuntimeState() != PLAYING:
+            if time.monotonic() > end_s:
+                return False
+            time.sleep(OBEY_S)
+        return True
+
     def _kick(self) -> None:
         if self.control is not None and time.monotonic() - self._kicked_s > self._kick_s:
+            self._notice_starving(0.0)
             self.control.kickWatchdog()
             self._kicked_s = time.monotonic()
+
+    def _notice_starving(self, silent_s: float) -> None:
+        """From the last reset, or from the time between two states, ``silent_s``."""
+        now_s = time.monotonic()
+        if max(now_s - self._kicked_s, silent_s) > STARVED_SHARE * self._watchdog_s:
+            self._starved_s = now_s
 
     def _begin_operation(self) -> None:
         """What tells of moves is another stream than the poses, and may lag behind them."""

@@ -16,10 +16,10 @@ from typing import Any
 
 from drivers.core.child import Child
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
-from drivers.ur.client import NO_ANSWER, READY, Control, State, serve
+from drivers.ur.client import NO_ANSWER, PLAYING, READY, Control, State, serve
 from drivers.ur.controller import DASHBOARD_PORT, ask_version, check_control
 from drivers.ur.settings import CONNECT_S
-from drivers.ur.stops import PLAYING, PROGRAM_RUNS, SAFETY_STOPS, why_stopped
+from drivers.ur.stops import PROGRAM_RUNS, SAFETY_STOPS, why_stopped
 
 FIRST_S = 1.0
 COMMAND_S = 0.5
@@ -60,6 +60,7 @@ class Link:
         self._number = READY
         self._gone = ""
         self._starting = False
+        self._halted = self._ended_by_us = False
         self._child = Child(serve, (host, self.rate_hz), pipes=2)
         self._states, self._commands = self._child.pipes
         self._thread = threading.Thread(target=self._follow, name=f"palpate {name}", daemon=True)
@@ -90,9 +91,16 @@ class Link:
             raise DeviceFault(self.name, str(found) or "its control program does not start")
         with self._fresh:  # a state from after the program's start; the next line says if none came
             self._fresh.wait_for(lambda: bool(self._gone) or self._runs(), COMMAND_S)
-        self.controls = True
+        self.controls, self._halted, self._ended_by_us = True, False, False
         self.state()
         return dict(found)
+
+    def program_ended_by_us(self) -> bool:
+        """True where the robot is ready to move but for our program, which ended since the robot
+        heard nothing of us for too long, or since we had it ended; not where a person may have."""
+        state = self._state
+        able = state is not None and why_stopped(state, controls=False) is None
+        return self.controls and able and not self._runs() and self._ended_by_us
 
     def state(self) -> State:
         """The newest. Raises `DeviceFault` when it is old, or the robot is not able to work."""
@@ -151,6 +159,7 @@ class Link:
             done, _ = self._answer(self._send("stop", (deceleration_m_s2,)), within_s)
             if done:
                 return
+        self._halted = self._runs()  # what has ended was ended by somebody else
         with suppress(OSError), socket.create_connection(
             (self.host, DASHBOARD_PORT), DASHBOARD_S
         ) as line:  # fmt: skip
@@ -223,7 +232,7 @@ class Link:
                         if got is not None:
                             self._samples.extend(got)
                             self._recent.extend(got)
-                            self._state = got[-1]
+                            self._take(got)
                         if message is not None:
                             self._answers[message[0]] = message[1:]
                         self._fresh.notify_all()
@@ -231,6 +240,13 @@ class Link:
             with self._fresh:
                 self._gone = self._gone or "the robot's client has ended"
                 self._fresh.notify_all()
+
+    def _take(self, states: list[State]) -> None:
+        for state in states:
+            if self._runs() and state.runtime_state != PLAYING:
+                able = why_stopped(state, controls=False) is None
+                self._ended_by_us = able and (self._halted or state.starved)
+            self._state = state
 
 
 _links: dict[str, Link] = {}

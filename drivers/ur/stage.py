@@ -143,6 +143,12 @@ class UrStage:
         if (link := self._link) is not None:
             link.guarded()
 
+    def start_again(self) -> None:
+        """Upload the program again that ended because the robot heard nothing of us; one that a
+        person may have ended stays so. Raises `DeviceFault`."""
+        if self._there().program_ended_by_us():
+            self.enable()
+
     def stop(self) -> None:
         """Halt where it is."""
         self._target = None

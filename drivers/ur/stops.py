@@ -3,9 +3,9 @@
 Numbers by Universal Robots, "RTDE guide": safety mode, robot mode, runtime state.
 """
 
-from drivers.ur.client import State
+from drivers.ur.client import PLAYING, State
 
-PLAYING, RUNNING = 2, 7
+RUNNING = 7
 PROGRAM_RUNS = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
 SAFETY_STOPS = {
     3: "protective stop: clear it on the pendant, and find out why",

@@ -7,6 +7,7 @@ does not answer is asked again, and a lift that makes matters worse is broken of
 import math
 from collections import deque
 from collections.abc import Callable
+from contextlib import suppress
 
 from drivers import DeviceFault, Pose, Stage
 from drivers.core import abilities
@@ -44,6 +45,7 @@ class Retreat:
     def __init__(
         self,
         stop: Callable[[], None],
+        start_again: Callable[[], None],
         moving: Callable[[], bool],
         start: Callable[[Pose, float], None],
         force_n: Callable[[], float],
@@ -57,6 +59,7 @@ class Retreat:
         self.lifting = self.up = False
         self.why_not: str | None = None
         self._stop, self._moving, self._start, self._force_n = stop, moving, start, force_n
+        self._start_again = start_again
         self._lift_z_m, self._speed_m_s = lift_z_m, speed_m_s
         self._most_n, self._led_down = most_n, led_down
         self._deadline_s = began_s + PATIENCE_S
@@ -85,6 +88,7 @@ class Retreat:
         if pose is None:
             self._trouble = trouble
             self._poses.clear()
+            self._wake(now_s)
         elif self._from is not None:
             self._watch_the_lift(now_s, pose, moving)
             return
@@ -94,6 +98,13 @@ class Retreat:
         self._stop_again(now_s)
         if now_s > self._deadline_s:
             self._end(f"the stage: {self._trouble}")
+
+    def _wake(self, now_s: float) -> None:
+        """A stage that its own watchdog has halted lifts nothing until it is started again."""
+        if self._lift_z_m is not None and now_s - self._tried_s >= LIFT_AGAIN_S:
+            self._tried_s = now_s
+            with suppress(DeviceFault):  # the stage's own trouble says more
+                self._start_again()
 
     def _rested(self, now_s: float, pose: Pose) -> None:
         near_m = ARRIVED_M if self.lifting else UP_M

@@ -238,6 +238,7 @@ class SafetyMonitor:
         self._retreats += 1
         self.retreat = Retreat(
             self._stage.stop,
+            partial(self._alone, partial(abilities.start_again, self._stage)),
             self.moving,
             self._start_held,
             self.force_n,

@@ -5,9 +5,9 @@ import time
 from typing import cast
 
 import pytest
-from emulated_ur import connected
+from emulated_ur import Rig, connected
 
-from drivers import MotionFault, Pose, SimulatedClock
+from drivers import DeviceFault, MotionFault, Pose, SimulatedClock
 from drivers.core.reader import LineSensor
 from drivers.ur.client import State
 from drivers.ur.link import Link
@@ -85,6 +85,50 @@ def test_the_robot_stops_when_nobody_checks_the_force(winkler: Respond) -> None:
             time.sleep(0.005)
         time.sleep(0.1)
         assert not made.phantom.tip.moving(made.clock.now())
+
+
+def ended(made: Rig) -> None:
+    """Until the driver says that the control program has stopped."""
+    end_s = time.monotonic() + 5.0
+    with pytest.raises(DeviceFault, match="control program has stopped"):
+        while time.monotonic() < end_s:
+            made.stage.pose()
+            time.sleep(0.01)
+
+
+def test_a_program_that_the_watchdog_ended_is_started_again_for_the_lift(winkler: Respond) -> None:
+    with connected(winkler, keys={"watchdog_s": 0.5}) as (made, _):
+        made.stage.enable()
+        made.stage.keep_alive()  # and then no more
+        ended(made)
+        made.stage.start_again()
+        made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)
+        made.arrive()
+        assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
+
+
+def test_a_program_that_the_driver_had_ended_is_started_again_for_the_lift(
+    winkler: Respond,
+) -> None:
+    """A robot that does not answer is stopped by the dashboard, which ends the program."""
+    with connected(winkler, keys={"stop_s": 1e-6}) as (made, _):
+        made.stage.enable()
+        made.stage.stop()
+        ended(made)
+        made.stage.start_again()
+        assert made.stage.pose().z == pytest.approx(0.004, abs=1e-4)
+
+
+def test_a_program_that_a_person_ended_stays_so(winkler: Respond) -> None:
+    with connected(winkler) as (made, robot):
+        made.stage.enable()
+        made.stage.keep_alive()
+        robot.fail("lost program")
+        ended(made)
+        made.stage.stop()  # by the dashboard, for the program does not answer
+        made.stage.start_again()
+        assert robot.robot.uploads == 1
+        ended(made)
 
 
 class Told:

@@ -19,6 +19,7 @@ class Stage:
         self.lifts: list[float] = []
         self.refuses = refuses
         self.says_m: float | None = None  # whatever is true
+        self.asleep = self.wakes = False  # halted by its watchdog; can be started again
         self.lowest_m = DOWN_M
         self.x_m = self.slips_m_s = 0.0
         self._force = force_n
@@ -30,7 +31,13 @@ class Stage:
         self.z_m += max(min(way, self._speed_m_s * STEP_S), -self._speed_m_s * STEP_S)
         self.lowest_m = min(self.lowest_m, self.z_m)
         self.x_m += self.slips_m_s * STEP_S * self.moving()
-        retreat.step(self.now_s, Pose(self.x_m, 0.0, self.says_m or self.z_m), "")
+        pose = None if self.asleep else Pose(self.x_m, 0.0, self.says_m or self.z_m)
+        retreat.step(self.now_s, pose, "its program has ended" if self.asleep else "")
+
+    def start_again(self) -> None:
+        if not self.wakes:
+            raise DeviceFault("stage", "cannot be started again")
+        self.asleep = False
 
     def stop(self) -> None:
         self._target_m = self.z_m
@@ -51,8 +58,9 @@ class Stage:
     def out(self, most_s: float = 30.0, *, led_down: bool = False) -> Retreat:
         """Go the way out to its end."""
         retreat = Retreat(
-            self.stop, self.moving, self.start, self.force_n, UP_M, 6e-3, self.now_s, 1.6, led_down
-        )
+            self.stop, self.start_again, self.moving, self.start, self.force_n, UP_M, 6e-3,
+            self.now_s, 1.6, led_down,
+        )  # fmt: skip
         while not retreat.done and self.now_s < most_s:
             self.step(retreat)
         return retreat
@@ -67,6 +75,21 @@ def test_a_lift_that_was_refused_is_tried_again() -> None:
     retreat = stage.out()
     assert retreat.why_not is None
     assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
+
+
+def test_a_stage_that_its_watchdog_has_halted_is_started_again_and_lifted() -> None:
+    stage = Stage(spring)
+    stage.asleep = stage.wakes = True
+    assert stage.out().up
+    assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
+
+
+def test_a_stage_that_cannot_be_started_again_is_left_with_the_reason() -> None:
+    stage = Stage(spring)
+    stage.asleep = True
+    retreat = stage.out()
+    assert not retreat.up
+    assert retreat.why_not == "the stage: its program has ended"
 
 
 def test_a_lift_that_met_a_cough_is_tried_again() -> None:
@@ -145,8 +168,9 @@ def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() ->
         retreat.stay()
 
     retreat = Retreat(
-        stage.stop, stage.moving, forbidden, stage.force_n, UP_M, 6e-3, stage.now_s, 1.6, False
-    )
+        stage.stop, stage.start_again, stage.moving, forbidden, stage.force_n, UP_M, 6e-3,
+        stage.now_s, 1.6, False,
+    )  # fmt: skip
     while not retreat.done and stage.now_s < 30.0:
         stage.step(retreat)
     assert len(stage.lifts) == 1
