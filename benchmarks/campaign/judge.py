@@ -34,6 +34,7 @@ STARVED_S = 0.03  # the truth itself stood still for longer: the machine was the
 STATUSES = (0, 3, 5)
 HUNG, KILLED, BUG = None, 137, 70
 ENDED_BY_STORM = (130, 143)
+SAID_ENDED = re.compile("abort|stopped|fault")
 
 
 @dataclass(frozen=True)
@@ -213,7 +214,7 @@ def _check_words(
     wrong = []
     if status == BUG or "Traceback" in said:
         wrong.append(f"a bug, exit {status}: {said.strip()[-200:]}")
-    elif status in ENDED_BY_STORM and "SIGINT storm" in names and re.search("abort|stopped", said):
+    elif status in ENDED_BY_STORM and "SIGINT storm" in names and SAID_ENDED.search(said):
         pass  # one more signal after the scan had ended and said so
     elif status not in STATUSES and not (answer or {}).get("error"):
         wrong.append(f"exit {status}")
