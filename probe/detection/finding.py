@@ -109,7 +109,7 @@ class ObjectFinding:
 class Finding:
     """What lies beneath a scan, with ``reason``: why, and what would decide it if undecided.
 
-    ``needed_pa`` is the smallest pulse, trough to crest, that the scan would have shown (NaN:
+    ``needed_pa`` is the smallest pulse, trough to crest, that most presses would have shown (NaN:
     unknown), ``asked_pa`` the one that it was to show. ``heart_rate_bpm`` is the rate with its 95 %
     interval, None without a pulse.
 

@@ -17,6 +17,7 @@ from probe.detection.map.field_objects import is_field, objects_in_field
 from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, only_settled
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
+from probe.detection.pulse.least_pulse import least_pulse_pa
 from probe.detection.pulse.presses import Press, presses_of
 from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
 from probe.storage.run import recording_of
@@ -25,7 +26,7 @@ ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
 """Which object's kind is the whole finding's: the one that a person would act on."""
 
 SHOWN_SIGMAS = 5.0
-"""Standard deviations of its size above which a pulse shows."""
+"""Standard deviations of its size above which a pulse shows whose beats a reference has told."""
 UNFINISHED = "the map is not finished: further presses may change this"
 HEALTHY_PULSE_N = 0.0455
 """Pulse of the paper's healthy artery (TIHA), pressed 2.5 mm by a finger 10 mm long, between 80 and
@@ -81,7 +82,7 @@ def detect(
     objects = [*objects, *_disturbed(presses)]
     objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
     stations = tuple(_station(p) for p in presses)
-    needed_pa = _needed_pa(presses)
+    needed_pa = _needed_pa(presses, false_alarm / 2 if mapped else false_alarm)
     kind = _whole(objects, presses, unfinished and len(recording.stations) > 1)
     if kind == "nothing" and needed_pa > asked_pa:
         kind = "cannot see"
@@ -169,10 +170,18 @@ def _pitch_m(recording: Recording) -> float:
     return float(np.median(np.diff(x_m))) if len(x_m) > 1 else 0.0
 
 
-def _needed_pa(presses: tuple[Press, ...]) -> float:
-    """The smallest pulse that most presses would have shown; NaN where none can be judged."""
-    size_sd = [p.pulse.size_sd_pa for p in presses if p.pulse is not None]
-    return SHOWN_SIGMAS * float(np.median(size_sd)) if size_sd else float("nan")
+def _needed_pa(presses: tuple[Press, ...], false_alarm: float) -> float:
+    """The smallest pulse that most presses would have shown; NaN where none can be judged.
+
+    ``false_alarm`` is the chance of a false pulse in all of them.
+    """
+    pulses = [p.pulse for p in presses if p.pulse is not None]
+    if not pulses:
+        return float("nan")
+    each = false_alarm / len(pulses) / (2 if len(pulses) > 1 else 1)  # half is for neighbours
+    return float(np.median([
+        least_pulse_pa(p.search, each) if p.search else SHOWN_SIGMAS * p.size_sd_pa for p in pulses
+    ]))  # fmt: skip
 
 
 def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished: bool) -> Kind:

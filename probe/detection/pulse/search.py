@@ -56,7 +56,8 @@ class Search:
     far its best size and phase explain the hold, as a chi-square of two degrees in a hold without
     a pulse. ``p_value`` is the chance of one as clear at any rate and of any shape, ``rate_hz`` the
     clearest. ``gain`` (r,) is how far any two harmonics explain the hold in white noise, as a log
-    likelihood ratio. ``noise`` is the likeliest beside a pulse.
+    likelihood ratio. ``noise`` is the likeliest beside a pulse. ``dof`` are the degrees of freedom
+    that ``clear`` was judged by.
     """
 
     rates_hz: Array
@@ -68,6 +69,7 @@ class Search:
     p_value: float
     span_s: float
     noise: Noise
+    dof: int
 
 
 def search(hold: Hold) -> tuple[Search, Fit]:
@@ -100,7 +102,7 @@ def search(hold: Hold) -> tuple[Search, Fit]:
         np.asarray(chdtri(2, np.maximum(chances[0], 1e-300))),
         looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
         min(1.0, anywhere(float((one / weight).min()), hold.span_s) / share), hold.span_s,
-        best.noise,
+        best.noise, dof,
     ), null  # fmt: skip
 
 
