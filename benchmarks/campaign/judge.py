@@ -34,6 +34,8 @@ STARVED_S = 0.03  # the truth itself stood still for longer: the machine was the
 STATUSES = (0, 3, 5)
 HUNG, KILLED, BUG = None, 137, 70
 ENDED_BY_STORM = (130, 143)
+STAYS = {"SIGINT", "SIGINT to the group", "ctrl-c typed"}
+"""A Ctrl-C after any other order to end leaves the probe where it is, in words."""
 SAID_ENDED = re.compile("abort|stopped|fault")
 
 
@@ -163,7 +165,10 @@ def _check_depth(draw: Draw, truth: Truth) -> list[str]:
 
 
 def _check_sideways(draw: Draw, truth: Truth) -> list[str]:
-    """Dragged over the skin, the stage must be told to stop soon."""
+    """Dragged over the skin, the stage must be told to stop soon, if it can be told and its poses
+    show the drag: a cell along the press does not feel it."""
+    if any(not f.kind.heard or f.kind.name == "board lies" for f in draw.faults):
+        return []
     rows = truth.rows
     pressed = rows[:, DEPTH] > 0.2e-3
     if not pressed.any():
@@ -195,7 +200,9 @@ def _check_end(draw: Draw, truth: Truth, up: bool, status: int | None, said: str
     if up:
         return wrong
     must = all(fault.kind.up for fault in draw.faults)
-    if must:
+    names = [fault.kind.name for fault in draw.faults]
+    stayed = set(names) & STAYS and len(names) > 1 and "as asked" in said
+    if must and not stayed:
         wrong.append(f"left {1e3 * last[DEPTH]:.2f} mm deep with {last[FORCE]:.2f} N")
     elif last[DEPTH] > 0 and status != KILLED and not re.search(r"lift|press|rais", said.lower()):
         wrong.append("left pressed without a word about it")
