@@ -63,6 +63,7 @@ class LinearSolver:
         self._leaning = [(s, (w[self._dofs] * free.ravel())) for s, w in leaning]
         self._size = 3 * len(nodes)
         self._factors: Factors | None = None
+        self._indefinite = False
 
     def matrix(self, blocks: list[Array]) -> bsr_matrix:
         """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
@@ -91,11 +92,18 @@ class LinearSolver:
             x, taken = self._krylov(matrix, right, 4 * MOST_STEPS)
         if x is None:
             raise Singular
+        assert self._factors is not None
+        self._indefinite = self._factors.negative > 0
         if taken > SLOW_STEPS:
             self._factors = None
         x[self._still.ravel()] = 0.0
         result[self._dofs] = x
         return result
+
+    @property
+    def is_indefinite(self) -> bool:
+        """Whether the factors of the last `solve` have a negative pivot."""
+        return self._indefinite
 
     def lowest_curvature(self, matrix: bsr_matrix) -> float | None:
         """Infinite where all pivots are positive; else x A x / x x of a displacement x for which it

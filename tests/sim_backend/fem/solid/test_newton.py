@@ -1,9 +1,17 @@
 """Newton's method in solids: its way, not only its end."""
 
+from contextlib import suppress
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
 import pytest
 
-from sim_backend.fem.newton import Load
+from sim_backend.fem.newton import Load, NotConverged
+from sim_backend.fem.solid import newton
 from sim_backend.fem.solid.build import build_body
+from sim_backend.fem.solid.fronts import Singular
+from sim_backend.fem.solid.linear import LinearSolver
 from sim_backend.fem.solid.newton import equilibrium, unloaded
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.scene.scene_file import Scene
@@ -30,3 +38,37 @@ def test_a_finer_mesh_begins_where_the_coarser_one_ended() -> None:
     assert carried.force_n == pytest.approx(anew.force_n, rel=1e-5)
     assert carried.iterations <= 6
     assert carried.stable is True
+
+
+def test_an_indefinite_tangent_is_left_by_shorter_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the shortest may go on with it: they alone may end in an unstable state."""
+    body = build_body(SCENE, 12e-3, depth_m=1e-3, size_m=2.5e-3)
+    solver = body.solver()
+    monkeypatch.setattr(LinearSolver, "is_indefinite", property(lambda _: True))
+    with pytest.raises(NotConverged, match="stayed indefinite"):
+        equilibrium(body, solver, unloaded(body), Load(0.35e-3, 0.0), newton.INDEFINITE)
+    allowed = []
+
+    def indefinite(_b: Any, _s: Any, start: Any, load: Load, most: int) -> newton.SolidSolution:
+        allowed.append((load.depth_m, most))
+        if most < newton.MAX_ITERATIONS:
+            raise NotConverged("the tangent stayed indefinite")
+        return replace(start, load=load)
+
+    monkeypatch.setattr(newton, "equilibrium", indefinite)
+    (found,) = newton.continuation(body, solver, unloaded(body), [Load(0.8e-3, 0.0)])
+    assert found.load.depth_m == pytest.approx(0.8e-3)
+    cautious = [(pytest.approx(0.8e-3 / 2**k), newton.INDEFINITE) for k in range(3)]
+    assert allowed[:4] == [*cautious, (pytest.approx(0.1e-3), newton.MAX_ITERATIONS)]
+
+
+def test_factors_say_whether_the_tangent_is_indefinite() -> None:
+    body = build_body(SCENE, 12e-3, depth_m=1e-3, size_m=2.5e-3)
+    for sign in (1.0, -1.0):
+        solver = body.solver()
+        _, blocks = newton._body_forces(body, unloaded(body).displacement, 0.0, None)
+        blocks.append(np.zeros((len(body.surface), 3, 3)))
+        matrix = solver.matrix([sign * block for block in blocks])
+        with suppress(Singular):
+            solver.solve(matrix, np.ones(body.size))
+        assert solver.is_indefinite is (sign < 0)
