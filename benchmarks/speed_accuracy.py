@@ -20,7 +20,13 @@ from typing import Any
 import numpy as np
 
 from probe.studies.charts.peers import felupe_forces, has_felupe
-from probe.studies.charts.speed_accuracy import DEPTH_MM, LEVELS_MMHG, X_MM, calculix
+from probe.studies.charts.speed_accuracy import (
+    DEPTH_MM,
+    LEVELS_MMHG,
+    X_MM,
+    calculix,
+    spent_s,
+)
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.small_strain import scan_small
 from sim_backend.models.station_response import element_size_m, respond
@@ -97,16 +103,11 @@ class Timed:
         return f"{self.seconds:.2f} s by the clock, {self.cpu_s:.2f} s of processors"
 
 
-def _cpu_s() -> float:
-    both = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in both)
-
-
 def _timed(solve: Callable[..., Any], arguments: tuple[Any, ...]) -> Timed:
-    began, spent = perf_counter(), _cpu_s()
+    began, spent = perf_counter(), spent_s()
     answer = solve(*arguments)
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return Timed(answer, perf_counter() - began, _cpu_s() - spent, peak_mb)
+    return Timed(answer, perf_counter() - began, spent_s() - spent, peak_mb)
 
 
 def fresh(solve: Callable[..., Any], *arguments: Any, repeats: int = REPEATS) -> Timed:

@@ -31,14 +31,14 @@ def speed_accuracy(
     from probe.studies.charts.speed_accuracy import chart
 
     table = chart(out, scene, repeats, inform, plane)
-    shown = table[table.reason == ""].sort_values("seconds")
+    shown = table[table.reason == ""].sort_values("processor_s")
     if json:
         answer_json(plain({"out": out, "rows": table.fillna("").to_dict("records")}))
         return
     for row in shown.itertuples():
         errors = f"force {row.force_error_pct:.3f} %, pulse {row.pulse_error_pct:.2f} %"
         mesh = f"{row.element:22} {row.size_mm:4.2f} mm"
-        answer(f"{row.solver:24} {mesh} {row.seconds:8.3f} s: {errors}")
+        answer(f"{row.solver:24} {mesh} {row.processor_s:8.3f} s: {errors}")
     answer(f"{out / 'speed-accuracy.png'}")
 
 

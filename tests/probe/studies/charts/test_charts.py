@@ -1,6 +1,9 @@
 """The charts' cells and verdicts."""
 
+import subprocess
+import sys
 from pathlib import Path
+from time import process_time
 
 import numpy as np
 import pandas as pd
@@ -9,7 +12,7 @@ from matplotlib.figure import Figure
 
 from probe.studies.charts.cells import Cell, cells
 from probe.studies.charts.kept_rows import kept_rows
-from probe.studies.charts.speed_accuracy import pareto
+from probe.studies.charts.speed_accuracy import pareto, spent_s
 from probe.studies.charts.stability import draw, judge
 from sim_backend.scene.scene_file import Scene
 
@@ -48,8 +51,15 @@ def test_a_limit_is_refused_with_its_physics() -> None:
 
 
 def test_the_front_is_what_nothing_beats() -> None:
-    table = pd.DataFrame({"seconds": [1.0, 2.0, 3.0, 4.0], "e": [5.0, 6.0, 1.0, np.nan]})
-    assert list(pareto(table, "e").seconds) == [1.0, 3.0]
+    table = pd.DataFrame({"processor_s": [1.0, 2.0, 3.0, 4.0], "e": [5.0, 6.0, 1.0, np.nan]})
+    assert list(pareto(table, "e").processor_s) == [1.0, 3.0]
+
+
+def test_the_time_of_a_peer_is_that_of_the_program_that_was_started() -> None:
+    spend = "import time\nwhile time.process_time() < 0.1: pass"
+    began_s, own_s = spent_s(), process_time()
+    subprocess.run([sys.executable, "-c", spend], check=True)
+    assert spent_s() - began_s > 0.09 > process_time() - own_s
 
 
 def test_every_verdict_is_drawn() -> None:
