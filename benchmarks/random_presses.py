@@ -5,11 +5,11 @@
 Both planes, round and flat fingers of 0.5 to 30 mm, with skins or bonded, blocks of 2 to 25 mm,
 inclusions that nearly touch, vessels near the pressure at which they inflate without bound, lone
 vessels. The reference keeps everything, at finite strain, on a mesh that is finer everywhere.
-Press n is drawn from seed n. Rows are appended as they come, and a run goes on where the last one
-stopped. At the end it says how often the true error was within twice, and five times, the stated.
+Press n is drawn from seed n. Rows are kept as they come, and a run goes on where the last one
+stopped, first with presses whose reference had less time than now. At the end it says how often the
+true errors of force and pulse were within twice, and five times, the stated.
 """
 
-import csv
 import signal
 import sys
 from collections.abc import Iterator
@@ -34,15 +34,16 @@ LIMIT_S = 60.0
 """Processor time that a press may take."""
 FINE_SHARES = (0.3, 0.15, 0.07)
 """Element size over the finger's half width, each mesh the next one's beginning."""
-REFERENCE_LIMIT_S, REFERENCE_NODES = 60.0, 25_000
-"""A reference that costs more is not solved."""
+REFERENCE_LIMIT_S, REFERENCE_NODES = 600.0, 60_000
+"""A reference that costs more processor time or memory is not solved."""
+NO_REFERENCE = f"no reference in {REFERENCE_LIMIT_S:g} s and {REFERENCE_NODES} nodes"
 SMALL_PULSE = 1e-3
 """Pulses below this share of the force are judged against the share, as `press` states."""
 BUDGETS_PCT = (0.5, 1.0, 2.0, 5.0)
 COLUMNS = (
     "n", "outcome", "kind", "plane", "finger", "width_mm", "height_mm", "depth_mm", "gap_mm",
     "pressures", "budget_pct", "stated_pct", "true_pct", "stated_pulse_pct", "true_pulse_pct",
-    "seconds", "dofs", "model", "said",
+    "seconds", "dofs", "model", "reference", "said",
 )  # fmt: skip
 
 
@@ -203,13 +204,16 @@ def judge(n: int) -> dict[str, Any]:
     except Exception as error:  # noqa: BLE001 - crashes are what this looks for
         return row | {"outcome": "crashed", "said": f"{type(error).__name__}: {error}"}
     row |= {"seconds": process_time() - began, "dofs": found.dofs, "model": found.model,
-            "stated_pct": found.error_estimate_pct,
+            "stated_pct": found.force_error_estimate_pct,
             "stated_pulse_pct": found.pulse_error_estimate_pct}  # fmt: skip
     try:
         with within(REFERENCE_LIMIT_S):
             truth = reference(scene, x, depth, pressures)
-    except (CannotSolve, TooLong) as error:
+    except TooLong:
+        return row | {"outcome": "unchecked", "said": NO_REFERENCE}
+    except CannotSolve as error:
         return row | {"outcome": "unchecked", "said": f"{type(error).__name__}: {error}"}
+    row["reference"] = " ".join(f"{one:.8g}" for one in truth)
     forces = np.array([state.force_n_per_mm for state in found.states])
     force, pulse = errors_pct(forces, truth)
     return row | {"outcome": "solved", "true_pct": force, "true_pulse_pct": pulse}
@@ -219,16 +223,19 @@ def told(table: pd.DataFrame) -> str:
     """How often what was stated holds."""
     outcomes = ", ".join(f"{k} {v}" for k, v in table.outcome.value_counts().items())
     solved = table[table.outcome == "solved"]
-    ratio = solved[["true_pct", "true_pulse_pct"]].max(axis=1) / solved.stated_pct
-    share = {limit: f"{100 * (ratio <= limit).mean():.1f} %" for limit in (2, 5)}
+    of_force, of_pulse = (
+        solved[f"true{of}_pct"] / solved[f"stated{of}_pct"] for of in ("", "_pulse")
+    )
+    ratio = np.fmax(of_force, of_pulse)
+    held = {limit: int((ratio <= limit).sum()) for limit in (2, 5)}
     lines = [
         f"{len(table)} presses: {outcomes}",
-        f"true error within 2 x stated in {share[2]} of {len(solved)}, within 5 x in {share[5]}, "
+        f"true errors within 2 x stated in {held[2]} of {len(solved)}, within 5 x in {held[5]}, "
         f"largest {ratio.max():.1f} x; longest press {table.seconds.max():.0f} s of processor",
     ]
     lines += [
         f"    press {r.n}: {r.kind}, {r.plane}, {r.true_pct:.2g} / {r.true_pulse_pct:.2g} % true, "
-        f"{r.stated_pct:.2g} % stated"
+        f"{r.stated_pct:.2g} / {r.stated_pulse_pct:.2g} % stated"
         for r in solved[ratio > 2].itertuples()
     ]
     return "\n".join(lines)
@@ -240,22 +247,31 @@ def main() -> None:
     minutes = float(sys.argv[2]) if len(sys.argv) > 2 else 60.0
     path = Path(sys.argv[3]) if len(sys.argv) > 3 else TABLE
     began = monotonic()
-    begun = path.exists() and path.stat().st_size > 0
-    done = set(pd.read_csv(path).n) if begun else set()
-    with path.open("a", newline="") as file:
-        writer = csv.DictWriter(file, COLUMNS)
-        if not begun:
-            writer.writeheader()
-            file.flush()
-        for n in range(count):
-            if n in done:
-                continue
-            if monotonic() - began > 60 * minutes:
-                break
-            row = judge(n)
-            writer.writerow({k: f"{v:.5g}" if isinstance(v, float) else v for k, v in row.items()})
-            file.flush()
+    rows = {row["n"]: row for row in read(path)}
+    for n in range(count):
+        if n in rows and not had_less_time(rows[n]):
+            continue
+        if monotonic() - began > 60 * minutes:
+            break
+        rows[n] = {k: f"{v:.5g}" if isinstance(v, float) else v for k, v in judge(n).items()}
+        table = pd.DataFrame([rows[k] for k in sorted(rows)], columns=list(COLUMNS))
+        table.to_csv(part := path.with_suffix(".part"), index=False)
+        part.replace(path)
     print(told(pd.read_csv(path)))
+
+
+def read(path: Path) -> list[dict[str, Any]]:
+    """The rows so far, as they were written."""
+    if not path.exists():
+        return []
+    table = pd.read_csv(path, dtype=str, keep_default_na=False)
+    return [row | {"n": int(row["n"])} for row in table.to_dict("records")]
+
+
+def had_less_time(row: dict[str, Any]) -> bool:
+    """Whether a row has no reference, and more would be spent on it now."""
+    before = ("TooLong", "no reference in")
+    return str(row["said"]).startswith(before) and row["said"] != NO_REFERENCE
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ class FullModel:
 
     def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         def error(one: Press, k: int) -> float:
-            return 0.01 * one.error_estimate_pct * one.states[k].force_n
+            return 0.01 * one.force_error_estimate_pct * one.states[k].force_n
 
         return self._each(x_m, depth_m, pressure_pa, error)
 
@@ -50,7 +50,7 @@ class FullModel:
             x, d, low, high = (float(one[i]) for one in places)
             if d > 0 and low != high:
                 one = _pressed(self.scene, x, d, tuple(sorted((low, high))), self.accuracy_pct)
-                found[i] = 0.01 * (one.pulse_error_estimate_pct or 0.0) * (one.pulse_n or 0.0)
+                found[i] = one.pulse_error_n or 0.0
         return found
 
     def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:

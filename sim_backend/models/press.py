@@ -20,7 +20,7 @@ from sim_backend.fem.solid.forces import smallest_volume_ratio
 from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
 from sim_backend.models.choose import choose, named
-from sim_backend.models.refine import Solving, refine
+from sim_backend.models.refine import SMALL_PULSE, Solving, refine
 from sim_backend.models.solid_press import refine_axisymmetric, refine_solid
 from sim_backend.scene.scene_file import Scene, SceneError, as_scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -85,8 +85,8 @@ class PressMesh:
 class Press:
     """A press with one state per pressure.
 
-    ``error_estimate_pct`` is the larger of those of force and of pulse;
-    ``pulse_error_estimate_pct`` that of the span of forces alone, None at a single pressure.
+    ``pulse_error_estimate_pct`` is that of the span of forces, over the span or a thousandth of the
+    force, whichever is larger; None at a single pressure.
     ``element`` is named as in `sim_backend.fem.elements`, and ``why`` says why this model.
 
     Examples
@@ -105,12 +105,17 @@ class Press:
     model: str
     dofs: int
     seconds: float
-    error_estimate_pct: float
+    force_error_estimate_pct: float
     pulse_error_estimate_pct: float | None
     states: tuple[State, ...]
     mesh: PressMesh | None
     element: str
     why: str
+
+    @property
+    def error_estimate_pct(self) -> float:
+        """The larger of those of force and of pulse."""
+        return max(self.force_error_estimate_pct, self.pulse_error_estimate_pct or 0.0)
 
     @property
     def contact_stress_pa(self) -> list[float]:
@@ -159,6 +164,14 @@ class Press:
         forces = [s.force_n for s in self.states]
         return max(forces) - min(forces) if len(forces) > 1 else None
 
+    @property
+    def pulse_error_n(self) -> float | None:
+        """What the pulse may be off by [N]; None at a single pressure."""
+        if self.pulse_n is None or self.pulse_error_estimate_pct is None:
+            return None
+        largest_n = max(abs(s.force_n) for s in self.states)
+        return 0.01 * self.pulse_error_estimate_pct * max(self.pulse_n, SMALL_PULSE * largest_n)
+
     def as_json(self) -> dict[str, object]:
         """The contract of ``palpate press --json``."""
         return {
@@ -171,6 +184,7 @@ class Press:
             "dofs": self.dofs,
             "seconds": round(self.seconds, 4),
             "error_estimate_pct": _rounded(self.error_estimate_pct),
+            "force_error_estimate_pct": _rounded(self.force_error_estimate_pct),
             "pulse_error_estimate_pct": _rounded(self.pulse_error_estimate_pct),
             "pulse_n": self.pulse_n,
             "pulse_pa": self.pulse_pa,
@@ -247,7 +261,7 @@ def press(
     pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
     return Press(
         scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
-        float(error_pct.max()), pulse_pct, states, PressMesh(section),
+        float(error_pct[0]), pulse_pct, states, PressMesh(section),
         best_element(choice.scene), choice.why,
     )  # fmt: skip
 
@@ -303,7 +317,7 @@ def _press_solid(
     pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
     return Press(
         scene, x_mm, depth_mm, "solid", len(body.free), perf_counter() - began,
-        float(max(error_pct[0], pulse_pct or 0.0)), pulse_pct,
+        float(error_pct[0]), pulse_pct,
         tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True)), None,
         "wedge", 'the scene says plane = "solid"',
     )  # fmt: skip

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from small_block import BLOCK
 
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.models import refine
+from sim_backend.models.full_model import FullModel
 from sim_backend.models.press import CannotSolve, press
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -58,3 +60,22 @@ def test_no_mesh_is_larger_than_what_is_allowed(monkeypatch):
     pressed = press(load_scene("TI"), 32.0, 1.0, accuracy_pct=0.02)
     assert 0.5 * allowed < pressed.dofs < 1.2 * allowed
     assert pressed.error_estimate_pct > 0.02
+
+
+def test_what_a_small_pulse_is_off_by_does_not_vanish_with_it():
+    """It is judged against a thousandth of the force, and so it is told in newtons."""
+    low, high = 80.0, 80.01
+    pressed = press(BLOCK, 12.0, 1.0, (low, high), accuracy_pct=5.0)
+    force_n = max(state.force_n for state in pressed.states)
+    assert pressed.pulse_n is not None
+    assert pressed.pulse_error_estimate_pct is not None
+    assert pressed.pulse_n < 1e-4 * force_n
+    off_n = 1e-5 * pressed.pulse_error_estimate_pct * force_n
+    assert pressed.pulse_error_n == pytest.approx(off_n)
+    model, at = FullModel(BLOCK, 5.0), (12e-3, 1e-3)
+    levels_pa = low * PA_PER_MMHG, high * PA_PER_MMHG
+    assert float(model.pulse_error_n(*at, *levels_pa)) == pytest.approx(off_n)
+    assert float(model.error_n(*at, levels_pa[0])) == pytest.approx(
+        0.01 * pressed.force_error_estimate_pct * force_n, rel=1e-2
+    )
+    assert press(BLOCK, 12.0, 1.0, (low,), accuracy_pct=5.0).pulse_error_n is None

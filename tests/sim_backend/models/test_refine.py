@@ -7,26 +7,34 @@ import pytest
 from small_block import BLOCK
 
 from sim_backend.fem import finite_strain
+from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.newton import CannotSolve, NotConverged
+from sim_backend.fem.model import build_section
+from sim_backend.fem.newton import CannotSolve, Load, NotConverged
 from sim_backend.models import refine as refining
-from sim_backend.models.refine import FLOOR_PCT, ORDER, refine
+from sim_backend.models.refine import ENTERING_PCT, FLOOR_PCT, ORDER, mesh_grading, refine
 
 HALF_M = 0.5e-3 * BLOCK.indenter.width_mm_projected
 
 
-def converging(missed: float, order: float = ORDER, contacts: int = 2):
-    """In place of a solver: forces of 100 and 120 N/m at the two pressures, of which a mesh as
-    large as the finger's half width misses the share ``missed``. Of three ``contacts`` one is a
-    lumen's walls."""
+def converging(missed: float, order: float = ORDER, contacts: int = 2, high: float = 120.0,
+               moved: float = 0.1):  # fmt: skip
+    """In place of a solver: forces of 100 and ``high`` N/m at the two pressures, of which a mesh as
+    large as the finger's half width misses the share ``missed``. 50 nodes are pressed, of which at
+    the second one half bears ``moved`` of the force more and the other less; of three ``contacts``
+    one is a lumen's walls."""
+
+    even = np.full(50, 0.02)
+    aside = moved * np.repeat([-1.0, 1.0], 25)
 
     def solve(*place, **_):
         size_m = place[-1]
         off = 1 + missed * (size_m / HALF_M) ** order
         section = SimpleNamespace(assembly=SimpleNamespace(free=np.zeros(10)), size_m=size_m)
-        forces = (100.0 * off, 120.0 * off)
+        forces = (100.0 * off, high * off)[: len(place[3])]
         return section, [
-            SimpleNamespace(force_n_per_m=force, multiplier=(0,) * contacts) for force in forces
+            SimpleNamespace(force_n_per_m=force, multiplier=(nodes,) * contacts)
+            for force, nodes in zip(forces, (even, even * (1 + aside)), strict=False)
         ]
 
     return solve
@@ -62,6 +70,40 @@ def test_meshes_that_agree_by_chance_do_not_state_nothing(monkeypatch):
     assert found.error_pct == pytest.approx([6 * share**2, 20 * share**2])
     assert 0.4 < found.error_pct[1] <= 1.0
     assert list(FLOOR_PCT) == [6, 20]
+
+
+@pytest.mark.parametrize(
+    ("high", "moved", "stated_pct"),
+    [
+        (100.01, 0.1, ENTERING_PCT / 50 / 1e-3),  # of less than a thousandth of the force
+        (101.0, 0.1, ENTERING_PCT / 50 / 0.01),
+        (101.0, 0.014, ENTERING_PCT * 0.014 / 0.01),  # the edge moves by less than a node
+    ],
+)
+def test_a_small_pulse_is_no_surer_than_the_nodes_that_enter(monkeypatch, high, moved, stated_pct):
+    """Of two of the random presses, with pulses of 0.01 % of the force, a fifth and a fifteenth
+    of the error was stated."""
+    monkeypatch.setattr(refining, "solve_finite", converging(0.0, high=high, moved=moved))
+    found = refine("finite", BLOCK, 0.012, 1e-3, [0.0, 1e4], np.full(2, 0.5))
+    force_pct, pulse_pct = found.error_pct
+    assert force_pct < 0.2
+    assert pulse_pct == pytest.approx(stated_pct, rel=0.02)
+    single = refine("finite", BLOCK, 0.012, 1e-3, [0.0], np.full(2, 0.5))
+    assert single.error_pct[1] == 0
+
+
+def test_nodes_that_enter_the_contact_change_the_force_as_stated():
+    """The force over depth beside a smooth curve, peak to peak, while ten nodes enter."""
+    half_m, depths_m = HALF_M, np.linspace(0.7e-3, 1e-3, 33)
+    grading = mesh_grading(BLOCK, 0.35 * half_m, 0.35)
+    section = build_section(BLOCK, 0.012, depth_m=1e-3, size_m=0.35 * half_m, grading=grading)
+    states = list(continuation(section, unloaded(section), [Load(d, 0.0) for d in depths_m]))
+    forces = np.array([one.force_n_per_m for one in states])
+    nodes = [int(np.count_nonzero(one.multiplier[0] > 0)) for one in states]
+    assert nodes[-1] - nodes[0] >= 8
+    smooth = np.polynomial.Polynomial.fit(depths_m, forces, 6)
+    tooth_pct = 100 * float(np.ptp(forces - smooth(depths_m))) / forces[-1]
+    assert 0.25 * ENTERING_PCT < tooth_pct * nodes[-1] < 2 * ENTERING_PCT
 
 
 @pytest.mark.parametrize(("contacts", "meshes"), [(2, 6), (3, 2)])
