@@ -1,5 +1,8 @@
 """The paper's statements, judged."""
 
+import json
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -7,15 +10,18 @@ import pytest
 from probe.studies.paper import (
     READINGS,
     Task,
+    _lone,
     _pulse_of_tisa,
     _trend,
     answer,
     changed,
     tasks,
 )
-from probe.studies.paper_values import FIGURES, LEVELS_MMHG, TIMES_S
+from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA, TIMES_S
 from sim_backend import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
+
+ROOT = Path(__file__).parents[3]
 
 
 def trend(pulses: list[float]) -> str:
@@ -59,6 +65,43 @@ def test_the_papers_pulse_holds_only_where_readings_agree() -> None:
     assert pulse_of_tisa([22.0, 23.0]) == "holds"
     assert pulse_of_tisa([22.0, 44.0]) == "holds in part"
     assert pulse_of_tisa([10.0, 44.0]) == "does not hold"
+
+
+@pytest.mark.parametrize(
+    ("pulse_of_haot", "stable", "verdict"),
+    [(3.0, True, "holds"), (1.0, True, "does not hold"), (3.0, False, "does not hold")],
+)
+def test_a_lone_vessel_counts_only_where_it_stays(pulse_of_haot, stable, verdict) -> None:
+    """HAOT's pulse was once above SAOT's on a branch that it falls from, and below beside it."""
+    rows = [
+        {"figure": "5", "model": "finite", "scene": "HAOT", "stable": stable,
+         "contact_pa_80": 4.0, "contact_pa_120": 4.0 + pulse_of_haot},
+        {"figure": "5", "model": "finite", "scene": "SAOT", "stable": True,
+         "contact_pa_80": 30.0, "contact_pa_120": 32.0},
+    ]  # fmt: skip
+    peak, pulse = _lone(pd.DataFrame(rows))
+    assert pulse.verdict == verdict
+    assert peak.verdict == ("holds" if stable else "does not hold")
+
+
+def test_the_page_says_of_trends_and_readings_what_the_run_found() -> None:
+    """docs/explanation/studies.md: what stands there in words is in the stored run."""
+    data = json.loads((ROOT / "docs" / "figures" / "paper.json").read_text())["data"]
+    page = " ".join((ROOT / "docs" / "explanation" / "studies.md").read_text().split())
+    trends = {row[0].split(":")[0]: row[1] for row in data["table"] if row[0][5] in FIGURES}
+    small = {n: [p for p in ours.split("; ") if p.startswith("small")]
+             for n, ours in trends.items()}  # fmt: skip
+    assert "Small strain turns tissue inside out where the finger goes deep" in page
+    assert all("no answer at 8.5" in part for part in small["Fig. 7"])
+    assert "and loses the trend of Fig. 7" in page
+    lost = {n for n, parts in small.items() if any("only up to" in part for part in parts)}
+    assert lost == {"Fig. 7"}
+    assert "Pulses are proportional to the pressure's amplitude" in page
+    by, usual = data["by_reading_pa"], data["by_reading_pa"]["as documented"]
+    for model in ("finite", "small"):
+        shares = [by[f"wave: {name} mmHg"][model] / usual[model] for name in ("110/90", "130/70")]
+        assert shares == pytest.approx([0.5, 1.5], rel=0.01)
+    assert f"Which reading of the paper gives {PAPER_PULSE_PA} Pa" in page
 
 
 def test_a_press_is_a_row() -> None:
