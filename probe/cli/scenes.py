@@ -96,7 +96,8 @@ def describe_press(found: dict[str, Any]) -> list[str]:
     lines = [
         f"{found['scene']}, x = {found['x_mm']:g} mm, {found['depth_mm']:g} mm deep",
         f"  {model}{strain}{comma}{left_out}, {found['element']} elements, {found['dofs']} degrees "
-        f"of freedom, {found['seconds']:.2f} s, error about {found['force_error_estimate_pct']:.2g} %",
+        f"of freedom, {found['seconds']:.2f} s, error of the force about "
+        f"{found['force_error_estimate_pct']:.2g} %",
         f"  why: {found['why']}",
     ]
     for state in found["states"]:
