@@ -13,7 +13,7 @@ export OMP_NUM_THREADS ?= 1
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
 
-demo: .venv/.installed-report
+demo: .venv/.installed-report,fast
 	$(BIN)/palpate scan --scene TIHA --seed 1 --out demo --report
 	@echo "Next: make install && . $(BIN)/activate && palpate --help"
 

@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import tempfile
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,17 @@ VERSIONS = ("3.11", "3.12", "3.13", "3.14")
 HEAD = (
     "Python", "environment before (MB)", "added by `pip install .` (MB)", "of that compiled (MB)",
     "SciPy and NumPy (MB)", "in all (MB)",
+    "in all, bytes of files (MB)",
 )  # fmt: skip
+BLOCK_B = 512  # of `st_blocks`, by POSIX
 PIP = ("-m", "pip", "--disable-pip-version-check", "--quiet")
 
 
 def install() -> dict[str, Any]:
-    """Sizes as the disk has them, in blocks: `du` of a fresh environment before and after."""
+    """Sizes as the disk has them, in blocks: `du` of a fresh environment before and after.
+
+    The packages are those of the newest Python, with what pip compiled of them.
+    """
     rows = [row for version in VERSIONS if (row := _weighed(version)) is not None]
     if not rows:
         raise RuntimeError(f"none of Python {', '.join(VERSIONS)} is here")
@@ -28,9 +34,11 @@ def install() -> dict[str, Any]:
         "head": HEAD,
         "table": [
             [row["python"], *(f"{row[key]:.0f}" for key in
-             ("before", "added", "compiled", "numerics", "whole"))]
+             ("before", "added", "compiled", "numerics", "whole", "bytes"))]
             for row in rows
         ],
+        "packages_head": ("package", f"on Python {rows[-1]['python']} (MB)"),
+        "packages_table": [[name, f"{mb:.1f}"] for name, mb in rows[-1]["packages"]],
     }  # fmt: skip
 
 
@@ -54,7 +62,19 @@ def _weighed(version: str) -> dict[str, Any] | None:
             "compiled": whole - _mb(venv, "--exclude=*.pyc"),
             "numerics": sum(map(_mb, numerics)),
             "whole": whole,
+            "bytes": _mb(venv, "--apparent-size"),
+            "packages": _packages(packages),
         }
+
+
+def _packages(folder: Path) -> list[tuple[str, float]]:
+    """Name and size of each that the metadata in ``folder`` names, the largest first."""
+    found = []
+    for one in distributions(path=[str(folder)]):
+        files = [Path(str(one.locate_file(file))) for file in one.files or ()]
+        blocks = sum(file.stat().st_blocks for file in files if file.is_file())
+        found.append((one.metadata["Name"], blocks * BLOCK_B / 2**20))
+    return sorted(found, key=lambda pair: -pair[1])
 
 
 def _python(version: str) -> str | None:
