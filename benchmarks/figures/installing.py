@@ -13,8 +13,7 @@ from figures.keep import ROOT
 VERSIONS = ("3.11", "3.12", "3.13", "3.14")
 HEAD = (
     "Python", "environment before (MB)", "added by `pip install .` (MB)", "of that compiled (MB)",
-    "SciPy and NumPy (MB)", "in all (MB)",
-    "in all, bytes of files (MB)",
+    "SciPy and NumPy (MB)", "in all on the disk (MB)", "in all, bytes (MB)",
 )  # fmt: skip
 BLOCK_B = 512  # of `st_blocks`, by POSIX
 PIP = ("-m", "pip", "--disable-pip-version-check", "--quiet")

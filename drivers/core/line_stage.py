@@ -86,7 +86,11 @@ class LineStage:
     def enable(self) -> list[str]:
         """Ask the controller whether it can move; what holds, in words. Raises `DeviceFault`."""
         found = self._have(lambda axes: getattr(axes, "ready", list)())
-        assert isinstance(found, list)
+        if not isinstance(found, list):
+            raise DeviceFault(
+                self.name,
+                f"driver: ready() gave {found!r}; it gives a list of what holds, in words",
+            )
         return found
 
     def pose(self) -> Pose:

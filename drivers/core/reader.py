@@ -4,6 +4,7 @@ A driver gives a `Source`: the open line, used by the one thread only. Readings 
 saturation are the same for all and done here.
 """
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -78,6 +79,7 @@ class LineSensor:
         self._recent: deque[Sample] = deque(maxlen=max(round(TARE_S * rate_hz), 1))
         self._zero = np.zeros(len(channels))
         self._lost = 0
+        self._lost_before = 0  # right before the next sample; the reading thread's own
         self._running = False
         self._fault: DeviceFault | None = None
         self._lock = threading.Lock()
@@ -93,7 +95,7 @@ class LineSensor:
             source = self._open()
         except OSError as error:  # unplugged while it is opened
             raise DeviceAbsent(self.name, f"lost while it was opened ({error})") from None
-        self._fault, self._lost = None, 0
+        self._fault, self._lost, self._lost_before = None, 0, 0
         self._zero = np.zeros(len(self.channels))
         self._recent.clear()
         self._waiting.clear()
@@ -180,6 +182,18 @@ class LineSensor:
             source.close()
 
     def _keep(self, sample: Sample) -> None:
+        """A time or value that is not finite is a lost sample. Raises `DeviceFault`."""
+        if len(sample.values) != len(self.channels):
+            raise DeviceFault(
+                self.name, f"driver: a reading of {len(sample.values)} values for "
+                f"{len(self.channels)} channels"
+            )  # fmt: skip
+        if not (math.isfinite(sample.time_s) and all(map(math.isfinite, sample.values))):
+            self._lost_before += 1 + sample.lost
+            return
+        if self._lost_before:
+            sample = sample._replace(lost=sample.lost + self._lost_before)
+            self._lost_before = 0
         with self._lock:
             self._recent.append(sample)
             if self._running:

@@ -334,6 +334,8 @@ class MistakenAxes:
         del speeds_mm_s
         places_mm["x"]
 
+    def ready(self) -> None: ...
+
     def stop(self) -> None: ...
 
     def close(self) -> None: ...
@@ -343,6 +345,10 @@ def test_a_mistake_in_a_driver_is_said_as_what_it_is() -> None:
     stage = LineStage(LineStageSettings(name="mine", port="-", **PATIENT), MistakenAxes)
     stage.connect()
     try:
+        with pytest.raises(
+            DeviceFault, match=r"mine: driver: ready\(\) gave None; it gives a list"
+        ):
+            enable(stage)
         with pytest.raises(DeviceFault, match="mine: driver: KeyError: 'x'"):
             stage.move(Pose(0.0, 0.0, 1e-3), 1e-3)
     finally:

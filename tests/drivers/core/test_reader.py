@@ -1,5 +1,6 @@
 """The thread and the buffer that sensors on a line share."""
 
+import math
 import threading
 import time
 
@@ -110,6 +111,26 @@ def test_a_line_that_ends_is_told_after_the_last_sample(error: Exception, words:
     with pytest.raises(DeviceFault) as told:
         sensor.read()
     assert told.value.reason == words
+    sensor.close()
+
+
+def test_a_sample_that_is_no_number_is_lost() -> None:
+    feed = Feed()
+    sensor = sensor_on(feed)
+    bad = [Sample(1.0, [math.nan], 2), Sample(math.inf, [1.0]), Sample(3.0, [-math.inf])]
+    send(feed, [*bad, Sample(4.0, [4.0], 1), Sample(5.0, [5.0])])
+    block = sensor.read()
+    sensor.close()
+    assert block.time_s.tolist() == [4.0, 5.0]
+    assert block.lost == 6
+
+
+def test_a_reading_without_a_value_for_each_channel_is_a_fault_of_the_driver() -> None:
+    feed = Feed()
+    sensor = sensor_on(feed)
+    send(feed, [Sample(1.0, [1.0, 2.0])])
+    with pytest.raises(DeviceFault, match="cell: driver: a reading of 2 values for 1 channels"):
+        sensor.read()
     sensor.close()
 
 
