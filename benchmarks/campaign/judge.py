@@ -167,7 +167,8 @@ def _check_depth(draw: Draw, truth: Truth) -> list[str]:
 def _check_sideways(draw: Draw, truth: Truth) -> list[str]:
     """Dragged over the skin, the stage must be told to stop soon, if it can be told and its poses
     show the drag: a cell along the press does not feel it."""
-    if any(not f.kind.heard or f.kind.name == "board lies" for f in draw.faults):
+    stages = [f.kind for f in draw.faults if f.kind.where in ("board", "arm")]
+    if any(not kind.heard or kind.name == "board lies" for kind in stages):
         return []
     rows = truth.rows
     pressed = rows[:, DEPTH] > 0.2e-3
