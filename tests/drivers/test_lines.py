@@ -121,8 +121,8 @@ def test_a_gauge_that_speaks_when_asked_in_grams(clock: WallClock, tmp_path: Pat
             port=device.address,
             pattern=r"Load: (?P<load>[-+0-9.]+) g; (?P<battery>[0-9.]+) V",
             channel=[
-                TextChannel(name="load", unit="g", role="force", scale=-1.0),
-                TextChannel(name="battery", unit="V"),
+                TextChannel(name="load", unit="g", role="force", scale=-1.0, full_scale=12.0),
+                TextChannel(name="battery", unit="V", full_scale=12.0),
             ],
             rate_hz=50,
             ask="?\r",
@@ -135,6 +135,7 @@ def test_a_gauge_that_speaks_when_asked_in_grams(clock: WallClock, tmp_path: Pat
     assert says.asked.startswith(b"?\r?\r")
     assert len(block.time_s) == pytest.approx(18, abs=6)
     assert block.values[0] == pytest.approx([12.5 * 9.80665e-3, 3.0])
+    assert block.saturated[0].tolist() == [True, False]
 
 
 def test_half_lines_wait_for_the_rest_and_chatter_is_counted(

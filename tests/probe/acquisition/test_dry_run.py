@@ -160,9 +160,14 @@ def test_an_unknown_driver_is_a_fault(tmp_path: Path) -> None:
     assert not report.can_scan
 
 
-def test_a_full_disk_is_a_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(10, 9, 1))
-    assert not dry_run(default_rig(), None, tmp_path / "not" / "yet").can_scan
+@pytest.mark.parametrize(("share", "level"), [(0.0, "fault"), (0.9, "fault"), (10.0, "ok")])
+def test_a_disk_with_less_than_the_run_needs_is_a_fault(
+    share: float, level: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "not" / "yet"
+    free = round(share * dry_run(default_rig(), None, out).size_bytes)
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(free, 0, free))
+    assert levels(dry_run(default_rig(), None, out))["disk"] == level
 
 
 def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:

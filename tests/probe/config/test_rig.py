@@ -13,7 +13,7 @@ from drivers import ConfigError, DeviceAbsent, SimulatedClock
 from probe.config import devices
 from probe.config.devices import connect
 from probe.config.load_rig import load_rig
-from probe.config.rig import Rig, RigError, default_rig
+from probe.config.rig import Rig, RigError, Safety, default_rig
 from probe.config.scan_plan import limits_for, plan_for
 from probe.config.snapshot import run_config
 from sim_backend.scene.scene_file import load_scene
@@ -90,6 +90,23 @@ def test_wrong_devices_name_key_and_value(
 ) -> None:
     with pytest.raises(RigError, match=said):
         connect(load_rig(write(tmp_path, text)), SimulatedClock(), respond=winkler)
+
+
+OTHER_SAFETY: dict[str, Any] = {
+    "max_force_n": 4.0, "max_torque_nm": 0.2, "max_depth_mm": 3.5, "max_speed_mm_s": 30.0,
+    "workspace_mm": {"y": [-6.0, 6.0]}, "retract_mm": 3.0, "silence_s": 0.3, "late_s": 0.1,
+    "hardest_n_mm": 5.0, "engine_s": 3.0, "same_readings": 50,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("key", Safety.model_fields)
+def test_no_key_of_the_safety_table_is_left_out(key: str) -> None:
+    usual, other = Rig(), Rig.model_validate({"safety": {key: OTHER_SAFETY[key]}})
+    plan, changed = plan_for(usual), plan_for(other)
+    assert (limits_for(usual, plan), plan.travel_z_m) != (
+        limits_for(other, changed),
+        changed.travel_z_m,
+    )
 
 
 def test_a_measured_surface_is_a_plane_through_three_points() -> None:
