@@ -1,6 +1,7 @@
 """Calibrations from files, applied in scans."""
 
 import json
+from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -15,6 +16,7 @@ from calibration.errors import CalibrationError
 from calibration.force import fit_force
 from calibration.latency import fit_latency
 from drivers import Block, Channel, Pose, SimulatedClock
+from drivers.core import abilities
 from probe.acquisition.session import scan
 from probe.cli import main
 from probe.config.calibrated import CalibratedSensor, calibrated
@@ -38,6 +40,10 @@ class Skewed:
 
     def move(self, target: Pose, _speed_m_s: float) -> None:
         self.at = target
+
+    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        """Its x reads up to 50 mm: in truth up to 51 mm and a hundredth of y."""
+        return {pose: "out of reach" for pose in poses if pose.x > 0.05}
 
 
 class Wrong:
@@ -170,6 +176,8 @@ def test_axis_errors_are_put_right_both_ways(tmp_path: Path) -> None:
     assert wrong.matrix @ wrong.at[:3] == pytest.approx([0.05, 0.02, -0.002])
     assert stage.pose()[:3] == pytest.approx([0.05, 0.02, -0.002])
     assert (stage.name, stage.simulated) == ("gantry", False)
+    near, far = Pose(0.0509, 0.0, 0.0), Pose(0.0511, 0.0, 0.0)
+    assert abilities.unreachable(stage, [near, far]) == {far: "out of reach"}
 
 
 class Array3:
