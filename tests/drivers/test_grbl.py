@@ -72,6 +72,13 @@ def test_stop_from_another_thread_ends_a_move_at_once(stage: GrblStage) -> None:
     assert stage.pose().x == pytest.approx(x + 0.001, abs=2e-6)
 
 
+def test_closing_ends_a_move(stage: GrblStage, phantom: Phantom, clock: WallClock) -> None:
+    stage.move(Pose(0.002, 0.0, 0.004), 0.005)
+    stage.close()
+    until(lambda: not phantom.tip.moving(clock.now()))
+    assert phantom.tip.point(clock.now())[0] > 0.015
+
+
 def test_a_second_move_is_refused_while_the_first_runs(stage: GrblStage) -> None:
     stage.move(Pose(0.030, 0.0, 0.004), 0.005)
     with pytest.raises(DeviceFault, match="still moving"):

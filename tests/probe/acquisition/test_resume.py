@@ -15,6 +15,7 @@ import pytest
 from paths import ROOT
 
 from calibration import Record, fit_force, record, save
+from probe.acquisition import prepare
 from probe.acquisition.commands import Control
 from probe.acquisition.resume import resume, unfinished
 from probe.acquisition.session import ScanResult, scan
@@ -240,3 +241,17 @@ def test_a_run_from_another_computer_opens_nothing_unasked(
     with pytest.raises(RunFileError, match=r"not scanned on this computer.*grbl port = .*--trust"):
         resume(done.path)
     assert done.path.read_bytes() == before
+
+
+@pytest.mark.parametrize("rehearsed", [True, False])
+def test_a_rehearsal_goes_on_as_one_and_nothing_else_does(
+    rehearsed: bool, tmp_path: Path, winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever real sensor was found, or lost, since."""
+    feels_nothing = [rehearsed]
+    monkeypatch.setattr(prepare, "needs_rehearsal", lambda *_devices: feels_nothing[0])
+    begun = aborted(tmp_path, winkler, 0, Phase.TRAVELLING)
+    feels_nothing[0] = not rehearsed
+    with pytest.raises(RunFileError, match="rehearsal in the air, and the devices found now"):
+        resume(begun.path, respond=winkler)
+    assert open_run(begun.path).finish is Finish.ABORTED

@@ -112,6 +112,15 @@ def test_depth_is_from_where_touch_found_the_surface(tmp_path: Path, winkler: An
     assert open_run(ran.path).samples("stage")["z"].min() < -1.09e-3  # it was found lower
 
 
+def test_depth_on_a_slope_is_along_its_normal(tmp_path: Path, winkler: Any) -> None:
+    slope = [[0, 0, 0], [60, 0, 20], [0, 5, 0]]
+    table = {"scan": {"start_mm": 32, "stations": 1, "surface_mm": slope}}
+    ran = scan(Rig.model_validate(table), "TIHA", tmp_path, respond=winkler)
+    (station,) = open_run(ran.path).recording().stations
+    held = (station.time_s > station.hold_s) & (station.time_s < station.retract_s)
+    assert station.depth_m[held] == pytest.approx(2.5e-3, abs=1e-5)
+
+
 def test_taxels_share_the_face_and_a_reference_stays_beside() -> None:
     channels = {
         "skin": tuple(Channel(f"t{n}", "N", "taxel") for n in range(4)),
