@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from own_scene import OWN_SCENE
 from paths import ROOT
 
 from calibration import Record, fit_force, record, save
@@ -182,19 +183,27 @@ def force_calibration(gain: float) -> Record:
     return record(fit_force(gain * loads + noise, loads), "force", {})
 
 
-def test_another_calibration_is_another_run(tmp_path: Path, winkler: Any) -> None:
-    calibration = tmp_path / "force.json"
+def test_another_calibration_or_wave_is_another_run(tmp_path: Path, winkler: Any) -> None:
+    calibration, wave, scene = (tmp_path / n for n in ("force.json", "wave.csv", "mine.toml"))
     save(force_calibration(1.0), calibration)
-    first = calibration.read_bytes()
+    wave.write_text("time_s,pressure_mmhg\n0,80\n0.1,120\n0.4,90\n0.8,80\n")
+    scene.write_text(OWN_SCENE + f'[pulse]\nwave = "{wave.name}"\n')
+    first = {file: file.read_bytes() for file in (calibration, wave)}
     rig = Rig.model_validate(FIVE | {"calibration": {"force": str(calibration)}})
     control = Control()
     control.abort()
-    path = scan(rig, "TIHA", tmp_path, control=control, respond=winkler).path
-    assert open_run(path).config["calibration"]["force"]["content"] == json.loads(first)
+    path = scan(rig, scene, tmp_path, control=control, respond=winkler).path
+    assert open_run(path).config["calibration"]["force"]["content"] == json.loads(
+        first[calibration]
+    )
     save(force_calibration(1.1), calibration)
     with pytest.raises(RunFileError, match="calibration or wave file has changed"):
         resume(path, respond=winkler)
-    calibration.write_bytes(first)
+    calibration.write_bytes(first[calibration])
+    wave.write_bytes(first[wave].replace(b"120", b"150"))
+    with pytest.raises(RunFileError, match="calibration or wave file has changed"):
+        resume(path, respond=winkler)
+    wave.write_bytes(first[wave])
     assert resume(path, respond=winkler).ended.finish is Finish.COMPLETED
 
 
