@@ -73,25 +73,15 @@ class SurfaceCalibration:
         """Height [m] at one place: the planner's ``Surface``."""
         return float(self.heights(np.array([x_m]), np.array([y_m]))[0])
 
-    def normal(self, x_m: float, y_m: float) -> Array:
-        """Unit normal (3,) out of the surface, central differences over 0.2 mm."""
-        h = 1e-4
-        x, y = x_m + h * np.array([1, -1, 0, 0]), y_m + h * np.array([0, 0, 1, -1])
-        east, west, north, south = self.heights(x, y)
-        normal = np.array([(west - east) / (2 * h), (south - north) / (2 * h), 1.0])
-        return np.asarray(normal / np.linalg.norm(normal))
-
 
 def fit_surface(
     touches_m: Array,
     model: Model = "plane",
     *,
-    tip_radius_m: float = 0.0,
     max_outliers: int | None = None,
 ) -> SurfaceCalibration:
     """The surface through touches (n, 3) [m], the tip's lowest point at each.
 
-    A round tip of ``tip_radius_m`` touches a slope beside its lowest point; that is corrected.
     Up to ``max_outliers`` (a fifth of the touches) are found by least trimmed squares
     (Rousseeuw 1984): the cleanest core is fitted, then every touch that agrees with it at the
     0.1 % level is taken back. Raises `CalibrationError` for collinear or too few touches.
@@ -101,30 +91,21 @@ def fit_surface(
         raise CalibrationError(f"model = {model!r}: allowed are {', '.join(TERMS)}")
     if max_outliers is None:
         max_outliers = max(min(len(touches) // 5, len(touches) - TERMS[model] - 2), 0)
-    fitted = _fit_contacts(touches, model, max_outliers)
-    for _ in range(2 if tip_radius_m > 0 else 0):
-        slopes = np.array([fitted.normal(x, y) for x, y in touches[:, :2].tolist()])
-        contacts = touches + tip_radius_m * (np.array([0.0, 0.0, 1.0]) - slopes)
-        fitted = _fit_contacts(contacts, model, max_outliers)
-    return fitted
-
-
-def _fit_contacts(points: Array, model: Model, max_outliers: int) -> SurfaceCalibration:
-    centre = points[:, :2].mean(axis=0)
-    size = float(np.abs(points[:, :2] - centre).max()) or 1.0
+    centre = touches[:, :2].mean(axis=0)
+    size = float(np.abs(touches[:, :2] - centre).max()) or 1.0
     count = TERMS[model]
-    design = _terms((points[:, :2] - centre) / size, count)
+    design = _terms((touches[:, :2] - centre) / size, count)
     names = ("height", "slope x", "slope y", "bend xx", "bend xy", "bend yy")[:count]
-    linear_fit(design, points[:, 2], names, ADVICE, weakest=0.03)  # refuses what is degenerate
+    linear_fit(design, touches[:, 2], names, ADVICE, weakest=0.03)  # refuses what is degenerate
     if model == "map":
-        kept, smoothing = _good_for_map(points, max_outliers)
+        kept, smoothing = _good_for_map(touches, max_outliers)
     else:
-        kept, smoothing = _core(design, points[:, 2], max_outliers), 0.0
-    fit = linear_fit(design[kept], points[kept, 2], names, ADVICE, weakest=0.03)
+        kept, smoothing = _core(design, touches[:, 2], max_outliers), 0.0
+    fit = linear_fit(design[kept], touches[kept, 2], names, ADVICE, weakest=0.03)
     scale = np.diag(size ** -np.array([0.0, 1, 1, 2, 2, 2])[:count])
     fit = fit.derived(names, scale @ fit.values, scale)
     return SurfaceCalibration(
-        model, centre, fit.values, points[kept], points[~kept], smoothing, fit
+        model, centre, fit.values, touches[kept], touches[~kept], smoothing, fit
     )
 
 

@@ -17,7 +17,8 @@ GAIN, OFFSET = 0.37, 11.0
 
 
 class Bench:
-    """A person who puts on what they say: ``answers`` are typed one after the other."""
+    """A person who puts on what they say, ``answers`` typed one after the other, by a hand that
+    presses for a second."""
 
     def __init__(self, answers, wobble=()):
         self.clock = SimulatedClock()
@@ -29,11 +30,13 @@ class Bench:
     def reading(self, t):
         noise = 0.002 * self.rng.standard_normal(len(t))
         swing = 0.05 * (t - self.began_s) if self.moving else 0.0
-        return OFFSET + GAIN * self.load_n + noise + swing
+        hand = np.where(t < self.began_s - 1e-3, 3.0, 0.0)
+        return OFFSET + GAIN * self.load_n + noise + swing + hand
 
     def ask(self, question):
         self.told.append(question)
         answer = self.answers.pop(0)
+        self.clock.sleep_until(self.clock.now() + 1.0)
         self.began_s = self.clock.now()
         self.moving = bool(self.wobble) and self.wobble.pop(0)
         with suppress(ValueError):
@@ -67,7 +70,7 @@ def test_what_cannot_be_read_is_asked_again_and_a_moving_load_is_not_taken(tmp_p
 
 def test_what_was_taken_is_kept_when_the_sensor_is_lost(tmp_path):
     bench = Bench(["0", "1", "2", ""])
-    bench.sensor.fails_s = 5.0
+    bench.sensor.fails_s = 7.5
     with pytest.raises(Exception, match="unplugged"):
         take(bench, tmp_path / "loads.csv")
     assert len((tmp_path / "loads.csv").read_text().splitlines()) == 3

@@ -206,8 +206,10 @@ def test_a_grid_shows_the_section_of_the_row_that_is_pressed(make_run: Make) -> 
 def test_seeking_forwards_and_backwards_gives_the_same(make_run: Make) -> None:
     player = Player(make_run())
     straight = dict(player.seek(10.0).maps)
-    player.seek(player.length_s)
-    assert player.seek(10.0).maps == straight
+    assert player.seek(player.length_s).finish is Finish.COMPLETED
+    back = player.seek(10.0)
+    assert back.maps == straight
+    assert back.finish is None
 
 
 def test_two_runs_share_one_scale(make_run: Make, shoot: Shoot) -> None:

@@ -84,11 +84,14 @@ def test_stations_that_count_from_0_or_from_1_are_the_same(tmp_path: Path, first
 
 def test_a_new_position_is_a_new_station(tmp_path: Path) -> None:
     rows = [f"{n / 100:g},1,{4 * (n // 25)}" for n in range(100)]
-    imported = import_csv(
-        csv(tmp_path / "a.csv", table("time_s,force_n,x_mm", *rows)), tmp_path / "a"
-    )
-    assert imported.stations == 4
-    run = open_run(imported.path)
+    beside = [f"{row},{3 * (n // 50)}" for n, row in enumerate(rows)]
+    for name, lines in (("x_mm", rows), ("x_mm,y_mm", beside)):
+        file = csv(tmp_path / "a.csv", table(f"time_s,force_n,{name}", *lines))
+        imported = import_csv(file, tmp_path / name)
+        assert imported.stations == 4
+    run = open_run(tmp_path / "x_mm,y_mm")
+    assert run.stations()["y_mm"].to_list() == pytest.approx([0, 0, 3, 3])
+    run = open_run(tmp_path / "x_mm")
     assert run.stations()["x_mm"].to_list() == pytest.approx([0, 4, 8, 12])
     assert np.isnan(run.stations()["y_mm"]).all()
     notes = [event.text for event in run.events() if isinstance(event, Note)]

@@ -1,6 +1,7 @@
 """What is exported opens elsewhere, and comes back to the bit."""
 
 import struct
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +56,18 @@ def test_mcap_samples_are_read_to_the_bit_by_another_library(path: Path, tmp_pat
     assert np.array_equal([m.phase == holding for m in read], data["phase"].values == "holding")
     stamps = np.array([m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in read])
     assert np.diff(stamps) == pytest.approx(np.diff(data["time_s"].values), abs=1e-6)
+
+
+def test_mcap_is_stamped_with_the_wall_time_of_the_run(tmp_path: Path) -> None:
+    """Its own clock begins anywhere: here at 1000 s."""
+    rows = [f"{1000 + n / 100:g},{n % 7}" for n in range(50)]
+    (tmp_path / "late.csv").write_text("\n".join(["time_s,force_n", *rows]))
+    run = open_run(import_csv(tmp_path / "late.csv", tmp_path / "late.run", face_mm2=50.0).path)
+    (file,) = export(run, ["mcap"], tmp_path)
+    began_s = datetime.fromisoformat(run.started.started_utc).timestamp()
+    stamps = [m.header.stamp for m in messages(file, "/imported/sample")]
+    assert stamps[0].sec == began_s
+    assert stamps[-1].nanosec == pytest.approx(490_000_000, abs=1000)
 
 
 def test_mcap_has_what_viewers_know(path: Path, tmp_path: Path) -> None:
