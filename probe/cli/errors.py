@@ -50,7 +50,7 @@ def status_of(error: BaseException) -> tuple[int, str]:
     if isinstance(error, Misused):
         where = getattr(error, "ctx", None)
         command = where.command_path if where is not None else "palpate"
-        text = error.format_message().replace("Value error, ", "").replace("value error, ", "")
+        text = _misused(error)
         if not text:  # a bare group has shown its help
             return BAD_INPUT, ""
         return BAD_INPUT, f"{text}\n`{command} --help` shows what is allowed"
@@ -69,6 +69,21 @@ def status_of(error: BaseException) -> tuple[int, str]:
         f"This is a mistake in palpate itself: {type(error).__name__}: {error}\n"
         "Set PALPATE_TRACE=1 to see where, and please report it."
     )
+
+
+def _misused(error: Any) -> str:
+    """What is wrong with the command line; with a value that cannot be, the value too."""
+    from pydantic import ValidationError  # here: pydantic and numpy take longer than all the rest
+
+    from sim_backend.scene.explain import allowed
+
+    said = str(error.format_message())
+    why = error.__cause__
+    if not isinstance(why, ValidationError):
+        return said
+    fault = why.errors()[0]
+    given = "" if repr(fault["input"]) in fault["msg"] else f"{fault['input']!r} "
+    return said.replace(fault["msg"], given + allowed(fault))
 
 
 def _plain(error: BaseException) -> str:

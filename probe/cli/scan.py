@@ -227,6 +227,7 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
         if recording.stations:  # without one there is nothing to report
             answer(f"Report: {found.get('report', next_command('report', path))}")
     if ended.finish is not Finish.COMPLETED:
-        inform(f"The scan was {ended.finish.value}: {ended.reason}. What was read is in {path}")
+        how = "" if ended.reason.startswith(ended.finish.value) else f"{ended.finish.value}: "
+        inform(f"The scan was {how}{ended.reason}. What was read is in {path}")
         inform(f"To go on where it broke off: {next_command('resume', path)}")
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

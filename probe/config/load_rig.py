@@ -46,7 +46,10 @@ def load_rig(path: str | Path) -> Rig:
 
 
 def _find_calibrations(raw: dict[str, Any], path: Path) -> None:
-    """Make the paths of calibrations relative to the rig file's folder, in place."""
+    """Make the paths of calibrations relative to the rig file's folder, in place.
+
+    Raises `RigError`.
+    """
     files = raw.get("calibration")
     if not isinstance(files, dict):
         return  # validation says what is wrong
@@ -54,5 +57,5 @@ def _find_calibrations(raw: dict[str, Any], path: Path) -> None:
         if isinstance(name, str):
             file = path.parent / name
             if not file.is_file():
-                raise RigError(f"{path}: calibration.{kind} = {str(file)!r}: no such file")
+                raise RigError(f"calibration.{kind} = {str(file)!r}: no such file")
             files[kind] = str(file)

@@ -5,6 +5,12 @@ from typing import Any
 
 NORMAL_95 = 1.96
 MAX_NAMED = 3
+PLURAL = {
+    "artery": "arteries",
+    "stenotic artery": "stenotic arteries",
+    "tumour": "tumours",
+    "undecided": "undecided",
+}
 
 
 def headline(found: Mapping[str, Any]) -> str:
@@ -18,7 +24,7 @@ def headline(found: Mapping[str, Any]) -> str:
     if len(kinds) < 2:
         return str(found["finding"])
     counts = {kind: kinds.count(kind) for kind in dict.fromkeys(kinds)}
-    return " and ".join(f"{n} x {kind}" if n > 1 else kind for kind, n in counts.items())
+    return ", ".join(f"{n} {PLURAL[kind] if n > 1 else kind}" for kind, n in counts.items())
 
 
 def object_line(one: Mapping[str, Any]) -> str:
@@ -29,9 +35,10 @@ def object_line(one: Mapping[str, Any]) -> str:
     if one.get("position_ci_mm"):
         low, high = one["position_ci_mm"]
         parts[0] += f" (95 %: {low:.2f} to {high:.2f})"
-    for name, key in (("peak", "peak_pa"), ("pulse", "pulse_pa")):
-        if one.get(key) is not None:
-            parts.append(f"{name} {_pascal(one[key], 3)}")
+    if (peak_pa := one.get("peak_pa")) is not None:
+        parts.append(f"{'softer' if peak_pa < 0 else 'stiffer'} by {_pascal(abs(peak_pa), 3)}")
+    if one.get("pulse_pa") is not None:
+        parts.append(f"pulse {_pascal(one['pulse_pa'], 3)}")
     if one["kind"] != "undecided":  # of which kind would it be?
         parts.append(f"confidence {percent(one['confidence'])}")
     return ", ".join(parts + over_rows(one))
@@ -55,7 +62,9 @@ def over_rows(one: Mapping[str, Any]) -> list[str]:
             else f"seen from x, y = {x_mm:.1f}, {y_mm:.1f} to {last_x_mm:.1f}, {last_y_mm:.1f} mm"
         )
     if stenosed := one.get("stenosed_mm"):
-        parts.append(f"stenosed from y = {stenosed[0]:.1f} to {stenosed[1]:.1f} mm")
+        first, last = (f"{y_mm:.1f}" for y_mm in stenosed)
+        rows = f"at y = {first}" if first == last else f"from y = {first} to {last}"
+        parts.append(f"stenosed {rows} mm")
     return parts
 
 

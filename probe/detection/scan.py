@@ -81,6 +81,7 @@ def detect(
         objects = pulsing_place(presses, unfinished, recording.face_m2)
     objects = [*objects, *_disturbed(presses)]
     objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
+    objects.sort(key=lambda one: (np.isnan(one.position_m), one.position_m))
     stations = tuple(_station(p) for p in presses)
     needed_pa = _needed_pa(presses, false_alarm / 2 if mapped else false_alarm)
     kind = _whole(objects, presses, unfinished and len(recording.stations) > 1)
@@ -208,24 +209,35 @@ def _reason(
             )
         first = next((p.note for p in presses if p.note), "the recording has no complete station")
         return f"no press can be judged: {first}"
-    reasons = "; ".join(dict.fromkeys(one.reason for one in objects if one.reason))
     if objects:
-        return reasons
+        return _reasons(objects)
     needed_pa, asked_pa = bounds_pa
     if kind == "undecided":
         x_mm = sorted(1e3 * p.station.x_m for p in judged)
         return f"the row is not finished; nothing between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet"
     if kind == "cannot see":
         return (
-            f"a pulse of {plain(asked_pa, 2)} Pa was asked for and one of {plain(needed_pa, 2)} Pa "
-            "would have shown: hold for more beats, repeat, or take a quieter sensor or a larger "
-            "face"
+            f"to see a pulse of {plain(asked_pa, 2)} Pa hold for more beats, repeat, or take a "
+            "quieter sensor or a larger face"
         )
     text = f"no pulse (one of {plain(needed_pa, 2)} Pa would have shown)"
     if np.isinf(least_pa):
         return f"{text}; a lump would need a row of {MIN_LEVELS} stations or more to show"
     text = f"{text}, and no place stiffer or softer than its surroundings"
     return text if np.isnan(least_pa) else f"{text} ({plain(least_pa, 2)} Pa would have shown)"
+
+
+def _reasons(objects: list[ObjectFinding]) -> str:
+    """Each reason once; one that only one of several objects has, with that one's place."""
+    all_reasons = [one.reason for one in objects]
+    told = [
+        one.reason
+        if len(objects) == 1 or all_reasons.count(one.reason) > 1 or np.isnan(one.position_m)
+        else f"at x = {1e3 * one.position_m:.2f} mm: {one.reason}"
+        for one in objects
+        if one.reason
+    ]
+    return "; ".join(dict.fromkeys(told))
 
 
 def _station(press: Press) -> StationFinding:

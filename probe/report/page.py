@@ -114,7 +114,15 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
             )
         )
     rows_head = ("across the rows",) if across else ()
-    head = ("object", "x [mm]", "95 % [mm]", *rows_head, "peak [Pa]", "pulse [Pa]", "confidence")
+    head = (
+        "object",
+        "x [mm]",
+        "95 % [mm]",
+        *rows_head,
+        "stiffer by [Pa]",
+        "pulse [Pa]",
+        "confidence",
+    )
     return _table(head, rows) if rows else ""
 
 

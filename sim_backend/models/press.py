@@ -147,7 +147,7 @@ class Press:
             (
                 f"{s.pressure_mmhg:g}",
                 f"{s.force_n:.5g}",
-                f"{s.von_mises_pa:.4g}",
+                f"{s.von_mises_pa:.0f}",
                 f"{s.contact_mm[0]:.2f} to {s.contact_mm[1]:.2f}",
             )
             for s in self.states

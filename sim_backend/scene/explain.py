@@ -1,9 +1,20 @@
-"""Why a scene or rig file is refused, in words: the key, its value, and what is allowed there."""
+"""Why a value is refused, in words: the key, its value, and what is allowed there."""
 
+from collections.abc import Mapping
 from difflib import get_close_matches
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
+
+SAID = {
+    "missing": "is missing",
+    "float_parsing": "must be a number",
+    "float_type": "must be a number",
+    "int_parsing": "must be a whole number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+}
+"""What pydantic's types of faults are called here; of others its own message is taken."""
 
 
 def explain(error: ValidationError, model: type[BaseModel] | None = None) -> list[str]:
@@ -13,11 +24,18 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
         key = ".".join(str(part) for part in fault["loc"])
         value = fault["input"]
         shown = "" if isinstance(value, dict) or fault["type"] == "missing" else f" = {value!r}"
-        text = fault["msg"].removeprefix("Value error, ")
+        text = allowed(fault)
         if model is not None and fault["type"] == "extra_forbidden":
             text = _unknown_key(model, fault["loc"])
-        lines.append(f"{key}{shown}: {text}".lstrip(": "))
+        between = " " if fault["type"] == "missing" else ": "
+        lines.append(f"{key}{shown}{between}{text}".lstrip(": "))
     return lines
+
+
+def allowed(fault: Mapping[str, Any]) -> str:
+    """What one of pydantic's faults asks for, as in "must be greater than 0"."""
+    said = str(fault["msg"]).removeprefix("Value error, ")
+    return SAID.get(fault["type"], said.replace("Input should be", "must be", 1))
 
 
 def _unknown_key(model: type[BaseModel], where: tuple[int | str, ...]) -> str:
@@ -29,8 +47,8 @@ def _unknown_key(model: type[BaseModel], where: tuple[int | str, ...]) -> str:
         tables = [t for t in tables if str(part) == _kind(t)] or tables  # the tag of a union
     known = sorted({key for table in tables for key in table.model_fields})
     near = get_close_matches(str(where[-1]), known, 1)
-    guess = f"did you mean {near[0]}? " if near else ""
-    return f"unknown key; {guess}Known here: {', '.join(known)}"
+    guess = f" (did you mean {near[0]}?)" if near else ""
+    return f"unknown key{guess}; known here: {', '.join(known)}"
 
 
 def _tables(annotation: Any) -> list[type[BaseModel]]:

@@ -24,7 +24,7 @@ name = "TIHA"
 
 # (what is in the file, what is written instead, what the message must name)
 WRONG_RIGS = [
-    ("stations = 3", "stations = 0", ["scan.stations", "0", "greater than or equal to 1"]),
+    ("stations = 3", "stations = 0", ["scan.stations", "0", "must be greater than or equal to 1"]),
     ("stations = 3", "stations = 30", ["station", "72 mm", "workspace"]),
     ("stations = 3", "statons = 3", ["scan.statons", "3"]),
     ("stations = 3", "indentation_mm = -1.0", ["scan.indentation_mm", "-1", "greater than 0"]),
@@ -46,6 +46,7 @@ WRONG_RIGS = [
         "[calibration]\nforce = 'gone.json'\n[safety]",
         ["calibration.force", "gone.json"],
     ),
+    ('name = "TIHA"', "", ["rig.toml: scene.name is missing\n"]),
     ("[scan]", "[scan", ["not TOML"]),
 ]
 WRONG_SCENES = [
@@ -73,6 +74,7 @@ def check(outcome: object, named: list[str]) -> None:
     assert out == ""
     assert "Traceback" not in err
     assert "mistake in palpate" not in err
+    assert err.count(".toml: ") <= len(err.splitlines()), "a file is named once"
     for word in named:
         assert word in err
 
@@ -116,6 +118,9 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         (["compare", "a.run", "b.run", "c.run"], ["got 3: a.run, b.run, c.run", "name two"]),
         (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
         (["press", "TI", "--x", "32"], ["--depth"]),
+        (["press", "TI", "--x", "3.2cm", "--depth", "1"], ["'--x'", "'3.2cm' must be a number\n"]),
+        (["scan", "--seed", "1.5"], ["'--seed'", "'1.5' must be a whole number\n"]),
+        (["sweep", "TI", "--vary", "a=1", "--workers", "0"], ["'0' must be greater than or equal"]),
         (["press", "TI", "--x", "32", "--depth", "1", "--model", "magic"], ["magic", "finite"]),
         (["live", "."], ["a folder"]),
         (["scan", "/tmp"], ["/tmp", "a folder", "a file is needed"]),

@@ -79,7 +79,7 @@ def test_a_scene_with_a_typing_error_is_marked(tmp_path: Path) -> None:
     text = (SCENES / "TIHA.toml").read_text(encoding="utf-8").replace("wall_mm", "wall_m")
     file = tmp_path / "scene.toml"
     file.write_text(text, encoding="utf-8")
-    with pytest.raises(SceneError, match=r"wall_m = .*did you mean wall_mm\? Known here: "):
+    with pytest.raises(SceneError, match=r"wall_m = .*did you mean wall_mm\?\); known here: "):
         load_scene(str(file))
     assert complaints(scene_schema(), text)
 
@@ -87,7 +87,7 @@ def test_a_scene_with_a_typing_error_is_marked(tmp_path: Path) -> None:
 def test_an_unknown_key_lists_the_known_ones(tmp_path: Path) -> None:
     file = tmp_path / "rig.toml"
     file.write_text("[scan]\npitch = 4.0\n", encoding="utf-8")
-    with pytest.raises(RigError, match=r"did you mean pitch_mm\? Known here: approach_mm_s, "):
+    with pytest.raises(RigError, match=r"did you mean pitch_mm\?\); known here: approach_mm_s, "):
         load_rig(file)
 
 

@@ -20,8 +20,9 @@ def test_what_could_not_be_seen_is_the_headline():
 
 
 def test_several_objects_are_named_and_what_was_assumed_is_said():
-    found = {"finding": "artery", "objects": [thing(), thing("tumour"), thing()]}
-    assert headline(found) == "2 x artery and tumour"
+    objects = [thing(), thing("tumour"), thing(), thing("undecided")]
+    found = {"finding": "artery", "objects": objects}
+    assert headline(found) == "2 arteries, 1 tumour, 1 undecided"
     assert "as if it lay alone" in assumption(found)
     assert assumption({"objects": [thing()]}) == ""
 
@@ -29,6 +30,13 @@ def test_several_objects_are_named_and_what_was_assumed_is_said():
 def test_an_object_without_a_place_has_no_gaps_in_its_line():
     line = object_line(thing(position_mm=None, position_ci_mm=None, peak_pa=None))
     assert line == "artery, pulse 12500 Pa, confidence 99.9 %"
+
+
+@pytest.mark.parametrize(
+    ("peak_pa", "said"), [(912.4, "stiffer by 912"), (-64.3, "softer by 64.3")]
+)
+def test_a_place_is_said_to_be_stiffer_or_softer(peak_pa, said):
+    assert f", {said} Pa, pulse" in object_line(thing(peak_pa=peak_pa))
 
 
 def test_what_is_undecided_has_no_confidence():
@@ -40,6 +48,8 @@ def test_an_object_of_a_grid_says_where_it_lies_across_the_rows():
     assert object_line(vessel).endswith(
         "seen from x, y = 20.0, 0.0 to 24.0, 8.0 mm, stenosed from y = 4.0 to 8.0 mm"
     )
+    one_row = thing(course_mm=[[20.0, 0.0]], stenosed_mm=[10.0, 10.0])
+    assert object_line(one_row).endswith("at y = 0.0 mm, stenosed at y = 10.0 mm")
     assert object_line(thing("tumour", course_mm=[[20.0, 4.0]])).endswith("at y = 4.0 mm")
 
 

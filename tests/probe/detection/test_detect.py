@@ -9,8 +9,10 @@ from known_presses import recording, row, station
 
 from drivers.core.arrays import Array
 from probe.detection import compare, detect
+from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import shape
 from probe.detection.map.row_objects import Line, objects_in
+from probe.detection.scan import _reasons
 
 
 def test_false_findings_are_as_rare_as_stated() -> None:
@@ -69,9 +71,8 @@ def test_two_objects() -> None:
     both = [replace(a, signal_pa=a.signal_pa + b.signal_pa - 9000.0) for a, b in
             zip(one, other, strict=True)]  # fmt: skip
     found = detect(recording(both))
-    places = {o.kind: 1e3 * o.position_m for o in found.objects}
-    assert places["artery"] == pytest.approx(46.0, abs=1.0)
-    assert places["tumour"] == pytest.approx(18.0, abs=1.0)
+    assert [one.kind for one in found.objects] == ["tumour", "artery"]  # along the row
+    assert [one.position_mm for one in found.objects] == pytest.approx([18.0, 46.0], abs=1.0)
 
 
 def test_a_stenosis_in_a_row_with_a_healthy_artery_is_not_called_a_lump() -> None:
@@ -81,8 +82,17 @@ def test_a_stenosis_in_a_row_with_a_healthy_artery_is_not_called_a_lump() -> Non
     other = row(rng, centre_mm=48.0, bump=0.3, pulse_pa=30.0, **quiet)
     both = [replace(a, signal_pa=a.signal_pa + b.signal_pa - 9000.0)
             for a, b in zip(one, other, strict=True)]  # fmt: skip
-    found = sorted(detect(recording(both)).objects, key=lambda one: one.position_m)
-    assert [one.kind for one in found] == ["artery", "stenotic artery"]
+    found = detect(recording(both))
+    assert [one.kind for one in found.objects] == ["artery", "stenotic artery"]
+
+
+def test_a_reason_of_one_of_several_objects_says_of_which() -> None:
+    one = ObjectFinding("artery", 20e-3, (19e-3, 21e-3), 300.0, 450.0, 0.99)
+    unsure = replace(one, kind="undecided", position_m=50e-3, reason="hold longer")
+    alike = replace(unsure, position_m=70e-3)
+    assert _reasons([unsure]) == "hold longer"
+    assert _reasons([one, unsure]) == "at x = 50.00 mm: hold longer"
+    assert _reasons([one, unsure, alike]) == "hold longer"
 
 
 def line(pulse_pa: list[float], level_pa: Array) -> Line:
