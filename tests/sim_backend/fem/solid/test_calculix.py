@@ -11,7 +11,7 @@ from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene
 
 FOLDER = Path(__file__).parents[3] / "data" / "presses"
-NAMES = ("ball-over-ball",)
+NAMES = ("ball-over-ball", "part-length-stenosis")
 FORCE, PULSE = 0.02, 0.05
 
 
