@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
-from drivers.core.extras import require
+from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
 
 AXES = "xyz"
@@ -199,7 +199,7 @@ def open_stage(
     400). ``origin_mm``: where the scan's (0, 0, 0) lies in the controllers' positions. z up.
     Raises `ConfigError`, `MissingExtra`.
     """
-    require("libximc", "standa", 'driver = "standa"')
+    require_library("standa")
     given = {"x": x_uri, "y": y_uri, "z": z_uri}
     uris = {axis: uri for axis, uri in given.items() if uri is not None}
     if not uris:

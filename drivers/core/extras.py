@@ -48,6 +48,16 @@ def require(module: str, extra: str, what: str) -> None:
         raise missing(extra, what, module)
 
 
+LIBRARIES = {"ur": "rtde_control", "standa": "libximc", "netft": "pynetft", "lsl": "pylsl"}
+"""What a driver needs beyond what palpate itself does; the extra that brings it bears its name."""
+
+
+def require_library(driver: str) -> None:
+    """Raises `MissingExtra` where ``driver`` has a library of `LIBRARIES` that is not there."""
+    if driver in LIBRARIES:
+        require(LIBRARIES[driver], driver, f'driver = "{driver}"')
+
+
 def missing(extra: str, what: str, module: str) -> MissingExtra:
     """The error that says what to install."""
     return MissingExtra(f"{what} needs {module}, which is not installed: {install_line(extra)}")

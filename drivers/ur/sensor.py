@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drivers.core.errors import DeviceFault
-from drivers.core.extras import require
+from drivers.core.extras import require_library
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import DeviceTime
@@ -77,7 +77,7 @@ class UrForce(LineSensor):
 
 def open_sensor(clock: Clock, settings: UrSensorSettings) -> UrForce:
     """The tool force of the arm at ``settings.host``, not yet connected. Raises `MissingExtra`."""
-    require("rtde_receive", "ur", 'driver = "ur"')
+    require_library("ur")
     channels = (
         Channel("force", "N", "force", full_scale=settings.full_scale_n),
         *(Channel(axis, "N") for axis in AXES[:3]),

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from drivers.core.errors import ConfigError, DeviceFault, MotionFault
-from drivers.core.extras import require
+from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
 from drivers.ur.client import REDUCED, Control, State
 from drivers.ur.link import Link, leave_link, take_link
@@ -194,5 +194,5 @@ def _in_words(link: Link, found: dict[str, object]) -> list[str]:
 
 def open_stage(_clock: Clock, settings: UrStageSettings) -> UrStage:
     """The arm at ``settings.host``, not yet connected. Raises `MissingExtra`."""
-    require("rtde_control", "ur", 'driver = "ur"')
+    require_library("ur")
     return UrStage(settings)

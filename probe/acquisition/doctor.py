@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers import Clock, ConfigError, DeviceFault, Pose, Sensor, available, find_driver
+from drivers.core.extras import require_library
 from drivers.core.registry import Kind
 from probe.acquisition.preflight import Check
 from probe.config.devices import Devices
@@ -49,6 +50,7 @@ def machine() -> Iterator[Check]:
         for name in available(kind):
             try:
                 find_driver(kind, name)
+                require_library(name)
             except (ConfigError, ImportError) as error:
                 yield Check(f"{kind}: {name}", "warning", str(error))
             else:

@@ -5,6 +5,7 @@ Nothing is opened and nothing is sent to a device.
 
 import math
 import shutil
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -55,6 +56,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     size_bytes = 1.3 * seconds * (sum(24 * one.rate_hz for one in noises) + 32 * 125)
     checks = [
         _reach(rig, plan),
+        *_beside(plan, scene),
         *device_checks(rig, plan, scene, respond),
         Check("time", "ok", f"{len(plan.places)} presses in about {seconds:.0f} s"),
         _disk(out, size_bytes),
@@ -119,6 +121,20 @@ def _reach(rig: Rig, plan: Plan) -> Check:
         f"all stations in the workspace; at most "
         f"{1e3 * limits.max_depth_m:g} mm deep, {1e3 * limits.max_speed_m_s:g} mm/s",
     )
+
+
+def _beside(plan: Plan, scene: Scene | None) -> Iterator[Check]:
+    """A warning for each thing in the scene that no station presses over."""
+    x_mm = [1e3 * place.x_m for place in plan.places]
+    for one in () if scene is None else scene.inclusion:
+        path_mm = [x for _, x, _ in getattr(one, "path", ())] or [one.x_mm]
+        if max(path_mm) < min(x_mm) or min(path_mm) > max(x_mm):
+            yield Check(
+                "scene",
+                "warning",
+                f"the stations reach from x = {min(x_mm):g} to {max(x_mm):g} mm; the {one.kind} at "
+                f"x = {path_mm[0]:g} mm lies beside them: change scan.start_mm or scan.stations",
+            )
 
 
 def _disk(out: Path, size_bytes: float) -> Check:

@@ -60,7 +60,7 @@ def calibrate(
         to measure for each and which columns its table has.
     measurements : a CSV table, or a run file.
     device : the device's name as in the rig file; a run knows it.
-    station : of a run, the press to take, from 0.
+    station : of a run, the press to take, from 1.
     scene : of a tissue, its block and finger: a `Scene`, a built-in name or a file.
     relaxation_s : of a tissue, a guess of each relaxation time that is wanted [s].
     cuff_mmhg : of a heart, the systolic and diastolic reading of a cuff.

@@ -109,7 +109,7 @@ def calibrate(
     from sim_backend.scene.scene_file import load_scene
 
     cuff_mmhg = _cuff(cuff)
-    r = read(readings, kind, device, None if station is None else station - 1)
+    r = read(readings, kind, device, station)
     if not r.device:
         raise CalibrationError(
             f"{readings}: a table does not say whose it is; add --device NAME as in the rig file"

@@ -12,6 +12,9 @@ from probe.config.calibrated import kind_of
 from sim_backend.scene.scene_file import Scene
 
 MAX_PRESSES = 100_000
+PITCH_MM = 4.0
+MARGIN_MM = 4.0
+"""The paper's stations: 4 mm apart, and the outer ones as far from the block's ends."""
 Positive = Annotated[float, Field(gt=0)]
 Pair = tuple[float, float]
 Heights = (
@@ -56,9 +59,9 @@ class Device(_Table):
 class Scan(_Table):
     """One row (numbers) or a grid (pairs of x and y) of presses."""
 
-    start_mm: float | Pair = 4.0
+    start_mm: float | Pair = MARGIN_MM
     """Where the first station is: x, or [x, y] of a grid."""
-    pitch_mm: float | Pair = 4.0
+    pitch_mm: float | Pair = PITCH_MM
     """From station to station: along x, or [along x, along y] of a grid."""
     stations: (
         Annotated[int, Field(ge=1, le=100_000)]
@@ -192,7 +195,10 @@ class Rig(_Table):
 
 
 def default_rig(scene: Scene | None = None) -> Rig:
-    """The simulated rig: 15 stations 4 mm apart, or the one over an artery out of tissue.
+    """The simulated rig: stations 4 mm apart over the whole block, 15 without a scene.
+
+    The row is in the block's middle and stays 4 mm or more from its ends; a lone vessel has one
+    station, over its middle.
 
     Examples
     --------
@@ -202,9 +208,16 @@ def default_rig(scene: Scene | None = None) -> Rig:
     >>> palpate.default_rig(palpate.load_scene("HAOT")).scan.stations
     1
     """
-    if scene is None or scene.tissue is not None:
+    if scene is None:
         return Rig()
-    return Rig(scan=Scan(start_mm=scene.inclusion[0].x_mm, stations=1))
+    if scene.tissue is None:
+        return Rig(scan=Scan(start_mm=scene.inclusion[0].x_mm, stations=1))
+    width_mm = scene.tissue.width_mm
+    stations = max(1, int((width_mm - 2 * MARGIN_MM) // PITCH_MM) + 1)
+    start_mm = (width_mm - PITCH_MM * (stations - 1)) / 2
+    box = Workspace()
+    box = box.model_copy(update={"x": (box.x[0], max(box.x[1], width_mm))})
+    return Rig(scan=Scan(start_mm=start_mm, stations=stations), safety=Safety(workspace_mm=box))
 
 
 def pair(value: float | Pair, second: float) -> Pair:

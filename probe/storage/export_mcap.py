@@ -115,7 +115,7 @@ def sample_schema(device: str, channels: Sequence[Channel]) -> tuple[str, str]:
     lines = [
         "std_msgs/Header header",
         "float64 time_s  # on the scan's clock",
-        "int32 station  # from 0 as in the run file, -1 between stations",
+        "int32 station  # from 1, -1 between stations",
         "int32 attempt  # from 1, -1 between stations",
         *(f"uint8 PHASE_{phase.name}={n}" for n, phase in enumerate(PHASES)),
         "uint8 phase",

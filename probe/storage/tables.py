@@ -27,7 +27,7 @@ MAX_SAMPLES = 100_000_000  # in memory at once, times channels
 def stations(run: RunStarted, events: Iterable[Event]) -> pd.DataFrame:
     """One press per row, in the order in which they were made.
 
-    Columns: station, attempt, x_mm, y_mm, started_s, ended_s (NaN: broken off by a crash),
+    Columns: station (from 1), attempt, x_mm, y_mm, started_s, ended_s (NaN: broken off by a crash),
     complete, samples (of the device that feels).
     """
     device = tactile_device(run.channels)
@@ -46,7 +46,7 @@ def stations(run: RunStarted, events: Iterable[Event]) -> pd.DataFrame:
     ends = [ended.get(key) for key in keys]
     return pd.DataFrame(
         {
-            "station": np.array([k[0] for k in keys], int),
+            "station": np.array([k[0] + 1 for k in keys], int),
             "attempt": np.array([k[1] for k in keys], int),
             "x_mm": np.array([1e3 * e.x_m for e in started], float),
             "y_mm": np.array([1e3 * e.y_m for e in started], float),
@@ -63,6 +63,7 @@ def samples(
 ) -> xr.Dataset:
     """The samples of one device along ``time_s``, with ``station``, ``attempt`` and ``phase``.
 
+    Of all stations, or of one by its number from 1.
     Each channel is a variable with the attributes ``units``, ``role`` and ``simulated``, and
     ``NAME_saturated`` marks its clipped samples. Between stations, ``station`` and ``attempt`` are
     -1. Raises `RunFileError` for a device or station that is not in the run, and where there are
@@ -81,8 +82,8 @@ def samples(
             case PhaseEntered(entered_s, phase, _):
                 phases.append((entered_s, str(phase)))
             case StationStarted(_, number):
-                known.add(number)
-            case Samples(name, block, at) if name == device and station in (None, at):
+                known.add(number + 1)
+            case Samples(name, block, at) if name == device and station in (None, _number(at)):
                 if block.values.shape[1] != len(channels):
                     raise RunFileError(f"a block of {device} lacks a channel")
                 parts.append(event)
@@ -90,7 +91,8 @@ def samples(
                 if held > MAX_SAMPLES:
                     raise RunFileError("too large for memory; read it by station")
     if station is not None and station not in known:
-        raise RunFileError(f"no station {station}")
+        numbers = f"{min(known)} to {max(known)}" if known else "none"
+        raise RunFileError(f"no station {station}; it has {numbers}")
     time_s = np.concatenate([p.block.time_s for p in parts] or [np.empty(0)])
     empty = np.empty((0, len(channels)))
     values = np.concatenate([p.block.values for p in parts] or [empty])
@@ -101,7 +103,7 @@ def samples(
     data = xr.Dataset(
         coords={
             "time_s": ("time_s", time_s, {"units": "s", "long_name": "time on the scan's clock"}),
-            "station": ("time_s", _labels([p.station for p in parts], lengths)),
+            "station": ("time_s", _labels([_number(p.station) for p in parts], lengths)),
             "attempt": ("time_s", _labels([p.attempt for p in parts], lengths)),
             "phase": ("time_s", names[entered]),
         },
@@ -120,6 +122,11 @@ def samples(
         data[channel.name] = ("time_s", values[:, n], attrs)
         data[f"{channel.name}_saturated"] = ("time_s", saturated[:, n])
     return data
+
+
+def _number(index: int | None) -> int | None:
+    """What people call a station: events count from 0."""
+    return None if index is None else index + 1
 
 
 def _labels(

@@ -208,7 +208,7 @@ def press(
     scene: Scene | str | Path,
     x_mm: float,
     depth_mm: float,
-    pressures_mmhg: Iterable[float] | None = None,
+    pressures_mmhg: float | Iterable[float] | None = None,
     *,
     model: str = "auto",
     accuracy_pct: float = 1.0,
@@ -237,6 +237,8 @@ def press(
     scene = as_scene(scene)
     if pressures_mmhg is None:
         pressures_mmhg = scene_pressures_mmhg(scene)
+    elif isinstance(pressures_mmhg, int | float):
+        pressures_mmhg = (pressures_mmhg,)
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()

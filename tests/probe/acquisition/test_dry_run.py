@@ -10,7 +10,7 @@ import pytest
 
 from calibration import fit_force, fit_tare, record, save
 from drivers import SimulatedClock
-from probe.acquisition.doctor import listen
+from probe.acquisition.doctor import listen, machine
 from probe.acquisition.dry_run import draw_path, dry_run, scan_seconds
 from probe.config.devices import connect
 from probe.config.rig import Rig, Workspace, default_rig
@@ -28,6 +28,34 @@ def test_the_default_rig_can_scan_and_sees_the_pulse(tmp_path: Path, winkler: An
     assert levels(report)["pulse on virtual"] == "ok"
     assert report.seconds == pytest.approx(38, abs=1)
     assert json.loads(json.dumps(report.as_json()))["can_scan"]
+
+
+@pytest.mark.parametrize(("stations", "level"), [(15, "ok"), (5, "warning")])
+def test_what_lies_beside_the_stations_is_said(
+    stations: int, level: str, tmp_path: Path, winkler: Any
+) -> None:
+    """The artery of TIHA lies at 32 mm; five stations reach to 20 mm."""
+    rig = Rig.model_validate({"scan": {"stations": stations}, "scene": {"name": "TIHA"}})
+    report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
+    assert levels(report).get("scene", "ok") == level
+    assert report.can_scan
+    if level == "warning":
+        (text,) = (check.text for check in report.checks if check.name == "scene")
+        assert "x = 4 to 20 mm; the artery at x = 32 mm lies beside them" in text
+
+
+@pytest.mark.parametrize(
+    ("driver", "module"),
+    [("ur", "rtde_control"), ("standa", "libximc"), ("netft", "pynetft"), ("lsl", "pylsl")],
+)
+def test_doctor_calls_no_driver_installed_whose_library_is_missing(
+    driver: str, module: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    monkeypatch.setattr("probe.acquisition.doctor.why_no_windows", lambda: None)
+    said = [check for check in machine() if check.name.endswith(f": {driver}")]
+    assert said
+    assert all(one.level == "warning" and module in one.text for one in said)
 
 
 def test_a_noisy_sensor_is_warned_of(tmp_path: Path) -> None:

@@ -83,10 +83,11 @@ def check_resumed(path: Path, undisturbed: Path, winkler: Any) -> None:
     assert (report.stations_complete, report.finish) == (5, Finish.COMPLETED)
     assert blocks(path, done) == before
     table = open_run(path).stations()
-    for station, rows in table.groupby("station"):
+    for number, rows in table.groupby("station"):
+        station = int(str(number)) - 1
         assert rows["attempt"].to_list() == list(range(1, len(rows) + 1))
         assert rows["complete"].to_list() == [False] * (len(rows) - 1) + [True]
-        assert len(rows) == left.attempts.get(int(str(station)), 0) + (station not in done)
+        assert len(rows) == left.attempts.get(station, 0) + (station not in done)
     # Signals agree within the noise, also where the press was repeated.
     for ours, theirs in zip(
         open_run(path).recording().stations,

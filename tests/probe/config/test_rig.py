@@ -36,6 +36,25 @@ def test_the_example_is_the_default_rig() -> None:
     assert example.scan.indentation_mm / example.scan.ramp_s == 2.5
 
 
+@pytest.mark.parametrize(
+    ("width_mm", "first_mm", "last_mm", "stations"),
+    [(64.0, 4.0, 60.0, 15), (100.0, 4.0, 96.0, 24), (50.0, 5.0, 45.0, 11), (7.0, 3.5, 3.5, 1)],
+)
+def test_the_default_row_reaches_over_the_whole_block(
+    width_mm: float, first_mm: float, last_mm: float, stations: int
+) -> None:
+    scene = load_scene("TI")
+    assert scene.tissue is not None
+    wide = scene.model_copy(
+        update={"tissue": scene.tissue.model_copy(update={"width_mm": width_mm})}
+    )
+    rig = default_rig(wide)
+    plan = plan_for(rig)
+    limits_for(rig, plan)  # all within the workspace
+    ends_mm = [1e3 * plan.places[n].x_m for n in (0, -1)]
+    assert (len(plan.places), ends_mm) == (stations, pytest.approx([first_mm, last_mm]))
+
+
 def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
     (place,) = plan_for(default_rig(load_scene("HAOT"))).places
     assert place.x_m == pytest.approx(0.032)

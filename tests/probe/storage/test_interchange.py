@@ -98,6 +98,7 @@ def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) ->
     pressed = then.isel(time_s=then["station"].values >= 0)
     assert np.array_equal(now["force"].values, pressed["force"].values)
     assert np.array_equal(now["time_s"].values, pressed["time_s"].values)
+    assert np.array_equal(now["station"].values, pressed["station"].values)
     assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
 
 

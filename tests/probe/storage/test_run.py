@@ -56,7 +56,7 @@ def read_all(path: Path) -> None:
 def test_stations_come_as_a_table_with_units(path: Path) -> None:
     table = open_run(path).stations()
     assert table["x_mm"].to_list() == pytest.approx([28, 32, 36])
-    assert table["station"].to_list() == [0, 1, 2]
+    assert table["station"].to_list() == [1, 2, 3]
     assert table["attempt"].to_list() == [1, 1, 1]
     assert table["complete"].all()
     assert (table["ended_s"] - table["started_s"]).to_numpy() == pytest.approx(2.6, abs=0.4)
@@ -68,20 +68,20 @@ def test_samples_come_as_labelled_arrays_with_units(path: Path) -> None:
     data = run.samples()
     assert data["time_s"].attrs["units"] == "s"
     assert data["force"].attrs == {"units": "N", "role": "force", "simulated": 1}
-    held = data.where((data["station"] == 1) & (data["phase"] == "holding"), drop=True)
+    held = data.where((data["station"] == 2) & (data["phase"] == "holding"), drop=True)
     assert float(held["force"].max()) == pytest.approx(1.2 + 2e-6 * 120 * 133.322, rel=0.02)
     assert not data["force_saturated"].any()
-    pose = run.samples("stage", station=2)
+    pose = run.samples("stage", station=3)
     assert set(pose) >= {"x", "y", "z"}
     assert float(pose["z"].min()) == pytest.approx(-2.5e-3, abs=1e-6)
-    assert set(np.unique(pose["station"])) == {2}
+    assert set(np.unique(pose["station"])) == {3}
 
 
 def test_what_is_asked_for_must_be_there(path: Path) -> None:
     with pytest.raises(RunFileError, match="no device 'nose'; it has force, stage"):
         open_run(path).samples("nose")
-    with pytest.raises(RunFileError, match="no station 7"):
-        open_run(path).samples(station=7)
+    with pytest.raises(RunFileError, match="no station 0; it has 1 to 3"):
+        open_run(path).samples(station=0)
 
 
 def test_a_recording_is_what_was_felt(path: Path) -> None:

@@ -41,6 +41,11 @@ def test_a_single_pressure_has_no_pulse():
     assert told["pulse_error_estimate_pct"] is None
 
 
+def test_one_pressure_may_be_given_as_a_number():
+    pressed = press("TIHA", 32.0, 1.0, 100, model="small", accuracy_pct=10.0)
+    assert [one.pressure_mmhg for one in pressed.states] == [100.0]
+
+
 def test_small_strain_counts_its_own_error():
     """On request it is taken although it misses some percent, and says so."""
     pressed = press(load_scene("TI"), 32.0, 1.2, model="small")
