@@ -12,12 +12,13 @@ from collections.abc import Callable, Sequence
 from typing import Annotated, Literal
 
 import re2
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from drivers.core.errors import ConfigError, DeviceFault
 from drivers.core.ports import open_port, read_some
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
+from drivers.core.table import Table
 from drivers.core.timestamps import INSTANT_S, DeviceTime
 from drivers.core.units import SI, to_si
 
@@ -33,10 +34,9 @@ MAX_SHOWN_BYTES = 60
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
-class TextChannel(BaseModel):
+class TextChannel(Table):
     """A named group of the pattern: ``scale`` x the number is in ``unit``, stored in SI."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     name: Annotated[str, Field(pattern="^[A-Za-z_][A-Za-z0-9_]*$")]
     unit: str
     role: Role = "other"

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 from weakref import WeakValueDictionary
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import Field, model_validator
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
 from pymodbus.framer import FramerType
@@ -25,6 +25,7 @@ from drivers.core.ports import SOCKET, tcp_address
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.settings import NonNegative, Positive, Settings
+from drivers.core.table import Table
 from drivers.core.units import to_si
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # faults say what matters
@@ -37,13 +38,12 @@ Order = Literal["ABCD", "BADC", "CDAB", "DCBA"]
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
-class Register(BaseModel):
+class Register(Table):
     """One channel: ``scale`` x the register's number is in ``unit``, and stored in SI.
 
     ``full_scale`` is in ``unit`` too.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     name: str
     address: Annotated[int, Field(ge=0, le=65535)]
     unit: str

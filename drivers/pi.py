@@ -8,13 +8,14 @@ docs/decisions/0030-line-stages.md.
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
+from drivers.core.table import Table
 
 MOTION = b"\x05"  # answered at once with the axes that move, as a hexadecimal mask
 STOPPED = 10
@@ -31,13 +32,12 @@ ERRORS = {
 }
 
 
-class PiAxis(BaseModel):
+class PiAxis(Table):
     """One axis: its identifier, and its units to a mm (1000 where it counts micrometres).
 
     ``units_per_mm`` is negative where positions grow against the scan's axis.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     axis: Annotated[str, Field(pattern="^[A-Za-z0-9_-]{1,16}$")]
     units_per_mm: float = 1.0
 

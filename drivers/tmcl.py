@@ -11,7 +11,7 @@ import time
 from collections.abc import Mapping
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
@@ -19,6 +19,7 @@ from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
 from drivers.core.settings import Positive
+from drivers.core.table import Table
 
 MST, MVP, SAP, GAP, SGP, GGP, RFS = 3, 4, 5, 6, 9, 10, 13
 ABSOLUTE = 0
@@ -34,13 +35,12 @@ STATUS = {
 SETS_OFF_S = 0.2  # an accepted move shows as a speed within a few milliseconds
 
 
-class TmclAxis(BaseModel):
+class TmclAxis(Table):
     """One axis: its module's address, its motor there, microsteps to a mm.
 
     ``microsteps_per_mm`` is negative where positions grow against the scan's axis.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     module: Annotated[int, Field(ge=1, le=255)] = 1
     motor: Annotated[int, Field(ge=0, le=5)] = 0
     microsteps_per_mm: float

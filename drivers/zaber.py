@@ -7,13 +7,14 @@ own library: docs/decisions/0030-line-stages.md.
 from collections.abc import Mapping
 from typing import Annotated, NamedTuple
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
 from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
+from drivers.core.table import Table
 
 SPEED_UNIT = 1.6384  # the setting ``maxspeed`` counts this many to a microstep a second
 IDS = 100
@@ -44,13 +45,12 @@ REASONS = {
 }
 
 
-class ZaberAxis(BaseModel):
+class ZaberAxis(Table):
     """One axis: its device's address in the chain, its number there, microsteps to a mm.
 
     ``microsteps_per_mm`` is negative where positions grow against the scan's axis.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     device: Annotated[int, Field(ge=1, le=99)]
     axis: Annotated[int, Field(ge=1, le=9)] = 1
     microsteps_per_mm: float

@@ -11,13 +11,13 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import entry_points
 from typing import Any, Literal, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, create_model
+from pydantic import BaseModel, create_model
 
 from drivers.core.errors import ConfigError
 from drivers.core.protocols import Clock
+from drivers.core.table import Table
 
 Kind = Literal["stages", "sensors"]
-KEYS_OF_ANY_KIND = ConfigDict(extra="forbid", arbitrary_types_allowed=True, frozen=True)
 
 
 def available(kind: Kind) -> list[str]:
@@ -74,4 +74,4 @@ def _model_of_keywords(factory: Callable[..., Any]) -> type[BaseModel]:
         for parameter in list(inspect.signature(factory).parameters.values())[1:]
     }
     return create_model(f"{factory.__module__}.{factory.__name__}",
-                        __config__=KEYS_OF_ANY_KIND, **fields)  # fmt: skip
+                        __base__=Table, **fields)  # fmt: skip

@@ -2,16 +2,17 @@
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from drivers.core.table import Table
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
 Point = tuple[float, float, float]
 
 
-class Settings(BaseModel):
+class Settings(Table):
     """The keys of a device's table in a rig file. ``simulated``: an emulator answers."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
     name: Annotated[str, Field(min_length=1)]
     simulated: bool = False

@@ -8,16 +8,17 @@ import warnings
 from collections.abc import Callable
 from typing import Any, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, create_model
+from pydantic import BaseModel, create_model
 
 from drivers import ConfigError, available, find_driver
 from drivers.core.registry import Kind
+from drivers.core.table import Table
 from probe.config.rig import Rig
 from sim_backend.scene.scene_file import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 TABLES: dict[Kind, str] = {"stages": "stage", "sensors": "sensor"}
-GIVEN = ("phantom", "follow", "seed")
+GIVEN = ("phantom", "follow")
 """What a scan itself gives the simulated devices."""
 
 
@@ -82,11 +83,10 @@ def settings_model(factory: Callable[..., Any]) -> type[BaseModel]:
         for p in parameters
         if p.name not in GIVEN
     }
-    config = ConfigDict(extra="forbid", arbitrary_types_allowed=True)
     doc = inspect.getdoc(factory) or ""
     with warnings.catch_warnings():  # a key may be called as a method of the model is
         warnings.simplefilter("ignore", UserWarning)
-        return create_model(factory.__name__, __config__=config, __doc__=doc, **fields)
+        return create_model(factory.__name__, __base__=Table, __doc__=doc, **fields)
 
 
 def _first_line(keys: dict[str, Any]) -> str:

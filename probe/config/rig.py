@@ -6,8 +6,9 @@ makes the plan and the limits of one.
 
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
+from drivers.core.table import Table
 from probe.config.calibrated import kind_of
 from sim_backend.scene.scene_file import Scene
 
@@ -35,10 +36,8 @@ class RigError(ValueError):
     """
 
 
-class _Table(BaseModel):
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
-    )
+class _Table(Table):
+    model_config = ConfigDict(use_attribute_docstrings=True)
 
 
 class Device(_Table):

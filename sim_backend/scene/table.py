@@ -1,16 +1,14 @@
-"""What every table of the scene file shares: no unknown keys, no infinite numbers, frozen."""
+"""What every table of the scene file shares."""
 
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
+
+from drivers.core.table import Table
+
+__all__ = ["Positive", "Table", "is_unset"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-
-
-class Table(BaseModel):
-    """One table of a scene file."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def is_unset(value: object) -> bool:
