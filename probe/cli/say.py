@@ -33,7 +33,7 @@ def answer_json(values: Mapping[str, Any]) -> None:
     """The one JSON object of ``--json``; not-a-number and infinity become null."""
     text = visible(json.dumps(plain(values), allow_nan=False, ensure_ascii=False)) + "\n"
     if _json_file:
-        with os.fdopen(os.dup(_json_file[-1]), "w", encoding="utf-8") as file:
+        with open(_json_file[-1], "w", encoding="utf-8", closefd=False) as file:
             file.write(text)
     else:
         print(text, end="", flush=True)

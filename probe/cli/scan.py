@@ -213,21 +213,23 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
     from probe.storage.run import open_run
 
     path, ended = scanned.path, scanned.ended
-    recording = open_run(path).recording()
-    found = finding_json(path, recording, began_s)
-    if report and recording.stations:
-        from probe.report import write_report
+    try:
+        recording = open_run(path).recording()
+        found = finding_json(path, recording, began_s)
+        if report and recording.stations:
+            from probe.report import write_report
 
-        found["report"] = str(write_report(path, path.with_name(f"{path.stem}-report")))
-    if as_json:
-        answer_json(found)
-    else:
-        show_finding(found)
-        answer(f"Run: {path}")
-        if recording.stations:  # without one there is nothing to report
-            answer(f"Report: {found.get('report', next_command('report', path))}")
-    if ended.finish is not Finish.COMPLETED:
-        how = "" if ended.reason.startswith(ended.finish.value) else f"{ended.finish.value}: "
-        inform(f"The scan was {how}{ended.reason}. What was read is in {path}")
-        inform(f"To go on where it broke off: {next_command('resume', path)}")
+            found["report"] = str(write_report(path, path.with_name(f"{path.stem}-report")))
+        if as_json:
+            answer_json(found)
+        else:
+            show_finding(found)
+            answer(f"Run: {path}")
+            if recording.stations:  # without one there is nothing to report
+                answer(f"Report: {found.get('report', next_command('report', path))}")
+    finally:  # how the scan ended is said even if its file cannot be read now
+        if ended.finish is not Finish.COMPLETED:
+            how = "" if ended.reason.startswith(ended.finish.value) else f"{ended.finish.value}: "
+            inform(f"The scan was {how}{ended.reason}. What was read is in {path}")
+            inform(f"To go on where it broke off: {next_command('resume', path)}")
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

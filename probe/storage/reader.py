@@ -25,6 +25,7 @@ MAX_COPY_BYTES = 2 * 1024**3
 COLUMNS = "id, kind, body, times, readings, saturated, sha256"
 RETRY_S = 0.02
 # Where SQLite may not make its shared memory beside the file, and as read-only media answer.
+NOT_OPENED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_NOMEM)
 NO_SHARED_MEMORY = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
 
 
@@ -41,7 +42,9 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
     except RunFileError as error:
         raise type(error)(f"{path}: {error}") from None
     except (sqlite3.Error, UnicodeDecodeError) as error:
-        raise RunFileError(f"{path}: damaged or not a run file ({error})") from None
+        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+        what = "cannot be read" if code in NOT_OPENED else "damaged or not a run file"
+        raise RunFileError(f"{path}: {what} ({error})") from None
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read ({error.strerror})") from None
 

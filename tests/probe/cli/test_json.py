@@ -1,5 +1,6 @@
 """What other programs rely on: the JSON objects and exit statuses of the commands."""
 
+import json
 import math
 import os
 import shlex
@@ -12,9 +13,13 @@ import pytest
 from databases import opened
 
 from drivers import DeviceFault, WallClock
+from probe.acquisition.session import ScanResult
 from probe.cli import GROUPS, build, say
 from probe.cli.errors import STATUSES
 from probe.cli.finding import show_finding
+from probe.cli.scan import print_result
+from probe.core.errors import RunFileError
+from probe.core.events import Finish, RunEnded
 from sim_backend.emulators import grbl
 from sim_backend.models.press import CannotSolve
 from sim_backend.phantom.devices import VirtualStage
@@ -134,6 +139,28 @@ def test_a_fault_keeps_the_data(palpate, tmp_path: Path, monkeypatch: pytest.Mon
     scan_form(outcome.json)
     assert len(outcome.json["stations"]) == 3
     monkeypatch.undo()
+
+
+def test_the_answer_needs_no_further_descriptor(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def none_left(_number: int) -> int:
+        raise OSError(24, "Too many open files")
+
+    with say.only_json():
+        monkeypatch.setattr(os, "dup", none_left)
+        say.answer_json({"status": 2})
+        monkeypatch.undo()
+    assert json.loads(capfd.readouterr().out) == {"status": 2}
+
+
+def test_how_a_scan_ended_is_said_though_its_file_cannot_be_read(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ended = RunEnded(1.0, Finish.FAULTED, "the motor is jammed")
+    with pytest.raises(RunFileError, match="no such run file"):
+        print_result(ScanResult(tmp_path / "gone.run", ended, ()), 0.0, report=False, as_json=False)
+    assert "The scan was faulted: the motor is jammed" in capsys.readouterr().err
 
 
 def test_what_cannot_be_solved(

@@ -1,5 +1,6 @@
 """Reading a run file, and refusing whatever is none."""
 
+import resource
 import shutil
 from itertools import islice
 from pathlib import Path
@@ -164,6 +165,17 @@ def test_the_step_of_readings_is_found(step: float, counts: list[int], offset: f
 def test_readings_without_steps_have_none() -> None:
     assert quantum(np.random.default_rng(1).normal(size=1000)) == 0.0
     assert quantum(np.zeros(5)) == 0.0
+
+
+def test_a_file_that_cannot_be_opened_now_is_not_called_damaged(path: Path) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
+    try:
+        with pytest.raises(RunFileError) as refused:
+            open_run(path).recording()
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    assert "cannot be read (unable to open database file)" in str(refused.value)
 
 
 def test_reading_leaves_nothing_beside_a_finished_run(path: Path) -> None:
