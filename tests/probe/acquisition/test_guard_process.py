@@ -308,6 +308,11 @@ def test_who_takes_over_a_stage_that_was_homing_does_not_lift_it(
             time.sleep(0.01)
         assert client.trip.reason == guard_client.DIED
         assert client.trip.can_retract is not homing
+        while not client.call("collect"):  # its sensors are read, and have no tare
+            time.sleep(0.01)
+        for _ in range(20):
+            time.sleep(0.01)
+            assert client.collect() == []
 
 
 def test_a_guard_that_is_told_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:

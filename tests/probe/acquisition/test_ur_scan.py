@@ -3,13 +3,16 @@
 A CB3's 125 Hz ask less of a machine that other tests keep busy.
 """
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from emulated_ur import connected
 
+from drivers import DeviceFault, Pose, Stage
 from probe.acquisition.engine import run_scan
+from probe.acquisition.readiness import make_ready
 from probe.core.events import (
     Event,
     Finish,
@@ -21,7 +24,7 @@ from probe.core.events import (
     StationEnded,
 )
 from probe.planning.limits import Limits
-from probe.planning.plan import Place, Plan
+from probe.planning.plan import Place, Plan, row
 from sim_backend.emulators.ur import CB3, UrController
 from sim_backend.phantom.phantom import Respond
 
@@ -84,6 +87,22 @@ def test_a_scan_that_cannot_be_reached_moves_nothing(winkler: Respond) -> None:
         assert ended.finish is Finish.FAULTED
         assert "cannot go to 2 of 2 planned poses" in ended.reason
         assert made.phantom.tip.all_legs() == before
+
+
+class Arm:
+    """One that cannot go below the surface."""
+
+    name = "arm"
+
+    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        return {pose: "out of reach" for pose in poses if pose.z < 0.0}
+
+
+def test_the_bottom_of_every_press_is_asked_about_too() -> None:
+    plan = Plan(row(0.0, 4e-3, 2))
+    said = r"cannot go to 2 of 4 planned poses, such as 0\.0, 0\.0, -2\.5 mm: out of reach"
+    with pytest.raises(DeviceFault, match=said):
+        make_ready(cast(Stage, Arm()), plan)
 
 
 def test_a_fault_of_motion_lifts_the_probe(winkler: Respond) -> None:
