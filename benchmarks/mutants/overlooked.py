@@ -11,7 +11,9 @@ LIMITED = ("tests/probe/acquisition/test_force_limit.py",)
 WAYS = ("tests/probe/acquisition/test_ways.py",)
 LOST = ("tests/probe/storage/test_lost_files.py",)
 POSE_GUARD, PRESS_GUARD = "probe/acquisition/pose_guard.py", "probe/acquisition/press_guard.py"
-ENGINE = "probe/acquisition/engine.py"
+ENGINE, RESUME = "probe/acquisition/engine.py", "probe/acquisition/resume.py"
+GUARDED_BY = "tests/probe/acquisition/test_guard_process.py"
+RESUMED = "tests/probe/acquisition/test_resume.py"
 
 OVERLOOKED = (
     Mutant("lift down to the travel height from above it", RETREAT,
@@ -114,4 +116,79 @@ OVERLOOKED = (
            "DIED, not self._homing)", "DIED, True)",
            ("tests/probe/acquisition/test_guard_process.py"
             "::test_who_takes_over_a_stage_that_was_homing_does_not_lift_it",)),
+    Mutant("a stop while the last axis homes leaves the way to the park",
+           "drivers/core/line_stage.py",
+           "1 / self._settings.status_hz)\n        self._unless_stopped(stops)\n",
+           "1 / self._settings.status_hz)\n", LINE_STAGES),
+    Mutant("a late answer on a line is the next question's", "drivers/core/line.py",
+           "        self._line.reset_input_buffer()\n", "", LINE_STAGES),
+    Mutant("grbl: closed, the board jogs on", "drivers/grbl/stage.py",
+           "            if talk.gone is None:\n                self._send_stop(talk)\n", "",
+           ("tests/drivers/test_grbl.py::test_closing_ends_a_move",)),
+    Mutant("a gauge's full scale is in newtons whatever its unit", "drivers/lines.py",
+           "full = None if text.full_scale is None else factor * text.full_scale",
+           "full = text.full_scale",
+           ("tests/drivers/test_lines.py::test_a_gauge_that_speaks_when_asked_in_grams",)),
+    Mutant("guards that are told to end do so at once", "probe/acquisition/guard_process.py",
+           "    signal.signal(signal.SIGTERM, lambda _number, _frame: calls.close())", "    pass",
+           (GUARDED_BY + "::test_a_guard_that_is_told_to_end_lifts_first",)),
+    Mutant("readings without a tare are stored after a take-over",
+           "probe/acquisition/guard_client.py",
+           "        if self._replaced:\n            return []\n", "",
+           (GUARDED_BY + "::test_who_takes_over_a_stage_that_was_homing_does_not_lift_it",)),
+    Mutant("an answer that comes too late is the next call's", "probe/acquisition/guard_client.py",
+           "while number != self._asked:", "while number == 0:",
+           (GUARDED_BY + "::test_an_answer_that_comes_too_late_is_not_the_next_call_s",)),
+    Mutant("a rehearsal goes on as presses", RESUME,
+           'if prepared.config.get("rehearsal_mm") != left.rehearsal_mm:', "if False:",
+           (RESUMED + "::test_a_rehearsal_goes_on_as_one_and_nothing_else_does",)),
+    Mutant("a run goes on with another wave", RESUME,
+           'return config.get("calibration"), config.get("wave")',
+           'return config.get("calibration"), None',
+           (RESUMED + "::test_another_calibration_or_wave_is_another_run",)),
+    Mutant("the torque that a rig allows is left out", SCAN_PLAN,
+           "        max_torque_nm=safety.max_torque_nm,\n", "",
+           ("tests/probe/config/test_rig.py::test_no_key_of_the_safety_table_is_left_out",)),
+    Mutant("an arm is asked about other poses than it is sent to", CALIBRATED,
+           "readings = [_placed(pose, self._axes.command) for pose in poses]",
+           "readings = [_placed(pose, self._axes.true) for pose in poses]",
+           ("tests/probe/config/test_calibrated.py"
+            "::test_axis_errors_are_put_right_both_ways",)),
+    Mutant("an arm is asked about the surface only", "probe/acquisition/readiness.py",
+           "pressed(plan.at_surface(place), plan.indentation_m)",
+           "pressed(plan.at_surface(place), 0.0)",
+           ("tests/probe/acquisition/test_ur_scan.py"
+            "::test_the_bottom_of_every_press_is_asked_about_too",)),
+    Mutant("a damaged log is moved away", "probe/storage/disk.py",
+           'shutil.copyfile(log, log.with_name(f"{log.name}-damaged"))',
+           'shutil.move(log, log.with_name(f"{log.name}-damaged"))',
+           ("tests/probe/storage/test_lost_files.py"
+            "::test_a_damaged_log_is_kept_when_a_run_goes_on",)),
+    Mutant("a row that is brought up to date gets a checksum that is right",
+           "probe/storage/schema.py", "        chain = link(chain, digest)\n",
+           "        from probe.storage.rows import Row\n"
+           "        digest = Row(*row[1:]).sha256\n        chain = link(chain, digest)\n",
+           ("tests/probe/storage/test_writer.py"
+            "::test_what_is_damaged_stays_so_when_brought_up_to_date",)),
+    Mutant("half of the disk that is needed is enough", "probe/acquisition/dry_run.py",
+           "if free > DISK_RESERVE * size_bytes else", "if DISK_RESERVE * free > size_bytes else",
+           ("tests/probe/acquisition/test_dry_run.py"
+            "::test_a_disk_with_less_than_the_run_needs_is_a_fault",)),
+    Mutant("depth on a slope is the cosine's square too small", "probe/core/cut_stations.py",
+           "/ math.cos(self.incline.get(index, 0.0))", "* math.cos(self.incline.get(index, 0.0))",
+           ("tests/probe/storage/test_run.py::test_depth_on_a_slope_is_along_its_normal",)),
+    Mutant("only y tells imported stations apart", "probe/storage/csv_table.py",
+           "moved |= np.abs(", "moved = np.abs(",
+           ("tests/probe/storage/test_csv_import.py::test_a_new_position_is_a_new_station",)),
+    Mutant("an export's wall time is the scan's clock late", "probe/storage/export_mcap.py",
+           "zero_s = began - run.started.time_s", "zero_s = began",
+           ("tests/probe/storage/test_interchange.py"
+            "::test_mcap_is_stamped_with_the_wall_time_of_the_run",)),
+    Mutant("a weight is read while it is put on", "probe/calibrate/weigh.py",
+           "    sensor.read()  # what came while the load was put on\n", "",
+           ("tests/probe/calibrate/test_weigh.py",)),
+    Mutant("a replay never comes to its end", "probe/gui/replay.py",
+           "bisect.bisect_right(self._at_s, at_s)", "bisect.bisect_left(self._at_s, at_s)",
+           ("tests/probe/gui/test_windows.py"
+            "::test_seeking_forwards_and_backwards_gives_the_same",)),
 )  # fmt: skip
