@@ -14,10 +14,16 @@ from importlib import import_module
 from multiprocessing.connection import Client, Connection, Listener
 from typing import Any
 
-BOOTSTRAP = (
-    "import pickle, sys; path, *rest = pickle.load(sys.stdin.buffer); sys.path[:] = path; "
-    "from drivers.core.child import run; run(*rest)"
-)
+BOOTSTRAP = """
+import pickle, sys
+try:
+    path, *rest = pickle.load(sys.stdin.buffer)
+except EOFError:  # who started it has ended meanwhile: there is nobody to tell
+    sys.exit(1)
+sys.path[:] = path
+from drivers.core.child import run
+run(*rest)
+"""
 KEY_BYTES = 32
 
 

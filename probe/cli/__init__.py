@@ -64,6 +64,7 @@ def build() -> typer.Typer:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; the exit status. Never shows a stack trace for what a user can correct."""
+    say.keep_streams()
     given = list(sys.argv[1:] if arguments is None else arguments)
     for threads in ONE_THREAD:  # before numpy is imported; a user's own setting stands
         os.environ.setdefault(threads, "1")

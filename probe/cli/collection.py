@@ -144,5 +144,6 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
     console = Console()
     longest = max(len(str(one.path)) for one in runs)
     needed = longest + sum(WIDTHS[head] for head in heads) + 3 * len(heads) + 2
-    console.width = max(console.width, needed)  # else long paths would be cut
+    roomy = 0 if console.is_terminal else 1000  # a file or a pipe has no width: nothing is folded
+    console.width = max(console.width, needed, roomy)  # else long paths would be cut
     console.print(table)

@@ -88,8 +88,10 @@ def _misused(error: Any) -> str:
 
 def _plain(error: BaseException) -> str:
     """What an error says; those of the operating system as file and reason."""
-    if not isinstance(error, OSError) or error.filename is None or error.strerror is None:
+    if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
+    if error.filename is None:  # not of a file that we opened by its name
+        return f"output could not be written: {error.strerror.lower()}"
     if isinstance(error, FileExistsError | NotADirectoryError):
         return f"{error.filename}: there is a file; a folder is needed"
     return f"{error.filename}: {error.strerror.lower()}"

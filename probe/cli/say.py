@@ -16,6 +16,19 @@ Json = Annotated[
     bool, typer.Option("--json", help="Print exactly one JSON object on standard output.")
 ]
 _json_file: list[int] = []
+LAST_STREAM = 2  # standard input, output and error are 0, 1 and 2
+
+
+def keep_streams() -> None:
+    """Stand-ins for standard streams that are closed (`>&-`), so that no file takes their place."""
+    with suppress(OSError):  # no descriptor is left: then none can be taken either
+        while (free := os.open(os.devnull, os.O_RDWR)) <= LAST_STREAM:
+            pass
+        os.close(free)
+    for name in ("stdin", "stdout", "stderr"):
+        if getattr(sys, name) is None:
+            nowhere = Path(os.devnull).open("r+", encoding="utf-8")  # noqa: SIM115 - stays open
+            setattr(sys, name, nowhere)
 
 
 def inform(text: str) -> None:

@@ -229,7 +229,8 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
                 answer(f"Report: {found.get('report', next_command('report', path))}")
     finally:  # how the scan ended is said even if its file cannot be read now
         if ended.finish is not Finish.COMPLETED:
-            how = "" if ended.reason.startswith(ended.finish.value) else f"{ended.finish.value}: "
-            inform(f"The scan was {how}{ended.reason}. What was read is in {path}")
+            faulted = ended.finish is Finish.FAULTED
+            how = "A fault ended the scan:" if faulted else "The scan was"
+            inform(f"{how} {ended.reason}. What was read is in {path}")
             inform(f"To go on where it broke off: {next_command('resume', path)}")
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

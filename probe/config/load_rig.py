@@ -27,7 +27,7 @@ def load_rig(path: str | Path) -> Rig:
     try:
         raw = parse_toml(read_file(path, MAX_FILE_BYTES))
     except FileRefused as error:
-        raise RigError(str(error)) from None
+        raise RigError(f"{error}; not a rig file" if path.is_file() else str(error)) from None
     except ValueError as error:
         raise RigError(f"{path}: {error}") from None
     try:

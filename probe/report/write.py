@@ -62,7 +62,8 @@ def report(
         if recording.simulated:
             for one in pictures:
                 figures.mark_simulated(one.figure)
-        title = ", ".join(filter(None, (f"Run {run_path.stem}", started.started_utc)))
+        began = f"{started.started_utc[:16].replace('T', ' ')} UTC" if started.started_utc else ""
+        title = ", ".join(filter(None, (f"Run {run_path.stem}", began)))
         text = page(title, finding, pictures, started.config, started.channels, remarks)
         for one in pictures:
             for ending in ("png", "svg", "pdf"):

@@ -33,7 +33,8 @@ def export(
     """Write a run into ``out_dir`` in each of ``formats``; the files written.
 
     ``formats``: csv, hdf5, netcdf, parquet, mcap. Files of an earlier export are replaced. Raises
-    `ValueError` for another format, `RunFileError` for a run that cannot be read.
+    `ValueError` for another format, `RunFileError` for a run that cannot be read, `OSError` where
+    ``out_dir`` takes no files.
 
     Examples
     --------
@@ -46,7 +47,11 @@ def export(
         raise ValueError(f"format {', '.join(unknown)!r}: known are {', '.join(WRITERS)}")
     run, out_dir = open_run(run_path), Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
-    return tuple(path for name in formats for path in WRITERS[name](run, out_dir))
+    try:
+        return tuple(path for name in formats for path in WRITERS[name](run, out_dir))
+    except OSError as error:  # a full disk names no file
+        error.filename = error.filename or str(out_dir)
+        raise
 
 
 def _csv(run: Run, out_dir: Path) -> list[Path]:

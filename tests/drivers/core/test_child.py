@@ -30,6 +30,14 @@ def test_a_script_without_a_guard_starts_it_once(tmp_path: Path) -> None:
     assert (done.stdout, done.stderr, done.returncode) == ("6\n", "", 0)
 
 
+def test_one_whose_starter_ends_before_it_says_what_to_run_is_silent() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", BOOTSTRAP], input="", capture_output=True, text=True, timeout=60,
+        check=False,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr, done.returncode) == ("", "", 1)
+
+
 def test_it_ends_with_its_pipes_or_by_force(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

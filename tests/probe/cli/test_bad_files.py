@@ -1,11 +1,14 @@
 """A wrong rig or scene file: exit status 2, a message with key and value, no stack trace."""
 
+import errno
 from pathlib import Path
 
 import pytest
 from own_scene import OWN_SCENE
 
+from probe.acquisition.session import scan
 from probe.cli.errors import status_of
+from probe.storage.export import WRITERS
 
 pytestmark = pytest.mark.usefixtures("springs")
 
@@ -153,3 +156,21 @@ def test_what_the_system_refuses_is_told_by_file_and_reason() -> None:
     assert status_of(denied) == (2, "/root/x.csv: permission denied")
     there = FileExistsError(17, "File exists", "out.csv")
     assert status_of(there) == (2, "out.csv: there is a file; a folder is needed")
+
+
+def test_what_is_no_rig_and_what_takes_no_files_is_named(
+    palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, winkler
+) -> None:
+    def full(_run: object, _folder: Path) -> list[Path]:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    run = scan(None, "TI", tmp_path, respond=winkler).path
+    run.write_bytes(run.read_bytes().ljust(2_000_000, b" "))
+    assert f"{run}: larger than 1000000 bytes; not a rig file" in palpate("scan", run).err
+    run = scan(None, "TI", tmp_path, respond=winkler).path
+    monkeypatch.setitem(WRITERS, "csv", full)
+    said = palpate("export", run, "--to", "csv", "--out", tmp_path / "e")
+    assert (said.status, said.err) == (2, f"{tmp_path / 'e'}: no space left on device\n")
+    assert status_of(OSError(errno.ENOSPC, "No space left on device")) == (
+        2, "output could not be written: no space left on device",
+    )  # fmt: skip

@@ -2,6 +2,8 @@
 
 import errno
 import io
+import shlex
+import subprocess
 import sys
 from pathlib import Path
 
@@ -55,4 +57,13 @@ def test_a_scan_ends_whole_without_its_terminal(
     assert gone.tried, "nothing was said, so nothing was lost"
     (run,) = tmp_path.glob("*.run")
     assert verify(run).ok
+    assert open_run(run).finish is Finish.COMPLETED
+
+
+def test_a_scan_whose_streams_are_closed_ends_whole(tmp_path: Path) -> None:
+    """As a daemon may start it; no file may take the place of a standard stream."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    command = f"{shlex.quote(sys.executable)} -m probe.cli scan rig.toml --out . <&- >&- 2>&-"
+    assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
+    (run,) = tmp_path.glob("*.run")
     assert open_run(run).finish is Finish.COMPLETED

@@ -71,6 +71,13 @@ def test_a_run_is_one_line_of_a_terminal(
     assert max(map(len, lines)) <= 80
 
 
+def test_nothing_is_folded_into_a_pipe(palpate: Any, tmp_path: Path, winkler: Any) -> None:
+    labels = {"operator": "Ann", "tissue": "liver of a pig, a day old"}
+    made = scan(ONE, "TIHA", tmp_path, respond=winkler, labels=labels).path
+    (line,) = [line for line in palpate("runs", tmp_path).out.splitlines() if made.name in line]
+    assert line.rstrip().endswith("completed  Ann, tissue=liver of a pig, a day old")
+
+
 def test_a_note_needs_a_value(palpate: Any, folder: Path) -> None:
     outcome = palpate("runs", folder, "--note", "gel")
     assert outcome.status == 2

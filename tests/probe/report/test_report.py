@@ -173,6 +173,7 @@ def test_the_page_needs_nothing_else_and_the_figures_lie_beside_it(
     text = path.read_text()
     assert "Finding: artery" in text
     assert "31.40 to 32.60" in text
+    assert "<h1>Run a, 2026-01-01 00:00 UTC</h1>" in text
     assert not re.search(r"(?:src|href)=['\"]https?:", text)
     assert "prefers-color-scheme: dark" in text
     assert text.count("<svg") == 3
