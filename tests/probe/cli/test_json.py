@@ -160,7 +160,7 @@ def test_how_a_scan_ended_is_said_though_its_file_cannot_be_read(
     ended = RunEnded(1.0, Finish.FAULTED, "the motor is jammed")
     with pytest.raises(RunFileError, match="no such run file"):
         print_result(ScanResult(tmp_path / "gone.run", ended, ()), 0.0, report=False, as_json=False)
-    assert "The scan was faulted: the motor is jammed" in capsys.readouterr().err
+    assert "A fault ended the scan: the motor is jammed" in capsys.readouterr().err
 
 
 def test_what_cannot_be_solved(
