@@ -187,8 +187,4 @@ OVERLOOKED = (
     Mutant("a weight is read while it is put on", "probe/calibrate/weigh.py",
            "    sensor.read()  # what came while the load was put on\n", "",
            ("tests/probe/calibrate/test_weigh.py",)),
-    Mutant("a replay never comes to its end", "probe/gui/replay.py",
-           "bisect.bisect_right(self._at_s, at_s)", "bisect.bisect_left(self._at_s, at_s)",
-           ("tests/probe/gui/test_windows.py"
-            "::test_seeking_forwards_and_backwards_gives_the_same",)),
 )  # fmt: skip
