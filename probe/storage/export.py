@@ -182,8 +182,10 @@ def _columns(group: "h5py.Group", table: pd.DataFrame) -> None:
 
 
 def _storable(values: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]") -> object:
-    """HDF5 knows no fixed-width Unicode."""
-    return values.astype(object) if values.dtype.kind == "U" else values
+    """HDF5 knows no fixed-width Unicode, and of no text at all not that it is text."""
+    from h5py import string_dtype
+
+    return values.astype(string_dtype()) if values.dtype.kind in "UO" else values
 
 
 def _about(run: Run) -> str:

@@ -162,7 +162,9 @@ def _own_samples(reader: Any, summary: Any, topics: list[str], source: Path) -> 
     if stage is not None:
         middle = stage[stage["phase"] == stage.attrs["holding"]].groupby("station")
         for axis in "xy":
-            places = (1e3 * middle[f"{axis}_m"].median()).round(6)
+            at = middle[f"{axis}_m"].median()
+            at = at.combine_first(stage.groupby("station")[f"{axis}_m"].last())  # broken off before
+            places = (1e3 * at).round(6)
             chosen[f"{axis}_mm"] = places.reindex(chosen["station"]).to_numpy()
     return chosen
 

@@ -1,6 +1,7 @@
 """What is exported opens elsewhere, and comes back to the bit."""
 
 import struct
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,11 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
+from probe.core.events import Event, PhaseEntered
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.export import export
 from probe.storage.run import open_run
+from probe.storage.writer import create_store
 
 RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
 
@@ -100,6 +103,45 @@ def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) ->
     assert np.array_equal(now["time_s"].values, pressed["time_s"].values)
     assert np.array_equal(now["station"].values, pressed["station"].values)
     assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
+
+
+def cut_off(path: Path, copy: Path, is_last: Callable[[Event], bool]) -> Path:
+    """A run that ended, as by a loss of power, after the first event that ``is_last``."""
+    with create_store(copy) as store:
+        for event in open_run(path).events():
+            store(event)
+            if is_last(event):
+                return copy
+    raise AssertionError("no such event")
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+def test_a_run_that_broke_off_before_its_hold_is_exported_and_imported(
+    form: str, path: Path, tmp_path: Path
+) -> None:
+    broken = cut_off(
+        path, tmp_path / "broken.run",
+        lambda e: isinstance(e, PhaseEntered) and e.phase == "holding" and e.time_s > 4.0,
+    )  # fmt: skip
+    assert len(open_run(broken).stations()) == 2
+    files = export(broken, [form], tmp_path)
+    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    back = open_run(import_csv(file, tmp_path / "back.run", face_mm2=100.0).path)
+    then = open_run(broken).samples()
+    pressed = then.isel(time_s=then["station"].values >= 0)
+    assert np.array_equal(back.samples()["force"].values, pressed["force"].values)
+    assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+def test_a_run_without_a_sample_is_exported_and_no_recording(
+    form: str, path: Path, tmp_path: Path
+) -> None:
+    empty = cut_off(path, tmp_path / "empty.run", lambda _event: True)
+    files = export(empty, [form], tmp_path)
+    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    with pytest.raises(CsvError, match="no rows below the column names"):
+        import_csv(file, tmp_path / "back.run", face_mm2=100.0)
 
 
 def test_parquet_carries_units(path: Path, tmp_path: Path) -> None:
