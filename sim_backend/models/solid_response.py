@@ -27,6 +27,7 @@ from sim_backend.fem.solid.newton import (
     is_stable,
     unloaded,
 )
+from sim_backend.fem.solid.solve import STEP_M
 from sim_backend.fem.solid.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.kept_tables import kept_table, table_file
@@ -39,9 +40,6 @@ DEPTHS = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
 that is narrower than two elements is told too roughly."""
 FILLED = np.array([0, 2, 4])
 """Those of them at which systole is solved too."""
-STEP_M = 0.55e-3
-"""Longest step down: of 0.7 mm one in three crushed elements at first, and took ten times as long.
-"""
 LEFT = Left(rest=0.05, change=0.05, between=0.01)
 """TIHA under a ball: from this mesh to the next the force changes by 1.7 %, which leaves 3.8 % at
 the rate of `solid_press.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
