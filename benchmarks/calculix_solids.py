@@ -43,13 +43,13 @@ STENOSIS = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": (-3.0, 3.0)}
 LUMP = {"kind": "tumour", "x_mm": 32.0, "depth_mm": 8.0, "diameter_mm": 6.0,
         "modulus_kpa": 1000.0, "poisson": 0.49}  # fmt: skip
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[float, ...]]] = {
+    "TIHA-ball": (ARTERY, BALL, (80.0, 120.0)),
     "cylinder-with-ends": (ARTERY, CYLINDER, (80.0, 120.0)),
     "ball-over-ball": (LUMP, BALL, (0.0,)),
     "part-length-stenosis": ({**ARTERY, "depth_mm": 9.0, "stenosis": STENOSIS}, BALL,
                              (80.0, 120.0)),
 }  # fmt: skip
-"""Inclusion, finger, and pressures [mmHg]. The third vessel lies higher: at 12.66 mm a stretch of
-stenosis changes a pulse by less than CalculiX' meshes differ."""
+"""Inclusion, finger, and pressures [mmHg]."""
 CELLS_45 = 3
 Z_EDGES_MM = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.4, 9.0, 13.0, 20.0)
 """Layers over a vessel: fine below the finger, with an edge at the stenosis's end."""

@@ -11,7 +11,8 @@ from sim_backend.arrays import Array
 
 WALL_MM3 = np.pi / 2 * (2.88**2 - 2.25**2) * 20.0
 RING_MM3 = np.pi / 2 * 2.25**2 * (1 - 0.7**2) * 3.0
-VOLUMES_MM3 = {"cylinder-with-ends": (WALL_MM3,), "part-length-stenosis": (WALL_MM3, RING_MM3),
+VOLUMES_MM3 = {"TIHA-ball": (WALL_MM3,), "cylinder-with-ends": (WALL_MM3,),
+               "part-length-stenosis": (WALL_MM3, RING_MM3),
                "ball-over-ball": (np.pi / 3 * 3.0**3,)}  # fmt: skip
 """Of a quarter: the wall or the lump, the stenosis."""
 
