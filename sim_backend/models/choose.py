@@ -4,11 +4,12 @@ Bounds measured on usual scenes tell what might be left out. Before it is, the e
 measured: the press is solved with and without it on the first, coarse mesh.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import exp
 
+from sim_backend.fem.finite_strain import Solved
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.models.refine import Solving, first_force_n_per_m
+from sim_backend.models.refine import Solving, on_first_mesh
 from sim_backend.scene.scene_file import Artery, Inclusion, Scene, SceneError
 
 SMALL_PCT, SMALL_POWER = 45.0, 1.35
@@ -31,13 +32,15 @@ SAFETY = 2.0
 @dataclass(frozen=True)
 class Choice:
     """The ``model`` to solve (``finite``, ``small``, ``axisymmetric`` or ``solid``), the ``scene``
-    that it must see, and the error of both [%], in force and in pulse; ``why`` is for a person."""
+    that it must see, and the error of both [%], in force and in pulse; ``why`` is for a person.
+    ``first`` is what the first mesh said of it, lumens empty, if that was asked."""
 
     model: str
     scene: Scene
     error_pct: float
     pulse_error_pct: float = 0.0
     why: str = "as asked for"
+    first: Solved | None = None
 
 
 def named(model: str, scene: Scene, depth_mm: float, pressures_mmhg: tuple[float, ...]) -> Choice:
@@ -82,10 +85,10 @@ def choose(
     """
     filled = any(p > 0 for p in pressures_mmhg)
     kept, far_pct = _without_far(scene, x_mm, filled, budget_pct)
-    whole = Choice("finite", scene, 0.0)
+    first = _FirstMesh(1e-3 * x_mm, 1e-3 * depth_mm)
     if kept != scene:
         solving("what far inclusions do to the force, on a coarse mesh")
-        effect_pct = _effect_pct(whole, Choice("finite", kept, 0.0), x_mm, depth_mm)
+        effect_pct = first.effect_pct(("finite", scene), ("finite", kept))
         if effect_pct > budget_pct / 4:
             kept, far_pct = scene, 0.0
         far_pct = max(far_pct, effect_pct) if kept != scene else 0.0
@@ -94,12 +97,12 @@ def choose(
     stiff_only = not (filled and kept.arteries) and scene.tissue is not None
     if stiff_only and not scene.indenter.bonded and small_pct <= budget_pct / 4:
         solving("what finite strain does to the force, on a coarse mesh")
-        effect_pct = _effect_pct(Choice("finite", kept, 0.0), Choice("small", kept, 0.0), x_mm,
-                                 depth_mm)  # fmt: skip
+        effect_pct = first.effect_pct(("finite", kept), ("small", kept))
         if effect_pct <= budget_pct / 4:
             missed_pct = max(small_pct, effect_pct)
             why = f"small strain misses about {missed_pct:.2g} % of the force here"
-            return Choice("small", kept, far_pct + missed_pct, why=why)
+            known = first.known[("small", kept)]
+            return Choice("small", kept, far_pct + missed_pct, why=why, first=known)
     if filled and kept.arteries:
         why = "small strain would miss half or more of a filled vessel's pulse"
     elif scene.tissue is None:
@@ -109,17 +112,25 @@ def choose(
     else:
         missed_pct = max(small_pct, effect_pct)
         why = f"small strain might miss {missed_pct:.2g} % of the force here"
-    return Choice("finite", kept, far_pct, why=why)
+    return Choice("finite", kept, far_pct, why=why, first=first.known.get(("finite", kept)))
 
 
-def _effect_pct(whole: Choice, less: Choice, x_mm: float, depth_mm: float) -> float:
-    """How much force the lesser model misses, measured on the first mesh of a press and taken
-    `SAFETY` times [%]. Lumens are empty: what is filled is kept."""
-    force = [
-        first_force_n_per_m(one.model, one.scene, 1e-3 * x_mm, 1e-3 * depth_mm)
-        for one in (whole, less)
-    ]
-    return SAFETY * 100 * abs(force[1] / force[0] - 1)
+@dataclass
+class _FirstMesh:
+    """What the first mesh of a press says of each model and scene that it was asked for. Lumens are
+    empty: what is filled is kept."""
+
+    x_m: float
+    depth_m: float
+    known: dict[tuple[str, Scene], Solved] = field(default_factory=dict)
+
+    def effect_pct(self, whole: tuple[str, Scene], less: tuple[str, Scene]) -> float:
+        """How much force the lesser model misses, taken `SAFETY` times [%]."""
+        for one in (whole, less):
+            if one not in self.known:
+                self.known[one] = on_first_mesh(*one, self.x_m, self.depth_m)
+        force = [self.known[one][1][0].force_n_per_m for one in (whole, less)]
+        return SAFETY * 100 * abs(force[1] / force[0] - 1)
 
 
 def _without_far(scene: Scene, x_mm: float, filled: bool, budget_pct: float) -> tuple[Scene, float]:

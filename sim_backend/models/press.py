@@ -252,7 +252,9 @@ def press(
     model_pct = np.array([choice.error_pct, choice.pulse_error_pct])
     left_pct = np.maximum(accuracy_pct - model_pct, accuracy_pct / 2)
     place = 1e-3 * x_mm, 1e-3 * depth_mm
-    refined = refine(choice.model, choice.scene, *place, levels_pa, left_pct, solving=solving)
+    known = choice.first if levels_pa == [0.0] else None
+    refined = refine(choice.model, choice.scene, *place, levels_pa, left_pct, first=known,
+                     solving=solving)  # fmt: skip
     section, solutions = refined.solved
     states = tuple(_state(scene, section, s, p) for s, p in zip(solutions, pressures, strict=True))
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)

@@ -68,13 +68,12 @@ def mesh_in_words(model: str, contact_m: float, error_pct: Array) -> str:
     return f"{words}; so far the force is within {error_pct[0]:.2g} %{pulse}"
 
 
-def first_force_n_per_m(model: str, scene: Scene, x_m: float, depth_m: float) -> float:
-    """The force on the first mesh, lumens empty. Raises `CannotSolve`."""
+def on_first_mesh(model: str, scene: Scene, x_m: float, depth_m: float) -> Solved:
+    """The press on the first mesh of `refine`, lumens empty. Raises `CannotSolve`."""
     size_m = FIRST_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
     solve = solve_small if model == "small" else solve_finite
     grading = mesh_grading(scene, size_m, FIRST_SHARE)
-    _, (found,) = solve(scene, x_m, depth_m, [0.0], size_m, grading=grading)
-    return found.force_n_per_m
+    return solve(scene, x_m, depth_m, [0.0], size_m, grading=grading)
 
 
 def refine(
@@ -86,12 +85,14 @@ def refine(
     budget_pct: Array,
     near: Solved | None = None,
     *,
+    first: Solved | None = None,
     solving: Solving = lambda _what: None,
 ) -> Refined:
     """Solve on ever finer meshes until the errors left are within ``budget_pct`` (force, pulse).
 
     With ``model`` axisymmetric, ``x_m`` is the radius of the round block, and the first mesh begins
-    at what was solved for one ``near`` to it. A mesh too fine to be
+    at what was solved for one ``near`` to it. ``first`` is what the first mesh says, where that is
+    known. A mesh too fine to be
     solved, or to be worth it, ends the refinement too. ``solving`` is told of each mesh before it
     is solved. Raises `CannotSolve`.
     """
@@ -113,7 +114,7 @@ def refine(
 
     share = FIRST_SHARE
     error_pct = np.full(2, np.inf)
-    solved = solve(share, near)
+    solved = first or solve(share, near)
     wanted = float(np.sqrt((budget_pct / np.maximum(floor_pct, 1e-9)).min()))
     finer = share / min(wanted, SECOND_SHARE)
     while (error_pct > budget_pct).any() and share > SMALLEST_SHARE:

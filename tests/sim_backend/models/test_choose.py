@@ -1,10 +1,16 @@
 """What is left out is left out because it is not felt, whatever the shape of scene and finger."""
 
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
 import pytest
 
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.small_strain import solve_small
+from sim_backend.models import refine
 from sim_backend.models.choose import choose, far_error_pct
+from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene, load_scene
 
 ROUND = {"shape": "cylinder", "radius_mm": 5.0}
@@ -67,3 +73,34 @@ def test_what_is_not_felt_is_left_out_and_counted() -> None:
     assert choice.model == "small"
     assert choice.scene.inclusion == ()
     assert 0.0 < choice.error_pct <= 0.5
+
+
+@pytest.mark.parametrize(
+    ("height_mm", "indenter", "depth_mm", "model"), [(8.0, ROUND, 0.1, "small"),
+                                                    (2.0, WIDE, 0.3, "finite")])  # fmt: skip
+def test_the_first_mesh_is_solved_once(
+    monkeypatch: pytest.MonkeyPatch,
+    height_mm: float,
+    indenter: dict[str, object],
+    depth_mm: float,
+    model: str,
+) -> None:
+    """What told that small strain will do, or will not, is where the refinement begins."""
+    scene, budget_pct = block(height_mm, indenter), 5.0
+    asked: list[tuple[object, ...]] = []
+
+    def counted(solve: Callable[..., Any]) -> Callable[..., Any]:
+        def one(*place: Any, **given: Any) -> Any:
+            asked.append((solve, place[0], place[4]))
+            return solve(*place, **given)
+
+        return one
+
+    monkeypatch.setattr(refine, "solve_small", counted(solve_small))
+    monkeypatch.setattr(refine, "solve_finite", counted(solve_finite))
+    pressed = press(scene, 32.0, depth_mm, (0.0,), accuracy_pct=budget_pct)
+    assert pressed.model == model
+    assert len(set(asked)) == len(asked) > 2
+    found = refine.refine(model, scene, 32e-3, 1e-3 * depth_mm, [0.0], np.full(2, budget_pct))
+    same = 1e-3 * found.solved[1][0].force_n_per_m
+    assert pressed.states[0].force_n_per_mm == pytest.approx(same, rel=1e-12)
