@@ -16,8 +16,9 @@ from sim_backend.scene.scene_file import Scene
 
 FIRST_SHARE, SECOND_SHARE, SMALLEST_SHARE = 0.5, 0.35, 0.01
 """Element size over the finger's half width: of the first mesh, the second at most, the last."""
-LEAST_FINER, MOST_FINER = 1.4, 2.0
-"""How much finer each mesh is than the one before."""
+LEAST_FINER, MOST_FINER, MOST_FINER_AT_FIRST = 1.4, 2.0, 3.3
+"""How much finer each mesh is than the one before. The second may be finer than others: it is the
+one that is known to be needed, whatever the first says."""
 ORDER = 1.6
 """The error falls at least as this power of the size."""
 FLOOR_PCT = np.array([6.0, 20.0])
@@ -121,7 +122,8 @@ def refine(
         room = float(np.sqrt(MAX_UNKNOWNS / len(solved[0].assembly.free)))
         if room < LEAST_FINER and np.isfinite(error_pct).all():
             break
-        finer = float(np.clip(finer, LEAST_FINER, max(min(MOST_FINER, room), LEAST_FINER)))
+        most = MOST_FINER if np.isfinite(error_pct).all() else MOST_FINER_AT_FIRST
+        finer = float(np.clip(finer, LEAST_FINER, max(min(most, room), LEAST_FINER)))
         share /= finer
         coarser = solved
         try:
