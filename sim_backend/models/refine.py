@@ -16,9 +16,12 @@ from sim_backend.scene.scene_file import Scene
 
 FIRST_SHARE, SECOND_SHARE, SMALLEST_SHARE = 0.5, 0.35, 0.01
 """Element size over the finger's half width: of the first mesh, the second at most, the last."""
-LEAST_FINER, MOST_FINER, MOST_FINER_AT_FIRST = 1.4, 2.0, 3.3
-"""How much finer each mesh is than the one before. The second may be finer than others: it is the
-one that is known to be needed, whatever the first says."""
+LEAST_FINER, MOST_FINER = 1.4, 2.0
+"""How much finer each mesh is than the one before."""
+SECOND_FINER, SECOND_SAFETY = 3.3, 3.0
+"""The second mesh may be finer than `MOST_FINER`, since it is known to be needed, whatever the
+first says. What two meshes so far apart tell of the error is then taken three times (Roache 1994,
+of two meshes); where walls fold the second would not carry over from the first."""
 ORDER = 1.6
 """The error falls at least as this power of the size."""
 FLOOR_PCT = np.array([6.0, 20.0])
@@ -122,7 +125,8 @@ def refine(
         room = float(np.sqrt(MAX_UNKNOWNS / len(solved[0].assembly.free)))
         if room < LEAST_FINER and np.isfinite(error_pct).all():
             break
-        most = MOST_FINER if np.isfinite(error_pct).all() else MOST_FINER_AT_FIRST
+        far_apart = np.isinf(error_pct).any() and not _folded(solved)
+        most = SECOND_FINER if far_apart else MOST_FINER
         finer = float(np.clip(finer, LEAST_FINER, max(min(most, room), LEAST_FINER)))
         share /= finer
         coarser = solved
@@ -134,6 +138,8 @@ def refine(
             error_pct = error_pct * finer**ORDER  # the mesh before, whose answer is kept
             break
         left_pct = _changes_pct(coarser[1], solved[1]) / (finer**ORDER - 1)
+        if finer > MOST_FINER:
+            left_pct = SECOND_SAFETY * left_pct
         least_pct = floor_pct * share**2
         error_pct = np.maximum(left_pct, least_pct)
         over, least_over = (left_pct / budget_pct).max(), (least_pct / budget_pct).max()
