@@ -111,7 +111,7 @@ AROUND = (
     Mutant(
         "a run goes on with another calibration", "probe/acquisition/resume.py",
         "if _files(config) != left.files:", "if _files(config) == 0:",
-        (f"{TEST_RESUME}::test_another_calibration_is_another_run",),
+        (f"{TEST_RESUME}::test_another_calibration_or_wave_is_another_run",),
     ),
     Mutant(
         "a viewer's bug ends the scan", "probe/acquisition/observers.py",
