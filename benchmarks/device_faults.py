@@ -140,7 +140,8 @@ DEVICES = {
     ),
     "netft": Device(
         "sensors", "netft", lambda phantom, _: netft.emulate(phantom, rdt_port=0, http_port=0),
-        lambda box: {"host": box.host, "rdt_port": box.rdt_port, "http_port": box.http_port},
+        lambda box: {"host": box.host, "rdt_port": box.rdt_port, "http_port": box.http_port,
+                     "silence_s": 0.5},  # the emulator shares this machine
         LINE,
     ),
     "lines": Device(
