@@ -1,7 +1,8 @@
 """The command line, run in this process; scans answer from springs unless a test says otherwise."""
 
 import json
-from collections.abc import Callable, Sequence
+import logging
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,17 @@ class Outcome:
 
 
 Palpate = Callable[..., Outcome]
+
+
+@pytest.fixture(autouse=True)
+def _log_handlers_end_with_their_command() -> Iterator[None]:
+    """A command's process ends; here its terminal would go on telling what later tests do."""
+    yield
+    logger = logging.getLogger("palpate")
+    for handler in logger.handlers[:]:
+        if not isinstance(handler, logging.NullHandler):
+            logger.removeHandler(handler)
+            handler.close()
 
 
 @pytest.fixture
