@@ -25,7 +25,7 @@ demo-ur: .venv/.installed-report,ur
 	$(BIN)/palpate scan rigs/ur5e.toml --seed 1 --out demo --report
 
 # Tests of emulated devices on the wall clock come after the others, so that no computing keeps their
-# guards waiting. What fails is asked once more alone: three of them still share the machine.
+# guards waiting. What fails is asked once more alone: four of them still share the machine.
 WAITING := tests/drivers tests/probe/acquisition tests/probe/calibrate/test_weigh.py \
 	tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py tests/probe/config/test_fallback.py \
 	tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py tests/sim_backend/emulators \
@@ -37,7 +37,7 @@ test: .venv/.installed-dev
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 3 --dist worksteal $(WAITING:%=--ignore=%)
-	$(BIN)/pytest -n 3 --dist worksteal $(WAITING) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(WAITING)
+	$(BIN)/pytest -n 4 --dist worksteal $(WAITING) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(WAITING)
 
 # Against software that we did not write: makers' client libraries drive the emulated controllers. Our
 # drivers move grblHAL's simulator if PALPATE_GRBLHAL is its path, and URSim if Docker is there or

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from paths import ROOT
+from PySide6.QtCore import QEvent
+from PySide6.QtWidgets import QApplication
 
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
@@ -80,8 +82,14 @@ def _press(n: int, start: float, x_m: float, y_m: float, taxels: int) -> list[Ev
 
 @pytest.fixture(autouse=True)
 def _widgets_are_collected_by_their_thread() -> Iterator[None]:
-    """Qt ends the process where another thread, as a later test's emulator, collects a widget."""
+    """Qt ends the process where another thread, as a later test's emulator, collects a widget, and
+    at times where this one collects a window's parts in any order: Qt deletes the windows."""
     yield
+    # pyqtgraph's own menus and panels go with them
+    every = QApplication.topLevelWidgets()
+    for window in [one for one in every if type(one).__module__.startswith("probe.")]:
+        window.deleteLater()
+        QApplication.sendPostedEvents(window, QEvent.Type.DeferredDelete.value)
     gc.collect()
 
 
