@@ -159,7 +159,7 @@ class Link:
             done, _ = self._answer(self._send("stop", (deceleration_m_s2,)), within_s)
             if done:
                 return
-        self._halted = self._runs()  # what has ended was ended by somebody else
+        self._halted = self._runs()  # what has ended already was ended by somebody else
         with suppress(OSError), socket.create_connection(
             (self.host, DASHBOARD_PORT), DASHBOARD_S
         ) as line:  # fmt: skip

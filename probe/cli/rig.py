@@ -62,9 +62,7 @@ def doctor(
                             noises.append(found)
                         else:
                             checks.append(found)
-            except (
-                DeviceFault
-            ) as fault:  # absent, or there and locked: the rest is said all the same
+            except DeviceFault as fault:  # absent or locked: the rest is said all the same
                 checks.append(Check(fault.device, "fault", fault.reason))
         forces = [n for n in noises if n.role == "force" and n.unit == "N"]
         measured = [SensorNoise(f"{n.sensor}.{n.channel}", n.std, n.rate_hz) for n in forces]

@@ -24,8 +24,9 @@ MAX_FILE_BYTES = 64 * 1024**3
 MAX_COPY_BYTES = 2 * 1024**3
 COLUMNS = "id, kind, body, times, readings, saturated, sha256"
 RETRY_S = 0.02
-# Where SQLite may not make its shared memory beside the file, and as read-only media answer.
+# No descriptor or memory is left, or the disk does not answer: nothing is said of the file.
 NOT_OPENED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_NOMEM)
+# Where SQLite may not make its shared memory beside the file, and as read-only media answer.
 NO_SHARED_MEMORY = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
 
 
