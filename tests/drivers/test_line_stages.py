@@ -1,7 +1,7 @@
 """Zaber, PI and TMCL against emulated controllers: what each says is understood in its words."""
 
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
 from itertools import islice
@@ -14,9 +14,8 @@ import drivers.tmcl
 import drivers.zaber
 from drivers import DeviceFault, MotionFault, Pose, SimulatedClock, WallClock
 from drivers.core.abilities import enable
-from drivers.core.axes import LineStageSettings, Reading
 from drivers.core.errors import ConfigError
-from drivers.core.line import Line, NoAnswer
+from drivers.core.line import NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.registry import open_driver
 from drivers.testing.awake import AwakeTime
@@ -322,105 +321,3 @@ def test_what_is_told_at_rest_was_read_at_rest(
         while (reading := axes.read()).moving:
             pass
         assert reading.places_mm["x"] == pytest.approx(target_mm, abs=1e-3)
-
-
-class MistakenAxes:
-    names = "z"
-
-    def read(self) -> Reading:
-        return Reading({"z": 0.0}, moving=False)
-
-    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
-        del speeds_mm_s
-        places_mm["x"]
-
-    def ready(self) -> None: ...
-
-    def stop(self) -> None: ...
-
-    def close(self) -> None: ...
-
-
-def test_a_mistake_in_a_driver_is_said_as_what_it_is() -> None:
-    stage = LineStage(LineStageSettings(name="mine", port="-", **PATIENT), MistakenAxes)
-    stage.connect()
-    try:
-        with pytest.raises(
-            DeviceFault, match=r"mine: driver: ready\(\) gave None; it gives a list"
-        ):
-            enable(stage)
-        with pytest.raises(DeviceFault, match="mine: driver: KeyError: 'x'"):
-            stage.move(Pose(0.0, 0.0, 1e-3), 1e-3)
-    finally:
-        stage.close()
-
-
-class HomedByHalf(MistakenAxes):
-    """Stopped by somebody as soon as its only axis homes."""
-
-    def __init__(self) -> None:
-        self.homing = False
-        self.moves: list[Mapping[str, float]] = []
-        self.stopped: Callable[[], None] = lambda: None
-
-    def read(self) -> Reading:
-        return Reading({"z": 0.0}, moving=self.homing)
-
-    def home(self, _axis: str) -> None:
-        self.homing = True
-        self.stopped()
-
-    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
-        del speeds_mm_s
-        self.moves.append(places_mm)
-
-    def stop(self) -> None:
-        self.homing = False
-
-
-def test_a_stop_while_the_last_axis_homes_leaves_no_way_to_the_park() -> None:
-    axes = HomedByHalf()
-    keys = LineStageSettings(name="mine", port="-", park_mm=(0.0, 0.0, 5.0), **PATIENT)
-    stage = LineStage(keys, lambda: axes)
-    axes.stopped = stage.stop
-    stage.connect()
-    try:
-        with pytest.raises(DeviceFault, match="stopped on the way to its home"):
-            stage.home()
-        assert not axes.moves
-    finally:
-        stage.close()
-
-
-class SlowPort:
-    """A device whose answer may come after its question's deadline."""
-
-    def __init__(self) -> None:
-        self.arrived = b""
-        self.answer = b""
-
-    @property
-    def in_waiting(self) -> int:
-        return len(self.arrived)
-
-    def write(self, _data: bytes) -> None:
-        self.arrived += self.answer
-
-    def read(self, size: int = 1) -> bytes:
-        found, self.arrived = self.arrived[:size], self.arrived[size:]
-        return found
-
-    def reset_input_buffer(self) -> None:
-        self.arrived = b""
-
-
-def test_an_answer_after_its_deadline_is_not_the_next_question_s(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    port = SlowPort()
-    monkeypatch.setattr("drivers.core.line.open_port", lambda *_: port)
-    line = Line("mine", "-", 9600, answer_s=0.01)
-    with pytest.raises(NoAnswer):
-        line.ask(b"x?", size=3)
-    port.arrived, port.answer = b"x=1", b"y=2"
-    assert line.ask(b"y?", size=3) == b"y=2"

@@ -1,0 +1,113 @@
+"""Axes on a line, whoever makes them: mistakes of a driver, a stop amid a homing, late answers."""
+
+from collections.abc import Callable, Mapping
+
+import pytest
+
+from drivers import DeviceFault, Pose
+from drivers.core.abilities import enable
+from drivers.core.axes import LineStageSettings, Reading
+from drivers.core.line import Line, NoAnswer
+from drivers.core.line_stage import LineStage
+
+
+class MistakenAxes:
+    names = "z"
+
+    def read(self) -> Reading:
+        return Reading({"z": 0.0}, moving=False)
+
+    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
+        del speeds_mm_s
+        places_mm["x"]
+
+    def ready(self) -> None: ...
+
+    def stop(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def test_a_mistake_in_a_driver_is_said_as_what_it_is() -> None:
+    stage = LineStage(LineStageSettings(name="mine", port="-"), MistakenAxes)
+    stage.connect()
+    try:
+        with pytest.raises(
+            DeviceFault, match=r"mine: driver: ready\(\) gave None; it gives a list"
+        ):
+            enable(stage)
+        with pytest.raises(DeviceFault, match="mine: driver: KeyError: 'x'"):
+            stage.move(Pose(0.0, 0.0, 1e-3), 1e-3)
+    finally:
+        stage.close()
+
+
+class HomedByHalf(MistakenAxes):
+    """Stopped by somebody as soon as its only axis homes."""
+
+    def __init__(self) -> None:
+        self.homing = False
+        self.moves: list[Mapping[str, float]] = []
+        self.stopped: Callable[[], None] = lambda: None
+
+    def read(self) -> Reading:
+        return Reading({"z": 0.0}, moving=self.homing)
+
+    def home(self, _axis: str) -> None:
+        self.homing = True
+        self.stopped()
+
+    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
+        del speeds_mm_s
+        self.moves.append(places_mm)
+
+    def stop(self) -> None:
+        self.homing = False
+
+
+def test_a_stop_while_the_last_axis_homes_leaves_no_way_to_the_park() -> None:
+    axes = HomedByHalf()
+    keys = LineStageSettings(name="mine", port="-", park_mm=(0.0, 0.0, 5.0))
+    stage = LineStage(keys, lambda: axes)
+    axes.stopped = stage.stop
+    stage.connect()
+    try:
+        with pytest.raises(DeviceFault, match="stopped on the way to its home"):
+            stage.home()
+        assert not axes.moves
+    finally:
+        stage.close()
+
+
+class SlowPort:
+    """A device whose answer may come after its question's deadline."""
+
+    def __init__(self) -> None:
+        self.arrived = b""
+        self.answer = b""
+
+    @property
+    def in_waiting(self) -> int:
+        return len(self.arrived)
+
+    def write(self, _data: bytes) -> None:
+        self.arrived += self.answer
+
+    def read(self, size: int = 1) -> bytes:
+        found, self.arrived = self.arrived[:size], self.arrived[size:]
+        return found
+
+    def reset_input_buffer(self) -> None:
+        self.arrived = b""
+
+
+def test_an_answer_after_its_deadline_is_not_the_next_question_s(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    port = SlowPort()
+    monkeypatch.setattr("drivers.core.line.open_port", lambda *_: port)
+    line = Line("mine", "-", 9600, answer_s=0.01)
+    with pytest.raises(NoAnswer):
+        line.ask(b"x?", size=3)
+    port.arrived, port.answer = b"x=1", b"y=2"
+    assert line.ask(b"y?", size=3) == b"y=2"
