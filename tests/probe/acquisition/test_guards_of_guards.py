@@ -10,7 +10,7 @@ from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs,
 from drivers import Block, DeviceFault, Pose
 from probe.acquisition.clock_guard import ClockGuard
 from probe.acquisition.commands import Control
-from probe.acquisition.guard_process import Leaving, Service
+from probe.acquisition.guard_process import Leaving, Service, Status
 from probe.acquisition.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
 from probe.config.devices import Devices
 from probe.config.scan_plan import limits_for, plan_for
@@ -116,22 +116,13 @@ def test_who_takes_over_amid_a_homing_does_not_lift_for_what_the_pose_says() -> 
         time.sleep(0.1)
 
     monitor.start = start_where_the_guards_look_first  # type: ignore[method-assign,assignment]
-    service = Service(Devices(stage, (sensor,), None, ()), monitor)
-    status = service.take_over("the process that guarded has ended", False)
-    try:
-        while status.leaving is None or not status.leaving.done:
-            time.sleep(0.01)
-            status = service.status()
-    finally:
-        service.finish()
+    status = left(Service(Devices(stage, (sensor,), None, ()), monitor), lift=False)
     assert status.trip is not None and not status.trip.can_retract
     assert "move" not in {what for _, what in stage.orders}
 
 
-def taken_over(sensor: SpringSensor, stage: SpringStage, *, lift: bool) -> Leaving:
-    """How the way out ended, of guards that take over from others."""
-    monitor = monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3)
-    service = Service(Devices(stage, (sensor,), None, ()), monitor)
+def left(service: Service, *, lift: bool) -> Status:
+    """The status in which the way out of guards has ended that take over from others."""
     status = service.take_over("the process that guarded has ended", lift)
     try:
         while status.leaving is None or not status.leaving.done:
@@ -139,6 +130,14 @@ def taken_over(sensor: SpringSensor, stage: SpringStage, *, lift: bool) -> Leavi
             status = service.status()
     finally:
         service.finish()
+    return status
+
+
+def taken_over(sensor: SpringSensor, stage: SpringStage, *, lift: bool) -> Leaving:
+    """How the way out ended, of guards that take over from others."""
+    monitor = monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3)
+    status = left(Service(Devices(stage, (sensor,), None, ()), monitor), lift=lift)
+    assert status.leaving is not None
     return status.leaving
 
 

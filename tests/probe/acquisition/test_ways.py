@@ -8,8 +8,10 @@ from springs import SOFT_N_M, Bed, SpringSensor, SpringStage, run_springs, sprin
 
 from drivers import SimulatedClock
 from probe.acquisition.engine import run_scan
+from probe.config.rig import Rig
 from probe.config.scan_plan import limits_for, plan_for
-from probe.core.events import Event, Samples
+from probe.core.events import Event, RunEnded, Samples
+from probe.planning.plan import Plan
 
 
 def test_a_tip_that_begins_low_goes_up_before_it_goes_sideways() -> None:
@@ -23,14 +25,19 @@ def test_a_tip_that_begins_low_goes_up_before_it_goes_sideways() -> None:
     assert path[between, 2].min() > plan_for(rig).travel_z_m - 1e-6
 
 
+def pressed(plan: Plan, rig: Rig, stage: SpringStage) -> RunEnded:
+    """How a plan ends that is not quite the rig's own."""
+    bed = stage.bed
+    return run_scan(
+        plan, stage, [SpringSensor(bed)], bed.clock, lambda _event: None, limits_for(rig, plan)
+    )
+
+
 def test_a_soft_rig_is_followed_no_further_than_the_plan_allows() -> None:
     """400 N/m at 2.5 mm are 1 N, by which a rig of 2000 N/m yields 0.5 mm."""
     bed, rig = Bed(SimulatedClock()), spring_rig()
     soft = replace(plan_for(rig), compliance_m_per_n=1 / 2000, max_deflection_m=0.1e-3)
-    ended = run_scan(
-        soft, SpringStage(bed), [SpringSensor(bed)], bed.clock, lambda _event: None,
-        limits_for(rig, soft),
-    )  # fmt: skip
+    ended = pressed(soft, rig, SpringStage(bed))
     assert ended.reason == "every station is complete"
     height_m, _ = bed.truth()
     assert -2.61e-3 < height_m.min() < -2.55e-3
@@ -59,10 +66,7 @@ def test_a_halt_that_is_not_heard_is_said_again() -> None:
 
     bed, rig = Bed(SimulatedClock()), spring_rig(scan={"touch_n": 0.1, "search_mm": 2.0})
     found = replace(plan_for(rig), indentation_m=0.2e-3)
-    ended = run_scan(
-        found, Deaf(bed), [SpringSensor(bed)], bed.clock, lambda _event: None,
-        limits_for(rig, found),
-    )  # fmt: skip
+    ended = pressed(found, rig, Deaf(bed))
     assert ended.reason == "every station is complete"
     height_m, _ = bed.truth()
     assert height_m.min() == pytest.approx(-0.1 / SOFT_N_M - 0.2e-3, abs=0.1e-3)
