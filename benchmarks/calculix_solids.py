@@ -166,10 +166,10 @@ def calculix(lines: list[str]) -> tuple[list[float], float]:
         ran = subprocess.run(["ccx", "-i", "press"], cwd=folder, capture_output=True, text=True,
                              check=False)  # fmt: skip
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        told = (Path(folder) / "press.dat").read_text()
+        printed = (Path(folder) / "press.dat").read_text()
     if ran.returncode:
         raise SystemExit(f"ccx stopped:\n{ran.stdout[-3000:]}{ran.stderr[-1000:]}")
-    found = re.findall(r"set FINGER and time\s+(\S+)\s+\S+\s+(\S+)", told)
+    found = re.findall(r"set FINGER and time\s+(\S+)\s+\S+\s+(\S+)", printed)
     ends = {round(float(time)): float(fy) for time, fy in found if float(time) % 1 < 1e-6}
     spent = (after.ru_utime - before.ru_utime) + (after.ru_stime - before.ru_stime)
     return [-SYMMETRIC * force for _, force in sorted(ends.items())], spent

@@ -26,7 +26,7 @@ ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
 """Which object's kind is the whole finding's: the one that a person would act on."""
 
 SHOWN_SIGMAS = 5.0
-"""Standard deviations of its size above which a pulse shows whose beats a reference has told."""
+"""Standard deviations of its size above which a pulse shows whose beats come from a reference."""
 UNFINISHED = "the map is not finished: further presses may change this"
 HEALTHY_PULSE_N = 0.0455
 """Pulse of the paper's healthy artery (TIHA), pressed 2.5 mm by a finger 10 mm long, between 80 and
@@ -230,14 +230,14 @@ def _reason(
 def _reasons(objects: list[ObjectFinding]) -> str:
     """Each reason once; one that only one of several objects has, with that one's place."""
     all_reasons = [one.reason for one in objects]
-    told = [
+    placed = [
         one.reason
         if len(objects) == 1 or all_reasons.count(one.reason) > 1 or np.isnan(one.position_m)
         else f"at x = {1e3 * one.position_m:.2f} mm: {one.reason}"
         for one in objects
         if one.reason
     ]
-    return "; ".join(dict.fromkeys(told))
+    return "; ".join(dict.fromkeys(placed))
 
 
 def _station(press: Press) -> StationFinding:

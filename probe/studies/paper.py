@@ -70,7 +70,7 @@ def answer(task: Task) -> dict[str, Any]:
         **{key: value for key, value in task.changes if not isinstance(value, dict)},
     }  # fmt: skip
     try:
-        forces, mises, told = (_finite if task.model == "finite" else _small)(scene, task)
+        forces, mises, quality = (_finite if task.model == "finite" else _small)(scene, task)
     except CannotSolve as error:
         return row | {"reason": str(error)}
     contact = forces / (1e-3 * scene.indenter.width_mm_projected)
@@ -78,20 +78,20 @@ def answer(task: Task) -> dict[str, Any]:
         row[f"contact_pa_{level:.0f}"] = one
         row[f"von_mises_pa_{level:.0f}"] = other
     row["pulse_pa"], row["von_mises_pulse_pa"] = contact[0] - contact[-1], mises[0] - mises[-1]
-    return row | told
+    return row | quality
 
 
 def _finite(scene: Scene, task: Task) -> tuple[Array, Array, dict[str, float | bool]]:
-    """Force [N/m] and von Mises stress [Pa] by level, and what is told of them: the error of force
+    """Force [N/m] and von Mises stress [Pa] by level, and how good they are: the error of force
     and pulse [%], and whether the body would stay so at each level."""
     pressed = press(scene, task.x_mm, task.indentation_mm, task.levels, model="finite",
                     accuracy_pct=ACCURACY_PCT)  # fmt: skip
     forces = np.array([1e3 * s.force_n_per_mm for s in pressed.states])
-    told = {
+    quality = {
         "error_estimate_pct": pressed.error_estimate_pct,
         "stable": all(bool(state.stable) for state in pressed.states),
     }
-    return forces, np.array([s.von_mises_pa for s in pressed.states]), told
+    return forces, np.array([s.von_mises_pa for s in pressed.states]), quality
 
 
 def _small(scene: Scene, task: Task) -> tuple[Array, Array, dict[str, float | bool]]:
