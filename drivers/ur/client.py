@@ -130,7 +130,8 @@ class _Client:
         """Send every new sample; a few at a time, so that the pipe is not the bottleneck.
 
         When nobody listens any more `obey` ends too, and with it the process; unless the library
-        waits for a controller that has gone as well, which it does for ever.
+        waits for a controller that has gone as well, which it does for ever. The library does not
+        connect again by itself after a cut: the process ends at once, so that a new one may.
         """
         waiting: list[State] = []
         last_s, sent_s, arrival_s = -1.0, 0.0, time.monotonic()
@@ -149,6 +150,8 @@ class _Client:
                 except OSError:
                     break
                 waiting = []
+            if not self._receive.isConnected():
+                os._exit(1)
             time.sleep(READ_S)
         time.sleep(ORPHAN_S)
         os._exit(1)

@@ -102,6 +102,14 @@ class Link:
         able = state is not None and why_stopped(state, controls=False) is None
         return self.controls and able and not self._runs() and self._ended_by_us
 
+    def lost_in_control(self) -> bool:
+        """True where the connection was cut while our program ran on a robot that was able to move;
+        the robot's watchdog then ends the program."""
+        state = self._state
+        able = state is not None and why_stopped(state, controls=False) is None
+        ours = self._runs() or self._ended_by_us
+        return bool(self._gone) and self.controls and able and ours
+
     def state(self) -> State:
         """The newest. Raises `DeviceFault` when it is old, or the robot is not able to work."""
         state = self._state
@@ -238,7 +246,7 @@ class Link:
                         self._fresh.notify_all()
         except (EOFError, OSError):
             with self._fresh:
-                self._gone = self._gone or "the robot's client has ended"
+                self._gone = self._gone or "cut, or the library's client has crashed"
                 self._fresh.notify_all()
 
     def _take(self, states: list[State]) -> None:
@@ -269,6 +277,19 @@ def take_link(
             )
         link.users += 1
         return link
+
+
+def renew_link(lost: Link, connect_s: float) -> Link:
+    """A new one to the same robot. Raises `DeviceAbsent`: then the lost one is still the caller's.
+
+    Others who use the lost one keep it, and its fault.
+    """
+    with _opening:
+        if _links.get(lost.host) is lost:
+            del _links[lost.host]
+    link = take_link(lost.name, lost.host, lost.rate_hz, lost.silence_s, connect_s)
+    leave_link(lost)
+    return link
 
 
 def leave_link(link: Link) -> None:

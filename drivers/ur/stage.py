@@ -11,7 +11,7 @@ from drivers.core.errors import ConfigError, DeviceFault, MotionFault
 from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
 from drivers.ur.client import REDUCED, Control, State
-from drivers.ur.link import Link, leave_link, take_link
+from drivers.ur.link import Link, leave_link, renew_link, take_link
 from drivers.ur.settings import UrStageSettings
 
 ARRIVED_M = 0.1e-3
@@ -144,9 +144,16 @@ class UrStage:
             link.guarded()
 
     def start_again(self) -> None:
-        """Upload the program again that ended because the robot heard nothing of us; one that a
-        person may have ended stays so. Raises `DeviceFault`."""
-        if self._there().program_ended_by_us():
+        """Connect again where the connection was cut, or upload the program again that ended
+        because the robot heard nothing of us; one that a person may have ended stays so.
+
+        After a cut the next `move` uploads it, once the robot's watchdog has ended the last one.
+        Raises `DeviceFault` or `DeviceAbsent`.
+        """
+        link = self._there()
+        if link.lost_in_control():
+            self._link = renew_link(link, self._settings.connect_s)
+        elif link.program_ended_by_us():
             self.enable()
 
     def stop(self) -> None:

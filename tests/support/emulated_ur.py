@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from drivers import WallClock
+from drivers import DeviceFault, WallClock
 from drivers.testing.awake import AwakeTime
 from drivers.ur.sensor import UrForce, open_sensor
 from drivers.ur.settings import UrSensorSettings, UrStageSettings
@@ -61,6 +61,14 @@ class Rig:
             while self.stage.moving():
                 assert awake.now() < end
                 time.sleep(0.003)
+
+    def trouble(self) -> str:
+        """What the stage says is wrong; empty while it gives its pose."""
+        try:
+            self.stage.pose()
+        except DeviceFault as fault:
+            return str(fault)
+        return ""
 
     def close(self) -> None:
         self.sensor.close()

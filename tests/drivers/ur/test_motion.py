@@ -90,10 +90,9 @@ def test_the_robot_stops_when_nobody_checks_the_force(winkler: Respond) -> None:
 def ended(made: Rig) -> None:
     """Until the driver says that the control program has stopped."""
     end_s = time.monotonic() + 5.0
-    with pytest.raises(DeviceFault, match="control program has stopped"):
-        while time.monotonic() < end_s:
-            made.stage.pose()
-            time.sleep(0.01)
+    while "control program has stopped" not in made.trouble():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
 
 
 def test_a_program_that_the_watchdog_ended_is_started_again_for_the_lift(winkler: Respond) -> None:
@@ -129,6 +128,50 @@ def test_a_program_that_a_person_ended_stays_so(winkler: Respond) -> None:
         made.stage.start_again()
         assert robot.robot.uploads == 1
         ended(made)
+
+
+def lost(made: Rig) -> None:
+    """Until the driver says that the connection was cut."""
+    end_s = time.monotonic() + 5.0
+    while "connection lost" not in made.trouble():
+        assert time.monotonic() < end_s
+        time.sleep(0.01)
+
+
+def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) -> None:
+    with connected(winkler, keys={"watchdog_s": 0.5}) as (made, robot):
+        made.stage.enable()
+        made.stage.keep_alive()
+        robot.fail("blink")
+        lost(made)
+        made.stage.start_again()
+        with pytest.raises(DeviceFault, match="another program runs"):
+            made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)  # ours from before the cut
+        time.sleep(1.0)
+        made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)
+        made.arrive()
+        assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
+
+
+def test_a_robot_that_was_only_read_is_left_alone_after_a_cut(winkler: Respond) -> None:
+    with connected(winkler) as (made, robot):
+        robot.fail("blink")
+        lost(made)
+        made.stage.start_again()
+        assert "connection lost" in made.trouble()
+
+
+def test_a_program_that_a_person_ended_before_the_cut_stays_so(winkler: Respond) -> None:
+    with connected(winkler) as (made, robot):
+        made.stage.enable()
+        made.stage.keep_alive()
+        robot.fail("lost program")
+        ended(made)
+        robot.fail("blink")
+        lost(made)
+        made.stage.start_again()
+        assert "connection lost" in made.trouble()
+        assert robot.robot.uploads == 1
 
 
 class Told:
