@@ -17,13 +17,14 @@ from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
-from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, Levels, changed, little, unknown
+from probe.acquisition.levels import LEVEL_S, little
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.acquisition.stop_rules import STOPPED, no_contact
+from probe.acquisition.taring import note_last_drift, take_zero
 from probe.core.events import (
     Finish,
     Phase,
@@ -36,12 +37,10 @@ from probe.planning.plan import Place, Plan, pressed
 
 TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
 TOUCH_M_S = 1e-3
-NOTED_SHARE = 0.5  # of the drift that a tare asks about (`levels.MAX_HIDDEN_SHARE`) is noted
 TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
 DEEP_ENOUGH_M = 5e-6
 HOME_STOPS_S = 5.0
 GIVE_UP_S = 30.0  # for a way out; the retreat itself is done long before, unless the stage hangs
-AWAY_M = 0.5e-3  # at least this far away a probe is moved to see that it was in the air
 
 
 def run_scan(
@@ -108,7 +107,7 @@ class _Scan(RunLoop):
                 if place.index not in completed:
                     self._visit(place, attempts)
             if self.known_levels is not None:
-                self._note_last_drift()
+                note_last_drift(self)
         except Interrupted as why:
             finish, reason = why.finish or Finish.FAULTED, why.reason
         except BaseException as error:
@@ -269,7 +268,7 @@ class _Scan(RunLoop):
         self.go(above._replace(z=max(here.z, above.z)), plan.travel_m_s)
         self.go(above, plan.travel_m_s)
         self.enter(Phase.TARING)
-        self._tare(above)
+        take_zero(self, above)
         self.enter(Phase.APPROACHING)
         if plan.touch_n is None:
             self.go(surface, plan.approach_m_s)
@@ -285,68 +284,6 @@ class _Scan(RunLoop):
         self.enter(Phase.RETRACTING)
         self.go(above, plan.travel_m_s)
         self.end_station(complete=True)
-
-    def _tare(self, above: Pose) -> None:
-        """Take the load in the air as zero, and see that it is the air.
-
-        The load at the first tare, and wherever it is another than when it was last looked at,
-        must not change when the probe moves away. Else the probe presses on something, and a tare
-        would hide that from the limit.
-        """
-        near = self._levels()
-        self._note_drift(near)
-        if self.known_levels is None or changed(near, self.known_levels, self.most_n):
-            room_m = self.top_m - above.z
-            away = above._replace(z=above.z + min(self.plan.clearance_m, room_m))
-            if away.z - above.z < AWAY_M:
-                raise Interrupted(
-                    Finish.FAULTED,
-                    f"the workspace leaves {1e3 * room_m:g} mm over the place of the tare; "
-                    f"{1e3 * AWAY_M:g} mm are needed to see that the probe is in the air",
-                    "engine", retract=True,
-                )  # fmt: skip
-            self.go(away, self.plan.travel_m_s)
-            far = self._levels()
-            if (why := changed(near, far, self.most_n)) is not None:
-                reason = f"{why} on moving {1e3 * (away.z - above.z):g} mm away from the tissue: "
-                reason += "the probe presses on something where the force is taken as zero"
-                raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
-            self.go(above, self.plan.travel_m_s)
-            self.wait_until(self.clock.now() + self.plan.settle_s)
-        self.monitor.tare()
-        self.known_levels = {name: (0.0, error) for name, (_, error) in near.items()}
-
-    def _note_drift(self, in_the_air: Levels) -> None:
-        """A zero that moved since the tare was in every force of that press."""
-        if self.known_levels is None:
-            return
-        drift = changed(self.known_levels, in_the_air, NOTED_SHARE * self.most_n)
-        if drift is not None:
-            self.bus.note("warning", "engine", f"{drift} in the air since the last tare: the "
-                          "forces of the press before are off by up to that")  # fmt: skip
-
-    def _note_last_drift(self) -> None:
-        try:
-            self._note_drift(self._levels())
-        except DeviceFault as fault:  # what was asked for is complete
-            text = f"{fault.reason}: whether its zero moved in the last press is not known"
-            self.bus.note("warning", fault.device, text)
-
-    def _levels(self) -> Levels:
-        """Force of each sensor at rest: its mean over a tenth of a second, and how sure it is."""
-        self.wait_until(self.clock.now() + self.plan.settle_s)
-        from_s = self.clock.now()
-        self.wait_until(from_s + LEVEL_S)
-        until_s = self.clock.now() + LEVEL_S
-        while self.monitor.seen_s() < from_s + LEVEL_S and self.clock.now() < until_s:
-            self.tick(math.inf)
-        levels = self.monitor.levels(from_s)
-        while unknown(levels) is not None and self.clock.now() < from_s + MAX_LEVEL_S:
-            self.tick(math.inf)  # a slow sensor, or a busy machine: one reading is no level
-            levels = self.monitor.levels(from_s)
-        if (silent := unknown(levels)) is not None:
-            raise DeviceFault(silent, f"fewer than two readings within {MAX_LEVEL_S:g} s at rest")
-        return levels
 
     def _check_contact(self) -> None:
         if self.in_the_air:

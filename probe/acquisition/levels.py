@@ -1,7 +1,9 @@
 """Levels of force: what a sensor says at rest, and whether two of them are the same."""
 
 import math
+from collections import defaultdict
 from collections.abc import Mapping
+from statistics import median
 
 from probe.acquisition.press_guard import NOISE_SIGMAS
 
@@ -10,6 +12,8 @@ MAX_LEVEL_S = 1.0  # and over up to this where there are fewer than two readings
 MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
 LITTLE_SHARE = 0.02  # of the force limit: a press so soft is protected by no such limit
 MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
+UNSTEADY = 4.0  # of two readings, the fewest, 0.7 % are as far apart by chance: one more level
+MAX_UNSTEADY_S = 2.0  # a cough is over by then
 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
 
@@ -17,6 +21,36 @@ Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its s
 def unknown(levels: Levels) -> str | None:
     """A sensor that had too few readings for a mean and its error; None if all had enough."""
     return next((name for name, (_, error) in levels.items() if not math.isfinite(error)), None)
+
+
+class Usual:
+    """How sure levels usually are: the median of their standard errors, by sensor.
+
+    A patient who coughs against the probe makes a level unsure. As a zero it would be off by a
+    part of the cough; and judged by its own error, no difference to it would be one.
+    """
+
+    def __init__(self) -> None:
+        self._errors: dict[str, list[float]] = defaultdict(list)
+
+    def add(self, levels: Levels) -> None:
+        for name, (_, error) in levels.items():
+            self._errors[name].append(error)
+
+    def error_n(self, name: str) -> float:
+        """Standard error of a level; NaN before the first."""
+        return median(self._errors[name]) if self._errors[name] else math.nan
+
+    def unsteady(self, levels: Levels) -> str | None:
+        """Which sensor's force was less at rest than it usually is; None if none was.
+
+        Not judged where most levels are exact, as a coarse sensor's are.
+        """
+        for name, (_, error) in levels.items():
+            usual = self.error_n(name)
+            if error > UNSTEADY * usual > 0:
+                return f"{name}: the force was uncertain by {error:.2g} N (usual: {usual:.2g} N)"
+        return None
 
 
 def changed(these: Levels, those: Levels, most_n: float) -> str | None:

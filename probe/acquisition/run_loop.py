@@ -12,7 +12,7 @@ from probe.acquisition.commands import Control
 from probe.acquisition.event_bus import EventBus
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted
-from probe.acquisition.levels import Levels
+from probe.acquisition.levels import Levels, Usual
 from probe.acquisition.readiness import turned
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.safety_monitor import SafetyMonitor
@@ -61,6 +61,7 @@ class RunLoop:
         self.phase = Phase.IDLE
         self.leaving = False
         self.known_levels: Levels | None = None
+        self.usual = Usual()
         self.most_n = limits.max_force_n
         self.top_m = limits.workspace_m[2][1]
         self.in_the_air = limits.in_the_air

@@ -1,5 +1,6 @@
 """Sensors that do not tell what they feel, on the wall clock; judged by the bed's true force."""
 
+import math
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,19 @@ from springs import (
 import palpate
 from drivers import Block
 from probe.acquisition.commands import Control
-from probe.core.events import Finish, Note, Phase, PhaseEntered, StationEnded
+from probe.core.events import Event, Finish, Note, Phase, PhaseEntered, Samples, StationEnded
+
+
+def hold_n(events: list[Event], station: int) -> float:
+    """Mean force that was stored of a station's hold."""
+    here = False
+    forces: list[float] = []
+    for event in events:
+        if isinstance(event, PhaseEntered):
+            here = event.phase is Phase.HOLDING and event.station == station
+        if here and isinstance(event, Samples) and event.device == "cell":
+            forces += [float(force) for force in event.block.values[:, 0]]
+    return float(np.mean(forces))
 
 
 class Stuck(SpringSensor):
@@ -125,6 +138,38 @@ def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
 
     ran = run_springs(bed, stage, [Drifts(bed)], rig=spring_rig(scan={"stations": 2}))
     assert ran.reason == "every station is complete"
+
+
+class Shaken(SpringSensor):
+    """Something knocks against the probe for `lasts_s` from its rest over the second station."""
+
+    lasts_s, knock_n, since_s = 0.7, 0.25, math.inf
+
+    def raw(self, time_s: float) -> float:
+        x_m, _, z_m = self.bed.tip.point(time_s)
+        above = x_m > 3.9e-3 and z_m > 1.9e-3
+        if above and not self.bed.tip.moving(time_s):
+            self.since_s = min(self.since_s, time_s)
+        knocked = above and 0 <= time_s - self.since_s < self.lasts_s and int(20 * time_s) % 2
+        return super().raw(time_s) + (self.knock_n if knocked else 0.0)
+
+
+class ShakenForLong(Shaken):
+    lasts_s = 5.0
+
+
+def test_no_zero_is_taken_while_something_knocks_against_the_probe() -> None:
+    bed, stage, _ = on_springs()
+    ran = run_springs(bed, stage, [Shaken(bed)], rig=spring_rig(scan={"stations": 2}))
+    assert ran.reason == "every station is complete"
+    assert hold_n(ran.events, station=1) == pytest.approx(SOFT_N_M * 2.5e-3, abs=0.02)
+
+
+def test_a_zero_that_was_taken_while_something_knocked_is_told() -> None:
+    bed, stage, _ = on_springs()
+    ran = run_springs(bed, stage, [ShakenForLong(bed)], rig=spring_rig(scan={"stations": 2}))
+    assert ran.reason == "every station is complete"
+    assert any("at rest in the air, where its zero is taken" in note for note in ran.notes)
 
 
 class ClipsLow(SpringSensor):

@@ -1,0 +1,94 @@
+"""The zero of a press: the load in the air just before it, seen to be the air and at rest."""
+
+import math
+
+from drivers import DeviceFault, Pose
+from probe.acquisition.interruption import Interrupted
+from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, MAX_UNSTEADY_S, Levels, changed, unknown
+from probe.acquisition.run_loop import RunLoop
+from probe.core.events import Finish
+
+NOTED_SHARE = 0.5  # of the drift that a tare asks about (`levels.MAX_HIDDEN_SHARE`) is noted
+AWAY_M = 0.5e-3  # at least this far away a probe is moved to see that it was in the air
+
+
+def take_zero(loop: RunLoop, above: Pose) -> None:
+    """Take the load in the air as zero, and see that it is the air.
+
+    The load at the first tare, and wherever it is another than when it was last looked at,
+    must not change when the probe moves away. Else the probe presses on something, and a tare
+    would hide that from the limit.
+    """
+    near = _levels(loop)
+    _note_drift(loop, near)
+    if loop.known_levels is None or changed(near, loop.known_levels, loop.most_n):
+        room_m = loop.top_m - above.z
+        away = above._replace(z=above.z + min(loop.plan.clearance_m, room_m))
+        if away.z - above.z < AWAY_M:
+            raise Interrupted(
+                Finish.FAULTED,
+                f"the workspace leaves {1e3 * room_m:g} mm over the place of the tare; "
+                f"{1e3 * AWAY_M:g} mm are needed to see that the probe is in the air",
+                "engine", retract=True,
+            )  # fmt: skip
+        loop.go(away, loop.plan.travel_m_s)
+        far = _levels(loop)
+        if (why := changed(near, far, loop.most_n)) is not None:
+            reason = f"{why} on moving {1e3 * (away.z - above.z):g} mm away from the tissue: "
+            reason += "the probe presses on something where the force is taken as zero"
+            raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
+        loop.go(above, loop.plan.travel_m_s)
+        loop.wait_until(loop.clock.now() + loop.plan.settle_s)
+    loop.monitor.tare()
+    loop.known_levels = {name: (0.0, loop.usual.error_n(name)) for name in near}
+
+
+def _note_drift(loop: RunLoop, in_the_air: Levels) -> None:
+    """A zero that moved since the tare was in every force of that press."""
+    if loop.known_levels is None:
+        return
+    drift = changed(loop.known_levels, in_the_air, NOTED_SHARE * loop.most_n)
+    if drift is not None:
+        loop.bus.note("warning", "engine", f"{drift} in the air since the last tare: the "
+                      "forces of the press before are off by up to that")  # fmt: skip
+
+
+def note_last_drift(loop: RunLoop) -> None:
+    """Look whether the zero moved in the last press, too."""
+    try:
+        _note_drift(loop, _levels(loop))
+    except DeviceFault as fault:  # what was asked for is complete
+        text = f"{fault.reason}: whether its zero moved in the last press is not known"
+        loop.bus.note("warning", fault.device, text)
+
+
+def _levels(loop: RunLoop) -> Levels:
+    """Force of each sensor at rest: its mean over a tenth of a second, and how sure it is.
+
+    Taken again while something shakes the probe.
+    """
+    levels = _level(loop)
+    until_s = loop.clock.now() + MAX_UNSTEADY_S
+    while (shaken := loop.usual.unsteady(levels)) and loop.clock.now() < until_s:
+        levels = _level(loop)
+    if shaken:
+        loop.bus.note("warning", "engine", f"{shaken} at rest in the air, where its zero is "
+                      "taken: forces may be off by several times that")  # fmt: skip
+    loop.usual.add(levels)
+    return levels
+
+
+def _level(loop: RunLoop) -> Levels:
+    loop.wait_until(loop.clock.now() + loop.plan.settle_s)
+    from_s = loop.clock.now()
+    loop.wait_until(from_s + LEVEL_S)
+    until_s = loop.clock.now() + LEVEL_S
+    while loop.monitor.seen_s() < from_s + LEVEL_S and loop.clock.now() < until_s:
+        loop.tick(math.inf)
+    levels = loop.monitor.levels(from_s)
+    while unknown(levels) is not None and loop.clock.now() < from_s + MAX_LEVEL_S:
+        loop.tick(math.inf)  # a slow sensor, or a busy machine: one reading is no level
+        levels = loop.monitor.levels(from_s)
+    if (silent := unknown(levels)) is not None:
+        raise DeviceFault(silent, f"fewer than two readings within {MAX_LEVEL_S:g} s at rest")
+    return levels
