@@ -22,6 +22,7 @@ DEFINED = {
     "every driver": "class Sensor(Protocol)",
     "add a unit": "SI = {",
     "tare subtracted": "raw - self._zero",
+    "as zero before a press": "def take_zero(",
     "called saturated": "saturated = np.abs(raw) >= self._full_scale",
     "lock on a run file": "fcntl.flock(",
     "false alarm": "DEFAULT_FALSE_ALARM = ",
