@@ -12,6 +12,7 @@ LIMITED = ("tests/probe/acquisition/test_force_limit.py",)
 WAYS = ("tests/probe/acquisition/test_ways.py",)
 LOST = ("tests/probe/storage/test_lost_files.py",)
 POSE_GUARD, PRESS_GUARD = "probe/acquisition/pose_guard.py", "probe/acquisition/press_guard.py"
+TARING = "probe/acquisition/taring.py"
 ENGINE, RESUME = "probe/acquisition/engine.py", "probe/acquisition/resume.py"
 GUARDED_BY = "tests/probe/acquisition/test_guard_process.py"
 RESUMED = "tests/probe/acquisition/test_resume.py"
@@ -70,9 +71,19 @@ OVERLOOKED = (
     Mutant("sideways to a station before up", ENGINE,
            "            self.go(here._replace(z=above.z), plan.travel_m_s)\n",
            "            pass\n", WAYS),
-    Mutant("the load before the tare is what the next is held to", ENGINE,
-           "self.known_levels = {name: (0.0, error) for name, (_, error) in near.items()}",
-           "self.known_levels = near", WAYS),
+    Mutant("the load before the tare is what the next is held to", TARING,
+           "loop.known_levels = {name: (0.0, loop.usual.error_n(name)) for name in near}",
+           "loop.known_levels = near", WAYS),
+    Mutant("a zero is taken while something knocks", TARING,
+           "while (shaken := loop.usual.unsteady(levels)) and loop.clock.now() < until_s:",
+           "while (shaken := loop.usual.unsteady(levels)) and loop.clock.now() < 0:",
+           ("tests/probe/acquisition/test_false_sensors.py",)),
+    Mutant("ur: a cut connection is waited for", "drivers/ur/client.py",
+           "if not self._receive.isConnected():", "if False:",
+           ("tests/drivers/ur/test_motion.py",)),
+    Mutant("ur: what a person ended before a cut is begun again", "drivers/ur/link.py",
+           "and self.controls and able and ours", "and self.controls and able",
+           ("tests/drivers/ur/test_motion.py",)),
     Mutant("who takes over lifts amid a homing", "probe/acquisition/guard_process.py",
            'self._monitor.object("guard", why, can_retract=lift)',
            'self._monitor.object("guard", why, can_retract=True)',
