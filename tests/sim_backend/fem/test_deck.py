@@ -36,6 +36,8 @@ def test_calculix_agrees(plane, tmp_path):
     loose = Support(contact="frictionless")
     scene = load_scene("HAOT").model_copy(update={"plane": plane, "support": loose})
     deck = write_deck(scene, 32.0, 0.4, [80.0], tmp_path / "haot.inp", size_mm=0.8)
+    # elastic: larger steps on the way change nothing at its end, and take half of the time
+    deck.write_text(deck.read_text().replace("0.02, 1., 1.E-6, 0.05", "0.02, 1., 1.E-6, 0.2"))
     (theirs,) = run(deck)
     _, (ours,) = solve_finite(scene, 0.032, 0.4e-3, [80 * PA_PER_MMHG], 0.8e-3)
     assert 1e-3 * ours.force_n_per_m == pytest.approx(theirs, rel=0.01)
