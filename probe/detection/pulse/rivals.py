@@ -31,7 +31,7 @@ MOTION_S = (0.1, 0.2, 0.4, 0.8)
 MOVEMENTS, MOVEMENT_UNKNOWNS = 5, 3
 PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "tremor": 0.1}
 """Before the hold is looked at: a pulse is what a scan looks for, nothing is known of the others. A
-choice; how much it matters has not been measured."""
+choice, which acts together with `has_pulse.MIN_POSTERIOR`: how much it matters is said there."""
 OWN_HARMONICS = 6
 """Harmonics in which a person's wave may differ from the mean one; the brachial wave's further ones
 are below 0.08 of its first."""
