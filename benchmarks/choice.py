@@ -46,7 +46,7 @@ HAND = [
 """What a hand may pick; element sizes are shares of the finger's half width."""
 TRUTH_SHARES = (0.25, 0.1, 0.04)
 """Meshes of the converged answer, each the next one's beginning; the contact is ten times finer."""
-TURNS = 3
+TURNS = 7
 SMALL_PULSE = 1e-3
 """As `press`: pulses below this share of the force are judged against the share."""
 
