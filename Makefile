@@ -8,7 +8,7 @@ export QT_QPA_PLATFORM ?= offscreen
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install demo demo-ur test test-peers figures clean
+.PHONY: install demo demo-ur test types waiting test-peers figures clean
 
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
@@ -25,7 +25,8 @@ demo-ur: .venv/.installed-report,ur
 	$(BIN)/palpate scan rigs/ur5e.toml --seed 1 --out demo --report
 
 # Tests of emulated devices on the wall clock come after the others, so that no computing keeps their
-# guards waiting. What fails is asked once more alone: four of them still share the machine.
+# guards waiting, with the types, which have what they leave of the processors. What fails is asked once
+# more alone: four of them still share the machine.
 WAITING := tests/drivers tests/probe/acquisition tests/probe/calibrate/test_weigh.py \
 	tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py tests/probe/config/test_fallback.py \
 	tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py tests/sim_backend/emulators \
@@ -34,9 +35,14 @@ WAITING := tests/drivers tests/probe/acquisition tests/probe/calibrate/test_weig
 test: .venv/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/pytest -n 3 --dist worksteal $(WAITING:%=--ignore=%)
+	$(MAKE) --no-print-directory --jobs 2 types waiting
+
+types:
+	nice -n 19 $(BIN)/mypy
+
+waiting:
 	$(BIN)/pytest -n 4 --dist worksteal $(WAITING) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(WAITING)
 
 # Against software that we did not write: makers' client libraries drive the emulated controllers. Our
