@@ -7,6 +7,11 @@ Writes the deck of one of `CASES`, runs ``ccx`` on it and keeps deck and forces 
 `sim_backend` too, in the same run, and the ratio of seconds of processor is printed. C3D20R,
 finite strain, neo-Hooke, frictionless contact of faces (penalty), pressure that follows the wall;
 a quarter of the block. A run takes one to five minutes of processor.
+
+CalculiX pairs points of the skin with facets of the finger when an increment begins and holds on
+to the pairs until it ends. The skin slides meanwhile: at the end of an increment it is off the
+finger by the square of the slide over twice the finger's radius. Each load is therefore held for
+one more step, whose one increment finds new pairs.
 """
 
 import json
@@ -17,6 +22,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterable, Iterator
+from itertools import product
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -53,6 +59,8 @@ CASES: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[float, ...]]] = {
 CELLS_45 = 3
 Z_EDGES_MM = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.4, 9.0, 13.0, 20.0)
 """Layers over a vessel: fine below the finger, with an edge at the stenosis's end."""
+LOADING, HOLDING = "0.25, 1., 1.E-5, 0.5", "1., 1., 1.E-5, 1."
+"""First increment, step, smallest and largest increment of the two steps of each load."""
 CONTACT_PER_MM = 300.0
 """Contact stiffness over the tissue's modulus [1/mm]: the ball sinks 0.002 mm too far of 2."""
 
@@ -85,10 +93,10 @@ def deck(scene: Scene, pressures_mmhg: Iterable[float]) -> Iterator[str]:
         on = np.flatnonzero(mesh.nodes[:, axis] < 1e-6)
         yield from (f"{n}, {axis + 1}, {axis + 1}" for n in 1 + on)
     lumen = faces[_facing_lumen(mesh, corners)]
-    for pressure in pressures_mmhg:
+    for pressure, increments in product(pressures_mmhg, (LOADING, HOLDING)):
         yield "*STEP, NLGEOM, INC=1000"
         yield "*STATIC"
-        yield "0.25, 1., 1.E-5, 0.5"
+        yield increments
         yield "*BOUNDARY"
         yield "FINGER, 1, 1, 0."
         yield f"FINGER, 2, 2, {-DEPTH_MM:g}"
@@ -158,8 +166,9 @@ def _facing_lumen(mesh: Hexahedra, corners: Array) -> Ints:
     return np.flatnonzero(~flat.any(axis=1))
 
 
-def calculix(lines: list[str]) -> tuple[list[float], float]:
-    """The whole finger's force [N] after each step, and seconds of processor."""
+def calculix(lines: list[str]) -> tuple[Array, float]:
+    """The whole finger's force (p, 2) [N] at each pressure, after loading and after holding, and
+    seconds of processor."""
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "press.inp").write_text("\n".join(lines) + "\n")
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -172,7 +181,8 @@ def calculix(lines: list[str]) -> tuple[list[float], float]:
     found = re.findall(r"set FINGER and time\s+(\S+)\s+\S+\s+(\S+)", printed)
     ends = {round(float(time)): float(fy) for time, fy in found if float(time) % 1 < 1e-6}
     spent = (after.ru_utime - before.ru_utime) + (after.ru_stime - before.ru_stime)
-    return [-SYMMETRIC * force for _, force in sorted(ends.items())], spent
+    forces = [-SYMMETRIC * force for _, force in sorted(ends.items())]
+    return np.reshape(forces, (-1, 2)), spent
 
 
 def main(name: str, ours: bool) -> None:
@@ -184,14 +194,17 @@ def main(name: str, ours: bool) -> None:
         "made_by": "benchmarks/calculix_solids.py",
         "by": "CalculiX 2.20, C3D20R, finite strain",
         "scene": scene.model_dump(mode="json", exclude_none=True),
-        "depth_mm": DEPTH_MM, "pressures_mmhg": pressures, "force_n": forces,
+        "depth_mm": DEPTH_MM, "pressures_mmhg": pressures, "force_n": forces[:, 1].tolist(),
+        "force_before_hold_n": forces[:, 0].tolist(),
         "unknowns": int((mesh.nodes > 1e-6).sum()), "processor_s": round(spent, 1),
     }  # fmt: skip
     FOLDER.mkdir(parents=True, exist_ok=True)
     with lzma.open(FOLDER / f"{name}.inp.xz", "wt", preset=9) as file:
         file.write("\n".join(lines) + "\n")
     (FOLDER / f"{name}.json").write_text(json.dumps(kept, indent=1) + "\n")
-    print(f"CalculiX: {forces} N in {spent:.0f} s of processor, {kept['unknowns']} unknowns")
+    print(
+        f"CalculiX: {forces.tolist()} N in {spent:.0f} s of processor, {kept['unknowns']} unknowns"
+    )
     if ours:
         began = process_time()
         pressed = press(scene, 32.0, DEPTH_MM, pressures, accuracy_pct=5.0)

@@ -72,6 +72,13 @@ class Stenosis(Table):
     modulus_kpa: Positive
     z_mm: tuple[float, float] | None = None
 
+    @field_validator("z_mm")
+    @classmethod
+    def _stretch(cls, ends: tuple[float, float] | None) -> tuple[float, float] | None:
+        if ends is not None and ends[0] >= ends[1]:
+            raise ValueError(f"[{ends[0]:g}, {ends[1]:g}]: the first must be below the second")
+        return ends
+
 
 class _Round(Table):
     x_mm: float
@@ -299,7 +306,8 @@ def _need_solid(scene: Scene) -> None:
             f"it must stay within half of length_mm, {half_mm:g}, of 0"
         )
     for n, one in enumerate(scene.inclusion):
-        if not isinstance(one, Tumour):
+        if isinstance(one, Artery):
+            _need_stretch_within(one, f"inclusion[{n}]", middle_mm - half_mm, middle_mm + half_mm)
             continue
         room_mm = half_mm - one.outer_radius_mm
         if abs((one.z_mm or 0.0) - middle_mm) >= room_mm:
@@ -307,6 +315,16 @@ def _need_solid(scene: Scene) -> None:
                 f"inclusion[{n}] (tumour): z_mm = {one.z_mm or 0:g} breaks an end; "
                 f"it must stay within {room_mm:g} of {middle_mm:g}"
             )
+
+
+def _need_stretch_within(one: Artery, key: str, low_mm: float, high_mm: float) -> None:
+    """A stenosis that lies beyond the block's ends would be no stenosis at all."""
+    stretch = one.stenosis.z_mm if one.stenosis is not None else None
+    if stretch is not None and not (stretch[0] < high_mm and stretch[1] > low_mm):
+        raise ValueError(
+            f"{key}.stenosis: z_mm = [{stretch[0]:g}, {stretch[1]:g}] lies outside the block, which "
+            f"reaches from {low_mm:g} to {high_mm:g}"
+        )
 
 
 def _distance_mm(one: Inclusion, other: Inclusion, *, solid: bool) -> float:

@@ -56,12 +56,13 @@ def build_body(
     """Mesh a solid ``scene`` for a press at (``x_m``, z = 0) about ``depth_m`` deep.
 
     ``size_m`` is the element size in the contact. Where the scene is symmetric about z = 0, one
-    half is modelled. Raises `SceneError` where inclusions leave no room for elements
-    and where elements would lock.
+    half is modelled. Raises `SceneError` where inclusions leave no room for elements or lie behind
+    each other, and where elements would lock.
     """
     tissue = scene.tissue
     assert tissue is not None and tissue.length_mm is not None  # the scene was checked
     _refuse_locking(scene)
+    _refuse_behind(scene)
     half_m = 0.5e-3 * tissue.length_mm
     middle_m = 1e-3 * (tissue.z_mm or 0.0)
     span = _Span(0.0 if is_symmetric_along(scene) else middle_m - half_m, middle_m + half_m)
@@ -127,6 +128,21 @@ def _refuse_locking(scene: Scene) -> None:
                 f"{LOCKING_POISSON:g}, or press by a round finger over nothing or over the middle "
                 "of one ball, which the axisymmetric model solves at any Poisson's ratio."
             )
+
+
+def _refuse_behind(scene: Scene) -> None:
+    """One section is drawn along z: balls behind each other overlap in it. Raises `SceneError`."""
+    for n, one in enumerate(scene.inclusion):
+        for m, other in enumerate(scene.inclusion[:n]):
+            aside_mm = float(np.hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm))
+            room_mm = one.outer_radius_mm + other.outer_radius_mm
+            if aside_mm <= room_mm:
+                raise SceneError(
+                    f"{scene.name}: inclusion[{m}] and inclusion[{n}] lie behind each other, "
+                    f"{aside_mm:.3g} mm apart as seen along z: a solid's mesh is one section drawn "
+                    f"along z, in which they would overlap. Move one aside until they are more "
+                    f"than {room_mm:g} mm apart in x and depth."
+                )
 
 
 def footprint(indenter: Indenter) -> tuple[Finger, Finger]:

@@ -28,6 +28,17 @@ modulus_kpa = 50.0
 poisson = 0.49
 """
 SPHERE = '[indenter]\nshape = "sphere"\nradius_mm = 5.0\n'
+STENOSED = """
+[[inclusion]]
+kind = "artery"
+x_mm = 32.0
+depth_mm = 9.0
+inner_diameter_mm = 4.5
+wall_mm = 0.63
+modulus_kpa = 400.0
+poisson = 0.49
+stenosis = {{fraction = 0.3, modulus_kpa = 4000.0, z_mm = {}}}
+"""
 
 
 def test_each_scene_in_tissue_has_a_solid_twin() -> None:
@@ -83,6 +94,9 @@ def test_round_fingers() -> None:
             "z_mm = 18.0\ndiameter_mm = 5.0\nmodulus_kpa = 500.0\npoisson = 0.49\n",
             "must stay within 17.5 of 0",
         ),
+        (SOLID + SPHERE + STENOSED.format("[4.0, -4.0]"), "first must be below the second"),
+        (SOLID + SPHERE + STENOSED.format("[4.0, 4.0]"), "first must be below the second"),
+        (SOLID + SPHERE + STENOSED.format("[20.0, 30.0]"), r"outside the block.*from -20 to 20"),
         (SOLID.replace("modulus", "z_mm = -20.0\nmodulus") + SPHERE, "must lie under the finger"),
         (
             SOLID.replace("modulus", "z_mm = 3.0\nmodulus").replace('"solid"', '"strain"')

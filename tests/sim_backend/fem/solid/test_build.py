@@ -110,3 +110,9 @@ def test_what_would_lock_is_refused() -> None:
     scene = block({**ARTERY, "poisson": 0.497})
     with pytest.raises(SceneError, match=r"inclusion 1: poisson = 0.497.*at most 0.495"):
         build_body(scene, 16e-3, depth_m=1e-3, size_m=2e-3)
+
+
+def test_balls_behind_each_other_are_refused_by_what_a_section_cannot_hold() -> None:
+    scene = block({**BALL, "z_mm": 6.0}, {**BALL, "x_mm": 18.0, "z_mm": -6.0})
+    with pytest.raises(SceneError, match=r"behind each other, 2 mm apart .* more than 5 mm"):
+        build_body(scene, 16e-3, depth_m=1e-3, size_m=2e-3)
