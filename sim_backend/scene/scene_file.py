@@ -322,8 +322,8 @@ def _need_stretch_within(one: Artery, key: str, low_mm: float, high_mm: float) -
     stretch = one.stenosis.z_mm if one.stenosis is not None else None
     if stretch is not None and not (stretch[0] < high_mm and stretch[1] > low_mm):
         raise ValueError(
-            f"{key}.stenosis: z_mm = [{stretch[0]:g}, {stretch[1]:g}] lies outside the block, which "
-            f"reaches from {low_mm:g} to {high_mm:g}"
+            f"{key}.stenosis: z_mm = [{stretch[0]:g}, {stretch[1]:g}] lies outside the block, "
+            f"which reaches from {low_mm:g} to {high_mm:g}"
         )
 
 

@@ -15,6 +15,7 @@ from sim_backend.fem.model import (
     half_contact,
     materials,
 )
+from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.finger import solid_finger
 from sim_backend.fem.solid.forces import Faces
@@ -34,6 +35,8 @@ block's height, and those at an inclusion over its radius. With two thirds of al
 under a ball of 5 mm is within 0.3 % of CalculiX in force and 0.1 % in pulse."""
 SLOWER = 0.8
 """Power of the contact's element size with which the others shrink."""
+MOST_UNKNOWNS = 60_000
+"""No mesh above this is solved: its factors take more than 1.5 GB."""
 HOLD_STIFFNESS = 100.0
 """Of an average that is held, over the tissue's modulus times the width of the hold."""
 
@@ -51,13 +54,19 @@ class _Span:
 
 
 def build_body(
-    scene: Scene, x_m: float, *, depth_m: float, size_m: float, tilt_deg: float = 0.0
+    scene: Scene,
+    x_m: float,
+    *,
+    depth_m: float,
+    size_m: float,
+    tilt_deg: float = 0.0,
+    most_unknowns: float = MOST_UNKNOWNS,
 ) -> Body:
     """Mesh a solid ``scene`` for a press at (``x_m``, z = 0) about ``depth_m`` deep.
 
     ``size_m`` is the element size in the contact. Where the scene is symmetric about z = 0, one
     half is modelled. Raises `SceneError` where inclusions leave no room for elements or lie behind
-    each other, and where elements would lock.
+    each other, and where elements would lock; `CannotSolve` for more than ``most_unknowns``.
     """
     tissue = scene.tissue
     assert tissue is not None and tissue.length_mm is not None  # the scene was checked
@@ -90,13 +99,21 @@ def build_body(
         if isinstance(one, Artery)
         for faces in _lumen(section, cells, solid, one, n, scene)
     )
-    return Body(
+    body = Body(
         wedges, region, shear, bulk,
         _held(scene, nodes, span), lumens, surface, _leaning(scene, nodes, span),
         solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm, tilt_deg),
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
         (section.mesh.nodes, planes_of(edges)),
     )  # fmt: skip
+    if len(body.free) > most_unknowns:
+        raise CannotSolve(
+            "mesh",
+            f"{scene.name}: elements of {1e3 * size_m:.2g} mm under the finger make "
+            f"{len(body.free)} unknowns; at most {most_unknowns:.0f} are solved here, so that the "
+            "largest mesh takes 1.5 GB. Take a larger finger, or a smaller or thicker block.",
+        )
+    return body
 
 
 def grading_of(scene: Scene, size_m: float) -> Grading:

@@ -7,7 +7,7 @@ from math import ceil
 
 from sim_backend.fem.newton import Load, NotConverged
 from sim_backend.fem.solid.body import Body
-from sim_backend.fem.solid.build import build_body
+from sim_backend.fem.solid.build import MOST_UNKNOWNS, build_body
 from sim_backend.fem.solid.mesh_transfer import carried
 from sim_backend.fem.solid.newton import (
     SolidSolution,
@@ -34,14 +34,17 @@ def solve_solid(
     *,
     tilt_deg: float = 0.0,
     coarser: SolvedSolid | None = None,
+    most_unknowns: float = MOST_UNKNOWNS,
 ) -> SolvedSolid:
     """One solution per lumen pressure, ``depth_m`` deep at (``x_m``, z = 0).
 
     The press comes first and the pressures in turn: the answer does not depend on the order, since
     nothing slides with friction. With what was solved on a ``coarser`` mesh the way down need not
-    be gone again. Raises `CannotSolve`.
+    be gone again. Raises `CannotSolve`, also for a mesh of more than ``most_unknowns``.
     """
-    body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, tilt_deg=tilt_deg)
+    body = build_body(
+        scene, x_m, depth_m=depth_m, size_m=size_m, tilt_deg=tilt_deg, most_unknowns=most_unknowns
+    )
     solver = body.solver()
     first = pressures_pa[0] if body.lumens else 0.0
     rest = [Load(depth_m, p) for p in pressures_pa[1:]]

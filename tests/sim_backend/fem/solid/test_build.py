@@ -5,9 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.build import build_body
 from sim_backend.fem.solid.forces import forces_and_tangents, unit_pressure
+from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene, SceneError
 
 ARTERY = {"kind": "artery", "x_mm": 16.0, "depth_mm": 9.0, "inner_diameter_mm": 4.5,
@@ -116,3 +118,17 @@ def test_balls_behind_each_other_are_refused_by_what_a_section_cannot_hold() -> 
     scene = block({**BALL, "z_mm": 6.0}, {**BALL, "x_mm": 18.0, "z_mm": -6.0})
     with pytest.raises(SceneError, match=r"behind each other, 2 mm apart .* more than 5 mm"):
         build_body(scene, 16e-3, depth_m=1e-3, size_m=2e-3)
+
+
+def test_a_mesh_too_large_is_refused_before_it_is_solved() -> None:
+    """A thin block needs small elements all over; its first mesh took all memory there was."""
+    with pytest.raises(CannotSolve, match=r"make \d+ unknowns; at most 1000 .* thicker block"):
+        build_body(block(), 16e-3, depth_m=1e-3, size_m=2e-3, most_unknowns=1000)
+    tissue = {"width_mm": 24.0, "height_mm": 1.0, "length_mm": 20.0, "modulus_kpa": 50.0,
+              "poisson": 0.49}  # fmt: skip
+    thin = Scene.model_validate(
+        {"name": "thin", "plane": "solid", "tissue": tissue,
+         "indenter": {"shape": "sphere", "radius_mm": 5.0}}
+    )  # fmt: skip
+    with pytest.raises(CannotSolve, match="unknowns"):
+        press(thin, 12.0, 0.2, model="solid")
