@@ -29,7 +29,7 @@ GAP = 1.5  # periods of device time between two lines: one is missing
 TIME, UNIT = "time", "unit"
 # Not damage but another pattern: this many lines in a row that do not match, for this long.
 UNMATCHED, UNMATCHED_S = 5, 0.2
-GREETING_S = 0.8  # ... or this long before the first that does: boards print what they are
+GREETING_S = 3.0  # ... or this long before the first that does: boards print what they are
 MAX_SHOWN_BYTES = 60
 Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
@@ -116,6 +116,7 @@ class LineSource:
         self._last_s = -math.inf
         self._arrival_s = clock.now()
         self._partial = b""
+        self._heard = False
         self._started = False  # the first line is half a line
         self._lost = 0
 
@@ -129,6 +130,8 @@ class LineSource:
             self._line.write(self._ask)
         data = read_some(self._line)
         arrival_s = self._clock.now()
+        if data and not self._heard:  # a board that starts when its port is opened is silent first
+            self._heard, self._arrival_s = True, arrival_s
         *lines, self._partial = re.split(rb"[\r\n]+", self._partial + data)
         if len(self._partial) > LINE_MAX:
             self._partial, self._lost = b"", self._lost + 1

@@ -62,7 +62,7 @@ DEVICES = (
     ),
     Mutant(
         "a silent board is believed", GRBL,
-        "if age_s > STALE_S:", "if age_s > 1e9:",
+        "if age_s > self._settings.silent_s:", "if age_s > 1e9:",
         ("tests/drivers/test_grbl_stops.py",),
     ),
     Mutant(

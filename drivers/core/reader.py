@@ -18,7 +18,9 @@ from drivers.core.protocols import Block, Channel, Clock
 
 BUFFER_S = 5.0
 TARE_S = 0.1  # a tare is the mean over this long
-FIRST_S = 1.0  # a device that is there answers within this long, or five periods
+# A device that is there answers within this long, or five periods: opening its port resets an
+# Arduino, whose bootloader takes up to 2 s; HX711 sketches then settle and tare for 3.6 s at 10 Hz.
+FIRST_S = 6.0
 JOIN_S = 2.0
 
 

@@ -21,8 +21,6 @@ from drivers.grbl.line import HOLD, JOG_CANCEL, RESET, Conversation, Status
 from drivers.grbl.words import STATES, pins_in_words
 
 log = logging.getLogger("palpate")
-ANSWER_S = 0.5
-STALE_S = 0.25
 HELLO_S = 4.0  # an Arduino that resets when its port is opened needs two seconds
 HOME_S = 120.0
 INCH_MM = 25.4
@@ -43,7 +41,8 @@ class GrblSettings(Settings):
     ``port`` is a path, ``COM3`` (untested), ``socket://host:port``. ``origin_mm``: where the scan's
     (0, 0, 0) lies in machine coordinates. With ``home`` a scan begins by moving the machine to its
     switches and then to ``park_mm`` in the scan frame, where ``limits_mm`` bounds the targets too;
-    connecting moves nothing. ``status_hz``: position reports asked for a second.
+    connecting moves nothing. ``status_hz``: position reports asked for a second. ``answer_s``: how
+    long the board may take to accept a line; ``silent_s``: how old its newest report may be.
     """
 
     name: str = "grbl"
@@ -55,6 +54,8 @@ class GrblSettings(Settings):
     home: bool = False
     park_mm: Point | None = None
     status_hz: Positive = 50.0
+    answer_s: Positive = 0.5  # grblHAL takes 5 to 12 ms
+    silent_s: Positive = 0.25
 
 
 class GrblStage:
@@ -113,7 +114,7 @@ class GrblStage:
         Raises `DeviceFault`.
         """
         talk = self._line()
-        status = talk.fresh(STALE_S)
+        status = self._fresh(talk)
         if status.state in STATES:
             raise DeviceFault(self.name, STATES[status.state])
         if pressed := pins_in_words(status.pins):
@@ -140,7 +141,7 @@ class GrblStage:
 
     def _find_position(self, talk: Conversation) -> None:
         """Wait until the machine's position is known: some boards say it in every 30th report."""
-        wait_s = ANSWER_S + OFFSET_REPORTS * max(self._period_s, REPORT_S)
+        wait_s = self._settings.answer_s + OFFSET_REPORTS * max(self._period_s, REPORT_S)
         try:
             talk.wait(
                 lambda: talk.status is not None and talk.status.position is not None, wait_s, ""
@@ -155,7 +156,7 @@ class GrblStage:
     def pose(self) -> Pose:
         """The tip as the board reports it, asked for now."""
         talk = self._line()
-        status = talk.fresh(STALE_S)
+        status = self._fresh(talk)
         self._check(talk, status)
         if status.position is None:
             raise DeviceFault(self.name, "has not reported where the machine is ($10)")
@@ -164,14 +165,14 @@ class GrblStage:
     def move(self, target: Pose, speed_m_s: float) -> None:
         """Set off. Raises `DeviceFault` if out of bounds, too fast, moving, or refused."""
         talk = self._line()
-        self._check(talk, talk.fresh(STALE_S))
+        self._check(talk, self._fresh(talk))
         if self.moving():
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
         self._check_speed(target, speed_m_s)
         machine = self._machine_mm(target)
         words = "".join(f"{axis}{at:.4f}" for axis, at in zip("XYZ", machine, strict=True))
         stops = self._stops_before = self._stops
-        talk.command(f"$J=G21G90G53{words}F{60e3 * speed_m_s:.3f}", ANSWER_S)
+        talk.command(f"$J=G21G90G53{words}F{60e3 * speed_m_s:.3f}", self._settings.answer_s)
         self._moved_after = talk.asked
         if stops != self._stops:  # stopped while the board was thinking
             self._send_stop(talk)
@@ -189,9 +190,9 @@ class GrblStage:
         try:
             feed = 60e3 * speed_m_s
             talk.command(f"G21G91G38.2Z{-1e3 * depth_m:.4f}F{feed:.3f}", timeout_s)
-            talk.command("G90", ANSWER_S)
+            talk.command("G90", self._settings.answer_s)
             self._moved_after = talk.asked
-            talk.wait(lambda: talk.probed is not None, ANSWER_S, "no probe report")
+            talk.wait(lambda: talk.probed is not None, self._settings.answer_s, "no probe report")
         except DeviceFault as fault:
             raise DeviceFault(self.name, talk.alarm or fault.reason) from None
         finally:
@@ -209,7 +210,7 @@ class GrblStage:
         board listens to then.
         """
         talk, stops = self._line(), self._stops
-        if talk.fresh(STALE_S).state == "Alarm":  # after some alarms only a reset is listened to
+        if self._fresh(talk).state == "Alarm":  # after some alarms only a reset is listened to
             self._reset(talk)
             asked = self._restarts
             talk.wait(lambda: talk.restarts >= asked, HELLO_S, "no greeting after a reset")
@@ -236,7 +237,7 @@ class GrblStage:
         """Leave an alarm whose cause is gone. The position may be wrong until homed again."""
         talk = self._line()
         talk.alarm = None
-        talk.command("$X", ANSWER_S)
+        talk.command("$X", self._settings.answer_s)
 
     def _park(self, stops: int) -> None:
         """From the switches to where the scan's workspace begins."""
@@ -318,6 +319,9 @@ class GrblStage:
             raise DeviceFault(self.name, "not connected")
         return self._talk
 
+    def _fresh(self, talk: Conversation) -> Status:
+        return talk.fresh(self._settings.silent_s)
+
     def _check(self, talk: Conversation, status: Status) -> None:
         if talk.gone is not None:
             raise DeviceFault(self.name, f"connection lost ({talk.gone})")
@@ -326,8 +330,9 @@ class GrblStage:
         if talk.restarts > self._restarts:
             raise DeviceFault(self.name, "the board restarted by itself; home again")
         age_s = time.monotonic() - status.arrival_s
-        if age_s > STALE_S:
-            raise DeviceFault(self.name, f"silent for {age_s:.2f} s")
+        if age_s > self._settings.silent_s:
+            allowed = f"silent_s = {self._settings.silent_s:g}"
+            raise DeviceFault(self.name, f"silent for {age_s:.2f} s; allowed: {allowed}")
 
     def _check_speed(self, target: Pose, speed_m_s: float) -> None:
         speed = 1e3 * speed_m_s

@@ -15,6 +15,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
+from probe.core.processes import leave_with_parent, starting_workers
 from probe.studies.paper_figures import draw
 from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA
 from sim_backend.fem.small_strain import solve_small
@@ -167,8 +168,12 @@ def paper(out: Path, progress: Callable[[str], None] = print, workers: int = 2) 
     all_tasks = tasks()
     flat = [(figure, task) for figure, some in all_tasks.items() for task in some]
     progress(f"Solving {len(flat)} presses …")
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        rows = list(pool.map(answer, [task for _, task in flat], chunksize=2))
+    with ProcessPoolExecutor(
+        workers, mp_context=get_context("spawn"), initializer=leave_with_parent
+    ) as pool:
+        with starting_workers():
+            answers = pool.map(answer, [task for _, task in flat], chunksize=2)
+        rows = list(answers)
     table = pd.DataFrame([{"figure": f, **row} for (f, _), row in zip(flat, rows, strict=True)])
     table.to_csv(out / "paper.csv", index=False)
     readings = sensitivity(table)

@@ -127,7 +127,10 @@ def test_the_stream_comes_back_and_counts_what_was_lost(device: Served, clock: W
     assert gap == pytest.approx(0.01 * (lost + 1), abs=0.012)
 
 
-def test_silence_at_connection_is_absence(device: Served, clock: WallClock) -> None:
+def test_silence_at_connection_is_absence(
+    device: Served, clock: WallClock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.core.reader.FIRST_S", 1.0)
     device.fail("silence")
     with pytest.raises(DeviceAbsent, match=r"no reading within 1 s|polls in a row"):
         open_sensor(clock, Ft300Settings(port=device.address)).connect()

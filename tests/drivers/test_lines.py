@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from waiting import until
 
 from drivers import Block, ConfigError, DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
@@ -69,6 +70,17 @@ def hear(sensor: LineSensor, count: int) -> tuple[list[float], int]:
     return values, lost
 
 
+def settled(sensor: LineSensor) -> float:
+    """Wait until the stamps of 20 lines follow their clock; the last one's.
+
+    On a busy machine it takes a while until a line arrives as early as it can.
+    """
+    times: list[float] = []
+    while len(times) < 21 or np.diff(times[-21:]).min() < 0.0115:
+        times += gather(sensor, 0.02).time_s.tolist()
+    return times[-1]
+
+
 def test_force_and_time_are_the_devices(cell: tuple[Served, Phantom], clock: WallClock) -> None:
     device, phantom = cell
     sensor = open_sensor(
@@ -76,6 +88,7 @@ def test_force_and_time_are_the_devices(cell: tuple[Served, Phantom], clock: Wal
     )
     sensor.connect()
     sensor.start()
+    settled(sensor)
     phantom.tip.move(clock.now() + 0.1, (0.032, 0.0, -0.002), 0.02, 1.0)
     block = gather(sensor, 0.6)
     sensor.close()
@@ -95,21 +108,26 @@ def test_missing_lines_and_a_restarted_clock_are_seen(
     )
     sensor.connect()
     sensor.start()
-    gather(sensor, 0.1)
+    times, lost = [settled(sensor)], 0
     device.fail("silence")
-    time.sleep(0.2)
+    silent_s = clock.now()
+    until(lambda: device._device._next_s > silent_s + 0.2, 30.0)  # type: ignore[attr-defined]
     device.fail(None)
-    block = gather(sensor, 0.2)
-    assert block.lost == pytest.approx(16, abs=3)
+    while not lost:
+        block = gather(sensor, 0.01)
+        times, lost = times + block.time_s.tolist(), block.lost
+    said = round((times[-1] - times[0]) * 80) + 1
+    assert lost == pytest.approx(said - len(times), abs=1)
+    assert lost > 10
     device.fail("restart")
-    again = gather(sensor, 0.2)
-    assert len(again.time_s) > 10
-    assert again.time_s[0] > block.time_s[-1]
+    hear(sensor, 20)
+    again = gather(sensor, 0.1)
+    assert again.time_s[0] > times[-1]
     assert (np.diff(again.time_s) > 0).all()
     device.fail("nan")
-    time.sleep(0.05)
-    sensor.read()
-    assert len(gather(sensor, 0.1).time_s) == 0  # not a number is not a reading
+    with pytest.raises(DeviceFault, match=r"the last is '[0-9]+ nan N'"):
+        while True:  # not a number is not a reading
+            assert np.isfinite(gather(sensor, 0.01).values).all()
     sensor.close()
 
 
@@ -130,10 +148,12 @@ def test_a_gauge_that_speaks_when_asked_in_grams(clock: WallClock, tmp_path: Pat
         assert [c.unit for c in sensor.channels] == ["N", "V"]
         sensor.connect()
         sensor.start()
-        block = gather(sensor, 0.4)
+        block = sensor.read()
+        while len(block.time_s) == 0:
+            block = gather(sensor, 0.01)
+        asked = says.asked.count(b"?")
+        assert until(lambda: says.asked.count(b"?") > asked + 20) < 0.8  # 50 a second
         sensor.close()
-    assert says.asked.startswith(b"?\r?\r")
-    assert len(block.time_s) == pytest.approx(18, abs=6)
     assert block.values[0] == pytest.approx([12.5 * 9.80665e-3, 3.0])
     assert block.saturated[0].tolist() == [True, False]
 
@@ -234,7 +254,32 @@ def test_a_number_written_otherwise_is_none(decimal: str, thousands: str, text: 
         number_reader(decimal, thousands)(text.encode("latin-1"))
 
 
-def test_what_does_not_match_is_shown(clock: WallClock, tmp_path: Path) -> None:
+def test_a_board_that_starts_when_its_port_is_opened_is_waited_for(
+    clock: WallClock, tmp_path: Path
+) -> None:
+    """An Arduino is silent while it starts, prints what it is, tares, and then prints readings."""
+    says = Says()
+    with served(says, str(tmp_path / "cell"), "cell") as device:
+        sensor = open_sensor(
+            clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
+        )
+        with ThreadPoolExecutor(1) as other:
+            connected = other.submit(sensor.connect)
+            time.sleep(1.3)
+            says.say(b"\nHX711\nscale 1\noffset 2\nset up\ntare\n")
+            time.sleep(0.9)
+            says.say(b"done\n")
+            while not connected.done():
+                says.say(b"1.0 N\n")
+                time.sleep(0.01)
+            connected.result()
+        sensor.close()
+
+
+def test_what_does_not_match_is_shown(
+    clock: WallClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.lines.GREETING_S", 0.1)
     says = Says()
     with served(says, str(tmp_path / "cell"), "cell") as device:
         sensor = open_sensor(

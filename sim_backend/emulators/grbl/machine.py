@@ -26,6 +26,7 @@ SETTINGS = {
 SWITCH_MM = 0.5  # the limit switches sit this far beyond the soft limits
 INCH_MM = 25.4
 CRITICAL = (1, 2, 10)  # after these only a reset is listened to
+LATCH_S = 1e-5  # a step of 0.04 um at 4 mm/s
 AT_ONCE_MM_S2 = 1e6  # an alarm cuts the motors: from the greatest speed to rest within 5 um
 
 
@@ -62,6 +63,7 @@ class GrblMachine:
         self._said = ""
         self._queue: deque[Motion] = deque()
         self._now: Motion | None = None
+        self._looked_s = 0.0  # when a probe's contact was last looked at
         self._relative = False
         self._inches = False
         self._reports = 0
@@ -81,6 +83,7 @@ class GrblMachine:
         self._state = "Run" if motion.kind == "Probe" else motion.kind
         target = 1e-3 * (np.array(motion.target) - self._origin)
         x, y, z = target.tolist()
+        self._looked_s = self._time()
         self._held = not self._ready((x, y, z))
         if self._held:
             return
@@ -106,10 +109,19 @@ class GrblMachine:
         self._next()
 
     def _feel(self) -> None:
-        now = self._time()
-        if not self._touching(now):
+        """A board latches in its steps' interrupt, this one when it looks: the contact between two
+        looks, which a busy machine takes far apart, is found by halving."""
+        before_s, now_s = self._looked_s, self._time()
+        self._looked_s = now_s
+        if not self._touching(now_s):
             return
-        self._said += self._probe_report(self._place(), hit=True)
+        while now_s - before_s > LATCH_S:
+            middle_s = (before_s + now_s) / 2
+            if self._touching(middle_s):
+                now_s = middle_s
+            else:
+                before_s = middle_s
+        self._said += self._probe_report(self._place_at(now_s), hit=True)
         self._halt(self._settings[122])
         self._now = Motion("Touched", self._place(), 0.0)
 
@@ -153,7 +165,10 @@ class GrblMachine:
         )
 
     def _place(self) -> Point:
-        x, y, z = (1e3 * np.array(self._phantom.tip.point(self._time())) + self._origin).tolist()
+        return self._place_at(self._time())
+
+    def _place_at(self, time_s: float) -> Point:
+        x, y, z = (1e3 * np.array(self._phantom.tip.point(time_s)) + self._origin).tolist()
         return (x, y, z)
 
     def _time(self) -> float:

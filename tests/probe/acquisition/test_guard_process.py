@@ -36,6 +36,8 @@ driver = "grbl"
 port = "{board}"
 simulated = true
 origin_mm = [-80.0, -20.0, -52.0]
+answer_s = 5.0
+silent_s = 5.0
 [[sensor]]
 driver = "ft300"
 port = "{sensor}"

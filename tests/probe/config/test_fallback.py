@@ -33,10 +33,14 @@ hold_s = 0.2
 settle_s = 0.15
 [safety]
 retract_mm = 0.5
+silence_s = 5.0
+late_s = 5.0
+hardest_n_mm = 1.0
 [scene]
 name = "TIHA"
 """
-GRBL = "origin_mm = [-80.0, -20.0, -52.0]"
+# the emulator shares this machine with other tests
+GRBL = "origin_mm = [-80.0, -20.0, -52.0]\nanswer_s = 5.0\nsilent_s = 5.0"
 
 
 def rig_file(folder: Path, stage: str, sensor: str) -> Path:
