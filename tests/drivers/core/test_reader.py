@@ -17,8 +17,10 @@ class Feed:
         self.coming: list[Sample] = [Sample(0.0, [0.0])]
         self.error: Exception | None = None
         self.closed_by: threading.Thread | None = None
+        self.reads = 0
 
     def read(self) -> list[Sample]:
+        self.reads += 1
         if self.error is not None:
             raise self.error
         found, self.coming = self.coming, []
@@ -41,7 +43,9 @@ def send(feed: Feed, samples: list[Sample]) -> None:
     feed.coming = samples
     while feed.coming:
         time.sleep(0.001)
-    time.sleep(0.01)
+    reads = feed.reads  # the next one comes when these samples are kept
+    while feed.reads == reads and feed.closed_by is None:
+        time.sleep(0.001)
 
 
 def test_what_is_not_read_is_dropped_oldest_first_and_counted() -> None:
