@@ -32,6 +32,10 @@ logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # faults say wh
 MAX_REGISTERS = 125
 MAX_FAILED = 3
 LATE_S = 0.5
+BUSY = {5: "acknowledged, not done yet", 6: "busy"}
+BUSY_S = 0.2  # a scan ends sooner than this only for a line or an answer that is wrong
+SHOWN_BYTES = 12
+FUNCTIONS = {"holding": 3, "input": 4}
 Client = ModbusTcpClient | ModbusSerialClient
 Kind = Literal["int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"]
 Order = Literal["ABCD", "BADC", "CDAB", "DCBA"]
@@ -150,7 +154,8 @@ class ModbusSource:
         self._name = name
         self._bus = bus
         self._client = client = bus.client
-        self._heard = 0
+        self._sent = self._heard = b""
+        self._good_s = clock.now()
         self._registers = registers
         self._device_id = device_id
         self._byte_order = byte_order
@@ -159,7 +164,7 @@ class ModbusSource:
         self._first = min(r.address for r in registers)
         self._count = max(r.address + r.words for r in registers) - self._first
         tables = {"holding": client.read_holding_registers, "input": client.read_input_registers}
-        self._ask = tables[table]
+        self._ask, self._table = tables[table], table
         self._due_s = clock.now()
         self._failed = 0
         if not bus.enter():
@@ -177,15 +182,17 @@ class ModbusSource:
             return self._poll()
 
     def _poll(self) -> list[Sample]:
-        self._heard = 0
+        self._sent = self._heard = b""
         asked_s = self._clock.now()
         missed = max(math.floor((asked_s - self._due_s) / self._period_s), 0)
         self._due_s += (1 + missed) * self._period_s
         try:
             reply = self._ask(self._first, count=self._count, device_id=self._device_id)
         except (ModbusException, OSError) as error:
-            self._recover(str(error))
+            self._recover(self._no_answer(str(error)))
             return []
+        if (busy := BUSY.get(getattr(reply, "exception_code", 0))) is not None:
+            return self._busy(f"Modbus exception {reply.exception_code}: {busy}")
         if (why := self._wrong(reply)) is not None:
             self._recover(why)
             return []
@@ -194,6 +201,7 @@ class ModbusSource:
         if not all(map(math.isfinite, values)):
             return self._no_number(values)
         lost, self._failed = missed + self._failed, 0
+        self._good_s = middle_s
         return [Sample(middle_s - self._latency_s, values, lost)]
 
     def _no_number(self, values: list[float]) -> list[Sample]:
@@ -207,15 +215,33 @@ class ModbusSource:
             )
         return []
 
+    def _busy(self, why: str) -> list[Sample]:
+        """A device that is busy says so: the line is well, the sample lost."""
+        self._failed += 1
+        if self._failed >= MAX_FAILED and self._clock.now() - self._good_s > BUSY_S:
+            raise DeviceFault(self._name, f"{self._failed} polls in a row failed: {why}")
+        return []
+
     def close(self) -> None:
         """Leave the line."""
         self._bus.leave()
 
     def _trace(self, sending: bool, data: bytes) -> bytes:
         """Hook of pymodbus: what passes on the line."""
-        if not sending:
-            self._heard += len(data)
+        if sending:
+            self._sent = data
+        else:
+            self._heard += data
         return data
+
+    def _no_answer(self, why: str) -> str:
+        """What came instead of an answer, since that says what is wrong with a line."""
+        if not self._heard:
+            return why
+        if self._heard.startswith(self._sent):
+            return "what is sent comes back: switch off the adapter's echo"
+        shown = self._heard[:SHOWN_BYTES].hex(" ")
+        return f"{shown} is no answer: see baud, parity, device_id and the line's termination"
 
     def _wrong(self, reply: ModbusPDU) -> str | None:
         if reply.isError():
@@ -226,6 +252,8 @@ class ModbusSource:
                     self._name, f"refuses registers {first} to {last} (Modbus exception {code})"
                 )
             return f"Modbus exception {code}"
+        if reply.function_code != FUNCTIONS[self._table]:  # an answer to somebody else
+            return f"an answer of function {reply.function_code}"
         if len(reply.registers) != self._count:
             return f"{len(reply.registers)} registers instead of {self._count}"
         return None

@@ -4,6 +4,7 @@ Single real-time bytes (``?``, ``!``, 0x85, 0x18) may be sent in the middle of a
 wait for no lock; lines wait for their ``ok``.
 """
 
+import math
 import re
 import threading
 import time
@@ -58,6 +59,7 @@ class Conversation:
         self.gone: str | None = None
         self.restarts = 0
         self.asked = 0
+        self.unanswered = False  # the last line: the board may still carry it out
         self.arrived = threading.Condition()
         self.after_status: Callable[[Status], None] = lambda _status: None
         self._device = device
@@ -85,6 +87,7 @@ class Conversation:
         with self._one_line:
             with self.arrived:
                 self._replies.clear()
+                self.unanswered = True
                 alarm = self.alarm
             try:
                 self._line.write(text.encode("ascii") + b"\n")
@@ -171,11 +174,13 @@ class Conversation:
                 self._report(text)
             elif text == "ok" or text.startswith("error:"):
                 self._replies.append(text)
+                self.unanswered = False
             elif text.startswith("ALARM:"):
                 number = text[6:]
                 self.alarm = alarm_in_words(int(number)) if number.isdigit() else text
             elif text.lower().startswith("grbl"):
                 self.restarts += 1
+                self.unanswered = False
                 self._replies.append("the board was reset")
             elif found := _PROBE.fullmatch(text):
                 x, y, z = (float(v) for v in found.groups()[:3])
@@ -211,5 +216,8 @@ class Conversation:
 
 
 def _point(text: str) -> Point:
+    """Raises `ValueError` for what is no place."""
     x, y, z = (float(v) for v in text.split(",")[:3])
+    if not all(map(math.isfinite, (x, y, z))):
+        raise ValueError(text)
     return (x, y, z)

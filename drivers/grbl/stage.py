@@ -9,6 +9,7 @@ import logging
 import math
 import threading
 import time
+from contextlib import suppress
 from typing import Annotated
 
 from pydantic import Field
@@ -21,6 +22,7 @@ from drivers.grbl.line import HOLD, JOG_CANCEL, RESET, Conversation, Status
 from drivers.grbl.words import STATES, pins_in_words
 
 log = logging.getLogger("palpate")
+LATE_LINE_S = 2.0  # a line that has waited this long in a board that works is lost
 HELLO_S = 4.0  # an Arduino that resets when its port is opened needs two seconds
 HOME_S = 120.0
 INCH_MM = 25.4
@@ -89,8 +91,9 @@ class GrblStage:
         except DeviceFault as fault:
             talk.close()
             raise DeviceAbsent(
-                self.name, f"no GRBL answers at {keys.port}: {fault.reason}"
-            ) from None
+                self.name, f"no GRBL answers at {keys.port}: {fault.reason}. GRBL 1.1 is silent "
+                "after a limit alarm until it is reset (its button, or power), and while it homes"
+            ) from None  # fmt: skip
         self._stopping.clear()
         self._restarts = talk.restarts  # opening the port resets an Arduino
         talk.after_status = self._finish_stop
@@ -168,6 +171,8 @@ class GrblStage:
         self._check(talk, self._fresh(talk))
         if self.moving():
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
+        if talk.unanswered:  # a stop of the move before waits for it no longer
+            self._stopping.clear()
         self._check_speed(target, speed_m_s)
         machine = self._machine_mm(target)
         words = "".join(f"{axis}{at:.4f}" for axis, at in zip("XYZ", machine, strict=True))
@@ -278,6 +283,11 @@ class GrblStage:
         if talk is not None:
             if talk.gone is None:
                 self._send_stop(talk)
+            if talk.unanswered:  # a line that the board takes late must not move it unguarded
+                self._talk = talk
+                with suppress(DeviceFault):
+                    talk.wait(lambda: not self._stopping.is_set(), LATE_LINE_S, "")
+                self._talk = None
             talk.close()
 
     def _send_stop(self, talk: Conversation) -> None:
@@ -311,7 +321,7 @@ class GrblStage:
             self._stopping.clear()
         elif status.state in ("Jog", "Run"):
             talk.realtime(JOG_CANCEL if status.state == "Jog" else HOLD)
-        elif status.state != "Hold":
+        elif status.state != "Hold" and not talk.unanswered:
             self._stopping.clear()
 
     def _line(self) -> Conversation:

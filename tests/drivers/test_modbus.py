@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from pydantic import ValidationError
+from pymodbus.framer import FramerRTU
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
@@ -17,7 +18,7 @@ from drivers import DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
 from drivers.modbus import ModbusSettings, Register, open_sensor
 from sim_backend.emulators.modbus import ModbusSlave
-from sim_backend.emulators.serving import served
+from sim_backend.emulators.serving import Served, served
 
 FLOAT = struct.unpack(">HH", struct.pack(">f", 2.5))
 
@@ -244,3 +245,90 @@ def test_two_sensors_on_one_line_take_turns() -> None:
         sensors[1].close()
         sensors[0].connect()  # and the line can be opened again
         sensors[0].close()
+
+
+def frame(body: bytes) -> bytes:
+    return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
+
+
+class Answers:
+    """Answers each request for one register of device 1 with what the test has."""
+
+    faults = ()
+
+    def __init__(self, *answers: bytes) -> None:
+        self.answers, self.asked = list(answers), 0
+
+    def received(self, data: bytes) -> bytes:
+        self.asked += 1
+        return self.answers[(self.asked - 1) % len(self.answers)] or data
+
+    def due(self) -> bytes:
+        return b""
+
+    def fail(self, _fault: str) -> None: ...
+
+
+READING, ECHO = frame(b"\x01\x03\x02\x00\x07"), b""
+BUSY = frame(b"\x01\x83\x06")
+
+
+def on_register(device: Served, **keys: Any) -> LineSensor:
+    register = [Register(name="n", address=0, unit="-")]
+    return opened(port=device.address, register=register, timeout_ms=1000.0, **keys)
+
+
+@pytest.mark.parametrize("wrong", [
+    frame(b"\x01\x04\x02\x22\x22"), frame(b"\x01\x03\x04\x22\x22\x22\x22"), frame(b"\x01\x83\x05"),
+])  # fmt: skip
+def test_an_answer_to_another_question_is_no_reading(wrong: bytes) -> None:
+    with served(Answers(READING, READING, wrong), "pty", "modbus") as device:
+        sensor = on_register(device)
+        sensor.connect()
+        sensor.start()
+        values: set[float] = set()
+        lost, end_s = 0, time.monotonic() + 20.0
+        while lost < 3 and time.monotonic() < end_s:
+            block = sensor.read()
+            values |= set(block.values[:, 0].tolist())
+            lost += block.lost
+            time.sleep(0.01)
+        assert lost >= 3
+        assert values == {7.0}
+        sensor.close()
+
+
+def test_a_busy_device_is_waited_for_but_not_for_long() -> None:
+    peer = Answers(READING, BUSY, BUSY, BUSY, BUSY)
+    with served(peer, "pty", "modbus") as device:
+        sensor = on_register(device, rate_hz=50.0)
+        sensor.connect()
+        sensor.start()
+        end_s = time.monotonic() + 20.0
+        while sensor.read().lost < 4:  # four in a row, 80 ms
+            assert time.monotonic() < end_s
+            time.sleep(0.02)
+        peer.answers = [BUSY]
+        with pytest.raises(DeviceFault, match="polls in a row failed: Modbus exception 6: busy"):
+            while time.monotonic() < end_s:
+                sensor.read()
+                time.sleep(0.01)
+        sensor.close()
+
+
+@pytest.mark.parametrize(
+    ("answer", "words"),
+    [
+        (ECHO, "what is sent comes back: switch off the adapter's echo"),
+        (b"\x00\xff" + READING, r"00 ff 01 03 02 00 07 .* is no answer: see baud, parity"),
+    ],
+)
+def test_what_comes_instead_of_an_answer_is_told(
+    answer: bytes, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("drivers.modbus.LATE_S", 0.0)
+    with served(Answers(answer), "pty", "modbus") as device:
+        register = [Register(name="n", address=0, unit="-")]
+        sensor = opened(port=device.address, register=register, timeout_ms=200.0)
+        with pytest.raises(DeviceAbsent, match=words):
+            sensor.connect()

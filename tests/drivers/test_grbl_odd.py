@@ -1,0 +1,118 @@
+"""The GRBL driver on a board with odd habits, written from GRBL 1.1's own documents and source."""
+
+import re
+import time
+from collections.abc import Iterator
+
+import pytest
+from waiting import until
+
+from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
+from drivers.grbl.stage import GrblSettings, GrblStage, open_stage
+from sim_backend.emulators.serving import Served, served
+
+
+class Board:
+    """Jogs for ever, until 0x85; it heeds that only while it jogs, as GRBL's serial.c does."""
+
+    faults = ()
+
+    def __init__(self) -> None:
+        self.place, self.state = "0.000,0.000,0.000", "Idle"
+        self.mute, self.late_s = False, 0.0
+        self.jogs = self.cancelled = 0
+        self._line, self._begins_s = b"", float("inf")
+
+    def received(self, data: bytes) -> bytes:
+        answer = b""
+        for byte in () if self.mute else re.findall(rb"(?s).", data):
+            if byte == b"?":
+                answer += f"<{self.state}|MPos:{self.place}|Bf:15,128>\r\n".encode()
+            elif byte == b"\x85":
+                if self.state == "Jog":
+                    self.state, self.cancelled = "Idle", self.cancelled + 1
+            elif byte != b"\n":
+                self._line += byte
+            else:
+                line, self._line = self._line, b""
+                if line.startswith(b"$J="):
+                    self._begins_s = time.monotonic() + self.late_s
+                else:
+                    answer += b"ok\r\n"
+        return answer
+
+    def due(self) -> bytes:
+        if time.monotonic() < self._begins_s:
+            return b""
+        self._begins_s, self.state, self.jogs = float("inf"), "Jog", self.jogs + 1
+        return b"ok\r\n"
+
+    def fail(self, _fault: str) -> None: ...
+
+
+@pytest.fixture
+def board() -> Board:
+    return Board()
+
+
+@pytest.fixture
+def line(board: Board) -> Iterator[Served]:
+    with served(board, "pty", "grbl") as device:
+        yield device
+
+
+@pytest.fixture
+def stage(line: Served) -> Iterator[GrblStage]:
+    keys = GrblSettings(port=line.address, answer_s=0.2, silent_s=0.5)
+    made = open_stage(WallClock(), keys)
+    made.connect()
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize("place", ["nan,nan,nan", "0.000,inf,0.000"])
+def test_a_position_that_is_no_number_is_no_pose(
+    stage: GrblStage, board: Board, place: str
+) -> None:
+    board.place = place
+    with pytest.raises(DeviceFault, match="no status"):
+        until(lambda: stage.pose() is None)
+
+
+def test_a_board_that_a_limit_alarm_has_silenced_is_told(
+    line: Served, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """GRBL 1.1 loops until it is reset, and answers no `?` meanwhile."""
+    monkeypatch.setattr("drivers.grbl.stage.HELLO_S", 0.2)
+    board.mute = True
+    with pytest.raises(DeviceAbsent, match="silent after a limit alarm until it is reset"):
+        open_stage(WallClock(), GrblSettings(port=line.address)).connect()
+
+
+@pytest.mark.parametrize("ends", ["stop", "close"])
+def test_a_move_that_is_taken_late_is_stopped_all_the_same(
+    stage: GrblStage, board: Board, ends: str
+) -> None:
+    """The stop comes before the board has begun, and is not heeded then."""
+    board.late_s = 0.8
+    with pytest.raises(DeviceFault, match="no answer"):
+        stage.move(Pose(0.05, 0.0, 0.0), 0.01)
+    assert board.jogs == 0
+    getattr(stage, ends)()
+    until(lambda: board.jogs == 1)
+    until(lambda: board.cancelled == 1)
+
+
+def test_a_move_after_one_that_was_never_answered_is_not_stopped(
+    stage: GrblStage, board: Board
+) -> None:
+    """Such as the lift after a line that was lost."""
+    board.late_s = 1e6
+    with pytest.raises(DeviceFault, match="no answer"):
+        stage.move(Pose(0.0, 0.0, -0.001), 0.01)
+    stage.stop()
+    board.late_s = 0.0
+    stage.move(Pose(0.0, 0.0, 0.005), 0.01)
+    until(lambda: board.jogs == 1)
+    time.sleep(0.3)
+    assert (board.state, board.cancelled) == ("Jog", 0)
