@@ -10,7 +10,7 @@ import mkdocs_gen_files
 import typer.main
 
 import palpate
-from probe.cli import build
+from probe.cli.command_line import build
 from probe.config.rig import Rig
 
 GENERATED = "<!-- Made from the code by docs/generate.py. -->\n\n"

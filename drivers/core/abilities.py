@@ -12,6 +12,11 @@ def enable(stage: Stage) -> list[str]:
     return [] if own is None else list(own())
 
 
+def enable_s(stage: Stage) -> float:
+    """How long `enable` may take, where the rig file says so; 0 if the stage does not tell."""
+    return float(getattr(stage, "enable_s", 0.0))
+
+
 def keep_alive(stage: Stage) -> None:
     """Tell a stage with a watchdog that somebody has just checked the force."""
     if (own := getattr(stage, "keep_alive", None)) is not None:

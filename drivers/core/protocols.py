@@ -84,6 +84,7 @@ class Stage(Protocol):
       blocks, goes wherever the scan may begin, and raises `DeviceFault` when stopped.
     - ``enable() -> list[str]``: make ready to move (upload a program, set what the rig file says)
       without moving; what then holds, in words. Called once, before a scan's first move.
+    - ``enable_s``: how long `enable` may take, for one that may need more than a few seconds.
     - ``keep_alive()``: called by whoever checks the force, each time that it has; a device with a
       watchdog halts by itself when the calls stop.
     - ``start_again()``: called by the way out alone, where the stage does not answer: what its

@@ -56,6 +56,11 @@ class UrStage:
                 self.name, keys.host, keys.frequency_hz, keys.silence_s, keys.connect_s
             )
 
+    @property
+    def enable_s(self) -> float:
+        """How long `enable` may take: `connect_s` of the rig file."""
+        return self._settings.connect_s
+
     def enable(self) -> list[str]:
         """Upload the control program, set TCP and payload; what then holds, in words.
 

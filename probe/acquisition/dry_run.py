@@ -14,6 +14,8 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.core.extras import needs
+from probe.acquisition.engine import TOUCH_GAP_M, TOUCH_M_S
+from probe.acquisition.levels import LEVEL_S
 from probe.acquisition.preflight import (
     Check,
     calibration_check,
@@ -32,7 +34,7 @@ DISK_RESERVE = 2.0
 
 @dataclass(frozen=True)
 class DryRun:
-    """All checks, the scan's duration [s] and the run file's size [bytes]."""
+    """All checks, the scan's duration [s] (see `scan_seconds`) and the run file's size [bytes]."""
 
     checks: tuple[Check, ...]
     seconds: float
@@ -51,14 +53,14 @@ class DryRun:
 def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = None) -> DryRun:
     """Check a rig file's scan against its limits, the disk of ``out`` and the sensors' noise."""
     plan = plan_for(rig)
-    seconds = scan_seconds(plan)
+    seconds, search_s = scan_seconds(plan), search_seconds(plan)
     noises = [known_noise(device) for device in rig.sensor]
-    size_bytes = 1.3 * seconds * (sum(24 * one.rate_hz for one in noises) + 32 * 125)
+    size_bytes = 1.3 * (seconds + search_s) * (sum(24 * one.rate_hz for one in noises) + 32 * 125)
     checks = [
         _reach(rig, plan),
         *_beside(plan, scene),
         *device_checks(rig, plan, scene, respond),
-        Check("time", "ok", f"{len(plan.places)} presses in about {seconds:.0f} s"),
+        Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),
         _disk(out, size_bytes),
         *(calibration_check(key, Path(file)) for key, file in rig.calibration.items()),
     ]
@@ -69,14 +71,34 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
 
 
 def scan_seconds(plan: Plan) -> float:
-    """How long the scan takes, without the stage's acceleration."""
-    height = plan.travel_z_m
+    """How long the scan takes from above its first station on, without the stage's acceleration.
+
+    A surface that is found by touch is taken to lie where it is planned: see `search_seconds`.
+    """
+    height, count = plan.travel_z_m, len(plan.places)
     drops = sum(height - plan.at_surface(place).z for place in plan.places)
     ways = sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in pairwise(plan.places))
-    lifts = drops + len(plan.places) * plan.indentation_m
-    each_s = plan.settle_s + plan.ramp_s + plan.hold_s
+    lifts = drops + count * plan.indentation_m
+    touch_s = 0.0
+    if plan.touch_n is not None:
+        touch_s = TOUCH_GAP_M / TOUCH_M_S - TOUCH_GAP_M / plan.approach_m_s
+    level_s = plan.settle_s + LEVEL_S  # in the air, before each tare and after the last press
+    away_s = 2 * plan.clearance_m / plan.travel_m_s + level_s + plan.settle_s  # at the first tare
+    each_s = level_s + touch_s + plan.ramp_s + plan.hold_s
     moves_s = (ways + lifts) / plan.travel_m_s + drops / plan.approach_m_s
-    return moves_s + len(plan.places) * each_s
+    return moves_s + count * each_s + away_s + level_s
+
+
+def search_seconds(plan: Plan) -> float:
+    """How much longer it takes at most where the surface lies deeper than planned."""
+    return 0.0 if plan.touch_n is None else len(plan.places) * plan.search_m / TOUCH_M_S
+
+
+def _time_words(presses: int, seconds: float, search_s: float) -> str:
+    text = f"{presses} presses in about {seconds:.0f} s from above the first station on"
+    if search_s:
+        text += f", and up to {search_s:.0f} s more where the surface lies deeper than planned"
+    return text
 
 
 def draw_path(rig: Rig, file: Path) -> None:

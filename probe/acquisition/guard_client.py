@@ -57,6 +57,7 @@ class GuardClient:
         self._asked = 0
         self._launch()
         facts = self._open(order, None)
+        self._enable_s = facts.enable_s
         self.stage = RemoteStage(facts, self)
         self.sensors = tuple(RemoteSensor(one) for one in facts.sensors)
         self.notes, self.scene = facts.notes, facts.scene
@@ -273,8 +274,10 @@ class GuardClient:
             self._urgent.close()
             try:
                 self._launch()
-                self._open(order, OPEN_S)
-                done, answer = self._ask("take_over", DIED, not self._homing)
+                self._open(order, OPEN_S + self._enable_s)
+                done, answer = self._ask(
+                    "take_over", DIED, not self._homing, extra_s=self._enable_s
+                )
             except (EOFError, OSError, DeviceFault, ConfigError) as error:
                 failed = failed or error
                 continue

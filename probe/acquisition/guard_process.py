@@ -57,12 +57,13 @@ class SensorFacts:
 
 @dataclass(frozen=True)
 class Facts:
-    """What was opened."""
+    """What was opened; ``enable_s`` as `drivers.core.abilities.enable_s`."""
 
     stage: str
     simulated: bool
     turns: bool
     homes: bool
+    enable_s: float
     sensors: tuple[SensorFacts, ...]
     scene: Scene | None
     notes: tuple[str, ...]
@@ -249,6 +250,7 @@ def _ready(order: Order, devices: Devices, urgent: Connection) -> tuple[Facts, S
         devices.stage.simulated,
         getattr(devices.stage, "turns", False),
         getattr(devices.stage, "homes", False),
+        abilities.enable_s(devices.stage),
         tuple(SensorFacts(s.name, s.channels, s.rate_hz) for s in devices.sensors),
         scene,
         devices.notes,

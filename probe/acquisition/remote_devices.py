@@ -25,7 +25,7 @@ class RemoteStage:
     def __init__(self, facts: Facts, client: Line) -> None:
         self.name, self.simulated = facts.stage, facts.simulated
         self.turns, self.homes = facts.turns, facts.homes
-        self._client = client
+        self._enable_s, self._client = facts.enable_s, client
 
     @property
     def pace(self) -> float:
@@ -34,7 +34,7 @@ class RemoteStage:
 
     def enable(self) -> list[str]:
         """As `drivers.core.abilities.enable`."""
-        return list(self._client.call("enable"))
+        return list(self._client.call("enable", extra_s=self._enable_s))
 
     def unreachable(self, poses: list[Pose]) -> dict[Pose, str]:
         """As `drivers.core.abilities.unreachable`."""

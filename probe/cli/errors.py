@@ -7,9 +7,11 @@ from typing import Any
 
 import typer
 
+from probe.cli import ABORTED
+
 # Every complaint about the command line: click's base class, whichever click typer brings along.
 Misused: Any = typer.BadParameter.__mro__[2]
-BAD_INPUT, FAULT, UNSOLVED, ABORTED, INTERRUPTED, BUG = 2, 3, 4, 5, 130, 70
+BAD_INPUT, FAULT, UNSOLVED, BUG = 2, 3, 4, 70
 STATUSES = {
     "sim_backend.fem.newton:CannotSolve": UNSOLVED,
     "sim_backend.scene.scene_file:SceneError": BAD_INPUT,
@@ -41,12 +43,16 @@ EXTRA_OF = {
 """Libraries that a command may ask for, and the extra that brings them."""
 
 
+class Stopped(Exception):
+    """Ctrl-C during a command; its text says what is kept, and where."""
+
+
 def status_of(error: BaseException) -> tuple[int, str]:
     """Exit status, and what to say to the user (empty if it was said already)."""
     if isinstance(error, typer.Exit):
         return error.exit_code, ""
-    if isinstance(error, KeyboardInterrupt | typer.Abort):
-        return INTERRUPTED, "interrupted"
+    if isinstance(error, Stopped | KeyboardInterrupt | typer.Abort):
+        return ABORTED, f"stopped: {error}" if str(error) else "stopped"
     if isinstance(error, Misused):
         where = getattr(error, "ctx", None)
         command = where.command_path if where is not None else "palpate"

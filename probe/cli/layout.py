@@ -5,6 +5,8 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
+from probe.cli.errors import Stopped
+
 SECTIONS: dict[str, dict[str, str]] = {
     "Scan": {
         "scan": "palpate scan rigs/ur5e.toml --dry-run",
@@ -51,6 +53,13 @@ SECTIONS: dict[str, dict[str, str]] = {
 
 class Grouped(TyperGroup):
     """Lists the commands under the headings of `SECTIONS`."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Typer makes a bare exit status of Ctrl-C, without what was said to be kept."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as stopped:
+            raise Stopped(str(stopped)) from None
 
     # What click gives it: click itself or the copy in typer, by typer's version.
     def format_commands(self, _ctx: Any, formatter: Any) -> None:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from probe.cli import ABORTED
 from probe.cli.arguments import RunFile, scene_names
-from probe.cli.errors import ABORTED, FAULT
+from probe.cli.errors import FAULT
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
 from probe.cli.windows import need_windows
 

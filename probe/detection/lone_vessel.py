@@ -47,17 +47,16 @@ def lone_vessel(presses: tuple[Press, ...], rows: list[list[int]]) -> ObjectFind
     share = shares(above.size_pa / above.level_pa, above.pulse.size_sd_pa / above.level_pa)
     best = max(share, key=lambda k: share[k])
     place = float(np.average(x_m, weights=level)) if level.sum() > 0 else above.station.x_m
-    every = np.unique([presses[i].station.x_m for i in row])
-    pitch = float(np.median(np.diff(every))) if len(every) > 1 else float("nan")
+    ends = beside(place, [presses[i] for i in row])
     chance = share[best] * _pulse(above)
     if chance < MIN_POSTERIOR:
         chances = ", ".join(f"{k} {100 * v:.0f} %" for k, v in share.items())
         return ObjectFinding(
-            "undecided", place, (place - pitch, place + pitch), above.level_pa, above.size_pa,
+            "undecided", place, ends, above.level_pa, above.size_pa,
             stated(chance), f"a vessel out of tissue, between {chances}: hold for more beats",
         )  # fmt: skip
     return ObjectFinding(
-        best, place, (place - pitch, place + pitch), above.level_pa, above.size_pa, stated(chance),
+        best, place, ends, above.level_pa, above.size_pa, stated(chance),
         "it pulses and nothing lies beside it: a vessel out of tissue, judged by its pulse over "
         f"its force ({100 * above.size_pa / above.level_pa:.2g} %)",
     )  # fmt: skip
@@ -98,17 +97,26 @@ def pulsing_place(
     if not pulsing:
         return []
     clearest = min(pulsing, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
-    every = np.unique([p.station.x_m for p in presses if np.isfinite(p.station.x_m)])
     x_m = clearest.station.x_m
-    reach = float(np.median(np.diff(every))) if len(every) > 1 else float("nan")
-    low, high = x_m - reach, x_m + reach
-    if len(every) > 1:
-        low, high = max(low, float(every[0])), min(high, float(every[-1]))
+    ends = beside(x_m, presses)
     kind, sure, reason = _vessel(clearest, face_m2)
-    if unfinished and len(every) > 1:
-        kind, reason = "undecided", f"the row is not finished: {reason}"
-    return [ObjectFinding(kind, x_m, (low, high), float("nan"), clearest.size_pa,
-                          stated(sure), reason)]  # fmt: skip
+    if unfinished and np.isfinite(ends[0]):
+        last_m = max(presses, key=lambda p: p.station.index).station.x_m
+        where = (
+            ": what pulses lies here or beyond the last station so far" if last_m in ends else ""
+        )
+        kind, reason = "undecided", f"the row is not finished{where}; {reason}"
+    return [ObjectFinding(kind, x_m, ends, float("nan"), clearest.size_pa, stated(sure), reason)]
+
+
+def beside(x_m: float, presses: Sequence[Press]) -> tuple[float, float]:
+    """What lies between the presses next to a place: a pitch to either side, within what was
+    scanned. NaN of one place."""
+    every = np.unique([p.station.x_m for p in presses if np.isfinite(p.station.x_m)])
+    if len(every) < 2:
+        return float("nan"), float("nan")
+    pitch = float(np.median(np.diff(every)))
+    return max(x_m - pitch, float(every[0])), min(x_m + pitch, float(every[-1]))
 
 
 def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:

@@ -11,10 +11,10 @@ from probe.core.finding_words import plain
 from probe.core.recording import Recording
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
-from probe.detection.lone_vessel import lone_vessel, pulsing_place
-from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS
+from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
+from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS, MIN_WITH_EDGES, with_edges
 from probe.detection.map.field_objects import is_field, objects_in_field
-from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, only_settled
+from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, open_objects
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.least_pulse import least_pulse_pa
@@ -84,7 +84,7 @@ def detect(
     objects.sort(key=lambda one: (np.isnan(one.position_m), one.position_m))
     stations = tuple(_station(p) for p in presses)
     needed_pa = _needed_pa(presses, false_alarm / 2 if mapped else false_alarm)
-    kind = _whole(objects, presses, unfinished and len(recording.stations) > 1)
+    kind = _whole(objects, presses, unfinished)
     if kind == "nothing" and needed_pa > asked_pa:
         kind = "cannot see"
     reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa)
@@ -103,15 +103,19 @@ def _in_rows(
     Of an unfinished scan the row of the last station is open.
     """
     last = max(range(len(presses)), key=lambda i: presses[i].station.index)
+    least_pa: list[float] = []
     found, lines = [], [line_of(tuple(presses[i] for i in row)) for row in rows if row]
     for row, line in zip(filter(None, rows), lines, strict=True):
         moving = _moving(presses[i] for i in row)
-        objects = only_pulses(objects_in(line, moving, false_alarm / len(rows)), line)
         if unfinished and last in row:
-            objects = only_settled(objects, line, presses[last].station.x_m)
+            end_x_m = presses[last].station.x_m
+            objects = open_objects(line, moving, false_alarm / len(rows), end_x_m)
+            least_pa.append(least_bump_pa(line, false_alarm / len(rows), with_edges))
+        else:
+            objects = only_pulses(objects_in(line, moving, false_alarm / len(rows)), line)
+            least_pa.append(least_bump_pa(line, false_alarm / len(rows)))
         found.append((recording.stations[row[0]].y_m, objects))
     named = across_rows(found, _pitch_m(recording))
-    least_pa = [least_bump_pa(line, false_alarm / len(rows)) for line in lines]
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
     return named if named or unfinished else doubtful(lines, least_pa), shown_pa
 
@@ -144,7 +148,7 @@ def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     }[rival]
     x_m = one.station.x_m
     return [ObjectFinding(
-        "undecided", x_m, (x_m, x_m), float("nan"), one.size_pa, one.cause.pulse,
+        "undecided", x_m, beside(x_m, presses), float("nan"), one.size_pa, one.cause.pulse,
         f"something moves at station {one.station.index + 1}: a pulse with "
         f"{100 * one.cause.pulse:.0f} %, {rival} with {100 * one.cause.share[rival]:.0f} %; "
         f"{advice}, or hold longer",
@@ -159,7 +163,7 @@ def _beyond(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     one = max(some, key=lambda p: p.size_pa)
     x_m, slow, fast = one.station.x_m, 60 * SLOWEST_HZ, 60 * FASTEST_HZ
     return [ObjectFinding(
-        "undecided", x_m, (x_m, x_m), float("nan"), one.size_pa, 0.0,
+        "undecided", x_m, beside(x_m, presses), float("nan"), one.size_pa, 0.0,
         f"something beats about {60 * (one.beyond_hz or 0.0):.0f} times a minute at station "
         f"{one.station.index + 1}; a pulse is looked for at {slow:.0f} to {fast:.0f}: compare with "
         "a reference (PPG or ECG), or hold longer",
@@ -214,7 +218,13 @@ def _reason(
     needed_pa, asked_pa = bounds_pa
     if kind == "undecided":
         x_mm = sorted(1e3 * p.station.x_m for p in judged)
-        return f"the row is not finished; nothing between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet"
+        where = f"between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet"
+        if np.isinf(least_pa):
+            return (
+                f"the row is not finished; no pulse {where}, and a lump needs {MIN_WITH_EDGES} "
+                "stations to be told from the tissue's edge"
+            )
+        return f"the row is not finished; nothing {where}, the tissue's edge aside"
     if kind == "cannot see":
         return (
             f"to see a pulse of {plain(asked_pa, 2)} Pa hold for more beats, repeat, or take a "

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.core.extras import needs, require
+from probe.storage.distinct_names import distinct
 from probe.storage.run import Run, open_run
 
 with needs("data", "an export"):
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     import h5py
 
 CONVENTIONS = "CF-1.11"
+OURS = ("stations", "config")
 UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 
 
@@ -59,10 +61,9 @@ def _csv(run: Run, out_dir: Path) -> list[Path]:
     written = [Path(f"{stem}-stations.csv"), Path(f"{stem}-config.json")]
     run.stations().to_csv(written[0], index=False)
     written[1].write_text(_about(run) + "\n", encoding="utf-8")
-    for device in run.channels:
-        path = _device_file(run, device, stem, "csv")
-        _frame(run, device).to_csv(path, index=False)
-        written.append(path)
+    for device, part in _file_parts(run).items():
+        written.append(Path(f"{stem}-{part}.csv"))
+        _frame(run, device).to_csv(written[-1], index=False)
     return written
 
 
@@ -75,8 +76,8 @@ def _parquet(run: Run, out_dir: Path) -> list[Path]:
     stem = out_dir / run.path.stem
     written = [Path(f"{stem}-stations.parquet")]
     tables = [run.stations()]
-    for device in run.channels:
-        written.append(_device_file(run, device, stem, "parquet"))
+    for device, part in _file_parts(run).items():
+        written.append(Path(f"{stem}-{part}.parquet"))
         tables.append(_frame(run, device))
     for path, frame in zip(written, tables, strict=True):
         table = pyarrow.Table.from_pandas(frame, preserve_index=False)
@@ -106,12 +107,12 @@ def _hdf5(run: Run, out_dir: Path) -> list[Path]:
         file.attrs["started_utc"] = run.started.started_utc
         file.attrs["simulated"] = ", ".join(run.simulated)
         _columns(file.create_group("stations"), run.stations())
-        for device in run.channels:
+        for device, name in _groups(run).items():
             data = run.samples(device)
-            group = file.create_group(_plain(device))
-            for name, variable in data.variables.items():
-                group[str(name)] = _storable(variable.values)
-                group[str(name)].attrs.update(variable.attrs)
+            group = file.create_group(name)
+            for column, variable in data.variables.items():
+                group[str(column)] = _storable(variable.values)
+                group[str(column)].attrs.update(variable.attrs)
     return [path]
 
 
@@ -131,8 +132,8 @@ def _netcdf(run: Run, out_dir: Path) -> list[Path]:
         if unit := unit_of(str(name)):
             stations[name].attrs["units"] = unit
     stations.to_netcdf(path, mode="w", engine="h5netcdf")
-    for device in run.channels:
-        run.samples(device).to_netcdf(path, mode="a", group=_plain(device), engine="h5netcdf")
+    for device, name in _groups(run).items():
+        run.samples(device).to_netcdf(path, mode="a", group=name, engine="h5netcdf")
     return [path]
 
 
@@ -145,9 +146,16 @@ WRITERS: dict[str, Callable[[Run, Path], list[Path]]] = {
 }
 
 
-def _device_file(run: Run, device: str, stem: Path, ending: str) -> Path:
-    simulated = any(channel.simulated for channel in run.channels[device])
-    return Path(f"{stem}-{_plain(device)}{'-simulated' if simulated else ''}.{ending}")
+def _file_parts(run: Run) -> dict[str, str]:
+    """What stands for each device in the names of its files: ``-simulated`` if it is."""
+    marks = {d: "-simulated" for d in run.channels if any(c.simulated for c in run.channels[d])}
+    names = {device: _plain(device) + marks.get(device, "") for device in run.channels}
+    return distinct(names, OURS)
+
+
+def _groups(run: Run) -> dict[str, str]:
+    """What each device's group is called."""
+    return distinct({device: _plain(device) for device in run.channels}, OURS)
 
 
 def unit_of(column: str) -> str:

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from drivers import Channel
 from drivers.core.extras import needs
 from probe.core.events import Note, Phase, RunEnded
+from probe.storage.distinct_names import distinct
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -104,14 +105,16 @@ def write_mcap(run: "Run", path: Path) -> None:
         config = json.dumps(run.config, indent=1, default=str).encode()
         at = _ns(np.array([run.started.time_s]), zero_s)[0]
         writer.add_attachment(at, at, "config.json", "application/json", config)
-        for device, channels in run.channels.items():
-            _write_device(writer, device, channels, run.samples(device), zero_s)
+        topics = distinct({device: field(device) for device in run.channels})
+        for device, topic in topics.items():
+            _write_device(writer, device, topic, run.channels[device], run.samples(device), zero_s)
         _write_events(writer, run, zero_s)
         writer.finish()  # type: ignore[no-untyped-call]
 
 
 def sample_schema(device: str, channels: Sequence[Channel]) -> tuple[str, str]:
-    """Name and text of the message that holds one sample of a device."""
+    """Name and text of the message that holds one sample of a ``device``, as topics have it."""
+    names = fields(channels)
     lines = [
         "std_msgs/Header header",
         "float64 time_s  # on the scan's clock",
@@ -119,10 +122,15 @@ def sample_schema(device: str, channels: Sequence[Channel]) -> tuple[str, str]:
         "int32 attempt  # from 1, -1 between stations",
         *(f"uint8 PHASE_{phase.name}={n}" for n, phase in enumerate(PHASES)),
         "uint8 phase",
-        *(f"float64 {field(c.name)}  # {c.unit}" for c in channels),
-        *(f"bool {field(c.name)}_saturated" for c in channels),
+        *(f"float64 {names[c.name]}  # {c.unit}" for c in channels),
+        *(f"bool {names[c.name]}_saturated" for c in channels),
     ]
     return f"palpate_msgs/msg/{_camel(device)}Sample", "\n".join(lines) + "\n" + HEADER
+
+
+def fields(channels: Sequence[Channel]) -> dict[str, str]:
+    """What each channel is called in a message."""
+    return distinct({c.name: field(c.name) for c in channels})
 
 
 def field(name: str) -> str:
@@ -132,10 +140,11 @@ def field(name: str) -> str:
 
 
 def _write_device(
-    writer: Writer, device: str, channels: Sequence[Channel], data: "xr.Dataset", zero_s: float
-) -> None:
+    writer: Writer, device: str, name: str, channels: Sequence[Channel], data: "xr.Dataset",
+    zero_s: float,
+) -> None:  # fmt: skip
     time_s = data["time_s"].to_numpy()
-    topic = "/" + field(device)
+    topic = "/" + name
     stamps = _ns(time_s, zero_s)
     number = {str(phase): n for n, phase in enumerate(PHASES)}
     columns: list[tuple[str, Array]] = [
@@ -146,9 +155,10 @@ def _write_device(
         *(("<f8", data[c.name].to_numpy()) for c in channels),
         *(("<u1", data[f"{c.name}_saturated"].to_numpy()) for c in channels),
     ]
-    schema = sample_schema(device, channels)
-    metadata = {f"unit of {field(c.name)}": c.unit for c in channels}
-    metadata |= {f"role of {field(c.name)}": c.role for c in channels}
+    schema = sample_schema(name, channels)
+    names = fields(channels)
+    metadata = {f"unit of {names[c.name]}": c.unit for c in channels}
+    metadata |= {f"role of {names[c.name]}": c.role for c in channels}
     metadata["simulated"] = ", ".join(c.name for c in channels if c.simulated)
     _write(writer, f"{topic}/sample", schema, stamps, columns, metadata)
     if device == "stage":

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
@@ -121,13 +122,13 @@ def solve_points(
     if todo:
         out.parent.mkdir(parents=True, exist_ok=True)
         run = _on_cluster(todo, scheduler) if scheduler else _on_this_machine(todo, workers)
-        with log.open("a", encoding="utf-8") as file:
+        with log.open("a", encoding="utf-8") as file, _saying_what_is_kept(log, done, len(points)):
             if file.tell() == 0:
                 file.write(json.dumps({"sweep": key}) + "\n")
             for found in run:
                 for point, rows in found.items():
-                    done[point] = rows
                     file.write(json.dumps({"point": point, "rows": rows}) + "\n")
+                    done[point] = rows
                 file.flush()
                 progress(len(done), len(points))
     table = pd.DataFrame([row for n in sorted(done) for row in done[n]])
@@ -135,6 +136,17 @@ def solve_points(
     table.attrs = {"scene": scene.name, "sweep": key}
     write(table, out)
     return table
+
+
+@contextmanager
+def _saying_what_is_kept(log: Path, done: Solved, points: int) -> Iterator[None]:
+    """Within: Ctrl-C says how many of ``points`` the ``log`` keeps."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"{len(done)} of {points} points are kept in {log}; the same command goes on from there"
+        ) from None
 
 
 def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:

@@ -15,7 +15,8 @@ from paths import ROOT
 
 import palpate
 from drivers import settings_of
-from probe.cli import build, main
+from probe.cli import main
+from probe.cli.command_line import build
 from probe.config.rig import Rig
 
 DOCS = ROOT / "docs"

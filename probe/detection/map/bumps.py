@@ -37,6 +37,8 @@ MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
 MIN_LEVELS = 7
 """Stations that can show one apart from a tilted and curved background, as `surroundings`."""
+MIN_WITH_EDGES = 9
+"""Stations that can show one apart from a block's edges too: its three unknowns, and five more."""
 
 
 @dataclass(frozen=True)
@@ -125,12 +127,12 @@ def evenness(x_m: Array, value: Array, sd: Array, base: Array) -> float:
     return float(chdtrc(len(x_m) - base.shape[1], float(left @ left)))
 
 
-def at_places(x_m: Array, value: Array, sd: Array, bumps: tuple[Bump, ...]) -> Row:
+def at_places(x_m: Array, value: Array, sd: Array, base: Array, bumps: tuple[Bump, ...]) -> Row:
     """The same bumps' heights in another map of the same stations, their places kept."""
     if len(x_m) < MIN_STATIONS or not bumps:
         return Row((), np.full(len(x_m), np.median(value)), float(np.median(sd)))
     known = [(one.x_m, one.half_width_m) for one in bumps]
-    return _row(x_m, value, sd, surroundings(x_m), known, [1.0] * len(known), fixed=True)
+    return _row(x_m, value, sd, base, known, [1.0] * len(known), fixed=True)
 
 
 def shape(x_m: Array, centre: float, half_width: float) -> Array:
@@ -140,11 +142,16 @@ def shape(x_m: Array, centre: float, half_width: float) -> Array:
 
 def surroundings(x_m: Array) -> Array:
     """Columns (n, 3 or 5) of a tilted, curved level, of 9 stations or more also its two edges."""
+    columns = with_edges(x_m)
+    return columns if len(x_m) >= MIN_WITH_EDGES else columns[:, :3]
+
+
+def with_edges(x_m: Array) -> Array:
+    """Columns (n, 5) of a tilted, curved level and of its two edges."""
     pitch = float(np.median(np.diff(x_m)))
     u = (x_m - x_m.mean()) / np.ptp(x_m)
     edges = [np.exp(-np.abs(x_m - end) / (EDGE_PITCHES * pitch)) for end in (x_m[0], x_m[-1])]
-    columns = [np.ones_like(u), u, u**2]
-    return np.column_stack([*columns, *edges] if len(x_m) >= 9 else columns)
+    return np.column_stack([np.ones_like(u), u, u**2, *edges])
 
 
 def floor(x_m: Array) -> Array:

@@ -1,9 +1,11 @@
 """A row that is not finished, or short: only what no further station could overturn is named."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from drivers.core.arrays import Array
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import (
     MIN_STATIONS,
@@ -12,8 +14,10 @@ from probe.detection.map.bumps import (
     least_height,
     level_of,
     surroundings,
+    with_edges,
 )
-from probe.detection.map.row_objects import NORMAL_95, Line
+from probe.detection.map.row_objects import NORMAL_95, Line, objects_in
+from probe.detection.map.sideways import SQUEEZED
 
 MIN_BEYOND = 3.0
 """Pitches between an object and the open end: a vessel is felt two to either side, and a bump's
@@ -25,22 +29,42 @@ LUMP_SHARE = 0.11
 DOUBT = 0.05
 """Chance below which a bump that is no finding yet is no reason to say "nothing" either."""
 REASON = "the row is not finished: further stations may change this"
+OR_BEYOND = "the row is not finished: this lies here or beyond the last station so far"
 
 
-def only_settled(objects: list[ObjectFinding], line: Line, end_x_m: float) -> list[ObjectFinding]:
-    """``objects`` of a row whose last station so far is at ``end_x_m``.
+def open_objects(
+    line: Line, pulse: float | None, false_alarm: float, end_x_m: float
+) -> list[ObjectFinding]:
+    """`objects_in` a row whose last station so far is at ``end_x_m``.
 
-    An object near the open end, and every one of a row that has fewer stations than show a bump
-    beside what may follow, is undecided.
+    Its level shows nothing before it has enough stations to tell a bump from the block's edge, nor
+    what may be that edge: something at the first station that does not pulse. An object near the
+    open end, and every one of a row that has fewer stations than show a bump beside what may
+    follow, is undecided.
     """
+    found = objects_in(line, pulse, false_alarm, with_edges)
     pitch = float(np.median(np.diff(line.x_m))) if len(line.x_m) > 1 else 0.0
     short = len(line.x_m) < MIN_NAMED
-    return [
-        replace(one, kind="undecided", reason=REASON)
-        if short or abs(one.position_m - end_x_m) < MIN_BEYOND * pitch
-        else one
-        for one in objects
-    ]
+    begin_m, end_m = sorted(line.x_m[[0, -1]].tolist(), key=lambda x: -abs(x - end_x_m))
+    settled = []
+    for one in found:
+        if pulse is None and begin_m in one.position_ci_m:
+            continue
+        kept = replace(one, position_ci_m=_towards(end_m, one.position_ci_m, line))
+        near = short or abs(one.position_m - end_m) < MIN_BEYOND * pitch
+        reason = OR_BEYOND if end_m in kept.position_ci_m else REASON
+        settled.append(replace(kept, kind="undecided", reason=reason) if near else kept)
+    return settled
+
+
+def _towards(end_m: float, ends_m: tuple[float, float], line: Line) -> tuple[float, float]:
+    """An interval that also holds if the block goes on beyond the open end: its middle, to which
+    what is squeezed aside belongs, may then lie there."""
+    low, high = ends_m
+    aside = SQUEEZED * line.depth_m
+    if end_m == line.x_m[-1]:
+        return low, min(high + aside, end_m)
+    return max(low - aside, end_m), high
 
 
 def only_pulses(objects: list[ObjectFinding], line: Line) -> list[ObjectFinding]:
@@ -59,9 +83,11 @@ def only_pulses(objects: list[ObjectFinding], line: Line) -> list[ObjectFinding]
     ]
 
 
-def least_bump_pa(line: Line, false_alarm: float) -> float:
+def least_bump_pa(
+    line: Line, false_alarm: float, under: Callable[[Array], Array] = surroundings
+) -> float:
     """The bump of the level map that most such rows would show; infinite where none could."""
-    base = surroundings(line.x_m)
+    base = under(line.x_m)
     return least_height(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
 
 

@@ -98,19 +98,23 @@ def _mean(value: list[float], sd: list[float]) -> tuple[float, float]:
     return float(weight @ value / weight.sum()), float(weight.sum() ** -0.5)
 
 
-def objects_in(line: Line, pulse: float | None, false_alarm: float) -> list[ObjectFinding]:
+def objects_in(
+    line: Line, pulse: float | None, false_alarm: float,
+    under: Callable[[Array], Array] = surroundings,
+) -> list[ObjectFinding]:  # fmt: skip
     """The objects under a row. ``pulse`` is the posterior probability that what moves in it is a
-    pulse, None where nothing moves.
+    pulse, None where nothing moves; ``under`` gives the columns of what may lie under the bumps of
+    its level, `surroundings` or `with_edges`.
 
     Each of the two maps gets half of ``false_alarm``.
     """
     if len(line.x_m) < MIN_STATIONS:
         return []
-    base = surroundings(line.x_m)
+    base = under(line.x_m)
     levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
     beats = _beats(line, false_alarm / 2) if pulse is not None else ()
     places = _together(levels.bumps, beats, float(np.median(np.diff(line.x_m))))
-    return [_object(place, line, pulse, beats, levels) for place in places]
+    return [_object(place, line, pulse, beats, levels, base) for place in places]
 
 
 def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
@@ -157,12 +161,14 @@ def _joined(level: Bump, pulse: Bump) -> Place:
 
 
 def _object(
-    place: Place, line: Line, moving: float | None, beats: tuple[Bump, ...], levels: Row
-) -> ObjectFinding:
+    place: Place, line: Line, moving: float | None, beats: tuple[Bump, ...], levels: Row,
+    base: Array,
+) -> ObjectFinding:  # fmt: skip
     at = int(np.argmin(np.abs(line.x_m - place.x_m)))
     level, bump = levels, place.level
     if bump is None and place.pulse is not None:
-        level = at_places(line.x_m, line.level_pa, line.level_sd_pa, (*levels.bumps, place.pulse))
+        every = (*levels.bumps, place.pulse)
+        level = at_places(line.x_m, line.level_pa, line.level_sd_pa, base, every)
         bump = next(one for one in level.bumps if one.x_m == place.pulse.x_m)
     assert bump is not None
     ground, whole = max(float(level.background[at]), 1e-9), max(float(line.level_pa[at]), 1e-9)

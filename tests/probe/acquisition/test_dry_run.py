@@ -12,9 +12,12 @@ from calibration import fit_force, fit_tare, record, save
 from drivers import SimulatedClock
 from probe.acquisition.doctor import listen, machine
 from probe.acquisition.dry_run import draw_path, dry_run, scan_seconds
+from probe.acquisition.session import scan
 from probe.config.devices import connect
 from probe.config.rig import Rig, Workspace, default_rig
 from probe.config.scan_plan import plan_for
+from probe.core.events import Phase, PhaseEntered
+from probe.storage.run import open_run
 from sim_backend.scene.scene_file import load_scene
 
 
@@ -26,7 +29,7 @@ def test_the_default_rig_can_scan_and_sees_the_pulse(tmp_path: Path, winkler: An
     report = dry_run(default_rig(), load_scene("TIHA"), tmp_path, winkler)
     assert report.can_scan
     assert levels(report)["pulse on virtual"] == "ok"
-    assert report.seconds == pytest.approx(38, abs=1)
+    assert report.seconds == pytest.approx(39, abs=1)
     assert json.loads(json.dumps(report.as_json()))["can_scan"]
 
 
@@ -221,7 +224,29 @@ def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
 
 def test_the_time_of_a_row_is_its_moves_ramps_and_holds() -> None:
     plan = plan_for(Rig.model_validate({"scan": {"stations": 2}}))
-    assert scan_seconds(plan) == pytest.approx(2 * (0.05 + 1 + 0.825 + 0.2 + 0.225) + 0.2)
+    each_s = 0.05 + 0.1 + 1 + 0.825 + 0.2 + 0.225
+    assert scan_seconds(plan) == pytest.approx(2 * each_s + 0.2 + (0.2 + 0.15 + 0.05) + 0.15)
+
+
+@pytest.mark.parametrize("touch", [{}, {"touch_n": 0.05, "search_mm": 1.0}])
+@pytest.mark.parametrize("stations", [4, [2, 2]])
+def test_a_scan_takes_as_long_as_its_dry_run_says(
+    touch: dict[str, float], stations: Any, tmp_path: Path, winkler: Any
+) -> None:
+    scan_keys = {"stations": stations, "hold_s": 0.2, "pitch_mm": 8.0, **touch}
+    rig = Rig.model_validate({"scan": scan_keys, "scene": {"name": "TI"}})
+    said = dry_run(rig, load_scene("TI"), tmp_path, winkler)
+    run = scan(rig, out=tmp_path, respond=winkler)
+    began_s = next(
+        e.time_s for e in open_run(run.path).events()
+        if isinstance(e, PhaseEntered) and e.phase is Phase.TARING
+    )  # fmt: skip
+    assert run.ended.time_s - began_s == pytest.approx(
+        said.seconds,
+        rel=0.08 if touch else 0.04,  # a touch is felt 0.1 mm deep; moves are watched
+    )
+    (words,) = (check.text for check in said.checks if check.name == "time")
+    assert ("up to 4 s more where the surface lies deeper" in words) == bool(touch)
 
 
 def test_the_path_is_drawn(tmp_path: Path) -> None:

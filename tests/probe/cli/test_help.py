@@ -7,7 +7,8 @@ import sys
 import pytest
 import typer
 
-from probe.cli import build, main
+from probe.cli import main
+from probe.cli.command_line import build
 from probe.cli.layout import SECTIONS
 
 EXAMPLES = {name: line for each in SECTIONS.values() for name, line in each.items()}

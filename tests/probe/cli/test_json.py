@@ -14,7 +14,8 @@ from databases import opened
 
 from drivers import DeviceFault, WallClock
 from probe.acquisition.session import ScanResult
-from probe.cli import GROUPS, build, say
+from probe.cli import say
+from probe.cli.command_line import GROUPS, build
 from probe.cli.errors import STATUSES
 from probe.cli.finding import show_finding
 from probe.cli.scan import print_result

@@ -1,6 +1,7 @@
 """Whole processes: Ctrl-C, kill -9 and resume, the finite elements behind the phantom included."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -103,3 +104,27 @@ def test_watch_ends_by_ctrl_c_as_something_done(rig: Path) -> None:
     assert "SIMULATED" in first
     assert process.returncode == 0, err
     assert err == ""
+
+
+@pytest.mark.parametrize(
+    ("slow", "command"),
+    [("typer", ["--help"]), ("scipy", ["press", "TIHA", "--x", "32", "--depth", "1", "--json"])],
+)
+def test_ctrl_c_while_a_command_is_loaded_ends_it_in_a_line(
+    tmp_path: Path, slow: str, command: list[str]
+) -> None:
+    """``slow`` is what it is loading: a library that takes half a minute."""
+    (tmp_path / f"{slow}.py").write_text(
+        "import sys, time\nprint('loading', file=sys.stderr, flush=True)\ntime.sleep(30)\n"
+    )
+    with subprocess.Popen(
+        [*PALPATE, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, "PYTHONPATH": str(tmp_path)},
+    ) as process:  # fmt: skip
+        assert process.stderr is not None
+        assert process.stderr.readline() == "loading\n"
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=30)
+    assert (process.returncode, err) == (5, "stopped\n")
+    assert not out or json.loads(out) == {"error": "stopped", "status": 5}
+    assert bool(out) == ("--json" in command)

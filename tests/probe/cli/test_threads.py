@@ -4,7 +4,8 @@ import os
 
 import pytest
 
-from probe.cli import ONE_THREAD, main
+from probe.cli import main
+from probe.cli.command_line import ONE_THREAD
 
 
 @pytest.mark.parametrize(("own", "then"), [(None, "1"), ("4", "4")])

@@ -65,6 +65,60 @@ def test_an_unfinished_row_names_nothing_that_may_change(count: int) -> None:
         assert high <= whole[count - 1].x_m + 1e-9
 
 
+@pytest.mark.parametrize("count", [3, 6, 7, 8, 9, 12])
+def test_the_edge_of_the_tissue_is_no_object_of_an_open_row(count: int) -> None:
+    """The first press of a block is softer: with seven and eight stations something 2 kPa stiffer
+    was said to lie 2 mm beside it."""
+    rng = np.random.default_rng(3)
+    whole = row(rng, noise_pa=4.0, hold_s=0.825, scatter=0.001)
+    softer = [1 - 0.25 * np.exp(-(s.x_m - 4e-3) / 2e-3) for s in whole]
+    block = [replace(s, signal_pa=by * s.signal_pa) for s, by in zip(whole, softer, strict=True)]
+    found = detect(replace(recording(block[:count]), finish="aborted"))
+    assert (found.finding, found.objects) == ("undecided", ())
+    assert ("a lump needs 9 stations" in found.reason) == (count < 9)
+    assert detect(recording(block)).finding == "nothing"
+
+
+@pytest.mark.parametrize("count", [9, 11, 14])
+def test_an_edge_that_many_close_stations_feel_is_no_object_either(count: int) -> None:
+    """TI solved at 2, 4, … 28 mm."""
+    edge = (0.6831, 0.8371, 0.9298, 0.9717, 0.986, 0.9892, 0.99, 0.991, 0.9923, 0.9944, 0.9965,
+            0.9978, 0.9992, 1.0)  # fmt: skip
+    rng = np.random.default_rng(6)
+    part = [station(rng, index=n, x_mm=2.0 + 2 * n, level_pa=8200 * by, noise_pa=4.0, hold_s=0.825)
+            for n, by in enumerate(edge[:count])]  # fmt: skip
+    found = detect(replace(recording(part), finish="aborted"))
+    assert (found.finding, found.objects) == ("undecided", ())
+
+
+def test_what_still_rises_at_the_last_station_may_lie_beyond_it() -> None:
+    rng = np.random.default_rng(4)
+    whole = row(rng, centre_mm=40.0, bump=0.05, pulse_pa=300.0, noise_pa=4.0, hold_s=2.5)
+    for count in (4, 8):
+        found = detect(replace(recording(whole[:count]), finish="aborted"))
+        assert "here or beyond the last station" in found.reason
+        (one,) = found.objects
+        low, high = one.position_ci_m
+        assert whole[0].x_m <= low <= one.position_m <= high <= whole[count - 1].x_m + 1e-12
+
+
+def test_an_open_row_may_go_on_and_its_middle_with_it() -> None:
+    """Beneath a probe things are squeezed away from the block's middle, which is not known yet."""
+    rng = np.random.default_rng(8)
+    whole = recording(row(rng, centre_mm=31.0, bump=0.25, noise_pa=5.0, scatter=0.001))
+    (one,) = detect(replace(whole, stations=whole.stations[:12], finish="aborted")).objects
+    assert one.kind == "tumour"
+    assert one.position_ci_m[1] >= 31e-3 + 0.5 * 2.5e-3
+
+
+def test_a_vessel_out_of_tissue_lies_within_what_was_scanned() -> None:
+    rng = np.random.default_rng(5)
+    beside = [untouched(station(rng, index=n, x_mm=4.0 + 4 * n), rng) for n in range(3)]
+    over = station(rng, index=3, x_mm=16.0, level_pa=9000.0, pulse_pa=900.0, noise_pa=4.0)
+    (one,) = detect(recording([*beside, over])).objects
+    assert one.position_ci_m == (pytest.approx(12e-3), pytest.approx(16e-3))
+
+
 @pytest.mark.parametrize("deeper", [0.05, 0.2, -0.1])
 def test_one_press_that_differs_is_no_lump(deeper: float) -> None:
     """One that goes deeper than the stage knows; a lump is felt by its neighbours too."""

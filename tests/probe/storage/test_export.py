@@ -2,6 +2,7 @@
 
 import csv
 import json
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,15 @@ import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
+from mcap.reader import make_reader
 
+from drivers import Block, Channel
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
+from probe.core.events import Finish, RunEnded, RunStarted, Samples
 from probe.storage.export import export
 from probe.storage.run import RunFileError, open_run
+from probe.storage.writer import create_store
 
 RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
 
@@ -86,3 +91,49 @@ def test_wrong_formats_and_runs_are_named(path: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
     with pytest.raises(RunFileError):
         export(tmp_path / "missing.run", ["csv"], tmp_path)
+
+
+@pytest.mark.parametrize("fmt", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+def test_devices_whose_names_differ_in_special_characters_only_all_arrive(
+    tmp_path: Path, fmt: str
+) -> None:
+    """One device's file replaced the other's; one called as our own file of stations that one."""
+    levels = {"cell 1": 1.0, "cell_1": 2.0, "cell/1": 3.0, "Cell_1": 4.0, "stations": 5.0}
+    channels = {name: (Channel("force", "N", "force"),) for name in levels}
+    with create_store(tmp_path / "many.run") as sink:
+        sink(RunStarted(0.0, "2026-01-01T00:00:00+00:00", {}, channels))
+        for name, value in levels.items():
+            block = Block(np.array([1.0]), np.array([[value]]), np.zeros((1, 1), bool), 0)
+            sink(Samples(name, block, None, None))
+        sink(RunEnded(2.0, Finish.COMPLETED, "all there"))
+    files = export(tmp_path / "many.run", [fmt], tmp_path / "out")
+    assert len({file.name.lower() for file in files}) == len(files)
+    readers = {"csv": of_csv, "parquet": of_parquet, "hdf5": of_groups, "netcdf": of_groups,
+               "mcap": of_mcap}  # fmt: skip
+    found = sorted(value for file in files for value in readers[fmt](file))
+    assert found == [1.0, 2.0, 3.0, 4.0, 5.0]
+
+
+def of_csv(file: Path) -> list[float]:
+    table = pd.read_csv(file) if file.suffix == ".csv" else pd.DataFrame()
+    return list(table.get("force_N", []))
+
+
+def of_parquet(file: Path) -> list[float]:
+    return list(pd.read_parquet(file).get("force_N", []))
+
+
+def of_groups(file: Path) -> list[float]:
+    with h5py.File(file) as kept:
+        groups = [group for group in kept.values() if isinstance(group, h5py.Group)]
+        return [v for group in groups for v in group.get("force", [])]
+
+
+def of_mcap(file: Path) -> list[float]:
+    with file.open("rb") as stream:
+        read = list(make_reader(stream).iter_messages())
+    topics = {channel.topic for _, channel, _ in read if channel.topic.endswith("/sample")}
+    schemas = {schema.name for schema, channel, _ in read if channel.topic.endswith("/sample")}
+    assert len(topics) == len(schemas) == 5
+    kept = [m.data for _, channel, m in read if channel.topic.endswith("/sample")]
+    return [struct.unpack_from("<d", data, len(data) - 9)[0] for data in kept]

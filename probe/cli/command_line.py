@@ -1,0 +1,108 @@
+"""The command line with all its commands, and what runs one of them.
+
+A group is a module with ``register(app)``. It imports at its top only what its options need;
+the work itself is imported by the command that does it, so that ``palpate --help`` is quick.
+"""
+
+import os
+from collections.abc import Sequence
+from contextlib import nullcontext
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from probe.cli import say
+from probe.cli.errors import status_of
+from probe.cli.layout import Grouped, add_examples
+from probe.cli.logs import log_to
+
+ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+"""The solves are small: threads that wait for each other cost up to four times what they save."""
+GROUPS = (
+    "scan",
+    "runs",
+    "collection",
+    "exchange",
+    "finding",
+    "scenes",
+    "rig",
+    "teach",
+    "files",
+    "emulate",
+    "record",
+    "watch",
+    "calibrate",
+    "studies",
+    "charts",
+)
+
+
+def build() -> typer.Typer:
+    """The whole command line."""
+    app = typer.Typer(
+        name="palpate",
+        cls=Grouped,
+        help="Press a probe into soft tissue, on a rig or a phantom, and say what lies beneath.",
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        rich_markup_mode=None,
+        context_settings={"help_option_names": ["-h", "--help"]},
+        epilog="Exit status: 0 done, 2 bad input, 3 device or safety fault, 4 physics not solved, "
+        "5 aborted or stopped by the user.",
+    )
+    app.callback()(_options)
+    for name in GROUPS:
+        if find_spec(f"probe.cli.{name}") is not None:
+            import_module(f"probe.cli.{name}").register(app)
+    add_examples(app)
+    return app
+
+
+def run(given: Sequence[str]) -> int:
+    """Run one command; the exit status. Never shows a stack trace for what a user can correct."""
+    say.keep_streams()
+    for threads in ONE_THREAD:  # before numpy is imported; a user's own setting stands
+        os.environ.setdefault(threads, "1")
+    as_json = "--json" in given
+    with say.only_json() if as_json else nullcontext():
+        try:
+            status = typer.main.get_command(build()).main(
+                list(given), prog_name="palpate", standalone_mode=False
+            )
+        except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - the one place for all
+            status, text = status_of(error)
+            if text:
+                say.inform(text)
+                if as_json:
+                    say.answer_json({"error": text, "status": status})
+    return status if isinstance(status, int) else 0
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        say.answer(f"palpate {version('palpate')}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[  # noqa: ARG001 - its callback prints it
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", is_eager=True, callback=_print_version
+        ),
+    ] = False,
+    log: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write everything that happens to this file too."),
+    ] = None,
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Tell everything that happens, not only notes.")
+    ] = False,
+) -> None:
+    """What every command understands."""
+    log_to(log, verbose=verbose)
