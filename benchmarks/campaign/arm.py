@@ -30,6 +30,7 @@ FAILS = {
     "arm loses its program": "lost program",
     "arm silent": "silence",
     "arm gone": "drop",
+    "arm cut off": "blink",
 }
 
 

@@ -115,6 +115,7 @@ ARM_KINDS = (
     Kind("arm loses its program", "arm", up=False),
     Kind("arm silent", "arm", SILENCE_S, up=False),
     Kind("arm gone", "arm", SILENCE_S, up=False, heard=False),
+    Kind("arm cut off", "arm", SILENCE_S),
     *(kind for kind in KINDS if kind.where not in ("cell", "board")),
 )
 BY_NAME = {kind.name: kind for kind in (*KINDS, *ARM_KINDS)}
