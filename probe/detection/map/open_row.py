@@ -96,7 +96,8 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
     show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`.
 
     That is a bump with a chance below `DOUBT`, or, in a row that is more uneven than its presses
-    scatter, one as high as a lump: several lumps look like a scatter of each other.
+    scatter, one as high as a lump: several lumps look like a scatter of each other. Since a curved
+    surface may have made the bump, a lump may lie anywhere in the row.
     """
     found = []
     for line, least in zip(lines, least_pa, strict=True):
@@ -114,7 +115,7 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
             low, high = np.clip((bump.x_low_m, bump.x_high_m), line.x_m[0], line.x_m[-1])
             word = "stiffer" if bump.height > 0 else "softer"
             found.append(ObjectFinding(
-                "undecided", bump.x_m, (float(low), float(high)), bump.height,
+                "undecided", bump.x_m, (float(line.x_m[0]), float(line.x_m[-1])), bump.height,
                 float(line.pulse_pa[at]), 0.0,
                 f"no pulse; {abs(bump.height):.0f} Pa {word}, which {len(line.x_m)} stations "
                 "cannot tell from a curved surface, a block's end or presses that differ: "
