@@ -112,7 +112,6 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
             if bump.p_value > chance and not (uneven and clear):
                 continue
             at = int(np.argmin(np.abs(line.x_m - bump.x_m)))
-            low, high = np.clip((bump.x_low_m, bump.x_high_m), line.x_m[0], line.x_m[-1])
             word = "stiffer" if bump.height > 0 else "softer"
             found.append(ObjectFinding(
                 "undecided", bump.x_m, (float(line.x_m[0]), float(line.x_m[-1])), bump.height,
