@@ -1,7 +1,6 @@
 """The runner: picks up where it stopped, one line of JSON a mutant; prints the survivors.
 
 python -m mutants --log mutants.jsonl            every mutant that the log does not hold
-python -m mutants --check                        are they all still in the source?
 python -m mutants --only NAME                    one, with what its witnesses say
 """
 
@@ -161,11 +160,8 @@ def main() -> int:
     parser.add_argument("--log", type=Path, default=Path("mutants.jsonl"))
     parser.add_argument("--only", help="the mutants of which the name holds this")
     parser.add_argument("--part", default="0/1", help="such as 1/3: the second of three parts")
-    parser.add_argument("--check", action="store_true", help="look for every piece of source")
     parser.add_argument("--sound", action="store_true", help="ask all witnesses of the sound tree")
     given = parser.parse_args()
-    if given.check:
-        return _check()
     os.environ |= {"OPENBLAS_NUM_THREADS": "1", "QT_QPA_PLATFORM": "offscreen"}
     for name in THEIRS:
         with suppress(ImportError):
@@ -186,18 +182,6 @@ def main() -> int:
             return sum(not row["noticed"] for row in rows)
         part, parts = map(int, given.part.split("/"))
         return _run_all(tree, given.log, MUTANTS[part::parts])
-
-
-def _check() -> int:
-    missing = 0
-    for mutant in MUTANTS:
-        try:
-            mutant.mutated(ROOT)
-        except Gone as gone:
-            missing += 1
-            print(gone)
-    print(f"{len(MUTANTS) - missing} of {len(MUTANTS)} mutants are in the source")
-    return missing
 
 
 def _run_all(tree: Path, log: Path, mutants: tuple[Mutant, ...]) -> int:

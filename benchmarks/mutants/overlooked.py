@@ -125,7 +125,7 @@ OVERLOOKED = (
            "last_s = max(last_s, float(event.block.time_s[-1]))", "pass",
            ("tests/probe/acquisition/test_resume.py",)),
     Mutant("who takes over is not told of the homing", "probe/acquisition/guard_client.py",
-           "DIED, not self._homing)", "DIED, True)",
+           "DIED, not self._homing,", "DIED, True,",
            ("tests/probe/acquisition/test_guard_process.py"
             "::test_who_takes_over_a_stage_that_was_homing_does_not_lift_it",)),
     Mutant("a stop while the last axis homes leaves the way to the park",
