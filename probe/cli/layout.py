@@ -51,8 +51,20 @@ SECTIONS: dict[str, dict[str, str]] = {
 """Every command under its section, with one example."""
 
 
+KINDS = {
+    "str": "TEXT", "list[str]": "TEXT", "path": "PATH", "Path": "PATH", "list[Path]": "PATH",
+    "int": "NUMBER", "int range": "NUMBER", "float": "NUMBER", "float range": "NUMBER",
+    "list[float]": "NUMBER",
+}  # fmt: skip
+"""What a person types, for each kind of value that typer would show as a type of Python."""
+
+
 class Grouped(TyperGroup):
     """Lists the commands under the headings of `SECTIONS`."""
+
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given)
+        _without_types(self)
 
     def invoke(self, ctx: Any) -> Any:
         """Typer makes a bare exit status of Ctrl-C, without what was said to be kept."""
@@ -73,6 +85,26 @@ class Grouped(TyperGroup):
             if rows:
                 with formatter.section(title):
                     formatter.write_dl(rows)
+
+
+def _without_types(command: Any) -> None:
+    """Say what is typed instead of a type: of an option `KINDS`, of an argument its name is enough.
+
+    Of an older typer, which shows no types, nothing is changed.
+    """
+    for one in getattr(command, "commands", {}).values():
+        _without_types(one)
+    for parameter in command.params:
+        shown = getattr(parameter, "display_type_rich", None)
+        kind = str(shown(ctx=command.context_class(command))).strip("<>") if shown else ""
+        if kind in KINDS and parameter.param_type_name == "argument":
+            parameter.display_type_rich = _nothing
+        elif kind in KINDS:
+            parameter.metavar = KINDS[kind]
+
+
+def _nothing(ctx: Any) -> str:  # noqa: ARG001 - typer names it
+    return ""
 
 
 def add_examples(app: typer.Typer) -> None:

@@ -22,10 +22,19 @@ class _Terminal(logging.StreamHandler):  # type: ignore[type-arg]
     def __init__(self) -> None:
         super().__init__(sys.stderr)
         self.setFormatter(_AsTold())
+        self.last_fault = ""
 
     def emit(self, record: logging.LogRecord) -> None:
+        if record.levelno >= logging.ERROR:
+            self.last_fault = record.getMessage()
         self.stream = sys.stderr
         super().emit(record)
+
+
+def already_told(reason: str) -> bool:
+    """Whether the terminal's last fault was this one."""
+    shown = [one for one in logging.getLogger("palpate").handlers if isinstance(one, _Terminal)]
+    return any(one.last_fault.endswith(reason) for one in shown)
 
 
 def log_to(file: Path | None, *, verbose: bool) -> None:

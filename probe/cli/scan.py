@@ -13,6 +13,7 @@ import typer
 from probe.cli import ABORTED
 from probe.cli.arguments import RunFile, scene_names
 from probe.cli.errors import FAULT
+from probe.cli.logs import already_told
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
 from probe.cli.windows import need_windows
 
@@ -230,8 +231,11 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
                 answer(f"Report: {found.get('report', next_command('report', path))}")
     finally:  # how the scan ended is said even if its file cannot be read now
         if ended.finish is not Finish.COMPLETED:
-            faulted = ended.finish is Finish.FAULTED
-            how = "A fault ended the scan:" if faulted else "The scan was"
-            inform(f"{how} {ended.reason}. What was read is in {path}")
+            how = f"The scan was {ended.reason}"
+            if ended.finish is Finish.FAULTED:
+                why = "this" if already_told(ended.reason) else "a"
+                how = f"{why} fault ended the scan".capitalize()
+                how += "" if why == "this" else f": {ended.reason}"
+            inform(f"{how}. What was read is in {path}")
             inform(f"To go on where it broke off: {next_command('resume', path)}")
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

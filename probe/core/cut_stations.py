@@ -41,16 +41,17 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
     Raises `RunFileError` if the events do not make a run, or a force has no known face.
     """
     signal: _Signal | None = None
-    finish = "faulted"
+    finish, ended = "faulted", ""
     presses: dict[tuple[int, int], _Press] = {}
     complete: dict[int, Station] = {}
     quantum_pa: float | None = None
     for event in events:
         match event:
             case RunStarted():
-                signal, finish = signal or _Signal(event, face_mm2), "faulted"
+                signal = signal or _Signal(event, face_mm2)
+                finish, ended = "faulted", ""
             case RunEnded():
-                finish = str(event.finish)
+                finish, ended = str(event.finish), event.reason
             case StationStarted(_, station, attempt, x_m, y_m):
                 presses = {(station, attempt): _Press(x_m, y_m)}
             case PhaseEntered(time_s, phase, station) if station is not None:
@@ -74,6 +75,7 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
         signal.face_m2,
         finish,
         quantum_pa or 0.0,
+        ended,
     )
 
 

@@ -54,8 +54,9 @@ class Recording:
 
     ``channels`` are the names of the signal's columns, as ``device.channel``; ``simulated`` the
     names of all simulated channels. ``face_m2`` is the area of the probe's face (NaN = unknown),
-    ``finish`` how the run ended (``completed``, ``aborted`` or ``faulted``), ``quantum_pa`` the
-    sensor's resolution (0 = unknown).
+    ``finish`` how the run ended (``completed``, ``aborted`` or ``faulted``), ``ended`` why, in
+    words (empty of a run that was broken off), ``quantum_pa`` the sensor's resolution (0 =
+    unknown).
 
     Examples
     --------
@@ -71,6 +72,7 @@ class Recording:
     face_m2: float
     finish: str = "completed"
     quantum_pa: float = 0.0
+    ended: str = ""
 
     def __repr__(self) -> str:
         return (

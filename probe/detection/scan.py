@@ -87,7 +87,10 @@ def detect(
     kind = _whole(objects, presses, unfinished)
     if kind == "nothing" and needed_pa > asked_pa:
         kind = "cannot see"
-    reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa)
+    if presses:
+        reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa)
+    else:
+        reason = _why_no_station(recording)
     return Finding(
         kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
         heart_rate(presses),
@@ -211,7 +214,7 @@ def _reason(
                 f"no contact: none of {len(presses)} presses met anything; check the height of the "
                 "surface, the tare and that the sensor answers"
             )
-        first = next((p.note for p in presses if p.note), "the recording has no complete station")
+        first = next((p.note for p in presses if p.note), "none has enough samples")
         return f"no press can be judged: {first}"
     if objects:
         return _reasons(objects)
@@ -235,6 +238,16 @@ def _reason(
         return f"{text}; a lump would need a row of {MIN_LEVELS} stations or more to show"
     text = f"{text}, and no place stiffer or softer than its surroundings"
     return text if np.isnan(least_pa) else f"{text} ({plain(least_pa, 2)} Pa would have shown)"
+
+
+def _why_no_station(recording: Recording) -> str:
+    why = recording.ended or "it was broken off in the first press, or is still in it"
+    how = (
+        {"faulted": "a fault ended it: ", "aborted": "it was stopped: "}[recording.finish]
+        if (recording.ended and recording.finish in ("faulted", "aborted"))
+        else ""
+    )
+    return f"the run has no complete station; {how}{why}"
 
 
 def _reasons(objects: list[ObjectFinding]) -> str:

@@ -1,8 +1,11 @@
 """``palpate --help`` is grouped and complete; each command's help has an example that parses."""
 
+import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
 import typer
@@ -39,6 +42,25 @@ def test_the_example_is_shown_and_parses(name: str, capsys: pytest.CaptureFixtur
     if name != "chart":
         assert main([name, "--help"]) == 0
         assert f"Example: {EXAMPLES[name]}" in " ".join(capsys.readouterr().out.split())
+
+
+def helps(command: Any, words: tuple[str, ...] = ("palpate",)) -> Iterator[tuple[str, str]]:
+    """Every command's words and help, groups and their commands included."""
+    yield " ".join(words), command.get_help(command.context_class(command, info_name=words[-1]))
+    for name, one in getattr(command, "commands", {}).items():
+        yield from helps(one, (*words, name))
+
+
+def test_no_help_shows_a_type_of_python() -> None:
+    found = dict(helps(typer.main.get_command(build())))
+    assert {"palpate", "palpate sweep", "palpate chart stability"} <= set(found)
+    of_python = re.compile(
+        r"<(?:[^<>]* range|path)>|\b(?:list|dict|tuple)\[|\b(?:str|int|float|bool)\b"
+    )
+    told = {words: of_python.findall(text) for words, text in found.items()}
+    assert {words: types for words, types in told.items() if types} == {}
+    assert "--seed NUMBER" in found["palpate scan"]
+    assert "<rig|scene|driver>" in found["palpate init"]  # what may be chosen stays
 
 
 def test_help_loads_nothing_that_only_work_needs() -> None:

@@ -12,15 +12,18 @@ from typing import Any
 import pytest
 from databases import opened
 
-from drivers import DeviceFault, WallClock
+from drivers import Channel, DeviceFault, WallClock
 from probe.acquisition.session import ScanResult
 from probe.cli import say
 from probe.cli.command_line import GROUPS, build
 from probe.cli.errors import STATUSES
 from probe.cli.finding import show_finding
+from probe.cli.logs import log_to
 from probe.cli.scan import print_result
 from probe.core.errors import RunFileError
-from probe.core.events import Finish, RunEnded
+from probe.core.events import Finish, Note, RunEnded, RunStarted
+from probe.core.log import log_event
+from probe.storage.writer import create_store
 from sim_backend.emulators import grbl
 from sim_backend.models.press import CannotSolve
 from sim_backend.phantom.devices import VirtualStage
@@ -162,6 +165,41 @@ def test_how_a_scan_ended_is_said_though_its_file_cannot_be_read(
     with pytest.raises(RunFileError, match="no such run file"):
         print_result(ScanResult(tmp_path / "gone.run", ended, ()), 0.0, report=False, as_json=False)
     assert "A fault ended the scan: the motor is jammed" in capsys.readouterr().err
+
+
+def test_a_fault_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """When it happens, with its device; at the end what was kept and how to go on."""
+    log_to(None, verbose=False)
+    log_event(Note(1.0, "fault", "store", "the disk is full"))
+    ended = RunEnded(1.0, Finish.FAULTED, "the disk is full")
+    with pytest.raises(RunFileError, match="no such run file"):
+        print_result(ScanResult(tmp_path / "gone.run", ended, ()), 0.0, report=False, as_json=False)
+    err = capsys.readouterr().err
+    assert err.count("the disk is full") == 1
+    assert f"This fault ended the scan. What was read is in {tmp_path}/gone.run" in err
+
+
+@pytest.mark.parametrize(
+    ("ends", "says"),
+    [
+        ([RunEnded(1.0, Finish.FAULTED, "the motor is jammed")],
+         "a fault ended it: the motor is jammed"),
+        ([RunEnded(1.0, Finish.ABORTED, "stopped by the user")],
+         "it was stopped: stopped by the user"),
+        ([], "it was broken off in the first press, or is still in it"),
+    ],
+)  # fmt: skip
+def test_detect_says_why_a_run_has_no_station(
+    palpate, tmp_path: Path, ends: list[RunEnded], says: str
+) -> None:
+    channels = {"pad": (Channel("stress", "Pa", "pressure"),)}
+    with create_store(tmp_path / "a.run") as sink:
+        sink(RunStarted(0.0, "2026-01-01T00:00:00+00:00", {}, channels))
+        for event in ends:
+            sink(event)
+    found = palpate("detect", str(tmp_path / "a.run"), "--json").json
+    assert (found["finding"], found["objects"]) == ("undecided", [])
+    assert found["reason"] == f"the run has no complete station; {says}"
 
 
 def test_what_cannot_be_solved(
