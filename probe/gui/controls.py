@@ -17,6 +17,7 @@ from probe.core.finding_words import (
     simulated_words,
 )
 from probe.gui.state import ViewState
+from probe.gui.style import scrolling
 from probe.report.look import GREEN, VERMILLION
 
 Ask = Callable[[str], None]
@@ -52,6 +53,9 @@ class SidePanel(QWidget):
         super().__init__()
         self._ask = ask
         layout = QVBoxLayout(self)
+        words = QWidget()
+        said = QVBoxLayout(words)
+        said.setContentsMargins(0, 0, 0, 0)
         self.simulated, self.fault = _label("simulated"), _label("fault")
         self.finding, self.objects = _label("finding"), _label("objects")
         self.progress, self.devices, self.answer = (
@@ -59,11 +63,12 @@ class SidePanel(QWidget):
             _label("devices"),
             _label("answer"),
         )
-        for each in (self.simulated, self.fault, self.finding, self.objects):
+        for each in (self.simulated, self.fault):  # never scrolled away
             layout.addWidget(each)
-        layout.addWidget(self.progress)
-        layout.addWidget(self.devices)
-        layout.addStretch(1)
+        for each in (self.finding, self.objects, self.progress, self.devices):
+            said.addWidget(each)
+        said.addStretch(1)
+        layout.addWidget(scrolling(words), 1)
         layout.addWidget(self.answer)
         self.buttons: dict[str, QPushButton] = {}
         if ask is not None:

@@ -66,6 +66,8 @@ class FeelWindow(QWidget):
         help_text.setWordWrap(True)
         self.readout, self.status = QLabel(), QLabel()
         self.readout.setObjectName("finding")
+        for each in (self.readout, self.status):
+            each.setWordWrap(True)
         self.section = HeatMap("", "von Mises [kPa]")
         self.section.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         label(self.section.plot, ("x", "mm"), ("height", "mm"))

@@ -7,7 +7,7 @@ import signal
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QTimer
 from PySide6.QtGui import QColor, QFont, QPen
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import QApplication, QFrame, QScrollArea, QWidget
 
 from probe.report.look import HEAT, INK
 
@@ -76,6 +76,15 @@ def scale() -> float:
     """How much larger than designed everything is drawn."""
     app = QApplication.instance()
     return 1.0 if app is None else float(app.property("enlarge") or 1.0)
+
+
+def scrolling(inner: QWidget) -> QScrollArea:
+    """``inner``, as large as there is room for; where it needs more, it is scrolled."""
+    area = QScrollArea()
+    area.setWidget(inner)
+    area.setWidgetResizable(True)
+    area.setFrameShape(QFrame.Shape.NoFrame)
+    return area
 
 
 def heat() -> pg.ColorMap:

@@ -43,6 +43,10 @@ class WatchWindow(QWidget):
             head = QLabel("SIMULATED channels are among these")
             head.setObjectName("simulated")
             layout.addWidget(head)
+        self.fault = QLabel()
+        self.fault.setObjectName("fault")
+        self.fault.setWordWrap(True)
+        layout.addWidget(self.fault)
         layout.addWidget(self.table)
         layout.addWidget(self.tare)
         self.resize(round(900 * scale()), round(320 * scale()))
@@ -54,6 +58,9 @@ class WatchWindow(QWidget):
     def frame(self) -> None:
         """Read, and show what was read."""
         self.last = self._watched.readings()
+        faults = dict.fromkeys(one.fault for one in self.last if one.fault)
+        self.fault.setVisible(bool(faults))
+        self.fault.setText("\n".join(faults))
         for row, one in enumerate(self.last):
             for column, text in enumerate(one.row()):
                 cell = QTableWidgetItem(text)

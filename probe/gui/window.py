@@ -5,16 +5,21 @@ from pathlib import Path
 from typing import Any
 
 from PySide6.QtCore import Qt, QTimer
+from PySide6.QtGui import QResizeEvent
 from PySide6.QtWidgets import QLabel, QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from probe.gui.body import BodyPanel
 from probe.gui.controls import Ask, SidePanel
 from probe.gui.maps import MapPanel
 from probe.gui.state import ViewState
+from probe.gui.style import scale, scrolling
 from probe.gui.traces import TracePanel
 
 FRAME_MS = 33
-
+NARROW_PX = 1000
+"""Of a window below which plots have less than their titles beside each other."""
+PLOTS, PLOT_PX = 5, 210
+"""One below the other, and what each needs for its axes and a curve."""
 
 Found = Callable[[], Mapping[str, Any] | None]
 """The latest JSON of a run's detection; None until there is one."""
@@ -68,11 +73,25 @@ class RunWindow(QWidget):
         left.addWidget(self.maps)
         left.addWidget(self.body)
         left.setSizes([420, 240])
+        self.plots = QSplitter(Qt.Orientation.Horizontal)
+        self.plots.addWidget(left)
+        self.plots.addWidget(self.traces)
+        self.plots.setSizes([480, 460])
         whole = QSplitter(Qt.Orientation.Horizontal)
-        for each in (left, self.traces, self.side):
-            whole.addWidget(each)
-        whole.setSizes([480, 460, 320])
+        whole.addWidget(scrolling(self.plots))
+        whole.addWidget(self.side)
+        whole.setSizes([940, 320])
+        whole.setStretchFactor(0, 1)
+        whole.setCollapsible(1, False)  # it has the button that stops
         return whole
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        """Beside each other the plots of a narrow window would be cut: one below the other, they
+        are scrolled."""
+        super().resizeEvent(event)
+        narrow = self.width() < NARROW_PX * scale()
+        self.plots.setOrientation(Qt.Orientation.Vertical if narrow else Qt.Orientation.Horizontal)
+        self.plots.setMinimumHeight(round(PLOTS * PLOT_PX * scale()) if narrow else 0)
 
     def said(self, state: ViewState) -> Mapping[str, Any] | None:
         """The finding that is put into words."""
