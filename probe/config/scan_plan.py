@@ -8,6 +8,7 @@ from probe.planning.plan import Plan, Surface, check_reach, grid, repeated
 from probe.planning.surfaces import level, through
 
 DEPTH_SLACK_MM = 0.5  # beyond the deepest press, where the rig file gives no limit
+ROUNDING_MM = 1e-6  # as `probe.planning.plan.check_reach` allows: 0.9 mm in metres and back is more
 
 
 def plan_for(rig: Rig) -> Plan:
@@ -65,7 +66,7 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
     """
     safety = rig.safety
     deepest_mm = 1e3 * plan.deepest_below_m
-    if safety.max_depth_mm is not None and safety.max_depth_mm < deepest_mm:
+    if safety.max_depth_mm is not None and safety.max_depth_mm < deepest_mm - ROUNDING_MM:
         raise RigError(
             f"safety.max_depth_mm = {safety.max_depth_mm:g}: the scan goes {deepest_mm:g} mm "
             "deep; allow that or press less"
@@ -75,7 +76,7 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
     check_reach(plan, (x, y, z))
     return Limits(
         max_force_n=safety.max_force_n,
-        max_depth_m=1e-3 * (safety.max_depth_mm or deepest_mm + DEPTH_SLACK_MM),
+        max_depth_m=1e-3 * max(safety.max_depth_mm or deepest_mm + DEPTH_SLACK_MM, deepest_mm),
         workspace_m=(x, y, z),
         max_speed_m_s=1e-3 * safety.max_speed_mm_s,
         silence_s=safety.silence_s,

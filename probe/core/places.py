@@ -1,8 +1,11 @@
 """Where stations are, by the plan and in words: x in a row, x and y in a grid."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from math import isfinite, nan
 from typing import Any
+
+SAME_ROW_M = 0.05e-3  # as an import takes places for one; no probe resolves rows so close
 
 
 def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
@@ -20,8 +23,22 @@ def _metres(length_mm: float | None) -> float:
 
 
 def has_rows(y_mm: Iterable[float | None]) -> bool:
-    """Whether the known y [mm] differ, to the micrometre: a grid, not one row."""
-    return len({round(y, 3) for y in y_mm if y is not None and isfinite(y)}) > 1
+    """Whether the known y [mm] are those of several rows: a grid, not one row."""
+    known = [1e-3 * y for y in y_mm if y is not None]
+    return len(set(rows_of(known)) - {None}) > 1
+
+
+def rows_of(y_m: Sequence[float]) -> list[int | None]:
+    """The row of each y [m], counted from the lowest; None where y is unknown.
+
+    A row ends where the next y is more than `SAME_ROW_M` away: a robot comes back to the same y
+    to within a few micrometres only, wherever that y lies.
+    """
+    known = sorted({y for y in y_m if isfinite(y)})
+    row = dict.fromkeys(known[:1], 0)
+    for below, above in pairwise(known):
+        row[above] = row[below] + (above - below > SAME_ROW_M)
+    return [row.get(y) for y in y_m]
 
 
 def plans_rows(config: Mapping[str, Any]) -> bool:

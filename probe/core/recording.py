@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from drivers.core.arrays import Array, Bools
+from probe.core.places import rows_of
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,6 @@ class Recording:
     def rows(self) -> list[list[int]]:
         """Places in ``stations`` of those of equal y; one row where y is unknown."""
         rows: dict[int, list[int]] = {}
-        for i, station in enumerate(self.stations):
-            key = round(station.y_m / 1e-4) if np.isfinite(station.y_m) else 0
-            rows.setdefault(key, []).append(i)
-        return [rows[key] for key in sorted(rows)]
+        for i, row in enumerate(rows_of([station.y_m for station in self.stations])):
+            rows.setdefault(row or 0, []).append(i)
+        return [rows[row] for row in sorted(rows)]

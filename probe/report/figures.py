@@ -12,7 +12,7 @@ import numpy as np
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
 from probe.core.finding_words import reach
-from probe.core.places import has_rows
+from probe.core.places import has_rows, rows_of
 from probe.core.recording import Recording, Station
 from probe.report.look import BLUE, GREEN, HEAT, INK, PAPER_WIDTH_IN, PHASE_COLOURS, VERMILLION
 
@@ -92,11 +92,16 @@ def is_grid(recording: Recording) -> bool:
 
 def grid_of(x: Array, y: Array, values: Array) -> tuple[Array, Array, Array]:
     """Columns' x (c,), rows' y (r,) and values (r, c); NaN where no station is complete."""
-    columns, i = np.unique(np.round(x, 6), return_inverse=True)
-    rows, j = np.unique(np.round(y, 6), return_inverse=True)
+    (columns, i), (rows, j) = _lines(x), _lines(y)
     table = np.full((len(rows), len(columns)), np.nan)
     table[j, i] = values
     return columns, rows, table
+
+
+def _lines(places_mm: Array) -> tuple[Array, Ints]:
+    """Where the lines of a grid lie (m,), and the line of each place (n,)."""
+    line = np.array(rows_of([1e-3 * place for place in places_mm.tolist()]), int)
+    return np.bincount(line, places_mm) / np.bincount(line), line
 
 
 def tactile_map(recording: Recording, heart_rate_bpm: float | None = None) -> Figure:

@@ -1,5 +1,7 @@
 """Opening a run file for writing: on a local disk, with every safe mode on, by one writer only."""
 
+import os
+import re
 import shutil
 import sqlite3
 from pathlib import Path
@@ -15,6 +17,7 @@ NETWORK = (
     "9p", "afs", "ceph", "cifs", "davfs", "glusterfs", "lustre", "nfs", "smb", "vboxsf",
     "fuse.davfs", "fuse.gvfs", "fuse.glusterfs", "fuse.rclone", "fuse.s3fs", "fuse.sshfs",
 )  # fmt: skip
+MOUNTS = Path("/proc/mounts")
 LOG_PAGES = 100  # moved into the file often: little is missing if someone copies it without its log
 
 
@@ -82,13 +85,18 @@ def make_safe(connection: sqlite3.Connection, path: Path) -> None:
 def file_system(path: Path) -> str:
     """The type of the file system that ``path`` is on; empty where that is not known."""
     try:
-        lines = Path("/proc/mounts").read_text(encoding="utf-8").splitlines()
+        lines = MOUNTS.read_bytes().splitlines()
     except OSError:
         return ""
     where = path.resolve()
-    mounts = [line.split()[1:3] for line in lines]
+    mounts = [[_unescaped(part) for part in line.split()[1:3]] for line in lines]
     found = [(len(m), n, kind) for n, (m, kind) in enumerate(mounts) if where.is_relative_to(m)]
     return max(found, default=(0, 0, ""))[2]
+
+
+def _unescaped(part: bytes) -> str:
+    """The kernel writes space, tab, newline and backslash as octal numbers: proc(5), fstab(5)."""
+    return os.fsdecode(re.sub(rb"\\([0-7]{3})", lambda m: bytes([int(m[1], 8)]), part))
 
 
 def explain(error: Exception) -> str:

@@ -128,6 +128,16 @@ def test_no_key_of_the_safety_table_is_left_out(key: str) -> None:
     )
 
 
+@pytest.mark.parametrize("depth_mm", [0.9, 1.3, 1.8, 2.5])
+def test_a_press_may_be_as_deep_as_is_allowed(depth_mm: float) -> None:
+    """0.9 mm in metres and back is more than 0.9 mm."""
+    rig = Rig.model_validate({
+        "scan": {"indentation_mm": depth_mm}, "safety": {"max_depth_mm": depth_mm},
+    })  # fmt: skip
+    plan = plan_for(rig)
+    assert limits_for(rig, plan).max_depth_m >= plan.deepest_below_m
+
+
 def test_a_measured_surface_is_a_plane_through_three_points() -> None:
     rig = Rig.model_validate({"scan": {"surface_mm": [[0, 0, 0], [60, 0, 3], [0, 5, 0]]}})
     assert plan_for(rig).surface(0.030, 0.002) == pytest.approx(1.5e-3, abs=1e-6)

@@ -154,6 +154,40 @@ def test_an_anonymous_run_names_nobody() -> None:
     assert kept.config["rig"]["stage"]["driver"] == "ur"
 
 
+def test_a_robots_grid_has_no_holes() -> None:
+    """Measured places differ by micrometres within a row and a column."""
+    aside = np.array([0.0, 2e-3, -3e-3, 1e-3])
+    columns, rows, table = figures.grid_of(
+        np.array([0.0, 4.0, 4.0, 0.0]) + aside, np.array([0.0, 0.0, 4.0, 4.0]) - aside, np.ones(4)
+    )
+    assert columns == pytest.approx([0, 4], abs=0.01)
+    assert rows == pytest.approx([0, 4], abs=0.01)
+    assert (table == 1).all()
+
+
+def test_an_anonymous_run_names_no_file_of_its_user() -> None:
+    """A home folder has a name, and so may a scene, a wave, a calibration and a computer."""
+    home = "/home/ann/bob.toml"
+    config = {
+        "rig": {
+            "stage": {"driver": "own", "program": "C:\\Users\\ann\\move.script"},
+            "sensor": [{"driver": "own", "models": [home]}],
+            "scene": {"name": "bob.toml", "surface_mm": 1.0},
+            "calibration": {"force": "bob.json"},
+        },
+        "scene": load_scene("TIHA").model_dump(mode="json"),
+        "computer": "0123abcd",
+    }
+    config["scene"]["pulse"]["wave"] = "bob.csv"
+    kept = anonymous(RunStarted(0.0, "2026-01-01T00:00:00+00:00", config, {})).config
+    for telling in ("ann", "bob", "0123abcd"):
+        assert telling not in str(kept)
+    assert kept["rig"]["scene"]["surface_mm"] == 1.0
+    assert Scene.model_validate(kept["scene"]).name == "TIHA"  # what the section is drawn from
+    built_in = {"rig": {"scene": {"name": "TIHA"}}}
+    assert anonymous(RunStarted(0.0, "", built_in, {})).config == built_in
+
+
 def test_a_grid_becomes_a_table_with_holes_where_no_station_is() -> None:
     columns, rows, table = figures.grid_of(
         np.array([0.0, 4.0, 0.0]), np.array([0.0, 0.0, 4.0]), np.array([1.0, 2.0, 3.0])

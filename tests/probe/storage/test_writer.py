@@ -146,6 +146,16 @@ def test_the_file_system_of_a_path_is_known() -> None:
     assert probe.storage.disk.file_system(Path("/proc/self")) == "proc"
 
 
+def test_a_network_folder_with_a_space_in_its_name_is_known(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mounts = tmp_path / "mounts"
+    mounts.write_bytes(b"/dev/sda / ext4 rw 0 0\nnas:/x /mnt/Our\\040\xc3\xa4ther nfs4 rw 0 0\n")
+    monkeypatch.setattr(probe.storage.disk, "MOUNTS", mounts)
+    assert probe.storage.disk.file_system(Path("/mnt/Our äther/a.run")) == "nfs4"
+    assert probe.storage.disk.file_system(Path("/mnt/Our/a.run")) == "ext4"
+
+
 def test_a_file_system_without_a_log_is_refused(tmp_path: Path) -> None:
     with (
         opened(":memory:") as connection,
