@@ -8,10 +8,11 @@ Writes the deck of one of `CASES`, runs ``ccx`` on it and keeps deck and forces 
 finite strain, neo-Hooke, frictionless contact of faces (penalty), pressure that follows the wall;
 a quarter of the block. A run takes one to five minutes of processor.
 
-CalculiX pairs points of the skin with facets of the finger when an increment begins and holds on
-to the pairs until it ends. The skin slides meanwhile: at the end of an increment it is off the
-finger by the square of the slide over twice the finger's radius. Each load is therefore held for
-one more step, whose one increment finds new pairs.
+CalculiX finds the facet of the finger opposite to each point of the skin when an increment begins
+and keeps it until the increment ends ("due to the freezing of the match between the slave and
+master surface within each increment, large deformations may require small increments": its manual,
+face-to-face penalty contact). The skin slides meanwhile. Each load is therefore held for one more
+step, whose one increment finds the pairs anew; what that changes is kept beside the forces.
 """
 
 import json

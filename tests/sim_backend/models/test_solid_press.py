@@ -29,3 +29,20 @@ def test_both_round_blocks_lie_within_the_stated_error(monkeypatch: pytest.Monke
     _, solution, error_pct = solid_press.refine_axisymmetric(scene, 32e-3, 1e-3, 1.0)
     assert solution.force_n_per_m == pytest.approx(1.0)
     assert error_pct == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("pressures_pa", [(0.0,), (80.0, 120.0)])
+def test_meshes_that_agree_by_chance_do_not_state_no_error(
+    pressures_pa: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def solved(*_given: Any, **_more: Any) -> tuple[SimpleNamespace, list[SimpleNamespace]]:
+        return SimpleNamespace(free=range(10)), [
+            SimpleNamespace(force_n=1 + p) for p in pressures_pa
+        ]
+
+    monkeypatch.setattr(solid_press, "solve_solid", solved)
+    scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
+    budget = np.full(2, 5.0)
+    _, (force_pct, pulse_pct) = solid_press.refine_solid(scene, 0.0, 1e-3, pressures_pa, budget)
+    assert 0.1 < force_pct < 1.0
+    assert 1.5 < pulse_pct < 3.0 if len(pressures_pa) > 1 else pulse_pct == 0.0
