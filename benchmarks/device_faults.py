@@ -29,6 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from kept import ROOT, Row, fill, read
+from makers_peers import RATE_HZ, START_MM, LslStream, StandaAxes, lsl_stream, standa_axes
 
 from drivers import Sensor, Stage, WallClock
 from drivers.core.registry import open_driver
@@ -82,6 +83,8 @@ class Device:
     faults: tuple[str, ...]
     harmless: tuple[str, ...] = ()
     """Faults that a scan may outlive."""
+    carry: Callable[[Any, Any], None] = lambda _served, _opened: None
+    """Ties what was opened to the phantom, where the peer cannot by itself."""
 
 
 def on_pty(module: Any, **keys: Any) -> Emulate:
@@ -158,7 +161,24 @@ DEVICES = {
                 check="crc16-modbus", scale=10.0),
         (*LINE, "bad crc"),
     ),
+    "standa": Device(
+        "stages", "standa", standa_axes,
+        lambda axes: {**axes.keys, "max_speed_mm_s": 25.0,
+                      "origin_mm": (-START_MM["x"], 0.0, -START_MM["z"])},
+        StandaAxes.faults, carry=lambda axes, stage: axes.carry(stage),
+    ),
+    "lsl": Device(
+        "sensors", "lsl", lambda phantom, _: lsl_stream(phantom),
+        lambda stream: {"stream": stream.name, "rate_hz": RATE_HZ, "channel": [FORCE]},
+        LslStream.faults, ("bunches",),
+    ),
 }  # fmt: skip
+ELSEWHERE = {
+    ("stages", "virtual"): "the phantom itself: it has no line and no faults of its own",
+    ("sensors", "virtual"): "the phantom itself; `benchmarks/campaign` breaks what it reads",
+    ("sensors", "ur"): "its readings come with the arm's states: the faults are those of `ur`",
+}
+"""Registered drivers without rows, and why."""
 
 
 @dataclass
@@ -232,6 +252,7 @@ def strike(name: str, fault: str, phase: str) -> Outcome:
                 threading.Timer(AFTER_S, fail).start()
 
         opened: Any = open_driver(device.kind, device.driver, clock, device.keys(served))  # type: ignore[arg-type]
+        device.carry(served, opened)
         stage: Stage = opened if device.kind == "stages" else virtual_stage(clock, phantom=phantom)
         sensor: Sensor = (
             opened if device.kind == "sensors" else virtual_sensor(clock, phantom=phantom)
@@ -255,7 +276,7 @@ def contract(name: str) -> str:
     """The outcome of the contract's tests, in pytest's words."""
     tests = "tests/drivers/testing/test_contract.py"
     ran = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", tests, "-k", name],
+        [sys.executable, "-m", "pytest", tests, "-k", name],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     return ran.stdout.strip().splitlines()[-1]

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from makers_peers import RATE_HZ, lsl_stream
 
 from drivers import WallClock
 from drivers.testing.contract import Bench
@@ -56,6 +57,14 @@ def net_ft(phantom: Phantom, clock: WallClock, _folder: Path) -> Iterator[Bench]
         settings = {"host": box.host, **ports, "silence_s": 2.0}
         unplug, replug = partial(box.fail, "drop"), partial(box.fail, None)
         yield Bench("netft", settings, unplug, replug, clock=clock)
+
+
+@contextmanager
+def lsl(phantom: Phantom, clock: WallClock, _folder: Path) -> Iterator[Bench]:
+    pytest.importorskip("pylsl", reason="the extra `lsl` is not installed")
+    with lsl_stream(phantom) as stream:
+        settings = {"stream": stream.name, "rate_hz": RATE_HZ, "channel": [PRINTED["channel"][0]]}
+        yield Bench("lsl", settings, partial(stream.fail, "drop"), clock=clock)
 
 
 @contextmanager
@@ -131,6 +140,7 @@ SENSORS: dict[str, Make] = {
     "netft": net_ft,
     "lines": partial(on_a_line, "lines", lines.emulate, "tcp", PRINTED),
     "taxels": partial(on_a_line, "taxels", taxels.emulate, "pty", ARRAY),
+    "lsl": lsl,
     "ur": partial(on_a_robot, {}),
 }
 
