@@ -54,7 +54,7 @@ def scan(
 
 
 def test_a_press_during_which_cycles_were_missed_is_made_again(winkler: Respond) -> None:
-    """The hold is long: where this machine is late too, one look of 0.25 s may not see the stall."""
+    """The hold is long: where this machine is late too, one look of 0.25 s may miss the stall."""
     plan = replace(PLAN, hold_s=2.0)
     with connected(winkler, version=CB3) as (made, robot):
         ended, events = scan(made, robot, {Phase.HOLDING: "missed cycles"}, plan)
