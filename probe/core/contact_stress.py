@@ -15,15 +15,17 @@ from probe.core.errors import RunFileError
 ROLES = ("force", "pressure", "taxel")
 
 
-def tactile_device(channels: Mapping[str, tuple[Channel, ...]]) -> str:
-    """The device the signal is taken from: the first with a force, pressure or taxel channel.
+def tactile_or_none(channels: Mapping[str, tuple[Channel, ...]]) -> str | None:
+    """The device the signal is taken from: the first with a force, pressure or taxel channel."""
+    feels = (d for d, own in channels.items() if any(channel.role in ROLES for channel in own))
+    return next(feels, None)
 
-    Raises `RunFileError` if there is none.
-    """
-    for device, own in channels.items():
-        if any(channel.role in ROLES for channel in own):
-            return device
-    raise RunFileError("no force, pressure or taxel channel: nothing was measured")
+
+def tactile_device(channels: Mapping[str, tuple[Channel, ...]]) -> str:
+    """As `tactile_or_none`. Raises `RunFileError` if there is none."""
+    if (device := tactile_or_none(channels)) is None:
+        raise RunFileError("no force, pressure or taxel channel: nothing was measured")
+    return device
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from drivers.core.extras import needs, require
+from probe.core.contact_stress import tactile_or_none
 from probe.storage.distinct_names import distinct
 from probe.storage.run import Run, open_run
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 CONVENTIONS = "CF-1.11"
 OURS = ("stations", "config")
+PLACES = ("x_mm", "y_mm")
 UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 
 
@@ -63,7 +65,8 @@ def _csv(run: Run, out_dir: Path) -> list[Path]:
     written[1].write_text(_about(run) + "\n", encoding="utf-8")
     for device, part in _file_parts(run).items():
         written.append(Path(f"{stem}-{part}.csv"))
-        _frame(run, device).to_csv(written[-1], index=False)
+        frame, _ = _frame(run, device)
+        frame.to_csv(written[-1], index=False)
     return written
 
 
@@ -75,13 +78,14 @@ def _parquet(run: Run, out_dir: Path) -> list[Path]:
 
     stem = out_dir / run.path.stem
     written = [Path(f"{stem}-stations.parquet")]
-    tables = [run.stations()]
+    table = run.stations()
+    tables = [(table, {str(name): unit_of(str(name)) for name in table})]
     for device, part in _file_parts(run).items():
         written.append(Path(f"{stem}-{part}.parquet"))
         tables.append(_frame(run, device))
-    for path, frame in zip(written, tables, strict=True):
+    for path, (frame, units) in zip(written, tables, strict=True):
         table = pyarrow.Table.from_pandas(frame, preserve_index=False)
-        fields = [f.with_metadata({"units": unit_of(f.name)} if unit_of(f.name) else None)
+        fields = [f.with_metadata({"units": units[f.name]} if units.get(f.name) else None)
                   for f in table.schema]  # fmt: skip
         about = {**(table.schema.metadata or {}), b"palpate": _about(run).encode()}
         parquet.write_table(table.cast(pyarrow.schema(fields, about)), path)
@@ -107,7 +111,9 @@ def _hdf5(run: Run, out_dir: Path) -> list[Path]:
         file.attrs["started_utc"] = run.started.started_utc
         file.attrs["simulated"] = ", ".join(run.simulated)
         _columns(file.create_group("stations"), run.stations())
-        for device, name in _groups(run).items():
+        groups = _groups(run)
+        file.attrs["tactile"] = groups.get(tactile_or_none(run.channels) or "", "")
+        for device, name in groups.items():
             data = run.samples(device)
             group = file.create_group(name)
             for column, variable in data.variables.items():
@@ -121,18 +127,20 @@ def _netcdf(run: Run, out_dir: Path) -> list[Path]:
     path = out_dir / f"{run.path.stem}.nc"
     table = run.stations()
     stations = xr.Dataset({name: ("press", table[name].to_numpy()) for name in table})
+    groups = _groups(run)
     stations.attrs = {
         "Conventions": CONVENTIONS,
         "title": f"palpate run {run.path.stem}",
         "config": _about(run),
         "started_utc": run.started.started_utc,
         "simulated": ", ".join(run.simulated),
+        "tactile": groups.get(tactile_or_none(run.channels) or "", ""),
     }
     for name in stations:
         if unit := unit_of(str(name)):
             stations[name].attrs["units"] = unit
     stations.to_netcdf(path, mode="w", engine="h5netcdf")
-    for device, name in _groups(run).items():
+    for device, name in groups.items():
         run.samples(device).to_netcdf(path, mode="a", group=name, engine="h5netcdf")
     return [path]
 
@@ -164,22 +172,27 @@ def unit_of(column: str) -> str:
     return unit if unit in UNITS else ""
 
 
-def _frame(run: Run, device: str) -> pd.DataFrame:
-    """Samples as a table; each column's name ends in its unit.
+def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, str]]:
+    """Samples as a table, each column's name ending in its unit; the units by column.
 
     The last two are where the station is, NaN between stations.
     """
     data = run.samples(device)
-    columns = {
-        f"{name}_{variable.attrs['units']}" if "role" in variable.attrs else str(name): (
-            variable.values
-        )
-        for name, variable in data.variables.items()
-    }
+    variables = [(str(name), variable) for name, variable in data.variables.items()]
+    names = distinct(
+        {
+            name: f"{name}_{variable.attrs['units']}" if "role" in variable.attrs else name
+            for name, variable in variables
+        },
+        PLACES,
+    )
+    columns = {names[name]: variable.values for name, variable in variables}
+    units = {names[name]: variable.attrs.get("units", "") for name, variable in variables}
     places = run.stations().drop_duplicates("station").set_index("station")
-    for axis in ("x_mm", "y_mm"):
+    for axis in PLACES:
         columns[axis] = places[axis].reindex(data["station"].to_numpy()).to_numpy()
-    return pd.DataFrame(columns)
+        units[axis] = "mm"
+    return pd.DataFrame(columns), units
 
 
 def _columns(group: "h5py.Group", table: pd.DataFrame) -> None:

@@ -4,8 +4,8 @@ For each device ``/DEVICE/sample`` holds every sample as it was stored: the scan
 attempt, phase and each channel, to the bit; units stand in the schema's comments and in the
 channel's metadata. What viewers know already is there too: ``/stage/pose`` (geometry_msgs
 PoseStamped, in metres) and ``/DEVICE/wrench`` of a sensor of forces (geometry_msgs WrenchStamped).
-Messages are stamped with the run's wall time. The configuration is an attachment, notes and how
-the run ended are on ``/events``.
+Messages are stamped with the run's wall time, each session's own. The configuration is an
+attachment, notes and how the run ended are on ``/events``.
 
 Layout of a message: OMG CDR 1 (XCDR1), little-endian, as ROS 2 serialises; after the four bytes of
 the encapsulation each number is aligned to its own size.
@@ -23,8 +23,8 @@ from numpy.typing import NDArray
 
 from drivers import Channel
 from drivers.core.extras import needs
-from probe.core.events import Note, Phase, RunEnded
-from probe.storage.distinct_names import distinct
+from probe.core.events import Event, Note, Phase, RunEnded, RunStarted
+from probe.storage.distinct_names import ENDINGS, LABELS, channel_names, distinct
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -90,8 +90,8 @@ NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 def write_mcap(run: "Run", path: Path) -> None:
     """Write the whole run; an existing file is replaced."""
-    began = datetime.fromisoformat(run.started.started_utc).timestamp()
-    zero_s = began - run.started.time_s
+    told = [e for e in run.events() if isinstance(e, RunStarted | Note | RunEnded)]
+    clock = WallClock([e for e in told if isinstance(e, RunStarted)])
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="palpate")
@@ -99,17 +99,37 @@ def write_mcap(run: "Run", path: Path) -> None:
             "started_utc": run.started.started_utc,
             "simulated": ", ".join(run.simulated),
             "finish": str(run.finish or ""),
-            "clock_zero_unix_s": repr(zero_s),
+            "clock_zero_unix_s": repr(float(clock.zeros_s[0])),
         }
         writer.add_metadata("palpate", about)
         config = json.dumps(run.config, indent=1, default=str).encode()
-        at = _ns(np.array([run.started.time_s]), zero_s)[0]
+        at = int(clock.ns(np.array([run.started.time_s]))[0])
         writer.add_attachment(at, at, "config.json", "application/json", config)
         topics = distinct({device: field(device) for device in run.channels})
         for device, topic in topics.items():
-            _write_device(writer, device, topic, run.channels[device], run.samples(device), zero_s)
-        _write_events(writer, run, zero_s)
+            _write_device(writer, device, topic, run.channels[device], run.samples(device), clock)
+        _write_events(writer, told, clock)
         writer.finish()  # type: ignore[no-untyped-call]
+
+
+class WallClock:
+    """Unix time on the scan's clock: each session of a resumed run has its own zero.
+
+    A simulated scan's clock may be ahead of the day's; a session never begins before the last.
+    """
+
+    def __init__(self, sessions: Sequence[RunStarted]) -> None:
+        self.began_s = np.array([one.time_s for one in sessions])
+        wall_s = [datetime.fromisoformat(one.started_utc).timestamp() for one in sessions]
+        self.zeros_s = np.maximum.accumulate(np.array(wall_s) - self.began_s)
+
+    def ns(self, time_s: Array) -> NDArray[np.int64]:
+        """Whole nanoseconds; the seconds apart, since a float holds no nanoseconds of today."""
+        session = np.maximum(np.searchsorted(self.began_s, time_s, side="right") - 1, 0)
+        zero_s = self.zeros_s[session]
+        whole = np.floor(zero_s)
+        rest = np.round(1e9 * (time_s + (zero_s - whole))).astype(np.int64)
+        return np.asarray(whole.astype(np.int64) * 1_000_000_000 + rest, np.int64)
 
 
 def sample_schema(device: str, channels: Sequence[Channel]) -> tuple[str, str]:
@@ -122,43 +142,44 @@ def sample_schema(device: str, channels: Sequence[Channel]) -> tuple[str, str]:
         "int32 attempt  # from 1, -1 between stations",
         *(f"uint8 PHASE_{phase.name}={n}" for n, phase in enumerate(PHASES)),
         "uint8 phase",
-        *(f"float64 {names[c.name]}  # {c.unit}" for c in channels),
-        *(f"bool {names[c.name]}_saturated" for c in channels),
+        *(f"float64 {name}  # {c.unit}" for name, c in zip(names, channels, strict=True)),
+        *(f"bool {name}_saturated" for name in names),
     ]
     return f"palpate_msgs/msg/{_camel(device)}Sample", "\n".join(lines) + "\n" + HEADER
 
 
-def fields(channels: Sequence[Channel]) -> dict[str, str]:
+def fields(channels: Sequence[Channel]) -> list[str]:
     """What each channel is called in a message."""
-    return distinct({c.name: field(c.name) for c in channels})
+    names = {name: field(name) for name in channel_names(channels)}
+    return list(distinct(names, ("header", *LABELS), endings=ENDINGS).values())
 
 
 def field(name: str) -> str:
-    """A channel's name as ROS allows it: lower case, digits, single underscores."""
-    plain = re.sub(r"_+", "_", re.sub(r"\W", "_", name.lower())).strip("_")
-    return plain if plain[:1].isalpha() else f"c_{plain}"
+    """A channel's name as ROS allows it: lower case, digits, single underscores, only ASCII."""
+    plain = re.sub(r"_+", "_", re.sub(r"\W", "_", name.lower(), flags=re.ASCII)).strip("_")
+    return plain if plain[:1].isalpha() else f"c_{plain}".rstrip("_")
 
 
 def _write_device(
     writer: Writer, device: str, name: str, channels: Sequence[Channel], data: "xr.Dataset",
-    zero_s: float,
+    clock: WallClock,
 ) -> None:  # fmt: skip
     time_s = data["time_s"].to_numpy()
     topic = "/" + name
-    stamps = _ns(time_s, zero_s)
+    stamps = clock.ns(time_s)
+    variables, names = channel_names(channels), fields(channels)
     number = {str(phase): n for n, phase in enumerate(PHASES)}
     columns: list[tuple[str, Array]] = [
         ("<f8", time_s),
         ("<i4", data["station"].to_numpy()),
         ("<i4", data["attempt"].to_numpy()),
         ("<u1", np.array([number[p] for p in data["phase"].to_numpy()], int)),
-        *(("<f8", data[c.name].to_numpy()) for c in channels),
-        *(("<u1", data[f"{c.name}_saturated"].to_numpy()) for c in channels),
+        *(("<f8", data[variable].to_numpy()) for variable in variables),
+        *(("<u1", data[f"{variable}_saturated"].to_numpy()) for variable in variables),
     ]
     schema = sample_schema(name, channels)
-    names = fields(channels)
-    metadata = {f"unit of {names[c.name]}": c.unit for c in channels}
-    metadata |= {f"role of {names[c.name]}": c.role for c in channels}
+    metadata = {f"unit of {one}": c.unit for one, c in zip(names, channels, strict=True)}
+    metadata |= {f"role of {one}": c.role for one, c in zip(names, channels, strict=True)}
     metadata["simulated"] = ", ".join(c.name for c in channels if c.simulated)
     _write(writer, f"{topic}/sample", schema, stamps, columns, metadata)
     if device == "stage":
@@ -177,18 +198,19 @@ def _write_device(
 
 def wrench_of(channels: Sequence[Channel], data: "xr.Dataset") -> list[Array] | None:
     """Force x, y, z [N] and torque x, y, z [Nm]; a single force is the push along z."""
-    names = {c.name for c in channels if c.unit in ("N", "Nm")}
+    known = dict(zip(channel_names(channels), channels, strict=True))
+    names = {name for name, c in known.items() if c.unit in ("N", "Nm")}
     zero = np.zeros(data.sizes["time_s"])
     if set(AXES[0]) <= names:
         return [data[n].to_numpy() if n in names else zero for three in AXES for n in three]
-    pushes = [c.name for c in channels if c.role == "force" and c.unit == "N"]
+    pushes = [name for name, c in known.items() if c.role == "force" and c.unit == "N"]
     return [zero, zero, data[pushes[0]].to_numpy(), zero, zero, zero] if pushes else None
 
 
-def _write_events(writer: Writer, run: "Run", zero_s: float) -> None:
+def _write_events(writer: Writer, events: Sequence[Event], clock: WallClock) -> None:
     schema = writer.register_schema("std_msgs/msg/String", "ros2msg", TEXT.encode())
     channel = writer.register_channel("/events", "cdr", schema)
-    for event in run.events():
+    for event in events:
         match event:
             case Note():
                 text = f"{event.level}: {event.words}"
@@ -198,7 +220,7 @@ def _write_events(writer: Writer, run: "Run", zero_s: float) -> None:
                 continue
         encoded = text.encode() + b"\0"
         body = ENCAPSULATION + len(encoded).to_bytes(4, "little") + encoded
-        at = int(_ns(np.array([event.time_s]), zero_s)[0])
+        at = int(clock.ns(np.array([event.time_s]))[0])
         writer.add_message(channel, at, body, at)
 
 
@@ -234,12 +256,6 @@ def _messages(stamps: Array, columns: Sequence[tuple[str, Array]]) -> Iterator[b
     whole = rows.tobytes()
     for n in range(len(stamps)):
         yield ENCAPSULATION + whole[n * at : (n + 1) * at]
-
-
-def _ns(time_s: Array, zero_s: float) -> NDArray[np.int64]:
-    """Unix time [ns]; the whole seconds apart, since a float holds no nanoseconds of today."""
-    whole = int(np.floor(zero_s))
-    return np.asarray(whole * 1_000_000_000 + np.round(1e9 * (time_s + (zero_s - whole))), np.int64)
 
 
 def _camel(device: str) -> str:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from drivers.core.extras import needs, require
+from probe.core.places import planned
 from probe.storage.csv_columns import SIGNALS, CsvError
 
 with needs("data", "palpate import"):
@@ -66,7 +67,9 @@ def _presses(table: pd.DataFrame, source: Path) -> pd.DataFrame:
         if "attempt" in table:
             last = table.groupby("station")["attempt"].transform("max")
             table = table[table["attempt"] == last]
-    kept = ["time_s", signals[0], *(n for n in (*PLACE_COLUMNS, "station") if n in table)]
+    # a run without positions has columns of them with nothing in it
+    beside = [n for n in (*PLACE_COLUMNS, "station") if n in table and table[n].notna().any()]
+    kept = ["time_s", signals[0], *beside]
     return table[kept]
 
 
@@ -76,7 +79,9 @@ def _groups(source: Path) -> pd.DataFrame:
     import h5py
 
     with h5py.File(source) as file:
-        for group in file.values():
+        feels = file.attrs.get("tactile", "")  # the run's own choice, where there are two
+        feels = feels if isinstance(feels, str) else ""
+        for group in (*filter(None, [file.get(feels)] if feels else []), *file.values()):
             if not isinstance(group, h5py.Group) or "time_s" not in group:
                 continue
             if signal := next((n for n in ("force", "pressure") if n in group), None):
@@ -150,7 +155,7 @@ def _time_s(seconds: int, nanoseconds: int, message: Any) -> float:
 
 
 def _own_samples(reader: Any, summary: Any, topics: list[str], source: Path) -> pd.DataFrame:
-    """Samples that `probe.storage.export_mcap` wrote: to the bit, with the stage's places."""
+    """Samples that `probe.storage.export_mcap` wrote: to the bit, with the plan's places."""
     tables = {topic: _own_table(reader, summary, topic) for topic in topics}
     for table in tables.values():
         if signal := next((n for n in SIGNALS if n in table), None):
@@ -158,35 +163,27 @@ def _own_samples(reader: Any, summary: Any, topics: list[str], source: Path) -> 
             break
     else:
         raise CsvError(f"{source}: no device that measures force or pressure")
-    stage = tables.get("/stage/sample")
-    if stage is not None:
-        middle = stage[stage["phase"] == stage.attrs["holding"]].groupby("station")
-        for axis in "xy":
-            at = middle[f"{axis}_m"].median()
-            at = at.combine_first(stage.groupby("station")[f"{axis}_m"].last())  # broken off before
-            places = (1e3 * at).round(6)
-            chosen[f"{axis}_mm"] = places.reindex(chosen["station"]).to_numpy()
+    attached = {a.name: a.data for a in reader.iter_attachments()}
+    places = planned(json.loads(attached.get("config.json", b"{}")))
+    for n, name in enumerate(PLACE_COLUMNS):
+        at_mm = {index + 1: round(1e3 * place[n], 9) for index, place in places.items()}
+        chosen[name] = chosen["station"].map(at_mm)
     return chosen
 
 
 def _own_table(reader: Any, summary: Any, topic: str) -> pd.DataFrame:
     channel = next(c for c in summary.channels.values() if c.topic == topic)
     text = summary.schemas[channel.schema_id].data.decode()
-    layout, holding = _layout(text, channel.metadata)
+    layout = _layout(text, channel.metadata)
     bodies = b"".join(m.data[4:][: layout.itemsize] for _, _, m in reader.iter_messages([topic]))
-    table = pd.DataFrame(np.frombuffer(bodies, layout))
-    table.attrs["holding"] = holding
-    return table
+    return pd.DataFrame(np.frombuffer(bodies, layout))
 
 
-def _layout(text: str, metadata: dict[str, str]) -> tuple[np.dtype[np.void], int]:
-    """Fields of the message behind its header, and the number of the phase ``holding``."""
+def _layout(text: str, metadata: dict[str, str]) -> np.dtype[np.void]:
+    """Fields of the message behind its header."""
     kinds = {"float64": "<f8", "int32": "<i4", "uint8": "<u1", "bool": "<u1"}
-    fields, holding = list(_fields(text)), -1
     at, names, formats, offsets = 12 + len("scan") + 1, [], [], []
-    for kind, name in fields:
-        if name.startswith("PHASE_HOLDING="):
-            holding = int(name.partition("=")[2])
+    for kind, name in _fields(text):
         if "=" in name or kind not in kinds:
             continue
         unit = metadata.get(f"unit of {name}", "")
@@ -196,9 +193,7 @@ def _layout(text: str, metadata: dict[str, str]) -> tuple[np.dtype[np.void], int
         formats.append(kinds[kind])
         offsets.append(at)
         at += size
-    return np.dtype(
-        {"names": names, "formats": formats, "offsets": offsets, "itemsize": at}
-    ), holding
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at})
 
 
 def _fields(text: str) -> Iterator[tuple[str, str]]:

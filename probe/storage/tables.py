@@ -6,7 +6,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from drivers.core.extras import needs
-from probe.core.contact_stress import simulated_channels, tactile_device
+from probe.core.contact_stress import simulated_channels, tactile_device, tactile_or_none
 from probe.core.errors import RunFileError
 from probe.core.events import (
     Event,
@@ -16,6 +16,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.storage.distinct_names import channel_names
 
 with needs("data", "a run as tables and arrays"):
     import pandas as pd
@@ -28,9 +29,9 @@ def stations(run: RunStarted, events: Iterable[Event]) -> pd.DataFrame:
     """One press per row, in the order in which they were made.
 
     Columns: station (from 1), attempt, x_mm, y_mm, started_s, ended_s (NaN: broken off by a crash),
-    complete, samples (of the device that feels).
+    complete, samples (of the device that feels; 0 where none does).
     """
-    device = tactile_device(run.channels)
+    device = tactile_or_none(run.channels)
     counted: Counter[tuple[int, int]] = Counter()
     ended: dict[tuple[int, int], StationEnded] = {}
     started: list[StationStarted] = []
@@ -64,10 +65,10 @@ def samples(
     """The samples of one device along ``time_s``, with ``station``, ``attempt`` and ``phase``.
 
     Of all stations, or of one by its number from 1.
-    Each channel is a variable with the attributes ``units``, ``role`` and ``simulated``, and
-    ``NAME_saturated`` marks its clipped samples. Between stations, ``station`` and ``attempt`` are
-    -1. Raises `RunFileError` for a device or station that is not in the run, and where there are
-    more than `MAX_SAMPLES` to hold in memory.
+    Each channel is a variable with the attributes ``units``, ``role`` and ``simulated``; a name
+    that is taken gets a number. ``NAME_saturated`` marks its clipped samples. Between stations,
+    ``station`` and ``attempt`` are -1. Raises `RunFileError` for a device or station that is not
+    in the run, and where there are more than `MAX_SAMPLES` to hold in memory.
     """
     device = device or tactile_device(run.channels)
     if device not in run.channels:
@@ -113,14 +114,14 @@ def samples(
             "simulated": ", ".join(simulated_channels(run.channels)),
         },
     )
-    for n, channel in enumerate(channels):
+    for n, (name, channel) in enumerate(zip(channel_names(channels), channels, strict=True)):
         attrs = {
             "units": channel.unit,
             "role": channel.role,
             "simulated": int(channel.simulated),  # netCDF knows no booleans
         }
-        data[channel.name] = ("time_s", values[:, n], attrs)
-        data[f"{channel.name}_saturated"] = ("time_s", saturated[:, n])
+        data[name] = ("time_s", values[:, n], attrs)
+        data[f"{name}_saturated"] = ("time_s", saturated[:, n])
     return data
 
 
