@@ -2,6 +2,7 @@ import errno
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -331,3 +332,25 @@ def test_a_retraction_that_fails_ends_at_rest(winkler: Any) -> None:
     assert "still moving" in ended.reason
     assert not opened.stage.moving()
     assert opened.stage.pose().z > -2.6e-3
+
+
+def test_a_press_in_which_a_devices_clock_stood_still_is_made_again(winkler: Any) -> None:
+    """A controller that missed cycles: what it stamped until that was told is early."""
+    told = [0.06]
+
+    def miss(event: Event, _control: Control, opened: Devices) -> None:
+        if not (isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING and told):
+            return
+        (sensor,) = opened.sensors
+        read = sensor.read
+
+        def jumped() -> Block:
+            return replace(read(), jumped_s=told.pop() if told else 0.0)
+
+        sensor.read = jumped  # type: ignore[method-assign]
+
+    ended, events, _ = scan(winkler, stations=2, hook=miss)
+    assert ended.finish is Finish.COMPLETED
+    assert ends(events) == [(0, 1, False), (0, 2, True), (1, 1, True)]
+    notes = [e.text for e in events if isinstance(e, Note)]
+    assert any("its clock stood still for 60 ms; the press is repeated" in text for text in notes)

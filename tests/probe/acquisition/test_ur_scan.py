@@ -4,10 +4,8 @@ A CB3's 125 Hz ask less of a machine that other tests keep busy.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, cast
 
-import numpy as np
 import pytest
 from emulated_ur import connected
 
@@ -21,8 +19,6 @@ from probe.core.events import (
     Phase,
     PhaseEntered,
     RunEnded,
-    Samples,
-    StationEnded,
 )
 from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan, row
@@ -51,27 +47,6 @@ def scan(
 
     ended = run_scan(plan, made.stage, [made.sensor], made.clock, sink, LIMITS)
     return ended, events
-
-
-def test_a_press_during_which_cycles_were_missed_is_made_again(winkler: Respond) -> None:
-    """The hold is long: where this machine is late too, one look of 0.25 s may miss the stall."""
-    plan = replace(PLAN, hold_s=2.0)
-    with connected(winkler, version=CB3) as (made, robot):
-        ended, events = scan(made, robot, {Phase.HOLDING: "missed cycles"}, plan)
-        assert ended.finish is Finish.COMPLETED, ended.reason
-        stations = [e for e in events if isinstance(e, StationEnded)]
-        complete = [e.complete for e in stations]
-        assert complete == [False] * (len(complete) - 1) + [True]  # the stall, or this machine's
-        assert len(complete) > 1
-        assert any("clock stood still" in e.text for e in events if isinstance(e, Note))
-        began = [e.time_s for e in events if isinstance(e, PhaseEntered) and
-                 e.phase is Phase.HOLDING][-1]  # fmt: skip
-        blocks = [e.block for e in events if isinstance(e, Samples) and e.device == "ur force"]
-        time_s = np.concatenate([e.time_s for e in blocks])
-        force_n = np.concatenate([e.values[:, 0] for e in blocks])
-        held = (time_s > began) & (time_s < began + plan.hold_s)
-        true_n = made.phantom.force_n(time_s[held])
-        assert np.abs(force_n[held] - true_n).max() < 0.02
 
 
 def test_a_slowed_controller_makes_the_scan_slower_and_says_so(winkler: Respond) -> None:
