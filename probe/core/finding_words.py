@@ -30,9 +30,11 @@ def headline(found: Mapping[str, Any]) -> str:
 def object_line(one: Mapping[str, Any]) -> str:
     """One object with what is known of it; what is not known is not mentioned."""
     parts = [str(one["kind"])]
-    if one["position_mm"] is not None:
+    if _along_rows(one):
+        parts[0] += " along the rows"
+    elif one["position_mm"] is not None:
         parts[0] += f" at x = {one['position_mm']:.2f} mm"
-    if one.get("position_ci_mm"):
+    if one.get("position_ci_mm") and not _along_rows(one):
         low, high = one["position_ci_mm"]
         parts[0] += f" (95 %: {low:.2f} to {high:.2f})"
     if (peak_pa := one.get("peak_pa")) is not None:
@@ -51,21 +53,34 @@ def summary(found: Mapping[str, Any]) -> list[str]:
     return [f"Finding: {headline(found)}", *(f"  {line}" for line in (*objects, *more) if line)]
 
 
+def _along_rows(one: Mapping[str, Any]) -> bool:
+    """Whether it is a vessel whose course is nearer to x than to y."""
+    course = one.get("course_mm") or [(0.0, 0.0)]
+    (x_mm, y_mm), (last_x_mm, last_y_mm) = course[0], course[-1]
+    return bool(abs(last_x_mm - x_mm) > abs(last_y_mm - y_mm))
+
+
 def over_rows(one: Mapping[str, Any]) -> list[str]:
     """Where an object of a grid was seen across the rows, and where a vessel is stenosed."""
     parts = []
     if course := one.get("course_mm"):
         (x_mm, y_mm), (last_x_mm, last_y_mm) = course[0], course[-1]
         parts.append(
-            f"at y = {y_mm:.1f} mm"
+            f"at y = {_tenths(y_mm)} mm"
             if len(course) == 1
-            else f"seen from x, y = {x_mm:.1f}, {y_mm:.1f} to {last_x_mm:.1f}, {last_y_mm:.1f} mm"
+            else f"seen from x, y = {_tenths(x_mm)}, {_tenths(y_mm)} to {_tenths(last_x_mm)}, "
+            f"{_tenths(last_y_mm)} mm"
         )
     if stenosed := one.get("stenosed_mm"):
         first, last = (f"{y_mm:.1f}" for y_mm in stenosed)
         rows = f"at y = {first}" if first == last else f"from y = {first} to {last}"
         parts.append(f"stenosed {rows} mm")
     return parts
+
+
+def _tenths(value: float) -> str:
+    """With one decimal, and never -0.0."""
+    return f"{round(value, 1) + 0.0:.1f}"
 
 
 def heart_rate_line(found: Mapping[str, Any]) -> str:

@@ -11,6 +11,7 @@ from probe.detection.classify.classifier import Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
 from probe.detection.map.field import Map, Spot, find_spots, map_of, shape, spacing_m, spot_at
+from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE, TAIL, measured, stray
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
@@ -42,6 +43,11 @@ def objects_in_field(
     stiff = find_spots(levels, false_alarm / 2)
     beating = _beating(judged, place_m, false_alarm / 2) if moving is not None else []
     vessels, found = tuple(beating), []
+    if (ridge := find_ridge(pulses_of(judged), beating)) is not None:
+        on_it = MIN_DISTANCE * levels.spacing_m
+        stiff = [spot for spot in stiff if ridge.away_m(spot.place_m) >= on_it]
+        beating = [spot for spot in beating if ridge.away_m(spot.place_m) >= on_it]
+        found.append(_vessel(ridge, judged, levels, moving))
     for spot in stiff:
         near = min(beating, key=lambda b: _apart(b, spot), default=None)
         same = near is not None and _apart(near, spot) < MIN_DISTANCE * levels.spacing_m
@@ -50,6 +56,27 @@ def objects_in_field(
         still = None if same else _still(spot, judged, levels, vessels)
         found.append(_object(spot, spot, judged, levels, moving, still))
     return found + [_object(b, spot_at(levels, b), judged, levels, moving, None) for b in beating]
+
+
+def pulses_of(judged: list[Press]) -> Map:
+    """The map of their pulses, as uncertain as a heart's beats differ and as the usual press is."""
+    pulse = np.array([p.size_pa for p in judged])
+    noise = np.median([p.pulse.size_sd_pa for p in judged if p.pulse is not None])
+    sd = np.full(len(pulse), float(np.hypot(noise, BEAT_SCATTER * pulse.max())))
+    return map_of(_places([p.station for p in judged]), pulse, sd, curved=False)
+
+
+def _vessel(ridge: Ridge, judged: list[Press], levels: Map, moving: float | None) -> ObjectFinding:
+    """The vessel along ``ridge``, judged where it is pressed nearest to its middle."""
+    course = ridge.course_m
+    away = np.hypot(*(levels.place_m - course[len(course) // 2]).T)
+    at = int(np.argmin(away + levels.spacing_m * (1 - ridge.shape(levels.place_m))))
+    # on the line, beside the press
+    angle, place = ridge.angle_rad, levels.place_m[at]
+    normal = np.array([-np.sin(angle), np.cos(angle)])
+    place = place + (ridge.at_m - float(normal @ place)) * normal
+    level = on_ridge(levels, ridge, place)
+    return with_course(_object(level, level, judged, levels, moving, None), ridge)
 
 
 def _places(stations: list[Station]) -> Array:
@@ -62,10 +89,8 @@ def _apart(one: Spot, other: Spot) -> float:
 
 def _beating(judged: list[Press], place_m: Array, false_alarm: float) -> list[Spot]:
     """Where a map that pulses does: its clear spots, or else the press that pulses most."""
-    pulse = np.array([p.size_pa for p in judged])
-    noise = np.median([p.pulse.size_sd_pa for p in judged if p.pulse is not None])
-    sd = np.full(len(pulse), float(np.hypot(noise, BEAT_SCATTER * pulse.max())))
-    seen = map_of(place_m, pulse, sd, curved=False)
+    seen = pulses_of(judged)
+    pulse, sd = seen.value, seen.sd
     spots = find_spots(seen, false_alarm, rising=True)
     if found := [spot for spot in spots if spot.height > 0]:
         return found

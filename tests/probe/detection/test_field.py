@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from known_presses import recording, station
 
+from probe.core.finding_words import object_line
 from probe.core.recording import Recording
 from probe.detection import detect
 from probe.detection.map.field import find_spots, map_of
@@ -56,6 +57,42 @@ def test_a_lump_in_a_map_with_an_artery_is_not_called_stenotic(seed: int, said: 
     ]))  # fmt: skip
     vessel, other = sorted(found.objects, key=lambda one: one.position_m)
     assert (vessel.kind, other.kind) == ("artery", said)
+
+
+@pytest.mark.parametrize("columns", [5, 9])
+@pytest.mark.parametrize("towards_deg", [90.0, 60.0, 15.0, 0.0])
+def test_a_vessel_in_a_grid_has_its_course_whichever_way_it_runs(
+    columns: int, towards_deg: float
+) -> None:
+    """Along the rows no row shows a bump, and five presses a row are none: it was a spot, "at y =
+    -0.1 mm", or some. ``towards_deg`` is its direction to x."""
+    rng, angle = np.random.default_rng(11), np.radians(towards_deg)
+    middle_mm = 2.0 * (columns - 1)
+    places = [(4.0 * c, 4.0 * r - 8.0) for r in range(5) for c in range(columns)]
+    near = [(1 + ((y + 0.1) * np.cos(angle) - (x - middle_mm) * np.sin(angle)) ** 2 / 37.5) ** -1.5
+            for x, y in places]  # fmt: skip
+    found = detect(recording([
+        station(rng, index=i, x_mm=x, y_mm=y, level_pa=9000 * (1 + 0.1 * n), pulse_pa=400 * n,
+                hold_s=2.0, sample_hz=50.0, noise_pa=10.0)
+        for i, ((x, y), n) in enumerate(zip(places, near, strict=True))
+    ]))  # fmt: skip
+    assert found.finding == "artery"
+    (one,) = found.objects
+    ends_mm = 1e3 * np.array([one.course[0], one.course[-1]])
+    off_mm = (ends_mm[:, 1] + 0.1) * np.cos(angle) - (ends_mm[:, 0] - middle_mm) * np.sin(angle)
+    assert np.abs(off_mm).max() < 1.5
+    assert np.hypot(*(ends_mm[1] - ends_mm[0])) > 12.0
+    low_m, high_m = one.position_ci_m
+    assert 0.0 <= low_m <= one.position_m <= high_m <= 4e-3 * (columns - 1) + 1e-9
+    said = object_line(found.as_json()["objects"][0])
+    assert ("along the rows" in said) == (towards_deg < 45)
+    assert "seen from x, y = " in said
+
+
+def test_a_ball_that_pulses_has_no_course() -> None:
+    for seed in (2, 5):
+        found = detect(ball(np.random.default_rng(seed), 50, 0.1, pulse_pa=400.0))
+        assert all(len(one.course) == 1 for one in found.objects)
 
 
 def test_a_map_that_is_not_finished_names_nothing() -> None:

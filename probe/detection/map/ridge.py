@@ -1,0 +1,166 @@
+"""A vessel's course through a map of presses at any places: what pulses along a line."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from drivers.core.arrays import Array
+from probe.detection.finding import ObjectFinding
+from probe.detection.map.bumps import TRUSTED, WIDTHS, chance
+from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, shape
+
+ANGLES_RAD = np.radians(np.arange(0.0, 180.0, 7.5))
+"""Directions that are tried: over five presses half a step is a third of their distance."""
+FINER = 4
+"""Lines that are tried across for each distance between presses."""
+UNKNOWNS = 4
+"""Of a line: direction, place, width and height; of a spot as many."""
+MIN_ODDS = 19.0
+"""Of a line against spots, to call it one: 95 %."""
+NORMAL_95 = 1.96
+
+
+@dataclass(frozen=True)
+class Ridge:
+    """The straight line at ``angle_rad`` to x, ``at_m`` aside of the origin, with the half width
+    of that one's 95 % interval ``reach_m``; ``half_width_m``, ``height`` and ``p_value`` as a
+    `Spot` has them. ``course_m`` (k, 2): where it crosses the presses' rows or columns."""
+
+    angle_rad: float
+    at_m: float
+    reach_m: float
+    half_width_m: float
+    height: float
+    height_sd: float
+    p_value: float
+    course_m: Array
+
+    def away_m(self, place_m: Array) -> Array:
+        """How far presses (n, 2) are aside of it, (n,) or one of one."""
+        return np.asarray(np.abs(_across(place_m, self.angle_rad) - self.at_m))
+
+    def along_rows(self) -> bool:
+        """Whether it is nearer to the direction of rows, x, than to y."""
+        return bool(abs(np.cos(self.angle_rad)) > abs(np.sin(self.angle_rad)))
+
+    def shape(self, place_m: Array) -> Array:
+        """What it makes at presses (n, 2), for a height of 1."""
+        return _shape(self.away_m(place_m), self.half_width_m)
+
+
+def find_ridge(seen: Map, spots: list[Spot]) -> Ridge | None:
+    """The line that explains ``seen``; None where ``spots``, each as if over a ball, do as well.
+
+    By likelihood, each unknown less for half the logarithm of the presses (Schwarz 1978).
+    """
+    if not spots or seen.spacing_m <= 0:
+        return None
+    apart = [shape(seen.place_m, np.append(s.place_m, s.half_width_m)) for s in spots]
+    as_spots, *_ = _fit(seen, np.column_stack(apart))
+    as_line, tried = _best_line(seen)
+    count, known = len(seen.value), UNKNOWNS + seen.base.shape[1]
+    scatter = max((as_line + TRUSTED) / (count - known + TRUSTED), 1.0)
+    fewer = (SPOT_UNKNOWNS * len(spots) - UNKNOWNS) * np.log(count)
+    if (as_spots - as_line) / scatter + fewer < 2 * np.log(MIN_ODDS):
+        return None
+    angle, at, width = tried
+    across = _across(seen.place_m, angle)
+    _, height, height_sd = _fit(seen, _shape(across - at, width)[:, None])
+    alone, *_ = _fit(seen, np.empty((count, 0)))
+    lines = len(ANGLES_RAD) / FINER * np.ptp(across) / seen.spacing_m
+    p_value = chance(alone, as_line, UNKNOWNS, count - seen.base.shape[1], round(lines))
+    near = at + seen.spacing_m * np.linspace(-1, 1, 81)
+    held = [one for one in near.tolist()
+            if _fit(seen, _shape(across - one, width)[:, None])[0] < as_line + NORMAL_95**2 * scatter]  # fmt: skip # noqa: E501
+    reach = max(abs(one - at) for one in [*held, at + seen.spacing_m / 80])
+    course = _crossed(seen.place_m, angle, at)
+    if len(course) < 2:
+        return None
+    sd = float(np.sqrt(scatter)) * height_sd
+    return Ridge(angle, at, reach, width, height, sd, p_value, course)
+
+
+def _best_line(seen: Map) -> tuple[float, tuple[float, float, float]]:
+    """What the best line that rises leaves of the map; its direction, place and half width."""
+    k = len(seen.held)
+    a = np.vstack([seen.base / seen.sd[:, None], np.diag(seen.held)])
+    q, _ = np.linalg.qr(a)
+    rest = np.append(seen.value / seen.sd, np.zeros(k))
+    rest -= q @ (q.T @ rest)
+    widths = np.array(WIDTHS) * seen.spacing_m
+    best, tried = np.inf, (0.0, 0.0, 0.0)
+    for angle in ANGLES_RAD.tolist():
+        across = _across(seen.place_m, angle)
+        at = np.arange(across.min(), across.max(), seen.spacing_m / FINER)
+        lines = np.zeros((len(rest), len(at), len(widths)))
+        away = (across[:, None] - at)[:, :, None]
+        lines[: len(across)] = _shape(away, widths) / seen.sd[:, None, None]
+        flat = lines.reshape(len(rest), -1)
+        flat -= q @ (q.T @ flat)
+        along = rest @ flat
+        drop = np.where(along > 0, along**2, 0.0) / np.maximum((flat**2).sum(axis=0), 1e-300)
+        at_best = int(np.argmax(drop))
+        left = float(rest @ rest - drop[at_best])
+        if left < best:
+            place, width = np.unravel_index(at_best, (len(at), len(widths)))
+            best, tried = left, (angle, float(at[place]), float(widths[width]))
+    return best, tried
+
+
+def on_ridge(seen: Map, ridge: Ridge, place_m: Array) -> Spot:
+    """The height of ``ridge`` in another map, as that of a spot at ``place_m`` (2,)."""
+    left, height, sd = _fit(seen, ridge.shape(seen.place_m)[:, None])
+    scatter = max((left + TRUSTED) / (len(seen.value) + TRUSTED), 1.0)
+    nearest = int(np.argmin(np.hypot(*(seen.place_m - place_m).T)))
+    under = float(seen.value[nearest] - height * ridge.shape(seen.place_m)[nearest])
+    reach = np.full(2, ridge.reach_m)
+    return Spot(place_m, reach, height, sd * float(np.sqrt(scatter)), ridge.half_width_m, under,
+                ridge.p_value)  # fmt: skip
+
+
+def with_course(one: ObjectFinding, ridge: Ridge) -> ObjectFinding:
+    """The object with the ridge's course; along rows it lies anywhere from end to end."""
+    points = tuple((float(x), float(y)) for x, y in ridge.course_m)
+    ends = min(x for x, _ in points), max(x for x, _ in points)
+    if ridge.along_rows():
+        return replace(one, course=points, position_m=sum(ends) / 2, position_ci_m=ends)
+    return replace(one, course=points)
+
+
+def _across(place_m: Array, angle: float) -> Array:
+    return np.asarray(place_m @ np.array([-np.sin(angle), np.cos(angle)]))
+
+
+def _shape(away_m: Array, half_width: Array | float) -> Array:
+    """The bump of a row, all along the line."""
+    return np.asarray((1 + (away_m / half_width) ** 2 / 1.5) ** -1.5)
+
+
+def _fit(seen: Map, columns: Array) -> tuple[float, float, float]:
+    """What the map's base and ``columns`` (n, k) leave of it, weighted and squared; the last one's
+    height and its standard deviation."""
+    k = columns.shape[1]
+    a = np.vstack([
+        np.column_stack([seen.base, columns]) / seen.sd[:, None],
+        np.diag(np.append(seen.held, np.zeros(k))),
+    ])  # fmt: skip
+    b = np.append(seen.value / seen.sd, np.zeros(len(a) - len(seen.value)))
+    inverse = np.linalg.pinv(a)
+    found = inverse @ b
+    left = float(((b - a @ found) ** 2).sum())
+    return left, float(found[-1]), float(np.sqrt((inverse[-1] ** 2).sum()))
+
+
+def _crossed(place_m: Array, angle: float, at: float) -> Array:
+    """Where the line crosses the presses' rows, or columns if it runs along rows, among them."""
+    normal = np.array([-np.sin(angle), np.cos(angle)])
+    along, aside = (1, 0) if abs(normal[0]) > abs(normal[1]) else (0, 1)
+    places = np.unique(np.round(place_m[:, along], 4))
+    if 2 * len(places) > len(place_m):  # no grid: the ends tell the line
+        places = np.linspace(places[0], places[-1], 9)
+    points = np.empty((len(places), 2))
+    points[:, along] = places
+    points[:, aside] = (at - normal[along] * places) / normal[aside]
+    low, high = place_m[:, aside].min(), place_m[:, aside].max()
+    inside = (points[:, aside] >= low - 1e-9) & (points[:, aside] <= high + 1e-9)
+    return np.asarray(points[inside])
