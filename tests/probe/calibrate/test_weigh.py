@@ -2,6 +2,7 @@
 
 import json
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -71,9 +72,57 @@ def test_what_cannot_be_read_is_asked_again_and_a_moving_load_is_not_taken(tmp_p
 def test_what_was_taken_is_kept_when_the_sensor_is_lost(tmp_path):
     bench = Bench(["0", "1", "2", ""])
     bench.sensor.fails_s = 7.5
-    with pytest.raises(Exception, match="unplugged"):
+    with pytest.raises(Exception, match=r"unplugged.*; 2 loads are kept in .*loads.csv: palpate"):
         take(bench, tmp_path / "loads.csv")
     assert len((tmp_path / "loads.csv").read_text().splitlines()) == 3
+
+
+def test_a_mistyped_load_is_taken_back(tmp_path):
+    bench = Bench(["undo", "0", "5", "undo", "-50g", "0.5", "-1", ""])
+    table = take(bench, tmp_path / "loads.csv")
+    assert table[:, 1] == pytest.approx([0, 0.5, -1])
+    said = "\n".join(bench.told)
+    assert "none to take back" in said
+    assert "taken back: 5.0 N" in said
+    assert "a weight is not negative" in said
+
+
+def test_ctrl_c_says_what_is_kept(tmp_path):
+    bench = Bench(["0", "1"])
+    typed = bench.ask
+
+    def ask(question):
+        if not bench.answers:
+            raise KeyboardInterrupt
+        return typed(question)
+
+    bench.ask = ask
+    with pytest.raises(KeyboardInterrupt, match=r"2 loads are kept in .*--device gauge fits them"):
+        take(bench, tmp_path / "loads.csv")
+    assert len((tmp_path / "loads.csv").read_text().splitlines()) == 3
+    assert not bench.sensor.running
+
+
+def test_without_a_load_there_is_no_table_in_the_way(tmp_path):
+    for answers in ([""], ["heavy", ""], ["1", "undo", ""]):
+        bench = Bench(answers)
+        take_weights(
+            bench.sensor, bench.clock, tmp_path / "loads.csv", bench.ask, bench.told.append
+        )
+        assert not list(tmp_path.iterdir())
+
+
+def test_a_load_beyond_the_range_is_asked_again(tmp_path, monkeypatch):
+    bench = Bench(["1", "900", "2", ""])
+    read = bench.sensor.read
+
+    def clipping():
+        block = read()
+        return replace(block, saturated=np.full(block.values.shape, bench.load_n > 100))
+
+    monkeypatch.setattr(bench.sensor, "read", clipping)
+    assert take(bench, tmp_path / "loads.csv")[:, 1] == pytest.approx([1, 2])
+    assert "at the end of its range" in "\n".join(bench.told)
 
 
 def test_an_older_table_is_not_overwritten(tmp_path):
