@@ -4,11 +4,13 @@ Columns carry their unit: ``time_s``, one of ``force_n``, ``pressure_pa`` or ``p
 if known ``x_mm``, ``y_mm``, ``station`` and ``reference`` (a PPG or ECG beside it).
 
 - Rows without a reading (empty or NaN) are left out and counted; times may be uneven.
-- Without ``station``, a change of position begins a new one; without positions all is one.
+- Without ``station``, a change of position begins a new one; without positions all is one. A
+  recording that has the ways between stations, too, is refused.
 - Stations that do not follow in time (each begins at 0) are put one after the other, 1 s apart.
 - What no column says is not invented: no phases, no depth, nothing simulated.
 """
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -111,7 +113,7 @@ def import_csv(
 def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
     return {
         "imported": {
-            "file": str(source),
+            "file": os.fsencode(source).decode("utf-8", "replace"),  # a name may be no text
             "sha256": read.sha256,
             "rows": read.rows,
             "columns": list(read.columns),

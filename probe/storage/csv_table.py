@@ -20,6 +20,7 @@ MAX_STATION = 1_000_000
 GAP_S = 1.0
 SAME_PLACE_MM = 0.05
 MIN_READINGS = 4  # of a station
+MAX_DRIFT_MM = 1.0  # a quarter of the paper's pitch: places further apart are no one station
 
 
 @dataclass(frozen=True)
@@ -177,11 +178,28 @@ def _labels(table: pd.DataFrame) -> Ints:
             )
         return stations.astype(np.int64)
     moved = np.zeros(len(table), bool)
-    for name in ("x_mm", "y_mm"):
-        if name in table:
-            at = _whole(table, name)
-            moved |= np.abs(np.diff(at, prepend=at[0])) > SAME_PLACE_MM
-    return np.cumsum(moved).astype(np.int64)
+    places = {name: _whole(table, name) for name in ("x_mm", "y_mm") if name in table}
+    for at in places.values():
+        moved |= np.abs(np.diff(at, prepend=at[0])) > SAME_PLACE_MM
+    labels = np.cumsum(moved).astype(np.int64)
+    for name, at in places.items():
+        _check_drift(name, at, labels)
+    return labels
+
+
+def _check_drift(name: str, at: Array, labels: Ints) -> None:
+    """A probe that was recorded on its way, too, moves by little from row to row: raise `CsvError`
+    instead of taking stations and the ways between them for one."""
+    firsts = np.flatnonzero(np.diff(labels, prepend=-1))
+    far = np.abs(at - at[firsts][labels]) > MAX_DRIFT_MM
+    if far.any():
+        row = int(np.flatnonzero(far)[0])
+        first = int(firsts[labels[row]])
+        raise CsvError(
+            f"row {row + 2}, column {name!r}: {at[row]:g}, slowly moved from {at[first]:g} in row "
+            f"{first + 2}; leave out the rows on the way, or say by a column 'station' which rows "
+            "belong together"
+        )
 
 
 def _whole(table: pd.DataFrame, name: str) -> Array:

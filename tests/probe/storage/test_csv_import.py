@@ -1,6 +1,7 @@
 """Recordings made elsewhere become runs like any other."""
 
 import gzip
+import os
 from pathlib import Path
 
 import numpy as np
@@ -210,3 +211,30 @@ def test_real_recordings(tmp_path: Path) -> None:
     assert len(recording.stations) == 3
     assert recording.quantum_pa == pytest.approx(10.0)  # 0.1 mbar
     assert len(recording.stations[0].reference) == len(recording.stations[0].time_s)
+
+
+def test_a_probe_recorded_on_its_way_is_not_taken_for_one_station(tmp_path: Path) -> None:
+    """At 100 samples/s and 4 mm/s the rows of a whole row of stations are 0.04 mm apart."""
+    still, way = np.zeros(50), 0.04 * np.arange(100)
+    x_mm = np.concatenate([4 + still, 4 + way, 8 + still])
+    rows = [f"{n / 100:g},{n % 7},{x:.2f}" for n, x in enumerate(x_mm)]
+    (tmp_path / "a.csv").write_text("\n".join(["time_s,force_n,x_mm", *rows]))
+    with pytest.raises(CsvError, match=r"row 78, column 'x_mm': 5\.04, slowly moved from 4 in"):
+        import_csv(tmp_path / "a.csv", tmp_path / "a.run", face_mm2=50.0)
+    labelled = [f"{row},{1 + (n >= 100)}" for n, row in enumerate(rows)]
+    (tmp_path / "b.csv").write_text("\n".join(["time_s,force_n,x_mm,station", *labelled]))
+    assert import_csv(tmp_path / "b.csv", tmp_path / "b.run", face_mm2=50.0).stations == 2
+
+
+def test_a_slow_recording_is_a_sound_run(tmp_path: Path) -> None:
+    """One reading a second: the station ends a second after its last."""
+    rows = [f"{n},{n % 7}" for n in range(10)]
+    (tmp_path / "a.csv").write_text("\n".join(["time_s,force_n", *rows]))
+    assert verify(import_csv(tmp_path / "a.csv", tmp_path / "a.run", face_mm2=50.0).path).ok
+
+
+def test_a_file_whose_name_is_no_text_is_imported(tmp_path: Path) -> None:
+    source = tmp_path / os.fsdecode(b"\xff.csv")
+    source.write_text("\n".join(["time_s,force_n", *(f"{n / 9:g},{n}" for n in range(9))]))
+    run = open_run(import_csv(source, tmp_path / "a.run", face_mm2=50.0).path)
+    assert run.config["imported"]["file"].endswith("\N{REPLACEMENT CHARACTER}.csv")
