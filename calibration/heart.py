@@ -12,6 +12,7 @@ from calibration.fit import Array, Fit, as_columns, same_length
 
 RATES_HZ = (0.5, 3.5)  # 30 to 210 beats per minute
 PHASES = 128
+MAX_STEP_S, GRID_S = 0.05, 0.02  # a wave's 8th harmonic at 70 beats per minute has 9 Hz
 ADVICE = "record at least ten quiet beats with the sensor well seated"
 
 
@@ -68,9 +69,11 @@ def fit_heart(
     same_length(time_s=t, reference=y)
     if len(t) < 20 or t[-1] - t[0] < 5 or (np.diff(t) <= 0).any():
         raise CalibrationError(f"less than 5 s of ascending times; {ADVICE}")
-    grid = np.arange(t[0], t[-1], step := min(float(np.median(np.diff(t))), 0.02))
-    if step > 0.05:
-        raise CalibrationError(f"{1 / step:.0f} samples/s are too few for a wave; use 20 or more")
+    if (usual_s := float(np.median(np.diff(t)))) > MAX_STEP_S:
+        raise CalibrationError(
+            f"{1 / usual_s:.0f} samples/s are too few for a wave; use {1 / MAX_STEP_S:.0f} or more"
+        )
+    grid = np.arange(t[0], t[-1], step := min(usual_s, GRID_S))
     level = np.interp(grid, t, y)
     feet_s = _feet(grid, level, step)
     rr = np.diff(feet_s)

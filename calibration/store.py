@@ -227,11 +227,15 @@ def use(
 def worse_than(one: Record, residuals: Array) -> str | None:
     """A warning if new ``residuals`` (n,) are larger than the calibration's allow.
 
-    An F test of the variances at the 0.1 % level.
+    An F test of the variances at the 0.1 % level, for new readings at loads like the old ones:
+    they also miss by the estimates' own errors. Residuals of several channels are judged together,
+    so all their degrees of freedom count, not those of one.
     """
-    old = one.residual_rms**2 * len(one.estimates.residuals) / one.estimates.dof
+    kept = len(one.estimates.residuals)
+    dof = max(one.estimates.dof, kept - len(one.estimates.values))
+    old = one.residual_rms**2 * kept / dof * (1 + (kept - dof) / kept)
     new = float(np.mean(np.square(residuals)))
-    if new <= old * fdtri(len(residuals), one.estimates.dof, 0.999):
+    if new <= old * fdtri(len(residuals), dof, 0.999):
         return None
     return (
         f"{one.kind} calibration of {one.device}: readings now miss it by {np.sqrt(new):.3g} rms, "

@@ -146,8 +146,8 @@ def _arguments(kind: str, measured: Measurements) -> tuple[Array, ...]:
         case "surface":
             return (1e-3 * measured.columns("x_mm", "y_mm", "z_mm"),)
         case "latency":
-            stage = measured.columns("time_s", "depth_mm")
-            sensor = measured.columns("sensor_time_s", "force_n")
+            stage = measured.filled("time_s", "depth_mm")
+            sensor = measured.filled("sensor_time_s", "force_n")
             return stage[:, 0], 1e-3 * stage[:, 1], sensor[:, 0], sensor[:, 1]
         case "heart":
             beats = measured.columns(
@@ -186,4 +186,4 @@ def _tissue(measured: Measurements, choices: Choices) -> calibration.TissueCalib
 
 def raw_columns(measured: Measurements) -> dict[str, Array]:
     """Every column, for the file."""
-    return {str(name): measured.column(str(name)) for name in measured.table}
+    return {str(name): measured.filled(str(name))[:, 0] for name in measured.table}

@@ -1,7 +1,7 @@
 """Raw readings for a calibration: a table of numbers, or a run in which the rig took them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -43,11 +43,18 @@ class Measurements:
     device: str = ""
 
     def column(self, name: str) -> Array:
-        """(n,) of one column, without empty cells."""
+        """(n,) of one column, without the empty cells at its end: columns may differ in length."""
         if name not in self.table:
             has = ", ".join(map(str, self.table))
             raise CalibrationError(f"{self.path}: column {name} is missing; it has {has}")
-        cells = self.table[name].dropna()
+        cells = self.table[name]
+        filled = cells.notna().to_numpy()
+        cells = cells[: len(cells) - int(np.argmax(filled[::-1]))] if filled.any() else cells[:0]
+        if (gap := cells.isna().to_numpy()).any():
+            raise CalibrationError(
+                f"{self.path}: column {name}, row {int(cells.index[int(np.argmax(gap))]) + 1} is "
+                "empty: fill it, or leave the row out of all columns"
+            )
         values = pd.to_numeric(cells, errors="coerce").to_numpy(float)
         if (bad := ~np.isfinite(values)).any():
             row = int(cells.index[int(np.argmax(bad))]) + 1
@@ -64,6 +71,11 @@ class Measurements:
             lengths = ", ".join(f"{n} has {len(c)}" for n, c in zip(names, found, strict=True))
             raise CalibrationError(f"{self.path}: columns of one length are needed: {lengths}")
         return np.column_stack(found)
+
+    def filled(self, *names: str) -> Array:
+        """(n, k), without rows that are empty in all: samples of two devices may alternate."""
+        mine = self.table[[name for name in names if name in self.table]].dropna(how="all")
+        return replace(self, table=mine).columns(*names)
 
     def numbered(self, name: str, unit: str = "") -> Array:
         """``name`` + unit, or ``name_0``, ``name_1``, … with it: (n, k)."""

@@ -27,7 +27,7 @@ from calibration import (
 from calibration.errors import CalibrationError
 from drivers import Block, Channel, Pose, Sensor, Stage
 from drivers.core import abilities
-from drivers.core.arrays import Array, Bools
+from drivers.core.arrays import Array
 from probe.planning.plan import Surface
 
 SENSOR_KINDS = ("force", "taxels", "latency")
@@ -66,7 +66,7 @@ class CalibratedSensor:
             _check_count(sensor, "taxel", taxels.gain.shape, len(self._where))
             dead = ~np.isfinite(taxels.gain)
             self._gains.append((self._where, np.diag(np.where(dead, 1.0, taxels.gain))))
-            self._channels = _as_pressures(self._channels, self._where, dead)
+            self._channels = _as_pressures(self._channels, self._where, taxels.gain)
 
     @property
     def name(self) -> str:
@@ -304,11 +304,19 @@ def _in_newtons(
 
 
 def _as_pressures(
-    channels: tuple[Channel, ...], taxels: list[int], dead: Bools
+    channels: tuple[Channel, ...], taxels: list[int], gain: Array
 ) -> tuple[Channel, ...]:
+    """Channels as a calibration of taxels leaves them, a full scale in Pa too; dead ones (NaN) are
+    none."""
     changed = list(channels)
-    for n, lost in zip(taxels, dead.tolist(), strict=True):
-        changed[n] = replace(channels[n], role="other") if lost else replace(channels[n], unit="Pa")
+    for n, own in zip(taxels, np.abs(gain).tolist(), strict=True):
+        if np.isnan(own):
+            changed[n] = replace(channels[n], role="other")
+            continue
+        full = channels[n].full_scale
+        changed[n] = replace(
+            channels[n], unit="Pa", full_scale=None if full is None else own * full
+        )
     return tuple(changed)
 
 

@@ -11,6 +11,7 @@ from probe.detection.classify.classifier import PULSE_BLUR, PULSE_FLOOR
 from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, vessels
 from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS, shape
+from probe.detection.places import distinct_m, pitch_m
 from probe.detection.pulse.has_pulse import MIN_POSTERIOR
 from probe.detection.pulse.presses import Press, depth_m
 
@@ -39,7 +40,7 @@ def lone_vessel(presses: tuple[Press, ...], rows: list[list[int]]) -> ObjectFind
         return None
     met = [presses[i] for i in row if presses[i].pulse is not None]
     x_m = np.array([p.station.x_m for p in met])
-    if len(np.unique(x_m)) >= MIN_STATIONS:
+    if len(distinct_m(x_m)) >= MIN_STATIONS:
         return None
     level = np.array([max(p.level_pa, 0.0) for p in met])
     above = met[int(np.argmax(level))]
@@ -112,11 +113,11 @@ def pulsing_place(
 def beside(x_m: float, presses: Sequence[Press]) -> tuple[float, float]:
     """What lies between the presses next to a place: a pitch to either side, within what was
     scanned. NaN of one place."""
-    every = np.unique([p.station.x_m for p in presses if np.isfinite(p.station.x_m)])
-    if len(every) < 2:
+    every = np.array([p.station.x_m for p in presses])
+    pitch = pitch_m(every)
+    if np.isnan(pitch):
         return float("nan"), float("nan")
-    pitch = float(np.median(np.diff(every)))
-    return max(x_m - pitch, float(every[0])), min(x_m + pitch, float(every[-1]))
+    return max(x_m - pitch, float(np.nanmin(every))), min(x_m + pitch, float(np.nanmax(every)))
 
 
 def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:

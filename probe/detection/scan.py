@@ -6,6 +6,7 @@ from os import PathLike
 
 import numpy as np
 
+from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import plain
 from probe.core.recording import Recording
@@ -19,6 +20,7 @@ from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, o
 from probe.detection.map.ridge import find_ridge
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import MAX_STRAY_PITCHES, across_rows
+from probe.detection.places import distinct_m, pitch_m
 from probe.detection.pulse.least_pulse import least_pulse_pa
 from probe.detection.pulse.presses import Press, presses_of
 from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
@@ -64,7 +66,7 @@ def detect(
     elif not asked_pa > 0:
         raise ValueError(f"asked_pa is {asked_pa:g}; it is a pulse in Pa, more than 0")
     rows = recording.rows()
-    in_rows = max((len(r) for r in rows), default=0) >= MIN_STATIONS
+    in_rows = _most_places(recording, rows) >= MIN_STATIONS
     mapped = in_rows or is_field(recording.stations, rows)
     presses = presses_of(recording, false_alarm / 2 if mapped else false_alarm)
     judged = [[i for i in row if presses[i].pulse is not None] for row in rows]
@@ -75,7 +77,7 @@ def detect(
         objects = objects_in_field(presses, _moving(presses), false_alarm)
         if unfinished:
             objects = [replace(one, kind="undecided", reason=UNFINISHED) for one in objects]
-    elif max((len(row) for row in judged), default=0) >= MIN_STATIONS:
+    elif _most_places(recording, judged) >= MIN_STATIONS:
         objects, least_pa = _in_rows(recording, presses, judged, false_alarm, unfinished)
     elif found := lone_vessel(presses, rows):
         objects = [found]
@@ -111,13 +113,17 @@ def _in_rows(
     least_pa: list[float] = []
     found, lines = [], [line_of(tuple(presses[i] for i in row)) for row in rows if row]
     for row, line in zip(filter(None, rows), lines, strict=True):
-        moving = _moving(presses[i] for i in row)
-        if unfinished and last in row:
+        mine = tuple(presses[i] for i in row)
+        is_open = unfinished and last in row
+        if len(line.x_m) < MIN_STATIONS:
+            objects = pulsing_place(mine, is_open, recording.face_m2)
+            least_pa.append(float("inf"))
+        elif is_open:
             end_x_m = presses[last].station.x_m
-            objects = open_objects(line, moving, false_alarm / len(rows), end_x_m)
+            objects = open_objects(line, _moving(mine), false_alarm / len(rows), end_x_m)
             least_pa.append(least_bump_pa(line, false_alarm / len(rows), with_edges))
         else:
-            objects = only_pulses(objects_in(line, moving, false_alarm / len(rows)), line)
+            objects = only_pulses(objects_in(line, _moving(mine), false_alarm / len(rows)), line)
             least_pa.append(least_bump_pa(line, false_alarm / len(rows)))
         found.append((recording.stations[row[0]].y_m, objects))
     named = across_rows(found, _pitch_m(recording))
@@ -195,9 +201,17 @@ def _beyond(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     )]  # fmt: skip
 
 
+def _x_m(recording: Recording, stations: Iterable[int]) -> Array:
+    return np.array([recording.stations[i].x_m for i in stations])
+
+
 def _pitch_m(recording: Recording) -> float:
-    x_m = np.unique([round(s.x_m, 6) for s in recording.stations if np.isfinite(s.x_m)])
-    return float(np.median(np.diff(x_m))) if len(x_m) > 1 else 0.0
+    return pitch_m(_x_m(recording, range(len(recording.stations))))
+
+
+def _most_places(recording: Recording, rows: list[list[int]]) -> int:
+    """Places in the longest of ``rows``: repeats at one place make no row."""
+    return max((len(distinct_m(_x_m(recording, row))) for row in rows), default=0)
 
 
 def _needed_pa(presses: tuple[Press, ...], false_alarm: float) -> float:
@@ -242,8 +256,8 @@ def _reason(
         return _reasons(objects)
     needed_pa, asked_pa = bounds_pa
     if kind == "undecided":
-        x_mm = sorted(1e3 * p.station.x_m for p in judged)
-        where = f"between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet"
+        x_mm = 1e3 * distinct_m(np.array([p.station.x_m for p in judged]))
+        where = f"between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet" if len(x_mm) else "yet"
         if np.isinf(least_pa):
             return (
                 f"the row is not finished; no pulse {where}, and a lump needs {MIN_WITH_EDGES} "

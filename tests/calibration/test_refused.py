@@ -34,6 +34,7 @@ PLACES = RNG.uniform(0, 0.06, (12, 3))
 TIME = np.arange(0, 10, 0.01)
 CHIRP = np.sin(2 * np.pi * (TIME + 0.4 * TIME**2))
 RAMP = np.linspace(0, 2e-3, 40)
+BEATS = np.arange(150.0)
 
 
 def spring(moduli: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -189,6 +190,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     "heart: three seconds": (
         lambda: fit_heart(TIME[:300], CHIRP[:300], (120, 80), is_pressure=True),
         "less than 5 s.*record at least ten quiet beats",
+    ),
+    "heart: five samples a second": (
+        lambda: fit_heart(0.2 * BEATS, np.sin(1.4 * BEATS), (120, 80), is_pressure=True),
+        "5 samples/s are too few for a wave; use 20",
     ),
     "heart: nothing pulses": (
         lambda: fit_heart(TIME, np.ones(len(TIME)), (120, 80), is_pressure=True),

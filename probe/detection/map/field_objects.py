@@ -13,6 +13,7 @@ from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
 from probe.detection.map.field import Map, Spot, find_spots, map_of, shape, spacing_m, spot_at
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE, TAIL, measured, stray
+from probe.detection.places import distinct_m
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
 
@@ -26,7 +27,10 @@ def is_field(stations: Sequence[Station], rows: list[list[int]]) -> bool:
     every = [
         i for row in rows for i in row if np.isfinite([stations[i].x_m, stations[i].y_m]).all()
     ]
-    in_rows = sum(len(row) for row in rows if len(row) >= MIN_STATIONS)
+    in_rows = sum(
+        len(row) for row in rows
+        if len(distinct_m(np.array([stations[i].x_m for i in row]))) >= MIN_STATIONS
+    )  # fmt: skip
     return 2 * in_rows < len(every) and spacing_m(_places([stations[i] for i in every])) > 0
 
 

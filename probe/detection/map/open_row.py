@@ -101,6 +101,8 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
     """
     found = []
     for line, least in zip(lines, least_pa, strict=True):
+        if len(line.x_m) < MIN_STATIONS:
+            continue
         lump_pa = LUMP_SHARE * level_of(line.level_pa)
         if not least > lump_pa:
             continue

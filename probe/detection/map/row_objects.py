@@ -22,6 +22,7 @@ from probe.detection.map.bumps import (
     surroundings,
 )
 from probe.detection.map.sideways import reach_inwards_m
+from probe.detection.places import places_of
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.pulse.search import Search
@@ -66,16 +67,14 @@ class Place:
 
 
 def line_of(presses: tuple[Press, ...]) -> Line:
-    """A row's maps in order of x. Stations closer than a tenth of the pitch are repeats."""
+    """A row's maps in order of x; repeats as `places_of` says."""
     judged = [
         (p.station.x_m, p, p.pulse)
         for p in presses
         if p.pulse is not None and np.isfinite(p.station.x_m)
     ]
     judged.sort(key=lambda one: one[0])
-    gaps = np.diff([x_m for x_m, *_ in judged])
-    pitch = float(np.median(gaps[gaps > 1e-6])) if (gaps > 1e-6).any() else 0.0
-    group = np.concatenate([[0], np.cumsum(gaps > 0.1 * pitch)])[: len(judged)]
+    group = places_of(np.array([x_m for x_m, *_ in judged]))
     repeats = [
         [one for one, g in zip(judged, group, strict=True) if g == k] for k in np.unique(group)
     ]

@@ -3,6 +3,7 @@
 import numpy as np
 
 from probe.core.recording import Recording
+from probe.detection.places import pitch_m
 from probe.detection.pulse.beat_train import beat_train
 from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Clearest
 from probe.detection.pulse.fit import design_of, fit
@@ -87,10 +88,10 @@ def _groups(recording: Recording, indices: list[int]) -> list[list[int]]:
     for row in recording.rows():
         mine = [i for i in row if i in indices]
         x_m = np.array([recording.stations[i].x_m for i in mine])
-        gaps = np.diff(np.unique(np.round(x_m[np.isfinite(x_m)], 6)))
-        if not len(gaps):
+        pitch = pitch_m(x_m)
+        if np.isnan(pitch):
             continue
-        reach = (REACH + 0.5) * float(np.median(gaps))
+        reach = (REACH + 0.5) * pitch
         for x in x_m[np.isfinite(x_m)]:
             near = tuple(mine[k] for k in np.flatnonzero(np.abs(x_m - x) <= reach))
             groups[near] = None

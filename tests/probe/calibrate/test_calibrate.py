@@ -95,6 +95,26 @@ def test_a_table_says_not_whose_it_is_nor_what_a_word_means(tmp_path: Path) -> N
     assert main(["calibrate", "force", str(table)]) == 2
 
 
+def test_an_empty_cell_does_not_shift_a_column(tmp_path: Path) -> None:
+    """One in each column: both have as many cells, which were paired with their neighbours'."""
+    table, at_mm = tmp_path / "t.csv", np.linspace(-0.5, 1.5, 41)
+    rows = [f"{d},{2 * max(d, 0)}".split(",") for d in at_mm]
+    rows[12][0] = rows[30][1] = ""
+    table.write_text("\n".join(["depth_mm,force_n", *map(",".join, rows)]))
+    with pytest.raises(CalibrationError, match=r"column depth_mm, row 13 is empty: fill it"):
+        module.calibrate("compliance", table)
+
+
+def test_samples_of_stage_and_sensor_may_alternate_or_differ_in_number(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    table.write_text(
+        "time_s,depth_mm,sensor_time_s,force_n\n0,1,,\n,,0.5,2\n1,3,,\n2,4,,\n,,1.5,5\n"
+    )
+    read_as = read(table, "latency")
+    assert read_as.filled("time_s", "depth_mm").tolist() == [[0, 1], [1, 3], [2, 4]]
+    assert read_as.filled("sensor_time_s", "force_n").tolist() == [[0.5, 2], [1.5, 5]]
+
+
 def loads(path: Path, gain: float) -> Path:
     rows = [f"{gain * n + 1e-3 * (n % 3 - 1)},{n}" for n in range(12)]
     path.write_text("\n".join(["raw,load_n", *rows]))

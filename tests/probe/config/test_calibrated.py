@@ -184,7 +184,7 @@ class Array3:
     """Three taxels of gains 1, 2 and none."""
 
     name, rate_hz = "array", 100.0
-    channels = tuple(Channel(f"t{n}", "raw", "taxel") for n in range(3))
+    channels = tuple(Channel(f"t{n}", "raw", "taxel", full_scale=4096.0) for n in range(3))
 
     def read(self) -> Block:
         return Block(
@@ -201,6 +201,8 @@ def test_dead_taxels_are_left_out_and_clipped_ones_marked(tmp_path: Path) -> Non
     )
     assert [c.role for c in sensor.channels] == ["taxel", "taxel", "other"]
     assert [c.unit for c in sensor.channels] == ["Pa", "Pa", "raw"]
+    scales = [c.full_scale for c in sensor.channels]
+    assert scales == pytest.approx([4096.0, 2048.0, 4096.0], rel=1e-3)  # in the channel's unit
     block = sensor.read()
     assert block.values[:, :2] == pytest.approx(np.array([[10.0, 10], [40, 80]]), rel=1e-3)
     assert block.saturated.tolist() == [[False] * 3, [False, True, False]]

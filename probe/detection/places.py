@@ -1,0 +1,37 @@
+"""Which stations of a row are repeats at one place."""
+
+import numpy as np
+
+from drivers.core.arrays import Array, Ints
+
+SAME_PLACE_M = 50e-6
+"""Stations as near as this are repeats: five times what a stage comes back to a place by
+(`presses.REPEATABILITY_M`)."""
+REPEATS = 0.1
+"""Of the pitch: so are stations as near as that."""
+
+
+def places_of(x_m: Array) -> Ints:
+    """The place (n,) of each station at ``x_m`` (n,), finite and in any order: 0 is the lowest."""
+    order = np.argsort(x_m, kind="stable")
+    gaps = np.diff(x_m[order])
+    apart = gaps[gaps > SAME_PLACE_M]
+    least_m = max(REPEATS * float(np.median(apart)), SAME_PLACE_M) if len(apart) else np.inf
+    place = np.empty(len(x_m), dtype=int)
+    place[order] = np.concatenate([[0], np.cumsum(gaps > least_m)])[: len(x_m)]
+    return place
+
+
+def distinct_m(x_m: Array) -> Array:
+    """The places (k,) of stations at ``x_m`` (n,), ascending; unknown ones are left out."""
+    known = x_m[np.isfinite(x_m)]
+    if not len(known):
+        return known
+    place = places_of(known)
+    return np.asarray(np.bincount(place, weights=known) / np.bincount(place))
+
+
+def pitch_m(x_m: Array) -> float:
+    """The usual distance from one place to the next; NaN where there is only one."""
+    places_m = distinct_m(x_m)
+    return float(np.median(np.diff(places_m))) if len(places_m) > 1 else float("nan")
