@@ -148,6 +148,8 @@ def _take_live(rig: Path, device: str, table: Path | None) -> tuple[Path, str]:
             raise typer.BadParameter(f"--device {device!r}: {rig} has {', '.join(known)}")
         path = table or Path(f"loads-{device.replace(' ', '-')}.csv")
         take_weights(known[device], clock, path, _ask, inform)
+    if not path.exists():
+        raise typer.BadParameter("no load was taken: there is nothing to fit")
     inform(f"readings: {path}")
     return path, device
 

@@ -160,3 +160,7 @@ def test_the_command_takes_fits_and_writes(tmp_path, monkeypatch, capfd):
     assert np.squeeze(gain) == pytest.approx(GAIN, rel=0.01)
     assert (tmp_path / "loads-gauge.csv").is_file()
     assert main(["calibrate", "tare", "--live", str(rig)]) == 2
+    (tmp_path / "loads-gauge.csv").unlink()
+    bench.answers = [""]
+    assert main(["calibrate", "force", "--live", str(rig)]) == 2
+    assert "no load was taken" in capfd.readouterr().err
