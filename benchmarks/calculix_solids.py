@@ -12,7 +12,9 @@ CalculiX finds the facet of the finger opposite to each point of the skin when a
 and keeps it until the increment ends ("due to the freezing of the match between the slave and
 master surface within each increment, large deformations may require small increments": its manual,
 face-to-face penalty contact). The skin slides meanwhile. Each load is therefore held for one more
-step, whose one increment finds the pairs anew; what that changes is kept beside the forces.
+step, whose one increment finds the pairs anew; what that changes is kept beside the forces. It is
+not enough after a press that begins with pressure: under a cylinder with ends that leaves the force
+0.3 % above what it is by way of 0 mmHg, and the pulse 4 % too small.
 """
 
 import json
@@ -51,7 +53,7 @@ LUMP = {"kind": "tumour", "x_mm": 32.0, "depth_mm": 8.0, "diameter_mm": 6.0,
         "modulus_kpa": 1000.0, "poisson": 0.49}  # fmt: skip
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[float, ...]]] = {
     "TIHA-ball": (ARTERY, BALL, (80.0, 120.0)),
-    "cylinder-with-ends": (ARTERY, CYLINDER, (80.0, 120.0)),
+    "cylinder-with-ends": (ARTERY, CYLINDER, (0.0, 80.0, 120.0)),
     "ball-over-ball": (LUMP, BALL, (0.0,)),
     "part-length-stenosis": ({**ARTERY, "depth_mm": 9.0, "stenosis": STENOSIS}, BALL,
                              (80.0, 120.0)),
