@@ -80,6 +80,8 @@ def samples(
     held = 0
     for event in events:
         match event:
+            case RunStarted(began_s):  # a session that was killed has not said when its phase ended
+                phases.append((began_s, "idle"))
             case PhaseEntered(entered_s, phase, _):
                 phases.append((entered_s, str(phase)))
             case StationStarted(_, number):

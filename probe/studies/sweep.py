@@ -195,6 +195,8 @@ def _read_log(log: Path, key: str) -> Solved:
         try:
             row = json.loads(line)
         except json.JSONDecodeError:  # the last line of a sweep that was killed
+            if number == 0:  # it says whose the rows are
+                raise ConfigError(f"{log}: its first line is cut short; remove it") from None
             continue
         if number == 0 or "sweep" in row:  # two that began together each wrote their line
             if row.get("sweep") != key:

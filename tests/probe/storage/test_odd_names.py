@@ -18,6 +18,8 @@ from drivers.core.arrays import Array
 from probe.core.events import (
     Event,
     Finish,
+    Phase,
+    PhaseEntered,
     RunEnded,
     RunStarted,
     Samples,
@@ -154,6 +156,17 @@ def test_no_session_begins_before_the_last_has_ended(tmp_path: Path) -> None:
     back = open_run(import_csv(file, tmp_path / "b.run", face_mm2=100.0).path)
     assert np.array_equal(back.samples()["time_s"], open_run(path).samples()["time_s"])
     assert back.stations()["x_mm"].tolist() == [4.0, 8.0]
+
+
+def test_a_session_does_not_begin_in_the_phase_that_the_last_was_killed_in(tmp_path: Path) -> None:
+    channels = {"cell": (FORCE,)}
+    first, second = session(channels, 0.0, 0.0, 1), session(channels, 5.0, 60.0, 2)
+    killed = [*first[:2], PhaseEntered(0.0, Phase.HOLDING, 1), *first[2:-2]]
+    with create_store(tmp_path / "a.run") as store:
+        for event in [*killed, *second]:
+            store(event)
+    phases = open_run(tmp_path / "a.run").samples()["phase"].values.tolist()
+    assert phases == ["holding"] * 20 + ["idle"] * 20
 
 
 @pytest.mark.parametrize("form", FORMS)

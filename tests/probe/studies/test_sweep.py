@@ -209,3 +209,11 @@ def test_a_script_is_not_run_again_by_the_workers_of_its_sweep(tmp_path: Path) -
         check=False, timeout=120,
     )  # fmt: skip
     assert (done.stdout, done.stderr) == ("begins\n2\n", "")
+
+
+def test_rows_of_a_log_that_does_not_say_whose_they_are_are_not_taken(tmp_path: Path) -> None:
+    """A full disk may cut the first line short; what follows may be another sweep's."""
+    row = json.dumps({"point": 0, "rows": [{"point": 0, "force_n": 99.0, "reason": ""}]})
+    (tmp_path / "a.rows.jsonl").write_text('{"swe\n' + row + "\n")
+    with pytest.raises(ConfigError, match="first line is cut short; remove it"):
+        sweep("TI", {"indentation_mm": [1.0]}, out=tmp_path / "a.csv", model="small", workers=1)
