@@ -35,7 +35,8 @@ from hexahedra import Hexahedra, finger_facets, material_of, quarter
 
 from sim_backend.arrays import Array, Ints
 from sim_backend.models.press import press
-from sim_backend.scene.scene_file import Artery, Scene
+from sim_backend.scene.inclusion import Artery
+from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 FOLDER = Path(__file__).parents[1] / "tests" / "data" / "presses"

@@ -13,8 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
+from sim_backend.scene.inclusion import Artery, Tumour
 from sim_backend.scene.indenter import Cylinder, Indenter
-from sim_backend.scene.scene_file import Artery, Scene, Tumour
+from sim_backend.scene.scene_file import Scene
 
 QUARTER = np.pi / 4
 BOX = 1.35

@@ -7,8 +7,9 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from probe.gui.state import ViewState
 from probe.gui.style import head, pen, plot
 from probe.report.look import GREEN, INK, PURPLE, VERMILLION
+from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
-from sim_backend.scene.scene_file import Artery, Scene
+from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 
 LIFT_MM = 6.0  # room above the surface: a scan's clearance and a little more

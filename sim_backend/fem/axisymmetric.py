@@ -25,8 +25,9 @@ from sim_backend.fem.model import (
 from sim_backend.fem.newton import Load, NotConverged
 from sim_backend.fem.revolved import revolved
 from sim_backend.fem.support import SlidingConstraint
+from sim_backend.scene.inclusion import Tumour
 from sim_backend.scene.indenter import Punch, Sphere
-from sim_backend.scene.scene_file import Scene, Tumour
+from sim_backend.scene.scene_file import Scene
 
 FIRST_M, STEP_M = 0.2e-3, 0.6e-3
 """First depth on the way down, where single nodes come into contact, and the steps from there."""

@@ -19,7 +19,8 @@ from sim_backend.fem.material import moduli
 from sim_backend.fem.mesh import TISSUE, Mesh, block_mesh, ring_mesh
 from sim_backend.fem.rings import Ring
 from sim_backend.fem.support import SlidingConstraint, supported
-from sim_backend.scene.scene_file import Artery, Inclusion, Scene, SceneError
+from sim_backend.scene.inclusion import Artery, Inclusion
+from sim_backend.scene.scene_file import Scene, SceneError
 
 LOCKING_POISSON = 0.495
 COARSEST_M = 2.4e-3

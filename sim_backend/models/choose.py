@@ -10,7 +10,8 @@ from math import exp
 from sim_backend.fem.finite_strain import Solved
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.models.refine import Solving, on_first_mesh
-from sim_backend.scene.scene_file import Artery, Inclusion, Scene, SceneError
+from sim_backend.scene.inclusion import Artery, Inclusion
+from sim_backend.scene.scene_file import Scene, SceneError
 
 SMALL_PCT, SMALL_POWER = 45.0, 1.35
 """Bound of what small strain misses of the force, over the depth in half widths of the finger. Over

@@ -33,7 +33,8 @@ from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.kept_tables import kept_table, table_file
 from sim_backend.models.response import Curve, Left, StationResponse, levels_pa
 from sim_backend.models.solid_press import SHARES
-from sim_backend.scene.scene_file import Artery, Scene
+from sim_backend.scene.inclusion import Artery
+from sim_backend.scene.scene_file import Scene
 
 DEPTHS = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
 """Shares of the greatest depth that are solved. The first is 0.5 mm of the usual 2.5: a contact

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim_backend.scene.scene_file import Artery, Scene, SceneError, Tumour
+from sim_backend.scene.inclusion import Artery, Tumour
+from sim_backend.scene.scene_file import Scene, SceneError
 
 
 def section_at(scene: Scene, z_mm: float) -> Scene:

@@ -23,8 +23,9 @@ from sim_backend.fem.solid.layers import graded_edges
 from sim_backend.fem.solid.prism import extrude, planes_of, quad_shape, triangle_shape, wedges_of
 from sim_backend.fem.solid.warp import BALL_CORE, cylinder_to_ball
 from sim_backend.fem.support import HOLD_WIDTH_M
+from sim_backend.scene.inclusion import Artery, Tumour
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
-from sim_backend.scene.scene_file import Artery, Scene, SceneError, Tumour
+from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.slicing import is_symmetric_along
 
 SHARE = 0.36

@@ -7,7 +7,8 @@ import pytest
 
 from sim_backend.fem.model import Section, build_section
 from sim_backend.models.refine import FIRST_SHARE, mesh_grading
-from sim_backend.scene.scene_file import Artery, Inclusion, Scene, SceneError
+from sim_backend.scene.inclusion import Artery, Inclusion
+from sim_backend.scene.scene_file import Scene, SceneError
 
 HEIGHT_MM = 18.0
 

@@ -6,16 +6,9 @@ import pytest
 from paths import ROOT
 from pydantic import BaseModel
 
+from sim_backend.scene.inclusion import Artery, Stenosis, Tumour
 from sim_backend.scene.indenter import Cylinder, Flat, Punch, Skin, Sphere
-from sim_backend.scene.scene_file import (
-    Artery,
-    Pulse,
-    Scene,
-    Stenosis,
-    Tissue,
-    Tumour,
-    scene_from_text,
-)
+from sim_backend.scene.scene_file import Pulse, Scene, Tissue, scene_from_text
 
 DOC = (ROOT / "docs" / "reference" / "scene-file.md").read_text(encoding="utf-8")
 

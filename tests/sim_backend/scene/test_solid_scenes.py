@@ -6,15 +6,9 @@ import pytest
 
 from sim_backend.fem.model import build_section
 from sim_backend.models.press import press
+from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.indenter import Punch, Sphere
-from sim_backend.scene.scene_file import (
-    Artery,
-    Scene,
-    SceneError,
-    load_scene,
-    scene_from_text,
-    scene_names,
-)
+from sim_backend.scene.scene_file import Scene, SceneError, load_scene, scene_from_text, scene_names
 from sim_backend.scene.slicing import section_at
 
 SOLID = """
