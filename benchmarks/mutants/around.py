@@ -99,7 +99,7 @@ AROUND = (
     ),
     Mutant(
         "a plan deeper than the limit", PLAN,
-        "if safety.max_depth_mm is not None and safety.max_depth_mm < deepest_mm:",
+        "if safety.max_depth_mm is not None and safety.max_depth_mm < deepest_mm - ROUNDING_MM:",
         "if safety.max_depth_mm is not None and safety.max_depth_mm < 0:",
         (f"{TEST_RIG}::test_wrong_rigs_name_file_key_and_value",),
     ),

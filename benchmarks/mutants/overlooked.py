@@ -193,7 +193,7 @@ OVERLOOKED = (
            "moved |= np.abs(", "moved = np.abs(",
            ("tests/probe/storage/test_csv_import.py::test_a_new_position_is_a_new_station",)),
     Mutant("an export's wall time is the scan's clock late", "probe/storage/export_mcap.py",
-           "zero_s = began - run.started.time_s", "zero_s = began",
+           "np.array(wall_s) - self.began_s)", "np.array(wall_s))",
            ("tests/probe/storage/test_interchange.py"
             "::test_mcap_is_stamped_with_the_wall_time_of_the_run",)),
     Mutant("a weight is read while it is put on", "probe/calibrate/weigh.py",

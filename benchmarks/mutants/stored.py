@@ -123,7 +123,7 @@ STORED = (
     ),
     Mutant(
         "a station without its last samples is complete", AUDIT,
-        "if press.last_sample_s < event.time_s - TAIL_S:", "if press.last_sample_s < -1e9:",
+        "press.last_sample_s < event.time_s - TAIL_S:", "press.last_sample_s < -1e9:",
         (f"{TEST_VERIFY}::test_what_is_wrong_is_said",),
     ),
     Mutant(
