@@ -14,6 +14,7 @@ from waiting import until
 from drivers import Block, ConfigError, DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
 from drivers.lines import LinePattern, TextChannel, number_reader, open_sensor
+from drivers.testing.awake import AwakeTime
 from sim_backend import load_scene
 from sim_backend.emulators import lines
 from sim_backend.emulators.serving import Served, served
@@ -110,8 +111,9 @@ def test_missing_lines_and_a_restarted_clock_are_seen(
     sensor.start()
     times, lost = [settled(sensor)], 0
     device.fail("silence")
-    silent_s = clock.now()
-    until(lambda: device._device._next_s > silent_s + 0.2, 30.0)  # type: ignore[attr-defined]
+    with AwakeTime() as awake:  # in which the emulator has its turns too
+        silent_s = awake.now()
+        until(lambda: awake.now() > silent_s + 0.4, 30.0)
     device.fail(None)
     while not lost:
         block = gather(sensor, 0.01)
