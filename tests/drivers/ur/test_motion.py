@@ -87,10 +87,10 @@ def test_the_robot_stops_when_nobody_checks_the_force(winkler: Respond) -> None:
         assert not made.phantom.tip.moving(made.clock.now())
 
 
-def ended(made: Rig) -> None:
-    """Until the driver says that the control program has stopped."""
+def until_said(made: Rig, words: str) -> None:
+    """Until the driver says that this is wrong."""
     end_s = time.monotonic() + 5.0
-    while "control program has stopped" not in made.trouble():
+    while words not in made.trouble():
         assert time.monotonic() < end_s
         time.sleep(0.01)
 
@@ -99,7 +99,7 @@ def test_a_program_that_the_watchdog_ended_is_started_again_for_the_lift(winkler
     with connected(winkler, keys={"watchdog_s": 0.5}) as (made, _):
         made.stage.enable()
         made.stage.keep_alive()  # and then no more
-        ended(made)
+        until_said(made, "control program has stopped")
         made.stage.start_again()
         made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)
         made.arrive()
@@ -113,7 +113,7 @@ def test_a_program_that_the_driver_had_ended_is_started_again_for_the_lift(
     with connected(winkler, keys={"stop_s": 1e-6}) as (made, _):
         made.stage.enable()
         made.stage.stop()
-        ended(made)
+        until_said(made, "control program has stopped")
         made.stage.start_again()
         assert made.stage.pose().z == pytest.approx(0.004, abs=1e-4)
 
@@ -123,19 +123,11 @@ def test_a_program_that_a_person_ended_stays_so(winkler: Respond) -> None:
         made.stage.enable()
         made.stage.keep_alive()
         robot.fail("lost program")
-        ended(made)
+        until_said(made, "control program has stopped")
         made.stage.stop()  # by the dashboard, for the program does not answer
         made.stage.start_again()
         assert robot.robot.uploads == 1
-        ended(made)
-
-
-def lost(made: Rig) -> None:
-    """Until the driver says that the connection was cut."""
-    end_s = time.monotonic() + 5.0
-    while "connection lost" not in made.trouble():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
+        until_said(made, "control program has stopped")
 
 
 def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) -> None:
@@ -143,7 +135,7 @@ def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) 
         made.stage.enable()
         made.stage.keep_alive()
         robot.fail("blink")
-        lost(made)
+        until_said(made, "connection lost")
         made.stage.start_again()
         with pytest.raises(DeviceFault, match="another program runs"):
             made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)  # ours from before the cut
@@ -156,7 +148,7 @@ def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) 
 def test_a_robot_that_was_only_read_is_left_alone_after_a_cut(winkler: Respond) -> None:
     with connected(winkler) as (made, robot):
         robot.fail("blink")
-        lost(made)
+        until_said(made, "connection lost")
         made.stage.start_again()
         assert "connection lost" in made.trouble()
 
@@ -166,9 +158,9 @@ def test_a_program_that_a_person_ended_before_the_cut_stays_so(winkler: Respond)
         made.stage.enable()
         made.stage.keep_alive()
         robot.fail("lost program")
-        ended(made)
+        until_said(made, "control program has stopped")
         robot.fail("blink")
-        lost(made)
+        until_said(made, "connection lost")
         made.stage.start_again()
         assert "connection lost" in made.trouble()
         assert robot.robot.uploads == 1
