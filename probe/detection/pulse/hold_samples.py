@@ -101,9 +101,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
         station = replace(
             station, signal_pa=station.signal_pa[:, ~dead], saturated=station.saturated[:, ~dead]
         )
-    time_s, signal, clipped = _between(station)
-    order = np.argsort(time_s, kind="stable")
-    time_s, signal = time_s[order], signal[order]
+    time_s, signal, clipped = _between(_in_order(station))
     good = _without_spikes(signal)
     time_s, signal = time_s[good], signal[good]
     if len(time_s) < MIN_SAMPLES:
@@ -130,6 +128,17 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     each = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     averaged_s = each * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0)))
     return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s)
+
+
+def _in_order(station: Station) -> Station:
+    """The same samples by their times."""
+    if (np.diff(station.time_s) >= 0).all():
+        return station
+    order = np.argsort(station.time_s, kind="stable")
+    return replace(
+        station, time_s=station.time_s[order], signal_pa=station.signal_pa[order],
+        saturated=station.saturated[order], depth_m=station.depth_m[order],
+    )  # fmt: skip
 
 
 def _between(station: Station) -> tuple[Array, Array, float]:

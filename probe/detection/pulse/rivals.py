@@ -23,6 +23,9 @@ from probe.detection.pulse.search import SHARE
 
 COARSE_S = 0.04
 """Samples closer than half of this are averaged in pairs: a beat's rise takes twice as long."""
+LONGEST_S = 20.0
+"""Of a longer hold the first part is asked: what beat trains keep grows with the square of the
+samples, 0.9 GB at 30 s, and twenty beats tell what moves."""
 LINE_HZ = (0.3, 5.0)
 BREATHING_HZ, BREATHING_HARMONICS = (0.1, 0.6), 6
 """6 to 36 breaths a minute."""
@@ -57,13 +60,13 @@ class Cause:
 
 
 def coarse_of(hold: Hold, null: Fit) -> Coarse:
-    """A hold without relaxation and drift, at `COARSE_S` or what it has."""
+    """A hold without relaxation and drift, at `COARSE_S` or what it has, up to `LONGEST_S`."""
     design = design_of(hold)
     nuisance = np.hstack([design.drift, design.decays[:, null.decays]])
     q, _ = np.linalg.qr(nuisance)
     signal = null.residual_pa - q @ (q.T @ null.residual_pa)
     fold = max(1, round(COARSE_S / max(hold.step_s, 1e-9)))
-    kept = len(signal) // fold * fold
+    kept = min(len(signal), round(LONGEST_S / max(hold.step_s, 1e-9))) // fold * fold
 
     def folded(columns: Array) -> Array:
         return np.asarray(columns[:kept].reshape(-1, fold, *columns.shape[1:]).mean(axis=1))

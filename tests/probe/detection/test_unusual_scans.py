@@ -261,3 +261,16 @@ def test_one_press_at_a_known_depth_is_judged_by_pulse_and_stiffness(
     assert ("needs a row" in found.reason) == (kind == "undecided")
     # without a place a vessel is all that can be told
     assert detect(recording([replace(one, x_m=float("nan"))])).finding == "artery"
+
+
+def test_samples_out_of_order_say_the_same() -> None:
+    rng = np.random.default_rng(5)
+    one = station(rng, pulse_pa=60.0, noise_pa=5.0, hold_s=5.0)
+    order = rng.permutation(len(one.time_s))
+    mixed = replace(
+        one, time_s=one.time_s[order], signal_pa=one.signal_pa[order],
+        saturated=one.saturated[order], depth_m=one.depth_m[order],
+    )  # fmt: skip
+    (wanted,), (found,) = (detect(recording([each])).stations for each in (one, mixed))
+    assert found.pulse_pa == pytest.approx(wanted.pulse_pa, rel=1e-9)
+    assert found.p_value == pytest.approx(wanted.p_value, rel=1e-6)
