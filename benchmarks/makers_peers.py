@@ -79,8 +79,8 @@ class LslStream:
         if self._fault == "nan":
             return math.nan
         now_s = self._phantom.clock.now()
-        felt = float(self._phantom.force_n(np.array([now_s]))[0])
-        return felt + self._noise_n * float(self._rng.standard_normal())
+        force_n = float(self._phantom.force_n(np.array([now_s]))[0])
+        return force_n + self._noise_n * float(self._rng.standard_normal())
 
 
 @contextmanager

@@ -90,8 +90,8 @@ NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 def write_mcap(run: "Run", path: Path) -> None:
     """Write the whole run; an existing file is replaced."""
-    told = [e for e in run.events() if isinstance(e, RunStarted | Note | RunEnded)]
-    clock = WallClock([e for e in told if isinstance(e, RunStarted)])
+    notable = [e for e in run.events() if isinstance(e, RunStarted | Note | RunEnded)]
+    clock = WallClock([e for e in notable if isinstance(e, RunStarted)])
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="palpate")
@@ -108,7 +108,7 @@ def write_mcap(run: "Run", path: Path) -> None:
         topics = distinct({device: field(device) for device in run.channels})
         for device, topic in topics.items():
             _write_device(writer, device, topic, run.channels[device], run.samples(device), clock)
-        _write_events(writer, told, clock)
+        _write_events(writer, notable, clock)
         writer.finish()  # type: ignore[no-untyped-call]
 
 

@@ -275,7 +275,11 @@ def test_a_board_that_starts_when_its_port_is_opened_is_waited_for(
                 says.say(b"1.0 N\n")
                 time.sleep(0.01)
             connected.result()
+        sensor.start()
+        says.say(20 * b"1.5 N\n")
+        values, _ = hear(sensor, 10)
         sensor.close()
+    assert values[-1] == 1.5
 
 
 def test_what_does_not_match_is_shown(

@@ -55,8 +55,8 @@ def find_ridge(seen: Map, spots: list[Spot]) -> Ridge | None:
     """
     if not spots or seen.spacing_m <= 0:
         return None
-    apart = [shape(seen.place_m, np.append(s.place_m, s.half_width_m)) for s in spots]
-    as_spots, *_ = _fit(seen, np.column_stack(apart))
+    bumps = [shape(seen.place_m, np.append(s.place_m, s.half_width_m)) for s in spots]
+    as_spots, *_ = _fit(seen, np.column_stack(bumps))
     as_line, tried = _best_line(seen)
     count, known = len(seen.value), UNKNOWNS + seen.base.shape[1]
     scatter = max((as_line + TRUSTED) / (count - known + TRUSTED), 1.0)

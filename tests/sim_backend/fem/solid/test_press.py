@@ -1,16 +1,11 @@
-"""Presses into solids against the plane section, the body of revolution and CalculiX."""
-
-import json
-from typing import Any
+"""Presses into solids against the plane section and the body of revolution."""
 
 import numpy as np
 import pytest
-from paths import SHARED
 
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.solid.build import grading_of
 from sim_backend.fem.solid.solve import solve_solid
-from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -53,30 +48,3 @@ def test_a_press_off_the_middle_is_the_same_on_either_side() -> None:
         for x, z_mm in ((9e-3, 2.0), (15e-3, -2.0))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=0.02)  # the meshes are no mirror images
-
-
-def reference(name: str) -> dict[str, Any]:
-    """The finer of CalculiX's two meshes."""
-    path = SHARED / "reference" / "solid" / f"{name}.json"
-    if not path.is_file():
-        pytest.skip("the shared references are not here")
-    finest: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))[-1]
-    return finest
-
-
-@pytest.mark.slow
-@pytest.mark.timeout(900)
-def test_a_ball_over_an_artery_by_calculix() -> None:
-    case = reference("TIHA-ball")
-    artery = {"kind": "artery", "x_mm": case["W_mm"] / 2, "poisson": 0.49, **case["artery"]}
-    scene = Scene.model_validate(
-        {"name": "TIHA-ball", "plane": "solid", "inclusion": [artery],
-         "tissue": {"width_mm": case["W_mm"], "height_mm": case["H_mm"], "poisson": 0.49,
-                    "length_mm": case["length_mm"], "modulus_kpa": case["modulus_kpa"]},
-         "indenter": {"shape": "sphere", "radius_mm": case["ball_radius_mm"]}}
-    )  # fmt: skip
-    pressed = press(scene, 32.0, case["depth_mm"], case["pressures_mmhg"], accuracy_pct=5.0)
-    ours = np.array([s.force_n for s in pressed.states])
-    np.testing.assert_allclose(ours, case["force_n"], rtol=0.02)
-    np.testing.assert_allclose(np.diff(ours), np.diff(case["force_n"]), rtol=0.05)
-    assert pressed.error_estimate_pct < 5.0
