@@ -15,6 +15,7 @@ from drivers.core.units import to_si
 from probe.core.contact_stress import tactile_device
 from probe.core.cut_stations import compliance_m_per_n
 from probe.core.events import Phase
+from probe.core.places import SAME_PLACE_M
 from probe.storage.run import Run, open_run
 
 with needs("data", "palpate calibrate"):
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 MAX_ROWS = 5_000_000
 SQLITE = b"SQLite format 3\0"
 NO_STATION = "no such complete station; press to the end first"
-SAME_PLACE_MM = 0.05
 AROUND_S = 0.3
 GOING_IN = (Phase.APPROACHING, Phase.INDENTING)
 
@@ -125,7 +125,7 @@ def _movement(run: Run, sensor: str, station: int | None) -> dict[str, Array]:
     if not len(first):
         raise CalibrationError(f"{run.path}: {NO_STATION}")
     distance_mm = np.hypot(*(done[a] - first[a].iloc[0] for a in ("x_mm", "y_mm")))
-    here = done[distance_mm < SAME_PLACE_MM]["station"]
+    here = done[distance_mm < 1e3 * SAME_PLACE_M]["station"]
     samples = run.samples(sensor)
     samples = samples.isel(time_s=np.isin(samples["station"], here))
     first_s, last_s = (float(samples["time_s"][n]) for n in (0, -1))

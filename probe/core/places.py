@@ -5,7 +5,9 @@ from itertools import pairwise
 from math import isfinite, nan
 from typing import Any
 
-SAME_ROW_M = 0.05e-3  # as an import takes places for one; no probe resolves rows so close
+SAME_PLACE_M = 50e-6
+"""As near as this two stations are at one place, and two rows one: five times what a stage comes
+back to a place by (`probe.detection.pulse.presses.REPEATABILITY_M`), less than probes resolve."""
 
 
 def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
@@ -31,13 +33,13 @@ def has_rows(y_mm: Iterable[float | None]) -> bool:
 def rows_of(y_m: Sequence[float]) -> list[int | None]:
     """The row of each y [m], counted from the lowest; None where y is unknown.
 
-    A row ends where the next y is more than `SAME_ROW_M` away: a robot comes back to the same y
+    A row ends where the next y is more than `SAME_PLACE_M` away: a robot comes back to the same y
     to within a few micrometres only, wherever that y lies.
     """
     known = sorted({y for y in y_m if isfinite(y)})
     row = dict.fromkeys(known[:1], 0)
     for below, above in pairwise(known):
-        row[above] = row[below] + (above - below > SAME_ROW_M)
+        row[above] = row[below] + (above - below > SAME_PLACE_M)
     return [row.get(y) for y in y_m]
 
 

@@ -11,9 +11,9 @@ from probe.detection.classify.classifier import PULSE_BLUR, PULSE_FLOOR
 from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, vessels
 from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS, shape
-from probe.detection.places import distinct_m, pitch_m
 from probe.detection.pulse.has_pulse import MIN_POSTERIOR
 from probe.detection.pulse.presses import Press, depth_m
+from probe.detection.repeats import distinct_m, pitch_m
 
 MORE = f"a row of {MIN_STATIONS} stations over it, or presses beside it that meet nothing"
 ASIDE_MM, FELT_MM = (0.0, 3.0, 6.0, 9.0, 12.0), 5.0

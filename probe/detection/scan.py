@@ -14,16 +14,14 @@ from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
 from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS, MIN_WITH_EDGES, with_edges
-from probe.detection.map.field import MIN_PRESSES, Spot, find_spots
-from probe.detection.map.field_objects import is_field, objects_in_field, pulses_of
+from probe.detection.map.field_objects import is_field, objects_in_field, runs_along_rows
 from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, open_objects
-from probe.detection.map.ridge import find_ridge
 from probe.detection.map.row_objects import line_of, objects_in
-from probe.detection.map.vessel_tracking import MAX_STRAY_PITCHES, across_rows
-from probe.detection.places import distinct_m, pitch_m
+from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.least_pulse import least_pulse_pa
 from probe.detection.pulse.presses import Press, presses_of
 from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.repeats import distinct_m, pitch_m
 from probe.storage.run import recording_of
 
 ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
@@ -72,9 +70,12 @@ def detect(
     judged = [[i for i in row if presses[i].pulse is not None] for row in rows]
     unfinished = recording.finish != "completed"
     least_pa = float("inf")
-    if is_field(recording.stations, judged) or _crosses_rows(presses, recording):
+    moving = _moving(presses)
+    if is_field(recording.stations, judged) or (
+        moving is not None and runs_along_rows(presses, _pitch_m(recording))
+    ):
         least_pa = float("nan")
-        objects = objects_in_field(presses, _moving(presses), false_alarm)
+        objects = objects_in_field(presses, moving, false_alarm)
         if unfinished:
             objects = [replace(one, kind="undecided", reason=UNFINISHED) for one in objects]
     elif _most_places(recording, judged) >= MIN_STATIONS:
@@ -129,26 +130,6 @@ def _in_rows(
     named = across_rows(found, _pitch_m(recording))
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
     return named if named or unfinished else doubtful(lines, least_pa), shown_pa
-
-
-def _crosses_rows(presses: tuple[Press, ...], recording: Recording) -> bool:
-    """Whether a vessel runs so much along the rows of a grid that no row shows it as a bump, or it
-    is too far aside in the next row: rows are then presses at any places."""
-    stations = recording.stations
-    y_m = np.unique([round(s.y_m, 4) for s in stations if np.isfinite(s.y_m)])
-    judged = [p for p in presses if p.pulse is not None and np.isfinite(p.station.x_m)]
-    if len(y_m) < 3 or len(judged) < MIN_PRESSES or _moving(presses) is None:
-        return False
-    place_m = np.array([(p.station.x_m, p.station.y_m) for p in judged])
-    seen = pulses_of(judged)
-    ridge = find_ridge(seen, find_spots(seen, DEFAULT_FALSE_ALARM, rising=True) or [
-        Spot(place_m[int(np.argmax(seen.value))], np.full(2, seen.spacing_m), 1.0, 1.0,
-             seen.spacing_m, 0.0, 1.0)
-    ])  # fmt: skip
-    if ridge is None:
-        return False
-    aside_m = float(np.median(np.diff(y_m))) / max(abs(np.tan(ridge.angle_rad)), 1e-9)
-    return bool(aside_m > MAX_STRAY_PITCHES * _pitch_m(recording))
 
 
 def _moving(presses: Iterable[Press]) -> float | None:

@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
+from probe.core.places import SAME_PLACE_M
 from probe.storage.csv_columns import SIGNALS, CsvError, read_columns
 
 with needs("data", "palpate import"):
@@ -18,7 +19,6 @@ with needs("data", "palpate import"):
 
 MAX_STATION = 1_000_000
 GAP_S = 1.0
-SAME_PLACE_MM = 0.05
 MIN_READINGS = 4  # of a station
 MAX_DRIFT_MM = 1.0  # a quarter of the paper's pitch: places further apart are no one station
 
@@ -180,7 +180,7 @@ def _labels(table: pd.DataFrame) -> Ints:
     moved = np.zeros(len(table), bool)
     places = {name: _whole(table, name) for name in ("x_mm", "y_mm") if name in table}
     for at in places.values():
-        moved |= np.abs(np.diff(at, prepend=at[0])) > SAME_PLACE_MM
+        moved |= np.abs(np.diff(at, prepend=at[0])) > 1e3 * SAME_PLACE_M
     labels = np.cumsum(moved).astype(np.int64)
     for name, at in places.items():
         _check_drift(name, at, labels)

@@ -135,7 +135,7 @@ def at_places(x_m: Array, value: Array, sd: Array, base: Array, bumps: tuple[Bum
     return _row(x_m, value, sd, base, known, [1.0] * len(known), fixed=True)
 
 
-def shape(x_m: Array, centre: float, half_width: float) -> Array:
+def shape(x_m: Array, centre: Array | float, half_width: Array | float) -> Array:
     """The bump that an inclusion makes: between a Gaussian and a Lorentzian."""
     return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / 1.5) ** -1.5)
 

@@ -7,7 +7,8 @@ from scipy.optimize import least_squares
 from scipy.spatial import Delaunay, QhullError, cKDTree
 from scipy.special import stdtrit
 
-from drivers.core.arrays import Array
+from drivers.core.arrays import Array, Bools
+from probe.core.places import SAME_PLACE_M
 from probe.detection.map.bumps import (
     CURVATURE,
     MIN_DISTANCE,
@@ -24,6 +25,8 @@ FINER = 2
 """Centres that are tried along x or y for each distance between presses."""
 SPOT_UNKNOWNS = 4
 MAX_SPOTS = 4
+WITHIN = 0.999
+"""A point on the edge, drawn in by the rest, is inside for whatever rounding does."""
 NARROW = 2.0
 """Distances between presses that a map must be wide in both directions, or it is a line."""
 
@@ -56,12 +59,13 @@ class Map:
 
 
 def spacing_m(place_m: Array) -> float:
-    """The usual distance from one press (n, 2) to the next; 0 where all lie on a line."""
-    places = np.unique(np.round(place_m, 6), axis=0)
+    """The usual distance from one press (n, 2) to the next, repeats aside; 0 where all lie on a
+    line."""
+    repeats = cKDTree(place_m).query_pairs(SAME_PLACE_M, output_type="ndarray")
+    places = np.delete(place_m, repeats[:, 1], axis=0)
     if len(places) < MIN_PRESSES:
         return 0.0
-    apart = np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]
-    usual = float(np.median(apart))
+    usual = float(np.median(np.asarray(cKDTree(places).query(places, k=2)[0])[:, 1]))
     across = np.sqrt(12 * np.linalg.eigvalsh(np.atleast_2d(np.cov(places.T))).min())
     return usual if across >= NARROW * usual else 0.0
 
@@ -123,6 +127,17 @@ def shape(place_m: Array, spot: Array) -> Array:
     return np.asarray((1 + square / 1.5) ** -1.5)
 
 
+def among(point_m: Array, place_m: Array) -> Bools:
+    """Which points (k, 2) lie among presses (n, 2), edges included: (k,), none if those lie on a
+    line."""
+    try:
+        hull = Delaunay(place_m)
+    except QhullError:
+        return np.zeros(len(point_m), dtype=bool)
+    middle_m = place_m.mean(axis=0)
+    return np.asarray(hull.find_simplex(middle_m + WITHIN * (point_m - middle_m)) >= 0)
+
+
 def _tried(seen: Map, centres: Array) -> tuple[Array, Array]:
     """Spots (m, 3) of all widths at ``centres`` (c, 2), and what they make (n, m)."""
     width = np.array(WIDTHS) * seen.spacing_m
@@ -136,11 +151,7 @@ def _centres(seen: Map) -> Array:
     low, high = seen.place_m.min(axis=0), seen.place_m.max(axis=0)
     axes = [np.arange(a, b, seen.spacing_m / FINER) for a, b in zip(low, high, strict=True)]
     grid = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
-    try:
-        inside = Delaunay(seen.place_m).find_simplex(grid) >= 0
-    except QhullError:
-        return grid[:0]
-    return grid[inside]
+    return grid[among(grid, seen.place_m)]
 
 
 def _weighted(seen: Map, known: list[Array]) -> tuple[Array, Array, Array, Array]:

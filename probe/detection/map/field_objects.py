@@ -6,17 +6,30 @@ from functools import partial
 import numpy as np
 
 from drivers.core.arrays import Array
+from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Station
 from probe.detection.classify.classifier import Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
-from probe.detection.map.field import Map, Spot, find_spots, map_of, shape, spacing_m, spot_at
+from probe.detection.map.field import (
+    MIN_PRESSES,
+    Map,
+    Spot,
+    find_spots,
+    map_of,
+    shape,
+    spacing_m,
+    spot_at,
+)
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE, TAIL, measured, stray
-from probe.detection.places import distinct_m
+from probe.detection.map.vessel_tracking import MAX_STRAY_PITCHES
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
+from probe.detection.repeats import distinct_m
 
+MIN_ROWS = 3
+"""Rows that show which way a line goes: through a bump in each of two there is always one."""
 MOST_ASKED = 8
 """Presses nearest to a spot that are asked for a hidden pulse: farther ones hardly feel it."""
 
@@ -34,18 +47,32 @@ def is_field(stations: Sequence[Station], rows: list[list[int]]) -> bool:
     return 2 * in_rows < len(every) and spacing_m(_places([stations[i] for i in every])) > 0
 
 
+def runs_along_rows(presses: Sequence[Press], pitch_m: float) -> bool:
+    """Whether a vessel runs so much along the rows of a grid that no row shows it as a bump, or it
+    is too far aside in the next row: rows are then presses at any places. ``pitch_m`` is the rows'
+    own."""
+    judged = _judged(presses)
+    y_m = distinct_m(np.array([p.station.y_m for p in judged]))
+    if len(judged) < MIN_PRESSES or len(y_m) < MIN_ROWS:
+        return False
+    ridge = find_ridge(pulses_of(judged), _beating(judged, DEFAULT_FALSE_ALARM))
+    if ridge is None:
+        return False
+    aside_m = float(np.median(np.diff(y_m))) / max(abs(np.tan(ridge.angle_rad)), 1e-9)
+    return bool(aside_m > MAX_STRAY_PITCHES * pitch_m)
+
+
 def objects_in_field(
     presses: tuple[Press, ...], moving: float | None, false_alarm: float
 ) -> list[ObjectFinding]:
     """The objects under a map. ``moving`` is the posterior probability that what moves is a pulse,
     None where nothing does. Each of the two maps gets half of ``false_alarm``."""
-    judged = [p for p in presses if p.pulse is not None and np.isfinite(p.station.y_m)
-              and np.isfinite(p.station.x_m)]  # fmt: skip
+    judged = _judged(presses)
     place_m = _places([p.station for p in judged])
     levels = map_of(place_m, np.array([p.level_pa for p in judged]),
                     np.array([p.level_sd_pa for p in judged]))  # fmt: skip
     stiff = find_spots(levels, false_alarm / 2)
-    beating = _beating(judged, place_m, false_alarm / 2) if moving is not None else []
+    beating = _beating(judged, false_alarm / 2) if moving is not None else []
     vessels, found = tuple(beating), []
     if (ridge := find_ridge(pulses_of(judged), beating)) is not None:
         on_it = MIN_DISTANCE * levels.spacing_m
@@ -91,15 +118,20 @@ def _apart(one: Spot, other: Spot) -> float:
     return float(np.hypot(*(one.place_m - other.place_m)))
 
 
-def _beating(judged: list[Press], place_m: Array, false_alarm: float) -> list[Spot]:
+def _judged(presses: Sequence[Press]) -> list[Press]:
+    """Those with a known place that could be judged."""
+    return [p for p in presses if p.pulse is not None
+            and np.isfinite([p.station.x_m, p.station.y_m]).all()]  # fmt: skip
+
+
+def _beating(judged: list[Press], false_alarm: float) -> list[Spot]:
     """Where a map that pulses does: its clear spots, or else the press that pulses most."""
     seen = pulses_of(judged)
-    pulse, sd = seen.value, seen.sd
     spots = find_spots(seen, false_alarm, rising=True)
     if found := [spot for spot in spots if spot.height > 0]:
         return found
-    reach = np.full(2, seen.spacing_m)
-    return [Spot(place_m[int(np.argmax(pulse))], reach, float(pulse.max()), float(sd[0]),
+    most, reach_m = int(np.argmax(seen.value)), np.full(2, seen.spacing_m)
+    return [Spot(seen.place_m[most], reach_m, float(seen.value[most]), float(seen.sd[most]),
                  seen.spacing_m, 0.0, 1.0)]  # fmt: skip
 
 

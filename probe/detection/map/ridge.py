@@ -7,7 +7,9 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import TRUSTED, WIDTHS, chance
-from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, shape
+from probe.detection.map.bumps import shape as bump
+from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, among, shape
+from probe.detection.repeats import distinct_m
 
 ANGLES_RAD = np.radians(np.arange(0.0, 180.0, 7.5))
 """Directions that are tried: over five presses half a step is a third of their distance."""
@@ -45,7 +47,7 @@ class Ridge:
 
     def shape(self, place_m: Array) -> Array:
         """What it makes at presses (n, 2), for a height of 1."""
-        return _shape(self.away_m(place_m), self.half_width_m)
+        return bump(_across(place_m, self.angle_rad), self.at_m, self.half_width_m)
 
 
 def find_ridge(seen: Map, spots: list[Spot]) -> Ridge | None:
@@ -65,13 +67,13 @@ def find_ridge(seen: Map, spots: list[Spot]) -> Ridge | None:
         return None
     angle, at, width = tried
     across = _across(seen.place_m, angle)
-    _, height, height_sd = _fit(seen, _shape(across - at, width)[:, None])
+    _, height, height_sd = _fit(seen, bump(across, at, width)[:, None])
     alone, *_ = _fit(seen, np.empty((count, 0)))
     lines = len(ANGLES_RAD) / FINER * np.ptp(across) / seen.spacing_m
     p_value = chance(alone, as_line, UNKNOWNS, count - seen.base.shape[1], round(lines))
     near = at + seen.spacing_m * np.linspace(-1, 1, 81)
-    held = [one for one in near.tolist()
-            if _fit(seen, _shape(across - one, width)[:, None])[0] < as_line + NORMAL_95**2 * scatter]  # fmt: skip # noqa: E501
+    left = [_fit(seen, bump(across, one, width)[:, None])[0] for one in near.tolist()]
+    held = near[np.array(left) < as_line + NORMAL_95**2 * scatter].tolist()
     reach = max(abs(one - at) for one in [*held, at + seen.spacing_m / 80])
     course = _crossed(seen.place_m, angle, at)
     if len(course) < 2:
@@ -93,8 +95,8 @@ def _best_line(seen: Map) -> tuple[float, tuple[float, float, float]]:
         across = _across(seen.place_m, angle)
         at = np.arange(across.min(), across.max(), seen.spacing_m / FINER)
         lines = np.zeros((len(rest), len(at), len(widths)))
-        away = (across[:, None] - at)[:, :, None]
-        lines[: len(across)] = _shape(away, widths) / seen.sd[:, None, None]
+        shapes = bump(across[:, None, None], at[:, None], widths)
+        lines[: len(across)] = shapes / seen.sd[:, None, None]
         flat = lines.reshape(len(rest), -1)
         flat -= q @ (q.T @ flat)
         along = rest @ flat
@@ -131,11 +133,6 @@ def _across(place_m: Array, angle: float) -> Array:
     return np.asarray(place_m @ np.array([-np.sin(angle), np.cos(angle)]))
 
 
-def _shape(away_m: Array, half_width: Array | float) -> Array:
-    """The bump of a row, all along the line."""
-    return np.asarray((1 + (away_m / half_width) ** 2 / 1.5) ** -1.5)
-
-
 def _fit(seen: Map, columns: Array) -> tuple[float, float, float]:
     """What the map's base and ``columns`` (n, k) leave of it, weighted and squared; the last one's
     height and its standard deviation."""
@@ -155,12 +152,10 @@ def _crossed(place_m: Array, angle: float, at: float) -> Array:
     """Where the line crosses the presses' rows, or columns if it runs along rows, among them."""
     normal = np.array([-np.sin(angle), np.cos(angle)])
     along, aside = (1, 0) if abs(normal[0]) > abs(normal[1]) else (0, 1)
-    places = np.unique(np.round(place_m[:, along], 4))
+    places = distinct_m(place_m[:, along])
     if 2 * len(places) > len(place_m):  # no grid: the ends tell the line
         places = np.linspace(places[0], places[-1], 9)
     points = np.empty((len(places), 2))
     points[:, along] = places
     points[:, aside] = (at - normal[along] * places) / normal[aside]
-    low, high = place_m[:, aside].min(), place_m[:, aside].max()
-    inside = (points[:, aside] >= low - 1e-9) & (points[:, aside] <= high + 1e-9)
-    return np.asarray(points[inside])
+    return points[among(points, place_m)]

@@ -22,10 +22,10 @@ from probe.detection.map.bumps import (
     surroundings,
 )
 from probe.detection.map.sideways import reach_inwards_m
-from probe.detection.places import places_of
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.pulse.search import Search
+from probe.detection.repeats import places_of
 
 NORMAL_95, ONE_SIGMA = 1.96, 0.683
 BEAT_SCATTER = 0.08

@@ -3,13 +3,13 @@
 import numpy as np
 
 from probe.core.recording import Recording
-from probe.detection.places import pitch_m
 from probe.detection.pulse.beat_train import beat_train
 from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Clearest
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.pooled_evidence import shared_chance, usual_excess
 from probe.detection.pulse.rivals import Cause, cause_of, coarse_of, evidence_of
+from probe.detection.repeats import pitch_m
 
 REACH = 2
 """Stations to either side that are judged together with one: a vessel is felt that far."""

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from known_presses import recording, station
 
+from drivers.core.arrays import Array
 from probe.core.finding_words import object_line
 from probe.core.recording import Recording
 from probe.detection import detect
-from probe.detection.map.field import find_spots, map_of
+from probe.detection.map.field import find_spots, map_of, spacing_m
 
 BALL_MM = (22.0, 17.0)
 
@@ -59,6 +60,24 @@ def test_a_lump_in_a_map_with_an_artery_is_not_called_stenotic(seed: int, said: 
     assert (vessel.kind, other.kind) == ("artery", said)
 
 
+def over_a_vessel(places_mm: Array, towards_deg: float) -> Recording:
+    """Presses at ``places_mm`` (n, 2) over a vessel at ``towards_deg`` to x, through their middle's
+    x and y = -0.1 mm."""
+    rng, angle = np.random.default_rng(11), np.radians(towards_deg)
+    x, y = (places_mm - [places_mm[:, 0].mean(), -0.1]).T
+    near = (1 + (y * np.cos(angle) - x * np.sin(angle)) ** 2 / 37.5) ** -1.5
+    return recording([
+        station(rng, index=i, x_mm=x, y_mm=y, level_pa=9000 * (1 + 0.1 * n), pulse_pa=400 * n,
+                hold_s=2.0, sample_hz=50.0, noise_pa=10.0)
+        for i, ((x, y), n) in enumerate(zip(places_mm, near, strict=True))
+    ])  # fmt: skip
+
+
+def grid_mm(columns: int) -> Array:
+    """Five rows of places (n, 2), 4 mm apart and from x = 0 on."""
+    return np.array([(4.0 * c, 4.0 * r - 8.0) for r in range(5) for c in range(columns)])
+
+
 @pytest.mark.parametrize("columns", [5, 9])
 @pytest.mark.parametrize("towards_deg", [90.0, 60.0, 15.0, 0.0])
 def test_a_vessel_in_a_grid_has_its_course_whichever_way_it_runs(
@@ -66,16 +85,8 @@ def test_a_vessel_in_a_grid_has_its_course_whichever_way_it_runs(
 ) -> None:
     """Along the rows no row shows a bump, and five presses a row are none: it was a spot, "at y =
     -0.1 mm", or some. ``towards_deg`` is its direction to x."""
-    rng, angle = np.random.default_rng(11), np.radians(towards_deg)
-    middle_mm = 2.0 * (columns - 1)
-    places = [(4.0 * c, 4.0 * r - 8.0) for r in range(5) for c in range(columns)]
-    near = [(1 + ((y + 0.1) * np.cos(angle) - (x - middle_mm) * np.sin(angle)) ** 2 / 37.5) ** -1.5
-            for x, y in places]  # fmt: skip
-    found = detect(recording([
-        station(rng, index=i, x_mm=x, y_mm=y, level_pa=9000 * (1 + 0.1 * n), pulse_pa=400 * n,
-                hold_s=2.0, sample_hz=50.0, noise_pa=10.0)
-        for i, ((x, y), n) in enumerate(zip(places, near, strict=True))
-    ]))  # fmt: skip
+    angle, middle_mm = np.radians(towards_deg), 2.0 * (columns - 1)
+    found = detect(over_a_vessel(grid_mm(columns), towards_deg))
     assert found.finding == "artery"
     (one,) = found.objects
     ends_mm = 1e3 * np.array([one.course[0], one.course[-1]])
@@ -87,6 +98,36 @@ def test_a_vessel_in_a_grid_has_its_course_whichever_way_it_runs(
     said = object_line(found.as_json()["objects"][0])
     assert ("along the rows" in said) == (towards_deg < 45)
     assert "seen from x, y = " in said
+
+
+def test_a_course_has_a_point_a_row_though_a_robot_comes_back_to_within_micrometres() -> None:
+    """Rows at y = 0.05 mm and the like fell in two where places were rounded to 0.1 mm."""
+    jitter_mm = np.random.default_rng(5).uniform(-0.01, 0.01, (25, 2))
+    shifted_mm = grid_mm(5) + np.array([0.0, 0.05]) + jitter_mm
+    (one,) = detect(over_a_vessel(shifted_mm, 90.0)).objects
+    assert [round(1e3 * y) for _, y in one.course] == [-8, -4, 0, 4, 8]
+
+
+def test_a_course_lies_among_the_presses_of_a_turned_grid() -> None:
+    turn = np.radians(45.0)
+    middle_mm = grid_mm(5).mean(axis=0)
+    turned_mm = (grid_mm(5) - middle_mm) @ [
+        [np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]
+    ]  # fmt: skip
+    (one,) = detect(over_a_vessel(turned_mm, 70.0)).objects
+    assert len(one.course) >= 2
+    square_mm = 1e3 * np.array(one.course) @ [
+        [np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]
+    ]  # fmt: skip
+    assert np.abs(square_mm).max() <= 8.0 + 0.1
+
+
+@pytest.mark.parametrize("times", [1, 3])
+def test_presses_at_one_place_again_do_not_narrow_the_distance_between_places(times: int) -> None:
+    once_m = 1e-3 * grid_mm(5)
+    again_m = np.repeat(once_m, times, axis=0)
+    again_m = again_m + np.random.default_rng(6).uniform(-5e-6, 5e-6, again_m.shape)
+    assert spacing_m(again_m) == pytest.approx(4e-3, abs=2e-5)
 
 
 def test_a_ball_that_pulses_has_no_course() -> None:

@@ -3,12 +3,10 @@
 import numpy as np
 
 from drivers.core.arrays import Array, Ints
+from probe.core.places import SAME_PLACE_M
 
-SAME_PLACE_M = 50e-6
-"""Stations as near as this are repeats: five times what a stage comes back to a place by
-(`presses.REPEATABILITY_M`)."""
 REPEATS = 0.1
-"""Of the pitch: so are stations as near as that."""
+"""Of the pitch: stations as near as that are repeats, as are those within `SAME_PLACE_M`."""
 
 
 def places_of(x_m: Array) -> Ints:
