@@ -147,12 +147,12 @@ def _take(sensor: Sensor, clock: Clock, where: list[int]) -> tuple[Array, Array,
         raise CalibrationError(f"{sensor.name}: {len(values)} samples in {TAKE_S:g} s")
     spread = values.std(axis=0, ddof=1)
     first, second = np.array_split(values, 2)
-    apart = np.abs(first.mean(axis=0) - second.mean(axis=0))
+    drift = np.abs(first.mean(axis=0) - second.mean(axis=0))
     # a sensor's own noise may be slow, so halves may differ by it, and by a step of the readings
     step = np.array([_step(values[:, k]) for k in range(values.shape[1])])
-    return values.mean(axis=0), spread, bool((apart > spread + step).any())
+    return values.mean(axis=0), spread, bool((drift > spread + step).any())
 
 
 def _step(values: Array) -> float:
-    apart = np.diff(np.unique(values))
-    return float(apart.min()) if len(apart) else 0.0
+    steps = np.diff(np.unique(values))
+    return float(steps.min()) if len(steps) else 0.0

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from grbl_ft300 import DEVICES
+
 from drivers import WallClock
 from sim_backend import load_scene
 from sim_backend.emulators import ft300, grbl
@@ -35,20 +37,6 @@ max_force_n = 20.0
 silence_s = 5.0
 late_s = 5.0
 hardest_n_mm = 5.0
-"""
-EMULATED = """
-face_mm2 = 100.0
-[stage]
-driver = "grbl"
-port = "{board}"
-simulated = true
-origin_mm = [-80.0, -20.0, -52.0]
-answer_s = 5.0
-silent_s = 5.0
-[[sensor]]
-driver = "ft300"
-port = "{sensor}"
-simulated = true
 """
 CHILDREN = """
 import sys
@@ -84,7 +72,7 @@ def test_a_script_scans_an_emulated_rig(tmp_path: Path, winkler: Respond) -> Non
         grbl.emulate(world, at=str(tmp_path / "grbl"), homed=True) as board,
         ft300.emulate(world, at=str(tmp_path / "ft300"), noise_n=0.01) as sensor,
     ):
-        rig = EMULATED.format(board=board.address, sensor=sensor.address)
+        rig = DEVICES.format(board=board.address, sensor=sensor.address)
         said = run(tmp_path, SCAN, rig)
     assert said == ["begun", "child", "every station is complete"]  # the guards
 

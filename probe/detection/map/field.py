@@ -90,8 +90,8 @@ def find_spots(
     known: list[Array] = []
     chances: list[float] = []
     while len(known) < most:
-        apart = [np.hypot(*(centres - k[:2]).T) >= MIN_DISTANCE * seen.spacing_m for k in known]
-        free = centres[np.logical_and.reduce(apart)] if known else centres
+        far = [np.hypot(*(centres - k[:2]).T) >= MIN_DISTANCE * seen.spacing_m for k in known]
+        free = centres[np.logical_and.reduce(far)] if known else centres
         if not len(free):
             break
         tried, spots = _tried(seen, free)

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from grbl_ft300 import DEVICES
 
 from drivers import DeviceFault, WallClock
 from probe.acquisition import guard_client
@@ -29,19 +30,9 @@ from sim_backend import load_scene
 from sim_backend.emulators import ft300, grbl
 from sim_backend.phantom.phantom import Phantom, Respond
 
-RIG = """
-face_mm2 = 100.0
-[stage]
-driver = "grbl"
-port = "{board}"
-simulated = true
-origin_mm = [-80.0, -20.0, -52.0]
-answer_s = 5.0
-silent_s = 5.0
-[[sensor]]
-driver = "ft300"
-port = "{sensor}"
-simulated = true
+RIG = (
+    DEVICES
+    + """
 [scan]
 start_mm = 32.0
 stations = 1
@@ -53,6 +44,7 @@ silence_s = 5.0
 late_s = 5.0
 hardest_n_mm = 1.0
 """
+)
 SCAN = """
 import ctypes, sys, time
 from probe.acquisition.commands import Control, ctrl_c

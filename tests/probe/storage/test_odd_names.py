@@ -1,4 +1,4 @@
-"""Nothing is lost on the way out of a run, whatever its channels are called and whoever felt."""
+"""Nothing is lost on the way out of a run, whatever its channels are and are called."""
 
 from collections.abc import Mapping
 from datetime import datetime, timedelta
@@ -125,7 +125,7 @@ def ros_messages(file: Path) -> list[object]:
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_a_run_in_which_nothing_feels_is_exported(form: str, tmp_path: Path) -> None:
+def test_a_run_without_a_force_is_exported(form: str, tmp_path: Path) -> None:
     """A rehearsal in the air, with only an ECG."""
     path = run_of(tmp_path / "a.run", {"ecg": (Channel("ecg", "mV", "reference"),)})
     assert export(path, [form], tmp_path / "out")
