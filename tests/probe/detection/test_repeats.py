@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from known_presses import recording, row, station
-from probe.detection.places import distinct_m, pitch_m, places_of
+from probe.detection.repeats import distinct_m, pitch_m, places_of
 
 from probe.detection import detect
 
