@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from known_presses import recording, row, station
-from probe.detection.repeats import distinct_m, pitch_m, places_of
 
 from probe.detection import detect
+from probe.detection.repeats import distinct_m, pitch_m, places_of
 
 MIN_WIDTH_MM = 1.0
 
