@@ -1,6 +1,7 @@
 """A test uses what its own room offers or hides, and of other rooms only what they offer."""
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -89,3 +90,17 @@ def test_a_test_that_does_is_seen(text: str) -> None:
     assert {"_powers", "_connection"} <= set(homes())
     assert len(strangers(ROOT / "tests" / "probe" / "gui" / "test_x.py", text)) == 1
     assert strangers(ROOT / "tests" / "probe" / "storage" / "test_x.py", text) == []
+
+
+def signposts() -> list[Path]:
+    return sorted(file for package in PACKAGES for file in (ROOT / package).rglob("__init__.py"))
+
+
+@pytest.mark.parametrize("file", signposts(), ids=lambda file: str(file.parent.relative_to(ROOT)))
+def test_each_folder_says_what_is_where_and_names_what_is_there(file: Path) -> None:
+    said = ast.get_docstring(ast.parse(file.read_text("utf-8")))
+    assert said
+    here, inside = file.parent, {p.stem for p in file.parent.iterdir()}
+    for name in re.findall(r"`([a-z_.]+)`", said.partition("\n\n")[0]):
+        near = name in inside or (here.parent / name).exists() or (ROOT / name).exists()
+        assert near or (here.parent.parent / f"{name.replace('.', '/')}.py").exists(), name

@@ -1,0 +1,3 @@
+"""What all rooms of `probe` share: `events` of a run, `recording` and how it is cut into
+stations, errors, places, words.
+"""

@@ -1,0 +1,1 @@
+"""The simulated world: one phantom behind a virtual stage and sensors (`devices`)."""

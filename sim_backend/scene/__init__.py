@@ -1,0 +1,3 @@
+"""The scene file: `scene_file` has its keys, `indenter` the finger, `inclusion` what lies in the
+tissue, `waves` the lumen pressure.
+"""

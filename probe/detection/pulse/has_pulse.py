@@ -4,22 +4,17 @@ import numpy as np
 
 from probe.core.recording import Recording
 from probe.detection.pulse.beat_train import beat_train
+from probe.detection.pulse.causes import Cause, cause_of, coarse_of, evidence_of
 from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Clearest
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.pooled_evidence import shared_chance, usual_excess
-from probe.detection.pulse.rivals import Cause, cause_of, coarse_of, evidence_of
 from probe.detection.repeats import pitch_m
 
 REACH = 2
 """Stations to either side that are judged together with one: a vessel is felt that far."""
 MAX_PRESSES_ASKED = 3
 """Clearest presses that are asked what moves in them: more would not change the answer."""
-MIN_POSTERIOR = 0.85
-"""Least posterior probability of a pulse, among all causes, to count as one. With 0.7 one in a
-hundred pulses of 0.5 and 1 % more are found (200 holds each of benchmarks/pulses.py), and of 80
-steady lines and 80 tremors one more each is called one; with 0.65 so are 13 of 40 lines at 10 Hz,
-which their shape does not tell from a pulse (benchmarks/artefacts.py)."""
 
 
 def which_pulse(
@@ -52,13 +47,13 @@ def _causes(clear: dict[int, tuple[Hold, Clearest]]) -> tuple[dict[int, Cause], 
     if not evidence:  # a reference has answered, or the holds are too short to ask
         return {}, list(clear)
     causes = {i: cause_of([one]) for i, one in evidence.items()}
-    disturbed = [i for i, cause in causes.items() if cause.pulse < 1 - MIN_POSTERIOR]
+    disturbed = [i for i, cause in causes.items() if cause.is_no_pulse]
     steady = [i for i in evidence if i not in disturbed]
     if not steady:
         return causes, [i for i in asked if i not in evidence]
     together = cause_of([evidence[i] for i in steady])
     causes |= dict.fromkeys(steady, together)
-    if together.pulse < MIN_POSTERIOR:
+    if not together.is_pulse:
         return causes, []
     return causes, [i for i in clear if i not in disturbed]
 

@@ -7,6 +7,7 @@ import numpy as np
 from drivers.core.arrays import Bools
 from probe.core.recording import Recording, Station
 from probe.detection.pulse.beat_timing import own_beats_s
+from probe.detection.pulse.causes import Cause
 from probe.detection.pulse.estimate import (
     Clearest,
     Pulse,
@@ -20,7 +21,6 @@ from probe.detection.pulse.has_pulse import REACH, which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
 from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
-from probe.detection.pulse.rivals import Cause
 from probe.detection.pulse.search import beyond
 from probe.detection.pulse.size import Rates, averaged, together
 

@@ -1,0 +1,3 @@
+"""A press for other codes: `deck` for CalculiX, `feb` for FEBio, `vtu` for ParaView; `slab` is
+what decks share.
+"""

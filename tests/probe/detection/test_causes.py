@@ -11,9 +11,9 @@ from known_presses import recording, station
 from drivers.core.arrays import Array
 from probe.core.recording import Station
 from probe.detection import detect
+from probe.detection.pulse.causes import coarse_of
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.hold_samples import hold_of
-from probe.detection.pulse.rivals import coarse_of
 
 Motion = Callable[[Array, np.random.Generator], Array]
 
