@@ -7,12 +7,12 @@ if known ``x_mm``, ``y_mm``, ``station`` and ``reference`` (a PPG or ECG beside 
 - Without ``station``, a change of position begins a new one; without positions all is one. A
   recording that has the ways between stations, too, is refused.
 - Stations that do not follow in time (each begins at 0) are put one after the other, 1 s apart.
-- What no column says is not invented: no phases, no depth, nothing simulated.
+- What no column says is not invented: no phases, no depth. Simulated is what was exported as that.
 """
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -91,11 +91,11 @@ def import_csv(
     source, out = Path(source), Path(out)
     if face_mm2 is not None and not 0 < face_mm2 < 1e6:
         raise CsvError(f"face_mm2 = {face_mm2:g}: must be above 0")
-    content = None
+    foreign = None
     if is_exported(first_line(source)) or source.suffix in ENDINGS:
-        content = as_csv(source, topic)
+        foreign = as_csv(source, topic)
     try:
-        read = read_csv(source, content)
+        read = read_csv(source, foreign.csv if foreign else None)
     except CsvError as error:
         text = str(error)
         raise CsvError(text if text.startswith(str(source)) else f"{source}: {text}") from None
@@ -104,7 +104,9 @@ def import_csv(
         notes = (*notes, f"the probe's face is not known; {FACE_MM2:g} mm2 is assumed")
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
     with create_store(out) as store:
-        for event in _events(read, config, notes):
+        for event in _events(
+            read, config, notes, simulated=foreign is not None and foreign.simulated
+        ):
             store(event)
     samples = sum(len(press.time_s) for press in read.presses)
     return Imported(out, len(read.presses), samples, notes)
@@ -130,8 +132,10 @@ def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
     }
 
 
-def _events(read: CsvRecording, config: dict[str, Any], notes: tuple[str, ...]) -> Iterator[Event]:
-    channels = {DEVICE: (CHANNELS[read.signal],)}
+def _events(
+    read: CsvRecording, config: dict[str, Any], notes: tuple[str, ...], *, simulated: bool
+) -> Iterator[Event]:
+    channels = {DEVICE: (replace(CHANNELS[read.signal], simulated=simulated),)}
     if read.has_reference:
         channels[REFERENCE] = (Channel("reference", "", "reference"),)
     began_s, ended_s = read.presses[0].start_s, read.presses[-1].end_s

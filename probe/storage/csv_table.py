@@ -95,7 +95,7 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
     first_number = min(int(labels.min()), 1)  # what is printed counts from 1, a run from 0
     starts = np.flatnonzero(np.diff(labels, prepend=labels[0] - 1))
     presses: dict[int, Press] = {}
-    lost = doubled = 0
+    lost = doubled = only_beside = 0
     for first, end in zip(starts.tolist(), [*starts[1:].tolist(), len(labels)], strict=True):
         number, rows, times = int(labels[first]), table.iloc[first:end], time_s[first:end]
         if number in presses:
@@ -112,7 +112,6 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
         fresh = np.append(True, steps > 0)
         values = rows[signal].to_numpy()
         read = fresh & np.isfinite(values)
-        lost += int((fresh & ~read).sum())
         doubled += int((~fresh).sum())
         if read.sum() < MIN_READINGS:
             raise CsvError(
@@ -121,6 +120,8 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
             )
         beside = rows["reference"].to_numpy() if "reference" in rows else np.full(len(rows), np.nan)
         known = fresh & np.isfinite(beside)
+        lost += int((fresh & ~read & ~known).sum())
+        only_beside += int((~read & known).sum())
         presses[number] = Press(
             number - first_number,
             1e-3 * _middle(rows, "x_mm"),
@@ -134,6 +135,8 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
         )
     if lost:
         notes.append(f"{lost} rows without a reading are left out")
+    if only_beside:
+        notes.append(f"{only_beside} rows have a reference and no reading")
     if doubled:
         notes.append(f"{doubled} rows with the time of the row before are left out")
     return list(presses.values())

@@ -181,7 +181,9 @@ def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, str]]:
     variables = [(str(name), variable) for name, variable in data.variables.items()]
     names = distinct(
         {
-            name: f"{name}_{variable.attrs['units']}" if "role" in variable.attrs else name
+            name: f"{name}_{variable.attrs['units']}".removesuffix("_")
+            if "role" in variable.attrs
+            else name
             for name, variable in variables
         },
         PLACES,

@@ -2,13 +2,15 @@
 
 What ``palpate export`` wrote (CSV, Parquet, netCDF, HDF5, MCAP), and MCAP files of others with
 geometry_msgs WrenchStamped messages in CDR or JSON. The columns are those of
-`probe.storage.csv_columns`, with every number to the bit.
+`probe.storage.csv_columns`, with every number to the bit; the reference comes along where the file
+says which channel it is. An infinite reading is none.
 """
 
 import json
 import struct
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +26,19 @@ with needs("data", "palpate import"):
 ENDINGS = (".parquet", ".nc", ".h5", ".mcap")
 SAMPLE, WRENCH = "palpate_msgs/msg/", "WrenchStamped"
 PLACE_COLUMNS = ("x_mm", "y_mm")
+LABELS = ["time_s", "station", "attempt"]
+SIMULATED = "-simulated"  # ends the name of a table of simulated samples
+REFERENCE, ROLE = "reference", "role of "
+INFINITE = [np.inf, -np.inf, "inf", "-inf"]
 BAD_FILE = (OSError, ValueError, KeyError, struct.error)
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """CSV text in the columns of an import, and whether what was felt was ``simulated``."""
+
+    csv: bytes
+    simulated: bool
 
 
 def is_exported(header: str) -> bool:
@@ -32,27 +46,28 @@ def is_exported(header: str) -> bool:
     return {"time_s", "station", "attempt", "phase"} <= set(header.strip().split(","))
 
 
-def as_csv(source: Path, topic: str | None = None) -> bytes:
+def as_csv(source: Path, topic: str | None = None) -> Foreign:
     """The file as CSV text. ``topic`` chooses among the wrenches of an MCAP file.
 
     Raises `CsvError` for what cannot be read, and `drivers.MissingExtra`.
     """
+    simulated = source.name.partition(".")[0].endswith(SIMULATED)
     try:
         match source.suffix:
             case ".mcap":
-                table = _mcap(source, topic)
+                table, simulated = _mcap(source, topic)
             case ".parquet":
                 require("pyarrow", "export", "Parquet")
                 table = pd.read_parquet(source)
             case ".nc" | ".h5":
-                table = _groups(source)
+                table, simulated = _groups(source)
             case _:
                 # Numbers stay text: they are read once, by the import itself.
                 kinds: defaultdict[str, type] = defaultdict(lambda: str, station=int, attempt=int)
                 table = pd.read_csv(source, dtype=kinds)
     except BAD_FILE as error:
         raise CsvError(f"{source}: cannot be read ({error})") from None
-    return _presses(table, source).to_csv(index=False).encode()
+    return Foreign(_presses(table, source).to_csv(index=False).encode(), simulated)
 
 
 def _presses(table: pd.DataFrame, source: Path) -> pd.DataFrame:
@@ -69,28 +84,48 @@ def _presses(table: pd.DataFrame, source: Path) -> pd.DataFrame:
             table = table[table["attempt"] == last]
     # a run without positions has columns of them with nothing in it
     beside = [n for n in (*PLACE_COLUMNS, "station") if n in table and table[n].notna().any()]
-    kept = ["time_s", signals[0], *beside]
-    return table[kept]
+    known = [signals[0], *({"reference"} & set(table))]
+    table = table.assign(**{name: table[name].replace(INFINITE, np.nan) for name in known})
+    return table[["time_s", *known, *beside]]
 
 
-def _groups(source: Path) -> pd.DataFrame:
-    """The group of the device that feels, of a netCDF or HDF5 export, with its stations' places."""
+def _groups(source: Path) -> tuple[pd.DataFrame, bool]:
+    """The samples of the device that feels, of a netCDF or HDF5 export, with the reference and its
+    stations' places; whether they are simulated."""
     require("h5py", "export", "HDF5 and netCDF")
     import h5py
 
     with h5py.File(source) as file:
-        feels = file.attrs.get("tactile", "")  # the run's own choice, where there are two
-        feels = feels if isinstance(feels, str) else ""
-        for group in (*filter(None, [file.get(feels)] if feels else []), *file.values()):
-            if not isinstance(group, h5py.Group) or "time_s" not in group:
-                continue
-            if signal := next((n for n in ("force", "pressure") if n in group), None):
-                unit = group[signal].attrs["units"]
-                unit = unit.decode() if isinstance(unit, bytes) else unit
-                columns = {n: group[n][:] for n in ("time_s", "station", "attempt")}
-                table = pd.DataFrame({**columns, f"{signal}_{unit}": group[signal][:]})
-                return _placed(table, file.get("stations", file))
-    raise CsvError(f"{source}: no group of samples as `palpate export` writes them")
+        feels = _text(file.attrs.get("tactile", ""))  # the run's own choice, where there are two
+        first = [file.get(feels)] if feels else []
+        groups = [
+            g for g in (*first, *file.values()) if isinstance(g, h5py.Group) and LABELS[0] in g
+        ]
+        signals = ((g, n) for g in groups for n in ("force", "pressure") if n in g)
+        if (found := next(signals, None)) is None:
+            raise CsvError(f"{source}: no group of samples as `palpate export` writes them")
+        group, name = found
+        table = _labelled(group, name, f"{name}_{_text(group[name].attrs['units'])}")
+        beside = ((g, n) for g in groups for n in g if _text(g[n].attrs.get("role")) == REFERENCE)
+        if reference := next(beside, None):
+            table = _with_reference(table, _labelled(*reference, REFERENCE))
+        simulated = bool(group[name].attrs.get("simulated", 0))
+        return _placed(table, file.get("stations", file)), simulated
+
+
+def _text(value: object) -> str:
+    """An attribute of HDF5; what is no text is none."""
+    return value.decode() if isinstance(value, bytes) else value if isinstance(value, str) else ""
+
+
+def _labelled(columns: Mapping[str, Any], name: str, called: str) -> pd.DataFrame:
+    """One channel with the labels of its samples."""
+    return pd.DataFrame({**{n: columns[n][:] for n in LABELS}, called: columns[name][:]})
+
+
+def _with_reference(table: pd.DataFrame, reference: pd.DataFrame) -> pd.DataFrame:
+    """Both in one table, in time: the reference may be of another device with times of its own."""
+    return table.merge(reference, on=LABELS, how="outer").sort_values("time_s", kind="stable")
 
 
 def _placed(table: pd.DataFrame, stations: Any) -> pd.DataFrame:
@@ -101,7 +136,7 @@ def _placed(table: pd.DataFrame, stations: Any) -> pd.DataFrame:
     return table
 
 
-def _mcap(source: Path, topic: str | None) -> pd.DataFrame:
+def _mcap(source: Path, topic: str | None) -> tuple[pd.DataFrame, bool]:
     with needs("export", "MCAP"):
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
@@ -130,7 +165,7 @@ def _mcap(source: Path, topic: str | None) -> pd.DataFrame:
             rows = [_wrench(c.message_encoding, m) for _, c, m in reader.iter_messages(chosen)]
     except McapError as error:
         raise CsvError(f"{source}: not a whole MCAP file ({error})") from None
-    return pd.DataFrame(rows, columns=["time_s", "force_n"])
+    return pd.DataFrame(rows, columns=["time_s", "force_n"]), False
 
 
 def _wrench(encoding: str, message: Any) -> tuple[float, float]:
@@ -154,28 +189,40 @@ def _time_s(seconds: int, nanoseconds: int, message: Any) -> float:
     return total * 1e-9
 
 
-def _own_samples(reader: Any, summary: Any, topics: list[str], source: Path) -> pd.DataFrame:
-    """Samples that `probe.storage.export_mcap` wrote: to the bit, with the plan's places."""
-    tables = {topic: _own_table(reader, summary, topic) for topic in topics}
-    for table in tables.values():
-        if signal := next((n for n in SIGNALS if n in table), None):
-            chosen = table[["time_s", "station", "attempt", signal]].copy()
-            break
-    else:
+def _own_samples(
+    reader: Any, summary: Any, topics: list[str], source: Path
+) -> tuple[pd.DataFrame, bool]:
+    """Samples that `probe.storage.export_mcap` wrote: to the bit, with the plan's places; whether
+    they are simulated."""
+    channels = {c.topic: c for c in summary.channels.values()}
+    tables = {topic: _own_table(reader, summary, channels[topic]) for topic in topics}
+    signals = ((t, n) for t, table in tables.items() for n in SIGNALS if n in table)
+    if (found := next(signals, None)) is None:
         raise CsvError(f"{source}: no device that measures force or pressure")
+    topic, signal = found
+    chosen = tables[topic][[*LABELS, signal]].copy()
+    beside = (
+        (table, _column(key.removeprefix(ROLE), channels[other].metadata))
+        for other, table in tables.items()
+        for key, role in channels[other].metadata.items()
+        if key.startswith(ROLE) and role == REFERENCE
+    )
+    if reference := next(beside, None):
+        table, name = reference
+        chosen = _with_reference(chosen, table[[*LABELS, name]].rename(columns={name: REFERENCE}))
     attached = {a.name: a.data for a in reader.iter_attachments()}
     places = planned(json.loads(attached.get("config.json", b"{}")))
     for n, name in enumerate(PLACE_COLUMNS):
         at_mm = {index + 1: round(1e3 * place[n], 9) for index, place in places.items()}
         chosen[name] = chosen["station"].map(at_mm)
-    return chosen
+    return chosen, bool(channels[topic].metadata.get("simulated"))
 
 
-def _own_table(reader: Any, summary: Any, topic: str) -> pd.DataFrame:
-    channel = next(c for c in summary.channels.values() if c.topic == topic)
+def _own_table(reader: Any, summary: Any, channel: Any) -> pd.DataFrame:
     text = summary.schemas[channel.schema_id].data.decode()
     layout = _layout(text, channel.metadata)
-    bodies = b"".join(m.data[4:][: layout.itemsize] for _, _, m in reader.iter_messages([topic]))
+    topics = [channel.topic]
+    bodies = b"".join(m.data[4:][: layout.itemsize] for _, _, m in reader.iter_messages(topics))
     return pd.DataFrame(np.frombuffer(bodies, layout))
 
 
@@ -186,14 +233,19 @@ def _layout(text: str, metadata: dict[str, str]) -> np.dtype[np.void]:
     for kind, name in _fields(text):
         if "=" in name or kind not in kinds:
             continue
-        unit = metadata.get(f"unit of {name}", "")
         size = np.dtype(kinds[kind]).itemsize
         at += -at % size
-        names.append(f"{name}_{unit.lower()}" if unit else name)
+        names.append(_column(name, metadata))
         formats.append(kinds[kind])
         offsets.append(at)
         at += size
     return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at})
+
+
+def _column(name: str, metadata: dict[str, str]) -> str:
+    """A channel's column, with its unit."""
+    unit = metadata.get(f"unit of {name}", "")
+    return f"{name}_{unit.lower()}" if unit else name
 
 
 def _fields(text: str) -> Iterator[tuple[str, str]]:

@@ -1,5 +1,6 @@
 """What is exported opens elsewhere, and comes back to the bit."""
 
+import math
 import struct
 from collections.abc import Callable
 from datetime import datetime
@@ -14,9 +15,19 @@ from pyarrow import parquet
 from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from drivers import Block, Channel
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
-from probe.core.events import Event, PhaseEntered
+from probe.core.events import (
+    Event,
+    Finish,
+    PhaseEntered,
+    RunEnded,
+    RunStarted,
+    Samples,
+    StationEnded,
+    StationStarted,
+)
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.export import export
 from probe.storage.run import open_run
@@ -103,6 +114,67 @@ def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) ->
     assert np.array_equal(now["time_s"].values, pressed["time_s"].values)
     assert np.array_equal(now["station"].values, pressed["station"].values)
     assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
+    assert back.simulated == ("imported.force",)
+
+
+BESIDE = {"imported": Channel("force", "N", "force"), "ecg": Channel("lead II", "mV", "reference")}
+
+
+def run_of(path: Path, channels: dict[str, tuple[Channel, ...]], samples: list[Samples]) -> Path:
+    """A run of one station of a second that holds ``samples``."""
+    config = {"face_mm2": 100.0, "plan": {"stations": [[0, 5.0, None]], "columns": ["index"]}}
+    with create_store(path) as store:
+        store(RunStarted(0.0, "2026-01-02T03:04:05+00:00", config, channels))
+        store(StationStarted(0.0, 0, 1, 5e-3, math.nan))
+        for one in samples:
+            store(one)
+        store(StationEnded(1.0, 0, 1, complete=True))
+        store(RunEnded(1.0, Finish.COMPLETED, ""))
+    return path
+
+
+def block(time_s: Any, values: Any) -> Block:
+    values = np.reshape(values, (len(time_s), -1)).astype(float)
+    return Block(np.asarray(time_s, float), values, np.zeros(values.shape, bool))
+
+
+@pytest.mark.parametrize("form", ["hdf5", "netcdf", "mcap"])
+@pytest.mark.parametrize("together", [True, False])
+def test_a_reference_comes_back_too(form: str, together: bool, tmp_path: Path) -> None:
+    """From a channel of the sensor itself, or of another device at times of its own."""
+    time_s, beats_s = np.linspace(0.1, 0.9, 40), np.linspace(0.05, 0.95, 31)
+    force, beats = np.arange(40.0), np.sin(np.arange(31.0))
+    if together:
+        beats_s, beats = time_s, np.sin(np.arange(40.0))
+        both = block(time_s, np.column_stack([force, beats]))
+        channels = {"cell": tuple(BESIDE.values())}
+        path = run_of(tmp_path / "a.run", channels, [Samples("cell", both, 0, 1)])
+    else:
+        samples = [Samples("imported", block(time_s, force), 0, 1)]
+        samples += [Samples("ecg", block(beats_s, beats), 0, 1)]
+        path = run_of(tmp_path / "a.run", {n: (c,) for n, c in BESIDE.items()}, samples)
+    (file,) = export(path, [form], tmp_path)
+    imported = import_csv(file, tmp_path / "back.run", face_mm2=100.0)
+    (station,) = open_run(imported.path).recording().stations
+    assert np.array_equal(station.reference_s, beats_s)
+    assert np.array_equal(station.reference, beats)
+    assert np.array_equal(station.signal_pa[:, 0], 1e4 * force)
+    assert open_run(imported.path).simulated == ()
+    said = "" if together else "31 rows have a reference and no reading"
+    assert " ".join(imported.notes) == said
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+def test_an_infinite_reading_is_none(form: str, tmp_path: Path) -> None:
+    force = np.arange(40.0)
+    force[[3, 7]] = math.inf, -math.inf
+    samples = [Samples("imported", block(np.linspace(0.1, 0.9, 40), force), 0, 1)]
+    path = run_of(tmp_path / "a.run", {"imported": (BESIDE["imported"],)}, samples)
+    files = export(path, [form], tmp_path)
+    (file,) = (f for f in files if len(files) == 1 or f.stem == "a-imported")
+    imported = import_csv(file, tmp_path / "back.run", face_mm2=100.0)
+    assert imported.samples == 38
+    assert "2 rows without a reading are left out" in imported.notes
 
 
 def cut_off(path: Path, copy: Path, is_last: Callable[[Event], bool]) -> Path:
