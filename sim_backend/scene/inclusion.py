@@ -2,6 +2,7 @@
 
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from sim_backend.scene.table import Positive, Table
@@ -34,6 +35,10 @@ class _Round(Table):
     def outer_radius_mm(self) -> float:
         raise NotImplementedError
 
+    def centre_mm(self, _z_mm: float) -> tuple[float, float]:
+        """x and depth of the centre in the section at z."""
+        return self.x_mm, self.depth_mm
+
 
 class Tumour(_Round):
     """A round lump, glued to the tissue; a ball centred at ``z_mm`` in grids and solids (there 0
@@ -60,6 +65,13 @@ class Artery(_Round):
     @property
     def outer_radius_mm(self) -> float:
         return self.inner_diameter_mm / 2 + self.wall_mm
+
+    def centre_mm(self, z_mm: float) -> tuple[float, float]:
+        """x and depth of the centre in the section at z: of a path, held beyond its ends."""
+        if not self.path:
+            return super().centre_mm(z_mm)
+        z, x, depth = np.array(self.path).T
+        return float(np.interp(z_mm, z, x)), float(np.interp(z_mm, z, depth))
 
     @model_validator(mode="after")
     def _wall(self) -> Self:

@@ -5,7 +5,6 @@ centre. Impossible geometry is refused with the key, the value and what is allow
 """
 
 from importlib import resources
-from math import hypot
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
@@ -20,8 +19,9 @@ from pydantic import (
 from drivers.core.files import FileRefused, parse_toml, read_file
 from sim_backend import html
 from sim_backend.scene.explain import explain
-from sim_backend.scene.inclusion import Artery, Inclusion, Poisson, Tumour
+from sim_backend.scene.inclusion import Artery, Inclusion, Poisson
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch, Sphere
+from sim_backend.scene.room import need_room
 from sim_backend.scene.table import Positive, Table, is_unset
 
 MAX_FILE_BYTES = 1_000_000
@@ -168,32 +168,12 @@ class Scene(Table):
             if self.support.lifts:
                 raise ValueError("support.lifts = true: a block's; a lone vessel lifts by itself")
             return self
-        width, height = self.tissue.width_mm, self.tissue.height_mm
-        for n, one in enumerate(self.inclusion):
-            r = one.outer_radius_mm
-            where = f"inclusion[{n}] ({one.kind})"
-            if one.depth_mm - r <= 0:
-                raise ValueError(
-                    f"{where}: depth_mm = {one.depth_mm:g} breaks the surface; "
-                    f"it must be above the outer radius {r:g}"
-                )
-            if one.depth_mm + r >= height:
-                raise ValueError(
-                    f"{where}: depth_mm = {one.depth_mm:g} breaks the bottom; "
-                    f"it must be below {height - r:g}"
-                )
-            if not r < one.x_mm < width - r:
-                raise ValueError(
-                    f"{where}: x_mm = {one.x_mm:g} breaks a side; "
-                    f"it must lie between {r:g} and {width - r:g}"
-                )
-            for m, other in enumerate(self.inclusion[:n]):
-                distance_mm = _distance_mm(one, other, solid=self.plane == "solid")
-                if distance_mm <= r + other.outer_radius_mm:
-                    raise ValueError(
-                        f"{where} overlaps inclusion[{m}]: centres are {distance_mm:.3g} mm apart; "
-                        f"they must be more than {r + other.outer_radius_mm:g} mm apart"
-                    )
+        need_room(
+            self.inclusion,
+            self.tissue.width_mm,
+            self.tissue.height_mm,
+            solid=self.plane == "solid",
+        )
         return self
 
 
@@ -259,14 +239,6 @@ def _need_stretch_within(one: Artery, key: str, low_mm: float, high_mm: float) -
             f"{key}.stenosis: z_mm = [{stretch[0]:g}, {stretch[1]:g}] lies outside the block, "
             f"which reaches from {low_mm:g} to {high_mm:g}"
         )
-
-
-def _distance_mm(one: Inclusion, other: Inclusion, *, solid: bool) -> float:
-    """How far apart the centres are: balls in a solid may lie behind each other."""
-    along = 0.0
-    if solid and isinstance(one, Tumour) and isinstance(other, Tumour):
-        along = (one.z_mm or 0.0) - (other.z_mm or 0.0)
-    return hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm, along)
 
 
 def mirrored(scene: Scene) -> Scene:

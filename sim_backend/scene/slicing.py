@@ -2,8 +2,6 @@
 
 from collections.abc import Callable
 
-import numpy as np
-
 from sim_backend.scene.inclusion import Artery, Tumour
 from sim_backend.scene.scene_file import Scene, SceneError
 
@@ -72,12 +70,8 @@ def _along(scene: Scene, place: Callable[[float], float]) -> Scene:
 def _vessel(artery: Artery, z_mm: float) -> Artery:
     change: dict[str, object] = {}
     if artery.path:
-        z, x, depth = np.array(artery.path).T
-        change = {
-            "x_mm": float(np.interp(z_mm, z, x)),
-            "depth_mm": float(np.interp(z_mm, z, depth)),
-            "path": (),
-        }
+        x_mm, depth_mm = artery.centre_mm(z_mm)
+        change = {"x_mm": x_mm, "depth_mm": depth_mm, "path": ()}
     ring = artery.stenosis
     if ring is not None and ring.z_mm is not None:
         here = ring.z_mm[0] <= z_mm <= ring.z_mm[1]
