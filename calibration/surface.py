@@ -4,7 +4,7 @@ Heights are z in the scan frame [m] over x, y [m]. Plane and quadric are polynom
 touches' centre; the map is a smoothing thin-plate spline.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from math import comb
@@ -32,7 +32,8 @@ class SurfaceCalibration:
     """A height function; ``coefficients`` of 1, x, y, x^2, xy, y^2 about ``centre_m``.
 
     ``touches_m`` (n, 3) are those kept, ``rejected_m`` (m, 3) the outliers. ``smoothing``: of
-    the height map's spline; without meaning otherwise.
+    the height map's spline; without meaning otherwise. The residuals of ``fit`` are the touches'
+    own, of a map those of the map through all the others.
     """
 
     KIND: ClassVar[str] = "surface"
@@ -104,6 +105,9 @@ def fit_surface(
     fit = linear_fit(design[kept], touches[kept, 2], names, ADVICE, weakest=0.03)
     scale = np.diag(size ** -np.array([0.0, 1, 1, 2, 2, 2])[:count])
     fit = fit.derived(names, scale @ fit.values, scale)
+    if model == "map":  # its coefficients are those of the plane through it, not what it leaves
+        missed, _ = _left_out(touches[kept], smoothing)
+        fit = replace(fit, residuals=-missed)
     return SurfaceCalibration(
         model, centre, fit.values, touches[kept], touches[~kept], smoothing, fit
     )

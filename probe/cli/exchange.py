@@ -88,5 +88,6 @@ def import_run(
             }
         )
     else:
-        answer(f"Run: {made.path} ({made.stations} stations, {made.samples} samples)")
+        many = "station" if made.stations == 1 else "stations"
+        answer(f"Run: {made.path} ({made.stations} {many}, {made.samples} samples)")
         answer(f"What it means: {next_command('detect', made.path)}")

@@ -73,8 +73,9 @@ def compare(
     from probe.detection import compare as compare_recordings
     from probe.storage.run import open_run
 
-    both = compare_recordings(*(open_run(run).recording() for run in runs))
-    found = plain(both.as_json())
+    recordings = [open_run(run).recording() for run in runs]
+    simulated = sorted({name for one in recordings for name in one.simulated})
+    found = plain({**compare_recordings(*recordings).as_json(), "simulated": simulated})
     if json:
         answer_json(found)
         return
@@ -84,7 +85,12 @@ def compare(
     )
     if found["diseased"] != "undecided":
         ratios += f"; confidence {percent(found['confidence'])}"
+    if simulated:
+        answer(simulated_words(simulated))
+    for letter, run in zip("AB", runs, strict=True):
+        answer(f"{letter}: {run}")
     answer(f"diseased: {found['diseased']} ({ratios})")
+    answer(f"  {found['reason']}")
 
 
 def finding_json(

@@ -1,6 +1,6 @@
 """Two scans beside each other: which one shows disease."""
 
-from math import isfinite, log
+from math import isfinite, log, nan
 from os import PathLike
 
 from scipy.special import ndtr
@@ -38,12 +38,17 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     stiffer = _above(one.level_pa, one.level_sd_pa, other.level_pa, other.level_sd_pa)
     weaker = _above(other.size_pa, _size_sd(other), one.size_pa, _size_sd(one))
     diseased, confidence, reason = _judge(stiffer, weaker)
-    peak_ratio, pulse_ratio = one.level_pa / other.level_pa, one.size_pa / other.size_pa
-    return Comparison(diseased, peak_ratio, pulse_ratio, confidence, reason)
+    ratios = _ratio(one.level_pa, other.level_pa), _ratio(one.size_pa, other.size_pa)
+    return Comparison(diseased, *ratios, confidence, reason)
+
+
+def _ratio(x: float, y: float) -> float:
+    """NaN where either is no size: a level in the noise about 0 has no ratio."""
+    return x / y if min(x, y) > 0 else nan
 
 
 def _unknown(reason: str) -> Comparison:
-    return Comparison("undecided", float("nan"), float("nan"), 0.0, reason)
+    return Comparison("undecided", nan, nan, 0.0, reason)
 
 
 def _judge(stiffer: float, weaker: float) -> tuple[Diseased, float, str]:
@@ -80,4 +85,4 @@ def _clearest(presses: tuple[Press, ...]) -> Press | None:
 
 
 def _size_sd(press: Press) -> float:
-    return press.pulse.size_sd_pa if press.pulse else float("nan")
+    return press.pulse.size_sd_pa if press.pulse else nan

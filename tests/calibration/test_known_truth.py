@@ -4,6 +4,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+from scipy.interpolate import RBFInterpolator
 from scipy.spatial.transform import Rotation
 
 from calibration import (
@@ -201,6 +202,15 @@ def test_a_curved_surface(model: Literal["quadric", "map"]) -> None:
     at = rng.uniform([0, 0], [0.06, 0.02], (200, 2))
     off = found.heights(*at.T) - height(*at.T)
     assert np.sqrt(np.mean(off**2)) < 50e-6
+    if model == "map":  # a repeated calibration is judged by how it misses touches it has not seen
+        missed = []
+        for n, (*place, z_m) in enumerate(found.touches_m):
+            xy, heights = (np.delete(part, n, axis=0)
+                           for part in (found.touches_m[:, :2], found.touches_m[:, 2]))  # fmt: skip
+            sheet = RBFInterpolator(xy, heights, kernel="thin_plate_spline", degree=1,
+                                    smoothing=found.smoothing)  # fmt: skip
+            missed.append(z_m - sheet([place])[0])
+        assert found.fit.residuals == pytest.approx(np.array(missed), abs=1e-7)
 
 
 def test_intervals_of_gravity_cover() -> None:

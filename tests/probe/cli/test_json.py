@@ -121,6 +121,14 @@ def test_lone_arteries_are_one_station(palpate, tmp_path: Path) -> None:
     assert compared.status == 0
     assert {"diseased", "peak_ratio", "pulse_ratio", "confidence"} <= compared.json.keys()
     assert compared.json["diseased"] in ("A", "B", "neither", "undecided")
+    assert "force.force" in compared.json["simulated"]
+    printed = palpate("compare", *runs).out
+    assert [line for line in printed.splitlines() if line.startswith(("A: ", "B: "))] == [
+        f"A: {runs[0]}",
+        f"B: {runs[1]}",
+    ]
+    assert compared.json["reason"] in printed
+    assert "SIMULATED" in printed
 
 
 def test_a_fault_keeps_the_data(palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
