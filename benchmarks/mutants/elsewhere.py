@@ -116,7 +116,7 @@ ELSEWHERE = (
            "reach = 60 * NORMAL_95", "reach = 30 * NORMAL_95",
            ("tests/probe/detection/test_heart_rate.py",)),
     Mutant("the pulses' ratio is turned over", "probe/detection/compare.py",
-           "one.size_pa / other.size_pa", "other.size_pa / one.size_pa",
+           "_ratio(one.size_pa, other.size_pa)", "_ratio(other.size_pa, one.size_pa)",
            ("tests/probe/detection/test_detect.py::"
             "test_compare_names_the_stiffer_with_the_weaker_pulse",)),
     Mutant("a sample of which one taxel is clipped counts", HELD,

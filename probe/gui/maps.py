@@ -1,7 +1,8 @@
 """The tactile map while it grows: a line for a row, a heat map for a grid, an image for taxels."""
 
 import math
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyqtgraph as pg
@@ -9,9 +10,10 @@ from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QApplication, QStackedWidget, QVBoxLayout, QWidget
 
 from drivers.core.arrays import Array
+from probe.core.places import courses_mm
 from probe.gui.state import ViewState
 from probe.gui.style import head, heat, label, pen, plot, scale, symbol_size
-from probe.report.look import BLUE, VERMILLION
+from probe.report.look import BLUE, ON_HEAT, VERMILLION
 
 
 class Levels(NamedTuple):
@@ -68,6 +70,7 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
         self.plot.setMenuEnabled(False)
         self.plot.hideButtons()
         self._box: tuple[float, float, float, float] | None = None
+        self.courses: list[pg.PlotDataItem] = []
         self.image = pg.ImageItem(axisOrder="row-major")
         self.plot.addItem(self.image)
         self.bar = pg.ColorBarItem(colorMap=heat(), label=unit, interactive=False)
@@ -94,6 +97,26 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
             self._box = box
             self.image.setRect(*box)
 
+    def show_courses(self, courses: Sequence[tuple[str, Array]]) -> None:
+        """What was found, over the image: see `probe.core.places.courses_mm`."""
+        for old in self.courses:
+            self.plot.removeItem(old)
+        line, edge = ON_HEAT
+        self.courses = []
+        for name, points in courses:
+            stenosed = name == "stenosed"
+            self.courses.append(
+                self.plot.plot(
+                    points,
+                    pen=pen(line, 1.5) if not stenosed else None,
+                    shadowPen=pen(edge, 4),
+                    symbol="d" if stenosed else "o",
+                    symbolSize=symbol_size() * (1.5 if stenosed else 1),
+                    symbolBrush=edge if stenosed else line,
+                    symbolPen=pen(line if stenosed else edge, 1),
+                )
+            )
+
 
 class MapPanel(QStackedWidget):
     """Whichever map fits the run."""
@@ -102,6 +125,7 @@ class MapPanel(QStackedWidget):
         super().__init__()
         self._known: GridMap | None = None
         self._levels: Levels | None = None
+        self._found: Mapping[str, Any] | None = None
         self.line = LineMap()
         self.grid = HeatMap("Tactile map", "baseline [kPa]")
         self.grid_pulse = HeatMap("", "pulse [Pa]")
@@ -141,6 +165,9 @@ class MapPanel(QStackedWidget):
             self.grid.show_table(self._known.table / 1e3, self._known.box, scale)
             pulses = None if levels is None else (0.0, levels.pulse_pa)
             self.grid_pulse.show_table(self._known.pulses, self._known.box, pulses)
+        if new or state.finding is not self._found:
+            self._found = state.finding
+            self.grid_pulse.show_courses(courses_mm(state.finding) if state.finding else ())
 
 
 class GridMap:

@@ -12,14 +12,24 @@ import numpy as np
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
 from probe.core.finding_words import reach
-from probe.core.places import has_rows, rows_of
+from probe.core.places import courses_mm, has_rows, rows_of
 from probe.core.recording import Recording, Station
-from probe.report.look import BLUE, GREEN, HEAT, INK, PAPER_WIDTH_IN, PHASE_COLOURS, VERMILLION
+from probe.report.look import (
+    BLUE,
+    GREEN,
+    HEAT,
+    INK,
+    ON_HEAT,
+    PAPER_WIDTH_IN,
+    PHASE_COLOURS,
+    VERMILLION,
+)
 
 with needs("report", "a report"):
     import matplotlib as mpl
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from matplotlib.patheffects import withStroke
     from matplotlib.tri import Triangulation
 
 
@@ -161,7 +171,9 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
     if is_grid(recording) and len(pulse) == len(recording.stations):
         x = np.array([1e3 * s.x_m for s in recording.stations])
         y = np.array([1e3 * s.y_m for s in recording.stations])
-        return heat_maps(x, y, [pulse], ["pulse"], "pulse [Pa]")
+        figure = heat_maps(x, y, [pulse], ["pulse"], "pulse [Pa]")
+        _draw_courses(figure, finding)
+        return figure
     figure = _figure()
     axes = figure.add_subplot()
     x = np.array([_number(s["x_mm"]) for s in finding["stations"]])
@@ -184,6 +196,17 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
         )
     axes.set_ylim(bottom=0)
     return _labelled(figure, axes, "position x [mm]", "pulse [Pa]")
+
+
+def _draw_courses(figure: Figure, finding: Mapping[str, Any]) -> None:
+    """The objects over the map of a grid: points joined by a line, dotted where stenosed."""
+    line, edge = ON_HEAT
+    around = [withStroke(linewidth=3.5, foreground=edge)]
+    for name, points in (drawn := courses_mm(finding)):
+        mark = "D:" if name == "stenosed" else "o-"
+        figure.axes[0].plot(*points.T, mark, color=line, path_effects=around, label=name)
+    if drawn:
+        _legend(figure)
 
 
 def best_station(recording: Recording, finding: Mapping[str, Any]) -> Station:

@@ -27,4 +27,7 @@ PHASE_COLOURS: Mapping[str, str] = {
 }
 """What shades a trace while the probe is in a phase; phases left out are not shaded."""
 
+ON_HEAT = ("#000000", "#ffffff")
+"""What lies on a heat map is a black line within a wider white one: seen on all its colours."""
+
 PAPER_WIDTH_IN = 3.5  # one column of an IEEE journal (21 picas)

@@ -87,7 +87,9 @@ def _pictures(
         levels = figures.tactile_map(recording, beats)
         pictures.append(Picture("tactile_map", caption, levels))
         caption = "Pulse at each station" + (
-            "." if grid else ", with 95 % limits as bars; shaded: where the object lies."
+            "; lines: what was found."
+            if grid
+            else ", with 95 % limits as bars; shaded: where the object lies."
         )
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     place = place_words(best.x_m, best.y_m, in_grid=grid)

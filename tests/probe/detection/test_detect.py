@@ -182,8 +182,8 @@ def test_compare_names_the_stiffer_with_the_weaker_pulse() -> None:
     assert compare(healthy, same).diseased == "neither"
     within_doubt = recording([station(rng, level_pa=9045.0, pulse_pa=300.0, relaxing=0.0)])
     assert compare(healthy, within_doubt).diseased == "neither"  # presses repeat to 0.5 %
-    flat = recording([station(rng, level_pa=0.0, noise_pa=0.0, relaxing=0.0)])
-    assert np.isnan(compare(healthy, flat).pulse_ratio)
+    turned = recording([station(rng, level_pa=-9000.0, pulse_pa=300.0, relaxing=0.0)])
+    assert np.isnan(compare(healthy, turned).peak_ratio)
     none = recording([station(rng, relaxing=0.0)])
     assert compare(none, none).diseased == "undecided"
 

@@ -137,6 +137,24 @@ def test_a_grid_drawn_while_it_grows_ends_as_one_drawn_at_once(make_run: Make) -
     assert np.array_equal(panel.grid.image.image, at_once.grid.image.image)
 
 
+def test_a_grids_course_is_drawn_over_its_pulses(make_run: Make) -> None:
+    application()
+    window = window_on(make_run(rows=6, columns=15))
+    state = window.state()
+    stations = [{"station": p.index + 1, "baseline_pa": 1.0, "pulse_pa": 2.0} for p in state.plan]
+    course = [[30.0, 0.0], [32.0, 4.0], [34.0, 8.0]]
+    one = {"kind": "artery", "course_mm": course, "stenosed_mm": [4.0, 8.0]}
+    state.judge({"objects": [one], "stations": stations, "heart_rate_bpm": None})
+    window.maps.show_state(state)
+    vessel, stenosed = window.maps.grid_pulse.courses
+    assert np.column_stack(vessel.getData()).tolist() == course
+    assert np.column_stack(stenosed.getData()).tolist() == course[1:]
+    state.judge({"objects": [], "stations": stations, "heart_rate_bpm": None})
+    window.maps.show_state(state)
+    assert window.maps.grid_pulse.courses == []
+    assert vessel not in window.maps.grid_pulse.plot.items
+
+
 def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
     window = window_on(make_run(columns=1, taxels=28)[:45])
     shoot(window, "live_taxels")

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -268,6 +269,16 @@ def test_no_figure_is_wider_than_a_column_so_that_a_phone_shows_it_whole() -> No
     assert {figure.get_figwidth() for figure in drawn} == {figures.PAPER_WIDTH_IN}
     text = page("a run", {"simulated": [], "finish": "completed", **finding(row())}, [], {}, {})
     assert "min-width:" not in text
+
+
+def test_a_grids_pulse_map_shows_the_course_and_where_it_is_stenosed() -> None:
+    found: dict[str, Any] = finding(grid())
+    course = [[30.0, 0.0], [31.0, 4.0], [32.0, 8.0], [33.0, 12.0]]
+    found["objects"][0] |= {"course_mm": course, "stenosed_mm": [4.0, 8.0]}
+    vessel, stenosed = figures.pulse_map(found, grid()).axes[0].lines
+    assert vessel.get_xydata().tolist() == course
+    assert vessel.get_label() == "artery"
+    assert stenosed.get_xydata().tolist() == course[1:3]
 
 
 def test_every_axis_names_its_unit() -> None:
