@@ -109,7 +109,7 @@ class Audit:
             case StationStarted():
                 yield from self._start_station(event)
             case PhaseEntered(_, phase, _):
-                if phase not in ALLOWED[self._phase]:
+                if self._scanned() and phase not in ALLOWED[self._phase]:
                     yield f"{phase} cannot follow {self._phase}"
                 self._phase = phase
                 if self._open is not None:
@@ -169,12 +169,16 @@ class Audit:
         if not event.complete:
             return
         self.complete.add(event.station)
-        scanned = self._started is not None and "imported" not in self._started.config
+        scanned = self._scanned()
         if scanned and (missing := [phase for phase in PRESS if phase not in press.phases]):
             yield f"station {event.station + 1} is complete without {', '.join(missing)}"
         # an imported recording ends one of its own periods after its last sample
         if scanned and press.last_sample_s < event.time_s - TAIL_S:
             yield f"station {event.station + 1} is complete, but its last samples are not in"
+
+    def _scanned(self) -> bool:
+        """Whether this is a scan of our own: an import has only what its file had."""
+        return self._started is not None and "imported" not in self._started.config
 
     def _sample(self, event: Samples) -> Iterator[str]:
         block, device = event.block, event.device

@@ -21,6 +21,7 @@ with needs("data", "palpate import"):
 
 SIGNALS = ("force_n", "pressure_pa", "pressure_mbar")
 COLUMNS = ("time_s", *SIGNALS, "x_mm", "y_mm", "station", "reference")
+PHASE = "phase_number"  # only in what other formats are turned into: which of `Phase`, from 0
 NOTHING = ("", "nan", "na", "n/a", "null", "none", "-")
 MAX_BYTES = 256 * 1024**2
 MAX_LINE_BYTES = 4096
@@ -60,7 +61,8 @@ def read_columns(source: Path, content: bytes | None = None) -> tuple[pd.DataFra
             packs = content is None and source.suffix == ".gz"
             plain = gzip.GzipFile(fileobj=packed) if packs else packed
             text = _Bounded(cast(BinaryIO, plain), packed)
-            return *_parsed(io.BufferedReader(text, 2**16)), text.digest.hexdigest()
+            columns = COLUMNS if content is None else (*COLUMNS, PHASE)
+            return *_parsed(io.BufferedReader(text, 2**16), columns), text.digest.hexdigest()
         except FileRefused as error:
             raise CsvError(str(error)) from None
         except UnicodeDecodeError:
@@ -99,12 +101,12 @@ class _Bounded(io.RawIOBase):
         return len(part)
 
 
-def _parsed(text: io.BufferedReader) -> tuple[pd.DataFrame, list[str]]:
-    """Known columns, and the names of the others."""
+def _parsed(text: io.BufferedReader, columns: tuple[str, ...]) -> tuple[pd.DataFrame, list[str]]:
+    """Those of the ``columns`` that are there, and the names of the others."""
     head = text.peek(MAX_LINE_BYTES).partition(b"\n")[0].decode("utf-8-sig")
     names = [name.strip() for name in next(csv.reader([head.rstrip("\r")]), [])]
     _check_names(names)
-    known = {n: name for n, name in enumerate(names) if name in COLUMNS}
+    known = {n: name for n, name in enumerate(names) if name in columns}
     parts: list[Array] = []
     row, empty = 1, 0
     try:
@@ -138,7 +140,7 @@ def _parsed(text: io.BufferedReader) -> tuple[pd.DataFrame, list[str]]:
     table = table[: len(table) - empty]
     if not len(table):
         raise CsvError("no rows below the column names")
-    left_out = [name for name in names if name not in COLUMNS]
+    left_out = [name for name in names if name not in columns]
     return pd.DataFrame(table, columns=list(known.values())), left_out
 
 

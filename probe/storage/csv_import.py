@@ -7,7 +7,8 @@ if known ``x_mm``, ``y_mm``, ``station`` and ``reference`` (a PPG or ECG beside 
 - Without ``station``, a change of position begins a new one; without positions all is one. A
   recording that has the ways between stations, too, is refused.
 - Stations that do not follow in time (each begins at 0) are put one after the other, 1 s apart.
-- What no column says is not invented: no phases, no depth. Simulated is what was exported as that.
+- What no column says is not invented: no depth. Phases and what is simulated come from what
+  ``palpate export`` wrote: else the way down would be taken for a part of the hold.
 """
 
 import os
@@ -26,6 +27,8 @@ from probe.core.events import (
     Event,
     Finish,
     Note,
+    Phase,
+    PhaseEntered,
     RunEnded,
     RunStarted,
     Samples,
@@ -144,6 +147,8 @@ def _events(
         yield Note(began_s, "warning", "import", note)
     for press in read.presses:
         yield StationStarted(press.start_s, press.station, 1, press.x_m, press.y_m)
+        for entered_s, number in press.phases:
+            yield PhaseEntered(entered_s, tuple(Phase)[number], press.station)
         yield from _blocks(DEVICE, press.station, press.time_s, press.signal)
         yield from _blocks(REFERENCE, press.station, press.reference_s, press.reference)
         yield StationEnded(press.end_s, press.station, 1, complete=True)

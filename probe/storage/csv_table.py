@@ -12,7 +12,7 @@ import numpy as np
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
 from probe.core.places import SAME_PLACE_M
-from probe.storage.csv_columns import SIGNALS, CsvError, read_columns
+from probe.storage.csv_columns import PHASE, SIGNALS, CsvError, read_columns
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -28,7 +28,8 @@ class Press:
     """One station's rows.
 
     ``time_s`` and ``signal`` (n,) in the file's unit; ``reference_s`` and ``reference`` (m,).
-    All times lie in [``start_s``, ``end_s``).
+    All times lie in [``start_s``, ``end_s``). ``phases``: when which was entered, where that is
+    known.
     """
 
     station: int
@@ -40,6 +41,7 @@ class Press:
     reference: Array
     start_s: float
     end_s: float
+    phases: tuple[tuple[float, int], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -132,6 +134,7 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
             beside[known],
             float(times[0]),
             float(times[-1] + np.median(steps[steps > 0])),
+            _phases(rows, times),
         )
     if lost:
         notes.append(f"{lost} rows without a reading are left out")
@@ -140,6 +143,14 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
     if doubled:
         notes.append(f"{doubled} rows with the time of the row before are left out")
     return list(presses.values())
+
+
+def _phases(rows: pd.DataFrame, times: Array) -> tuple[tuple[float, int], ...]:
+    """The first time of each phase."""
+    numbers = rows[PHASE].to_numpy() if PHASE in rows else np.full(len(rows), np.nan)
+    at, known = times[np.isfinite(numbers)], numbers[np.isfinite(numbers)].astype(int)
+    entered = np.flatnonzero(np.diff(known, prepend=-1))
+    return tuple(zip(at[entered].tolist(), known[entered].tolist(), strict=True))
 
 
 def _apart(presses: list[Press], notes: list[str]) -> list[Press]:
@@ -160,6 +171,7 @@ def _apart(presses: list[Press], notes: list[str]) -> list[Press]:
                 reference_s=press.reference_s + shift_s,
                 start_s=press.start_s + shift_s,
                 end_s=press.end_s + shift_s,
+                phases=tuple((at + shift_s, number) for at, number in press.phases),
             )
         )
     moved = sum(a.start_s != b.start_s for a, b in zip(presses, placed, strict=True))

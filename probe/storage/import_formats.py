@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from drivers.core.extras import needs, require
+from probe.core.events import Phase
 from probe.core.places import planned
-from probe.storage.csv_columns import SIGNALS, CsvError
+from probe.storage.csv_columns import PHASE, SIGNALS, CsvError
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -84,8 +85,12 @@ def _presses(table: pd.DataFrame, source: Path) -> pd.DataFrame:
             table = table[table["attempt"] == last]
     # a run without positions has columns of them with nothing in it
     beside = [n for n in (*PLACE_COLUMNS, "station") if n in table and table[n].notna().any()]
-    known = [signals[0], *({"reference"} & set(table))]
+    known = [signals[0], *({REFERENCE} & set(table))]
     table = table.assign(**{name: table[name].replace(INFINITE, np.nan) for name in known})
+    if "phase" in table:
+        numbers = {str(phase): n for n, phase in enumerate(Phase)}
+        table = table.assign(**{PHASE: table["phase"].replace(numbers).astype(float)})
+        beside.append(PHASE)
     return table[["time_s", *known, *beside]]
 
 
@@ -106,6 +111,7 @@ def _groups(source: Path) -> tuple[pd.DataFrame, bool]:
             raise CsvError(f"{source}: no group of samples as `palpate export` writes them")
         group, name = found
         table = _labelled(group, name, f"{name}_{_text(group[name].attrs['units'])}")
+        table["phase"] = [_text(phase) for phase in group["phase"][:]]
         beside = ((g, n) for g in groups for n in g if _text(g[n].attrs.get("role")) == REFERENCE)
         if reference := next(beside, None):
             table = _with_reference(table, _labelled(*reference, REFERENCE))
@@ -200,7 +206,7 @@ def _own_samples(
     if (found := next(signals, None)) is None:
         raise CsvError(f"{source}: no device that measures force or pressure")
     topic, signal = found
-    chosen = tables[topic][[*LABELS, signal]].copy()
+    chosen = tables[topic][[*LABELS, "phase", signal]].copy()
     beside = (
         (table, _column(key.removeprefix(ROLE), channels[other].metadata))
         for other, table in tables.items()

@@ -31,6 +31,7 @@ from probe.core.events import (
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.export import export
 from probe.storage.run import open_run
+from probe.storage.verify import verify
 from probe.storage.writer import create_store
 
 RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
@@ -115,6 +116,12 @@ def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) ->
     assert np.array_equal(now["station"].values, pressed["station"].values)
     assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
     assert back.simulated == ("imported.force",)
+    for one, other in zip(
+        back.recording().stations, open_run(path).recording().stations, strict=True
+    ):
+        assert one.hold_s == pytest.approx(other.hold_s, abs=5e-3)  # to a sample
+        assert one.retract_s == pytest.approx(other.retract_s, abs=5e-3)
+    assert verify(back.path).problems == ()
 
 
 BESIDE = {"imported": Channel("force", "N", "force"), "ecg": Channel("lead II", "mV", "reference")}
