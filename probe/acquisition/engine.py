@@ -17,7 +17,7 @@ from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
-from probe.acquisition.levels import LEVEL_S, little
+from probe.acquisition.levels import LEVEL_S, little, touch_in_noise
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
@@ -312,6 +312,11 @@ class _Scan(RunLoop):
 
     def _seek(self, surface: Pose, touch_n: float) -> Pose:
         """Go down until the force reaches ``touch_n``; where that was."""
+        for name, (_, error_n) in list((self.known_levels or {}).items())[:1]:  # the one that feels
+            rate_hz = next(s.rate_hz for s in self.sensors if s.name == name)
+            noise_n = error_n * math.sqrt(LEVEL_S * rate_hz)
+            if (why := touch_in_noise(name, noise_n, touch_n)) is not None:
+                raise Interrupted(Finish.FAULTED, why, "engine", retract=True)
         self.go(surface._replace(z=surface.z + TOUCH_GAP_M), self.plan.approach_m_s)
         lowest = surface._replace(z=surface.z - self.plan.search_m)
         if self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):

@@ -83,6 +83,18 @@ def no_force(levels: Levels, rates_hz: Mapping[str, float], most_n: float) -> st
     return f"no force above the noise ({values})"
 
 
+def touch_in_noise(name: str, noise_n: float, touch_n: float) -> str | None:
+    """Says so if single readings of a sensor at rest, ``noise_n`` rms, may reach ``touch_n``: the
+    surface would be found in the air, and the press be that much shallower."""
+    least_n = MIN_STANDARD_ERRORS * noise_n
+    if not touch_n < least_n:
+        return None
+    return (
+        f"touch_n = {touch_n:g} N is within the noise of {name}, {noise_n:.2g} N rms: a touch "
+        f"would be felt in the air; set scan.touch_n to {least_n:.2g} or more, or leave it out"
+    )
+
+
 def little(levels: Levels, most_n: float) -> str | None:
     """Says so if every sensor measures less than `LITTLE_SHARE` of the limit ``most_n``.
 

@@ -17,6 +17,7 @@ from calibration.errors import CalibrationError
 from drivers import ConfigError, Sensor, SimulatedClock
 from drivers.core.registry import Kind
 from probe.acquisition.force_limit import SensorGuard
+from probe.acquisition.levels import touch_in_noise
 from probe.acquisition.prepare import prepare
 from probe.config.calibrated import calibrated, named
 from probe.config.devices import Devices, World, check_names, check_units, make_device
@@ -100,7 +101,8 @@ def calibration_check(key: str, file: Path) -> Check:
 def pulse_checks(
     rig: Rig, scene: Scene | None, respond: Respond | None, sensors: Iterable[SensorNoise]
 ) -> list[Check]:
-    """Whether each sensor sees the expected pulse in one hold, by its known or measured noise.
+    """Whether each sensor sees the expected pulse in one hold, by its known or measured noise, and
+    whether the first can tell a touch from it.
 
     With a ``scene`` and ``respond`` the pulse is solved for the station nearest to an artery;
     without, the weakest measured radial pulses are taken.
@@ -109,7 +111,10 @@ def pulse_checks(
     beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
     face_m2 = square_metres(face_mm2_of(rig, scene))
     checks = []
-    for name, noise_n, rate_hz in sensors:
+    for n, (name, noise_n, rate_hz) in enumerate(sensors):
+        touch_n = rig.scan.touch_n if n == 0 else None
+        if touch_n and (why := touch_in_noise(name, noise_n, touch_n)) is not None:
+            checks.append(Check("touch", "fault", why))
         title = f"pulse on {name}"
         if pulse_n is None:
             checks.append(Check(title, "ok", f"nothing to compare with: {source}"))
@@ -147,8 +152,8 @@ def _expected_pulse(
 def _solved_pulse(plan: Plan, scene: Scene, respond: Respond) -> tuple[float | None, str]:
     if not scene.arteries:
         return None, f"scene {scene.name} has no artery"
-    artery_m = 1e-3 * scene.arteries[0].x_mm
-    place = min(plan.places, key=lambda p: abs(p.x_m - artery_m))
+    vessel = scene.arteries[0]
+    place = min(plan.places, key=lambda p: abs(1e3 * p.x_m - vessel.centre_mm(1e3 * p.y_m)[0]))
     wave = load_wave(scene.pulse)
     beat = wave.pressure_pa(np.linspace(0, wave.period_s, 200))
     section = respond(section_at(scene, 1e3 * place.y_m), place.x_m, plan.indentation_m)

@@ -249,6 +249,31 @@ def test_a_scan_takes_as_long_as_its_dry_run_says(
     assert ("up to 4 s more where the surface lies deeper" in words) == bool(touch)
 
 
+@pytest.mark.parametrize(("touch_n", "can_scan"), [(0.05, False), (0.7, True)])
+def test_a_touch_must_stand_out_of_the_noise(
+    touch_n: float, can_scan: bool, tmp_path: Path, winkler: Any
+) -> None:
+    """An FT-300 has 0.1 N: a hundred readings a second would soon find a surface in the air."""
+    sensor = [{"driver": "virtual", "noise_mn": 100.0, "rate_hz": 100.0}]
+    rig = Rig.model_validate(
+        {"scan": {"stations": 2, "touch_n": touch_n, "search_mm": 1.0}, "sensor": sensor}
+    )
+    report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
+    assert report.can_scan is can_scan
+    assert [c.level for c in report.checks if c.name == "touch"] == ["fault"] * (not can_scan)
+
+
+def test_the_pulse_is_expected_where_the_vessel_s_path_lies(tmp_path: Path, winkler: Any) -> None:
+    scene = load_scene("TIHA")
+    (vessel,) = scene.arteries
+    vessel = vessel.model_copy(update={"path": ((-2.0, 20.0, 12.66), (2.0, 44.0, 12.66))})
+    scene = scene.model_copy(update={"inclusion": (vessel,)})
+    grid = {"start_mm": [32.0, -2.0], "pitch_mm": [4.0, 4.0], "stations": [5, 2]}
+    report = dry_run(Rig.model_validate({"scan": grid}), scene, tmp_path, winkler)
+    (text,) = (c.text for c in report.checks if c.name.startswith("pulse on"))
+    assert "at x = 44 mm" in text
+
+
 def test_the_path_is_drawn(tmp_path: Path) -> None:
     draw_path(default_rig(), tmp_path / "path.png")
     assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")

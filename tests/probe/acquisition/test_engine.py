@@ -299,6 +299,18 @@ def test_touch_finds_the_surface(winkler: Any) -> None:
     assert of(events, "stage").values[:, 2].min() == pytest.approx(-2.5e-3 - touch_m, abs=3e-5)
 
 
+def test_a_touch_within_the_noise_is_a_fault_and_not_a_surface_in_the_air(winkler: Any) -> None:
+    tables = {
+        "scan": {"start_mm": 28, "stations": 1, "touch_n": 0.05, "search_mm": 1.0},
+        "sensor": [{"driver": "virtual", "noise_mn": 100.0, "rate_hz": 100.0}],
+    }
+    ended, events, opened = scan(winkler, tables=tables)
+    assert ended.finish is Finish.FAULTED
+    assert "touch_n = 0.05 N is within the noise" in ended.reason
+    assert not entered(events, Phase.INDENTING)
+    assert opened.stage.pose().z == pytest.approx(2e-3)
+
+
 def test_nothing_to_touch_is_a_fault(winkler: Any) -> None:
     tables = {"scan": {"start_mm": 28, "stations": 1, "touch_n": 2.0, "search_mm": 1.0}}
     ended, _, opened = scan(winkler, tables=tables)
