@@ -1,8 +1,7 @@
 """Cuts a run's events into stations: each press's tactile signal, phases and depth."""
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,9 +28,10 @@ from probe.core.events import (
 )
 from probe.core.places import planned
 from probe.core.recording import Recording, Station
-from probe.core.spill import Spill
+from probe.core.spill import Growing, Spill
 
 MAX_LEVELS, MAX_PARTS = 20_000, 16
+PART = 1 << 16  # samples of a press that are computed at once: half a megabyte a column
 
 
 def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
@@ -44,7 +44,6 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
     finish, ended = "faulted", ""
     presses: dict[tuple[int, int], _Press] = {}
     complete: dict[int, Station] = {}
-    quantum_pa: float | None = None
     for event in events:
         match event:
             case RunStarted():
@@ -52,20 +51,21 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
                 finish, ended = "faulted", ""
             case RunEnded():
                 finish, ended = str(event.finish), event.reason
-            case StationStarted(_, station, attempt, x_m, y_m):
-                presses = {(station, attempt): _Press(x_m, y_m)}
+            case StationStarted(_, station, attempt, x_m, y_m) if signal is not None:
+                presses = {(station, attempt): signal.press(x_m, y_m)}
             case PhaseEntered(time_s, phase, station) if station is not None:
                 for (at, _), press in presses.items():
                     if at == station:
                         press.phases[phase] = time_s
             case Samples(device, block, station, attempt) if station is not None:
                 if (found := presses.get((station, attempt or 0))) is not None:
-                    found.blocks[device].append(block)
+                    for one in found.measured:
+                        one.add(device, block)
             case StationEnded(_, station, attempt, True) if signal is not None:
-                whole = presses.pop((station, attempt), _Press(math.nan, math.nan))
-                complete[station] = signal.station(station, whole)  # blocks need more memory
-                if quantum_pa is None:
-                    quantum_pa = signal.quantum_pa(whole)
+                whole = presses.pop((station, attempt), None)
+                complete[station] = signal.station(
+                    station, whole or signal.press(math.nan, math.nan)
+                )
     if signal is None:
         raise RunFileError("the run has no beginning")
     return Recording(
@@ -74,19 +74,72 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
         simulated_channels(signal.channels),
         signal.face_m2,
         finish,
-        quantum_pa or 0.0,
+        signal.quantum_pa or 0.0,
         ended,
     )
 
 
+class _Measured:
+    """What columns of one device measured in one press, times ``gains``. A device that lacks a
+    column is told when they are asked for."""
+
+    def __init__(self, device: str, columns: list[int], gains: Array | float = 1.0) -> None:
+        self._device, self._columns, self._gains = device, columns, gains
+        self._lacks = False
+        self._time_s = Growing(np.float64)
+        self._values = Growing(np.float64, len(columns))
+        self._saturated = Growing(np.bool_, len(columns))
+
+    def add(self, device: str, block: Block) -> None:
+        """Append a block, if it is this device's."""
+        if device != self._device or not len(block.time_s):
+            return
+        if block.values.shape[1] <= max(self._columns):
+            self._lacks = True
+            return
+        self._time_s.add(block.time_s)
+        self._values.add(block.values[:, self._columns] * self._gains)
+        self._saturated.add(block.saturated[:, self._columns])
+
+    def whole(self) -> tuple[Array, Array, Bools]:
+        """Times (n,), values (n, columns) and saturation (n, columns)."""
+        if self._lacks:
+            raise RunFileError("a block of samples has fewer channels than its device")
+        return self._time_s.whole(), self._values.whole(), self._saturated.whole()
+
+    def parts(self, count: int) -> Iterator[slice]:
+        """The rows up to ``count``, as many at once as memory is for."""
+        for first in range(0, count, PART):
+            yield slice(first, min(first + PART, count))
+            self.rest()
+
+    def rest(self) -> None:
+        """Take out of memory what is in files too."""
+        for one in (self._time_s, self._values, self._saturated):
+            one.rest()
+
+
 @dataclass
 class _Press:
-    """What was recorded of one attempt: blocks by device, and when each phase began."""
+    """What was recorded of one attempt, and when each phase began.
+
+    ``measured``: the tactile signal [Pa], the stage's height [m], the signal's first column as it
+    was read (for the step of the readings, of the first press) and the reference, where there are.
+    """
 
     x_m: float
     y_m: float
-    blocks: dict[str, list[Block]] = field(default_factory=lambda: defaultdict(list))
+    signal: _Measured
+    height: _Measured
+    raw: _Measured | None
+    reference: _Measured | None
     phases: dict[Phase, float] = field(default_factory=dict)
+
+    @property
+    def measured(self) -> Iterator[_Measured]:
+        """All of them."""
+        found = (self.signal, self.height, self.raw, self.reference)
+        return (one for one in found if one is not None)
 
 
 class _Signal:
@@ -102,14 +155,42 @@ class _Signal:
         conversion = stress_conversion(own, self.face_m2)
         self.picked, self.gains = list(conversion.columns), conversion.pa_per_unit
         self.names = tuple(f"{self.device}.{own[n].name}" for n in self.picked)
+        self.reference = next(
+            ((d, n) for d, own in self.channels.items() for n, channel in enumerate(own)
+             if channel.role == "reference"), None,
+        )  # fmt: skip
         self.surface_m = _surface(config)
         self.incline = _incline(config)
         self.compliance_m_per_n = compliance_m_per_n(config)
+        self.quantum_pa: float | None = None
+
+    def press(self, x_m: float, y_m: float) -> _Press:
+        """An attempt without samples yet."""
+        return _Press(
+            x_m,
+            y_m,
+            _Measured(self.device, self.picked, self.gains),
+            _Measured("stage", [2]),
+            _Measured(self.device, self.picked[:1]) if self.quantum_pa is None else None,
+            self.reference and _Measured(self.reference[0], [self.reference[1]]),
+        )
 
     def station(self, index: int, press: _Press) -> Station:
-        time_s, signal_pa, saturated = self._measured(press, self.picked)
-        signal_pa *= self.gains
-        reference_s, reference = self._reference(press)
+        """What detection works on, of a press that is complete."""
+        time_s, signal_pa, saturated = press.signal.whole()
+        # readings before the tare have another zero
+        tared = slice(
+            int(np.searchsorted(time_s, press.phases.get(Phase.APPROACHING, -math.inf), "right")),
+            None,
+        )
+        time_s, signal_pa, saturated = time_s[tared], signal_pa[tared], saturated[tared]
+        if press.raw is not None and len(time_s):
+            first = press.raw.whole()[1][tared, 0]
+            steps = quantum(first[part] for part in press.raw.parts(len(first)))
+            self.quantum_pa = steps * float(self.gains[0])
+        reference_s, reference, _ = (
+            press.reference.whole() if press.reference else (np.empty(0), np.empty((0, 1)), None)
+        )
         phase, keep = press.phases, self._spill.keep
         return Station(
             index=index,
@@ -123,73 +204,45 @@ class _Signal:
             retract_s=phase.get(Phase.RETRACTING, math.nan),
             depth_m=keep(self._depth(index, press, time_s, signal_pa)),
             reference_s=keep(reference_s),
-            reference=keep(reference),
+            reference=keep(reference[:, 0]),
         )
-
-    def quantum_pa(self, press: _Press) -> float | None:
-        """The step of the readings; 0 if they are not multiples of one, None without any."""
-        _, values, _ = self._measured(press, self.picked[:1])
-        return quantum(values[:, 0]) * float(self.gains[0]) if len(values) else None
-
-    def _measured(self, press: _Press, picked: list[int]) -> tuple[Array, Array, Bools]:
-        """What the sensor measured since its tare: readings before it have another zero."""
-        time_s, values, saturated = joined(press.blocks[self.device], len(picked), picked)
-        tared = np.searchsorted(time_s, press.phases.get(Phase.APPROACHING, -math.inf), "right")
-        return time_s[tared:], values[tared:], saturated[tared:]  # no copies: they may be large
 
     def _depth(self, index: int, press: _Press, time_s: Array, signal_pa: Array) -> Array:
         """Along the normal from the surface: the plan's, or where a touch found it (where the
         ramp began), less what the rig has given way."""
-        poses_s, poses, _ = joined(press.blocks["stage"], 3, [0, 1, 2])
+        poses_s, poses, _ = press.height.whole()
         if not len(poses_s):
             return np.full(len(time_s), math.nan)
-        z = np.interp(time_s, poses_s, poses[:, 2])
         surface = self.surface_m.get(index, math.nan)
         if math.isnan(surface) and Phase.INDENTING in press.phases:
-            surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 2]))
-        depth = (surface - z) / math.cos(self.incline.get(index, 0.0))
-        if self.compliance_m_per_n and math.isfinite(self.face_m2):
-            depth = depth - self.compliance_m_per_n * self.face_m2 * signal_pa.mean(axis=1)
-        return depth
-
-    def _reference(self, press: _Press) -> tuple[Array, Array]:
-        for device, own in self.channels.items():
-            for n, channel in enumerate(own):
-                if channel.role == "reference":
-                    time_s, values, _ = joined(press.blocks[device], 1, [n])
-                    return time_s, values[:, 0]
-        return np.empty(0), np.empty(0)
+            surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 0]))
+        found = Growing(np.float64)
+        for part in press.signal.parts(len(time_s)):
+            z = np.interp(time_s[part], poses_s, poses[:, 0])
+            depth = (surface - z) / math.cos(self.incline.get(index, 0.0))
+            if self.compliance_m_per_n and math.isfinite(self.face_m2):
+                mean_pa = signal_pa[part].mean(axis=1)
+                depth = depth - self.compliance_m_per_n * self.face_m2 * mean_pa
+            found.add(depth)
+            press.height.rest()
+        return found.whole()
 
 
-def joined(
-    blocks: Sequence[Block], channels: int, picked: Sequence[int]
-) -> tuple[Array, Array, Bools]:
-    """Times (n,), values (n, channels) and saturation (n, channels) of the ``picked`` columns."""
-    if not blocks:
-        return np.empty(0), np.empty((0, channels)), np.empty((0, channels), bool)
-    if any(block.values.shape[1] <= max(picked) for block in blocks):
-        raise RunFileError("a block of samples has fewer channels than its device")
-    time_s = np.concatenate([block.time_s for block in blocks])
-    values, saturated = (np.empty((len(time_s), len(picked)), kind) for kind in (float, bool))
-    end = np.cumsum([len(block.time_s) for block in blocks])
-    for block, upto in zip(blocks, end, strict=True):  # one copy: it may be most of the memory
-        rows = slice(upto - len(block.time_s), upto)
-        values[rows], saturated[rows] = block.values[:, picked], block.saturated[:, picked]
-    return time_s, values, saturated
+def quantum(parts: Iterable[Array]) -> float:
+    """The step that all differences between values are multiples of; 0 if there is none.
 
-
-def quantum(values: Array) -> float:
-    """The step that all differences between ``values`` (n,) are multiples of; 0 if there is none.
-
-    Rounding noise of the subtraction of a tare (1e-6 of a step) is allowed.
+    ``parts``, (n,) each, are all of the values. Rounding noise of the subtraction of a tare (1e-6
+    of a step) is allowed.
     """
-    levels = np.unique(values[np.isfinite(values)])[:MAX_LEVELS]
+    levels = np.empty(0)
+    for part in parts:
+        levels = np.unique(np.concatenate([levels, part[np.isfinite(part)]]))[:MAX_LEVELS]
     steps = np.diff(levels)
     steps = steps[steps > 1e-9 * np.abs(levels).max(initial=0.0)]
     if not len(steps):
         return 0.0
-    for parts in range(1, MAX_PARTS if len(steps) >= MAX_PARTS else 2):
-        step = float(steps.min()) / parts  # perhaps no two readings were only one step apart
+    for share in range(1, MAX_PARTS if len(steps) >= MAX_PARTS else 2):
+        step = float(steps.min()) / share  # perhaps no two readings were only one step apart
         multiples = steps / step
         if np.abs(multiples - np.round(multiples)).max() < 1e-3:
             return step

@@ -1,14 +1,20 @@
 """What does not fit the memory is kept in files, and nobody can tell."""
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from paths import ROOT
 
+from drivers import Block, Channel
 from probe.acquisition.session import scan
-from probe.core import spill
-from probe.core.spill import Spill
+from probe.core import cut_stations, spill
+from probe.core.events import Finish, RunEnded, RunStarted, Samples, StationEnded, StationStarted
+from probe.core.spill import Growing, Spill
 from probe.storage.run import open_run
+from probe.storage.writer import create_store
 from sim_backend.phantom.phantom import Respond
 
 
@@ -36,7 +42,76 @@ def test_a_recording_is_the_same_out_of_files(
     run = open_run(scan(None, "TI", tmp_path, respond=winkler).path)
     whole = run.recording()
     monkeypatch.setattr(spill, "IN_MEMORY", 0)
+    monkeypatch.setattr(spill, "ONE", 0)
+    monkeypatch.setattr(cut_stations, "PART", 100)
     spilt = run.recording()
     for one, other in zip(whole.stations, spilt.stations, strict=True):
         for name in ("time_s", "signal_pa", "saturated", "depth_m"):
             np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    assert whole.quantum_pa == spilt.quantum_pa
+
+
+def test_what_grows_is_the_same_in_memory_and_in_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(0)
+    rows = [rng.uniform(size=(n, 3)) for n in (0, 7, 1, 900, 0, 2)]
+    for one in (10**6, 400):
+        monkeypatch.setattr(spill, "ONE", one)
+        growing = Growing(np.float64, 3)
+        for part in rows:
+            growing.add(part)
+        whole = growing.whole()
+        assert (whole.base is not None, whole.flags.writeable) == (True, one > 400)
+        growing.rest()
+        np.testing.assert_array_equal(whole, np.concatenate(rows))
+    kept = Spill()
+    assert kept.keep(whole) is whole  # it is in a file already
+
+
+def test_a_press_that_is_broken_off_leaves_no_file_open(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(spill, "ONE", 0)
+    growing = Growing(np.bool_)
+    growing.add(np.ones(5, bool))
+    file = growing._file
+    assert file is not None
+    del growing
+    assert file.closed
+
+
+PEAK = """
+import re, sys
+from pathlib import Path
+from probe.storage.run import open_run
+
+def peak_mb():
+    status = Path("/proc/self/status").read_text()
+    return int(re.search(r"VmHWM:\\s*([0-9]+)", status)[1]) / 1024
+
+open_run(sys.argv[1]).started
+first = peak_mb()
+recording = open_run(sys.argv[1]).recording()
+print(peak_mb() - first, recording.stations[0].signal_pa.nbytes / 1e6)
+"""
+
+
+@pytest.mark.slow
+def test_a_long_press_of_many_channels_is_read_in_little_memory(tmp_path: Path) -> None:
+    """All of it in one press: 64 channels for as long as makes 180 MB, of which nothing stays."""
+    path = tmp_path / "long.run"
+    channels = {"taxels": tuple(Channel(f"t{n}", "Pa", "pressure") for n in range(64))}
+    rng = np.random.default_rng(0)
+    with create_store(path) as store:
+        store(RunStarted(0.0, "2026-01-01T00:00:00+00:00", {}, channels))
+        store(StationStarted(0.0, 0, 1, 0.0, 0.0))
+        for n in range(300):
+            values, times = rng.normal(size=(1000, 64)), n + np.arange(1, 1001) / 1000
+            store(Samples("taxels", Block(times, values, np.zeros((1000, 64), bool)), 0, 1))
+            if n % 10 == 0:
+                store.flush()
+        store(StationEnded(301.0, 0, 1, complete=True))
+        store(RunEnded(301.0, Finish.COMPLETED, "every station is complete"))
+    done = subprocess.run(
+        [sys.executable, "-c", PEAK, path], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    more_mb, held_mb = map(float, done.stdout.split())
+    assert held_mb > 150
+    assert more_mb < 80, f"{more_mb:.0f} MB"

@@ -157,14 +157,14 @@ def test_taxels_share_the_face_and_a_reference_stays_beside() -> None:
 def test_the_step_of_readings_is_found(step: float, counts: list[int], offset: float) -> None:
     tare = 0.37 * step if not np.isfinite(offset) else (offset % 1) * step
     levels = np.unique(counts)
-    found = quantum(step * np.array(counts) - tare)
+    found = quantum([step * np.array(counts) - tare])
     true = step * float(np.gcd.reduce(np.diff(levels))) if len(levels) > 1 else 0.0
     assert found == pytest.approx(true, rel=1e-3) or (found == 0 and len(levels) < 17)
 
 
 def test_readings_without_steps_have_none() -> None:
-    assert quantum(np.random.default_rng(1).normal(size=1000)) == 0.0
-    assert quantum(np.zeros(5)) == 0.0
+    assert quantum([np.random.default_rng(1).normal(size=1000)]) == 0.0
+    assert quantum([np.zeros(5)]) == 0.0
 
 
 def test_a_file_that_cannot_be_opened_now_is_not_called_damaged(path: Path) -> None:
