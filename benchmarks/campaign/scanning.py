@@ -140,6 +140,7 @@ def _scan(far: int, heard: int, arguments: Sequence[str], folder: Path, answer: 
     )
     os.environ["TERM"] = "dumb"
     sys.argv = ["palpate", *arguments]
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # as a program of its own starts
     guard_client.subprocess = SimpleNamespace(  # type: ignore[assignment]
         Popen=Spare(), DEVNULL=subprocess.DEVNULL, TimeoutExpired=subprocess.TimeoutExpired
     )
@@ -161,7 +162,8 @@ def _strike_inside(heard: int) -> None:
     while word := os.read(heard, 1):
         match word:
             case b"b":  # a thread that never rests
-                threading.Thread(target=_burn, daemon=True).start()
+                with suppress(RuntimeError):  # a scan without memory has none for it
+                    threading.Thread(target=_burn, daemon=True).start()
             case b"h":  # an extension that holds the interpreter's lock
                 ctypes.PyDLL(None).usleep(HELD_US)
             case b"d":  # the administrator sets the date

@@ -1,13 +1,17 @@
 """The fault campaign's own parts: a truth that is physics, and a judge that finds what is wrong."""
 
 import math
+import os
+import signal
+import threading
 import time
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
-from campaign import simulated
+from campaign import scanning, simulated
 from campaign.arm import Tip
 from campaign.board import ORIGIN_MM, Board
 from campaign.cell import ZEROS_N, Cell
@@ -188,6 +192,37 @@ def test_the_judge_reads_status_and_words(
     bench.catch_up()
     verdict = judge(bench.drawn, bench.truth(), status=status, answer=answer, said=said, run=None)
     assert any(found in text for text in verdict.wrong)
+
+
+def test_a_scan_of_the_campaign_hears_ctrl_c_as_a_program_does(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def main(_arguments: list[str]) -> int:
+        print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
+        return 7
+
+    monkeypatch.setattr("probe.cli.main", main)
+    scan = scanning.start([], tmp_path, tmp_path / "answer")
+    until_s = time.monotonic() + 20.0
+    while (status := scan.status()) is None and time.monotonic() < until_s:
+        time.sleep(0.01)
+    assert status == 7
+    assert (tmp_path / "answer").read_text() == "True\n"
+    scan.close_terminal()
+
+
+def test_a_strike_that_finds_no_memory_is_no_mistake_of_the_scan(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def start(_thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", start)
+    heard, inside = os.pipe()
+    os.write(inside, b"b")
+    os.close(inside)
+    scanning._strike_inside(heard)
+    os.close(heard)
 
 
 def test_every_simulated_kind_exists() -> None:
