@@ -6,6 +6,7 @@ peer with the secret can halt or lift the probe and let a paused scan go on, but
 it goes.
 """
 
+import errno
 import json
 import os
 import secrets
@@ -59,18 +60,32 @@ def listening(control: Control, run_path: Path) -> Iterator[None]:
 
 
 def _serve(listener: socket.socket, end: threading.Event, answer: Callable[[bytes], str]) -> None:
-    """One thread for all, however many connect: who says nothing gives way to who comes later."""
+    """One thread for all, however many connect: who says nothing gives way to who comes later.
+
+    A descriptor is kept for whoever asks when the scan has none left.
+    """
     listener.setblocking(False)
     open_s: dict[socket.socket, float] = {}
     heard: dict[socket.socket, bytes] = {}
+    spare: socket.socket | None = None
     while not end.is_set():
         ready = select.select([listener, *open_s], [], [], LOOK_S)[0]
+        if spare is None and not (ready or open_s):
+            with suppress(OSError):
+                spare = listener.dup()
         for peer in ready:
             if peer is listener:
-                with suppress(OSError):  # gone again, or no descriptors left
+                try:
                     new, _ = listener.accept()
-                    new.setblocking(False)
-                    open_s[new], heard[new] = time.monotonic(), b""
+                except OSError as error:  # gone again, or no descriptors left
+                    if error.errno == errno.EMFILE and spare is not None:
+                        spare.close()
+                        spare = None
+                    else:
+                        end.wait(LOOK_S)
+                    continue
+                new.setblocking(False)
+                open_s[new], heard[new] = time.monotonic(), b""
                 continue
             try:
                 data = peer.recv(LINE_BYTES)
@@ -87,6 +102,8 @@ def _serve(listener: socket.socket, end: threading.Event, answer: Callable[[byte
             _hang_up(peer, open_s, heard)
     for peer in list(open_s):
         _hang_up(peer, open_s, heard)
+    if spare is not None:
+        spare.close()
 
 
 def _hang_up(

@@ -3,10 +3,13 @@
 import json
 import socket
 import stat
+import subprocess
+import sys
 import threading
 from pathlib import Path
 
 import pytest
+from paths import ROOT
 
 from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.remote import NotRunning, ask, control_path, listening
@@ -33,6 +36,36 @@ def test_resume_takes_back_a_pause(tmp_path: Path) -> None:
         ask(tmp_path / "a.run", "pause")
         ask(tmp_path / "a.run", "resume")
     assert control.command is RunCommand.RESUME
+
+
+SCAN_WITHOUT_DESCRIPTORS = """
+import os, resource, sys, time
+from pathlib import Path
+from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.remote import listening
+
+control = Control()
+with listening(control, Path(sys.argv[1])):
+    time.sleep(0.1)
+    hard = resource.getrlimit(resource.RLIMIT_NOFILE)[1]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (len(os.listdir("/proc/self/fd")) - 1, hard))
+    print("listens", flush=True)
+    until_s = time.monotonic() + 20
+    while control.command < RunCommand.ABORT and time.monotonic() < until_s:
+        time.sleep(0.01)
+print(control.command.name)
+"""
+
+
+def test_a_scan_without_descriptors_hears_each_word(tmp_path: Path) -> None:
+    run = tmp_path / "a.run"
+    command = [sys.executable, "-c", SCAN_WITHOUT_DESCRIPTORS, run]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as scan:
+        assert scan.stdout is not None
+        assert scan.stdout.readline() == "listens\n"
+        for word in ("pause", "resume", "abort"):
+            ask(run, word)
+        assert scan.stdout.read() == "ABORT\n"
 
 
 def test_without_a_scan_the_user_is_told_what_to_do(tmp_path: Path) -> None:
