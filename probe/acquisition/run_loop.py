@@ -98,11 +98,10 @@ class RunLoop:
             if until is not None and until():
                 self.halt()
                 return False
-        here = self.monitor.pose()
-        off = math.dist(here[:3], target[:3])
+        off = math.dist(self.monitor.pose()[:3], target[:3])
         if off > ARRIVED_M:
             raise MotionFault(self.stage.name, f"came to rest {1e3 * off:.2f} mm from its target")
-        self.monitor.arrived(here)
+        self.monitor.arrived(target)
         return True
 
     def halt(self) -> None:

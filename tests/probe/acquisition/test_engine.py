@@ -163,6 +163,21 @@ def test_a_stage_beyond_its_orders_is_stopped(winkler: Any) -> None:
     assert of(events, "stage").values[:, 2].min() > -3.1e-3
 
 
+@pytest.mark.parametrize(("pushed_mm", "finish"), [(0.1, "completed"), (0.18, "faulted")])
+def test_a_tip_that_is_pushed_a_little_deeper_holds_no_press(
+    winkler: Any, pushed_mm: float, finish: str
+) -> None:
+    """0.2 mm change the level by a tenth, which a map would take for a lump."""
+
+    def push(event: Event, _: Control, opened: Devices) -> None:
+        if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:
+            x, y, z = opened.stage.pose()[:3]
+            opened.stage.move(Pose(x, y, z - 1e-3 * pushed_mm), 2e-3)
+
+    ended, _, _ = scan(winkler, hook=push)
+    assert ended.finish.value == finish
+
+
 @pytest.mark.parametrize(
     "phase", [Phase.TRAVELLING, Phase.TARING, Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING]
 )
