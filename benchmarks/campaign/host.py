@@ -68,6 +68,13 @@ class Host:
         """The file that the scan writes."""
         return next(iter(sorted(self.out.glob("*.run"))), None)
 
+    @property
+    def both_drive(self) -> bool:
+        """Whether the second program has a run while the scan's own goes on: as long as it does it
+        may be asked, and afterwards another may have the stage."""
+        second = self.out.with_name("second")
+        return any(second.glob("*.run")) and any(self.out.glob("*.control"))
+
     def _strike(self, name: str, size: tuple[float, float, float]) -> None:
         scan, (a, b, _) = self.scan, size
         if name in SIGNALS:

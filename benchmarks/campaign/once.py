@@ -114,7 +114,7 @@ def _fork(work: Callable[[int], None]) -> tuple[int, int]:
 
 
 def _follow(draw: Draw, host: Host, commands: int, folder: Path) -> Ended:
-    began_s, status = time.monotonic(), None
+    began_s, status, beside = time.monotonic(), None, False
     while status is None and time.monotonic() - began_s < HANG_S:
         terminal = host.scan.terminal
         watched = [commands] + ([terminal] if terminal is not None else [])
@@ -125,9 +125,9 @@ def _follow(draw: Draw, host: Host, commands: int, folder: Path) -> Ended:
         if terminal in ready:
             host.scan.drain()
         host.due()
+        beside = beside or host.both_drive
         status = host.scan.status()
     seconds = time.monotonic() - began_s
-    beside = any((folder / "second").glob("*.run"))  # one that begins afterwards may drive
     _end(host.scan)
     second = None
     if host.second is not None:

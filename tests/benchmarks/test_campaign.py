@@ -16,6 +16,7 @@ from campaign.arm import Tip
 from campaign.board import ORIGIN_MM, Board
 from campaign.cell import ZEROS_N, Cell
 from campaign.faults import BY_NAME, KINDS, SIMULATED, Draw, draw, of_kinds
+from campaign.host import Host
 from campaign.judge import judge
 from campaign.world import HARDENING_PER_M, PULSE_N, TAU_S, Bed, World
 
@@ -223,6 +224,24 @@ def test_a_strike_that_finds_no_memory_is_no_mistake_of_the_scan(
     os.close(inside)
     scanning._strike_inside(heard)
     os.close(heard)
+
+
+@pytest.mark.parametrize(
+    ("files", "both"),
+    [
+        (["out/a.run", "out/a.run.control", "second/b.run"], True),
+        (["out/a.run", "out/a.run.control"], False),
+        (["out/a.run", "second/b.run"], False),
+    ],
+)
+def test_a_second_program_may_drive_once_the_run_has_ended(
+    files: list[str], both: bool, tmp_path: Path
+) -> None:
+    for name in files:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    scan = scanning.Scan(0, 0, None, 0)
+    assert Host(scan, tmp_path / "out", tmp_path / "rig.toml").both_drive is both
 
 
 def test_every_simulated_kind_exists() -> None:
