@@ -18,7 +18,7 @@ from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
 from probe.detection.pulse.own_shape import SAMPLES_EACH, shape_evidence
 from probe.detection.pulse.periodic import beside_of, log_evidence, mean_wave, periodic
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, weights
 from probe.detection.pulse.search import SHARE
 
 COARSE_S = 0.04
@@ -37,9 +37,10 @@ PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "t
 choice, which acts together with `MIN_POSTERIOR`: how much it matters is said there."""
 MIN_POSTERIOR = 0.85
 """Least posterior probability of a pulse, among all causes, to count as one. With 0.7 one in a
-hundred pulses of 0.5 and 1 % more are found (200 holds each of benchmarks/pulses.py), and of 80
-steady lines and 80 tremors one more each is called one; with 0.65 so are 13 of 40 lines at 10 Hz,
-which their shape does not tell from a pulse (benchmarks/artefacts.py)."""
+hundred pulses of 1 %, and one or two of 0.5 %, more are found (200 holds each of
+benchmarks/pulses.py). Of 200 steady lines, 200 tremors and 200 random walks (half at 10 Hz;
+benchmarks/artefacts.py) 1, 0 and 3 are called a pulse; with 0.7 it is 3, 0 and 4, with 0.6 3, 5
+and 4, with 0.5 24, 13 and 6."""
 OWN_HARMONICS = 6
 """Harmonics in which a person's wave may differ from the mean one; the brachial wave's further ones
 are below 0.08 of its first."""
@@ -107,7 +108,8 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
         "pulse": float(logsumexp([
             np.log(SHARE["shaped"]) + mean_wave(hold, SLOWEST_HZ, FASTEST_HZ),
             *(np.log(SHARE["free"] / len(STEADY_HARMONICS))
-              + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count) for count in STEADY_HARMONICS),
+              + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count, weights)
+              for count in STEADY_HARMONICS),
             np.log(SHARE["train"]) + shape_evidence(hold, train, OWN_HARMONICS),
         ])),
         "breathing": periodic(hold, *BREATHING_HZ, BREATHING_HARMONICS),

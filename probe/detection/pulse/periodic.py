@@ -9,7 +9,10 @@ import numpy as np
 from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.beat_train import MEMORIES, Coarse, whiten
 from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH
+from probe.detection.pulse.rate_prior import weights
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
+
+Likely = Callable[[Array], Array]
 
 REFINED = 3
 """Rounds of narrowing a rate, each to an eighth: a strong line must be met within its doubt."""
@@ -24,16 +27,22 @@ def log_evidence(left: Array, n: int, unknowns: int | Ints) -> Array:
                       - 0.5 * (unknowns + 2) * np.log(n))  # fmt: skip
 
 
-def periodic(hold: Coarse, slowest_hz: float, fastest_hz: float, count: int) -> float:
-    """Log evidence of up to ``count`` harmonics at one unknown rate, the first the largest."""
+def periodic(
+    hold: Coarse, slowest_hz: float, fastest_hz: float, count: int, likely: Likely = np.ones_like
+) -> float:
+    """Log evidence of up to ``count`` harmonics at one unknown rate, the first the largest.
+
+    ``likely`` tells how likely rates (r,) are beforehand, on average 1 (`rate_prior.weights`).
+    """
     count = max(1, min(count, int((len(hold.signal) / SAMPLES_EACH - 1) / 2)))
-    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_harmonics)
+    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_harmonics, likely)
 
 
 def mean_wave(hold: Coarse, slowest_hz: float, fastest_hz: float) -> float:
-    """Log evidence of the brachial wave at one unknown rate: of a faint pulse no more than its
+    """Log evidence of the brachial wave at a heart's rate: of a faint pulse no more than its
     size and phase can be known, and harmonics of any size cost more than they explain."""
-    return _at_best_rate(hold, slowest_hz, fastest_hz, len(AMPLITUDES_MMHG), _as_wave)
+    count = len(AMPLITUDES_MMHG)
+    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_wave, weights)
 
 
 @dataclass(frozen=True)
@@ -48,7 +57,7 @@ class _Waves:
 
 def _at_best_rate(
     hold: Coarse, slowest_hz: float, fastest_hz: float, count: int,
-    evidence: Callable[[Coarse, _Waves, float], Array],
+    evidence: Callable[[Coarse, _Waves, float], Array], likely: Likely,
 ) -> float:  # fmt: skip
     """Log evidence of the best rate, in the likeliest noise, less what choosing it costs.
 
@@ -65,7 +74,7 @@ def _at_best_rate(
         for finer in range(1 + REFINED):
             if finer:
                 waves = _waves(n, hold.step_s, tried, count, memory)
-            each = evidence(hold, waves, memory)
+            each = evidence(hold, waves, memory) + np.log(likely(tried))
             k = int(np.argmax(each))
             best = max(best, float(each[k]))
             tried = np.linspace(tried[max(k - 1, 0)], tried[min(k + 1, len(tried) - 1)], FINER)
