@@ -7,10 +7,18 @@ device is refused; an old one is used with a warning.
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal, get_type_hints
+from typing import Any, Literal, Self, get_type_hints
 
 import numpy as np
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import (
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    TypeAdapter,
+    ValidationError,
+    model_validator,
+)
 from scipy.special import fdtri
 
 from calibration.axes import AxesCalibration
@@ -76,6 +84,15 @@ class Estimates(_Table):
     covariance: tuple[tuple[float, ...], ...]
     residuals: tuple[float, ...]
     dof: int
+
+    @model_validator(mode="after")
+    def _one_of_each(self) -> Self:
+        count = len(self.names)
+        if len(self.values) != count or [len(r) for r in self.covariance] != [count] * count:
+            raise ValueError(
+                f"{count} names need as many values and a covariance of {count} x {count}"
+            )
+        return self
 
 
 class Record(_Table):

@@ -74,6 +74,16 @@ def test_nor_does_a_wrong_value(tmp_path: Path, kind: str, data: st.DataObject) 
         assert isinstance(value, str) or np.isfinite(value).all()
 
 
+@pytest.mark.parametrize("covariance", [[], [[1.0], []], [[1.0, 2.0]]])
+def test_a_covariance_of_another_shape_is_refused(tmp_path: Path, covariance: object) -> None:
+    """Rows of unequal length were a mistake in palpate itself."""
+    path, table = written(tmp_path, "force")
+    table["estimates"]["covariance"] = covariance
+    path.write_text(json.dumps(table))
+    with pytest.raises(CalibrationError, match="estimates: .* covariance of"):
+        use(path, "cell")
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
     [("offset", None), ("offset", [1.0]), ("sensitivity", [[1.0], [2.0, 3.0]]), ("linearity", "a")],
