@@ -6,7 +6,7 @@ import pytest
 from drivers.core.arrays import Array
 from probe.detection.pulse.beat_train import Coarse
 from probe.detection.pulse.periodic import log_evidence, mean_wave, periodic
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, weights
 from probe.detection.pulse.wave import brachial
 
 STEP_S, COUNT, SEEDS = 0.1, 48, 8
@@ -44,6 +44,19 @@ def test_a_faint_line_is_likelier_as_a_line(rate_hz: float) -> None:
     holds = [hold(2.5 * np.cos(2 * np.pi * turns(rate_hz, seed)), seed) for seed in range(SEEDS)]
     gain = [by_wave(one) - by_harmonics(one, 1) for one in holds]
     assert np.median(gain) < -2.0
+
+
+@pytest.mark.parametrize("rate_hz", [0.75, 1.2, 2.0])
+def test_a_wave_is_as_likely_as_hearts_have_its_rate(
+    monkeypatch: pytest.MonkeyPatch, rate_hz: float
+) -> None:
+    one = hold(20.0 * brachial(turns(rate_hz, 2) % 1.0), 2)
+    usual = np.log(weights(np.array([rate_hz])))[0]
+    harmonics = [periodic(one, SLOWEST_HZ, FASTEST_HZ, 2, way) for way in (weights, np.ones_like)]
+    assert harmonics[0] - harmonics[1] == pytest.approx(usual, abs=0.05)
+    as_hearts = by_wave(one)
+    monkeypatch.setattr("probe.detection.pulse.periodic.weights", np.ones_like)
+    assert as_hearts - by_wave(one) == pytest.approx(usual, abs=0.05)
 
 
 def test_what_lies_beside_the_wave_costs_nothing() -> None:
