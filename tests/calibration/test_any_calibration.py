@@ -80,7 +80,7 @@ def test_a_covariance_of_another_shape_is_refused(tmp_path: Path, covariance: ob
     path, table = written(tmp_path, "force")
     table["estimates"]["covariance"] = covariance
     path.write_text(json.dumps(table))
-    with pytest.raises(CalibrationError, match="estimates: .* covariance of"):
+    with pytest.raises(CalibrationError, match=r"estimates: .* covariance of"):
         use(path, "cell")
 
 
