@@ -3,6 +3,8 @@
 W = G/2 (J^(-2/3) I1 - 3) + K/2 (J - 1)^2 (Ogden 1984, sec. 7.2), F (..., 3, 3) = dx_i / dX_J.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from sim_backend.arrays import Array
@@ -25,31 +27,54 @@ def unforeseen_volume(f: Array, step: Array) -> Array:
     return np.asarray(j - j_before - (cofactor * step).sum(axis=(-1, -2)))
 
 
-def stress_and_tangent(
-    f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0
-) -> tuple[Array, Array]:
-    """First Piola-Kirchhoff stress (..., 3, 3) [Pa] and dP_iJ/dF_kL (..., 3, 3, 3, 3).
+@dataclass(frozen=True)
+class Response:
+    """First Piola-Kirchhoff stress P and its slope, by F and ``h`` (..., 3, 3) = F^-T.
+
+    P = ``by_f`` F + ``by_h`` h and dP_iJ/dF_kL = ``hh`` h_iJ h_kL + ``turned`` h_iL h_kJ
+    - ``fh`` (F_iJ h_kL + h_iJ F_kL) + ``by_f`` d_ik d_JL, all [Pa] and (...).
+    """
+
+    h: Array
+    by_f: Array
+    by_h: Array
+    hh: Array
+    turned: Array
+    fh: Array
+
+
+def response(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) -> Response:
+    """At F ``f`` (..., 3, 3).
 
     ``lag`` (...) is taken off J where the pressure turns the tangent, and only there: see
     `sim_backend.fem.internal.forces_and_tangents`.
     """
     j, cofactor = determinant_and_cofactor(f)
-    h = cofactor / j[..., None, None]
-    scale = shear * np.cbrt(j) ** -2
-    third = (f * f).sum(axis=(-1, -2)) / 3
+    by_f = shear * np.cbrt(j) ** -2
+    third = by_f * (f * f).sum(axis=(-1, -2)) / 3
     pressure = bulk * (j - 1) * j
-    stress = _over(scale) * f + _over(pressure - scale * third) * h
-    hh = h[..., :, :, None, None] * h[..., None, None, :, :]
-    fh = f[..., :, :, None, None] * h[..., None, None, :, :]
-    hf = h[..., :, :, None, None] * f[..., None, None, :, :]
     # dF^-T_iJ / dF_kL = -F^-T_iL F^-T_kJ
     turning = bulk * (j - 1 - lag) * j
-    tangent = _over(scale * third * 2 / 3 + bulk * j**2 + turning, 4) * hh
-    tangent += _over(scale * third - turning, 4) * np.swapaxes(hh, -1, -3)
-    tangent -= _over(2 / 3 * scale, 4) * (fh + hf)
+    return Response(
+        cofactor / _over(j), by_f, pressure - third,
+        third * 2 / 3 + bulk * j**2 + turning, third - turning, 2 / 3 * by_f,
+    )  # fmt: skip
+
+
+def stress_and_tangent(
+    f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0
+) -> tuple[Array, Array]:
+    """First Piola-Kirchhoff stress (..., 3, 3) [Pa] and dP_iJ/dF_kL (..., 3, 3, 3, 3)."""
+    its = response(f, shear, bulk, lag)
+    stress = _over(its.by_f) * f + _over(its.by_h) * its.h
+    hh = its.h[..., :, :, None, None] * its.h[..., None, None, :, :]
+    fh = f[..., :, :, None, None] * its.h[..., None, None, :, :]
+    hf = its.h[..., :, :, None, None] * f[..., None, None, :, :]
+    tangent = _over(its.hh, 4) * hh + _over(its.turned, 4) * np.swapaxes(hh, -1, -3)
+    tangent -= _over(its.fh, 4) * (fh + hf)
     for a in range(3):
         for b in range(3):
-            tangent[..., a, b, a, b] += scale
+            tangent[..., a, b, a, b] += its.by_f
     return stress, tangent
 
 

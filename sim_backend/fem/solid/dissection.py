@@ -30,25 +30,32 @@ def dissected(nodes: Array, graph: csr_matrix) -> tuple[Ints, list[Front]]:
 
     ``graph`` (n, n) has an entry where two nodes share an element.
     """
-    parts: list[tuple[Ints, tuple[int, ...]]] = []
+    parts: list[_Part] = []
     _halve(np.arange(len(nodes)), nodes, graph, parts)
-    order = np.concatenate([part for part, _ in parts])
+    order = np.concatenate([part.nodes for part in parts])
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
     fronts: list[Front] = []
     first = 0
-    for part, children in parts:
-        last = first + len(part)
-        reached = [place[graph[part].indices], *(fronts[c].border for c in children)]
+    for part in parts:
+        last = first + len(part.nodes)
+        reached = [place[part.near], *(fronts[c].border for c in part.children)]
         border = np.unique(np.concatenate(reached))
-        fronts.append(Front(first, last, border[border >= last], children))
+        fronts.append(Front(first, last, border[border >= last], part.children))
         first = last
     return order, fronts
 
 
-def _halve(
-    part: Ints, nodes: Array, graph: csr_matrix, parts: list[tuple[Ints, tuple[int, ...]]]
-) -> int:
+@dataclass(frozen=True)
+class _Part:
+    """``nodes`` that make a front, those ``near`` them in the graph, and its children's numbers."""
+
+    nodes: Ints
+    near: Ints
+    children: tuple[int, ...]
+
+
+def _halve(part: Ints, nodes: Array, graph: csr_matrix, parts: list[_Part]) -> int:
     """Number of the front at the top of ``part``."""
     best: tuple[int, Bools, Bools] | None = None
     if len(part) > LEAF:
@@ -62,11 +69,28 @@ def _halve(
                 between = ~low & (near @ low.astype(np.float32) > 0)
                 if best is None or between.sum() < best[0]:
                     best = int(between.sum()), low, between
-    if best is None:
-        parts.append((part, ()))
-        return len(parts) - 1
-    _, low, between = best
-    halves = [part[low], part[~low & ~between]]
-    children = tuple(_halve(half, nodes, graph, parts) for half in halves if len(half))
-    parts.append((part[between], children))
+    children: tuple[int, ...] = ()
+    if best is not None:
+        _, low, between = best
+        below = len(parts)
+        halves = [part[low], part[~low & ~between]]
+        children = tuple(_halve(half, nodes, graph, parts) for half in halves if len(half))
+        part = _alike_together(part[between], parts[below:], len(nodes))
+    parts.append(_Part(part, graph[part].indices.astype(np.int64), children))
     return len(parts) - 1
+
+
+def _alike_together(between: Ints, below: list[_Part], count: int) -> Ints:
+    """The nodes ``between`` two halves, ordered by the first and the last of the parts ``below``
+    that they are next to.
+
+    What is next to one part then follows one another in the fronts above it, and is added to them
+    in a tenth as many blocks as in the order of the nodes (TIHA-solid's second mesh; Pichon et al.
+    2017 reorder a supernodal solver's separators for the same).
+    """
+    first, last = np.zeros((2, count), dtype=np.int64)
+    for number, part in enumerate(below):
+        last[part.near] = number
+    for number, part in reversed(list(enumerate(below))):
+        first[part.near] = number
+    return between[np.lexsort((last[between], first[between]))]

@@ -7,7 +7,7 @@ import numpy as np
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.material_3d import (
     determinant_and_cofactor,
-    stress_and_tangent,
+    response,
     unforeseen_volume,
 )
 from sim_backend.fem.solid.prism import Wedges
@@ -29,8 +29,8 @@ class Faces:
 
     @property
     def dofs(self) -> Ints:
-        """(s, 3k): displacement numbers of each face."""
-        return (3 * self.nodes[:, :, None] + np.arange(3)).reshape(len(self.nodes), -1)
+        """(s, 3k): displacement numbers of each face, by direction."""
+        return (3 * self.nodes[:, None] + np.arange(3)[:, None]).reshape(len(self.nodes), -1)
 
 
 def deformation(wedges: Wedges, u: Array) -> Array:
@@ -61,7 +61,7 @@ def forces_and_tangents(
     the tangent has no pressure.
     """
     m = len(wedges.cells)
-    force, tangent = np.empty((m, 54)), np.empty((m, 54, 54))
+    force, tangent = np.empty((m, 3, 18)), np.empty((m, 3, 18, 3, 18))
     f = deformation(wedges, u)
     lag = np.zeros(f.shape[:2])
     if change is not None:
@@ -70,19 +70,30 @@ def forces_and_tangents(
         lag = determinant_and_cofactor(f)[0] - 1
     for start in range(0, m, _CHUNK):
         part = slice(start, start + _CHUNK)
-        gradient, weight = wedges.gradient[part], wedges.weight[part]
-        stress, moduli = stress_and_tangent(f[part], shear[part, None], bulk[part, None], lag[part])
-        each = np.swapaxes(gradient.reshape(len(gradient), -1, 18, 3), 2, 3)  # (m, q, J, k)
-        across = np.swapaxes(each.reshape(len(gradient), -1, 18), 1, 2)  # (m, k, qJ)
-        weighted = np.swapaxes(stress * weight[..., None, None], 2, 3)
-        force[part] = (across @ weighted.reshape(len(gradient), -1, 3)).reshape(-1, 54)
-        # dP_iJ/dF_kL g_Ll, then g_kJ: (m, q, J i k, L) @ (m, q, L, l)
-        turned = np.moveaxis(moduli, 3, 2) * weight[..., None, None, None, None]
-        inner = turned.reshape(*weight.shape, 27, 3) @ each
-        outer = across @ inner.reshape(len(gradient), -1, 9 * 18)  # (m, k, i j l)
-        outer = outer.reshape(-1, 18, 3, 3, 18)
-        tangent[part] = np.swapaxes(outer, 3, 4).reshape(-1, 54, 54)
-    return force, tangent
+        gradient, weight = np.swapaxes(wedges.gradient[part], 2, 3), wedges.weight[part]
+        its = response(f[part], shear[part, None], bulk[part, None], lag[part])
+        by_f, by_h, hh, turned, fh = (
+            (weight * each)[..., None, None]
+            for each in (its.by_f, its.by_h, its.hh, its.turned, its.fh)
+        )
+        # of P and dP/dF what is left with the gradients g: F g and h g, (m, q, i, k)
+        f_g, h_g = f[part] @ gradient, its.h @ gradient
+        force[part] = (by_f * f_g + by_h * h_g).sum(axis=1)
+        rows, half = _rows(h_g), _rows(0.5 * hh * h_g - fh * f_g)
+        left, right = np.concatenate([half, rows], axis=1), np.concatenate([rows, half], axis=1)
+        whole = (np.swapaxes(left, 1, 2) @ right).reshape(-1, 3, 18, 3, 18)
+        swapped = (np.swapaxes(_rows(turned * h_g), 1, 2) @ rows).reshape(-1, 3, 18, 3, 18)
+        tangent[part] = whole + np.swapaxes(swapped, 1, 3)
+        points = (len(weight), -1, 18)
+        alike = np.swapaxes((by_f * gradient).reshape(points), 1, 2) @ gradient.reshape(points)
+        for i in range(3):
+            tangent[part, i, :, i] += alike
+    return force.reshape(m, 54), tangent.reshape(m, 54, 54)
+
+
+def _rows(each: Array) -> Array:
+    """(m, q, 3, 18) as (m, q, 54)."""
+    return each.reshape(*each.shape[:2], 54)
 
 
 def unit_pressure(faces: Faces, place: Array) -> tuple[Array, Array]:
@@ -92,10 +103,10 @@ def unit_pressure(faces: Faces, place: Array) -> tuple[Array, Array]:
     a = np.einsum("qk,ski->sqi", faces.by_a, here)
     b = np.einsum("qk,ski->sqi", faces.by_b, here)
     weighted = faces.weight[:, None] * faces.value
-    force = np.einsum("qk,sqi->ski", weighted, np.cross(a, b))
+    force = np.einsum("qk,sqi->sik", weighted, np.cross(a, b))
     turn = np.einsum("ql,sqij->sqlij", faces.by_b, _spin(a))
     turn -= np.einsum("ql,sqij->sqlij", faces.by_a, _spin(b))
-    stiffness = np.einsum("qk,sqlij->skilj", weighted, turn, optimize=True)
+    stiffness = np.einsum("qk,sqlij->sikjl", weighted, turn, optimize=True)
     return force.reshape(s, 3 * k), stiffness.reshape(s, 3 * k, 3 * k)
 
 

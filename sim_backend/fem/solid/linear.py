@@ -36,18 +36,18 @@ class LinearSolver:
         number = np.cumsum(used) - 1
         n = int(used.sum())
         keys = [number[g][:, :, None] * n + number[g][:, None, :] for g in groups]
-        unique = np.unique(np.concatenate([key.ravel() for key in keys]))
-        graph = csr_matrix(
-            (np.ones(len(unique), np.float32), (unique // n, unique % n)), shape=(n, n)
-        )
+        unique, index = np.unique(np.concatenate([k.ravel() for k in keys]), return_inverse=True)
+        rows, columns = np.divmod(unique, n)
+        graph = csr_matrix((np.ones(len(unique), np.float32), (rows, columns)), shape=(n, n))
         order, fronts = dissected(nodes[used], graph)
         place = np.empty(n, dtype=np.int64)
         place[order] = np.arange(n)
-        keys = [place[number[g]][:, :, None] * n + place[number[g]][:, None, :] for g in groups]
-        unique, index = np.unique(np.concatenate([k.ravel() for k in keys]), return_inverse=True)
-        rows, self._columns = np.divmod(unique, n)
+        ahead = np.lexsort((place[columns], place[rows]))
+        rows, self._columns = place[rows[ahead]], place[columns[ahead]]
+        rank = np.empty(len(unique), dtype=np.int64)
+        rank[ahead] = np.arange(len(unique))
         self._starts = np.searchsorted(rows, np.arange(n + 1))
-        self._index = _places(groups, index.ravel())
+        self._index = _places(groups, rank[index])
         self._plan = Plan(fronts, self._starts, self._columns)
         self._dofs = (3 * np.flatnonzero(used)[order][:, None] + np.arange(3)).ravel()
         still = np.zeros(3 * len(nodes), dtype=bool)
@@ -68,8 +68,11 @@ class LinearSolver:
     def matrix(self, blocks: list[Array]) -> bsr_matrix:
         """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
         diagonal of what is held."""
-        data = np.concatenate([b.ravel() for b in blocks])
-        flat = np.bincount(self._index, weights=data, minlength=9 * len(self._columns))
+        flat = np.bincount(
+            self._index[0], weights=blocks[0].ravel(), minlength=9 * len(self._columns)
+        )
+        for index, block in zip(self._index[1:], blocks[1:], strict=True):
+            np.add.at(flat, index, block.ravel())
         values = flat.reshape(-1, 3, 3)
         values[self._partly] *= self._mask
         scale = float(np.abs(values[self._diagonal, 0, 0]).max())
@@ -100,6 +103,10 @@ class LinearSolver:
         result[self._dofs] = x
         return result
 
+    def forget(self) -> None:
+        """The next `solve` makes factors of its own."""
+        self._factors = None
+
     @property
     def is_indefinite(self) -> bool:
         """Whether the factors of the last `solve` have a negative pivot."""
@@ -108,8 +115,9 @@ class LinearSolver:
     def lowest_curvature(self, matrix: bsr_matrix) -> float | None:
         """Infinite where all pivots are positive; else x A x / x x of a displacement x for which it
         is negative, None where the first negative pivot's is not: single precision does not tell
-        eigenvalues near zero. Raises `Singular`."""
-        factors = self.factor(matrix)
+        eigenvalues near zero. Its factors serve the next `solve`. Raises `Singular`."""
+        self.forget()
+        self._factors = factors = self.factor(matrix)
         if not factors.negative:
             return float("inf")
         x = factors.releasing()
@@ -170,12 +178,12 @@ class LinearSolver:
         return (np.asarray(x) if good else None), counted
 
 
-def _places(groups: list[Ints], block: Ints) -> Ints:
-    """Where each entry (i, a, j, b) of the groups' matrices goes among the blocks' entries."""
+def _places(groups: list[Ints], block: Ints) -> list[Ints]:
+    """Where each entry (a, i, b, j) of the groups' matrices goes among the blocks' entries."""
     three, start, places = np.arange(3), 0, []
     for group in groups:
         m, k = group.shape
-        of = block[start : start + m * k * k].reshape(m, k, 1, k, 1)
+        of = block[start : start + m * k * k].reshape(m, 1, k, 1, k)
         start += m * k * k
-        places.append((9 * of + 3 * three[:, None, None] + three).astype(np.int32).ravel())
-    return np.concatenate(places)
+        places.append((9 * of + 3 * three[:, None, None, None] + three[:, None]).ravel())
+    return places

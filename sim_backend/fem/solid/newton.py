@@ -138,6 +138,8 @@ def equilibrium(
             change = solver.solve(solver.matrix(blocks), -residual).reshape(-1, 3)
         except Singular:
             raise NotConverged("the tangent became singular") from None
+        if rough:  # without the pressure its factors serve no other tangent
+            solver.forget()
         indefinite += solver.is_indefinite
         if indefinite > most_indefinite:
             raise NotConverged("the tangent stayed indefinite")

@@ -30,8 +30,8 @@ class Wedges:
 
     @property
     def dofs(self) -> Ints:
-        """(m, 54): displacement numbers of each wedge."""
-        return (3 * self.cells[:, :, None] + np.arange(3)).reshape(len(self.cells), -1)
+        """(m, 54): displacement numbers of each wedge, by direction."""
+        return (3 * self.cells[:, None] + np.arange(3)[:, None]).reshape(len(self.cells), -1)
 
 
 def line(zeta: Array) -> tuple[Array, Array]:

@@ -47,20 +47,22 @@ def solve_solid(
     )
     solver = body.solver()
     first = pressures_pa[0] if body.lumens else 0.0
-    rest = [Load(depth_m, p) for p in pressures_pa[1:]]
-    solutions: list[SolidSolution] = []
+    now: SolidSolution | None = None
     if coarser is not None:
         with suppress(NotConverged):
             # displacements between a coarser mesh's nodes do not keep volumes: one such start is
             # enough, and pressures are followed from there
             guess = carried(coarser[0], coarser[1][0], body)
-            found = equilibrium(body, solver, guess, Load(depth_m, first))
-            solutions = [found, *continuation(body, solver, found, rest)]
-    if not solutions:
+            now = equilibrium(body, solver, guess, Load(depth_m, first))
+    if now is None:
         ramp = [Load(d, first) for d in _depths(depth_m)]
-        found_all = list(continuation(body, solver, unloaded(body), [*ramp, *rest]))
-        solutions = found_all[-len(pressures_pa) :]
-    return body, [replace(one, stable=is_stable(body, solver, one)) for one in solutions]
+        *_, now = continuation(body, solver, unloaded(body), ramp)
+    solutions = [replace(now, stable=is_stable(body, solver, now))]
+    for pressure in pressures_pa[1:]:
+        # from the factors that told the last state's stability
+        (now,) = continuation(body, solver, now, [Load(depth_m, pressure)])
+        solutions.append(replace(now, stable=is_stable(body, solver, now)))
+    return body, solutions
 
 
 def _depths(depth_m: float) -> list[float]:
