@@ -53,11 +53,11 @@ STENOSIS = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": (-3.0, 3.0)}
 LUMP = {"kind": "tumour", "x_mm": 32.0, "depth_mm": 8.0, "diameter_mm": 6.0,
         "modulus_kpa": 1000.0, "poisson": 0.49}  # fmt: skip
 CASES: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[float, ...]]] = {
-    "TIHA-ball": (ARTERY, BALL, (80.0, 120.0)),
+    "TIHA-ball": (ARTERY, BALL, (0.0, 80.0, 120.0)),
     "cylinder-with-ends": (ARTERY, CYLINDER, (0.0, 80.0, 120.0)),
     "ball-over-ball": (LUMP, BALL, (0.0,)),
     "part-length-stenosis": ({**ARTERY, "depth_mm": 9.0, "stenosis": STENOSIS}, BALL,
-                             (80.0, 120.0)),
+                             (0.0, 80.0, 120.0)),
 }  # fmt: skip
 """Inclusion, finger, and pressures [mmHg]."""
 CELLS_45 = 3
