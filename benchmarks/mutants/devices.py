@@ -8,6 +8,17 @@ TEST_READER, TEST_GRBL = "tests/drivers/core/test_reader.py", "tests/drivers/tes
 
 DEVICES = (
     Mutant(
+        "a UR looks for contact in the next press too", "drivers/ur/client.py",
+        "                self._end_detection()\n                self._begin_operation()",
+        "                self._begin_operation()",
+        ("tests/drivers/ur/test_contact.py::test_another_move_ends_the_search",),
+    ),
+    Mutant(
+        "an older UR that cannot find contact is asked to", "drivers/ur/controller.py",
+        "return (self.major, self.minor) >= (5, 4)", "return True",
+        ("tests/drivers/ur/test_contact.py::test_a_controller_that_has_no_contact_detection_is_refused",),
+    ),
+    Mutant(
         "an old reading is a zero", READER,
         "if age_s > max(0.5, 5 / self.rate_hz):", "if age_s > 1e9:",
         (f"{TEST_READER}::test_an_old_reading_is_no_zero",),

@@ -11,6 +11,7 @@ PRESS = "probe/acquisition/press_guard.py"
 LEVELS = "probe/acquisition/levels.py"
 TEST_MONITOR = "tests/probe/acquisition/test_safety_monitor.py"
 TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
+TEST_CONTACT = "tests/probe/acquisition/test_ur_contact.py"
 TEST_LIMIT = "tests/probe/acquisition/test_force_limit.py"
 TEST_WORLDS = "tests/probe/acquisition/test_worlds_not_built.py"
 TEST_FALSE = "tests/probe/acquisition/test_false_sensors.py"
@@ -286,6 +287,16 @@ GUARDED = (
         "if not self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
         (f"{TEST_ENGINE}::test_touch_finds_the_surface",
          f"{TEST_ENGINE}::test_nothing_to_touch_is_a_fault"),
+    ),
+    Mutant(
+        "a contact in the air is a surface", ENGINE,
+        "if felt_n < touch_n:", "if felt_n < 0:",
+        (f"{TEST_CONTACT}::test_contact_in_the_air_is_a_fault",),
+    ),
+    Mutant(
+        "going back from a contact is a sensor's fault", MONITOR,
+        "if odd is not None and not abilities.touched(self._stage):", "if odd is not None:",
+        (f"{TEST_CONTACT}::test_the_press_begins_where_contact_began",),
     ),
     Mutant(
         "complete stations are pressed again", ENGINE,

@@ -29,6 +29,22 @@ def start_again(stage: Stage) -> None:
         own()
 
 
+def finds_contact(stage: Stage) -> bool:
+    """Whether it may itself end a move at a contact."""
+    return bool(getattr(stage, "finds_contact", False))
+
+
+def move(stage: Stage, target: Pose, speed_m_s: float, *, search: bool) -> None:
+    """Set off; one that finds contact by itself ends a ``search`` there. As `Stage.move`."""
+    own = getattr(stage, "search", None) if search and finds_contact(stage) else None
+    (own or stage.move)(target, speed_m_s)
+
+
+def touched(stage: Stage) -> bool:
+    """Whether it has itself ended the last search at a contact."""
+    return bool(getattr(stage, "touched", False))
+
+
 def pace(stage: Stage) -> float:
     """The share of a commanded speed that it allows now; 1 if it does not say."""
     return float(getattr(stage, "pace", 1.0))

@@ -89,6 +89,9 @@ class Stage(Protocol):
       watchdog halts by itself when the calls stop.
     - ``start_again()``: called by the way out alone, where the stage does not answer: what its
       watchdog ended is begun again, so that the probe can be lifted; what a person ended is not.
+    - ``finds_contact``, ``search(target, speed_m_s)`` and ``touched``: where the first is true,
+      the second moves as `move`, and the device itself stops at a contact on the way, and may go
+      back to where it began; the third is then true.
     - ``max_speed_m_s``: above it a move is refused; a scan or a lift that is faster is not begun.
     - ``pace``: the share of a commanded speed that the device allows now, above 0 up to 1.
     - ``unreachable(poses) -> dict[Pose, str]``: those that it cannot go to in this order, and why;

@@ -119,6 +119,7 @@ class _Client:
         self._frequency_hz = frequency_hz
         self._receive = receive
         self._guarded = False
+        self._detects = False
         self._before = (-1, 0.0)
         self._kicked_s = 0.0
         self._kick_s = 0.0
@@ -170,6 +171,8 @@ class _Client:
                 answer = (number, False, str(error))
             if number != NO_ANSWER:
                 commands.send(answer)
+            if name == "stop":
+                self._end_detection()  # whoever stops does not wait for it
 
     def _do(self, name: str, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
         control = self.control
@@ -182,13 +185,23 @@ class _Client:
                 return True, ""
             case _ if control is None:
                 return False, "nobody has taken control"
-            case "move":
+            case "move" | "search":
                 pose, speed, acceleration = arguments
+                self._end_detection()
                 self._begin_operation()
-                return control.moveL(list(pose), speed, acceleration, True), ""
+                if not control.moveL(list(pose), speed, acceleration, True):
+                    return False, ""
+                if name == "search":
+                    self._detects = True
+                    if not control.startContactDetection():
+                        self._stop(acceleration)
+                        self._end_detection()
+                        return False, "the controller does not look for contact"
+                return True, ""
+            case "touched":
+                return True, self._end_detection()
             case "stop":
-                self._begin_operation()
-                control.stopL(arguments[0], True)  # answers nothing
+                self._stop(arguments[0])
                 return True, ""
             case "zero":
                 return control.zeroFtSensor(), ""
@@ -196,10 +209,27 @@ class _Client:
                 return True, hindrances(control, *arguments)
         raise ValueError(name)
 
+    def _stop(self, deceleration_m_s2: float) -> None:
+        """While the program looks for contact it waits for the end of a stop: with a contact in a
+        stop that goes on beside it, two of its threads would move the arm, which ends it."""
+        if not self._detects:
+            self._begin_operation()
+        self.control.stopL(deceleration_m_s2, not self._detects)  # answers nothing
+
+    def _end_detection(self) -> bool:
+        """Whether the controller has found contact.
+
+        Asked twice: an answer may be the end of the way back from it, whatever was asked.
+        """
+        detected, self._detects = self._detects, False
+        control = self.control
+        return detected and (control.stopContactDetection() or control.readContactDetection())
+
     def _take_control(self, setup: Control) -> tuple[bool, Any]:
         """Upload the program, set what is to be set, and return what then holds."""
         import rtde_control
 
+        self._detects = False
         if self.control is None:
             control = rtde_control.RTDEControlInterface(self._host, self._frequency_hz)
         else:

@@ -29,6 +29,12 @@ class Controller(NamedTuple):
         return CB3_HZ if self.major == CB3 else E_SERIES_HZ
 
     @property
+    def finds_contact(self) -> bool:
+        """Its programs may ask it for contact; in an older one the library would report one at
+        once, and not stop (`rtde_control.script` of ur-rtde 1.6.5)."""
+        return (self.major, self.minor) >= (5, 4)
+
+    @property
     def described(self) -> str:
         """Its name in words."""
         family = {CB3: "CB3, PolyScope", POLYSCOPE_X: "PolyScope X"}.get(self.major, "PolyScope")

@@ -23,7 +23,9 @@ class UrStageSettings(Settings):
     any way. ``tool_rotvec_rad``: the tool's orientation in the scan frame when it presses along
     -z. ``tcp_mm_rad`` and ``payload_kg`` are set on the controller before the first move if
     given, otherwise left as they are. ``replace_program``: a program that runs on the robot may be
-    ended for this scan's own. ``frequency_hz``: by default the controller's own.
+    ended for this scan's own. ``frequency_hz``: by default the controller's own. ``contact``: who
+    ends the approach of ``touch_n``; the scan by the sensor's force alone, or besides it the
+    controller by its own contact detection, whose threshold nobody can set (PolyScope 5.4).
 
     What a busy machine may need longer: ``watchdog_s``, after which the arm halts by itself when
     nobody has checked the force (half a millimetre at 2.5 mm/s); ``stop_s``, after which a stop
@@ -47,6 +49,7 @@ class UrStageSettings(Settings):
     acceleration_mm_s2: Positive = 500.0
     max_speed_mm_s: Positive = 100.0
     replace_program: bool = False
+    contact: Literal["sensor", "controller"] = "sensor"
     watchdog_s: Positive = 0.2
     stop_s: Positive = 0.1
     answer_s: Positive = 0.5

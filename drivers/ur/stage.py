@@ -3,6 +3,7 @@
 import math
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -40,6 +41,8 @@ class UrStage:
         self._tool = Rotation.from_rotvec(keys.tool_rotvec_rad)
         self._link: Link | None = None
         self._target: Pose | None = None
+        self.finds_contact = keys.contact == "controller"
+        self._searches = self._touched = False
         self._rests_since_s: float | None = None
         self._set_off_s = 0.0
 
@@ -67,6 +70,11 @@ class UrStage:
         Raises `DeviceFault`, also where another program runs and may not be replaced.
         """
         link, keys = self._there(), self._settings
+        if self.finds_contact and not link.controller.finds_contact:
+            raise DeviceFault(
+                self.name, f'contact = "controller" needs PolyScope 5.4 or newer; this is '
+                f"{link.controller.described}: leave the key out"
+            )  # fmt: skip
         tcp = keys.tcp_mm_rad
         cx, cy, cz = (1e-3 * v for v in keys.payload_centre_mm)
         setup = Control(
@@ -99,6 +107,26 @@ class UrStage:
 
     def move(self, target: Pose, speed_m_s: float) -> None:
         """Set off in a straight line. Raises `DeviceFault` if refused, or `ConfigError`."""
+        self._go("move", target, speed_m_s)
+
+    def search(self, target: Pose, speed_m_s: float) -> None:
+        """As `move`; at a contact the controller stops, and goes back to where it began."""
+        self._go("search", target, speed_m_s)
+        self._searches = True
+
+    @property
+    def touched(self) -> bool:
+        """Whether the controller has ended the last `search` at a contact; while it still goes
+        back from there, what its program says of the move."""
+        target, state = self._target, None
+        if self._searches and target is not None:
+            with suppress(DeviceFault):
+                state = self._there().state()
+            if state is not None and state.arrival_s >= self._set_off_s and not state.busy:
+                return self._off_m(state, target) > ARRIVED_M
+        return self._touched
+
+    def _go(self, order: str, target: Pose, speed_m_s: float) -> None:
         keys = self._settings
         if not 0 < 1e3 * speed_m_s <= keys.max_speed_mm_s:
             raise ConfigError(
@@ -110,9 +138,10 @@ class UrStage:
             self.enable()
         link.state()  # a program that has ended is not started again by a move
         self._target, self._rests_since_s = target, None
+        self._searches = self._touched = False
         acceleration_m_s2 = 1e-3 * keys.acceleration_mm_s2
         link.command(
-            "move", self._base(target), speed_m_s, acceleration_m_s2, timeout_s=keys.answer_s
+            order, self._base(target), speed_m_s, acceleration_m_s2, timeout_s=keys.answer_s
         )
         self._set_off_s = time.monotonic()
 
@@ -130,9 +159,15 @@ class UrStage:
         if state.busy or not rests or state.arrival_s < self._set_off_s:
             self._rests_since_s = None
             return True
+        if self._searches:
+            self._searches = False
+            self._touched = link.command("touched", timeout_s=self._settings.answer_s)
+            self._target = None if self._touched else self._target
+            self._set_off_s = time.monotonic()  # it may only now have gone back from the contact
+            return True
         if self._target is None:
             return False
-        off_m = math.dist(self._pose(state)[:3], self._target[:3])
+        off_m = self._off_m(state, self._target)
         if off_m < ARRIVED_M:
             self._target = None
             return False
@@ -163,7 +198,7 @@ class UrStage:
 
     def stop(self) -> None:
         """Halt where it is."""
-        self._target = None
+        self._target, self._searches = None, False
         if (link := self._link) is not None:
             link.stop(1e-3 * self._settings.acceleration_mm_s2, self._settings.stop_s)
 
@@ -173,6 +208,9 @@ class UrStage:
         if link is not None:
             link.stop(1e-3 * self._settings.acceleration_mm_s2, self._settings.stop_s)
             leave_link(link)
+
+    def _off_m(self, state: State, target: Pose) -> float:
+        return math.dist(self._pose(state)[:3], target[:3])
 
     def _pose(self, state: State) -> Pose:
         place = self._mounted.inv().apply(np.array(state.pose[:3]) - self._origin_m)

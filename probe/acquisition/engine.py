@@ -311,16 +311,35 @@ class _Scan(RunLoop):
             self.go(pressed(surface, depth), speed)
 
     def _seek(self, surface: Pose, touch_n: float) -> Pose:
-        """Go down until the force reaches ``touch_n``; where that was."""
+        """Go down until the force reaches ``touch_n``, or the stage itself has found contact; where
+        that was."""
         for name, (_, error_n) in list((self.known_levels or {}).items())[:1]:  # the one that feels
             rate_hz = next(s.rate_hz for s in self.sensors if s.name == name)
             noise_n = error_n * math.sqrt(LEVEL_S * rate_hz)
             if (why := touch_in_noise(name, noise_n, touch_n)) is not None:
                 raise Interrupted(Finish.FAULTED, why, "engine", retract=True)
         self.go(surface._replace(z=surface.z + TOUCH_GAP_M), self.plan.approach_m_s)
-        lowest = surface._replace(z=surface.z - self.plan.search_m)
+        lowest, began_s = surface._replace(z=surface.z - self.plan.search_m), self.clock.now()
         if self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):
             reach_mm = 1e3 * self.plan.search_m
             reason = f"no touch of {touch_n:g} N down to {reach_mm:g} mm below the planned surface"
             raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
-        return surface._replace(z=self.monitor.pose().z)
+        here = self.monitor.pose()
+        if self.monitor.touched_n(began_s) is not None:
+            self._check_touch(1e3 * (here.z - surface.z), began_s, touch_n)
+        return surface._replace(z=here.z)
+
+    def _check_touch(self, height_mm: float, began_s: float, touch_n: float) -> None:
+        """A stage may have gone back to where contact began; before, the force must have been
+        there: else the contact is none, and the press would be too shallow."""
+        rests_s = self.clock.now()
+        while self.monitor.seen_s() < rests_s:
+            self.tick(math.inf)
+        felt_n = self.monitor.touched_n(began_s) or 0.0
+        if felt_n < touch_n:
+            reason = (
+                f"{self.stage.name}: found contact {height_mm:+.2f} mm from the planned surface, "
+                f"where the sensor felt at most {felt_n:.3f} N (scan.touch_n = {touch_n:g}): the "
+                "probe may be in the air"
+            )
+            raise Interrupted(Finish.FAULTED, reason, self.stage.name, retract=True)

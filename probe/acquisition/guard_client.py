@@ -142,9 +142,14 @@ class GuardClient:
     def step(self) -> None:
         """Nothing: the other process steps by itself."""
 
-    def move(self, target: Pose, speed_m_s: float) -> None:
+    def move(self, target: Pose, speed_m_s: float, *, search: bool = False) -> None:
         """As `SafetyMonitor.move`."""
-        self.call("move", target, speed_m_s)
+        self.call("move", target, speed_m_s, search)
+
+    def touched_n(self, since_s: float) -> float | None:
+        """As `SafetyMonitor.touched_n`."""
+        found: float | None = self.call("touched_n", since_s)
+        return found
 
     def moving(self) -> bool:
         """As `SafetyMonitor.moving`."""

@@ -153,8 +153,11 @@ class Service:
     def home(self) -> None:
         self._homed = self._monitor.home()
 
-    def move(self, target: Pose, speed_m_s: float) -> None:
-        self._monitor.move(target, speed_m_s)
+    def move(self, target: Pose, speed_m_s: float, search: bool) -> None:
+        self._monitor.move(target, speed_m_s, search=search)
+
+    def touched_n(self, since_s: float) -> float | None:
+        return self._monitor.touched_n(since_s)
 
     def moving(self) -> bool:
         return self._monitor.moving()

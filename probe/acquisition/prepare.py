@@ -46,6 +46,11 @@ def prepare(
     Raises `RigError` where newtons cannot become a stress, `ConfigError` where a rehearsal has no
     room, and where a move is too fast for the stage, or a press for its sensors.
     """
+    if plan.touch_n is None and abilities.finds_contact(devices.stage):
+        raise ConfigError(
+            'stage.contact = "controller": the stage finds contact where the approach looks for '
+            "it; say scan.touch_n too, or leave stage.contact out"
+        )
     notes, config = devices.notes, run_config(rig, scene, plan, seed)
     face_mm2 = config["face_mm2"]
     _check_face(face_mm2, devices.sensors)

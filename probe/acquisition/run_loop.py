@@ -76,7 +76,8 @@ class RunLoop:
     def go(
         self, target: Pose, speed_m_s: float, *, until: Callable[[], bool] | None = None
     ) -> bool:
-        """Move and wait; True if the target was reached, False if ``until`` became true first.
+        """Move and wait; True if the target was reached, False if ``until`` became true first, or
+        the stage itself ended such a search at a contact.
 
         A stage that takes twice as long as it should plus two seconds, or rests elsewhere than
         commanded, is at fault. Only a stage that ``turns`` is asked to turn the tool.
@@ -85,7 +86,7 @@ class RunLoop:
         length = math.dist(self.monitor.pose()[:3], target[:3])
         if length < 1e-9:
             return True
-        self.monitor.move(target, speed_m_s)
+        self.monitor.move(target, speed_m_s, search=until is not None)
         began_s = self.clock.now()
         expected_s, slowest = began_s + length / speed_m_s, 1.0
         while self.monitor.moving():
@@ -98,11 +99,13 @@ class RunLoop:
             if until is not None and until():
                 self.halt()
                 return False
-        off = math.dist(self.monitor.pose()[:3], target[:3])
-        if off > ARRIVED_M:
+        here = self.monitor.pose()
+        off = math.dist(here[:3], target[:3])
+        touched = until is not None and self.monitor.touched_n(began_s) is not None
+        if off > ARRIVED_M and not touched:
             raise MotionFault(self.stage.name, f"came to rest {1e3 * off:.2f} mm from its target")
-        self.monitor.arrived(target)
-        return True
+        self.monitor.arrived(here if touched else target)
+        return not touched
 
     def halt(self) -> None:
         """Stop where it is and wait for rest; repeated until it rests."""

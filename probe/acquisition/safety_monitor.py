@@ -143,13 +143,18 @@ class SafetyMonitor:
         """All readings since the last call, one block per device that has some."""
         return self._readings.collect()
 
-    def move(self, target: Pose, speed_m_s: float) -> None:
-        """Start a move, unless a guard has stopped the scan. Raises `DeviceFault`."""
+    def touched_n(self, since_s: float) -> float | None:
+        """The greatest force since ``since_s``, if the stage itself ended its search; else None."""
+        felt_n = (g.greatest_n(since_s) for _, g in self._sensors if g.feels)
+        return next(felt_n, 0.0) if abilities.touched(self._stage) else None
+
+    def move(self, target: Pose, speed_m_s: float, *, search: bool = False) -> None:
+        """`abilities.move`, unless a guard has stopped the scan. Raises `DeviceFault`."""
 
         def go() -> None:
             if self.trip is not None:
                 raise DeviceFault(self.trip.device, self.trip.reason)
-            self._start(target, speed_m_s)
+            self._start(target, speed_m_s, search)
 
         self._alone(go)
 
@@ -252,7 +257,7 @@ class SafetyMonitor:
     def _start_held(self, target: Pose, speed_m_s: float) -> None:
         self._alone(partial(self._start, target, speed_m_s))
 
-    def _start(self, target: Pose, speed_m_s: float) -> None:
+    def _start(self, target: Pose, speed_m_s: float, search: bool = False) -> None:
         here = self._stage.pose()
         self._pose_guard.expect(here, target)
         for _, press in self._presses:
@@ -260,7 +265,7 @@ class SafetyMonitor:
         lowest_m = here.z if self._lift_z_m is None else min(here.z, self._lift_z_m)
         self._down_m_s = speed_m_s if target.z < lowest_m - WAY_M else 0.0
         self._in_motion = True
-        self._stage.move(target, speed_m_s)
+        abilities.move(self._stage, target, speed_m_s, search=search)
 
     def _alone(self, ask: Callable[[], Answer]) -> Answer:
         """What ``ask`` returns, the stage to itself. Raises `DeviceFault` if another call hangs."""
@@ -340,7 +345,8 @@ class SafetyMonitor:
         if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1], again=True)
         for name, press in self._presses:
-            if (odd := press.check(pose, now)) is not None:
+            odd = press.check(pose, now)
+            if odd is not None and not abilities.touched(self._stage):  # which may go back by then
                 self.object(name, odd, can_retract=True)
 
     def _supervise(self) -> None:

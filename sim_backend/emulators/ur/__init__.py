@@ -265,6 +265,7 @@ def emulate(
     version: Version = E_SERIES,
     seed: int = 0,
     ready: Callable[[Point], bool] = lambda _target: True,
+    contact_n: float = np.inf,
 ) -> Iterator[UrController]:
     """Serve a controller on the address ``at``.
 
@@ -272,6 +273,8 @@ def emulate(
     and z), then moved by ``origin_mm``. Poses beyond ``reach_mm`` of the base are out of reach, and
     those that ``inverse`` finds no joint angles for; angles beyond ``joint_limit_deg`` are not
     allowed. A move to a target (scan frame) that is not ``ready`` is held until it is.
+    ``contact_n`` is the push that ``tool_contact`` takes for a contact. Nobody has published it for
+    a real arm: whoever needs one gives it, and a range of them where it matters.
     """
     x, y, z = origin_mm
     turn = Rotation.from_euler("xyz", rotation_deg, degrees=True)
@@ -280,7 +283,7 @@ def emulate(
         float(np.radians(joint_limit_deg)),
     )  # fmt: skip
     rate_hz = min(rate_hz, CB3_HZ) if version[0] == 3 else rate_hz
-    robot = Robot(phantom, mounting, noise_n, seed, 1 / rate_hz, ready)
+    robot = Robot(phantom, mounting, noise_n, seed, 1 / rate_hz, ready, contact_n)
     controller = UrController(robot, at, version)
     try:
         yield controller

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sim_backend.arrays import Array
+from sim_backend.emulators.ur.contact import Contact
 from sim_backend.emulators.ur.kinematics import POSTURE, Inverse, Six, anywhere
 from sim_backend.phantom.phantom import SLOPE_M, Phantom
 
@@ -20,8 +21,9 @@ READY, DONE = 1, 2
 MOVE_L, ZERO_FORCE, SPEED_L, SPEED_STOP, SERVO_STOP, SET_PAYLOAD = 3, 8, 10, 15, 16, 17
 SERVO_L, SET_TCP, STOP_L, WATCHDOG = 24, 29, 33, 35
 JOINTS_NEAR, WITHIN_LIMITS, JOINTS_WITHIN_LIMITS, TCP_OFFSET, JOINTS = 30, 36, 37, 40, 46
+TOOL_CONTACT, DETECT, END_DETECTION, READ_DETECTION = 25, 62, 63, 64
 STOP_SCRIPT = 255
-AT_ONCE = (SPEED_L, SERVO_L, 25)  # obeyed in each cycle: READY stays, DONE never comes
+AT_ONCE = (SPEED_L, SERVO_L, TOOL_CONTACT)  # obeyed in each cycle: READY stays, DONE never comes
 PLAYING, STOPPED = 2, 1
 NORMAL_MODE, PROTECTIVE_MODE, EMERGENCY_MODE = 1, 3, 7
 POWERED_BITS = 0b11  # power on, program running
@@ -67,6 +69,7 @@ class Robot:
         seed: int,
         period_s: float,
         ready: Callable[[Point], bool] = lambda _target: True,
+        contact_n: float = np.inf,
     ) -> None:
         self.period_s = period_s
         self.uploads = 0
@@ -99,6 +102,7 @@ class Robot:
         self._number = 0
         self._playing = False
         self._blocked = False
+        self.contact = Contact(phantom, period_s, contact_n)
         self._watchdog_s = np.inf
         self._unheard_s, self._ticked_s = 0.0, 0.0
         self._safety = NORMAL_MODE
@@ -107,6 +111,7 @@ class Robot:
         """A program has arrived: it starts, if safety lets it."""
         with self._lock:
             self._halt()  # it replaces the one that was running
+            self.contact.end_program()
             self.uploads += 1
             self.foreign = False
             if self._safety == NORMAL_MODE and not self.stuck:
@@ -124,6 +129,7 @@ class Robot:
         """The program ends and the arm halts."""
         with self._lock:
             self._playing = self.foreign = False
+            self.contact.end_program()
             self._said["output_int_register_0"] = 0
             self._halt()
 
@@ -158,6 +164,7 @@ class Robot:
     def written(self, values: dict[str, Any]) -> None:
         """Input registers that a client has set."""
         with self._lock:
+            self._go_on(self._phantom.clock.now())
             self._inputs.update(values)
             self._unheard_s = 0.0
             command = self._inputs.get("input_int_register_0", 0)
@@ -166,7 +173,9 @@ class Robot:
                     self.end_program()
                 return
             state = self._said["output_int_register_0"]
-            if command == 0:
+            if self.contact.stops:
+                pass  # its end is taken for that of a command which is given meanwhile
+            elif command == 0:
                 self._said["output_int_register_0"] = READY
             elif state == READY and command in AT_ONCE:
                 self._obey(command)
@@ -239,12 +248,21 @@ class Robot:
         return (x, y, z), (vx, vy, vz), (fx, fy, fz)
 
     def _go_on(self, now: float) -> None:
+        heard_s = self.contact.found(now)
+        given = self._inputs.get("input_int_register_0", 0)
+        # The script drops a contact that is found while a command is being obeyed.
+        if heard_s is not None and given == 0 and not self._blocked:
+            self._under_way = None
+            self.contact.stop(heard_s)
+        if self.contact.stops and self.contact.go_on(now):
+            self._said["output_int_register_0"] = DONE if given else READY
         if self._held and self._under_way is not None:
             self._set_off(*self._under_way)
         moving = self._phantom.tip.moving(now)
         if not moving and self._slider > 0 and not self._held:
             self._under_way = None
-        running = RUNNING_BIT if moving or self._under_way is not None else 0
+        busy = (moving or self._under_way is not None) and not self.contact.stops
+        running = RUNNING_BIT if busy else 0
         self._said["output_int_register_2"] = self._number << NUMBER_SHIFT | running
         if self._blocked and not moving:
             self._blocked = False
@@ -267,8 +285,18 @@ class Robot:
             force_n = float(self._phantom.force_n(np.array([now]))[0])
             self._zero = force_n * self._mounting.turn.apply(_normal(self._phantom, place))
         elif command in (STOP_L, SPEED_STOP, SERVO_STOP):
-            self._number = (self._number + 1) % NUMBERS
             self._halt()
+            if command == STOP_L and not self._inputs.get("input_int_register_1", 0):
+                return False
+            self._number = (self._number + 1) % NUMBERS
+        elif command == TOOL_CONTACT:
+            self._said["output_int_register_1"] = self.contact.steps(now)
+        elif command == DETECT:
+            self.contact.start(now)
+        elif command in (END_DETECTION, READ_DETECTION):
+            if command == END_DETECTION:
+                self.contact.end()
+            self._said["output_int_register_1"] = self.contact.steps_back
         elif command == WATCHDOG:
             self._watchdog_s = 1 / self._numbers(1)[0]
         elif command == SET_TCP:
