@@ -273,7 +273,7 @@ GUARDED = (
     ),
     Mutant(
         "a stage may rest anywhere", LOOP,
-        "if off > ARRIVED_M:", "if off > 1e9:",
+        "if off > ARRIVED_M and not touched:", "if off > 1e9:",
         (f"{TEST_WORLDS}::test_a_stage_that_comes_to_rest_elsewhere_presses_nothing",),
     ),
     Mutant(

@@ -89,7 +89,7 @@ def first_of_all() -> Iterator[None]:
 
 def until(true: Callable[[], bool]) -> None:
     """Wait for it, not for ever."""
-    end_s = time.monotonic() + 5.0
+    end_s = time.monotonic() + 20.0
     while not true():
         assert time.monotonic() < end_s
         time.sleep(0.0005)
