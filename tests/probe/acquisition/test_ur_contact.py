@@ -19,10 +19,10 @@ from sim_backend.phantom.phantom import Respond
 
 PLAN = Plan(
     places=(Place(0, 0.03, 0.0),), indentation_m=0.5e-3, ramp_s=0.5, hold_s=0.3,
-    clearance_m=2e-3, travel_m_s=0.02, approach_m_s=0.01, touch_n=0.05, search_m=1e-3,
+    clearance_m=2e-3, travel_m_s=0.02, approach_m_s=2e-3, touch_n=0.05, search_m=1e-3,
 )  # fmt: skip
 BOX = ((-0.01, 0.07), (-0.01, 0.01), (-0.01, 0.05))
-LIMITS = Limits(5.0, 3e-3, BOX, 0.03, silence_s=8.0, late_s=8.0, hardest_n_m=1e4, engine_s=10.0)
+LIMITS = Limits(10.0, 3e-3, BOX, 0.03, silence_s=8.0, late_s=8.0, hardest_n_m=5e3, engine_s=10.0)
 STIFF_N_M = 4e3
 
 
