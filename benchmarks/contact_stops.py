@@ -4,9 +4,9 @@
 
 Real-time scans of one press on an emulated UR in a process of its own, over springs. ``sensor``:
 the scan's stop at `TOUCH_N` alone, as ever; ``controller X``: besides it the controller's contact
-detection, whose threshold, which nobody can set on a real arm, is X N here. ``stopped``: the process
-of scan and guards stands still for `STOPPED_S` from nine tenths of the touch force on, less than the
-robot's watchdog waits. Rows are kept in `KEPT`; delete one to run it again.
+detection, whose threshold, which nobody can set on a real arm, is X N here. ``stopped``: the
+process of scan and guards stands still for `STOPPED_S` from nine tenths of the touch force on, less
+than the robot's watchdog waits. Rows are kept in `KEPT`; delete one to run it again.
 """
 
 import math
@@ -113,7 +113,8 @@ def judge(way: str, speed_mm_s: float, stiffness_n_mm: float, stopped: str) -> R
 
 
 def one(way: str, speed_mm_s: float, stiffness_n_mm: float, stopped: str) -> Row | None:
-    """One scan's row, None if it ended before: beyond `TOUCH_N` until the tip first rested, and where the press began."""
+    """One scan's row: beyond `TOUCH_N` until the tip first rested, and where the press began; None
+    if it ended before."""
     contact, _, threshold_n = way.partition(" ")
     contact_n = float(threshold_n or math.inf)
     context = get_context("fork")

@@ -7,9 +7,11 @@ This one imports the function's module and nothing of the caller's.
 
 import os
 import pickle
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from importlib import import_module
 from multiprocessing.connection import Client, Connection, Listener
 from typing import Any
@@ -64,9 +66,11 @@ class Child:
         return self._process.poll() is None
 
     def end(self, timeout_s: float) -> None:
-        """Close the pipes; kill it if it does not end by itself within ``timeout_s``."""
+        """Nothing goes through the pipes any more; kill it if it does not end by itself within
+        ``timeout_s``. Who still reads them, in another thread too, gets `EOFError`."""
         for pipe in self.pipes:
-            pipe.close()
+            with suppress(OSError), socket.socket(fileno=os.dup(pipe.fileno())) as line:
+                line.shutdown(socket.SHUT_RDWR)  # a pipe closed under its reader has no end
         try:
             self._process.wait(timeout_s)
         except subprocess.TimeoutExpired:

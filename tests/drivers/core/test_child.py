@@ -3,6 +3,8 @@
 import pickle
 import subprocess
 import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
 from pathlib import Path
 
@@ -16,6 +18,16 @@ import echo
 child = Child(echo.twice, (3,), pipes=1)
 print(child.pipes[0].recv(), flush=True)
 child.end(5.0)
+"""
+HALF = """
+import os, struct, time
+def half(pipe):
+    try:
+        for part in (b"\\0\\0", struct.pack("!h", 400), *10 * [bytes(40)]):
+            os.write(pipe.fileno(), part)
+            time.sleep(0.5)
+    except BrokenPipeError:
+        pass
 """
 ECHO = "def twice(number, pipe):\n    pipe.send(2 * number)\n    pipe.poll(60.0)\n"
 
@@ -48,8 +60,23 @@ def test_it_ends_with_its_pipes_or_by_force(
     assert child.alive()
     child.end(timeout_s=0.05)  # it sees the pipe end, or is killed
     assert not child.alive()
-    with pytest.raises(OSError):
+    with pytest.raises(EOFError):
         child.pipes[0].recv()
+
+
+def test_who_reads_half_a_message_when_it_ends_is_told_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In another thread, whose pipe was closed under its read: a `TypeError`."""
+    (tmp_path / "echo_half.py").write_text(HALF)
+    monkeypatch.syspath_prepend(tmp_path)
+    child = Child(import_module("echo_half").half, (), pipes=1)
+    with ThreadPoolExecutor(1) as other:
+        reading = other.submit(child.pipes[0].recv)
+        assert child.pipes[0].poll(30.0)
+        time.sleep(0.1)
+        child.end(timeout_s=30.0)
+        assert isinstance(reading.exception(), EOFError | OSError)
 
 
 def test_whose_starter_has_ended_meanwhile_it_ends_without_a_word(tmp_path: Path) -> None:
