@@ -14,7 +14,7 @@ DEVICES = (
         ("tests/drivers/ur/test_contact.py::test_another_move_ends_the_search",),
     ),
     Mutant(
-        "an older UR that cannot find contact is asked to", "drivers/ur/controller.py",
+        "an older UR that cannot find contact is asked to", "drivers/ur/version.py",
         "return (self.major, self.minor) >= (5, 4)", "return True",
         ("tests/drivers/ur/test_contact.py::test_a_controller_that_has_no_contact_detection_is_refused",),
     ),

@@ -2,8 +2,8 @@
 
 from mutants.mutant import Mutant
 
-MATERIAL, GROUPS = "sim_backend/fem/material.py", "sim_backend/fem/section_contact.py"
-FINGER, PAIRS = "sim_backend/fem/contact/finger_contact.py", "sim_backend/fem/contact/pairs.py"
+MATERIAL, GROUPS = "sim_backend/fem/material.py", "sim_backend/fem/section_pairs.py"
+FINGER, PAIRS = "sim_backend/fem/contact/finger_gaps.py", "sim_backend/fem/contact/pairs.py"
 NEWTON, LUMEN = "sim_backend/fem/newton.py", "sim_backend/fem/lumen.py"
 POOLED, REFERENCE = (
     "probe/detection/pulse/pooled_evidence.py",

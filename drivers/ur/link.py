@@ -17,9 +17,9 @@ from typing import Any
 from drivers.core.child import Child
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.ur.client import NO_ANSWER, PLAYING, READY, Control, State, serve
-from drivers.ur.controller import DASHBOARD_PORT, ask_version, check_control
 from drivers.ur.settings import CONNECT_S
 from drivers.ur.stops import PROGRAM_RUNS, SAFETY_STOPS, why_stopped
+from drivers.ur.version import DASHBOARD_PORT, ask_version, check_control
 
 FIRST_S = 1.0
 COMMAND_S = 0.5

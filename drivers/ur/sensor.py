@@ -12,9 +12,9 @@ from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import DeviceTime
 from drivers.ur.client import State
-from drivers.ur.controller import E_SERIES_HZ
 from drivers.ur.link import Link, leave_link, take_link
 from drivers.ur.settings import Normal, UrSensorSettings
+from drivers.ur.version import E_SERIES_HZ
 
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 SETTLE_S = 0.15  # after zeroing, until a tare's samples are all from after it

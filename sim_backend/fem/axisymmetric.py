@@ -7,7 +7,7 @@ from math import ceil
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.contact.finger_contact import finger_over
+from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.elements import as_element
 from sim_backend.fem.finite_strain import Solved

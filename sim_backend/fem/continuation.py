@@ -26,7 +26,7 @@ from sim_backend.fem.newton import (
     is_stable,
     tangent,
 )
-from sim_backend.fem.section_contact import contact_pairs, walls_cross
+from sim_backend.fem.section_pairs import contact_pairs, walls_cross
 
 MIN_STEP = 1 / 256
 MAX_FAILURES = 14

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from math import ceil, sqrt
 
-from sim_backend.fem.contact.finger_contact import Finger
+from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import CONTACT_SHARE, Grading, Section, build_section

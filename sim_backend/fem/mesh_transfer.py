@@ -12,7 +12,7 @@ from scipy.spatial import Delaunay, cKDTree
 from sim_backend.arrays import Array
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, NotConverged, Solution, equilibrium
-from sim_backend.fem.section_contact import contact_pairs, walls_cross
+from sim_backend.fem.section_pairs import contact_pairs, walls_cross
 
 
 def continued(coarse: Section, solution: Solution, fine: Section) -> Solution:

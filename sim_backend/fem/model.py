@@ -10,7 +10,7 @@ import numpy as np
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.assembly import Assembly
 from sim_backend.fem.contact.elastic_foundation import surface_share
-from sim_backend.fem.contact.finger_contact import Finger, finger_over
+from sim_backend.fem.contact.finger_gaps import Finger, finger_over
 from sim_backend.fem.contact.lumen_self_contact import Walls, walls
 from sim_backend.fem.elements import Cells, as_element
 from sim_backend.fem.gaps import GAP_SHARE

@@ -14,12 +14,12 @@ from sim_backend.arrays import Array, Bools
 from sim_backend.fem.assembly import Factors, SingularMatrix, gather
 from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
-from sim_backend.fem.contact.finger_contact import Finger
+from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.contact.pairs import ContactPairs
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.model import Section
-from sim_backend.fem.section_contact import contact_pairs
+from sim_backend.fem.section_pairs import contact_pairs
 
 MAX_ITERATIONS = 25
 COMPLEMENTARITY = 1.0

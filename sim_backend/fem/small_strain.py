@@ -13,7 +13,7 @@ import numpy as np
 
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.assembly import EXACT, gather
-from sim_backend.fem.contact.finger_contact import Finger
+from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.model import Grading, Section, build_section

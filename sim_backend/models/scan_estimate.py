@@ -31,7 +31,7 @@ from sim_backend.fem.newton import (
     Solution,
     equilibrium,
 )
-from sim_backend.fem.section_contact import walls_cross
+from sim_backend.fem.section_pairs import walls_cross
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.models.force_model import SLACK, ForceSlope, OutOfRange, Range
 from sim_backend.models.station_response import element_size_m

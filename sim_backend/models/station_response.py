@@ -17,7 +17,7 @@ from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import bonded_way_m
 from sim_backend.fem.model import CONTACT_SHARE, Section, build_section, usual_grading
 from sim_backend.fem.newton import Load, Solution
-from sim_backend.fem.section_contact import walls_cross
+from sim_backend.fem.section_pairs import walls_cross
 from sim_backend.fem.sensitivity import Slope, slopes
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone

@@ -3,7 +3,7 @@
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.contact.finger_contact import Finger, finger_over
+from sim_backend.fem.contact.finger_gaps import Finger, finger_over
 from sim_backend.fem.mesh import T6_EDGES
 from sim_backend.fem.model import Section, build_section
 from sim_backend.scene.scene_file import Scene, SceneError

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
-from sim_backend.fem.contact.finger_contact import Finger
+from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.mesh import T6_EDGES, TISSUE
 from sim_backend.fem.model import (
     LOCKING_POISSON,

@@ -8,7 +8,7 @@ import pytest
 
 from drivers.core.arrays import Array, Ints
 from sim_backend.fem.assembly import Assembly, gather
-from sim_backend.fem.contact.finger_contact import Finger
+from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.elements import as_element
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_sides, unit_pressure

@@ -11,7 +11,7 @@ from sim_backend.fem.lumen import lumen_area_m2
 from sim_backend.fem.material import energy_density, plane_stress
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
-from sim_backend.fem.section_contact import contact_pairs
+from sim_backend.fem.section_pairs import contact_pairs
 from sim_backend.scene.scene_file import load_scene, mirrored, scene_from_text
 from sim_backend.scene.waves import PA_PER_MMHG
 

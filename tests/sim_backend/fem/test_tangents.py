@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim_backend.fem.contact.finger_contact import Finger
+from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.contact.lumen_self_contact import wall_gaps
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.elements import ELEMENTS
@@ -11,7 +11,7 @@ from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_area_m2, unit_pressure
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
-from sim_backend.fem.section_contact import contact_pairs
+from sim_backend.fem.section_pairs import contact_pairs
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG

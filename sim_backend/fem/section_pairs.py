@@ -7,7 +7,7 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.bonded import BondedContact
-from sim_backend.fem.contact.finger_contact import Finger, finger_pairs
+from sim_backend.fem.contact.finger_gaps import Finger, finger_pairs
 from sim_backend.fem.contact.lumen_self_contact import wall_gaps
 from sim_backend.fem.contact.pairs import ContactPairs, node_dofs, rigid_pairs
 from sim_backend.fem.model import Section
