@@ -28,6 +28,8 @@ ANSWER_S = 20.0  # longer than any call takes: a tare, or a stage that hangs
 COMMAND_LOOK_S = 0.005
 CLOSE_S = 70.0  # it may still be lifting the probe
 STATUS_S = 5.0  # a status is at hand: a process that does not tell it hangs
+LONG_S = 1.0  # most answers take milliseconds; who takes longer is asked whether it lives
+LIVES_S = STATUS_S - LONG_S
 OPEN_S = 30.0  # to take the devices over: imports on a busy machine, and an arm's program
 GONE = "the process that guards has ended: the probe may be in the tissue, look at it"
 DIED = "the process that guarded has ended; another took the devices over, to lift the probe"
@@ -74,8 +76,7 @@ class GuardClient:
         _trace: TracebackType | None,
     ) -> None:
         self._gone = self._closing = True
-        self._calls.close()
-        self._urgent.close()
+        self._close_lines()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(CLOSE_S)
 
@@ -195,8 +196,8 @@ class GuardClient:
     # --- the line ----------------------------------------------------------------------------
 
     def _launch(self) -> None:
-        """A process, and the two lines to it."""
-        ours, theirs = zip(socket.socketpair(), socket.socketpair(), strict=True)
+        """A process, and the lines to it."""
+        ours, theirs = zip(*(socket.socketpair() for _ in range(3)), strict=True)
         numbers = [end.fileno() for end in theirs]
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", BODY, *map(str, numbers)],
@@ -208,7 +209,11 @@ class GuardClient:
         )
         for end in theirs:
             end.close()
-        self._calls, self._urgent = (Connection(end.detach()) for end in ours)
+        self._calls, self._urgent, self._life = (Connection(end.detach()) for end in ours)
+
+    def _close_lines(self) -> None:
+        for line in (self._calls, self._urgent, self._life):
+            line.close()
 
     def _open(self, order: Order, within_s: float | None) -> Facts:
         try:
@@ -253,12 +258,30 @@ class GuardClient:
         until_s = time.monotonic() + within_s
         number, done, answer = 0, False, None
         while number != self._asked:
-            if not self._calls.poll(max(until_s - time.monotonic(), 0.0)):
+            if not self._answers(until_s):
                 if name != "status":
                     raise DeviceFault("guard", f"no answer to {name} within {within_s:g} s")
                 self._process.kill()
             number, done, answer = self._calls.recv()
         return done, answer
+
+    def _answers(self, until_s: float) -> bool:
+        """Whether it does until then; one that does not even echo hangs, and is ended."""
+        while not self._calls.poll(max(min(LONG_S, until_s - time.monotonic()), 0.0)):
+            if time.monotonic() >= until_s:
+                return False
+            if not self._lives():
+                self._process.kill()
+        return True
+
+    def _lives(self) -> bool:
+        """Its interpreter runs, whatever its devices and guards are waiting for."""
+        with suppress(EOFError, OSError):
+            while self._life.poll():
+                self._life.recv()
+            self._life.send(None)
+            return self._life.poll(LIVES_S)
+        return False
 
     def _replace(self) -> None:
         """Once: another process opens the devices, stops the stage and lifts.
@@ -275,8 +298,7 @@ class GuardClient:
         for order in (self._order, alone):
             self._process.kill()  # one that hangs still has the devices
             self._process.wait()
-            self._calls.close()
-            self._urgent.close()
+            self._close_lines()
             try:
                 self._launch()
                 self._open(order, OPEN_S + self._enable_s)

@@ -210,7 +210,8 @@ class Service:
 def main() -> None:
     """Open what is ordered and serve until the scan's process closes the line."""
     come_first()  # all threads of drivers too: a guard waits for what they read
-    calls, urgent = (Connection(int(number)) for number in sys.argv[1:3])
+    calls, urgent, life = (Connection(int(number)) for number in sys.argv[1:4])
+    threading.Thread(target=_echo, args=(life,), daemon=True).start()
     signal.signal(signal.SIGTERM, lambda _number, _frame: calls.close())  # as if the scan had gone
     order: Order = calls.recv()
     try:
@@ -275,6 +276,13 @@ def _serve(service: Service, calls: Connection) -> None:
         with suppress(OSError):  # it went away meanwhile: the next `recv` says so
             calls.send(answer)
     service.left_alone()
+
+
+def _echo(life: Connection) -> None:
+    """Whoever hears it knows that this interpreter runs."""
+    with suppress(EOFError, OSError):
+        while True:
+            life.send(life.recv())
 
 
 def _hear(urgent: Connection, devices: Devices, control: Control) -> None:

@@ -5,10 +5,6 @@ from itertools import pairwise
 from math import isfinite, nan
 from typing import Any
 
-import numpy as np
-
-from drivers.core.arrays import Array
-
 SAME_PLACE_M = 50e-6
 """As near as this two stations are at one place, and two rows one: five times what a stage comes
 back to a place by (`probe.detection.pulse.presses.REPEATABILITY_M`), less than probes resolve."""
@@ -50,22 +46,6 @@ def rows_of(y_m: Sequence[float]) -> list[int | None]:
 def plans_rows(config: Mapping[str, Any]) -> bool:
     """Whether the stations of a run's configuration snapshot are a grid."""
     return has_rows(1e3 * y_m for _, y_m in planned(config).values())
-
-
-def courses_mm(found: Mapping[str, Any]) -> list[tuple[str, Array]]:
-    """Where the objects of a finding's JSON lie on a grid's map: a name and points (k, 2) x, y [mm]
-    of each. A vessel's stenosed stretch follows it, by a name of its own."""
-    drawn = []
-    for one in found["objects"]:
-        if not (course := one.get("course_mm")):
-            continue
-        points = np.array(course, float)
-        drawn.append((str(one["kind"]), points))
-        if ends := one.get("stenosed_mm"):
-            y_mm = points[:, 1]
-            there = (y_mm > min(ends) - 1e-3) & (y_mm < max(ends) + 1e-3)
-            drawn.append(("stenosed", points[there]))
-    return drawn
 
 
 def place_words(x_m: float, y_m: float, *, in_grid: bool) -> str:

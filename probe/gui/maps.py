@@ -10,7 +10,7 @@ from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QApplication, QStackedWidget, QVBoxLayout, QWidget
 
 from drivers.core.arrays import Array
-from probe.core.places import courses_mm
+from probe.core.courses import courses_mm
 from probe.gui.state import ViewState
 from probe.gui.style import head, heat, label, pen, plot, scale, symbol_size
 from probe.report.look import BLUE, ON_HEAT, VERMILLION
@@ -98,7 +98,7 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
             self.image.setRect(*box)
 
     def show_courses(self, courses: Sequence[tuple[str, Array]]) -> None:
-        """What was found, over the image: see `probe.core.places.courses_mm`."""
+        """What was found, over the image: see `probe.core.courses.courses_mm`."""
         for old in self.courses:
             self.plot.removeItem(old)
         line, edge = ON_HEAT

@@ -11,8 +11,9 @@ import numpy as np
 
 from drivers.core.arrays import Array, Ints
 from drivers.core.extras import needs
+from probe.core.courses import courses_mm
 from probe.core.finding_words import reach
-from probe.core.places import courses_mm, has_rows, rows_of
+from probe.core.places import has_rows, rows_of
 from probe.core.recording import Recording, Station
 from probe.report.look import (
     BLUE,

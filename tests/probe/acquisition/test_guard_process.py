@@ -273,6 +273,28 @@ def test_who_takes_over_and_hangs_is_not_waited_for(
         client._process.kill()
 
 
+def test_guards_that_hang_while_the_scan_waits_for_their_answer_are_replaced(
+    winkler: Respond, tmp_path: Path
+) -> None:
+    """It waited for 20 s, as for a stage that is slow, with the probe wherever it was."""
+    with guarded(winkler, tmp_path) as client:
+        client._process.send_signal(signal.SIGSTOP)
+        began_s = time.monotonic()
+        with pytest.raises(DeviceFault, match="another took the devices over"):
+            client.moving()
+        assert time.monotonic() < began_s + 15.0
+
+
+def test_who_takes_long_to_answer_but_lives_is_waited_for(
+    winkler: Respond, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(guard_client, "LONG_S", 0.001)  # a tare takes longer
+    with guarded(winkler, tmp_path) as client:
+        client.start()
+        client.tare()
+        assert client.trip is None
+
+
 def test_an_answer_that_comes_too_late_is_not_the_next_call_s(
     winkler: Respond, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
