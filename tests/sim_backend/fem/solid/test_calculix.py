@@ -22,7 +22,7 @@ FOLDER = Path(__file__).parents[3] / "data" / "presses"
     [
         ("ball-over-ball", "axisymmetric", 0.005, 0.0),
         ("cylinder-with-ends", "solid", 0.015, 0.02),
-        ("part-length-stenosis", "solid", 0.005, 0.05),
+        ("part-length-stenosis", "solid", 0.01, 0.05),
     ],
 )
 def test_force_and_pulse_are_calculix_s(name: str, model: str, force: float, pulse: float) -> None:
