@@ -18,6 +18,7 @@ from drivers.core.protocols import Pose
 HOMING_ORDER = "zxy"  # the probe goes up before anything goes sideways
 STILL_MM = 1e-6  # a shorter way of an axis is none
 JOIN_S = 2.0
+LATER_S = 5e-3  # after a wrong answer: asked on and on, a controller's buffer would fill
 
 
 class _Job(NamedTuple):
@@ -111,7 +112,8 @@ class LineStage:
         places = {a: 1e3 * getattr(target, a) + self._origin[a] for a in going}
         speeds = {a: 1e3 * speed_m_s * abs(way[a]) / length for a in going}
         self._target = target
-        self._have(lambda axes: axes.move(places, speeds))
+        if going:  # else it is there
+            self._have(lambda axes: axes.move(places, speeds))
         if stops != self._stops:  # stopped while the axes were being told
             self.stop()
 
@@ -267,8 +269,9 @@ class LineStage:
             self._asked += 1
             number, stops = self._asked, self._stops
             reading = axes.read()
-        except NoAnswer:
-            return  # told by the reading's age, if it lasts
+        except NoAnswer:  # told by the reading's age, if it lasts
+            self._end.wait(LATER_S)
+            return
         with self._changed:
             self._reading, self._read_s, self._answered = reading, time.monotonic(), number
             if self._stopping and stops == self._stops and not reading.moving:

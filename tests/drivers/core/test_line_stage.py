@@ -1,5 +1,6 @@
 """Axes on a line, whoever makes them: mistakes of a driver, a stop amid a homing, late answers."""
 
+import time
 from collections.abc import Callable, Mapping
 
 import pytest
@@ -40,6 +41,39 @@ def test_a_mistake_in_a_driver_is_said_as_what_it_is() -> None:
             stage.move(Pose(0.0, 0.0, 1e-3), 1e-3)
     finally:
         stage.close()
+
+
+def test_a_move_to_where_it_is_asks_the_controller_nothing() -> None:
+    """An empty command is one that a controller may take for anything."""
+    axes = HomedByHalf()
+    stage = LineStage(LineStageSettings(name="mine", port="-"), lambda: axes)
+    stage.connect()
+    try:
+        stage.move(stage.pose(), 1e-3)
+        assert not stage.moving()
+        assert not axes.moves
+    finally:
+        stage.close()
+
+
+class Misunderstood(MistakenAxes):
+    def __init__(self) -> None:
+        self.stops = 0
+
+    def stop(self) -> None:
+        self.stops += 1
+        raise NoAnswer("mine", "what?")
+
+
+def test_a_stop_that_is_answered_wrongly_is_repeated_but_not_without_end() -> None:
+    """4,090 times in a third of a second: no controller's buffer holds that."""
+    axes = Misunderstood()
+    stage = LineStage(LineStageSettings(name="mine", port="-", silent_s=0.3), lambda: axes)
+    stage.connect()
+    stage.stop()
+    time.sleep(0.2)
+    stage.close()
+    assert 2 <= axes.stops <= 45
 
 
 class HomedByHalf(MistakenAxes):
