@@ -131,7 +131,7 @@ def test_a_program_that_a_person_ended_stays_so(winkler: Respond) -> None:
 
 
 def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) -> None:
-    with connected(winkler, keys={"watchdog_s": 0.5}) as (made, robot):
+    with connected(winkler, keys={"watchdog_s": 2.0}) as (made, robot):
         made.stage.enable()
         made.stage.keep_alive()
         robot.fail("blink")
@@ -139,7 +139,7 @@ def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) 
         made.stage.start_again()
         with pytest.raises(DeviceFault, match="another program runs"):
             made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)  # ours from before the cut
-        time.sleep(1.0)
+        time.sleep(2.5)  # its watchdog ends it
         made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)
         made.arrive()
         assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
