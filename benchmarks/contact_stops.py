@@ -69,7 +69,7 @@ class Spring(NamedTuple):
 
 
 def serve(line: Connection, stiffness_n_m: float, contact_n: float) -> None:
-    """The robot and the truth; stops the scan's process, if told its number."""
+    """The robot and the truth; stops the scan's process, if given its number."""
     come_first()
     spring = Spring(stiffness_n_m)
     phantom = Phantom(load_scene("TI"), WallClock(), lambda *_: spring, home=HOME)

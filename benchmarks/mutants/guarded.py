@@ -290,7 +290,7 @@ GUARDED = (
     ),
     Mutant(
         "a contact in the air is a surface", ENGINE,
-        "if felt_n < touch_n:", "if felt_n < 0:",
+        "if most_n < touch_n:", "if most_n < 0:",
         (f"{TEST_CONTACT}::test_contact_in_the_air_is_a_fault",),
     ),
     Mutant(

@@ -114,7 +114,7 @@ class LineStage:
         self._target = target
         if going:  # else it is there
             self._have(lambda axes: axes.move(places, speeds))
-        if stops != self._stops:  # stopped while the axes were being told
+        if stops != self._stops:  # stopped while the axes got their commands
             self.stop()
 
     def moving(self) -> bool:
@@ -269,7 +269,7 @@ class LineStage:
             self._asked += 1
             number, stops = self._asked, self._stops
             reading = axes.read()
-        except NoAnswer:  # told by the reading's age, if it lasts
+        except NoAnswer:  # the reading's age shows it, if it lasts
             self._end.wait(LATER_S)
             return
         with self._changed:

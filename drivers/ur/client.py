@@ -171,8 +171,9 @@ class _Client:
                 answer = (number, False, str(error))
             if number != NO_ANSWER:
                 commands.send(answer)
-            if name == "stop":
-                self._end_detection()  # whoever stops does not wait for it
+            if name == "stop":  # whoever stops does not wait for it
+                with suppress(RuntimeError):
+                    self._end_detection()
 
     def _do(self, name: str, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
         control = self.control

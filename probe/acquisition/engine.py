@@ -313,7 +313,8 @@ class _Scan(RunLoop):
     def _seek(self, surface: Pose, touch_n: float) -> Pose:
         """Go down until the force reaches ``touch_n``, or the stage itself has found contact; where
         that was."""
-        for name, (_, error_n) in list((self.known_levels or {}).items())[:1]:  # the one that feels
+        if self.known_levels:  # the first is that of the sensor which finds the touch
+            name, (_, error_n) = next(iter(self.known_levels.items()))
             rate_hz = next(s.rate_hz for s in self.sensors if s.name == name)
             noise_n = error_n * math.sqrt(LEVEL_S * rate_hz)
             if (why := touch_in_noise(name, noise_n, touch_n)) is not None:
@@ -335,11 +336,11 @@ class _Scan(RunLoop):
         rests_s = self.clock.now()
         while self.monitor.seen_s() < rests_s:
             self.tick(math.inf)
-        felt_n = self.monitor.touched_n(began_s) or 0.0
-        if felt_n < touch_n:
+        most_n = self.monitor.touched_n(began_s) or 0.0
+        if most_n < touch_n:
             reason = (
                 f"{self.stage.name}: found contact {height_mm:+.2f} mm from the planned surface, "
-                f"where the sensor felt at most {felt_n:.3f} N (scan.touch_n = {touch_n:g}): the "
-                "probe may be in the air"
+                f"where the sensor measured at most {most_n:.3f} N (scan.touch_n = {touch_n:g}): "
+                "the probe may be in the air"
             )
             raise Interrupted(Finish.FAULTED, reason, self.stage.name, retract=True)

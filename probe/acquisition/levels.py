@@ -91,7 +91,7 @@ def touch_in_noise(name: str, noise_n: float, touch_n: float) -> str | None:
         return None
     return (
         f"touch_n = {touch_n:g} N is within the noise of {name}, {noise_n:.2g} N rms: a touch "
-        f"would be felt in the air; set scan.touch_n to {least_n:.2g} or more, or leave it out"
+        f"would be found in the air; set scan.touch_n to {least_n:.2g} or more, or leave it out"
     )
 
 

@@ -145,8 +145,8 @@ class SafetyMonitor:
 
     def touched_n(self, since_s: float) -> float | None:
         """The greatest force since ``since_s``, if the stage itself ended its search; else None."""
-        felt_n = (g.greatest_n(since_s) for _, g in self._sensors if g.feels)
-        return next(felt_n, 0.0) if abilities.touched(self._stage) else None
+        most_n = (g.greatest_n(since_s) for _, g in self._sensors if g.feels)
+        return next(most_n, 0.0) if abilities.touched(self._stage) else None
 
     def move(self, target: Pose, speed_m_s: float, *, search: bool = False) -> None:
         """`abilities.move`, unless a guard has stopped the scan. Raises `DeviceFault`."""

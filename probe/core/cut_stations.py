@@ -81,7 +81,7 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
 
 class _Measured:
     """What columns of one device measured in one press, times ``gains``. A device that lacks a
-    column is told when they are asked for."""
+    column is refused when they are asked for."""
 
     def __init__(self, device: str, columns: list[int], gains: Array | float = 1.0) -> None:
         self._device, self._columns, self._gains = device, columns, gains

@@ -79,7 +79,8 @@ def import_csv(
     `probe.storage.import_formats`.
 
     ``face_mm2`` is the probe's face, which turns a force into the stress that detection works on;
-    it scales what is found and does not change what is found.
+    it scales what is found and does not change what is found. Where it is not given it is the
+    file's own, as ``palpate export`` writes it to netCDF, HDF5 and MCAP.
     Raises `CsvError` for a bad recording, `StoreError` if ``out`` exists or cannot be written.
 
     Examples
@@ -92,11 +93,12 @@ def import_csv(
     ('imported.force',)
     """
     source, out = Path(source), Path(out)
-    if face_mm2 is not None and not 0 < face_mm2 < 1e6:
-        raise CsvError(f"face_mm2 = {face_mm2:g}: must be above 0")
     foreign = None
     if is_exported(first_line(source)) or source.suffix in ENDINGS:
         foreign = as_csv(source, topic)
+        face_mm2 = foreign.face_mm2 if face_mm2 is None else face_mm2
+    if face_mm2 is not None and not 0 < face_mm2 < 1e6:
+        raise CsvError(f"{source}: face_mm2 = {face_mm2:g}: must be above 0 and below 1e6")
     try:
         read = read_csv(source, foreign.csv if foreign else None)
     except CsvError as error:

@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,10 +36,20 @@ BAD_FILE = (OSError, ValueError, KeyError, struct.error)
 
 @dataclass(frozen=True)
 class Foreign:
-    """CSV text in the columns of an import, and whether what was felt was ``simulated``."""
+    """CSV text in the columns of an import, whether its readings are ``simulated``, and the probe's
+    face [mm2] where the file has it."""
 
     csv: bytes
     simulated: bool
+    face_mm2: float | None
+
+
+class Table(NamedTuple):
+    """The samples of a file, with what else it says of them: see `Foreign`."""
+
+    samples: pd.DataFrame
+    simulated: bool = False
+    face_mm2: float | None = None
 
 
 def is_exported(header: str) -> bool:
@@ -56,19 +66,20 @@ def as_csv(source: Path, topic: str | None = None) -> Foreign:
     try:
         match source.suffix:
             case ".mcap":
-                table, simulated = _mcap(source, topic)
+                table = _mcap(source, topic)
             case ".parquet":
                 require("pyarrow", "export", "Parquet")
-                table = pd.read_parquet(source)
+                table = Table(pd.read_parquet(source), simulated)
             case ".nc" | ".h5":
-                table, simulated = _groups(source)
+                table = _groups(source)
             case _:
                 # Numbers stay text: they are read once, by the import itself.
                 kinds: defaultdict[str, type] = defaultdict(lambda: str, station=int, attempt=int)
-                table = pd.read_csv(source, dtype=kinds)
+                table = Table(pd.read_csv(source, dtype=kinds), simulated)
     except BAD_FILE as error:
         raise CsvError(f"{source}: cannot be read ({error})") from None
-    return Foreign(_presses(table, source).to_csv(index=False).encode(), simulated)
+    csv = _presses(table.samples, source).to_csv(index=False).encode()
+    return Foreign(csv, table.simulated, table.face_mm2)
 
 
 def _presses(table: pd.DataFrame, source: Path) -> pd.DataFrame:
@@ -89,20 +100,20 @@ def _presses(table: pd.DataFrame, source: Path) -> pd.DataFrame:
     table = table.assign(**{name: table[name].replace(INFINITE, np.nan) for name in known})
     if "phase" in table:
         numbers = {str(phase): n for n, phase in enumerate(Phase)}
-        table = table.assign(**{PHASE: table["phase"].replace(numbers).astype(float)})
+        table = table.assign(**{PHASE: table["phase"].astype(str).map(numbers)})
         beside.append(PHASE)
     return table[["time_s", *known, *beside]]
 
 
-def _groups(source: Path) -> tuple[pd.DataFrame, bool]:
-    """The samples of the device that feels, of a netCDF or HDF5 export, with the reference and its
-    stations' places; whether they are simulated."""
+def _groups(source: Path) -> Table:
+    """The samples of the tactile sensor in a netCDF or HDF5 export, with the reference and its
+    stations' places."""
     require("h5py", "export", "HDF5 and netCDF")
     import h5py
 
     with h5py.File(source) as file:
-        feels = _text(file.attrs.get("tactile", ""))  # the run's own choice, where there are two
-        first = [file.get(feels)] if feels else []
+        chosen = _text(file.attrs.get("tactile", ""))  # the run's own choice, where there are two
+        first = [file.get(chosen)] if chosen else []
         groups = [
             g for g in (*first, *file.values()) if isinstance(g, h5py.Group) and LABELS[0] in g
         ]
@@ -116,7 +127,15 @@ def _groups(source: Path) -> tuple[pd.DataFrame, bool]:
         if reference := next(beside, None):
             table = _with_reference(table, _labelled(*reference, REFERENCE))
         simulated = bool(group[name].attrs.get("simulated", 0))
-        return _placed(table, file.get("stations", file)), simulated
+        config = file.attrs.get("config") or file["config"][()]
+        return Table(
+            _placed(table, file.get("stations", file)), simulated, _face_mm2(_text(config))
+        )
+
+
+def _face_mm2(config: str | bytes) -> float | None:
+    face_mm2 = json.loads(config or "{}").get("face_mm2")
+    return float(face_mm2) if face_mm2 else None
 
 
 def _text(value: object) -> str:
@@ -142,7 +161,7 @@ def _placed(table: pd.DataFrame, stations: Any) -> pd.DataFrame:
     return table
 
 
-def _mcap(source: Path, topic: str | None) -> tuple[pd.DataFrame, bool]:
+def _mcap(source: Path, topic: str | None) -> Table:
     with needs("export", "MCAP"):
         from mcap.exceptions import McapError
         from mcap.reader import make_reader
@@ -171,7 +190,7 @@ def _mcap(source: Path, topic: str | None) -> tuple[pd.DataFrame, bool]:
             rows = [_wrench(c.message_encoding, m) for _, c, m in reader.iter_messages(chosen)]
     except McapError as error:
         raise CsvError(f"{source}: not a whole MCAP file ({error})") from None
-    return pd.DataFrame(rows, columns=["time_s", "force_n"]), False
+    return Table(pd.DataFrame(rows, columns=["time_s", "force_n"]))
 
 
 def _wrench(encoding: str, message: Any) -> tuple[float, float]:
@@ -195,11 +214,8 @@ def _time_s(seconds: int, nanoseconds: int, message: Any) -> float:
     return total * 1e-9
 
 
-def _own_samples(
-    reader: Any, summary: Any, topics: list[str], source: Path
-) -> tuple[pd.DataFrame, bool]:
-    """Samples that `probe.storage.export_mcap` wrote: to the bit, with the plan's places; whether
-    they are simulated."""
+def _own_samples(reader: Any, summary: Any, topics: list[str], source: Path) -> Table:
+    """Samples that `probe.storage.export_mcap` wrote: to the bit, with the plan's places."""
     channels = {c.topic: c for c in summary.channels.values()}
     tables = {topic: _own_table(reader, summary, channels[topic]) for topic in topics}
     signals = ((t, n) for t, table in tables.items() for n in SIGNALS if n in table)
@@ -207,6 +223,7 @@ def _own_samples(
         raise CsvError(f"{source}: no device that measures force or pressure")
     topic, signal = found
     chosen = tables[topic][[*LABELS, "phase", signal]].copy()
+    chosen["phase"] = chosen["phase"].map(dict(enumerate(Phase)))
     beside = (
         (table, _column(key.removeprefix(ROLE), channels[other].metadata))
         for other, table in tables.items()
@@ -217,11 +234,12 @@ def _own_samples(
         table, name = reference
         chosen = _with_reference(chosen, table[[*LABELS, name]].rename(columns={name: REFERENCE}))
     attached = {a.name: a.data for a in reader.iter_attachments()}
-    places = planned(json.loads(attached.get("config.json", b"{}")))
+    config = attached.get("config.json", b"{}")
+    places = planned(json.loads(config))
     for n, name in enumerate(PLACE_COLUMNS):
         at_mm = {index + 1: round(1e3 * place[n], 9) for index, place in places.items()}
         chosen[name] = chosen["station"].map(at_mm)
-    return chosen, bool(channels[topic].metadata.get("simulated"))
+    return Table(chosen, bool(channels[topic].metadata.get("simulated")), _face_mm2(config))
 
 
 def _own_table(reader: Any, summary: Any, channel: Any) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Whether what lies in a block has room there: within its sides, and apart."""
+"""Whether what lies in a block has room there: within its sides, none over another."""
 
 from itertools import pairwise
 from math import hypot
@@ -36,16 +36,16 @@ def need_room(
                     f"it must lie between {r:g} and {width_mm - r:g}"
                 )
         for m, other in enumerate(inclusion[:n]):
-            apart_mm = _apart_mm(one, other, solid=solid)
-            if apart_mm <= r + other.outer_radius_mm:
+            distance_mm = _distance_mm(one, other, solid=solid)
+            if distance_mm <= r + other.outer_radius_mm:
                 raise ValueError(
-                    f"{where} overlaps inclusion[{m}]: centres are {apart_mm:.3g} mm apart; "
+                    f"{where} overlaps inclusion[{m}]: centres are {distance_mm:.3g} mm apart; "
                     f"they must be more than {r + other.outer_radius_mm:g} mm apart"
                 )
 
 
-def _apart_mm(one: Inclusion, other: Inclusion, *, solid: bool) -> float:
-    """How far apart the centres come in one section: between the points of a path they move
+def _distance_mm(one: Inclusion, other: Inclusion, *, solid: bool) -> float:
+    """The least distance of the centres in one section; between the points of a path they move
     straight. Balls in a solid may lie behind each other."""
     knots = {z for i in (one, other) if isinstance(i, Artery) for z, _, _ in i.path} or {0.0}
     gaps = [np.subtract(one.centre_mm(z), other.centre_mm(z)) for z in sorted(knots)]

@@ -223,6 +223,7 @@ def test_a_strike_that_finds_no_memory_is_no_mistake_of_the_scan(
     os.write(inside, b"b")
     os.close(inside)
     scanning._strike_inside(heard)
+    assert os.read(heard, 1) == b""  # it went on to the end
     os.close(heard)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from sim_backend.phantom.phantom import Phantom
 
 STOP_M_S2 = 3.0
-BACK_M_S, BACK_M_S2 = 0.25, 1.2  # what ``movel`` does when it is not told otherwise
+BACK_M_S, BACK_M_S2 = 0.25, 1.2  # ``movel``'s own defaults
 LONGEST_S = 5.0
 """How far back the beginning of a contact is looked for."""
 
@@ -19,7 +19,7 @@ class Contact:
     """A contact is a push of ``contact_n`` or more against the motion; at rest, in any direction.
 
     ``steps_back``: cycles from just before the last contact found to its detection, 0 for none.
-    ``stops``: the program obeys nothing, since it stops and goes back. ``misled``: it feels a
+    ``stops``: the program obeys nothing, since it stops and goes back. ``misled``: it has a
     contact all the time, from its first look on.
     """
 
@@ -89,5 +89,5 @@ class Contact:
     def _touches(self, time_s: float) -> bool:
         if self.misled:
             return True
-        felt_n = float(self._phantom.force_n(np.array([time_s]))[0])
-        return felt_n >= self.contact_n and self._phantom.tip.velocity(time_s)[2] <= 0
+        force_n = float(self._phantom.force_n(np.array([time_s]))[0])
+        return force_n >= self.contact_n and self._phantom.tip.velocity(time_s)[2] <= 0

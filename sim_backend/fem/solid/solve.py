@@ -59,7 +59,7 @@ def solve_solid(
         *_, now = continuation(body, solver, unloaded(body), ramp)
     solutions = [replace(now, stable=is_stable(body, solver, now))]
     for pressure in pressures_pa[1:]:
-        # from the factors that told the last state's stability
+        # from the factors of the last state's stability
         (now,) = continuation(body, solver, now, [Load(depth_m, pressure)])
         solutions.append(replace(now, stable=is_stable(body, solver, now)))
     return body, solutions

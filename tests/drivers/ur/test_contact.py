@@ -93,6 +93,7 @@ def test_another_move_ends_the_search(winkler: Respond) -> None:
     with searching(winkler) as (made, _):
         time.sleep(0.1)
         go_deep(made)
+        assert deepest_m(made) == pytest.approx(LOWEST.z, abs=1e-4)
 
 
 def test_a_stop_on_the_way_back_leaves_the_program_alone(winkler: Respond) -> None:

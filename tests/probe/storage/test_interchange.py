@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
@@ -129,7 +130,7 @@ BESIDE = {"imported": Channel("force", "N", "force"), "ecg": Channel("lead II", 
 
 def run_of(path: Path, channels: dict[str, tuple[Channel, ...]], samples: list[Samples]) -> Path:
     """A run of one station of a second that holds ``samples``."""
-    config = {"face_mm2": 100.0, "plan": {"stations": [[0, 5.0, None]], "columns": ["index"]}}
+    config = {"face_mm2": 25.0, "plan": {"stations": [[0, 5.0, None]], "columns": ["index"]}}
     with create_store(path) as store:
         store(RunStarted(0.0, "2026-01-02T03:04:05+00:00", config, channels))
         store(StationStarted(0.0, 0, 1, 5e-3, math.nan))
@@ -147,7 +148,7 @@ def block(time_s: Any, values: Any) -> Block:
 
 @pytest.mark.parametrize("form", ["hdf5", "netcdf", "mcap"])
 @pytest.mark.parametrize("together", [True, False])
-def test_a_reference_comes_back_too(form: str, together: bool, tmp_path: Path) -> None:
+def test_a_reference_and_the_face_come_back_too(form: str, together: bool, tmp_path: Path) -> None:
     """From a channel of the sensor itself, or of another device at times of its own."""
     time_s, beats_s = np.linspace(0.1, 0.9, 40), np.linspace(0.05, 0.95, 31)
     force, beats = np.arange(40.0), np.sin(np.arange(31.0))
@@ -161,11 +162,11 @@ def test_a_reference_comes_back_too(form: str, together: bool, tmp_path: Path) -
         samples += [Samples("ecg", block(beats_s, beats), 0, 1)]
         path = run_of(tmp_path / "a.run", {n: (c,) for n, c in BESIDE.items()}, samples)
     (file,) = export(path, [form], tmp_path)
-    imported = import_csv(file, tmp_path / "back.run", face_mm2=100.0)
+    imported = import_csv(file, tmp_path / "back.run")
     (station,) = open_run(imported.path).recording().stations
     assert np.array_equal(station.reference_s, beats_s)
     assert np.array_equal(station.reference, beats)
-    assert np.array_equal(station.signal_pa[:, 0], 1e4 * force)
+    assert np.array_equal(station.signal_pa[:, 0], force / 25e-6)
     assert open_run(imported.path).simulated == ()
     said = "" if together else "31 rows have a reference and no reading"
     assert " ".join(imported.notes) == said
@@ -269,3 +270,23 @@ def test_a_file_that_is_none_is_refused(ending: str, tmp_path: Path) -> None:
     file.write_bytes(b"nothing of the kind" * 10)
     with pytest.raises(CsvError, match="none"):
         import_csv(file, tmp_path / "a.run")
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+@pytest.mark.parametrize("phase", ["dwell", 3.0, ""])
+def test_phases_in_words_of_others_are_none(
+    ending: str, phase: str | float, tmp_path: Path
+) -> None:
+    """Their hold is found from the force, as in any recording without phases."""
+    time_s = np.arange(0.0, 12.0, 0.01)
+    force_n = np.interp(time_s, [1, 2, 9, 10], [0.0, 1.0, 1.0, 0.0])
+    table = pd.DataFrame(
+        {"time_s": time_s, "station": 0, "attempt": 1, "force_n": force_n, "phase": phase}
+    )
+    file = tmp_path / f"press{ending}"
+    table.to_csv(file, index=False) if ending == ".csv" else table.to_parquet(file)
+    back = open_run(import_csv(file, tmp_path / "back.run", face_mm2=100.0).path)
+    assert np.array_equal(back.samples()["force"].values, force_n)
+    (station,) = back.recording().stations
+    assert math.isnan(station.hold_s)
+    assert len(station.time_s) == len(time_s)

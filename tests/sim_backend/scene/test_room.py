@@ -1,4 +1,4 @@
-"""What lies in a block stays in it and apart, all along a vessel's path."""
+"""What lies in a block stays in it and overlaps nothing, all along a vessel's path."""
 
 from typing import Any
 
