@@ -34,6 +34,15 @@ def package(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def contract(package: Path, driver: str, bench: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider",
+         f"--palpate-driver={driver}", f"--palpate-bench=acme_bench:{bench}"],
+        cwd=package, env=os.environ | {"PYTHONPATH": str(package)},
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize("name", ["acme_gauge.py", "acme_table.py"])
 def test_it_takes_less_than_sixty_lines(package: Path, name: str) -> None:
     code = [line for line in (package / name).read_text("utf-8").splitlines() if line]
@@ -46,14 +55,30 @@ def test_it_takes_less_than_sixty_lines(package: Path, name: str) -> None:
 )
 def test_it_keeps_the_contract(package: Path, driver: str, bench: str, outcome: str) -> None:
     """Those that are skipped are of the other kind."""
-    ran = subprocess.run(
-        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider",
-         f"--palpate-driver={driver}", f"--palpate-bench=acme_bench:{bench}"],
-        cwd=package, env=os.environ | {"PYTHONPATH": str(package)},
-        capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
+    ran = contract(package, driver, bench)
     assert ran.returncode == 0, ran.stdout
     assert outcome in ran.stdout, ran.stdout
+
+
+@pytest.mark.parametrize(
+    ("file", "right", "wrong", "driver", "bench"),
+    [
+        ("acme_table.py", "for axis, place in places_mm.items())",
+         "for axis, place in ({'x': 0, 'y': 0, 'z': 0} | places_mm).items())",
+         "acme-table", "table"),
+        ("acme_gauge.py", "[Sample(middle_s,", "[Sample(middle_s - self.began_s,", "acme", "bench"),
+    ],
+)  # fmt: skip
+def test_a_mistake_that_its_emulated_device_shares_is_noticed(
+    package: Path, file: str, right: str, wrong: str, driver: str, bench: str
+) -> None:
+    """Axes that nobody named go to 0; times are those of a device that counts since it was made."""
+    source = (package / file).read_text("utf-8")
+    assert right in source
+    source = source.replace(right, wrong)
+    source = source.replace("self.lost = 0\n", "self.lost, self.began_s = 0, self.due_s\n", 1)
+    (package / file).write_text(source, "utf-8")
+    assert contract(package, driver, bench).returncode == 1
 
 
 def test_its_rig_file_names_it(package: Path) -> None:

@@ -12,6 +12,7 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,8 @@ from drivers.core.registry import Kind, available, open_driver
 
 pytest.register_assert_rewrite("drivers.testing.contract_tests")
 TESTS = Path(__file__).with_name("contract_tests.py")
+BEGAN_S = 3600.0
+"""The scan began an hour ago: seconds that a device counts since it was made are not the scan's."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Bench:
     travel_mm: float = 4.0
     speed_mm_s: float = 8.0
     connected: bool = True
-    clock: WallClock = field(default_factory=WallClock)
+    clock: WallClock = field(default_factory=partial(WallClock, BEGAN_S))
 
     def open_stage(self) -> Stage:
         """The stage, not yet connected."""
