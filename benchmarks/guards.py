@@ -16,7 +16,7 @@ from drivers import Block, Channel, Pose, WallClock
 from probe.acquisition.commands import Control
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.planning.limits import Limits
-from probe.planning.plan import flat
+from probe.planning.surfaces import flat
 
 RATE_HZ = 500.0
 LIMITS = Limits(1.0, 1e-2, ((-1.0, 1.0),) * 3, 1.0)

@@ -29,7 +29,7 @@ from probe.detection import detect
 from probe.detection.finding import Finding
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold, hold_of
-from probe.detection.pulse.rate_prior import rates_hz
+from probe.detection.pulse.possible_rates import rates_hz
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
 from probe.report.look import BLUE, GREEN, VERMILLION
 

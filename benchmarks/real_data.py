@@ -8,7 +8,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import periodogram
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 
 
 def holds(path: Path) -> list[tuple[Array, Array]]:

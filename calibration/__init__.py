@@ -1,7 +1,8 @@
 """What turns raw numbers into true ones.
 
 Each ``fit_*`` is a pure function on arrays that returns a small frozen result; its methods apply
-it. `record`/`save`/`use` keep it in a file. Degenerate data raise `CalibrationError`.
+it. `fit` has the least squares and the intervals that they share. `record`/`save`/`use` keep it in
+a file. Degenerate data raise `CalibrationError`.
 
 Every command reads rigs, and rigs name calibrations; so the parts of SciPy that take as long to
 import as a scan to store (interpolate, optimize, signal) are imported inside the fits.

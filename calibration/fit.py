@@ -1,7 +1,8 @@
 """Least squares with honest intervals, shared by every calibration.
 
 All fits assume independent normal residuals of one unknown variance, estimated from the
-residuals; intervals are Student's t. Data that leave a parameter undetermined are refused.
+residuals; intervals are Student's t, and wider where residuals in time follow one another
+(`correlated`). Data that leave a parameter undetermined are refused.
 """
 
 from collections.abc import Callable, Sequence

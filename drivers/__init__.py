@@ -1,4 +1,8 @@
-"""What moves and what feels: small protocols, clocks and the drivers behind them."""
+"""Stages and sensors: small protocols, clocks and the drivers behind them.
+
+A file or folder per device; `lines` is any sensor that prints its readings as text, `modbus` any
+that keeps them in registers, `taxels` a tactile array, `lsl` a stream of the lab's network.
+"""
 
 from drivers.core.arrays import Array
 from drivers.core.clocks import SimulatedClock, WallClock

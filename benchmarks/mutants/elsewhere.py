@@ -100,7 +100,7 @@ ELSEWHERE = (
            "return np.asarray(np.asarray(depth_m) + np.asarray(force_n) / self.stiffness_n_m)",
            "return np.asarray(np.asarray(depth_m) - np.asarray(force_n) / self.stiffness_n_m)",
            (*TRUTH, "tests/probe/config/test_calibrated.py")),
-    Mutant("a steep surface is pressed straight down", PLAN,
+    Mutant("a steep surface is pressed straight down", "probe/planning/press_direction.py",
            "return (sine * pose.ry, -sine * pose.rx, math.cos(angle))", "return (0.0, 0.0, 1.0)",
            PLANNED),
     Mutant("any slope is pressed", PLAN, "if steep_deg > STEEPEST_DEG:", "if steep_deg > 90:",

@@ -4,7 +4,7 @@ from mutants.mutant import Mutant
 
 GUARDS, POSE = "probe/acquisition/force_limit.py", "probe/acquisition/pose_guard.py"
 MONITOR, RETREAT = "probe/acquisition/safety_monitor.py", "probe/acquisition/retreat.py"
-ENGINE, ALIVE = "probe/acquisition/engine.py", "probe/acquisition/plausibility.py"
+ENGINE, ALIVE = "probe/acquisition/engine.py", "probe/acquisition/stuck_sensor.py"
 LOOP, RULES = "probe/acquisition/run_loop.py", "probe/acquisition/stop_rules.py"
 CLOCKS = "probe/acquisition/clock_guard.py"
 PRESS = "probe/acquisition/press_guard.py"

@@ -63,7 +63,7 @@ OVERLOOKED = (
            "self._noise_n = min(self._noise_n, noise_n) if down else noise_n",
            "self._noise_n = noise_n", LIMITED),
     Mutant("only the newest reading of a block is held to the one before",
-           "probe/acquisition/plausibility.py", "for reading in values.tolist():",
+           "probe/acquisition/stuck_sensor.py", "for reading in values.tolist():",
            "for reading in values[-1:].tolist():", LIMITED),
     Mutant("a soft rig is followed without bound", ENGINE,
            "yielded_m = min(yielded_m, plan.max_deflection_m)", "yielded_m = max(yielded_m, 0.0)",

@@ -33,7 +33,8 @@ from probe.core.events import (
 )
 from probe.core.states import ALLOWED
 from probe.planning.limits import Limits
-from probe.planning.plan import Place, Plan, pressed
+from probe.planning.plan import Place, Plan
+from probe.planning.press_direction import pressed
 
 TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
 TOUCH_M_S = 1e-3

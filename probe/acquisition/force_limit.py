@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers import Block, Channel
 from drivers.core.arrays import Array
-from probe.acquisition.plausibility import Alive
+from probe.acquisition.stuck_sensor import Alive
 from probe.planning.limits import LEVER_M, Limits
 
 FUTURE_S = 0.1

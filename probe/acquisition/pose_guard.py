@@ -4,7 +4,7 @@ import math
 
 from drivers import Pose
 from probe.planning.limits import Limits
-from probe.planning.plan import Surface
+from probe.planning.surfaces import Surface
 
 POSE_SLACK_M = 50e-6  # reported poses jitter; the workspace itself is planned with nothing beyond
 POSE_AGE_S = 0.1  # drivers report a pose up to this old, and then all that was missed at once

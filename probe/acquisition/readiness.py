@@ -2,7 +2,8 @@
 
 from drivers import DeviceFault, Pose, Stage
 from drivers.core import abilities
-from probe.planning.plan import Plan, pressed
+from probe.planning.plan import Plan
+from probe.planning.press_direction import pressed
 
 
 def make_ready(stage: Stage, plan: Plan) -> list[str]:

@@ -25,7 +25,7 @@ from probe.acquisition.press_guard import PERIODS, WAY_M, ForceReading, PressGua
 from probe.acquisition.readings import STAGE, Readings
 from probe.acquisition.retreat import Retreat, lift_speed_m_s
 from probe.planning.limits import Limits
-from probe.planning.plan import Surface
+from probe.planning.surfaces import Surface
 
 STAGE_PERIOD_S = 0.008
 LOCK_S = 0.25

@@ -28,7 +28,7 @@ from calibration.errors import CalibrationError
 from drivers import Block, Channel, Pose, Sensor, Stage
 from drivers.core import abilities
 from drivers.core.arrays import Array
-from probe.planning.plan import Surface
+from probe.planning.surfaces import Surface
 
 SENSOR_KINDS = ("force", "taxels", "latency")
 STAGE_KINDS = ("surface", "compliance", "axes")

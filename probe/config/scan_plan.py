@@ -4,8 +4,8 @@ from probe.config.calibrated import compliance_of, surface_of
 from probe.config.rig import Heights, Rig, RigError, pair
 from probe.core.contact_stress import square_metres
 from probe.planning.limits import Limits
-from probe.planning.plan import Plan, Surface, check_reach, grid, repeated
-from probe.planning.surfaces import level, through
+from probe.planning.plan import Plan, check_reach, grid, repeated
+from probe.planning.surfaces import Surface, level, through
 
 DEPTH_SLACK_MM = 0.5  # beyond the deepest press, where the rig file gives no limit
 ROUNDING_MM = 1e-6  # as `probe.planning.plan.check_reach` allows: 0.9 mm in metres and back is more

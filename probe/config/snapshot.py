@@ -11,7 +11,8 @@ from pydantic_core import from_json
 
 from drivers.core.files import read_file
 from probe.config.rig import Rig
-from probe.planning.plan import Plan, normal_of
+from probe.planning.plan import Plan
+from probe.planning.press_direction import normal_of
 from sim_backend.scene.scene_file import WAVES, Scene
 
 MAX_CONTENT_BYTES = 4 * 1024**2

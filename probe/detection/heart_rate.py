@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from probe.detection.pulse.possible_rates import RATE_VARIABILITY
 from probe.detection.pulse.presses import Press
-from probe.detection.pulse.rate_prior import RATE_VARIABILITY
 
 NORMAL_95 = 1.96
 

@@ -19,8 +19,8 @@ from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, o
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.least_pulse import least_pulse_pa
+from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.presses import Press, presses_of
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.repeats import distinct_m, pitch_m
 from probe.storage.run import recording_of
 

@@ -5,23 +5,17 @@ Every press goes in along the surface's normal; a stage that can turn the tool t
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 from drivers import ConfigError, Pose
+from probe.planning.press_direction import normal_of, pressed, turn_at
+from probe.planning.surfaces import Surface, flat
 
-Surface = Callable[[float, float], float]
-Point = tuple[float, float, float]
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 STEEPEST_DEG = 30.0
-SLOPE_M = 0.1e-3  # a slope is the difference of heights this far to either side
-
-
-def flat(_x_m: float, _y_m: float) -> float:
-    """The surface z = 0."""
-    return 0.0
 
 
 @dataclass(frozen=True)
@@ -91,43 +85,9 @@ class Plan:
     @cached_property
     def _starts(self) -> dict[tuple[float, float], Pose]:
         return {
-            (x, y): Pose(x, y, self.surface(x, y), *_turn_to(_slope(self.surface, x, y)))
+            (x, y): Pose(x, y, self.surface(x, y), *turn_at(self.surface, x, y))
             for x, y in dict.fromkeys((p.x_m, p.y_m) for p in self.places)
         }
-
-
-def normal_of(pose: Pose) -> Point:
-    """Unit vector that a pose of `Plan.at_surface` presses against."""
-    angle = math.hypot(pose.rx, pose.ry)
-    if angle == 0.0:
-        return (0.0, 0.0, 1.0)
-    sine = math.sin(angle) / angle
-    return (sine * pose.ry, -sine * pose.rx, math.cos(angle))
-
-
-def pressed(surface: Pose, depth_m: float) -> Pose:
-    """``depth_m`` further in along the normal."""
-    x, y, z = normal_of(surface)
-    return surface._replace(
-        x=surface.x - depth_m * x, y=surface.y - depth_m * y, z=surface.z - depth_m * z
-    )
-
-
-def _slope(surface: Surface, x: float, y: float) -> tuple[float, float]:
-    h = SLOPE_M
-    east, west, north, south = (
-        surface(x + i * h, y + j * h) for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1))
-    )
-    return (east - west) / (2 * h), (north - south) / (2 * h)
-
-
-def _turn_to(slope: tuple[float, float]) -> Point:
-    """Rotation vector from straight down to the normal (-slope, 1)."""
-    steep = math.hypot(*slope)
-    if steep < 1e-9:  # rounding of a level surface
-        return (0.0, 0.0, 0.0)
-    angle = math.atan(steep)
-    return (angle * slope[1] / steep, -angle * slope[0] / steep, 0.0)
 
 
 def row(start_m: float, pitch_m: float, stations: int, *, y_m: float = 0.0) -> tuple[Place, ...]:

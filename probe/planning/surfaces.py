@@ -1,11 +1,18 @@
 """The height of a surface over x and y: a level, a plane, or a smooth sheet through points."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from drivers.core.arrays import Array
-from probe.planning.plan import Point, Surface
+
+Surface = Callable[[float, float], float]
+Point = tuple[float, float, float]
+
+
+def flat(_x_m: float, _y_m: float) -> float:
+    """The surface z = 0."""
+    return 0.0
 
 
 def level(height_m: float) -> Surface:

@@ -10,7 +10,7 @@ from drivers.core.arrays import Array
 from probe.detection.pulse.estimate import SHARES, Wave
 from probe.detection.pulse.fit import harmonics
 from probe.detection.pulse.hold_samples import Hold
-from probe.detection.pulse.rate_prior import RATE_VARIABILITY
+from probe.detection.pulse.possible_rates import RATE_VARIABILITY
 from probe.detection.pulse.search import FINEST
 
 FOLLOWED = 5

@@ -18,7 +18,7 @@ from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
 from probe.detection.pulse.own_shape import SAMPLES_EACH, shape_evidence
 from probe.detection.pulse.periodic import beside_of, log_evidence, mean_wave, periodic
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, weights
+from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ, weights
 from probe.detection.pulse.search import SHARE
 
 COARSE_S = 0.04

@@ -10,7 +10,7 @@ from probe.detection.pulse.causes import chance_without_pulse, coarse_of
 from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
-from probe.detection.pulse.rate_prior import RATE_VARIABILITY, USUAL_SPREAD
+from probe.detection.pulse.possible_rates import RATE_VARIABILITY, USUAL_SPREAD
 from probe.detection.pulse.search import FINEST, SHARE, TESTED_HARMONICS, Search, search
 from probe.detection.pulse.size import Rates, Sizes, averaged, mixed, sizes_at
 

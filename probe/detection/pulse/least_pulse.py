@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import fdtri, ncfdtrinc
 
 from probe.detection.pulse.pooled_evidence import COHERENT
-from probe.detection.pulse.rate_prior import independent_rates, unusual, weights
+from probe.detection.pulse.possible_rates import independent_rates, unusual, weights
 from probe.detection.pulse.search import SHARE, Search
 
 POWER = 0.9

@@ -9,7 +9,7 @@ import numpy as np
 from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.beat_train import MEMORIES, Coarse, whiten
 from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH
-from probe.detection.pulse.rate_prior import weights
+from probe.detection.pulse.possible_rates import weights
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
 
 Likely = Callable[[Array], Array]
@@ -32,7 +32,7 @@ def periodic(
 ) -> float:
     """Log evidence of up to ``count`` harmonics at one unknown rate, the first the largest.
 
-    ``likely`` tells how likely rates (r,) are beforehand, on average 1 (`rate_prior.weights`).
+    ``likely`` tells how likely rates (r,) are beforehand, on average 1 (`possible_rates.weights`).
     """
     count = max(1, min(count, int((len(hold.signal) / SAMPLES_EACH - 1) / 2)))
     return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_harmonics, likely)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import chdtrc, chdtri, logsumexp
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.rate_prior import anywhere, unusual, weights
+from probe.detection.pulse.possible_rates import anywhere, unusual, weights
 from probe.detection.pulse.search import Search
 
 COHERENT = 0.95

@@ -10,7 +10,7 @@ from probe.detection.pulse.estimate import SHARES, Wave, harmonics_seen
 from probe.detection.pulse.fit import design_of, harmonics, scale_rows
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, rates_hz, unusual
+from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ, rates_hz, unusual
 from probe.detection.pulse.search import TESTED_HARMONICS, Search
 from probe.detection.pulse.size import Rates
 

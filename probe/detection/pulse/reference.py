@@ -11,7 +11,7 @@ from probe.detection.pulse.estimate import Clearest, beside, scale_of
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.search import TESTED_HARMONICS
 
 SMOOTHED_S, INTEGRATED_S = 0.04, 0.1

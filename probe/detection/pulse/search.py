@@ -10,7 +10,7 @@ from drivers.core.arrays import Array, Bools
 from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise, family
-from probe.detection.pulse.rate_prior import (
+from probe.detection.pulse.possible_rates import (
     FASTEST_HZ,
     SLOWEST_HZ,
     anywhere,

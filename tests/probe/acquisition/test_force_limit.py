@@ -8,9 +8,9 @@ from springs import HARD_N_M, LIMIT_N, SpringSensor, on_springs, run_springs, sp
 
 from drivers import Block, Channel, ConfigError, Pose
 from probe.acquisition.force_limit import SensorGuard
-from probe.acquisition.plausibility import Alive
 from probe.acquisition.prepare import Prepared, prepare
 from probe.acquisition.press_guard import ForceReading, PressGuard, check_blind
+from probe.acquisition.stuck_sensor import Alive
 from probe.config.devices import Devices
 from probe.config.rig import Rig, RigError
 from probe.config.scan_plan import limits_for, plan_for

@@ -15,7 +15,7 @@ from probe.acquisition.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
 from probe.config.devices import Devices
 from probe.config.scan_plan import limits_for, plan_for
 from probe.planning.limits import Limits
-from probe.planning.plan import flat
+from probe.planning.surfaces import flat
 
 LIMITS = Limits(1.0, 3e-3, ((-1.0, 1.0),) * 3, 25e-3, clock_jump_s=0.25)
 

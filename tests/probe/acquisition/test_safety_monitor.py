@@ -21,7 +21,7 @@ from probe.config.rig import Rig
 from probe.config.scan_plan import limits_for, plan_for
 from probe.core.events import Event, Finish, Phase, PhaseEntered, RunEnded, Samples, StationEnded
 from probe.planning.limits import Limits
-from probe.planning.plan import flat
+from probe.planning.surfaces import flat
 from sim_backend.scene.scene_file import load_scene
 
 LIMITS = Limits(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from probe.detection.heart_rate import heart_rate
-from probe.detection.pulse.rate_prior import RATE_VARIABILITY
+from probe.detection.pulse.possible_rates import RATE_VARIABILITY
 
 
 def pressed(rng: np.random.Generator, beats: int = 16) -> Any:

@@ -6,7 +6,7 @@ import pytest
 from drivers.core.arrays import Array
 from probe.detection.pulse.beat_train import Coarse
 from probe.detection.pulse.periodic import log_evidence, mean_wave, periodic
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, weights
+from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ, weights
 from probe.detection.pulse.wave import brachial
 
 STEP_S, COUNT, SEEDS = 0.1, 48, 8

@@ -8,7 +8,7 @@ from scipy.stats import chi2
 
 from probe.detection.pulse.noise import WHITE
 from probe.detection.pulse.pooled_evidence import shared_chance
-from probe.detection.pulse.rate_prior import anywhere, weights
+from probe.detection.pulse.possible_rates import anywhere, weights
 from probe.detection.pulse.search import Search
 
 RATES_HZ = np.linspace(0.7, 3.0, 40)

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from drivers import ConfigError
-from probe.planning.plan import Plan, check_reach, grid, normal_of, pressed, repeated, row
+from probe.planning.plan import Plan, check_reach, grid, repeated, row
+from probe.planning.press_direction import normal_of, pressed
 
 BOX = ((0.0, 0.07), (-0.01, 0.01), (-0.003, 0.01))
 

@@ -6,7 +6,7 @@ from known_presses import station
 from scipy.special import chdtrc
 
 from probe.detection.pulse.hold_samples import hold_of
-from probe.detection.pulse.rate_prior import FASTEST_HZ, SLOWEST_HZ, anywhere, rates_hz, weights
+from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ, anywhere, rates_hz, weights
 from probe.detection.pulse.search import SHARE, search
 
 
