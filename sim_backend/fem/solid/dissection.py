@@ -55,8 +55,8 @@ class _Part:
     children: tuple[int, ...]
 
 
-def _halve(part: Ints, nodes: Array, graph: csr_matrix, parts: list[_Part]) -> int:
-    """Number of the front at the top of ``part``."""
+def _halve(part: Ints, nodes: Array, graph: csr_matrix, parts: list[_Part]) -> tuple[int, ...]:
+    """Numbers of the fronts at the top of ``part``: one, or more where nothing connects them."""
     best: tuple[int, Bools, Bools] | None = None
     if len(part) > LEAF:
         near = graph[part][:, part]
@@ -74,10 +74,14 @@ def _halve(part: Ints, nodes: Array, graph: csr_matrix, parts: list[_Part]) -> i
         _, low, between = best
         below = len(parts)
         halves = [part[low], part[~low & ~between]]
-        children = tuple(_halve(half, nodes, graph, parts) for half in halves if len(half))
+        children = tuple(
+            top for half in halves if len(half) for top in _halve(half, nodes, graph, parts)
+        )
+        if not between.any():
+            return children
         part = _alike_together(part[between], parts[below:], len(nodes))
     parts.append(_Part(part, graph[part].indices.astype(np.int64), children))
-    return len(parts) - 1
+    return (len(parts) - 1,)
 
 
 def _alike_together(between: Ints, below: list[_Part], count: int) -> Ints:

@@ -80,3 +80,17 @@ def test_a_loose_part_has_no_inverse() -> None:
     solver = LinearSolver(nodes, [cells], np.array([0]), [])
     with pytest.raises(Singular):
         solver.factor(solver.matrix([np.zeros((len(cells), 24, 24))]))
+
+
+def test_parts_that_nothing_connects_are_solved_each() -> None:
+    nodes, cells = chequer(3)
+    nodes = np.concatenate([nodes, nodes + 10.0])
+    cells = np.concatenate([cells, cells + len(nodes) // 2])
+    part = np.random.default_rng(1).standard_normal((len(cells), 24, 24))
+    solver = LinearSolver(nodes, [cells], np.array([0]), [])
+    matrix = solver.matrix([part @ np.swapaxes(part, 1, 2)])
+    right = np.random.default_rng(2).standard_normal(3 * len(nodes))
+    right[:3] = 0.0
+    found = solver.solve(matrix, right)
+    dense, order = matrix.toarray(), solver._dofs
+    np.testing.assert_allclose(dense @ found[order], right[order], atol=1e-6 * np.abs(right).max())
