@@ -9,7 +9,6 @@ import os
 import select
 import threading
 import time
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
 
@@ -18,7 +17,7 @@ import numpy as np
 from campaign.board import Board
 from campaign.cell import Cell
 from campaign.faults import Draw
-from campaign.serve import HOME, TICK_S, Presses, due_s, save
+from campaign.serve import HOME, TICK_S, Presses, come_before_all, due_s, save
 from campaign.strikes import strike
 from campaign.world import SLICE_S, Point, World
 from drivers.core.arrays import Array
@@ -102,8 +101,7 @@ class Tip:
 
 def serve_arm(draw: Draw, address: str, commands: int, folder: Path) -> None:
     """As `campaign.serve.serve`, with a controller at ``address``."""
-    with suppress(OSError):  # the truth must not wait for the machine
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(2))
+    come_before_all()
     world = World(draw.bed, time.monotonic(), HOME)
     board, cell, pressing = Board(world), Cell(world, draw.seed, draw.zero_n), Presses(world)
     struck, late_s = [math.nan] * len(draw.faults), 0.0

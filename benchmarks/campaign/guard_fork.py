@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Any
 
 POLL_S = 0.02
+MOST_LINES = 16  # more than the client has to its guards
 
 
 class Prepared:
@@ -71,7 +72,7 @@ class Spare:
 
 
 def _guard(orders: socket.socket) -> None:
-    word, numbers, _, _ = socket.recv_fds(orders, 1, 2)
+    word, numbers, _, _ = socket.recv_fds(orders, 1, MOST_LINES)
     if not word:  # the scan ended without devices
         os._exit(0)
     orders.close()

@@ -36,6 +36,7 @@ HUNG, KILLED, BUG = None, 137, 70
 ENDED_BY_STORM = 143
 STAYS = {"SIGINT", "SIGINT to the group", "ctrl-c typed"}
 """A Ctrl-C after any other order to end leaves the probe where it is, in words."""
+NEVER_BEGAN = "the process that guards did not come up"
 SAID_ENDED = re.compile("abort|stopped|fault")
 
 
@@ -92,6 +93,8 @@ def judge(
     seen = draw.arm and "mm from where it was" in said  # an arm at rest is not stopped once more
     wrong += [] if seen else _check_sideways(draw, truth)
     up = _up(truth)
+    if NEVER_BEGAN in said:
+        wrong.append("the scan never began")
     wrong += _check_end(draw, truth, up, status, said)
     wrong += _check_words(draw, truth, status, finish, said, answer)
     if second is not None and second == 0:

@@ -36,7 +36,8 @@ from drivers import Block, Channel, Clock, DeviceFault, Pose, SimulatedClock
 from probe.acquisition.engine import run_scan
 from probe.acquisition.resume import unfinished
 from probe.config.rig import Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.config.snapshot import run_config
 from probe.core.events import Finish, RunEnded
 from probe.storage.verify import verify

@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import sys
 import threading
 import time
 from dataclasses import replace
@@ -11,7 +12,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from campaign import scanning, simulated
+from campaign import guard_fork, scanning, simulated
 from campaign.arm import Tip
 from campaign.board import ORIGIN_MM, Board
 from campaign.cell import ZEROS_N, Cell
@@ -183,6 +184,7 @@ def test_the_judge_finds_a_station_that_was_somewhere_else(
         (70, None, "This is a mistake in palpate itself", "a bug"),
         (0, {"finish": "faulted"}, "", "but faulted"),
         (137, None, "", "killed"),
+        (3, None, "guard: the process that guards did not come up", "never began"),
     ],
 )
 def test_the_judge_reads_status_and_words(
@@ -210,6 +212,22 @@ def test_a_scan_of_the_campaign_hears_ctrl_c_as_a_program_does(
     assert status == 7
     assert (tmp_path / "answer").read_text() == "True\n"
     scan.close_terminal()
+
+
+def test_guards_that_were_forked_beforehand_get_every_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = tmp_path / "lines"
+    main = "probe.acquisition.guard_process.main"
+    monkeypatch.setattr(main, lambda: told.write_text(" ".join(sys.argv)))
+    prepared = guard_fork.Prepared()
+    lines = [*os.pipe(), *os.pipe(), *os.pipe()]
+    prepared([], pass_fds=lines)
+    assert prepared.wait(20.0) == 0
+    assert len(told.read_text().split()) == 1 + len(lines)
+    for line in lines:
+        os.close(line)
+    prepared._ours.close()
 
 
 def test_a_strike_that_finds_no_memory_is_no_mistake_of_the_scan(
