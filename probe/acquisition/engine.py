@@ -24,7 +24,7 @@ from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.acquisition.stop_rules import STOPPED, no_contact
-from probe.acquisition.taring import note_last_drift, take_zero
+from probe.acquisition.taring import note_last_drift, note_unseen, take_zero
 from probe.core.events import (
     Finish,
     Phase,
@@ -111,6 +111,8 @@ class _Scan(RunLoop):
                 note_last_drift(self)
         except Interrupted as why:
             finish, reason = why.finish or Finish.FAULTED, why.reason
+            if self.zero_unseen and finish is Finish.FAULTED:
+                note_unseen(self, why.device, reason)
         except BaseException as error:
             reason = f"{type(error).__name__}: {error}"
             try:
@@ -174,7 +176,7 @@ class _Scan(RunLoop):
             self.begin_station(place, attempts[place.index])
             try:
                 self._press(place)
-                complete = True
+                complete = self.zero_unseen = True
             except (Interrupted, DeviceFault) as error:
                 why = self._leave(self._interruption(error))
                 self.end_station(complete=False)

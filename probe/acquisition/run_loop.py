@@ -61,6 +61,7 @@ class RunLoop:
         self.phase = Phase.IDLE
         self.leaving = False
         self.known_levels: Levels | None = None
+        self.zero_unseen = False  # since the last complete press
         self.usual = Usual()
         self.most_n = limits.max_force_n
         self.top_m = limits.workspace_m[2][1]

@@ -45,6 +45,7 @@ def take_zero(loop: RunLoop, above: Pose) -> None:
 
 def _note_drift(loop: RunLoop, in_the_air: Levels) -> None:
     """A zero that moved since the tare was in every force of that press."""
+    loop.zero_unseen = False
     if loop.known_levels is None:
         return
     drift = changed(loop.known_levels, in_the_air, NOTED_SHARE * loop.most_n)
@@ -58,8 +59,13 @@ def note_last_drift(loop: RunLoop) -> None:
     try:
         _note_drift(loop, _levels(loop))
     except DeviceFault as fault:  # what was asked for is complete
-        text = f"{fault.reason}: whether its zero moved in the last press is not known"
-        loop.bus.note("warning", fault.device, text)
+        note_unseen(loop, fault.device, fault.reason)
+
+
+def note_unseen(loop: RunLoop, device: str, why: str) -> None:
+    """The last complete press was never held to a zero after it."""
+    text = f"{why}: whether its zero moved in the last press is not known"
+    loop.bus.note("warning", device, text)
 
 
 def _levels(loop: RunLoop) -> Levels:

@@ -140,6 +140,28 @@ def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
     assert ran.reason == "every station is complete"
 
 
+class DriftsFast(SpringSensor):
+    """From the first hold on, so that it passes the limit before the next tare."""
+
+    since_s = math.inf
+
+    def raw(self, time_s: float) -> float:
+        if self.bed.tip.point(time_s)[2] < -2.4e-3:
+            self.since_s = min(self.since_s, time_s)
+        return super().raw(time_s) - 0.6 * max(time_s - self.since_s, 0.0)
+
+
+def test_a_press_whose_zero_is_never_seen_again_is_told() -> None:
+    """Its forces are off by the drift, and the fault that ends the scan comes after it."""
+    bed, stage, _ = on_springs()
+    rig = spring_rig(scan={"stations": 2, "travel_mm_s": 2.0})
+    ran = run_springs(bed, stage, [DriftsFast(bed)], rig=rig)
+    assert ran.ended is not None
+    assert ran.ended.finish is Finish.FAULTED
+    assert sum(isinstance(e, StationEnded) and e.complete for e in ran.events) == 1
+    assert any("whether its zero moved in the last press is not known" in n for n in ran.notes)
+
+
 class Shaken(SpringSensor):
     """Something knocks against the probe for `lasts_s` from its rest over the second station."""
 
