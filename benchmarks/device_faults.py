@@ -36,7 +36,8 @@ from drivers.core.registry import open_driver
 from probe.acquisition.engine import run_scan
 from probe.acquisition.retreat import PATIENCE_S
 from probe.config.rig import Rig, Safety, Scan
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples
 from sim_backend import load_scene
 from sim_backend.emulators import (

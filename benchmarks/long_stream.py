@@ -38,7 +38,8 @@ from probe.acquisition.opening import opened_devices
 from probe.acquisition.prepare import prepare
 from probe.acquisition.session import run_prepared
 from probe.config.rig import Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.events import RunEnded, Samples
 from probe.storage.writer import create_store
 from sim_backend import load_scene

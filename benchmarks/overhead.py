@@ -17,7 +17,8 @@ from drivers import Array, Clock, SimulatedClock, WallClock
 from probe.acquisition.engine import run_scan
 from probe.config.devices import connect
 from probe.config.rig import Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.config.snapshot import run_config
 from probe.core.events import Event, Phase, PhaseEntered
 from probe.storage.writer import create_store

@@ -26,7 +26,8 @@ if TYPE_CHECKING:
     from probe.config.devices import connect
     from probe.config.load_rig import load_rig
     from probe.config.rig import Rig, RigError, default_rig
-    from probe.config.scan_plan import limits_for, plan_for
+    from probe.config.scan_limits import limits_for
+    from probe.config.scan_plan import plan_for
     from probe.core.errors import RunFileError
     from probe.core.recording import Recording, Station
     from probe.detection.compare import compare
@@ -104,7 +105,8 @@ _HOMES = {
     "probe.config.devices": ("connect",),
     "probe.config.rig": ("Rig", "RigError", "default_rig"),
     "probe.config.load_rig": ("load_rig",),
-    "probe.config.scan_plan": ("limits_for", "plan_for"),
+    "probe.config.scan_limits": ("limits_for",),
+    "probe.config.scan_plan": ("plan_for",),
     "probe.core.errors": ("RunFileError",),
     "probe.core.recording": ("Recording", "Station"),
     "probe.detection.compare": ("compare",),

@@ -4,7 +4,7 @@ from mutants.mutant import Mutant
 
 COMMANDS, REMOTE = "probe/acquisition/commands.py", "probe/acquisition/remote.py"
 REHEARSAL = "probe/acquisition/rehearsal.py"
-RIG, PLAN = "probe/config/rig.py", "probe/config/scan_plan.py"
+RIG, PLAN = "probe/config/rig.py", "probe/config/scan_limits.py"
 TEST_COMMANDS = "tests/probe/acquisition/test_commands.py"
 TEST_REMOTE = "tests/probe/acquisition/test_remote.py"
 TEST_RESUME = "tests/probe/acquisition/test_resume.py"

@@ -3,7 +3,7 @@
 from mutants.mutant import Mutant
 
 RETREAT, MONITOR = "probe/acquisition/retreat.py", "probe/acquisition/safety_monitor.py"
-CALIBRATED, SCAN_PLAN = "probe/config/calibrated.py", "probe/config/scan_plan.py"
+CALIBRATED, SCAN_LIMITS = "probe/config/calibrated.py", "probe/config/scan_limits.py"
 WAY_OUT = ("tests/probe/acquisition/test_way_out.py",)
 MONITORED = ("tests/probe/acquisition/test_safety_monitor.py",)
 LINE_STAGES = ("tests/drivers/test_line_stages.py",)
@@ -36,7 +36,7 @@ OVERLOOKED = (
            "Block(time_s, values, saturated, block.lost, block.jumped_s)",
            "Block(time_s, values, saturated, 0, block.jumped_s)",
            ("tests/probe/config/test_calibrated.py",)),
-    Mutant("the depth that is allowed holds along the normal only", SCAN_PLAN,
+    Mutant("the depth that is allowed holds along the normal only", SCAN_LIMITS,
            "deepest_mm = 1e3 * plan.deepest_below_m", "deepest_mm = 1e3 * plan.deepest_m",
            ("tests/probe/config/test_rig.py",)),
     Mutant("zaber: the reply to another command is taken", "drivers/zaber.py",
@@ -158,7 +158,7 @@ OVERLOOKED = (
            'return config.get("calibration"), config.get("wave")',
            'return config.get("calibration"), None',
            (RESUMED + "::test_another_calibration_or_wave_is_another_run",)),
-    Mutant("the torque that a rig allows is left out", SCAN_PLAN,
+    Mutant("the torque that a rig allows is left out", SCAN_LIMITS,
            "        max_torque_nm=safety.max_torque_nm,\n", "",
            ("tests/probe/config/test_rig.py::test_no_key_of_the_safety_table_is_left_out",)),
     Mutant("an arm is asked about other poses than it is sent to", CALIBRATED,

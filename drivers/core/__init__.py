@@ -1,4 +1,4 @@
 """What drivers are built of: `protocols` says what each has to do, `reader` and `line_stage` do
-most of it, `timestamps` maps a device's clock to the scan's (`clocks`), `units` and `settings`
-are those of the rig file.
+most of it over `ports`, `timestamps` maps a device's clock to the scan's (`clocks`), `units` and
+`settings` are those of the rig file.
 """

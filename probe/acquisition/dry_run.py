@@ -24,7 +24,8 @@ from probe.acquisition.preflight import (
     pulse_checks,
 )
 from probe.config.rig import Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.planning.plan import Plan
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene

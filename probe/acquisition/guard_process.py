@@ -28,7 +28,8 @@ from probe.acquisition.prepare import prepare
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.config.devices import Devices, connect
 from probe.config.rig import Fallback, Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from sim_backend.scene.scene_file import Scene
 
 ALONE_S = 60.0  # a process whose scan has gone tries this long to lift the probe

@@ -22,7 +22,8 @@ from probe.acquisition.prepare import prepare
 from probe.config.calibrated import calibrated, named
 from probe.config.devices import Devices, World, check_names, check_units, make_device
 from probe.config.rig import Device, Rig, RigError
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.config.snapshot import face_mm2_of
 from probe.core.contact_stress import square_metres
 from probe.detection.sensitivity import in_words, visibility

@@ -22,7 +22,8 @@ from probe.acquisition.prepare import prepare
 from probe.acquisition.remote import listening
 from probe.acquisition.session import ScanResult, clock_for, run_prepared
 from probe.config.rig import Fallback, Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.config.snapshot import run_config, this_computer
 from probe.core.errors import RunFileError
 from probe.core.events import Finish, RunStarted, Samples, StationEnded, StationStarted

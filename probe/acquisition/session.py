@@ -16,7 +16,8 @@ from probe.acquisition.progress import in_notebook
 from probe.acquisition.remote import listening
 from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.events import RunEnded
 from probe.core.log import log_event
 from probe.storage.writer import Store, create_store

@@ -9,7 +9,8 @@ from calibration.errors import CalibrationError
 from drivers import ConfigError
 from drivers.core.files import FileRefused, parse_toml, read_file
 from probe.config.rig import Rig, RigError
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import MAX_FILE_BYTES, scene_names
 

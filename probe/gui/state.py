@@ -27,10 +27,10 @@ from probe.core.events import (
     StationStarted,
 )
 from probe.core.places import plans_rows
+from probe.gui.averaged_beat import averaged_beat
 
 TRACE_S = 12.0
 MIN_HOLD_SAMPLES = 8
-FOLD_BINS = 24
 STALE_S = 1.0
 
 
@@ -206,7 +206,7 @@ class ViewState:
         if len(time_s) >= MIN_HOLD_SAMPLES:
             pulse_pa = float("nan")
             if (period_s := self.period_s) is not None:
-                _, beat = fold(time_s, stress_pa, period_s)
+                _, beat = averaged_beat(time_s, stress_pa, period_s)
                 pulse_pa = float(np.ptp(beat[np.isfinite(beat)]))
             self.maps[station] = float(stress_pa.mean()), pulse_pa
             if not self.pressed or self.pressed[-1] != station:
@@ -291,17 +291,3 @@ class ViewState:
 def _known(length_mm: float | None) -> float:
     """An imported recording may know no positions."""
     return float("nan") if length_mm is None else float(length_mm)
-
-
-def fold(time_s: Array, values: Array, period_s: float) -> tuple[Array, Array]:
-    """Means of ``values`` (n,) over `FOLD_BINS` equal parts of a beat: phase [s] and mean (bins,).
-
-    A part without samples is NaN. The beat starts at the first sample.
-    """
-    phase = np.mod(time_s - time_s[0], period_s)
-    part = np.minimum((phase / period_s * FOLD_BINS).astype(int), FOLD_BINS - 1)
-    count = np.bincount(part, minlength=FOLD_BINS)
-    total = np.bincount(part, weights=values, minlength=FOLD_BINS)
-    mean = np.full(FOLD_BINS, np.nan)
-    mean[count > 0] = total[count > 0] / count[count > 0]
-    return (np.arange(FOLD_BINS) + 0.5) * period_s / FOLD_BINS, mean

@@ -1,11 +1,12 @@
-"""Live force with its phases shaded, and the pulse folded at the heart rate."""
+"""Live force with its phases shaded, and one mean beat."""
 
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from drivers.core.arrays import Array
-from probe.gui.state import TRACE_S, ViewState, fold
+from probe.gui.averaged_beat import averaged_beat
+from probe.gui.state import TRACE_S, ViewState
 from probe.gui.style import pen, plot, shade, symbol_size
 from probe.report.look import BLUE, GREEN, PHASE_COLOURS, PURPLE, SKY, VERMILLION
 
@@ -71,7 +72,7 @@ class TracePanel(QWidget):
             time_s, change_pa = held_s[::step] - held_s[0], stress_pa[::step] - stress_pa.mean()
         else:
             title = f"Pulse, folded at {60 / period_s:.0f} /min"
-            phase_s, mean = fold(held_s, stress_pa, period_s)
+            phase_s, mean = averaged_beat(held_s, stress_pa, period_s)
             known = np.isfinite(mean)
             time_s, change_pa = phase_s[known], mean[known] - mean[known].mean()
         if title != self._beat_title:

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 from probe.core.errors import StoreError
-from probe.storage.in_place import identity
+from probe.storage.moved_away import identity
 
 _writing: set[tuple[int, int]] = set()
 

@@ -20,8 +20,8 @@ from drivers import Channel
 from probe.core.errors import RunFileError, StoreError
 from probe.core.events import Event, RunEnded, RunStarted
 from probe.storage.disk import explain, open_safely
-from probe.storage.in_place import InPlace, rescue
 from probe.storage.lock import release
+from probe.storage.moved_away import InPlace, rescue
 from probe.storage.rows import FIRST, Row, from_row, link, to_row
 from probe.storage.schema import seal
 

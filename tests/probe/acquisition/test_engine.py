@@ -14,7 +14,8 @@ from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.events import (
     Event,
     Finish,

@@ -13,7 +13,8 @@ from probe.acquisition.press_guard import ForceReading, PressGuard, check_blind
 from probe.acquisition.stuck_sensor import Alive
 from probe.config.devices import Devices
 from probe.config.rig import Rig, RigError
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.planning.limits import Limits
 from sim_backend.scene.scene_file import Scene, load_scene
 

@@ -13,7 +13,8 @@ from probe.acquisition.commands import Control
 from probe.acquisition.guard_process import Leaving, Service, Status
 from probe.acquisition.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
 from probe.config.devices import Devices
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.planning.limits import Limits
 from probe.planning.surfaces import flat
 

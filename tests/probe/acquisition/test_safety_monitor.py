@@ -18,7 +18,8 @@ from probe.acquisition.pose_guard import PoseGuard
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.events import Event, Finish, Phase, PhaseEntered, RunEnded, Samples, StationEnded
 from probe.planning.limits import Limits
 from probe.planning.surfaces import flat

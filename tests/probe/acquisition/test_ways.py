@@ -9,7 +9,8 @@ from springs import SOFT_N_M, Bed, SpringSensor, SpringStage, run_springs, sprin
 from drivers import SimulatedClock
 from probe.acquisition.engine import run_scan
 from probe.config.rig import Rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.events import Event, RunEnded, Samples
 from probe.planning.plan import Plan
 

@@ -14,7 +14,8 @@ from probe.acquisition.prepare import prepare
 from probe.config.devices import connect
 from probe.config.load_rig import load_rig
 from probe.config.rig import RigError
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.events import Event, Finish, RunStarted, Samples
 from sim_backend import load_scene
 from sim_backend.emulators import ft300, grbl

@@ -14,7 +14,8 @@ from probe.config import devices
 from probe.config.devices import connect
 from probe.config.load_rig import load_rig
 from probe.config.rig import Rig, RigError, Safety, default_rig
-from probe.config.scan_plan import limits_for, plan_for
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.config.snapshot import run_config
 from sim_backend.scene.scene_file import load_scene
 

@@ -18,7 +18,8 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.gui.state import ViewState, fold
+from probe.gui.averaged_beat import averaged_beat
+from probe.gui.state import ViewState
 
 PERIOD_S = 0.825
 
@@ -120,9 +121,9 @@ def test_a_resumed_run_keeps_what_was_complete() -> None:
 def test_folding_averages_beats_and_leaves_unseen_parts_unknown() -> None:
     t = np.arange(0, 10 * PERIOD_S, 0.001)
     noise = np.random.default_rng(0).normal(0, 0.5, len(t))
-    phase, mean = fold(t, np.sin(2 * np.pi * t / PERIOD_S) + noise, PERIOD_S)
+    phase, mean = averaged_beat(t, np.sin(2 * np.pi * t / PERIOD_S) + noise, PERIOD_S)
     assert np.allclose(mean, np.sin(2 * np.pi * phase / PERIOD_S), atol=0.15)
-    assert np.isnan(fold(t[:100], t[:100], PERIOD_S)[1]).sum() > 12
+    assert np.isnan(averaged_beat(t[:100], t[:100], PERIOD_S)[1]).sum() > 12
 
 
 def test_what_was_read_before_or_after_the_hold_is_no_pulse() -> None:
