@@ -137,3 +137,20 @@ def test_a_height_is_as_doubtful_as_the_width_makes_it() -> None:
         found = find_bumps(x_m, value, np.full(15, 3.0), surroundings(x_m), 0.0025).bumps[0]
         off.append(abs(found.height - 120) / found.height_sd)
     assert np.mean(np.array(off) < 2) > 0.87
+
+
+HALF_OF_TIT_PA = (
+    6919, 7681, 8025, 8140, 8169, 8175, 8186, 8210, 8252, 8332, 8455, 8637, 8845, 9023, 9091
+)  # fmt: skip
+"""Levels that the virtual sensor reads over TIT at 2.5 mm, every 2 mm from 4 mm to its middle."""
+
+
+def test_edges_are_felt_as_far_in_where_stations_are_closer() -> None:
+    """With edges that reach by the station distance only, the row was taken for a wave."""
+    x_m = 1e-3 * np.arange(4.0, 61.0, 2.0)
+    level_pa = np.array([*HALF_OF_TIT_PA, *HALF_OF_TIT_PA[-2::-1]], float)
+    row = find_bumps(x_m, level_pa, np.full(len(x_m), 40.0), surroundings(x_m), 0.01)
+    (bump,) = row.bumps
+    assert bump.x_m == pytest.approx(32e-3, abs=0.1e-3)
+    assert bump.wave < 0.01
+    assert row.scatter < 1  # what is left of the row is within what its presses scatter
