@@ -11,6 +11,8 @@ from collections.abc import Sequence
 
 ABORTED = 5
 """Exit status of what a user stopped."""
+ORDERS = ("SIGTERM", "SIGHUP")
+"""Ask a command to end as Ctrl-C does, also before and after a scan, which hears them itself."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -19,14 +21,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     before = signal.getsignal(signal.SIGINT)
     # whoever calls this from a program has a way of their own with Ctrl-C
     ours = before is signal.default_int_handler and _in_main_thread()
-    if ours:
-        signal.signal(signal.SIGINT, lambda _number, _frame: _leave("--json" in given))
+    if not ours:
+        from probe.cli.command_line import run
+
+        return run(given)
+    signal.signal(signal.SIGINT, lambda _number, _frame: _leave("--json" in given))
     try:
         from probe.cli.command_line import run
     finally:
-        if ours:
-            signal.signal(signal.SIGINT, before)
-    return run(given)
+        signal.signal(signal.SIGINT, before)
+    orders = [getattr(signal, name) for name in ORDERS if hasattr(signal, name)]
+    heard = [number for number in orders if signal.getsignal(number) is signal.SIG_DFL]
+    for number in heard:
+        signal.signal(number, signal.default_int_handler)
+    try:
+        return run(given)
+    finally:
+        for number in heard:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def _in_main_thread() -> bool:

@@ -106,12 +106,20 @@ def test_watch_ends_by_ctrl_c_as_something_done(rig: Path) -> None:
     assert err == ""
 
 
+PRESS = ["press", "TIHA", "--x", "32", "--depth", "1", "--json"]
+
+
 @pytest.mark.parametrize(
-    ("slow", "command"),
-    [("typer", ["--help"]), ("scipy", ["press", "TIHA", "--x", "32", "--depth", "1", "--json"])],
+    ("slow", "command", "order"),
+    [
+        ("typer", ["--help"], signal.SIGINT),
+        ("scipy", PRESS, signal.SIGINT),
+        ("scipy", PRESS, signal.SIGTERM),
+        ("scipy", PRESS, signal.SIGHUP),
+    ],
 )
-def test_ctrl_c_while_a_command_is_loaded_ends_it_in_a_line(
-    tmp_path: Path, slow: str, command: list[str]
+def test_an_order_to_end_while_a_command_is_loaded_ends_it_in_a_line(
+    tmp_path: Path, slow: str, command: list[str], order: signal.Signals
 ) -> None:
     """``slow`` is what it is loading: a library that takes half a minute."""
     (tmp_path / f"{slow}.py").write_text(
@@ -123,7 +131,7 @@ def test_ctrl_c_while_a_command_is_loaded_ends_it_in_a_line(
     ) as process:  # fmt: skip
         assert process.stderr is not None
         assert process.stderr.readline() == "loading\n"
-        process.send_signal(signal.SIGINT)
+        process.send_signal(order)
         out, err = process.communicate(timeout=30)
     assert (process.returncode, err) == (5, "stopped\n")
     assert not out or json.loads(out) == {"error": "stopped", "status": 5}
