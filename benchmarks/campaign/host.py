@@ -93,7 +93,8 @@ class Host:
                 self._after(n * 0.05 * b, lambda number=number: os.kill(scan.pid, number))
         elif name.startswith("guards"):
             kill = name.endswith("killed")
-            os.kill(self._guards(), signal.SIGKILL if kill else signal.SIGSTOP)
+            for pid in self._guards():
+                os.kill(pid, signal.SIGKILL if kill else signal.SIGSTOP)
         elif name.startswith("SIGSTOP"):
             send = os.killpg if name.endswith("group") else os.kill
             send(scan.pid, signal.SIGSTOP)
@@ -118,12 +119,13 @@ class Host:
         else:
             self._spoil(name, a)
 
-    def _guards(self) -> int:
-        """The process with the devices: of the scan's children the one that has threads."""
+    def _guards(self) -> list[int]:
+        """The process with the devices: of the scan's children the one that has threads. None once
+        the scan has ended."""
         tasks = Path(f"/proc/{self.scan.pid}/task").glob("*/children")
         pids = [pid for task in tasks for pid in task.read_text(encoding="ascii").split()]
         threads = {pid: len(list(Path(f"/proc/{pid}/task").iterdir())) for pid in pids}
-        return int(max(threads, key=lambda pid: threads[pid]))
+        return [int(pid) for pid in sorted(threads, key=lambda pid: threads[pid])[-1:]]
 
     def _spoil(self, name: str, a: float) -> None:
         pid = self.scan.pid

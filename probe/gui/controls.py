@@ -1,4 +1,4 @@
-"""The column beside the maps: finding, devices, time left, and the controls."""
+"""The column beside the maps: finding, devices, time left, and the controls, space bar to stop."""
 
 from collections.abc import Callable, Mapping
 from typing import Any

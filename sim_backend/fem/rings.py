@@ -1,4 +1,4 @@
-"""Inclusions as circles of points, and the walls of vessels as structured rings."""
+"""Inclusions as circles of points, and the walls of vessels as rings of so many elements."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

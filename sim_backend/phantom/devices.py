@@ -1,4 +1,4 @@
-"""A simulated stage and a simulated force sensor in one phantom.
+"""A simulated stage and a simulated force sensor, with its noise, in one phantom.
 
 The default sensor is a good laboratory load cell: 0.5 mN rms at 500 Hz, 0.1 mN steps, 10 N full
 scale. A Robotiq FT300 would be ``rate_hz = 100, noise_mn = 100, quantum_mn = 10``.
