@@ -14,7 +14,7 @@ from time import monotonic, process_time
 
 from kept import ROOT, Row, fill, read
 
-from sim_backend.models.press import press
+from sim_backend.models.press import CannotSolve, press
 from sim_backend.scene.scene_file import Scene, as_scene
 
 TABLE = ROOT / "docs" / "pictures" / "third-dimension.csv"
@@ -33,7 +33,15 @@ FINGERS: dict[str, dict[str, object]] = {
                                "edge_radius_mm": 1.0, "axis": "across"},
     "punch 8": {"shape": "flat", "diameter_mm": 8.0, "edge_radius_mm": 1.0},
 }  # fmt: skip
-SCENES = ("TIHA", "TI", "TIT", "TISA")
+SCENES: dict[str, tuple[str, dict[str, float], dict[str, float]]] = {
+    "TIHA": ("TIHA", {}, {}), "TI": ("TI", {}, {}),
+    "TIT": ("TIT", {}, {}), "TISA": ("TISA", {}, {}),
+    "TIHA at 6 mm": ("TIHA", {}, {"depth_mm": 6.0}),
+    "TIT at 6 mm": ("TIT", {}, {"depth_mm": 6.0}),
+    "TIHA in 30 mm": ("TIHA", {"height_mm": 30.0}, {}),
+    "TIHA in 20 kPa": ("TIHA", {"modulus_kpa": 20.0}, {}),
+}  # fmt: skip
+"""What each is made of: a scene of the paper, with another tissue and inclusion."""
 
 
 def outline(finger: dict[str, object]) -> dict[str, object]:
@@ -52,18 +60,30 @@ def outline(finger: dict[str, object]) -> dict[str, object]:
     return {"shape": "cylinder", "radius_mm": finger["radius_mm"], "length_mm": finger["length_mm"]}
 
 
-def with_finger(scene: Scene, finger: dict[str, object], plane: str) -> Scene:
-    content = scene.model_dump(mode="json", exclude_none=True) | {"indenter": finger}
-    return Scene.model_validate(content | {"plane": plane})
+def made(name: str, finger: str, plane: str) -> Scene:
+    """A scene of the table under a finger: a solid, or its section."""
+    paper, tissue, inclusion = SCENES[name]
+    solid = plane == "solid"
+    content = as_scene(f"{paper}-solid" if solid else paper).model_dump(
+        mode="json", exclude_none=True
+    )
+    content["tissue"] |= tissue
+    content["inclusion"] = [one | inclusion for one in content.get("inclusion", ())]
+    content |= {"indenter": FINGERS[finger] if solid else outline(FINGERS[finger]), "plane": plane}
+    return Scene.model_validate(content)
 
 
-def cell(finger: str, scene: str) -> Row:
+def cell(finger: str, scene: str) -> Row | None:
+    """Both presses; None where the finger cannot press so deep."""
     began = process_time()
-    solid = as_scene(f"{scene}-solid")
+    solid = made(scene, finger, "solid")
     beats = PRESSURES_MMHG if solid.arteries else PRESSURES_MMHG[:1]
     x_mm = 0.5 * solid.tissue.width_mm if solid.tissue else 0.0
-    real = press(with_finger(solid, FINGERS[finger], "solid"), x_mm, DEPTH_MM, beats,
-                 accuracy_pct=SOLID_PCT)  # fmt: skip
+    try:
+        real = press(solid, x_mm, DEPTH_MM, beats, accuracy_pct=SOLID_PCT)
+    except CannotSolve as limit:
+        print(f"{finger}, {scene}: {limit}")
+        return None
     seconds = process_time() - began
     row: dict[str, object] = {
         "model": real.model, "unknowns": real.dofs, "seconds": round(seconds, 1),
@@ -71,8 +91,7 @@ def cell(finger: str, scene: str) -> Row:
         "error_pct": real.error_estimate_pct, "pulse_error_pct": real.pulse_error_estimate_pct,
     }  # fmt: skip
     for plane in ("stress", "strain"):
-        flat = with_finger(as_scene(scene), outline(FINGERS[finger]), plane)
-        section = press(flat, x_mm, DEPTH_MM, beats, accuracy_pct=SECTION_PCT)
+        section = press(made(scene, finger, plane), x_mm, DEPTH_MM, beats, accuracy_pct=SECTION_PCT)
         row[f"{plane}_force"] = section.states[0].force_n / real.states[0].force_n
         pulses = section.pulse_n, real.pulse_n
         row[f"{plane}_pulse"] = pulses[0] / pulses[1] if pulses[0] and pulses[1] else None
@@ -84,20 +103,27 @@ ANSWERS = ("model", "unknowns", "seconds", "force_n", "pulse_n", "error_pct", "p
 
 
 def in_words(rows: list[dict[str, str]]) -> str:
-    """The page's table: a line for the force of each cell, and one for its pulse."""
-    lines = ["| scene | finger | N | plane stress over it | plane strain over it |",
-             "|---|---|---|---|---|"]  # fmt: skip
-    for row in sorted(rows, key=lambda row: (SCENES.index(row["scene"]),
+    """The page's table: a line for each cell."""
+    lines = ["| scene | finger | N | mN | " + " | ".join(
+        f"{plane}: {what}" for plane in ("stress", "strain")
+        for what in ("force", "pulse", "pulse/force")) + " |",
+        "|---" * 10 + "|"]  # fmt: skip
+    for row in sorted(rows, key=lambda row: (list(SCENES).index(row["scene"]),
                                              list(FINGERS).index(row["finger"]))):  # fmt: skip
-        for what in ("force", "pulse"):
-            if row[f"{what}_n"]:
-                ratios = " | ".join(
-                    f"{float(row[f'{p}_{what}']):.2f}" for p in ("stress", "strain")
-                )
-                lines.append(
-                    f"| {row['scene']}, {what} | {row['finger']} | {float(row[f'{what}_n']):.3g} "
-                    f"| {ratios} |"
-                )
+        if not row["force_n"]:
+            lines.append(f"| {row['scene']} | {row['finger']} | none |" + " |" * 7)
+            continue
+        pulse_mn = f"{1e3 * float(row['pulse_n']):.3g}" if row["pulse_n"] else ""
+        cells = [row["scene"], row["finger"], f"{float(row['force_n']):.3g}", pulse_mn]
+        for plane in ("stress", "strain"):
+            force = float(row[f"{plane}_force"])
+            cells.append(f"{force:.2f}")
+            if row[f"{plane}_pulse"]:
+                pulse = float(row[f"{plane}_pulse"])
+                cells += [f"{pulse:.2f}", f"{pulse / force:.2f}"]
+            else:
+                cells += ["", ""]
+        lines.append("| " + " | ".join(cells) + " |")
     return "\n".join(lines)
 
 

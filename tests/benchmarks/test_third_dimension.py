@@ -1,5 +1,6 @@
 """The page of solids shows the table that is kept, and no other."""
 
+import solid_rows
 from kept import ROOT, read
 from third_dimension import TABLE, in_words
 
@@ -8,4 +9,5 @@ def test_the_page_s_table_is_the_kept_one() -> None:
     page = (ROOT / "docs" / "explanation" / "solid.md").read_text(encoding="utf-8")
     rows = read(TABLE)
     assert in_words(rows) in page
-    assert f"{len(rows)} of its 24 cells" in page
+    assert f"{len(rows)} of its 48 cells" in page
+    assert solid_rows.in_words(read(solid_rows.OUT)) in page
