@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from operator import index
 from pathlib import Path
 
 from drivers import Clock, ConfigError, SimulatedClock, WallClock
@@ -86,6 +87,10 @@ def scan(
     >>> result.ended.reason
     'every station is complete'
     """
+    try:
+        seed = index(seed)  # also of numpy's integers, which a run file cannot hold
+    except TypeError:
+        raise ConfigError(f"seed = {seed!r}: must be an integer") from None
     if seed < 0:
         raise ConfigError(f"seed = {seed}: must not be negative")
     rig, _ = resolve_rig(rig, scene)
@@ -126,7 +131,7 @@ def run_prepared(
         prepared.limits,
         control=control,
         observers=(log_event, *in_notebook(len(prepared.plan.places), len(completed)), *observers),
-        config=prepared.config | {"labels": dict(labels)},
+        config=prepared.config | {"labels": {k: str(v) for k, v in labels.items()}},
         completed=completed,
         attempts=attempts,
         monitor=devices.monitor,

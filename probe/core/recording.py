@@ -40,6 +40,23 @@ class Station:
     reference_s: Array = field(default_factory=lambda: np.empty(0))
     reference: Array = field(default_factory=lambda: np.empty(0))
 
+    def __post_init__(self) -> None:
+        """Raises `ValueError` for arrays that do not belong together."""
+        n, columns = len(self.time_s), np.shape(self.signal_pa)[1:]
+        needed = {
+            "signal_pa": (n, *(columns if len(columns) == 1 else ("channels",))),
+            "saturated": np.shape(self.signal_pa),
+            "depth_m": (n,),
+            "reference": np.shape(self.reference_s),
+        }
+        for name, shape in needed.items():
+            if (found := np.shape(getattr(self, name))) != shape:
+                words = ", ".join(str(one) for one in shape)
+                raise ValueError(
+                    f"station {self.index + 1}: {name} has the shape {found}; ({words}) is needed, "
+                    f"with the {n} times of time_s"
+                )
+
     @property
     def hold_level_pa(self) -> float:
         """Mean contact stress over hold and channels; NaN without samples in the hold."""

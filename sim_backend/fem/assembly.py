@@ -131,6 +131,10 @@ class Assembly:
         )
         self._ldl: Any = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Without the factors, which are the library's own and cannot be kept."""
+        return self.__dict__ | {"_ldl": None}
+
     def factor(self, matrices: list[Array]) -> Factors:
         """Factors of the summed blocks, one (m, d, d) array per group, in the groups' order.
 

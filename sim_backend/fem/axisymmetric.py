@@ -5,6 +5,7 @@ from dataclasses import replace
 from math import ceil
 
 import numpy as np
+from pydantic import BaseModel
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.finger_gaps import finger_over
@@ -65,7 +66,8 @@ def build_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: G
     """The half section right of the axis x = 0, turned about it; T6, or Q4M where that locks."""
     assert scene.tissue is not None  # the scene was checked
     inclusion = tuple(one.model_copy(update={"x_mm": 0.0}) for one in scene.inclusion)
-    moved = scene.model_copy(update={"inclusion": inclusion})
+    # no file may have it there, where the axis is
+    moved = BaseModel.model_copy(scene, update={"inclusion": inclusion})
     height_m = 1e-3 * scene.surface_mm
     finger = finger_over(scene.indenter, 0.0, height_m)
     half_m = half_contact(finger, depth_m)

@@ -237,7 +237,9 @@ def press(
     scene = as_scene(scene)
     if pressures_mmhg is None:
         pressures_mmhg = scene_pressures_mmhg(scene)
-    elif isinstance(pressures_mmhg, int | float):
+    elif isinstance(pressures_mmhg, str):
+        raise SceneError(f"pressures_mmhg = {pressures_mmhg!r}: must be a number, or several")
+    elif not isinstance(pressures_mmhg, Iterable):
         pressures_mmhg = (pressures_mmhg,)
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)

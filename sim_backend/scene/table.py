@@ -1,14 +1,26 @@
 """What every table of the scene file shares."""
 
-from typing import Annotated
+from collections.abc import Mapping
+from typing import Annotated, Any, Self
 
 from pydantic import Field
 
-from drivers.core.table import Table
+from drivers.core import table
 
 __all__ = ["Positive", "Table", "is_unset"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+
+
+class Table(table.Table):
+    """Of a scene: a changed copy is checked as well."""
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Another with other values, which are checked as those of a file are."""
+        if deep or not update:
+            return super().model_copy(update=update, deep=deep)
+        own = {key: getattr(self, key) for key in self.model_fields_set}
+        return type(self).model_validate(own | dict(update))
 
 
 def is_unset(value: object) -> bool:

@@ -9,6 +9,7 @@ from scipy.ndimage import median_filter
 from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
 from probe.detection.pulse.hold_limits import MIN_SAMPLES, hold_limits
+from probe.detection.pulse.possible_rates import SLOWEST_HZ
 
 BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
@@ -18,6 +19,8 @@ MANY = 100
 """Averages of which the last may be left out, so that they are even: a hundredth of the hold."""
 SPIKE_SIGMAS = 8.0
 """Robust standard deviations beyond which a sample is no sample."""
+LONGEST_STEP_S = 1 / (2 * SLOWEST_HZ)
+"""Slower samples cannot tell any heart's rate (Nyquist)."""
 MIN_BINS = 7
 """More than what is fitted: a level, a drift and two harmonics."""
 CONTACT_SIGMAS = 5.0
@@ -102,6 +105,12 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
             + f"; at least {MIN_SAMPLES} are needed"
         )
     _check_contact(station, signal)
+    step_s = float(np.median(np.diff(time_s)))
+    if step_s > LONGEST_STEP_S:
+        raise NoHold(
+            f"station {station.index + 1}: a sample every {step_s:.3g} s shows no heartbeat; one "
+            f"every {LONGEST_STEP_S:.2g} s is needed. Are its times in seconds?"
+        )
     step = max(BIN_S, 1.001 * float(np.median(np.diff(time_s))))
     bins = np.floor((time_s - time_s[0]) / step + ROUNDING).astype(int)
     count = np.bincount(bins)

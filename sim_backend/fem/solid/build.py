@@ -185,7 +185,7 @@ def section_scene(scene: Scene, across: Finger) -> Scene:
     if across.half_flat:
         width_mm = 2e3 * (across.half_flat + across.radius)
         finger = Flat(shape="flat", width_mm=width_mm, edge_radius_mm=1e3 * across.radius)
-    tissue = scene.tissue.model_copy(update={"length_mm": None, "ends": None})
+    tissue = scene.tissue.model_copy(update={"length_mm": None, "ends": None, "z_mm": None})
     inclusion = tuple(
         one.model_copy(update={"diameter_mm": BALL_CORE * one.diameter_mm})
         if isinstance(one, Tumour)

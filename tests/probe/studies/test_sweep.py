@@ -182,8 +182,9 @@ def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> 
         there = solve_points(TIHA, wanted, tmp_path / "there.csv", progress=kill_one,
                       scheduler=cluster.scheduler_address, **FAST)  # type: ignore[arg-type]  # fmt: skip
     assert killed
-    # This process may use more threads than the workers: the last bit of a sum is another then.
-    pd.testing.assert_frame_equal(without_time(alone), without_time(there), rtol=1e-12, atol=0.0)
+    # This process may use more threads than the workers: the last bits of a sum are others then,
+    # and a pulse is the small difference of two.
+    pd.testing.assert_frame_equal(without_time(alone), without_time(there), rtol=1e-10, atol=0.0)
     lines = (tmp_path / "there.rows.jsonl").read_text().splitlines()[1:]
     assert len({json.loads(line)["point"] for line in lines}) == len(wanted)
 
