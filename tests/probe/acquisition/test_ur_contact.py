@@ -93,25 +93,29 @@ def test_no_contact_at_all_ends_at_the_search_depth(winkler: Respond) -> None:
 
 
 def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Unless the robot's program drops it, since it obeys a command at that moment, as a machine
-    that is late with its commands has it do: the scan's own touch then finds the surface."""
-    heard: list[float] = []
-    with rig(winkler, 3.0) as (made, robot):
-        contact = robot.robot.contact
-        stop = contact.stop
-        monkeypatch.setattr(contact, "stop", lambda heard_s: (heard.append(heard_s), stop(heard_s)))
-        contact.misled = True
-        ended, _ = scan(made)
-        if not heard:
-            assert ended.finish is Finish.COMPLETED, ended.reason
-            assert -deepest_m(made) == pytest.approx(PLAN.indentation_m, abs=0.15e-3)
+    """The robot's program drops it if it obeys a command at that moment, as a machine that is late
+    with its commands has it do; the scan's own touch then finds the surface, and it is tried again.
+    """
+    for _ in range(5):
+        heard: list[float] = []
+        with rig(winkler, 3.0) as (made, robot):
+            contact = robot.robot.contact
+            stop = contact.stop
+            monkeypatch.setattr(contact, "stop", lambda at, stop=stop: (heard.append(at), stop(at)))  # noqa: B023
+            contact.misled = True
+            ended, _ = scan(made)
+            if not heard:
+                assert ended.finish is Finish.COMPLETED, ended.reason
+                assert -deepest_m(made) == pytest.approx(PLAN.indentation_m, abs=0.15e-3)
+                continue
+            assert ended.finish is Finish.FAULTED
+            assert "the probe may be in the air" in ended.reason
+            height = re.search(r"([+-][0-9.]+) mm from the planned surface", ended.reason)
+            assert height is not None
+            assert 0 < float(height[1]) <= 0.5  # it sets off before the program looks
+            assert lifted(made)
             return
-        assert ended.finish is Finish.FAULTED
-        assert "the probe may be in the air" in ended.reason
-        height = re.search(r"([+-][0-9.]+) mm from the planned surface", ended.reason)
-        assert height is not None
-        assert 0.4 < float(height[1]) <= 0.5  # it sets off before the program looks
-        assert lifted(made)
+    pytest.fail("the program dropped each contact")
 
 
 @pytest.mark.parametrize(
