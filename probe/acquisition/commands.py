@@ -70,8 +70,8 @@ def ctrl_c(control: Control) -> Iterator[None]:
     """Within: any signal of `ENDING` aborts, which lifts; Ctrl-C after that stops the probe there.
 
     Only a person types Ctrl-C. A terminal that closes, a computer that shuts down and a Ctrl-Z may
-    come after each other, and none of them may leave the probe in the tissue. Call it in the main
-    thread.
+    come after each other, and none of them may leave the probe in the tissue. A hangup that whoever
+    started the scan has had ignored, as nohup does, stays ignored. Call it in the main thread.
     """
 
     def asked(number: int, _frame: FrameType | None) -> None:
@@ -80,9 +80,15 @@ def ctrl_c(control: Control) -> Iterator[None]:
         else:
             control.abort()
 
-    before = {number: signal.signal(number, asked) for number in ENDING}
+    heard = [number for number in ENDING if not _is_ignored_hangup(number)]
+    before = {number: signal.signal(number, asked) for number in heard}
     try:
         yield
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+def _is_ignored_hangup(number: int) -> bool:
+    hangup = number == getattr(signal, "SIGHUP", None)
+    return hangup and signal.getsignal(number) is signal.SIG_IGN

@@ -5,7 +5,6 @@ from dataclasses import replace
 from math import ceil
 
 import numpy as np
-from pydantic import BaseModel
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.finger_gaps import finger_over
@@ -29,6 +28,7 @@ from sim_backend.fem.support import SlidingConstraint
 from sim_backend.scene.inclusion import Tumour
 from sim_backend.scene.indenter import Punch, Sphere
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.table import beyond_a_file
 
 FIRST_M, STEP_M = 0.2e-3, 0.6e-3
 """First depth on the way down, where single nodes come into contact, and the steps from there."""
@@ -66,8 +66,7 @@ def build_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: G
     """The half section right of the axis x = 0, turned about it; T6, or Q4M where that locks."""
     assert scene.tissue is not None  # the scene was checked
     inclusion = tuple(one.model_copy(update={"x_mm": 0.0}) for one in scene.inclusion)
-    # no file may have it there, where the axis is
-    moved = BaseModel.model_copy(scene, update={"inclusion": inclusion})
+    moved = beyond_a_file(scene, {"inclusion": inclusion})  # onto the axis
     height_m = 1e-3 * scene.surface_mm
     finger = finger_over(scene.indenter, 0.0, height_m)
     half_m = half_contact(finger, depth_m)

@@ -2,10 +2,9 @@
 
 from collections.abc import Callable
 
-from pydantic import BaseModel
-
 from sim_backend.scene.inclusion import Artery, Tumour
 from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.scene.table import beyond_a_file
 
 
 def section_at(scene: Scene, z_mm: float) -> Scene:
@@ -66,8 +65,7 @@ def _along(scene: Scene, place: Callable[[float], float]) -> Scene:
             change["stenosis"] = one.stenosis.model_copy(update={"z_mm": ends})
         inclusion.append(one.model_copy(update=change))
     tissue = scene.tissue.model_copy(update={"z_mm": place(scene.tissue.z_mm or 0.0)})
-    changed = {"tissue": tissue, "inclusion": tuple(inclusion)}
-    return BaseModel.model_copy(scene, update=changed)  # no file may have a place beyond the block
+    return beyond_a_file(scene, {"tissue": tissue, "inclusion": tuple(inclusion)})
 
 
 def _vessel(artery: Artery, z_mm: float) -> Artery:

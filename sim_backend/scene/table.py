@@ -1,13 +1,13 @@
 """What every table of the scene file shares."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
-from pydantic import Field
+from pydantic import BaseModel, Field
 
 from drivers.core import table
 
-__all__ = ["Positive", "Table", "is_unset"]
+__all__ = ["Positive", "Table", "beyond_a_file", "is_unset"]
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -21,6 +21,14 @@ class Table(table.Table):
             return super().model_copy(update=update, deep=deep)
         own = {key: getattr(self, key) for key in self.model_fields_set}
         return type(self).model_validate(own | dict(update))
+
+
+OneTable = TypeVar("OneTable", bound=Table)
+
+
+def beyond_a_file(one: OneTable, changes: Mapping[str, Any]) -> OneTable:
+    """A copy as no file may say it, unchecked: what is solved may lie beyond the block."""
+    return BaseModel.model_copy(one, update=changes)
 
 
 def is_unset(value: object) -> bool:

@@ -217,14 +217,14 @@ def test_a_scan_of_the_campaign_hears_ctrl_c_as_a_program_does(
 def test_guards_that_were_forked_beforehand_get_every_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = tmp_path / "lines"
+    arrived = tmp_path / "lines"
     main = "probe.acquisition.guard_process.main"
-    monkeypatch.setattr(main, lambda: told.write_text(" ".join(sys.argv)))
+    monkeypatch.setattr(main, lambda: arrived.write_text(" ".join(sys.argv)))
     prepared = guard_fork.Prepared()
     lines = [*os.pipe(), *os.pipe(), *os.pipe()]
     prepared([], pass_fds=lines)
     assert prepared.wait(20.0) == 0
-    assert len(told.read_text().split()) == 1 + len(lines)
+    assert len(arrived.read_text().split()) == 1 + len(lines)
     for line in lines:
         os.close(line)
     prepared._ours.close()

@@ -5,6 +5,7 @@ from scipy.ndimage import median_filter
 
 from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
+from probe.detection.pulse.possible_rates import SLOWEST_HZ
 
 SETTLING_S, SETTLING_SAMPLES = 0.01, 2
 """Left out after the ramp, the longer of both: the stage is still slowing down, and of slow samples
@@ -13,8 +14,6 @@ RAMP_RISE = 0.7
 """A record that starts below this share of its highest value begins with a ramp."""
 NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
 """A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
-SLOWEST_BEAT_S = 1.5
-"""Of a heart of 40 a minute, the slowest that is looked for."""
 MIN_SAMPLES = 12
 
 
@@ -49,7 +48,7 @@ def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
     fast as the ramp, or faster, the ramp goes on.
     """
     low, span = float(smooth.min()), float(np.ptp(smooth))
-    ahead, beat = (max(2, round(one / step_s)) for one in (AHEAD_S, SLOWEST_BEAT_S))
+    ahead, beat = (max(2, round(one / step_s)) for one in (AHEAD_S, 1 / SLOWEST_HZ))
     near_top = np.flatnonzero(smooth >= low + NEAR_TOP_SHARE * span)
     tops = [int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max()]
     early = int(np.argmax(smooth >= low + (1 - NEAR_TOP_SHARE) * span))

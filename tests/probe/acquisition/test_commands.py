@@ -34,6 +34,19 @@ def test_any_signal_aborts_and_ctrl_c_after_it_stops(number: signal.Signals) -> 
     assert signal.getsignal(number) is before
 
 
+def test_a_hangup_that_nohup_had_ignored_stays_ignored() -> None:
+    control, before = Control(), signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        with ctrl_c(control):
+            os.kill(os.getpid(), signal.SIGHUP)
+            assert control.command is RunCommand.RESUME
+            os.kill(os.getpid(), signal.SIGTERM)
+            assert control.command is RunCommand.ABORT
+        assert signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("number", OTHERS)
 def test_what_a_dying_terminal_and_a_shutdown_send_lifts_however_often(
     number: signal.Signals,

@@ -151,7 +151,7 @@ class DriftsFast(SpringSensor):
         return super().raw(time_s) - 0.6 * max(time_s - self.since_s, 0.0)
 
 
-def test_a_press_whose_zero_is_never_seen_again_is_told() -> None:
+def test_a_press_whose_zero_is_never_seen_again_is_noted() -> None:
     """Its forces are off by the drift, and the fault that ends the scan comes after it."""
     bed, stage, _ = on_springs()
     rig = spring_rig(scan={"stations": 2, "travel_mm_s": 2.0})

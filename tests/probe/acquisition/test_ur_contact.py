@@ -92,6 +92,16 @@ def test_no_contact_at_all_ends_at_the_search_depth(winkler: Respond) -> None:
         assert lifted(made)
 
 
+def noting(stop: Callable[[float], Any], heard: list[float]) -> Callable[[float], Any]:
+    """``stop``, whose times are noted in ``heard``."""
+
+    def noted(at_s: float) -> Any:
+        heard.append(at_s)
+        return stop(at_s)
+
+    return noted
+
+
 def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.MonkeyPatch) -> None:
     """The robot's program drops it if it obeys a command at that moment, as a machine that is late
     with its commands has it do; the scan's own touch then finds the surface, and it is tried again.
@@ -100,8 +110,7 @@ def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.Mon
         heard: list[float] = []
         with rig(winkler, 3.0) as (made, robot):
             contact = robot.robot.contact
-            stop = contact.stop
-            monkeypatch.setattr(contact, "stop", lambda at, stop=stop: (heard.append(at), stop(at)))  # noqa: B023
+            monkeypatch.setattr(contact, "stop", noting(contact.stop, heard))
             contact.misled = True
             ended, _ = scan(made)
             if not heard:
@@ -112,7 +121,9 @@ def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.Mon
             assert "the probe may be in the air" in ended.reason
             height = re.search(r"([+-][0-9.]+) mm from the planned surface", ended.reason)
             assert height is not None
-            assert 0 < float(height[1]) <= 0.5  # it sets off before the program looks
+            where_m = made.phantom.tip.point(heard[0])[2]  # it sets off before the program looks
+            assert where_m > 0
+            assert float(height[1]) == pytest.approx(1e3 * where_m, abs=0.05)
             assert lifted(made)
             return
     pytest.fail("the program dropped each contact")

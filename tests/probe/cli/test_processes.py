@@ -136,3 +136,14 @@ def test_an_order_to_end_while_a_command_is_loaded_ends_it_in_a_line(
     assert (process.returncode, err) == (5, "stopped\n")
     assert not out or json.loads(out) == {"error": "stopped", "status": 5}
     assert bool(out) == ("--json" in command)
+
+
+def test_a_hangup_that_nohup_had_ignored_ends_no_command(tmp_path: Path) -> None:
+    (tmp_path / "scipy.py").write_text(
+        "import os, signal\nos.kill(os.getpid(), signal.SIGHUP)\nos._exit(42)\n"
+    )
+    done = subprocess.run(
+        ["nohup", *PALPATE, *PRESS], env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 42, done.stderr
