@@ -123,7 +123,8 @@ class Assembly:
         self._index[kept] = index.ravel()
         self._upper = np.flatnonzero(self._rows <= column_of)
         # the pattern is symmetric: what is k-th by columns is transposed into what is k-th by rows
-        self._transposed = np.argsort(self._rows.astype(np.int64) * n + column_of)[self._upper]
+        by_columns = csc_matrix((np.arange(len(unique)), self._rows, starts), shape=(n, n))
+        self._transposed = by_columns.tocsr().data[self._upper]
         upper_starts = np.searchsorted(column_of[self._upper], np.arange(n + 1))
         self._matrix = csc_matrix((np.zeros(len(unique)), self._rows, starts), shape=(n, n))
         self._half = csc_matrix(
@@ -141,13 +142,7 @@ class Assembly:
         They hold until the next call: matrix and symbolic analysis are shared. Raises
         `SingularMatrix`.
         """
-        data = np.concatenate([m.ravel() for m in matrices])
-        count = len(self._rows)
-        sums = np.bincount(self._index, weights=data, minlength=count + 1)[:count]
-        values = sums.astype(np.float64, copy=False)
-        if not np.isfinite(values).all():
-            raise SingularMatrix("an entry is not a number")
-        self._matrix.data = values
+        values = self._matrix.data = self._summed(matrices)
         if qdldl is None:
             return Factors(self._matrix, None)
         self._half.data = (values[self._upper] + values[self._transposed]) / 2
@@ -160,6 +155,23 @@ class Assembly:
             self._ldl = None
             raise SingularMatrix(str(error)) from None
         return Factors(self._matrix, self._ldl)
+
+    def near_factored(self, matrices: list[Array]) -> Factors:
+        """As `factor`, of blocks that hardly differ from those that were last factorised: their
+        factors do as a preconditioner, but their pivots tell nothing."""
+        if self._ldl is None:
+            return self.factor(matrices)
+        self._matrix.data = self._summed(matrices)
+        return Factors(self._matrix, self._ldl)
+
+    def _summed(self, matrices: list[Array]) -> Array:
+        """The entries of the whole matrix. Raises `SingularMatrix`."""
+        data = np.concatenate([m.ravel() for m in matrices])
+        count = len(self._rows)
+        sums = np.bincount(self._index, weights=data, minlength=count + 1)[:count]
+        if not np.isfinite(sums).all():
+            raise SingularMatrix("an entry is not a number")
+        return sums.astype(np.float64, copy=False)
 
     def solve(self, factors: Factors, force: Array, tolerance: float = CLOSE) -> Array:
         """Displacements (size,) or (size, r) under ``force`` of the same shape; 0 where held."""

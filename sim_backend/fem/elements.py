@@ -122,14 +122,13 @@ def quadrature_points(cells: Cells) -> Array:
 
 def gradients(nodes: Array, cells: Ints, shape_gradient: Array) -> tuple[Array, Array]:
     """dN/dX (m, q, k, 2) [1/m] and the Jacobian's determinant (m, q) [m2]."""
-    place = nodes[cells]
-    jacobian = np.einsum("qka,mki->mqia", shape_gradient, place, optimize=True)
+    jacobian = np.swapaxes(shape_gradient, 1, 2) @ nodes[cells][:, None]  # dX_i/dxi_a: (m, q, a, i)
     det = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
-    inverse = np.empty_like(jacobian)
+    inverse = np.empty_like(jacobian)  # dxi_a/dX_i
     inverse[..., 0, 0], inverse[..., 1, 1] = jacobian[..., 1, 1], jacobian[..., 0, 0]
-    inverse[..., 0, 1], inverse[..., 1, 0] = -jacobian[..., 0, 1], -jacobian[..., 1, 0]
+    inverse[..., 0, 1], inverse[..., 1, 0] = -jacobian[..., 1, 0], -jacobian[..., 0, 1]
     inverse /= det[..., None, None]
-    return np.einsum("qka,mqai->mqki", shape_gradient, inverse, optimize=True), det
+    return shape_gradient @ inverse, det
 
 
 def operator(gradient: Array) -> Array:

@@ -1,10 +1,13 @@
 """Internal forces and exact tangents of all cells, total Lagrangian."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.elements import HOURGLASS
+from sim_backend.fem.elements import HOURGLASS, Cells
 from sim_backend.fem.material import (
+    Stressed,
     area_ratio,
     cofactor_tangent,
     isochoric,
@@ -35,10 +38,17 @@ def smallest_area_ratio(section: Section, u: Array) -> tuple[float, int]:
     return float(j[worst]), worst
 
 
-def forces_and_tangents(
+def forces_and_tangents(section: Section, u: Array) -> tuple[Array, Array]:
+    """Element forces (m, d) [N/m] and tangents (m, d, d) [Pa]."""
+    force, tangents = internal_forces(section, u)
+    return force, tangents()
+
+
+def internal_forces(
     section: Section, u: Array, change: Array | None = None
-) -> tuple[Array, Array]:
-    """Element forces (m, d) [N/m] and tangents (m, d, d) [Pa].
+) -> tuple[Array, Callable[[], Array]]:
+    """Element forces (m, d) [N/m], and what forms their tangents (m, d, d) [Pa] where they are
+    wanted: that takes longer.
 
     ``change`` (n, 2) is the step that led to ``u``. In plane strain the pressure that turns with
     the body then enters the tangent as the step foresaw it, without the step's quadratic part
@@ -48,52 +58,58 @@ def forces_and_tangents(
     """
     cells = section.cells
     if cells.hoop is not None:
-        return revolved_forces_and_tangents(cells, section.shear, section.bulk, u, change)
+        force, tangent = revolved_forces_and_tangents(cells, section.shear, section.bulk, u, change)
+        return force, lambda: tangent
     f = deformation(section, u)
     shear, bulk = section.shear[:, None], section.bulk[:, None]
     if section.plane_stress:
-        solid = plane_stress(f, shear, bulk)
-        force, tangent = _integrate(cells.operator, cells.weight, solid.stress, solid.tangent)
+        force, tangents = _integrated(section, plane_stress(f, shear, bulk))
     else:
         moved = deformation(section, change) - _AT_REST if change is not None else 0 * f
         lag = area_ratio(moved)
         if cells.dilatation:
-            force, tangent = _one_dilatation(section, f, lag)
+            force, tangents = _one_dilatation(section, f, lag)
         else:
-            solid = plane_strain(f, shear, bulk, lag)
-            force, tangent = _integrate(cells.operator, cells.weight, solid.stress, solid.tangent)
-    if cells.hourglass is not None:
-        _hold_hourglass(section, u, force, tangent)
-    return force, tangent
+            force, tangents = _integrated(section, plane_strain(f, shear, bulk, lag))
+    return (force, tangents) if cells.hourglass is None else _held(section, u, force, tangents)
 
 
-def _integrate(
-    operator: Array, weight: Array, stress: Array, tangent: Array
-) -> tuple[Array, Array]:
-    m, q, _, d = operator.shape
-    stacked = operator.reshape(m, q * 4, d)
-    transposed = np.swapaxes(stacked, 1, 2)
-    weighted = (stress * weight[..., None]).reshape(m, q * 4, 1)
-    force = (transposed @ weighted)[..., 0]
-    moved = ((tangent * weight[..., None, None]) @ operator).reshape(m, q * 4, d)
-    return force, transposed @ moved
+def _integrated(section: Section, solid: Stressed) -> tuple[Array, Callable[[], Array]]:
+    return (
+        _forces(section.cells, solid.stress),
+        lambda: _tangents(section.cells, solid.tangent),
+    )
 
 
-def _one_dilatation(section: Section, f: Array, lag: Array) -> tuple[Array, Array]:
+def _forces(cells: Cells, stress: Array) -> Array:
+    m, q, v, d = cells.operator.shape
+    weighted = (stress * cells.weight[..., None]).reshape(m, q * v, 1)
+    return np.asarray((np.swapaxes(cells.operator.reshape(m, q * v, d), 1, 2) @ weighted)[..., 0])
+
+
+def _tangents(cells: Cells, tangent: Array) -> Array:
+    m, q, v, d = cells.operator.shape
+    moved = ((tangent * cells.weight[..., None, None]) @ cells.operator).reshape(m, q * v, d)
+    return np.asarray(np.swapaxes(cells.operator.reshape(m, q * v, d), 1, 2) @ moved)
+
+
+def _one_dilatation(section: Section, f: Array, lag: Array) -> tuple[Array, Callable[[], Array]]:
     """K/2 (mean J - 1)^2 on the element's mean volume change (Nagtegaal et al. 1974; the mean
     dilatation method of Simo, Taylor and Pister 1985 with a constant pressure)."""
     cells = section.cells
-    stress, tangent, j, cofactor = isochoric(f, section.shear[:, None])
+    rigid, j, cofactor = isochoric(f, section.shear[:, None])
     area = cells.weight.sum(axis=1)
-    mean = (j * cells.weight).sum(axis=1) / area
-    pressure = section.bulk * (mean - 1)
-    stress = stress + pressure[:, None, None] * cofactor
-    foreseen = pressure - section.bulk * (lag * cells.weight).sum(axis=1) / area
-    tangent = tangent + foreseen[:, None, None, None] * cofactor_tangent()
-    force, stiffness = _integrate(cells.operator, cells.weight, stress, tangent)
-    swell = np.einsum("mq,mqv,mqvd->md", cells.weight, cofactor, cells.operator, optimize=True)
-    stiffness += (section.bulk / area)[:, None, None] * swell[:, :, None] * swell[:, None, :]
-    return force, stiffness
+    pressure = section.bulk * ((j * cells.weight).sum(axis=1) / area - 1)
+
+    def tangents() -> Array:
+        foreseen = pressure - section.bulk * (lag * cells.weight).sum(axis=1) / area
+        turning = foreseen[:, None, None, None] * cofactor_tangent()
+        stiffness = _tangents(cells, rigid.tangent + turning)
+        swell = np.einsum("mq,mqv,mqvd->md", cells.weight, cofactor, cells.operator, optimize=True)
+        stiffness += (section.bulk / area)[:, None, None] * swell[:, :, None] * swell[:, None, :]
+        return stiffness
+
+    return _forces(cells, rigid.stress + pressure[:, None, None] * cofactor), tangents
 
 
 def hourglass_stiffness(section: Section) -> Array:
@@ -105,14 +121,23 @@ def hourglass_stiffness(section: Section) -> Array:
     return np.asarray(HOURGLASS * 4 * section.shear * size)
 
 
-def _hold_hourglass(section: Section, u: Array, force: Array, tangent: Array) -> None:
-    """Add the hourglass forces and their constant stiffness in place."""
+def _held(
+    section: Section, u: Array, force: Array, tangents: Callable[[], Array]
+) -> tuple[Array, Callable[[], Array]]:
+    """With the hourglass forces and their constant stiffness."""
     gamma = section.cells.hourglass
     assert gamma is not None
     stiffness = hourglass_stiffness(section)
     amplitude = np.einsum("mk,mki->mi", gamma, u[section.cells.nodes])
     for axis in (0, 1):
         force[:, axis::2] += (stiffness * amplitude[:, axis])[:, None] * gamma
-        tangent[:, axis::2, axis::2] += (
-            stiffness[:, None, None] * gamma[:, :, None] * gamma[:, None, :]
-        )
+
+    def stiffer() -> Array:
+        found = tangents()
+        for axis in (0, 1):
+            found[:, axis::2, axis::2] += (
+                stiffness[:, None, None] * gamma[:, :, None] * gamma[:, None, :]
+            )
+        return found
+
+    return force, stiffer

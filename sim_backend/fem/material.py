@@ -6,7 +6,9 @@ stretch across the section l3 is 1 in plane strain and free of stress in plane s
 four are on the first axis: numpy is quick over long last axes only.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -21,13 +23,17 @@ _THICKNESS_SWEEPS = 40
 
 @dataclass(frozen=True)
 class Stressed:
-    """First Piola-Kirchhoff ``stress`` (..., 4) [Pa], its ``tangent`` (..., 4, 4), the stretch
-    across the section ``thickness`` (...) and its derivative ``thinning`` (..., 4) by F."""
+    """First Piola-Kirchhoff ``stress`` (..., 4) [Pa] and the stretch across the section
+    ``thickness`` (...). The tangent is formed where it is asked for: often stresses will do."""
 
     stress: Array
-    tangent: Array
     thickness: Array
-    thinning: Array
+    form_tangent: Callable[[], Array]
+
+    @cached_property
+    def tangent(self) -> Array:
+        """dP/dF (..., 4, 4) [Pa]."""
+        return self.form_tangent()
 
 
 def moduli(modulus_pa: float, poisson: float) -> tuple[float, float]:
@@ -46,24 +52,26 @@ def plane_strain(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) 
     ``lag`` (...) is taken off J where the pressure turns the tangent, and only there: see
     `sim_backend.fem.internal.forces_and_tangents`.
     """
-    stress, tangent, j, cofactor = isochoric(f, shear)
-    stress = stress + (bulk * (j - 1))[..., None] * cofactor
-    tangent = tangent + bulk[..., None, None] * cofactor[..., :, None] * cofactor[..., None, :]
-    tangent = tangent + (bulk * (j - 1 - lag))[..., None, None] * _TWIST
-    return Stressed(stress, tangent, np.ones_like(j), np.zeros_like(f))
+    rigid, j, cofactor = isochoric(f, shear)
+    stress = rigid.stress + (bulk * (j - 1))[..., None] * cofactor
+
+    def tangent() -> Array:
+        swelling = bulk[..., None, None] * cofactor[..., :, None] * cofactor[..., None, :]
+        turning = (bulk * (j - 1 - lag))[..., None, None] * _TWIST
+        return np.asarray(rigid.tangent + swelling + turning)
+
+    return Stressed(stress, rigid.thickness, tangent)
 
 
 def plane_stress(f: Array, shear: Array, bulk: Array) -> Stressed:
     """As `plane_strain`, with the thickness condensed out of the tangent."""
     f, shear, bulk = _first(f, shear, bulk)
-    thin = _thinned(f, shear, bulk)
     # the thickness adjusts until P33 = 0, which takes a a / m off the tangent
-    stress, tangent = _in_plane(f, thin, bulk)
-    return Stressed(_last(stress), _last(tangent, 2), thin.l3, _last(_thinning(f, thin)))
+    return _in_plane(f, _thinned(f, shear, bulk), bulk)
 
 
 def thinning(f: Array, shear: Array, bulk: Array) -> tuple[Array, Array]:
-    """``thickness`` and ``thinning`` of `plane_stress` alone."""
+    """``thickness`` of `plane_stress` and its derivative (..., 4) by F."""
     f, shear, bulk = _first(f, shear, bulk)
     thin = _thinned(f, shear, bulk)
     return thin.l3, _last(_thinning(f, thin))
@@ -121,15 +129,14 @@ def _stress_free_thickness(plane: Array, j: Array, shear: Array, bulk: Array) ->
     return np.asarray(volume / j)
 
 
-def isochoric(f: Array, shear: Array) -> tuple[Array, Array, Array, Array]:
-    """Plane strain without the bulk term: stress, tangent, j (...) and the cofactor dj/dF."""
+def isochoric(f: Array, shear: Array) -> tuple[Stressed, Array, Array]:
+    """Plane strain without the bulk term; j (...) and the cofactor dj/dF (..., 4)."""
     f, shear, none = _first(f, shear, np.zeros_like(shear))
     j = f[0] * f[3] - f[1] * f[2]
     one, cofactor = np.ones_like(j), _cofactor(f)
     i1 = (f * f).sum(axis=0) + 1
     rigid = _Thin(one, j, j, cofactor / j, i1, shear / np.cbrt(j) ** 2, none, none, one)
-    stress, tangent = _in_plane(f, rigid, none)
-    return _last(stress), _last(tangent, 2), j, _last(cofactor)
+    return _in_plane(f, rigid, none), j, _last(cofactor)
 
 
 def cofactor_tangent() -> Array:
@@ -159,24 +166,28 @@ def von_mises(f: Array, thickness: Array, shear: Array) -> Array:
     return np.asarray(shear * volume ** (-5 / 3) * np.sqrt(1.5 * square))
 
 
-def _in_plane(f: Array, thin: _Thin, bulk: Array) -> tuple[Array, Array]:
-    """P = dW/dF (4, ...) and dP/dF (4, 4, ...), with the thickness' a a / m taken off."""
+def _in_plane(f: Array, thin: _Thin, bulk: Array) -> Stressed:
+    """P = dW/dF and dP/dF with the thickness' a a / m taken off; ``f`` (4, ...)."""
     h, volume, i1, scale = thin.h, thin.volume, thin.i1, thin.scale
     # d(F^-T)/dF = -(H H - eps eps / j) with the two inner indices swapped
     turning = scale * i1 / 3 - bulk * (volume - 1) * volume
-    soft = thin.by_h / thin.stiffness
-    of_h = scale * 2 / 9 * i1 + bulk * (2 * volume - 1) * volume + turning - thin.by_h * soft
-    of_both = -2 / 3 * scale - thin.by_f * soft
-    of_f = -(thin.by_f**2) / thin.stiffness
-    with_h, with_f = of_h * h + of_both * f, of_both * h + of_f * f
-    tangent = h[:, None] * with_h
-    tangent += f[:, None] * with_f
-    for both in range(4):
-        tangent[both, both] += scale
-    turned = turning / thin.j
-    for row, column in zip(*np.nonzero(_TWIST), strict=True):
-        tangent[row, column] -= _TWIST[row, column] * turned
-    return scale * f - turning * h, tangent
+
+    def tangent() -> Array:
+        soft = thin.by_h / thin.stiffness
+        of_h = scale * 2 / 9 * i1 + bulk * (2 * volume - 1) * volume + turning - thin.by_h * soft
+        of_both = -2 / 3 * scale - thin.by_f * soft
+        of_f = -(thin.by_f**2) / thin.stiffness
+        with_h, with_f = of_h * h + of_both * f, of_both * h + of_f * f
+        found = h[:, None] * with_h
+        found += f[:, None] * with_f
+        for both in range(4):
+            found[both, both] += scale
+        turned = turning / thin.j
+        for row, column in zip(*np.nonzero(_TWIST), strict=True):
+            found[row, column] -= _TWIST[row, column] * turned
+        return _last(found, 2)
+
+    return Stressed(_last(scale * f - turning * h), thin.l3, tangent)
 
 
 def _first(f: Array, shear: Array, bulk: Array) -> tuple[Array, Array, Array]:

@@ -5,7 +5,7 @@ multiplier outweighs its gap. The contact stiffness only sets how fast gaps clos
 gaps and multipliers are exact.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.contact.pairs import ContactPairs
-from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
+from sim_backend.fem.internal import internal_forces, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.model import Section
 from sim_backend.fem.section_pairs import contact_pairs
@@ -124,6 +124,7 @@ def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 
     before: list[Bools] = []
     change: Array | None = None
     factors: Factors | None = None
+    error = 0.0
     for iteration in range(1, MAX_ITERATIONS + 1):
         pairs = contact_pairs(section, finger, u, bonds)
         active = [
@@ -134,19 +135,18 @@ def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 
             active[0] = _first_active(pairs[0], multiplier[0], active[0])
         multiplier = [np.where(a, m, 0.0) for m, a in zip(multiplier, active, strict=True)]
         with np.errstate(invalid="ignore", over="ignore"):
-            residual, matrices = _body(section, u, load.pressure_pa, change)
+            residual, tangents = _body(section, u, load.pressure_pa, change)
         if not np.all(np.isfinite(residual)):
             raise NotConverged("elements were crushed")
         if drag_pa:
             residual += drag_pa * section.valence * (u - start.displacement).ravel()
-            matrices[0] = matrices[0] + drag_pa * np.eye(matrices[0].shape[1])
         for t, m in zip(pairs, multiplier, strict=True):
             residual -= t.force(m, section.size)
         for bond in bonds:
             if bond.bonded.any():
                 residual += bond.force(u, section.size)
         scale = np.abs(multiplier[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
-        error = float(np.abs(residual[section.assembly.free]).max())
+        last_error, error = error, float(np.abs(residual[section.assembly.free]).max())
         widest = max(
             float(np.abs(t.open(m)[a]).max(initial=0.0))
             for t, m, a in zip(pairs, multiplier, active, strict=True)
@@ -161,21 +161,29 @@ def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 
             found = Solution(load, u, tuple(multiplier), float(force), iteration, bonded_at_m)
             last = factors is None or factors.negative == 0
             return replace(found, stable=last or is_stable(section, found))
-        # normals turn under the forces as they are, without the springs: so the iteration is
-        # Newton's on forces and gaps together, and closes both at second order
-        matrices += _contact_blocks(section, pairs, multiplier, active, bonds)
+        # the last step left about half of what its tangent has changed since; with that tangent
+        # once more, this one leaves twice the last one's share
+        enough = same and 2 * error**2 < TOLERANCE * scale * last_error
+        if factors is None or not enough:
+            matrices = tangents()
+            if drag_pa:
+                matrices[0] = matrices[0] + drag_pa * np.eye(matrices[0].shape[1])
+            # normals turn under the forces as they are, without the springs: so the iteration is
+            # Newton's on forces and gaps together, and closes both at second order
+            matrices += _contact_blocks(section, pairs, multiplier, active, bonds)
+            factors, linearised = _factors(section, matrices), pairs
         springs = [t.stiffness(PENALTY * section.tissue_pa) * t.open(m)
                    for t, m in zip(pairs, multiplier, strict=True)]  # fmt: skip
-        for t, s, a in zip(pairs, springs, active, strict=True):  # they close what gaps are left
+        for t, s, a in zip(linearised, springs, active, strict=True):  # they close what is open
             residual += t.force(np.where(a, s, 0.0), section.size)
         multiplier = [
             np.where(a, m - s, 0.0) for m, s, a in zip(multiplier, springs, active, strict=True)
         ]
-        change, factors = _newton_step(section, matrices, residual, u)
+        change = _step(section, factors, residual, u)
         u += change
         multiplier = [
             np.where(a, m - t.stiffness(PENALTY * section.tissue_pa) * t.opening(change), 0.0)
-            for t, m, a in zip(pairs, multiplier, active, strict=True)
+            for t, m, a in zip(linearised, multiplier, active, strict=True)
         ]
         before = active
     raise NotConverged(f"Newton's method did not converge within {MAX_ITERATIONS} steps")
@@ -236,12 +244,16 @@ def _lowered(section: Section, load: Load) -> Finger:
     return section.finger.lowered_to(section.finger.y - load.depth_m)
 
 
-def _newton_step(
-    section: Section, matrices: list[Array], residual: Array, u: Array
-) -> tuple[Array, Factors]:
-    """The change (n, 2), shortened until it turns no element inside out; the tangent's factors."""
+def _factors(section: Section, matrices: list[Array]) -> Factors:
     try:
-        factors = section.assembly.factor(matrices)
+        return section.assembly.factor(matrices)
+    except SingularMatrix:
+        raise NotConverged("the tangent became singular") from None
+
+
+def _step(section: Section, factors: Factors, residual: Array, u: Array) -> Array:
+    """The change (n, 2), shortened until it turns no element inside out."""
+    try:
         change = section.assembly.solve(factors, -residual).reshape(-1, 2)
     except SingularMatrix:
         raise NotConverged("the tangent became singular") from None
@@ -249,7 +261,7 @@ def _newton_step(
         raise NotConverged("the tangent became singular")
     for _ in range(6):
         if smallest_area_ratio(section, u + change)[0] > MIN_AREA_RATIO:
-            return change, factors
+            return change
         change = change / 2
     raise NotConverged("elements were crushed")
 
@@ -261,22 +273,22 @@ def tangent(section: Section, solution: Solution) -> tuple[list[Array], Array]:
     finger = _lowered(section, solution.load)
     pairs = contact_pairs(section, finger, solution.displacement, bonds)
     active = [(m > 0) | t.bonded for t, m in zip(pairs, solution.multiplier, strict=True)]
-    _, matrices = _body(section, solution.displacement, solution.load.pressure_pa)
+    _, tangents = _body(section, solution.displacement, solution.load.pressure_pa)
     contact = _contact_blocks(section, pairs, solution.multiplier, active, bonds)
     finger_only = pairs[0].blocks(solution.multiplier[0], active[0], PENALTY * section.tissue_pa)
-    return [*matrices, *contact], finger_only
+    return [*tangents(), *contact], finger_only
 
 
 def _body(
     section: Section, u: Array, pressure_pa: float, change: Array | None = None
-) -> tuple[Array, list[Array]]:
-    """Residual (2n,) of cells and lumens, and their tangent blocks."""
-    force, tangent = forces_and_tangents(section, u, change)
+) -> tuple[Array, Callable[[], list[Array]]]:
+    """Residual (2n,) of cells and lumens, and what forms their tangent blocks."""
+    force, cells = internal_forces(section, u, change)
     residual = gather(section.size, section.cells.dofs, force)
-    matrices = [tangent]
+    turnings = []
     for sides in section.lumens:
         unit, turning = unit_pressure(sides, u)
         residual -= gather(section.size, sides.dofs, pressure_pa * unit)
-        matrices.append(-pressure_pa * turning)
+        turnings.append(-pressure_pa * turning)
     residual += gather(section.size, section.sliding.dofs, section.sliding.force(u))
-    return residual, [*matrices, section.sliding.block]
+    return residual, lambda: [cells(), *turnings, section.sliding.block]

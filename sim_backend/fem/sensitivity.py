@@ -20,11 +20,14 @@ class Slope:
 
 
 def slopes(section: Section, solution: Solution) -> tuple[Slope, Slope]:
-    """By depth and by pressure, the contact staying as it is. Raises `SingularMatrix`."""
+    """By depth and by pressure, the contact staying as it is; cheapest just after ``solution``.
+
+    Raises `SingularMatrix`.
+    """
     section = as_solved(section, solution)
     surface, free = section.mesh.surface, section.assembly.free
     matrices, contact = tangent(section, solution)
-    factors = section.assembly.factor(matrices)
+    factors = section.assembly.near_factored(matrices)
     # by depth: what is touched goes down with the finger, and the rest follows. (The finger's
     # springs, 1e4 times as stiff as the tissue, would leave a hundredth of the force unsolved.)
     down = np.tile([0.0, -1.0], (len(surface), 1))

@@ -7,6 +7,7 @@ which is exact at the full depth D and to first order elsewhere. Time does not e
 and the beat are the phantom's.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -134,8 +135,11 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
         loads = [load for load in loads if load.depth_m + bulge > 0]
     if not loads:
         return _untouched(scene, x_m, max_depth_m, bulge)
-    ramp = _down(scene, section, start, loads)
-    by_depth, by_pressure = zip(*(slopes(section, state) for state in ramp), strict=True)
+    ramp, along = zip(
+        *((state, slopes(section, state)) for state in _down(scene, section, start, loads)),
+        strict=True,
+    )
+    by_depth, by_pressure = zip(*along, strict=True)
     ends = _ends(section, ramp[-1], by_pressure[-1], low, high) if beats else []
     sunk = np.array([load.depth_m + bulge for load in loads])
 
@@ -173,17 +177,18 @@ def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress, LEFT)
 
 
-def _down(scene: Scene, section: Section, start: Solution, loads: list[Load]) -> list[Solution]:
+def _down(scene: Scene, section: Section, start: Solution, loads: list[Load]) -> Iterator[Solution]:
     """The solutions at ``loads``; a bonded finger takes the steps between that its path needs."""
     if not scene.indenter.bonded:
-        return list(continuation(section, start, loads))
+        yield from continuation(section, start, loads)
+        return
     deepest = loads[-1]
     contact_m = CONTACT_SHARE * element_size_m(scene)
     way = bonded_way_m(section.finger, deepest.depth_m, contact_m)
     wanted = {load.depth_m for load in loads}
     path = [Load(d, deepest.pressure_pa) for d in sorted({*wanted, *way})]
     found = continuation(section, start, path)
-    return [one for one, load in zip(found, path, strict=True) if load.depth_m in wanted]
+    yield from (one for one, load in zip(found, path, strict=True) if load.depth_m in wanted)
 
 
 def _untouched(scene: Scene, x_m: float, max_depth_m: float, bulge_m: float) -> StationResponse:

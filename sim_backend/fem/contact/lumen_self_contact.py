@@ -5,6 +5,7 @@ frictionless. The pressure goes on acting between walls that touch, as a film of
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -27,12 +28,12 @@ class Walls:
     upper: Ints
     lower: Ints
 
-    @property
+    @cached_property
     def begins(self) -> Bools:
         """Which sides (b,) of the lower wall have none before them."""
         return ~np.isin(self.lower - 1, self._wrapped)
 
-    @property
+    @cached_property
     def ends(self) -> Bools:
         """Which sides (b,) of the lower wall have none after them."""
         return ~np.isin(self.lower + 1, self._wrapped)

@@ -69,6 +69,15 @@ def test_several_right_hand_sides_are_solved_as_one_by_one() -> None:
     np.testing.assert_allclose(together, np.stack(apart, axis=1), rtol=1e-7, atol=1e-10)
 
 
+def test_factors_of_something_near_solve_exactly() -> None:
+    made, data = Assembly(SIZE, [blocks()], HELD), matrices(0, 0.1)
+    made.factor([1.02 * data])
+    force = np.random.default_rng(1).standard_normal(SIZE)
+    found = made.solve(made.near_factored([data]), force, TIGHT)
+    expected = np.linalg.solve(dense(data), force[made.free])
+    np.testing.assert_allclose(found[made.free], expected, rtol=1e-6, atol=1e-9)
+
+
 def test_what_cannot_be_factorised_is_said() -> None:
     made = Assembly(SIZE, [blocks()], HELD)
     with pytest.raises(SingularMatrix):
