@@ -192,7 +192,7 @@ class Phantom:
         places = np.round(points[:, :2] / grid)
         values = np.zeros(len(points))
         touching = depth > -BULGE_M
-        for x, y in np.unique(places[touching], axis=0):
+        for x, y in _distinct(places[touching]):
             here = touching & (places[:, 0] == x) & (places[:, 1] == y)
             x_m, y_m = float(x * grid), float(y * grid)
             section = self._response(x_m, y_m, float(depth[here].max()))
@@ -252,7 +252,7 @@ class Phantom:
 
     def _depth(self, points: Array, end: Point) -> Array:
         """Of points on a leg, along the normal at the leg's ``end``: there it presses."""
-        places = np.unique(points[:, :2], axis=0)
+        places = _distinct(points[:, :2])
         if len(places) == 1:
             height = np.float64(self.surface(*places[0].tolist()))
             depth = np.asarray(height - points[:, 2])
@@ -286,3 +286,10 @@ def _snap(value: float, grid: float) -> float:
 
 def _up_to_grid(depth_m: float) -> float:
     return math.ceil(depth_m / DEPTH_GRID_M - 1e-3) * DEPTH_GRID_M  # never rounded down
+
+
+def _distinct(rows: Array) -> Array:
+    """Those rows of (n, 2) that differ; a press straight down has one, which needs no sorting."""
+    if (rows == rows[:1]).all():
+        return rows[:1]
+    return np.unique(rows, axis=0)

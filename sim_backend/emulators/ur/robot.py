@@ -7,6 +7,7 @@ own script obeys them.
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -49,13 +50,18 @@ class Mounting:
     inverse: Inverse = anywhere
     joint_limit_rad: float = 2 * np.pi
 
+    @cached_property
+    def matrix(self) -> Array:
+        """``turn`` as (3, 3): a tenth of its time on single vectors, 1500 times a second."""
+        return np.asarray(self.turn.as_matrix())
+
     def to_base(self, place: Array) -> Array:
         """A place (3,) of the scan frame, in the base frame."""
-        return np.array(self.origin_m) + self.turn.apply(place)
+        return np.asarray(np.array(self.origin_m) + self.matrix @ place)
 
     def to_scan(self, place: Array) -> Array:
         """A place (3,) of the base frame, in the scan frame."""
-        return np.asarray(self.turn.inv().apply(place - np.array(self.origin_m)))
+        return np.asarray((place - np.array(self.origin_m)) @ self.matrix)
 
 
 class Robot:
@@ -241,9 +247,9 @@ class Robot:
         place = self._phantom.tip.point(time_s)
         force_n = float(self._phantom.force_n(np.array([time_s]))[0])
         force_n += self._noise_n * float(self._rng.standard_normal())
-        pushed = force_n * self._mounting.turn.apply(_normal(self._phantom, place))
+        pushed = force_n * (self._mounting.matrix @ _normal(self._phantom, place))
         x, y, z = self._mounting.to_base(np.array(place)).tolist()
-        vx, vy, vz = self._mounting.turn.apply(self._phantom.tip.velocity(time_s)).tolist()
+        vx, vy, vz = (self._mounting.matrix @ self._phantom.tip.velocity(time_s)).tolist()
         fx, fy, fz = pushed.tolist()
         return (x, y, z), (vx, vy, vz), (fx, fy, fz)
 
@@ -283,7 +289,7 @@ class Robot:
         if command == ZERO_FORCE:
             place = self._phantom.tip.point(now)
             force_n = float(self._phantom.force_n(np.array([now]))[0])
-            self._zero = force_n * self._mounting.turn.apply(_normal(self._phantom, place))
+            self._zero = force_n * (self._mounting.matrix @ _normal(self._phantom, place))
         elif command in (STOP_L, SPEED_STOP, SERVO_STOP):
             self._halt()
             if command == STOP_L and not self._inputs.get("input_int_register_1", 0):

@@ -67,8 +67,9 @@ def test_a_press_is_as_deep_as_planned_and_felt(emulator: Any, winkler: Respond)
 
 @pytest.mark.parametrize(("emulator", "fault", "words"), FAULTS, ids=["zaber", "pi", "tmcl"])
 def test_a_fault_in_a_press_ends_the_scan_in_its_words(
-    emulator: Any, fault: str, words: str, winkler: Respond
+    emulator: Any, fault: str, words: str, winkler: Respond, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("probe.acquisition.retreat.PATIENCE_S", 2.0)  # it will never answer
     _, finish, reason, _ = scan(emulator, winkler, fault)
     assert finish is Finish.FAULTED
     assert any(word in reason for word in words.split("|")), reason

@@ -138,8 +138,10 @@ def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.Mon
     ],
 )
 def test_a_fault_in_a_search_ends_the_scan_as_without_the_option(
-    winkler: Respond, fault: str, said: str, up: bool
+    winkler: Respond, fault: str, said: str, up: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    if not up:  # it will never answer
+        monkeypatch.setattr("probe.acquisition.retreat.PATIENCE_S", 2.0)
     with rig(winkler, 3.0) as (made, robot):
         begin = robot.robot.contact.start
 
