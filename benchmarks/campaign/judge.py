@@ -101,7 +101,7 @@ def judge(
         wrong += _check_resumed(resumed, up)
     if run is not None and "replaced" not in draw.name:
         wrong += check_stored(draw, truth, run)
-    void = truth.late_s > STARVED_S or _starved(draw, said)
+    void = truth.late_s > STARVED_S or starved(draw, said)
     return Verdict(
         tuple(wrong), void, status, finish, up, force_n, allowed_n,
         1e3 * float(-truth.rows[:, Z].min()), float(truth.rows[:, SIDE].max()),
@@ -109,7 +109,7 @@ def judge(
     )  # fmt: skip
 
 
-def _starved(draw: Draw, said: str) -> bool:
+def starved(draw: Draw, said: str) -> bool:
     """The machine's disk stood still though no fault made it."""
     return "has not taken anything" in said and not any(
         fault.kind.name in ("run file locked for long", "no space", "no memory")

@@ -15,7 +15,7 @@ import numpy as np
 from campaign.board import Board
 from campaign.cell import RATE_HZ, Cell
 from campaign.faults import Draw
-from campaign.judge import judge
+from campaign.judge import judge, starved
 from campaign.limits import (
     HOLD_S,
     INDENTATION_M,
@@ -194,12 +194,13 @@ def run_draw(drawn: Draw) -> dict[str, Any]:
             drawn, bench.truth(), status=STATUS_OF[ended.finish],
             answer={"finish": ended.finish.value}, said=ended.reason, run=path,
         )  # fmt: skip
-        wrong = [*verdict.wrong, *_resumed(drawn, path)]
+        resumed, changed = _resumed(drawn, path)
     return {
         "kinds": [fault.kind.name for fault in drawn.faults],
-        "said": [ended.reason],
+        "said": [ended.reason, resumed],
         **verdict.as_row(),
-        "wrong": wrong,
+        "void": verdict.void or starved(sound_after(drawn), resumed),
+        "wrong": [*verdict.wrong, *changed],
     }
 
 
@@ -216,13 +217,19 @@ def _scan(bench: Bench, store: Store, left: dict[str, Any]) -> RunEnded:
     )
 
 
-def _resumed(drawn: Draw, path: Path) -> list[str]:
-    """Resume over a sound world; what was complete must keep its bytes."""
+def sound_after(drawn: Draw) -> Draw:
+    """The world without faults in which a run is resumed."""
+    return Draw(drawn.seed + 1, (), Bed(), drawn.serial)
+
+
+def _resumed(drawn: Draw, path: Path) -> tuple[str, list[str]]:
+    """Resume over a sound world: why it ended, and what was wrong; what was complete must keep its
+    bytes."""
     left = unfinished(path)
     if not left.missing:
-        return []
+        return "", []
     before = complete_bytes(path)
-    sound = Draw(drawn.seed + 1, (), Bed(), drawn.serial)
+    sound = sound_after(drawn)
     with reopen_store(path) as store:
         ended = _scan(
             Bench(sound, SimulatedClock(left.start_s)),
@@ -230,9 +237,10 @@ def _resumed(drawn: Draw, path: Path) -> list[str]:
             {"completed": left.completed, "attempts": left.attempts},
         )
     report, wrong = verify(path), []
-    if ended.finish is not Finish.COMPLETED or report.stations_complete != STATIONS:
+    whole = ended.finish is Finish.COMPLETED and report.stations_complete == STATIONS
+    if not whole and not starved(sound, ended.reason):
         wrong.append(f"not resumable: {ended.reason}")
     after = complete_bytes(path)
     if any(after.get(station) != stored for station, stored in before.items()):
         wrong.append("a complete station was changed by the resume")
-    return wrong + [f"verify after resume: {p}" for p in report.problems[:2]]
+    return ended.reason, wrong + [f"verify after resume: {p}" for p in report.problems[:2]]

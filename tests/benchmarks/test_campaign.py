@@ -21,6 +21,7 @@ from campaign.host import Host
 from campaign.judge import judge
 from campaign.world import HARDENING_PER_M, PULSE_N, TAU_S, Bed, World
 
+from probe.core.events import Finish
 from sim_backend.emulators.ur.robot import Mounting, Robot
 
 DEEP = (0.0, 0.0, -2e-3)
@@ -118,6 +119,22 @@ def test_a_seed_is_a_run() -> None:
 def test_a_fault_on_simulated_time_harms_nobody(kind: str) -> None:
     drawn = of_kinds(5, [BY_NAME[kind]], np.random.default_rng(5))
     assert simulated.run_draw(drawn)["wrong"] == []
+
+
+def test_a_resume_while_the_disk_stands_still_says_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own words, and nothing else, make a run void: another reason is a violation."""
+    drawn = of_kinds(5, [BY_NAME["cell silent"]], np.random.default_rng(5))
+    scan, verdicts = simulated._scan, []
+    for reason in ("the disk has not taken anything for 2 s", "it has rained"):
+
+        def ends(*asked: Any, reason: str = reason) -> Any:
+            ended = scan(*asked)
+            return replace(ended, finish=Finish.FAULTED, reason=reason) if asked[2] else ended
+
+        monkeypatch.setattr(simulated, "_scan", ends)
+        row = simulated.run_draw(drawn)
+        verdicts.append((row["void"], row["wrong"]))
+    assert verdicts == [(True, []), (False, ["not resumable: it has rained"])]
 
 
 def hard(monkeypatch: pytest.MonkeyPatch, **limits: float) -> list[str]:
