@@ -29,8 +29,9 @@ MIN_REASON = 0.1
 REASONS = {
     ONE_PRESS: "one press alone is stiffer or softer than the others: repeat it, and press beside "
     "it",
-    WAVES: "the row waves from end to end, as over an uneven surface: press as deep from where the "
-    "surface is at each station, or press a row across this one",
+    WAVES: "the row waves from end to end, as over an uneven surface, or sinks far from its ends, "
+    "as a high block's does: press as deep from where the surface is at each station, or press a "
+    "row across this one",
 }
 PRIOR: dict[str, float] = {
     "tumour": 0.3, "artery": 0.3, "stenotic artery": 0.3, ELSE: 0.1,

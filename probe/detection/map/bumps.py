@@ -12,8 +12,11 @@ WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
 """Half widths that are tried, in station distances."""
 PLACES_PER_PITCH = 4
 EDGE_PITCHES, EDGE_M = 0.45, 1.8e-3
-"""How far the free sides of a block are felt inwards (an exponential): in station distances, and at
-least. In a plane section of 16.8 mm the paper's finger feels them 1.6 to 2.0 mm far."""
+"""How far the free sides of a block lower its level (an exponential): in station distances, and at
+least. Under the paper's finger a plane section of 16.8 mm shows 1.6 to 2.0 mm."""
+CLOSE_M, FURTHER = 3e-3, (1.5, 2.0, 3.0, 4.0)
+"""Stations that show how far a block's sides reach in, and what is tried over `EDGE_M`: a section
+of 30 mm shows 3 times."""
 CURVATURE, EDGE = 0.2, 0.3
 """Prior standard deviations over the level: of the square over the row's length, and of an edge."""
 TRUSTED = 5
@@ -48,7 +51,8 @@ class Bump:
 
     ``x_low_m``, ``x_high_m``: 95 % interval; ``p_value``: chance of one as clear anywhere in a row
     that has none; ``alone``: odds that only the press at it differs, against the bump; ``wave``:
-    odds that the row waves from end to end, as an uneven surface does.
+    odds that the row waves from end to end, as an uneven surface does, or that a high block's sides
+    reach further in.
     """
 
     x_m: float
@@ -154,6 +158,15 @@ def with_edges(x_m: Array) -> Array:
     reach_m = max(EDGE_PITCHES * pitch, EDGE_M)
     edges = [np.exp(-np.abs(x_m - end) / reach_m) for end in (x_m[0], x_m[-1])]
     return np.column_stack([np.ones_like(u), u, u**2, *edges])
+
+
+def _further_edges(x_m: Array) -> list[Array]:
+    """Pairs of columns (n, 2) of edges that reach further, as a high block's do, where stations are
+    so close that they are told from a lump."""
+    if np.median(np.diff(x_m)) > CLOSE_M:
+        return []
+    ends = x_m[[0, -1]]
+    return [np.exp(-np.abs(x_m[:, None] - ends) / (more * EDGE_M)) for more in FURTHER]
 
 
 def floor(x_m: Array) -> Array:
@@ -337,19 +350,23 @@ def _waving(
     x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
     rss: float, scatter: float,
 ) -> float:  # fmt: skip
-    """Odds that the row waves instead of the bump ``known[k]``, or of all ``known``, alike
-    beforehand: by likelihood, each unknown less for half the logarithm of the stations (Schwarz
-    1978). A wave has three, as a bump does."""
+    """Odds that the row waves, or that its edges reach further, instead of the bump ``known[k]``,
+    or of all ``known``, alike beforehand: by likelihood, each unknown less for half the logarithm
+    of the stations (Schwarz 1978). Waves and edges have three, as a bump does."""
     n, best, span = len(x_m), -np.inf, float(np.ptp(x_m))
     most_turns = span / float(np.median(np.diff(x_m))) / PITCHES_OF_A_WAVE
     for others in {(*known[:k], *known[k + 1 :]), ()}:
         _, a, b, _ = _weighted(x_m, value, sd, base, list(others))
         fewer = 3 * (len(known) - 1 - len(others))
-        for turns in np.arange(MIN_TURNS, most_turns, TURNS_STEP):
-            angle = 2 * np.pi * turns * (x_m - x_m[0]) / span
-            waves = np.zeros((len(a), 2))
-            waves[:n] = np.column_stack([np.cos(angle), np.sin(angle)]) / sd[:, None]
-            q, _ = np.linalg.qr(np.hstack([a, waves]))
+        angles = [
+            2 * np.pi * turns * (x_m - x_m[0]) / span
+            for turns in np.arange(MIN_TURNS, most_turns, TURNS_STEP)
+        ]
+        waves = [np.column_stack([np.cos(angle), np.sin(angle)]) for angle in angles]
+        for along in [*waves, *_further_edges(x_m)]:
+            both = np.zeros((len(a), 2))
+            both[:n] = along / sd[:, None]
+            q, _ = np.linalg.qr(np.hstack([a, both]))
             left = b - q @ (q.T @ b)
             gain = (rss - float(left @ left)) / (2 * max(scatter, 1.0)) + fewer * np.log(n) / 2
             best = max(best, gain)

@@ -145,7 +145,36 @@ HALF_OF_TIT_PA = (
 """Levels that the virtual sensor reads over TIT at 2.5 mm, every 2 mm from 4 mm to its middle."""
 
 
-def test_edges_are_felt_as_far_in_where_stations_are_closer() -> None:
+HALF_OF_A_HIGH_BLOCK_PA = (
+    3530, 3942, 4251, 4469, 4616, 4706, 4761, 4783, 4798, 4800, 4797, 4795, 4801, 4797, 4793
+)  # fmt: skip
+"""The same over TI in a block of 30 mm, pressed 2 mm deep."""
+
+
+@pytest.mark.parametrize("scatter_pa", [5.0, 25.0, 40.0])
+def test_what_the_sides_of_a_high_block_make_of_a_close_row_is_no_lump(scatter_pa: float) -> None:
+    """They reach three times as far; a surface that waves was eleven times less likely than one."""
+    x_m = 1e-3 * np.arange(4.0, 61.0, 2.0)
+    level_pa = np.array([*HALF_OF_A_HIGH_BLOCK_PA, *HALF_OF_A_HIGH_BLOCK_PA[-2::-1]], float)
+    row = find_bumps(x_m, level_pa, np.full(len(x_m), scatter_pa), surroundings(x_m), 0.0025)
+    assert row.bumps
+    assert all(bump.wave > 100 for bump in row.bumps)
+
+
+def test_a_lump_beside_short_edges_is_not_taken_for_far_ones() -> None:
+    x_m = 1e-3 * np.arange(4.0, 61.0, 2.0)
+    edges = np.exp(-(x_m - x_m[0]) / 1.8e-3) + np.exp(-(x_m[-1] - x_m) / 1.8e-3)
+    sure = 0
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        lump = 50 * shape(x_m, rng.uniform(12e-3, 52e-3), 4.5e-3)
+        value = 1000 - 150 * edges + lump + rng.normal(scale=5.0, size=len(x_m))
+        found = find_bumps(x_m, value, np.full(len(x_m), 5.0), surroundings(x_m), 0.0025).bumps
+        sure += len(found) == 1 and found[0].wave < 0.05
+    assert sure >= 18
+
+
+def test_edges_reach_as_far_in_where_stations_are_closer() -> None:
     """With edges that reach by the station distance only, the row was taken for a wave."""
     x_m = 1e-3 * np.arange(4.0, 61.0, 2.0)
     level_pa = np.array([*HALF_OF_TIT_PA, *HALF_OF_TIT_PA[-2::-1]], float)
