@@ -53,6 +53,51 @@ def lines(
     return _svg("".join(drawn) + "".join(_word(*word) for word in words))
 
 
+def over_places(
+    x: Sequence[float], y: Sequence[float], series: Mapping[str, Sequence[float]], unit: str
+) -> str:
+    """``series`` over places in mm: curves along x of a row, a map each where y differs too."""
+    several = len({round(v, 3) for v in y if isfinite(v)}) > 1
+    if not several:
+        return "".join(lines(x, {name: values}, "x mm", unit) for name, values in series.items())
+    return "".join(_map(x, y, values, f"{unit}: {name}") for name, values in series.items())
+
+
+def _map(x: Sequence[float], y: Sequence[float], values: Sequence[float], title: str) -> str:
+    """A square at each place, the darker the larger its value; y goes up."""
+    places = [(a, b, v) for a, b, v in zip(x, y, values, strict=True) if isfinite(a + b + v)]
+    if not places:
+        return ""
+    (left, right), (low, high) = _span([a for a, _, _ in places]), _span([b for _, b, _ in places])
+    least, most = _span([v for _, _, v in places])
+    columns, rows = (
+        len({round(a, 3) for a, _, _ in places}),
+        len({round(b, 3) for _, b, _ in places}),
+    )
+    side = min((WIDTH - 2 * MARGIN) / columns, 2 * HEIGHT / rows)
+    tall = side * (rows - 1)
+    drawn = []
+    for a, b, v in places:
+        across = MARGIN + side * (columns - 1) * (a - left) / (right - left)
+        down = MARGIN + tall * (high - b) / (high - low)
+        drawn.append(
+            f'<rect x="{across:.1f}" y="{down:.1f}" width="{side:.1f}" height="{side:.1f}" '
+            f'fill="{COLOURS[0]}" fill-opacity="{0.05 + 0.95 * (v - least) / (most - least):.2f}">'
+            f"<title>x {a:g} mm, y {b:g} mm: {v:.4g}</title></rect>"
+        )
+    bottom = MARGIN + tall + side
+    words = [
+        (MARGIN, MARGIN - 6, "start", f"{least:.4g} to {most:.4g} {title}, the darker the more"),
+        (
+            MARGIN,
+            bottom + 14,
+            "start",
+            f"x {left:g} to {right:g} mm, y {low:g} to {high:g} mm (up)",
+        ),
+    ]
+    return _svg("".join(drawn) + "".join(_word(*word) for word in words), bottom + 24)
+
+
 def section(
     width_mm: float, height_mm: float, circles: Iterable[tuple[float, float, float, str]]
 ) -> str:

@@ -13,6 +13,13 @@ class FileRefused(OSError):
     """Not a file of bounded size: the text names it and says why."""
 
 
+def path_of(given: object, wanted: str) -> Path:
+    """A file's path. Raises `TypeError`, saying that ``wanted`` is, for what names no file."""
+    if isinstance(given, str | os.PathLike):
+        return Path(given)
+    raise TypeError(f"{wanted} is needed; what was given is of type {type(given).__name__}")
+
+
 def open_file(path: Path) -> BinaryIO:
     """A regular file, open for reading. Raises `FileRefused`; opening never waits."""
     try:

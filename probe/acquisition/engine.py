@@ -23,7 +23,7 @@ from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
 from probe.acquisition.safety_monitor import SafetyMonitor
-from probe.acquisition.stop_rules import STOPPED, no_contact
+from probe.acquisition.stop_rules import ABORTED, STOPPED, no_contact
 from probe.acquisition.taring import note_last_drift, note_unseen, take_zero
 from probe.core.events import (
     Finish,
@@ -114,12 +114,14 @@ class _Scan(RunLoop):
             if self.zero_unseen and finish is Finish.FAULTED:
                 note_unseen(self, why.device, reason)
         except BaseException as error:
-            reason = f"{type(error).__name__}: {error}"
+            finish, reason, whose = Finish.FAULTED, f"{type(error).__name__}: {error}", "program"
+            if isinstance(error, KeyboardInterrupt):  # a notebook's cell was interrupted
+                finish, reason, whose = Finish.ABORTED, ABORTED, "user"
             try:
-                self._leave(Interrupted(Finish.FAULTED, reason, "program", retract=True))
+                self._leave(Interrupted(finish, reason, whose, retract=True))
             finally:
                 self.stage.stop()
-                self._end(Finish.FAULTED, reason)
+                self._end(finish, reason)
             raise
         ended = self._end(finish, reason)
         if self.monitor.error is not None:
@@ -319,8 +321,9 @@ class _Scan(RunLoop):
         if self.known_levels:  # the first is that of the sensor which finds the touch
             name, (_, error_n) = next(iter(self.known_levels.items()))
             rate_hz = next(s.rate_hz for s in self.sensors if s.name == name)
-            noise_n = error_n * math.sqrt(LEVEL_S * rate_hz)
-            if (why := touch_in_noise(name, noise_n, touch_n)) is not None:
+            readings = LEVEL_S * rate_hz
+            noise_n = error_n * math.sqrt(readings)
+            if (why := touch_in_noise(name, noise_n, touch_n, readings)) is not None:
                 raise Interrupted(Finish.FAULTED, why, "engine", retract=True)
         self.go(surface._replace(z=surface.z + TOUCH_GAP_M), self.plan.approach_m_s)
         lowest, began_s = surface._replace(z=surface.z - self.plan.search_m), self.clock.now()

@@ -12,7 +12,8 @@ import numpy as np
 
 from drivers import Block, Clock
 from probe.acquisition.observers import Observer, ObserverThread
-from probe.core.events import Event, Note, Samples
+from probe.core.events import Event, Note, RunEnded, Samples
+from probe.core.log import log_event
 
 EventSink = Callable[[Event], None]
 
@@ -43,15 +44,19 @@ class EventBus:
                 self.sink_error = f"the run can no longer be stored: {error}"
         for observer in self._observers:
             observer(event)
+        if isinstance(event, RunEnded):  # a run's last event: `close` says the rest
+            return
         for observer in self._observers:
             if (trouble := observer.trouble) is not None:
                 observer.trouble = None
                 self.note("warning", "observer", trouble)
 
     def close(self) -> None:
-        """Let the observers hear the rest."""
+        """Let the observers hear the rest; what goes wrong then is logged, as the run has ended."""
         for observer in self._observers:
             observer.close()
+            if observer.trouble is not None:
+                log_event(Note(self._clock.now(), "warning", "observer", observer.trouble))
 
     def note(self, level: str, device: str, text: str) -> None:
         """Something a person should know."""

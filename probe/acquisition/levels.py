@@ -83,11 +83,17 @@ def no_force(levels: Levels, rates_hz: Mapping[str, float], most_n: float) -> st
     return f"no force above the noise ({values})"
 
 
-def touch_in_noise(name: str, noise_n: float, touch_n: float) -> str | None:
+def touch_in_noise(
+    name: str, noise_n: float, touch_n: float, readings: float = math.inf
+) -> str | None:
     """Says so if single readings of a sensor at rest, ``noise_n`` rms, may reach ``touch_n``: the
-    surface would be found in the air, and the press be that much shallower."""
+    surface would be found in the air, and the press be that much shallower.
+
+    An rms of few ``readings`` is off by itself, by one part in sqrt(2 (readings - 1)); a touch that
+    passes with an rms smaller by two such errors is believed.
+    """
     least_n = MIN_STANDARD_ERRORS * noise_n
-    if not touch_n < least_n:
+    if not touch_n < least_n / (1 + 2 / math.sqrt(2 * max(readings - 1, 1))):
         return None
     return (
         f"touch_n = {touch_n:g} N is within the noise of {name}, {noise_n:.2g} N rms: a touch "

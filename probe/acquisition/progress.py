@@ -1,11 +1,11 @@
 """How far a scan is, in words: for the command, and for notebooks by itself."""
 
-import sys
 import time
 from collections.abc import Callable
 
 from probe.core.events import Event, RunEnded, RunStarted, StationEnded, StationStarted
 from probe.core.places import place_words, plans_rows
+from sim_backend import cell_line
 
 
 class StationCount:
@@ -49,15 +49,9 @@ class StationCount:
 
 def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
     """An observer that writes over one line below a notebook's cell; none elsewhere."""
-    if "ipykernel" not in sys.modules:
+    if not cell_line.in_notebook():
         return ()
-    count, width = StationCount(total, done), 0
-
-    def say(text: str, end: str = "") -> None:
-        nonlocal width
-        sys.stderr.write("\r" + text.ljust(width) + end)
-        sys.stderr.flush()
-        width = len(text)
+    count, say = StationCount(total, done), cell_line.rewritten()
 
     def show(event: Event) -> None:
         match event:

@@ -8,12 +8,14 @@ stored time, so that times stay unique within a run.
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
 from drivers import Clock, SimulatedClock, WallClock
+from drivers.core.files import path_of
 from probe.acquisition.commands import Control
 from probe.acquisition.event_bus import EventSink
 from probe.acquisition.guard_process import Order
@@ -65,9 +67,9 @@ class Unfinished:
         return tuple(p.index for p in self.plan.places if p.index not in self.completed)
 
 
-def unfinished(path: str | Path) -> Unfinished:
+def unfinished(path: str | PathLike[str]) -> Unfinished:
     """Read what is left to do. Raises `RunFileError` for a damaged file or one without a rig."""
-    path = Path(path)
+    path = path_of(path, "a run or the name of its file")
     run = open_run(path)
     try:
         rig = Rig.model_validate(run.config["rig"])
@@ -109,7 +111,7 @@ def unfinished(path: str | Path) -> Unfinished:
 
 
 def resume(
-    path: str | Path,
+    path: str | PathLike[str],
     *,
     fallback: Fallback | None = None,
     real_time: bool = False,

@@ -19,19 +19,22 @@ from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
-from probe.core.events import RunEnded
+from probe.core.events import Event, Finish, Note, RunEnded
 from probe.core.log import log_event
 from probe.storage.writer import Store, create_store
 from sim_backend import html
 from sim_backend.phantom.phantom import Respond
-from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.scene_file import Scene, as_scene, load_scene
 
 DEFAULT_SCENE = "TIHA"
 
 
 @dataclass(frozen=True)
 class ScanResult:
-    """Where the run is stored, its last event, and what a person should know of the devices.
+    """Where the run is stored, its last event, and what a person should know: ``notes``.
+
+    These are the devices' notes and every warning of the scan. A result stands for its run's file
+    wherever a path is taken.
 
     Examples
     --------
@@ -45,19 +48,29 @@ class ScanResult:
     ended: RunEnded
     notes: tuple[str, ...]
 
+    def __fspath__(self) -> str:
+        return str(self.path)
+
     def __repr__(self) -> str:
         return f"ScanResult({self.path}, {self.ended.finish.value}: {self.ended.reason})"
 
     def _repr_html_(self) -> str:
-        """Where the run is, how it ended, and the devices' notes, for notebooks."""
+        """Where the run is, how it ended, how to go on, and the notes, for notebooks."""
         ended = f"{self.ended.finish.value}: {self.ended.reason}"
-        notes = [("note", note) for note in self.notes]
-        return html.table([("run", str(self.path)), ("finish", ended), *notes])
+        rows = [("run", str(self.path)), ("finish", ended)]
+        if self.ended.finish is not Finish.COMPLETED:
+            rows.append(("to go on", to_go_on(self.path)))
+        return html.table([*rows, *(("note", note) for note in self.notes)])
+
+
+def to_go_on(path: Path) -> str:
+    """What to type in Python for the stations that a run lacks."""
+    return f"palpate.resume({str(path)!r})"
 
 
 def scan(
     rig: Rig | str | Path | None = None,
-    scene: str | Path | None = None,
+    scene: Scene | str | Path | None = None,
     out: str | Path = "runs",
     *,
     seed: int = 0,
@@ -71,8 +84,8 @@ def scan(
 ) -> ScanResult:
     """Scan with a rig (by default the simulated one) and store the run in a new file in ``out``.
 
-    ``scene``, a built-in name or a file, is what simulated devices feel. A rig of simulated
-    devices only runs on simulated time, as fast as the machine allows, unless ``real_time``.
+    ``scene``, a built-in name, a file or a `Scene`, is what simulated devices feel. A rig
+    of simulated devices only runs on simulated time, as fast as it can, unless ``real_time``.
     ``labels`` (operator, specimen, notes of your own) are kept in the run for `palpate runs`.
     In a notebook the cell shows the station that is pressed and the time left.
     ``opened`` is given the run file and the devices' notes before anything moves.
@@ -93,12 +106,12 @@ def scan(
         raise ConfigError(f"seed = {seed!r}: must be an integer") from None
     if seed < 0:
         raise ConfigError(f"seed = {seed}: must not be negative")
-    rig, _ = resolve_rig(rig, scene)
+    rig, felt = resolve_rig(rig, scene)
     plan = plan_for(rig)
     limits = limits_for(rig, plan)
     clock = clock_for(rig, real_time=real_time)
     control = control or Control()
-    order = Order(rig, clock, None, seed, fallback)
+    order = Order(rig, clock, felt, seed, fallback)
     with opened_devices(order, respond, control) as devices:
         simulated = devices.scene
         prepared = prepare(rig, plan, limits, simulated, devices, seed)
@@ -122,40 +135,55 @@ def run_prepared(
     attempts: Mapping[int, int] | None = None,
 ) -> ScanResult:
     """Run what was prepared, to its end. ``completed`` and ``attempts`` as `run_scan` has them."""
-    ended = run_scan(
-        prepared.plan,
-        devices.stage,
-        devices.sensors,
-        clock,
-        sink,
-        prepared.limits,
-        control=control,
-        observers=(log_event, *in_notebook(len(prepared.plan.places), len(completed)), *observers),
-        config=prepared.config | {"labels": {k: str(v) for k, v in labels.items()}},
-        completed=completed,
-        attempts=attempts,
-        monitor=devices.monitor,
-    )
-    return ScanResult(sink.path, ended, prepared.notes)
+    notes = list(prepared.notes)
+
+    def keep(event: Event) -> None:
+        """Store it; a warning is for whoever called, too."""
+        sink(event)
+        if isinstance(event, Note) and event.level == "warning":
+            notes.append(event.words)
+
+    shown = in_notebook(len(prepared.plan.places), len(completed))
+    try:
+        ended = run_scan(
+            prepared.plan,
+            devices.stage,
+            devices.sensors,
+            clock,
+            keep,
+            prepared.limits,
+            control=control,
+            observers=(log_event, *shown, *observers),
+            config=prepared.config | {"labels": {k: str(v) for k, v in labels.items()}},
+            completed=completed,
+            attempts=attempts,
+            monitor=devices.monitor,
+        )
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(
+            f"the probe was lifted and what was read is kept; {to_go_on(sink.path)} goes on"
+        ) from None
+    return ScanResult(sink.path, ended, tuple(notes))
 
 
-def resolve_rig(rig: Rig | str | Path | None, scene: str | Path | None) -> tuple[Rig, Scene | None]:
+def resolve_rig(
+    rig: Rig | str | Path | None, scene: Scene | str | Path | None
+) -> tuple[Rig, Scene | None]:
     """The rig with the scene its simulated devices shall feel, and that scene.
 
-    Without a rig the simulated one, over `DEFAULT_SCENE` if no scene is given either.
+    Without a rig the simulated one, over `DEFAULT_SCENE` if no scene is given either. A `Scene`
+    that was made in Python is named in the rig, and stored whole in the run.
     """
-    if rig is None:
-        name = str(scene or DEFAULT_SCENE)
-        simulated = load_scene(name)
-        chosen = SceneChoice(name=name)
-        return default_rig(simulated).model_copy(update={"scene": chosen}), simulated
-    if not isinstance(rig, Rig):
+    if rig is not None and not isinstance(rig, Rig):
         rig = load_rig(rig)
-    if scene is not None:
-        lies = None if rig.scene is None else rig.scene.surface_mm
-        choice = SceneChoice(name=str(scene), surface_mm=lies)
-        rig = rig.model_copy(update={"scene": choice})
-    return rig, None if rig.scene is None else load_scene(rig.scene.name)
+    if scene is None and rig is not None:
+        return rig, None if rig.scene is None else load_scene(rig.scene.name)
+    scene = DEFAULT_SCENE if scene is None else scene
+    felt = as_scene(scene)
+    rig = default_rig(felt) if rig is None else rig
+    lies = None if rig.scene is None else rig.scene.surface_mm
+    choice = SceneChoice(name=felt.name if felt is scene else str(scene), surface_mm=lies)
+    return rig.model_copy(update={"scene": choice}), felt
 
 
 def clock_for(rig: Rig, *, real_time: bool) -> Clock:

@@ -15,6 +15,7 @@ from probe.acquisition.levels import Levels, no_force
 from probe.core.events import Finish, Phase
 
 STOPPED = "stopped by the user"
+ABORTED = "aborted by the user"
 
 
 class Seen(NamedTuple):
@@ -52,7 +53,7 @@ def user_aborted(seen: Seen) -> Interrupted | None:
     """Abort: lift, then end."""
     if seen.command is not RunCommand.ABORT:
         return None
-    return Interrupted(Finish.ABORTED, "aborted by the user", "user", retract=True)
+    return Interrupted(Finish.ABORTED, ABORTED, "user", retract=True)
 
 
 def user_paused(seen: Seen) -> Interrupted | None:

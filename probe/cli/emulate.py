@@ -1,5 +1,6 @@
 """``palpate emulate``: controllers that speak their real protocols and answer from the phantom."""
 
+import errno
 import signal
 import sys
 import threading
@@ -55,7 +56,7 @@ def emulate(
         if name not in DEVICES:
             raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(DEVICES)}")
     places = _addresses(at or [], devices)
-    from drivers import WallClock
+    from drivers import ConfigError, WallClock
     from probe.acquisition.guard_threads import come_first
     from sim_backend.emulators.solving import Solver
     from sim_backend.phantom.phantom import Phantom
@@ -72,7 +73,15 @@ def emulate(
             chosen: dict[str, Any] = {"at": places[name]} if name in places else {}
             if name in STAGES:  # they hold a press until its place is solved
                 chosen["ready"] = solver.ready
-            served[name] = open_devices.enter_context(module.emulate(phantom, **chosen))
+            try:
+                served[name] = open_devices.enter_context(module.emulate(phantom, **chosen))
+            except OSError as error:
+                if error.errno != errno.EADDRINUSE:
+                    raise
+                raise ConfigError(
+                    f"{name}: its address is taken, perhaps by an emulator that still runs; end "
+                    f"that one, or say --at {name}=ADDRESS"
+                ) from None
             answer(f"{name}: {served[name].address}  faults: {', '.join(served[name].faults)}")
         with suppress(KeyboardInterrupt):
             obey(served)

@@ -7,7 +7,7 @@ from pydantic import ValidationError
 
 from calibration.errors import CalibrationError
 from drivers import ConfigError
-from drivers.core.files import FileRefused, parse_toml, read_file
+from drivers.core.files import FileRefused, parse_toml, path_of, read_file
 from probe.config.rig import Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
@@ -24,11 +24,14 @@ def load_rig(path: str | Path) -> Rig:
     >>> palpate.load_rig("rig.toml").scan.indentation_mm
     2.5
     """
-    path = Path(path)
+    path = path_of(path, "a Rig or the name of a rig file")
     try:
         raw = parse_toml(read_file(path, MAX_FILE_BYTES))
     except FileRefused as error:
-        raise RigError(f"{error}; not a rig file" if path.is_file() else str(error)) from None
+        hint = "; not a rig file" if path.is_file() else ""
+        if str(path) in scene_names():
+            hint = f"; {path} is a scene: say scene={str(path)!r}, in the shell --scene {path}"
+        raise RigError(f"{error}{hint}") from None
     except ValueError as error:
         raise RigError(f"{path}: {error}") from None
     try:

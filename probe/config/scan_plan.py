@@ -19,6 +19,8 @@ def plan_for(rig: Rig) -> Plan:
     >>> len(plan.places), plan.indentation_m
     (15, 0.0025)
     """
+    if not isinstance(rig, Rig):
+        raise TypeError("a Rig is needed; palpate.load_rig reads one from a file")
     scan, files = rig.scan, rig.calibration
     (x, dx, columns), (y, dy, rows) = zip(
         pair(scan.start_mm, 0.0), pair(scan.pitch_mm, 0.0), pair(scan.stations, 1), strict=True

@@ -68,15 +68,18 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
                 )
     if signal is None:
         raise RunFileError("the run has no beginning")
-    return Recording(
-        tuple(complete[n] for n in sorted(complete)),
-        signal.names,
-        simulated_channels(signal.channels),
-        signal.face_m2,
-        finish,
-        signal.quantum_pa or 0.0,
-        ended,
-    )
+    try:
+        return Recording(
+            tuple(complete[n] for n in sorted(complete)),
+            signal.names,
+            simulated_channels(signal.channels),
+            signal.face_m2,
+            finish,
+            signal.quantum_pa or 0.0,
+            ended,
+        )
+    except ValueError as error:
+        raise RunFileError(str(error)) from None
 
 
 class _Measured:

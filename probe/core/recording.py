@@ -7,6 +7,10 @@ import numpy as np
 from drivers.core.arrays import Array, Bools
 from probe.core.places import rows_of
 
+FARTHEST_M = 3.0
+"""No place of a scan is farther from its frame's origin: no person's body is, and no arm reaches
+farther beyond its base than a UR20's 1.75 m."""
+
 
 @dataclass(frozen=True)
 class Station:
@@ -91,6 +95,21 @@ class Recording:
     finish: str = "completed"
     quantum_pa: float = 0.0
     ended: str = ""
+
+    def __post_init__(self) -> None:
+        """Raises `ValueError` for a face that none has, and places that cannot be in metres."""
+        if self.face_m2 <= 0 or self.face_m2 > FARTHEST_M**2:
+            raise ValueError(
+                f"face_m2 = {self.face_m2:g}: the probe's face in m2 is needed, above 0 (100 mm2 "
+                "are 1e-4), or NaN if it is not known"
+            )
+        for one in self.stations:
+            for name, value in (("x_m", one.x_m), ("y_m", one.y_m)):
+                if abs(value) > FARTHEST_M:
+                    raise ValueError(
+                        f"station {one.index + 1}: {name} = {value:g}: metres are needed, at most "
+                        f"{FARTHEST_M:g} from the origin; are they millimetres?"
+                    )
 
     def __repr__(self) -> str:
         return (

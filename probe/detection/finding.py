@@ -27,8 +27,9 @@ def stated(confidence: float) -> float:
 class StationFinding:
     """One press: mean stress over the hold without the pulse, and the pulse from trough to crest.
 
-    NaN where a press gave nothing to judge by; ``note`` then says why. ``clipped`` is the share
-    of samples lost to saturation. ``rate_hz`` is the pulse's, NaN where none was found.
+    ``station`` is its number from 1, as everywhere that people read one. NaN where a press gave
+    nothing to judge by; ``note`` then says why. ``clipped`` is the share of samples lost to
+    saturation. ``rate_hz`` is the pulse's, NaN where none was found.
 
     Examples
     --------
@@ -39,7 +40,7 @@ class StationFinding:
     (0.032, 0.0)
     """
 
-    index: int
+    station: int
     x_m: float
     y_m: float
     clipped: float
@@ -135,16 +136,17 @@ class Finding:
         return "\n".join(summary(self.as_json()))
 
     def _repr_html_(self) -> str:
-        """The finding, and level and pulse along x, for notebooks."""
+        """The finding, and level and pulse along x or over a grid, for notebooks."""
         first, *more = summary(self.as_json())
-        x_mm = [1e3 * s.x_m for s in self.stations]
-        maps = {"level": [s.baseline_pa for s in self.stations]}
-        pulses = {"pulse": [s.pulse_pa for s in self.stations]}
+        maps = {
+            "level": [s.baseline_pa for s in self.stations],
+            "pulse": [s.pulse_pa for s in self.stations],
+        }
+        x_mm, y_mm = [s.x_mm for s in self.stations], [s.y_mm for s in self.stations]
         return (
             f"<b>{html.escape(first)}</b>"
             + "".join(f"<br>{html.escape(line)}" for line in more)
-            + html.lines(x_mm, maps, "x mm", "Pa")
-            + html.lines(x_mm, pulses, "x mm", "Pa")
+            + html.over_places(x_mm, y_mm, maps, "Pa")
         )
 
     def as_json(self) -> dict[str, Any]:
@@ -159,7 +161,7 @@ class Finding:
             "objects": [_object(one) for one in self.objects],
             "stations": [
                 {
-                    "station": s.index + 1,  # as it is shown everywhere
+                    "station": s.station,
                     "x_mm": _mm(s.x_m),
                     "y_mm": _mm(s.y_m),
                     "baseline_pa": _known(s.baseline_pa),

@@ -287,7 +287,7 @@ def _station(press: Press) -> StationFinding:
         moved = f"what moves is more likely {press.cause.rival} than a pulse"
         if press.cause.pulse < press.cause.share[press.cause.rival]:
             note = f"{note}; {moved}" if note else moved
-    found = StationFinding(s.index, s.x_m, s.y_m, press.clipped, note)
+    found = StationFinding(s.index + 1, s.x_m, s.y_m, press.clipped, note)
     if p is None:
         return found
     return replace(

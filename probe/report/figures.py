@@ -210,13 +210,14 @@ def _draw_courses(figure: Figure, finding: Mapping[str, Any]) -> None:
         _legend(figure)
 
 
-def best_station(recording: Recording, finding: Mapping[str, Any]) -> Station:
-    """The station with the strongest pulse; without any pulse, the hardest pressed."""
+def best_station(recording: Recording, finding: Mapping[str, Any]) -> tuple[Station, str]:
+    """The station to show, and why: the strongest pulse, or the hardest press where none is."""
     pulse = np.array([_number(s["pulse_pa"]) for s in finding["stations"]])
     stations = recording.stations
-    if len(pulse) == len(stations) and np.isfinite(pulse).any() and np.nanmax(pulse) > 0:
-        return stations[int(np.nanargmax(pulse))]
-    return max(stations, key=lambda s: float(s.signal_pa.mean(axis=1).max()))
+    if finding.get("heart_rate_bpm") and len(pulse) == len(stations) and np.isfinite(pulse).any():
+        return stations[int(np.nanargmax(pulse))], "the strongest pulse"
+    hardest = max(stations, key=lambda s: float(s.signal_pa.mean(axis=1).max()))
+    return hardest, "the hardest pressed; nothing pulses"
 
 
 def force_trace(station: Station, face_m2: float, title: str) -> Figure:

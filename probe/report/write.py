@@ -76,7 +76,7 @@ def report(
 def _pictures(
     recording: Recording, started: RunStarted, finding: Mapping[str, Any]
 ) -> tuple[list[Picture], list[str]]:
-    best = figures.best_station(recording, finding)
+    best, why = figures.best_station(recording, finding)
     beats = finding.get("heart_rate_bpm")
     grid = figures.is_grid(recording)
     pictures, remarks = [], []
@@ -94,7 +94,7 @@ def _pictures(
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     place = place_words(best.x_m, best.y_m, in_grid=grid)
     pressed = f"station {best.index + 1} at {place}"
-    caption = f"Force against time of {pressed}, the strongest pulse."
+    caption = f"Force against time of {pressed}, {why}."
     trace = figures.force_trace(best, recording.face_m2, pressed)
     pictures.append(Picture("force", caption, trace))
     scene = started.config.get("scene")

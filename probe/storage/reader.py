@@ -74,7 +74,10 @@ def judged_rows(
     expected = after + 1
     for number, *parts, digest, stored in connection.execute(query, (after, limit)):
         row, fault = Row(*parts), ""
-        if not all(isinstance(part, str) for part in row[:2]) or digest != row.sha256:
+        typed = all(isinstance(part, str) for part in row[:2]) and all(
+            part is None or isinstance(part, bytes) for part in row[2:]
+        )
+        if not typed or digest != row.sha256:
             fault = f"event {number} is damaged: its checksum is wrong"
         elif number != expected:
             fault = f"event {expected} is missing"

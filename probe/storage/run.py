@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from drivers import Channel
+from drivers.core.files import path_of
 from probe.core.contact_stress import simulated_channels
 from probe.core.cut_stations import record
 from probe.core.errors import RunFileError
@@ -68,8 +69,9 @@ class Run:
             ("simulated", ", ".join(self.simulated) or "nothing"),
         ]
         x_mm = [1e3 * one.x_m for one in recording.stations]
+        y_mm = [1e3 * one.y_m for one in recording.stations]
         levels = {"level": [one.hold_level_pa for one in recording.stations]}
-        return html.table(rows) + html.lines(x_mm, levels, "x mm", "Pa")
+        return html.table(rows) + html.over_places(x_mm, y_mm, levels, "Pa")
 
     @property
     def config(self) -> Mapping[str, Any]:
@@ -102,10 +104,31 @@ class Run:
             for number, row in rows(connection):
                 yield _event(number, row)
 
-    def recording(self, face_mm2: float | None = None) -> Recording:
-        """What detection works on; ``face_mm2`` where the run does not know the probe's face."""
+    def recording(
+        self, face_mm2: float | None = None, *, samples: "xr.Dataset | pd.DataFrame | None" = None
+    ) -> Recording:
+        """What detection works on; ``face_mm2`` where the run does not know the probe's face.
+
+        ``samples``: what `samples` gave, as you changed it (filtered, with rows left out, also as
+        a pandas table), in place of what was stored. Places, phases and depths are the run's.
+
+        Examples
+        --------
+        >>> import palpate
+        >>> run = palpate.open_run("TIHA.run")
+        >>> mine = run.samples()
+        >>> mine["force"] *= 2.0
+        >>> twice, once = (palpate.detect(r) for r in (run.recording(samples=mine), run))
+        >>> round(twice.stations[7].baseline_pa / once.stations[7].baseline_pa, 2)
+        2.0
+        """
+        events = self.events()
         try:
-            return record(self.events(), face_mm2)
+            if samples is not None:
+                from probe.storage.tables import with_samples  # here: as in `samples`
+
+                events = with_samples(self.started, events, samples)
+            return record(events, face_mm2)
         except RunFileError as error:
             raise _at(self.path, error) from None
 
@@ -141,7 +164,7 @@ def open_run(path: str | PathLike[str]) -> Run:
     >>> len(palpate.open_run("TIHA.run").recording().stations)
     15
     """
-    path = Path(path)
+    path = path_of(path, "a run or the name of its file")
     with reading(path) as connection:
         first = next(rows(connection, limit=1), None)
         if first is None:

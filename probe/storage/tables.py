@@ -1,10 +1,12 @@
 """A run as labelled tables and arrays: every quantity with its unit."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from drivers import Block
 from drivers.core.extras import needs
 from probe.core.contact_stress import simulated_channels, tactile_device, tactile_or_none
 from probe.core.errors import RunFileError
@@ -125,6 +127,42 @@ def samples(
         data[name] = ("time_s", values[:, n], attrs)
         data[f"{name}_saturated"] = ("time_s", saturated[:, n])
     return data
+
+
+def with_samples(
+    run: RunStarted, events: Iterable[Event], changed: xr.Dataset | pd.DataFrame
+) -> Iterator[Event]:
+    """``events`` with the rows of ``changed`` in place of the samples of its device.
+
+    ``changed`` is what `samples` gives. A press with no row left is left out. Raises `RunFileError`
+    for a device or column that is missing, and for times that go back.
+    """
+    device = str(changed.attrs.get("device") or tactile_device(run.channels))
+    if device not in run.channels:
+        raise RunFileError(f"samples of {device!r}: the run has {', '.join(run.channels)}")
+    names = channel_names(run.channels[device])
+    table = changed.reset_index() if isinstance(changed, pd.DataFrame) else changed
+    needed = ["time_s", "station", "attempt", *names, *(f"{name}_saturated" for name in names)]
+    if lacking := [name for name in needed if name not in table]:
+        raise RunFileError(f"samples of {device!r}: no {', '.join(lacking)}")
+    time_s, values = (
+        np.asarray(table["time_s"], float),
+        np.empty((len(table["time_s"]), len(names))),
+    )
+    saturated = np.empty(values.shape, bool)
+    for n, name in enumerate(names):
+        values[:, n], saturated[:, n] = table[name], table[f"{name}_saturated"]
+    if not (np.diff(time_s) >= 0).all():
+        raise RunFileError(f"samples of {device!r}: time_s must ascend")
+    presses = np.stack([np.asarray(table["station"]), np.asarray(table["attempt"])], axis=1)
+    for event in events:
+        if isinstance(event, StationEnded):
+            rows = (presses == (event.station + 1, event.attempt)).all(axis=1)
+            block = Block(time_s[rows], values[rows], saturated[rows])
+            yield Samples(device, block, event.station, event.attempt)
+            yield replace(event, complete=event.complete and bool(rows.any()))
+        elif not isinstance(event, Samples) or event.device != device:
+            yield event
 
 
 def _number(index: int | None) -> int | None:

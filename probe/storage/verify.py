@@ -7,6 +7,7 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from drivers.core.files import path_of
 from probe.core.errors import RunFileError
 from probe.core.events import Finish
 from probe.storage.audit import MAX_PROBLEMS, Audit
@@ -79,7 +80,7 @@ def verify(path: str | PathLike[str]) -> Report:
     >>> palpate.verify("TIHA.run").ok
     True
     """
-    path = Path(path)
+    path = path_of(path, "a run or the name of its file")
     audit = Audit()
     log = log_of(path)
     with reading(path) as connection:

@@ -104,7 +104,7 @@ def _pressed(
     levels = sorted({p for s in scenes.values() for p in _pressures(s)})
     first = next(iter(scenes.values()))
     try:
-        pressed = press(first, x_mm, depth_mm, levels, model=job.model,
+        pressed = press(first, x_mm, depth_mm, levels, solving=lambda _what: None, model=job.model,
                         accuracy_pct=job.accuracy_pct)  # fmt: skip
     except (CannotSolve, SceneError) as error:
         failed = {"x_mm": x_mm, "indentation_mm": depth_mm, "reason": first_line(error)}

@@ -21,6 +21,7 @@ from drivers.core.extras import needs, require
 from probe.core.processes import leave_with_parent, starting_workers
 from probe.studies.solve import Job, Row, jobs, solve
 from probe.studies.vary import Design, Point, parse, places, points
+from sim_backend.cell_line import cell_line
 from sim_backend.scene.scene_file import Scene, as_scene
 
 with needs("data", "palpate sweep"):
@@ -48,7 +49,7 @@ def sweep(
     accuracy_pct: float = 1.0,
     workers: int | None = None,
     scheduler: str | None = None,
-    progress: Callable[[int, int], None] = lambda _done, _all: None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> pd.DataFrame:
     """Press many variants of a scene; a sweep that was interrupted goes on where it stopped.
 
@@ -62,7 +63,7 @@ def sweep(
         points from intervals ``"0.4..0.6"``, drawn with ``seed``.
     x_mm : where to press, ``[20, 32]`` or ``"4..60:15"``; over the inclusion if empty.
     workers, scheduler : processes on this machine, or the address of a Dask scheduler.
-    progress : is given the number of points done and of all.
+    progress : is given the number of points done and of all; by default a notebook shows them.
 
     Returns
     -------
@@ -82,17 +83,23 @@ def sweep(
     >>> table["inclusion.0.wall_mm"].tolist(), bool((table["force_n"] > 0).all())
     ([0.5, 0.7], True)
     """
+    if not isinstance(vary, Mapping):
+        raise ConfigError(
+            f'vary = {vary!r}: keys with values are needed: {{"wall_mm": [0.4, 0.6]}}'
+        )
     loaded = as_scene(scene)
     varied = [
         parse(f"{key}={v if isinstance(v, str) else ','.join(map(repr, v))}", loaded)
         for key, v in vary.items()
     ]
-    return solve_points(
-        loaded, points(varied, design, count, seed), Path(out),
-        x_mm=places(x_mm) if isinstance(x_mm, str) else tuple(x_mm), indentation_mm=indentation_mm,
-        model=model, accuracy_pct=accuracy_pct, seed=seed, workers=workers, scheduler=scheduler,
-        progress=progress,
-    )  # fmt: skip
+    with cell_line() as line:
+        return solve_points(
+            loaded, points(varied, design, count, seed), Path(out),
+            x_mm=places(x_mm) if isinstance(x_mm, str) else tuple(x_mm),
+            indentation_mm=indentation_mm, model=model, accuracy_pct=accuracy_pct, seed=seed,
+            workers=workers, scheduler=scheduler,
+            progress=progress or (lambda done, total: line(f"{done} of {total} points")),
+        )  # fmt: skip
 
 
 def solve_points(

@@ -3,6 +3,7 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan
+from numbers import Real
 from pathlib import Path
 from time import perf_counter
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from sim_backend import html
 from sim_backend.arrays import Array, Ints
+from sim_backend.cell_line import cell_line
 from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.internal import smallest_area_ratio
 from sim_backend.fem.model import Section, best_element
@@ -212,7 +214,7 @@ def press(
     *,
     model: str = "auto",
     accuracy_pct: float = 1.0,
-    solving: Solving = lambda _what: None,
+    solving: Solving | None = None,
 ) -> Press:
     """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg of an empty list.
 
@@ -224,8 +226,9 @@ def press(
     ``model`` names one: ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in
     space. Meshes are refined until what changes is
     small enough; where that cannot be reached, the stated error is above ``accuracy_pct``.
-    ``solving`` is told in words of each mesh before it is solved. Raises
-    `SceneError` for a press that cannot be meant and `CannotSolve` where physics ends.
+    ``solving`` is told in words of each mesh before it is solved; without it a notebook shows
+    them below the cell. Raises `SceneError` for a press that cannot be meant and `CannotSolve`
+    where physics ends.
 
     Examples
     --------
@@ -234,6 +237,12 @@ def press(
     >>> 0.2 < pressed.states[0].force_n < 0.4
     True
     """
+    if solving is None:
+        with cell_line() as line:
+            return press(
+                scene, x_mm, depth_mm, pressures_mmhg, model=model, accuracy_pct=accuracy_pct,
+                solving=lambda what: line(f"solving {what}"),
+            )  # fmt: skip
     scene = as_scene(scene)
     if pressures_mmhg is None:
         pressures_mmhg = scene_pressures_mmhg(scene)
@@ -365,6 +374,9 @@ def _check(
     model: str,
     accuracy_pct: float,
 ) -> None:
+    for key, value in {"x_mm": x_mm, "depth_mm": depth_mm}.items():
+        if not isinstance(value, Real):
+            raise SceneError(f"{key} = {value!r}: must be a number")
     if model not in MODELS:
         raise SceneError(f"model = {model!r}: must be one of {', '.join(MODELS)}")
     if not 0.01 <= accuracy_pct <= 50:

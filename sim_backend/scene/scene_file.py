@@ -16,7 +16,7 @@ from pydantic import (
     model_validator,
 )
 
-from drivers.core.files import FileRefused, parse_toml, read_file
+from drivers.core.files import FileRefused, parse_toml, path_of, read_file
 from sim_backend import html
 from sim_backend.scene.explain import explain
 from sim_backend.scene.inclusion import Artery, Inclusion, Poisson
@@ -280,7 +280,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     >>> palpate.load_scene("TIHA").tissue.modulus_kpa
     50.0
     """
-    path = Path(name_or_path)
+    path = path_of(name_or_path, "a Scene, the name of a built-in one or of a scene file")
     if str(name_or_path) in scene_names():
         built_in = resources.files("sim_backend.scene") / "builtin" / f"{name_or_path}.toml"
         return scene_from_text(built_in.read_bytes(), str(name_or_path))

@@ -12,6 +12,7 @@ import pytest
 from drivers import Block, DeviceFault, Pose, SimulatedClock
 from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
+from probe.acquisition.levels import touch_in_noise
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
@@ -325,6 +326,18 @@ def test_a_touch_within_the_noise_is_a_fault_and_not_a_surface_in_the_air(winkle
     assert "touch_n = 0.05 N is within the noise" in ended.reason
     assert not entered(events, Phase.INDENTING)
     assert opened.stage.pose().z == pytest.approx(2e-3)
+
+
+def test_a_touch_of_six_times_the_noise_passes_whatever_ten_readings_say_of_it() -> None:
+    rng = np.random.default_rng(3)
+    refused = [
+        touch_in_noise("ft300", float(rng.normal(0.0, 0.1, 10).std(ddof=1)), touch_n, 10)
+        for touch_n in (0.6, 0.2)
+        for _ in range(400)
+    ]
+    assert sum(why is not None for why in refused[:400]) < 0.05 * 400
+    assert sum(why is not None for why in refused[400:]) > 0.95 * 400
+    assert touch_in_noise("ft300", 0.1, 0.59) is not None, "an rms of many readings is believed"
 
 
 def test_nothing_to_touch_is_a_fault(winkler: Any) -> None:

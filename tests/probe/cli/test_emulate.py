@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -39,6 +40,15 @@ def test_serves_until_terminated_and_fails_on_command(tmp_path: Path) -> None:
     assert any("nonsense" in line and "drop" in line for line in said)
     assert process.returncode == 0
     assert not port.exists()
+
+
+def test_an_address_that_is_taken_is_said() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        at = f"socket://127.0.0.1:{taken.getsockname()[1]}"
+        command = [sys.executable, "-m", "probe.cli", "emulate", "ft300", "--at", at]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert "ft300: its address is taken" in done.stderr
 
 
 def may_come_first() -> bool:

@@ -124,6 +124,7 @@ def test_the_section_is_that_of_the_row_which_was_pressed(
     config = started().config | {"scene": scene}
     found = finding(grid())
     found["stations"][-1]["pulse_pa"] = 1e4  # in the last row, y = 16 mm
+    found |= {"heart_rate_bpm": 72.0, "heart_rate_ci_bpm": [70.0, 74.0]}
     pressed = []
 
     def press(there: Scene, x_mm: float, *_: object) -> None:
@@ -134,6 +135,10 @@ def test_the_section_is_that_of_the_row_which_was_pressed(
     one = replace(started(), config=config)
     text = report(grid(), one, found, Path("grid.run"), tmp_path).read_text()
     assert pressed == [(36.0, 44.0)]
+    assert "station 40 at x = 44.0 mm, y = 16.0 mm, the strongest pulse." in text
+    found["heart_rate_bpm"] = None
+    text = report(grid(), one, found, Path("grid.run"), tmp_path).read_text()
+    assert "the hardest pressed; nothing pulses." in text
     assert "station 40 at x = 44.0 mm, y = 16.0 mm, the strongest pulse" in text
 
 

@@ -303,6 +303,7 @@ def test_replaced_and_lost_rows_are_found(tmp_path: Path, path: Path) -> None:
         (
             ("DELETE FROM event WHERE id = 50", "event 50 is missing"),
             ("UPDATE event SET sha256 = zeroblob(32) WHERE id = 50", "checksum"),
+            ("UPDATE event SET times = 'text' WHERE id = 50", "checksum"),
             ("UPDATE event SET chain = zeroblob(32) WHERE id = 50", "does not follow"),
             ("UPDATE event SET body = replace(body, '1', '2') WHERE id = 50", "checksum"),
         )
