@@ -115,6 +115,17 @@ def test_a_grids_table_has_y_and_counts_from_one() -> None:
     assert "e+0" not in text
 
 
+def test_a_scan_without_a_pulse_shows_its_hardest_press() -> None:
+    found = finding(grid())
+    found["stations"][-1]["pulse_pa"] = 1e4  # noise, as large as it may be
+    shown, why = figures.best_station(grid(), found)
+    assert shown.signal_pa.max() == max(s.signal_pa.max() for s in grid().stations)
+    assert why == "the hardest pressed; nothing pulses"
+    found["heart_rate_bpm"] = 72.0
+    shown, why = figures.best_station(grid(), found)
+    assert (shown.index, why) == (39, "the strongest pulse")
+
+
 def test_the_section_is_that_of_the_row_which_was_pressed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,10 +146,6 @@ def test_the_section_is_that_of_the_row_which_was_pressed(
     one = replace(started(), config=config)
     text = report(grid(), one, found, Path("grid.run"), tmp_path).read_text()
     assert pressed == [(36.0, 44.0)]
-    assert "station 40 at x = 44.0 mm, y = 16.0 mm, the strongest pulse." in text
-    found["heart_rate_bpm"] = None
-    text = report(grid(), one, found, Path("grid.run"), tmp_path).read_text()
-    assert "the hardest pressed; nothing pulses." in text
     assert "station 40 at x = 44.0 mm, y = 16.0 mm, the strongest pulse" in text
 
 

@@ -2,6 +2,8 @@
 
 import resource
 import shutil
+import sqlite3
+from contextlib import closing
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -27,6 +29,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.storage.reader import COLUMNS, judged_rows
 from probe.storage.run import NotBegun, RunFileError, follow, open_run
 from probe.storage.verify import verify
 from probe.storage.writer import create_store
@@ -303,7 +306,6 @@ def test_replaced_and_lost_rows_are_found(tmp_path: Path, path: Path) -> None:
         (
             ("DELETE FROM event WHERE id = 50", "event 50 is missing"),
             ("UPDATE event SET sha256 = zeroblob(32) WHERE id = 50", "checksum"),
-            ("UPDATE event SET times = 'text' WHERE id = 50", "checksum"),
             ("UPDATE event SET chain = zeroblob(32) WHERE id = 50", "does not follow"),
             ("UPDATE event SET body = replace(body, '1', '2') WHERE id = 50", "checksum"),
         )
@@ -313,6 +315,16 @@ def test_replaced_and_lost_rows_are_found(tmp_path: Path, path: Path) -> None:
         with pytest.raises(RunFileError, match=said):
             read_all(wrong)
         assert any(said.split()[-1] in problem for problem in verify(wrong).problems)
+
+
+def test_a_flipped_byte_that_makes_bytes_a_text_is_damage() -> None:
+    with closing(sqlite3.connect(":memory:")) as connection:
+        connection.execute(f"CREATE TABLE event(id, {COLUMNS.removeprefix('id, ')}, chain)")
+        row = (1, "samples", "{}", "text", b"", b"", bytes(32), bytes(32))
+        connection.execute(f"INSERT INTO event VALUES ({', '.join('?' * len(row))})", row)
+        connection.execute("PRAGMA user_version = 2")
+        ((_, _, fault),) = judged_rows(connection)
+    assert fault == "event 1 is damaged: its checksum is wrong"
 
 
 def test_only_complete_stations_are_in_a_recording() -> None:
