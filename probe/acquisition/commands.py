@@ -45,6 +45,8 @@ class Control:
     @property
     def command(self) -> RunCommand:
         """The most urgent command."""
+        if True not in self._asked.values():  # at nearly every tick
+            return RunCommand.RESUME
         return max((w for w, asked in self._asked.items() if asked), default=RunCommand.RESUME)
 
     def pause(self, *, now: bool = False) -> None:

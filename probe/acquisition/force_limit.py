@@ -6,11 +6,11 @@ monitor calls them for every sample and acts.
 
 import math
 from collections import deque
+from itertools import pairwise
 
 import numpy as np
 
 from drivers import Block, Channel
-from drivers.core.arrays import Array
 from probe.acquisition.stuck_sensor import Alive
 from probe.planning.limits import LEVER_M, Limits
 
@@ -36,7 +36,7 @@ class SensorGuard:
         gain = {"force": 1.0, "pressure": face, "taxel": face / max(taxels, 1)}
         gains = np.array([gain.get(channel.role, math.nan) for channel in channels])
         self._used = np.flatnonzero(np.isfinite(gains))
-        self._gains = gains[self._used]
+        self._gains: list[float] = gains[self._used].tolist()
         self.feels = len(self._used) > 0
         self.tared = False
         self.force_n = self.smooth_n = 0.0
@@ -64,8 +64,9 @@ class SensorGuard:
 
     def check_times(self, block: Block, now_s: float) -> str | None:
         """Why a block with samples cannot be placed in time."""
-        first, last = float(block.time_s[0]), float(block.time_s[-1])
-        onward = first > self._last_s and bool((block.time_s[1:] > block.time_s[:-1]).all())
+        times: list[float] = block.time_s.tolist()
+        first, last = times[0], times[-1]
+        onward = all(a < b for a, b in pairwise((self._last_s, *times)))
         if not (onward and last <= now_s + FUTURE_S):  # also true for not-a-number
             return (
                 f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s); "
@@ -96,28 +97,29 @@ class SensorGuard:
             return math.inf
         return float(np.std(np.diff(found))) / math.sqrt(2)
 
-    def _keep(self, time_s: Array, force_n: Array) -> None:
-        self._newest.extend(force_n[-SMOOTH:].tolist())
+    def _keep(self, time_s: list[float], force_n: list[float]) -> None:
+        self._newest.extend(force_n[-SMOOTH:])
         self.smooth_n = sum(self._newest) / len(self._newest)
-        self._recent.extend(zip(time_s.tolist(), force_n.tolist(), strict=True))
+        self._recent.extend(zip(time_s, force_n, strict=True))
         while self._recent[0][0] < time_s[-1] - LEVEL_MEMORY_S:
             self._recent.popleft()
 
     def check(self, block: Block) -> tuple[str, bool] | None:
         """Why a block with samples breaks a limit, and whether retracting is safe."""
-        if block.saturated[:, self._clips].any():
+        if block.saturated.any() and block.saturated[:, self._clips].any():
             return "the sensor is saturated: the true force is unknown", True
         if self.feels:
-            used = block.values[:, self._used]
-            force = used * self._gains
-            if self._array:
-                force = force.sum(axis=1, keepdims=True)
-            self.force_n = float(force[-1, 0])
+            used: list[list[float]] = block.values[:, self._used].tolist()
+            # lists: blocks are short, and numpy is slow on those
+            each = [[gain * one for gain, one in zip(self._gains, r, strict=True)] for r in used]
+            force = [sum(one) for one in each] if self._array else [one[0] for one in each]
+            self.force_n = force[-1]
             if (dead := self._alive.check(used)) is not None:
                 return dead, True
-            self._keep(block.time_s, force[:, 0])
-            greatest = float(np.abs(force).max())
-            if not greatest <= self._limit_n:  # also true for not-a-number
+            self._keep(block.time_s.tolist(), force)
+            loads = force if self._array else [load for one in each for load in one]
+            if not all(abs(load) <= self._limit_n for load in loads):  # nor is not-a-number
+                greatest = float(np.abs(loads).max())
                 return f"force {greatest:.3f} N; the limit is {self._limit_n:g} N", True
         for where, unit, limit in self._norms if self.tared else ():
             norm = float(np.linalg.norm(block.values[:, where], axis=1).max())

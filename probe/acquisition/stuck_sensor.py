@@ -2,8 +2,6 @@
 
 import math
 
-from drivers.core.arrays import Array
-
 MAX_CHANCE = 1e-9  # how unlikely a run of equal readings must be before it counts as stuck
 MIN_PAIRS = 100  # readings before the sensor's own rate of repetitions is believed
 MIN_CHANGES = 10  # and so many changes: a tare changes what a stuck sensor says, too
@@ -23,9 +21,10 @@ class Alive:
         self._last: list[float] | None = None
         self._pairs = self._equal = self._run = 0
 
-    def check(self, values: Array) -> str | None:
-        """Why readings (n, channels) that follow the last ones are not those of a live sensor."""
-        for reading in values.tolist():  # lists: blocks are short, and numpy is slow on those
+    def check(self, readings: list[list[float]]) -> str | None:
+        """Why readings that follow the last ones, each of some channels, are not those of a live
+        sensor."""
+        for reading in readings:
             equal = reading == self._last
             self._last = reading
             self._run = self._run + 1 if equal else 0

@@ -16,8 +16,9 @@ from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.contact.pairs import ContactPairs
-from sim_backend.fem.internal import internal_forces, smallest_area_ratio
+from sim_backend.fem.internal import deformation, internal_forces
 from sim_backend.fem.lumen import unit_pressure
+from sim_backend.fem.material import area_ratio
 from sim_backend.fem.model import Section
 from sim_backend.fem.section_pairs import contact_pairs
 
@@ -260,7 +261,7 @@ def _step(section: Section, factors: Factors, residual: Array, u: Array) -> Arra
     if not np.all(np.isfinite(change)):
         raise NotConverged("the tangent became singular")
     for _ in range(6):
-        if smallest_area_ratio(section, u + change)[0] > MIN_AREA_RATIO:
+        if area_ratio(deformation(section, u + change)).min() > MIN_AREA_RATIO:
             return change
         change = change / 2
     raise NotConverged("elements were crushed")

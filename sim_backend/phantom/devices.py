@@ -193,7 +193,7 @@ class VirtualSensor:
     def _sample(self, index: Ints) -> tuple[Array, Array, Bools]:
         time_s = self._start_s + index / self.rate_hz
         felt_s = time_s - self._latency_s
-        noise = np.array([self._noise(int(i)) for i in index]) if self._noise_n else 0.0
+        noise = self._noise(index) if self._noise_n else 0.0
         force = self._gain * self._phantom.force_n(felt_s) + self._bias_n + noise
         force += self._drift_n_s * (time_s - self._start_s)
         clipped = np.clip(force, -self._full_scale_n, self._full_scale_n)
@@ -204,12 +204,17 @@ class VirtualSensor:
         stress = self._phantom.von_mises_pa(felt_s)
         return time_s, np.column_stack([clipped, stress]), saturated
 
-    def _noise(self, index: int) -> float:
-        chunk, offset = divmod(index, NOISE_CHUNK)
-        if chunk != self._chunk[0]:
-            rng = np.random.default_rng([*self._key, chunk])
-            self._chunk = (chunk, self._noise_n * rng.standard_normal(NOISE_CHUNK))
-        return float(self._chunk[1][offset])
+    def _noise(self, index: Ints) -> Array:
+        """Noise (n,) [N] of the samples of these numbers (n,)."""
+        noise = np.empty(len(index))
+        chunks, offsets = np.divmod(index, NOISE_CHUNK)
+        for chunk in np.unique(chunks).tolist():
+            if chunk != self._chunk[0]:
+                rng = np.random.default_rng([*self._key, chunk])
+                self._chunk = (chunk, self._noise_n * rng.standard_normal(NOISE_CHUNK))
+            here = chunks == chunk
+            noise[here] = self._chunk[1][offsets[here]]
+        return noise
 
 
 def virtual_stage(

@@ -1,11 +1,11 @@
 """When the hold of a press begins and ends: seen in the signal where the record does not say."""
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
 from probe.detection.pulse.possible_rates import SLOWEST_HZ
+from probe.detection.pulse.running_median import running_median
 
 SETTLING_S, SETTLING_SAMPLES = 0.01, 2
 """Left out after the ramp, the longer of both: the stage is still slowing down, and of slow samples
@@ -25,7 +25,7 @@ def hold_limits(station: Station, mean: Array, whole: Bools) -> tuple[float, flo
     step = float(np.median(np.diff(time_s)))
     begin, end = station.hold_s, station.retract_s
     settling = max(SETTLING_S, SETTLING_SAMPLES * step)
-    smooth = median_filter(mean, size=3, mode="nearest")
+    smooth = running_median(mean, 3)
     if not np.isfinite(begin):
         begin = time_s[0]
         top = _top_of_ramp(mean, smooth, step)

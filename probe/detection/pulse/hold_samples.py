@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.ndimage import median_filter
 
 from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
 from probe.detection.pulse.hold_limits import MIN_SAMPLES, hold_limits
 from probe.detection.pulse.possible_rates import SLOWEST_HZ
+from probe.detection.pulse.running_median import running_median
 
 BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
@@ -157,7 +157,7 @@ def _between(station: Station) -> tuple[Array, Array, float]:
 def _mended(signal: Array) -> Array:
     """An array's channels (n, c), spikes replaced by the median around them: one channel's would
     hide in the mean."""
-    middle = median_filter(signal, size=(5, 1), mode="nearest")
+    middle = running_median(signal, 5)
     scatter = 1.4826 * np.nanmedian(np.abs(np.diff(signal, axis=0)), axis=0) / np.sqrt(2)
     off = np.abs(signal - middle) > SPIKE_SIGMAS * np.maximum(scatter, 1e-12 * np.abs(middle))
     return np.asarray(np.where(off & (scatter > 0), middle, signal))
@@ -189,7 +189,7 @@ def _check_contact(station: Station, signal: Array) -> None:
 def _without_spikes(signal: Array) -> Bools:
     if len(signal) < MIN_SAMPLES:
         return np.ones(len(signal), dtype=bool)
-    off = signal - median_filter(signal, size=5, mode="nearest")
+    off = signal - running_median(signal, 5)
     scatter = 1.4826 * np.median(np.abs(np.diff(signal))) / np.sqrt(2)
     scatter = max(scatter, 1e-12 * np.abs(signal).max(initial=1.0))
     return np.asarray(np.abs(off) <= SPIKE_SIGMAS * scatter)

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 from scipy.special import fdtrc
 
 from drivers.core.arrays import Array
@@ -29,6 +28,7 @@ def beats_s(time_s: Array, reference: Array) -> Array:
     what follows them; so height is not asked. A reference that falls more steeply than it rises
     (an inverted lead, light that blood absorbs) is turned over.
     """
+    from scipy.ndimage import uniform_filter1d
     from scipy.signal import find_peaks  # half a second to import, for scans with a reference
 
     good = np.isfinite(time_s) & np.isfinite(reference)

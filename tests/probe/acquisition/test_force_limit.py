@@ -136,8 +136,8 @@ def test_the_time_without_a_reading_is_that_of_the_force_still_allowed() -> None
 
 
 def test_a_sensor_that_is_stuck_within_one_block_is_found_out_by_it() -> None:
-    assert Alive(100).check(np.full((100, 1), 0.3)) is None
-    assert Alive(100).check(np.full((101, 1), 0.3)) is not None
+    assert Alive(100).check(100 * [[0.3]]) is None
+    assert Alive(100).check(101 * [[0.3]]) is not None
 
 
 class Felt:
