@@ -127,8 +127,11 @@ def cause_of(evidences: Sequence[dict[str, float]]) -> Cause:
 
 
 def _motion(hold: Coarse) -> float:
-    """Evidence of a few steps and bumps at any time, chosen one after the other."""
-    found = []
+    """Evidence of a few steps and bumps at any time, chosen one after the other.
+
+    Each number of them is as likely beforehand.
+    """
+    evidence = -np.inf
     for memory in MEMORIES:
         beside, y = beside_of(hold, memory)
         c = _movements(len(hold.signal), hold.step_s, memory)
@@ -136,8 +139,9 @@ def _motion(hold: Coarse) -> float:
         square = np.maximum((c * c).sum(axis=0) - (along * along).sum(axis=0), 1e-12)
         total = len(y) - (memory == 1.0)
         taken = beside
-        most = min(MOVEMENTS, int(total / SAMPLES_EACH / MOVEMENT_UNKNOWNS))
-        for k in range(1, max(most, 1) + 1):
+        most = max(1, min(MOVEMENTS, int(total / SAMPLES_EACH / MOVEMENT_UNKNOWNS)))
+        found = []
+        for k in range(1, most + 1):
             best = int(np.argmax((y @ c) ** 2 / square * (square > 1e-6)))
             one = c[:, best] - taken @ (taken.T @ c[:, best])
             one = one / max(float(np.linalg.norm(one)), 1e-12)
@@ -146,7 +150,8 @@ def _motion(hold: Coarse) -> float:
             taken = np.column_stack([taken, one])
             choice = k * np.log(c.shape[1] / 4)
             found.append(float(log_evidence(y @ y, total, k)) - choice)
-    return float(max(found))
+        evidence = max(evidence, float(logsumexp(found) - np.log(most)))
+    return evidence
 
 
 @lru_cache(maxsize=6)

@@ -7,16 +7,17 @@ import numpy as np
 from drivers.core.arrays import Bools
 from probe.core.recording import Recording, Station
 from probe.detection.pulse.beat_timing import own_beats_s
+from probe.detection.pulse.calm_half import clearest_part
 from probe.detection.pulse.causes import Cause
 from probe.detection.pulse.estimate import (
     Clearest,
     Pulse,
     Wave,
     beside,
-    find_pulse,
     pulse_of,
     wave_at,
 )
+from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.has_pulse import REACH, which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
 from probe.detection.pulse.rate import shared_rate
@@ -93,7 +94,7 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     ])  # fmt: skip
     return tuple(
         replace(
-            _press(station, one.hold, pulse, one.note),
+            _press(station, one.hold, _with_level(one, pulse), one.note),
             pulsing=i in pulsing, cause=causes.get(i), touched=one.touched,
             step_s=one.hold.step_s if one.hold else 0.0, beyond_hz=others.get(i),
         )
@@ -111,12 +112,13 @@ def _beyond(measured: dict[int, tuple[Hold, Clearest]], false_alarm: float) -> d
 
 @dataclass(frozen=True)
 class _Own:
-    """A station by itself."""
+    """A station by itself; ``whole`` is its whole hold where only a part is judged."""
 
     hold: Hold | None
     clearest: Clearest | None
     note: str = ""
     touched: bool = True
+    whole: Hold | None = None
 
 
 def _own(station: Station, dead: Bools) -> _Own:
@@ -128,8 +130,27 @@ def _own(station: Station, dead: Bools) -> _Own:
         found = find_pulse_by(hold, station.reference_s - hold.start_s, station.reference)
         if found is not None:
             return _Own(hold, found)
-        return _Own(hold, find_pulse(hold), "its reference has no beats: judged without it")
-    return _Own(hold, find_pulse(hold))
+        return _searched(hold, "its reference has no beats: judged without it")
+    return _searched(hold)
+
+
+def _searched(hold: Hold, note: str = "") -> _Own:
+    part, clearest = clearest_part(hold)
+    if part is hold:
+        return _Own(hold, clearest, note)
+    other = "first" if part.time_s[0] > hold.time_s[0] else "second"
+    moved = f"something moves in the {other} half of its hold: its pulse is that of the other"
+    return _Own(part, clearest, f"{note}; {moved}" if note else moved, whole=hold)
+
+
+def _with_level(own: _Own, pulse: Pulse | None) -> Pulse | None:
+    """With the level of the whole hold, so that presses of relaxing tissue compare."""
+    if pulse is None or own.whole is None:
+        return pulse
+    whole = fit(own.whole, design_of(own.whole), np.empty((len(own.whole.time_s), 0)))
+    return replace(
+        pulse, baseline_pa=float(whole.rest_pa.mean()), baseline_sd_pa=whole.rest_mean_sd_pa
+    )
 
 
 def _own_wave(hold: Hold, own: Clearest) -> Wave:

@@ -11,6 +11,8 @@ from known_presses import recording, station
 from drivers.core.arrays import Array
 from probe.core.recording import Station
 from probe.detection import detect
+from probe.detection.pulse import causes
+from probe.detection.pulse.beat_train import beat_train
 from probe.detection.pulse.causes import coarse_of
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.hold_samples import hold_of
@@ -128,3 +130,17 @@ def test_of_a_long_hold_a_part_is_asked_what_moves_in_it() -> None:
     null = fit(hold, design_of(hold), np.empty((len(hold.time_s), 0)))
     coarse = coarse_of(hold, null)
     assert coarse.signal.size * coarse.step_s == pytest.approx(20.0, rel=0.01)
+
+
+def test_how_many_movements_there_are_is_not_chosen_for_nothing(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where nothing moves, that there could be up to four movements makes motion less likely."""
+    hold = hold_of(moved(5, lambda t, _: np.zeros_like(t), 10.0))
+    coarse = coarse_of(hold, fit(hold, design_of(hold), np.empty((len(hold.time_s), 0))))
+    train = beat_train(coarse)
+    found = {}
+    for most in (1, 4):
+        monkeypatch.setattr(causes, "MOVEMENTS", most)
+        found[most] = causes.evidence_of(coarse, train)["motion"]
+    assert 0.5 < found[1] - found[4] <= np.log(4)
