@@ -43,6 +43,9 @@ SHORT = 20
 FAR_BEHIND = 10.0
 """Log likelihood by which a noise may trail the best, with a pulse and without one, before it is
 left out of both sums: each then is wrong by less than 12 exp(-10)."""
+MOST_KEPT = 1 << 18
+"""Numbers in one table of harmonics, 2 MB: the 52 that are kept for a scan's other holds take 100
+MB. A longer hold is looked at for some rates at once, and nothing of it is kept."""
 EVEN_BINS = 0.1
 """Of a step: how far samples may stray from even ones to be looked at as even ones."""
 
@@ -168,14 +171,26 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     nuisance = np.hstack([design.drift, design.decays[:, null.decays]])
     dof = n - nuisance.shape[1]
     even = np.arange(n) * step + hold.time_s[0]
-    if np.abs(hold.time_s - even).max() <= EVEN_BINS * step:
-        key = (n, hold.step_s, round(float(hold.time_s[0]), 4), tuple(rates.tolist()))
-        columns, scale = _even_columns(*key), np.ones(n)
-    else:
-        key, scale = None, np.sqrt(hold.weight)
-        columns = _columns(hold.time_s, rates) * scale[:, None, None]
-    along = np.tensordot(null.residual_pa * scale, columns, 1)[:, [0, columns.shape[2] // 2]]
-    steady = columns[:, int(np.argmax(np.linalg.norm(along, axis=1)))]
+    is_even = np.abs(hold.time_s - even).max() <= EVEN_BINS * step
+    scale = np.ones(n) if is_even else np.sqrt(hold.weight)
+    start_s = round(float(hold.time_s[0]), 4)
+    parts = np.array_split(rates, -(-n * len(rates) * 2 * SHAPE_HARMONICS // MOST_KEPT))
+    key = (n, hold.step_s, start_s, tuple(rates.tolist()))
+    kept = is_even and len(parts) == 1
+
+    def columns_of(some: Array) -> Array:
+        if kept:
+            return _even_columns(*key)
+        time_s = start_s + hold.step_s * np.arange(n) if is_even else hold.time_s
+        return _columns(time_s, some) * scale[:, None, None]
+
+    steady, most = np.empty((n, 0)), -1.0
+    for some in parts:
+        columns = columns_of(some)
+        along = np.tensordot(null.residual_pa * scale, columns, 1)[:, [0, columns.shape[2] // 2]]
+        size = np.linalg.norm(along, axis=1)
+        if size.max() > most:
+            steady, most = columns[:, int(np.argmax(size))].copy(), float(size.max())
     members = family(hold.step_s)
     whole = np.hstack([nuisance * scale[:, None], steady])
     pairs = [_rests(hold.signal_pa * scale, whole, nuisance.shape[1], m, dof) for m in members]
@@ -184,14 +199,27 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     finest = FINEST * (n - 1) / max(hold.span_s, 1e-9)
     seen = rates[:, None] * np.arange(1, count + 1) <= finest
     best, best_beside = (max(r.without for r in some) for some in (rests, beside))
-    found = []
-    for i, (noise, rest, other) in enumerate(zip(members, rests, beside, strict=True)):
-        behind = max(rest.without - best, other.without - best_beside)
-        if i and behind < -FAR_BEHIND:
-            continue
-        white = _even_white(*key, i) if key else _whitened(columns, noise)
-        found.append(_look(noise, rest, white, seen, dof))
-    return found
+    counted = [
+        i
+        for i, (rest, other) in enumerate(zip(rests, beside, strict=True))
+        if not i or max(rest.without - best, other.without - best_beside) >= -FAR_BEHIND
+    ]
+    looks: list[list[_Look]] = [[] for _ in counted]
+    for some, visible in zip(parts, np.array_split(seen, len(parts)), strict=True):
+        columns = columns_of(some)
+        for look, i in zip(looks, counted, strict=True):
+            white = _even_white(*key, i) if kept else _whitened(columns, members[i])
+            look.append(_look(members[i], rests[i], white, visible, dof))
+    return [_together(look) for look in looks]
+
+
+def _together(parts: list[_Look]) -> _Look:
+    """One noise's likelihoods at all rates, from those at some of them each."""
+    shaped, free, along, power = (
+        np.concatenate([getattr(part, name) for part in parts])
+        for name in ("shaped", "free", "along", "power")
+    )
+    return _Look(parts[0].noise, parts[0].without, shaped, free, along, power)
 
 
 def _columns(time_s: Array, rates: Array) -> Array:

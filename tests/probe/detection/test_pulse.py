@@ -1,5 +1,6 @@
 """A pulse in a hold: its size, its chance, and what must not be taken for one."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 from known_presses import station, wave
 
 from probe.core.recording import Recording
+from probe.detection.pulse import search
 from probe.detection.pulse.estimate import find_pulse
 from probe.detection.pulse.hold_samples import NoHold, hold_of
 from probe.detection.pulse.presses import presses_of
@@ -185,3 +187,18 @@ def test_a_beat_on_a_slow_ramp_is_not_taken_for_its_end(seed: int) -> None:
     )  # fmt: skip
     hold = hold_of(whole)
     assert -0.9 < hold.start_s + hold.time_s[0] < 1.3
+
+
+def test_a_long_hold_is_looked_at_in_parts_of_its_rates(monkeypatch: pytest.MonkeyPatch) -> None:
+    hold = hold_of(station(np.random.default_rng(4), hold_s=25.0, pulse_pa=100.0))
+    tracemalloc.start()
+    in_parts, _ = search.search(hold)
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    table_bytes = 8 * len(hold.time_s) * len(in_parts.rates_hz) * 2 * search.SHAPE_HARMONICS
+    assert peak_bytes < table_bytes
+    monkeypatch.setattr(search, "MOST_KEPT", 2 * table_bytes)
+    whole, _ = search.search(hold)
+    for name in ("along", "power", "clear", "gain", "p_value"):
+        assert getattr(in_parts, name) == pytest.approx(getattr(whole, name), rel=1e-9)
+    assert in_parts.rate_hz == whole.rate_hz
