@@ -174,6 +174,7 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     is_even = np.abs(hold.time_s - even).max() <= EVEN_BINS * step
     scale = np.ones(n) if is_even else np.sqrt(hold.weight)
     start_s = round(float(hold.time_s[0]), 4)
+    times_s = np.asarray(start_s + hold.step_s * np.arange(n)) if is_even else hold.time_s
     parts = np.array_split(rates, -(-n * len(rates) * 2 * SHAPE_HARMONICS // MOST_KEPT))
     key = (n, hold.step_s, start_s, tuple(rates.tolist()))
     kept = is_even and len(parts) == 1
@@ -181,8 +182,7 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     def columns_of(some: Array) -> Array:
         if kept:
             return _even_columns(*key)
-        time_s = start_s + hold.step_s * np.arange(n) if is_even else hold.time_s
-        return _columns(time_s, some) * scale[:, None, None]
+        return _columns(times_s, some) * scale[:, None, None]
 
     steady, most = np.empty((n, 0)), -1.0
     for some in parts:
