@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from sim_backend.fem import newton
+from sim_backend import Scene
+from sim_backend.fem import continuation as continuation_module
+from sim_backend.fem import finite_strain, newton
 from sim_backend.fem.assembly import Assembly
 from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import Section, build_section
 from sim_backend.fem.newton import Load, Solution
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -53,3 +56,43 @@ def test_that_costs_no_exactness(section: Section, monkeypatch: pytest.MonkeyPat
     for one, other in zip(usual, exact, strict=True):
         largest = np.abs(other.displacement).max()
         np.testing.assert_allclose(one.displacement, other.displacement, atol=1e-5 * largest)
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_the_way_down_belongs_to_the_finger(plane: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scene twice as large takes the same steps, to twice the force per length; and where they
+    lie changes nothing."""
+
+    def pressed(times: float) -> tuple[list[int], float]:
+        taken.clear()
+        _, (found,) = solve_finite(
+            enlarged(times), times * 12e-3, times * 1.5e-3, [PRESSURE_PA], times * 1e-3
+        )
+        return list(taken), found.force_n_per_m
+
+    def enlarged(times: float) -> Scene:
+        told = BLOCK.model_dump() | {"plane": plane}
+        for part in (told["tissue"], *told["inclusion"], told["indenter"]):
+            for key, value in part.items():
+                if key.endswith("_mm") and value is not None:
+                    part[key] = times * value
+        return Scene.model_validate(told)
+
+    taken: list[int] = []
+    equilibrium = newton.equilibrium
+
+    def counted(section: Section, start: Solution, load: Load, drag_pa: float = 0.0) -> Solution:
+        found = equilibrium(section, start, load, drag_pa)
+        taken.append(found.iterations)
+        return found
+
+    monkeypatch.setattr(continuation_module, "equilibrium", counted)
+    steps, force = pressed(1.0)
+    larger, larger_force = pressed(2.0)
+    assert len(larger) == len(steps)
+    assert larger_force == pytest.approx(2 * force, rel=2e-3)  # on a mesh of its own
+    monkeypatch.setattr(finite_strain, "RAMP_STEP", 0.1)
+    monkeypatch.setattr(finite_strain, "GENTLE_STEP", 0.08)
+    more, other_force = pressed(1.0)
+    assert len(more) > len(steps)
+    assert other_force == pytest.approx(force, rel=1e-5)
