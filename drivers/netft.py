@@ -32,6 +32,39 @@ AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
 
+class RateCheck:
+    """Whether records come at ``rate_hz``: those of another rate come ever later, or earlier.
+
+    A machine that stands still delays some, so the one least late in each `CHECK_S` is compared
+    with the time before. What it delayed comes late once, and then sooner again, but no sooner
+    than ever: another rate goes on in the same direction.
+    """
+
+    def __init__(self, rate_hz: float, began_s: float) -> None:
+        self._rate_hz = rate_hz
+        self._since_s = began_s
+        self._lateness_s = math.inf  # the least since then
+        self._before_s: float | None = None  # the least of the time before
+        self._ever_s = math.inf
+        self._trend = 0
+
+    def other_hz(self, count: int, arrival_s: float) -> float | None:
+        """The rate at which the box sends, once it is seen to be another."""
+        self._lateness_s = min(self._lateness_s, arrival_s - count / self._rate_hz)
+        if (passed_s := arrival_s - self._since_s) < CHECK_S:
+            return None
+        now_s, before_s, ever_s = self._lateness_s, self._before_s, self._ever_s
+        self._since_s, self._lateness_s = arrival_s, math.inf
+        self._before_s, self._ever_s = now_s, min(now_s, ever_s)
+        if before_s is None:
+            return None
+        slack_s, trend = RATE_SLACK * passed_s, self._trend
+        self._trend = (now_s > before_s + slack_s) - (now_s < ever_s - slack_s)
+        if self._trend == 0 or self._trend != trend:
+            return None
+        return max(self._rate_hz * (1 - (now_s - before_s) / passed_s), 0.0)
+
+
 class RdtSource:
     """A running client; see `drivers.core.reader.Source`. Raises `DeviceAbsent`."""
 
@@ -55,9 +88,7 @@ class RdtSource:
         self._samples: Iterator[pynetft.Sample]
         self._last: int | None = None
         self._count = 0
-        self._since_s = clock.now()
-        self._lateness_s = math.inf  # the least since then
-        self._before_s: float | None = None  # the least of the time before
+        self._rate = RateCheck(rate_hz, clock.now())
         self._arrival_s = clock.now()
         self._disorders: deque[float] = deque(maxlen=DISORDERS)
         try:
@@ -95,7 +126,10 @@ class RdtSource:
         if not 0 < step < 2**31:  # repeated or out of order
             return []
         self._count += step
-        self._check_rate(arrival_s)
+        if (sent_hz := self._rate.other_hz(self._count, arrival_s)) is not None:
+            raise DeviceFault(
+                self._name, f"sends {sent_hz:.0f} records a second; rate_hz = {self._rate_hz:g}"
+            )
         time_s = self._time.stamp(self._count / self._rate_hz, arrival_s)
         force, torque = SI[got.force_unit.value][1], SI[got.torque_unit.value][1]
         values = [force * v for v in got.force] + [torque * v for v in got.torque]
@@ -134,25 +168,6 @@ class RdtSource:
         if known is not None:
             self._config = replace(self._config, calibration_override=known.calibration)
         self._begin()
-
-    def _check_rate(self, arrival_s: float) -> None:
-        """Records of another rate come ever later, or earlier. Raises `DeviceFault`.
-
-        A machine that stands still delays some; the one least late in `CHECK_S` is compared.
-        """
-        self._lateness_s = min(self._lateness_s, arrival_s - self._count / self._rate_hz)
-        if (passed_s := arrival_s - self._since_s) < CHECK_S:
-            return
-        before_s, self._before_s = self._before_s, self._lateness_s
-        self._since_s, self._lateness_s = arrival_s, math.inf
-        if before_s is None:
-            return
-        later = (self._before_s - before_s) / passed_s
-        if abs(later) > RATE_SLACK:
-            sent_hz = self._rate_hz * (1 - later)
-            raise DeviceFault(
-                self._name, f"sends {sent_hz:.0f} records a second; rate_hz = {self._rate_hz:g}"
-            )
 
 
 def _in_words(fault: "pynetft.SensorFaultError") -> str:

@@ -9,7 +9,7 @@ import pytest
 
 from drivers import Block, DeviceAbsent, DeviceFault, MissingExtra, WallClock
 from drivers.core.reader import LineSensor
-from drivers.netft import open_sensor
+from drivers.netft import RateCheck, open_sensor
 from sim_backend.arrays import Array
 from sim_backend.emulators import netft
 from sim_backend.phantom.phantom import Phantom
@@ -130,10 +130,41 @@ def test_a_silent_box_is_a_fault(box: netft.NetFtBox, clock: WallClock) -> None:
 def test_a_rate_other_than_the_rig_says_is_told(box: netft.NetFtBox, clock: WallClock) -> None:
     sensor = opened(box, clock, rate_hz=500.0)
     with pytest.raises(DeviceFault, match="records a second; rate_hz = 500"):
-        for _ in range(200):
+        for _ in range(1000):
             sensor.read()
             time.sleep(0.01)
     sensor.close()
+
+
+def arrivals(sent_hz: float, stall_s: float = 0.0, catch_up: float = 2.0) -> Iterator[float]:
+    """Of 4 s of records. From 1.2 s on nothing comes for ``stall_s``; what was kept meanwhile
+    comes ``catch_up`` times as fast as it was sent, while more is sent."""
+    arrival_s = 0.0
+    for count in range(1, int(4 * sent_hz)):
+        sent_s = count / sent_hz
+        if sent_s >= 1.2:
+            arrival_s = max(arrival_s + 1 / (catch_up * sent_hz), 1.2 + stall_s)
+        arrival_s = max(arrival_s, sent_s)
+        yield arrival_s
+
+
+def seen_hz(arrivals_s: Iterator[float]) -> float | None:
+    check = RateCheck(1000.0, 0.0)
+    found = (check.other_hz(count, at) for count, at in enumerate(arrivals_s, 1))
+    return next((hz for hz in found if hz is not None), None)
+
+
+@pytest.mark.parametrize("sent_hz", [500.0, 950.0, 1050.0, 2000.0])
+def test_another_rate_is_seen_as_what_it_is(sent_hz: float) -> None:
+    assert seen_hz(arrivals(sent_hz)) == pytest.approx(sent_hz, rel=0.01)
+
+
+@pytest.mark.parametrize("stall_s", [0.0, 0.3, 0.9, 1.7])
+@pytest.mark.parametrize("catch_up", [1.5, 2.0, 20.0])
+def test_a_machine_that_stands_still_and_catches_up_has_no_other_rate(
+    stall_s: float, catch_up: float
+) -> None:
+    assert seen_hz(arrivals(1000.0, stall_s, catch_up)) is None
 
 
 def test_a_sender_that_stumbles_has_no_other_rate(
