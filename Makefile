@@ -8,7 +8,7 @@ export QT_QPA_PLATFORM ?= offscreen
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install demo demo-ur test types waiting test-peers figures clean
+.PHONY: install demo demo-ur test beside waiting test-peers test-lowest figures clean
 
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
@@ -25,25 +25,31 @@ demo-ur: .venv/.installed-report,ur
 	$(BIN)/palpate scan rigs/ur5e.toml --seed 1 --out demo --report
 
 # Tests of emulated devices on the wall clock come after the others, so that no computing keeps their
-# guards waiting, with the types, which have what they leave of the processors. What fails is asked once
-# more alone: four of them still share the machine.
+# guards waiting. The types and presses of 20 s each have what they leave of the processors. What fails
+# is asked once more alone: four of them still share the machine.
 WAITING := tests/drivers tests/probe/acquisition tests/probe/calibrate/test_weigh.py \
 	tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py tests/probe/config/test_fallback.py \
 	tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py tests/sim_backend/emulators \
 	tests/test_add_a_driver.py
+BESIDE := tests/sim_backend/fem/solid tests/sim_backend/fem/test_stability.py
 
 test: .venv/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
-	$(BIN)/pytest -n 3 --dist worksteal $(WAITING:%=--ignore=%)
-	$(MAKE) --no-print-directory --jobs 2 types waiting
+	$(BIN)/pytest -n 3 --dist worksteal $(patsubst %,--ignore=%,$(WAITING) $(BESIDE))
+	$(MAKE) --no-print-directory --jobs 2 beside waiting
 
-types:
+beside:
 	nice -n 19 $(BIN)/mypy
+	nice -n 19 $(BIN)/pytest -p no:cacheprovider $(BESIDE)
 
 waiting:
 	$(BIN)/pytest -n 4 --dist worksteal $(WAITING) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(WAITING)
+
+# At the lowest versions that pyproject.toml allows, in an environment of its own.
+test-lowest:
+	.ci/lowest $(patsubst %,--ignore=%,$(WAITING))
 
 # Against software that we did not write: makers' client libraries drive the emulated controllers. Our
 # drivers move grblHAL's simulator if PALPATE_GRBLHAL is its path, and URSim if Docker is there or

@@ -69,14 +69,10 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     build = ["wheel", "--no-deps", "--no-build-isolation", "--wheel-dir", str(folder)]
     run([*pip, *build, str(source)], folder)  # by the setuptools that is here: no download
     shutil.rmtree(source)
-    run([sys.executable, "-m", "venv", str(folder / "venv")], folder)
+    run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], folder)
     (wheel,) = folder.glob("palpate-*.whl")
-    python = str(folder / "venv" / "bin" / "python")
-    run(
-        [python, "-m", "pip", "--disable-pip-version-check", "--quiet", "install", "--no-compile",
-         f"{wheel}[report,export,mesh]"],
-        folder,
-    )  # fmt: skip
+    there = [*pip, "--python", str(folder / "venv" / "bin" / "python")]  # this pip installs there
+    run([*there, "install", "--no-compile", f"{wheel}[report,export,mesh]"], folder)
     return folder / "venv" / "bin"
 
 
