@@ -28,13 +28,13 @@ STRESSED = ("tests/probe/core/test_stress_conversion.py",)
 
 ELSEWHERE = (
     Mutant("volume is kept by half the bulk modulus", MATERIAL,
-           "stress = stress + (bulk * (j - 1))[..., None] * cofactor",
-           "stress = stress + (0.5 * bulk * (j - 1))[..., None] * cofactor", LAW),
+           "stress = rigid.stress + (bulk * (j - 1))[..., None] * cofactor",
+           "stress = rigid.stress + (0.5 * bulk * (j - 1))[..., None] * cofactor", LAW),
     Mutant("the thickness does not thin", MATERIAL,
            "thin.by_h * thin.h) / -thin.stiffness", "thin.by_h * thin.h) / thin.stiffness", LAW),
     Mutant("a tangent without its turning pressure", MATERIAL,
-           "tangent = tangent + (bulk * (j - 1 - lag))[..., None, None] * _TWIST",
-           "tangent = tangent + 0 * _TWIST", LAW),
+           "turning = (bulk * (j - 1 - lag))[..., None, None] * _TWIST",
+           "turning = 0 * _TWIST", LAW),
     Mutant("a finger's edge is sharp", FINGER,
            "gap = np.where(flat, self.y - points[:, 1], distance - self.radius)",
            "gap = np.where(flat, self.y - points[:, 1], distance)", TANGENTS),

@@ -111,11 +111,12 @@ def solving(after_s: float | None = None) -> Iterator[Callable[[str], None]]:
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int, int], None]]:
     """A bar for ``done`` of ``total`` things, with the time left; in a terminal only."""
+    if not sys.stderr.isatty():  # a bar that is off ends with an empty line where rich is before 15
+        yield lambda _done, _total: None
+        return
     columns = (TextColumn("{task.completed:.0f} of {task.total:.0f} " + what), BarColumn(),
                TimeRemainingColumn())  # fmt: skip
-    bar = Progress(
-        *columns, console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty()
-    )
+    bar = Progress(*columns, console=Console(stderr=True), transient=True)
     task = bar.add_task(what)
     with bar:
         yield lambda done, total: bar.update(task, completed=done, total=total)
