@@ -30,6 +30,7 @@ DEFINED = {
     "stop rule": "RULES: tuple[Rule, ...]",
     "hold has a pulse": "def which_pulse",
     "breathing and no pulse": "def is_no_pulse",
+    "beside a movement": "def calm_half(",
     "tumour or artery": "def judge",
     "run file's layout": "CREATE TABLE",
     "finger and tissue": "def finger_pairs",
