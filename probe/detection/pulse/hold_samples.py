@@ -15,6 +15,11 @@ BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
 ROUNDING = 1e-6
 """Of an average's length: a sample this near to the next one is its first."""
+MAX_CODES, EVEN_CODES = 0.5, 0.05
+"""Different values, over samples, that a signal in steps has at most, and how far from whole
+numbers of steps they may be: values are stored in few digits."""
+SAME = 1e-6
+"""Of a hold's swing: values that are closer differ by the computer's rounding."""
 MANY = 100
 """Averages of which the last may be left out, so that they are even: a hundredth of the hold."""
 SPIKE_SIGMAS = 8.0
@@ -44,8 +49,9 @@ class Hold:
     """``signal_pa`` (n,) at ``time_s`` (n,) since the hold began; ``weight`` (n,) is how many
     samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation,
     ``start_s`` when the hold began on the recording's clock. A mean weakens what oscillates at f as
-    one over ``averaged_s`` without gaps does, by sinc(f averaged_s). Two are equal only if they are
-    the same one, so that what is made of one can be kept."""
+    one over ``averaged_s`` without gaps does, by sinc(f averaged_s). Samples differ from
+    ``code_pa`` by multiples of ``quantum_pa``, which is 0 where no such steps show. Two are equal
+    only if they are the same one, so that what is made of one can be kept."""
 
     time_s: Array
     signal_pa: Array
@@ -53,6 +59,8 @@ class Hold:
     clipped: float
     start_s: float
     averaged_s: float = 0.0
+    quantum_pa: float = 0.0
+    code_pa: float = 0.0
 
     @property
     def step_s(self) -> float:
@@ -127,7 +135,22 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])
     each = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     averaged_s = each * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0)))
-    return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s)
+    return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s, quantum_of(signal),
+                float(signal[0]))  # fmt: skip
+
+
+def quantum_of(signal: Array) -> float:
+    """The step [Pa] of which all differences of samples (n,) are multiples, 0 if there is none or
+    noise hides it: then rounding does no more than add to the noise (Widrow & Kollar 2008)."""
+    values = np.unique(signal)
+    if not 1 < len(values) <= MAX_CODES * len(signal):
+        return 0.0
+    apart = np.diff(values)
+    step = float(apart[apart > SAME * np.ptp(values)].min())
+    codes = (values - values[0]) / step
+    noise = 1.4826 * float(np.median(np.abs(np.diff(signal)))) / np.sqrt(2)
+    even = bool(np.abs(codes - np.round(codes)).max() <= EVEN_CODES)
+    return step if even and noise <= step else 0.0
 
 
 def _in_order(station: Station) -> Station:

@@ -22,6 +22,7 @@ from probe.detection.pulse.has_pulse import REACH, which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
 from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
+from probe.detection.pulse.rounding import unrounded
 from probe.detection.pulse.search import beyond
 from probe.detection.pulse.size import Rates, averaged, together
 
@@ -123,7 +124,7 @@ class _Own:
 
 def _own(station: Station, dead: Bools) -> _Own:
     try:
-        hold = hold_of(station, dead)
+        hold = unrounded(hold_of(station, dead))
     except NoHold as error:
         return _Own(None, None, str(error), not isinstance(error, NoContact))
     if len(station.reference):
