@@ -103,7 +103,8 @@ class BodyPanel(QWidget):
         else:
             head(self.area, "Section unknown: the surface only")
             ends = [p.x_mm for p in state.plan] or [0.0, 1.0]
-            self.area.plot([min(ends), max(ends)], [0, 0], pen=pen(INK, 2))
+            left, right = float(self._outline[0].min()), float(self._outline[0].max())
+            self.area.plot([min(ends) + left, max(ends) + right], [0, 0], pen=pen(INK, 2))
 
     def _cut(self, scene: Scene, y_mm: float) -> None:
         """Draw what lies under the row at ``y_mm``, unless it is drawn."""

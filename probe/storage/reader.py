@@ -45,7 +45,8 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
     except (sqlite3.Error, UnicodeDecodeError) as error:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         what = "cannot be read" if code in NOT_OPENED else "damaged or not a run file"
-        raise RunFileError(f"{path}: {what} ({error})") from None
+        hint = "" if path.suffix == ".run" else "; `palpate import` reads other recordings"
+        raise RunFileError(f"{path}: {what} ({error}){hint}") from None
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read ({error.strerror})") from None
 

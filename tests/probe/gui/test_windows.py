@@ -222,6 +222,25 @@ def test_a_grid_shows_the_section_of_the_row_that_is_pressed(make_run: Make) -> 
     assert middles == pytest.approx([20.0, 20.0, 40.0, 40.0], abs=0.01)
 
 
+def test_where_the_section_is_unknown_the_surface_reaches_under_the_whole_finger(
+    make_run: Make,
+) -> None:
+    events, state, panel = make_run(), ViewState(), BodyPanel()
+    started = events[0]
+    assert isinstance(started, RunStarted)
+    started.config["scene"] = None
+    for event in events:
+        state.update(event)
+        if isinstance(event, StationEnded):
+            panel.show_state(state)
+            (surface,) = (
+                c for c in panel.area.getPlotItem().listDataItems() if c is not panel.finger
+            )
+            finger_mm = panel.finger.getData()[0]
+            assert surface.xData.min() <= finger_mm.min() + 1e-6
+            assert surface.xData.max() >= finger_mm.max() - 1e-6
+
+
 def test_seeking_forwards_and_backwards_gives_the_same(make_run: Make) -> None:
     player = Player(make_run())
     straight = dict(player.seek(10.0).maps)

@@ -254,6 +254,13 @@ def test_what_is_no_run_is_refused_with_a_reason(tmp_path: Path, path: Path) -> 
             assert str(wrong) in str(caught.value)
 
 
+def test_another_programs_recording_is_said_to_need_an_import(tmp_path: Path) -> None:
+    table = tmp_path / "mine.csv"
+    table.write_text("time_s,force_n\n" + "0.0,1.0\n" * 50)
+    with pytest.raises(RunFileError, match=r"not a run file .*`palpate import` reads other"):
+        open_run(table)
+
+
 def test_sizes_are_bounded(tmp_path: Path, path: Path) -> None:
     large = Path(shutil.copyfile(path, tmp_path / "large.run"))
     write(large, "UPDATE event SET readings = zeroblob(200000000) WHERE id = 100")
