@@ -3,7 +3,7 @@
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from itertools import count
 from typing import Any
 
@@ -14,7 +14,6 @@ from drivers.testing.awake import AwakeTime
 from drivers.ur.sensor import UrForce, open_sensor
 from drivers.ur.settings import UrSensorSettings, UrStageSettings
 from drivers.ur.stage import UrStage, open_stage
-from probe.acquisition.guard_threads import come_first
 from sim_backend import load_scene
 from sim_backend.emulators import ur
 from sim_backend.phantom.phantom import Phantom, Respond, Surface
@@ -74,17 +73,6 @@ class Rig:
     def close(self) -> None:
         self.sensor.close()
         self.stage.close()
-
-
-@contextmanager
-def first_of_all() -> Iterator[None]:
-    """Threads begun within keep their time, however busy other tests keep the machine."""
-    come_first()
-    try:
-        yield
-    finally:
-        with suppress(AttributeError, OSError):
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
 
 
 def until(true: Callable[[], bool]) -> None:

@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from emulated_ur import PATIENT_S, Rig, connected, first_of_all, until
+from emulated_ur import PATIENT_S, Rig, connected, until
+from waiting import first_of_all
 
 from drivers import DeviceFault, MotionFault, Pose
 from sim_backend.emulators.ur import CB3, UrController

@@ -10,13 +10,14 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from grbl_ft300 import DEVICES
+from waiting import first_of_all
 
 from drivers import DeviceFault, WallClock
 from probe.acquisition import guard_client
@@ -133,10 +134,12 @@ def bench(
     respond: Respond, folder: Path, *, hold_s: float = 20.0, limit_n: float = 5.0, block: str = ""
 ) -> Iterator[Bench]:
     world = Phantom(load_scene("TIHA"), WallClock(), respond, home=(0.032, 0.0, 0.003))
-    with (
-        grbl.emulate(world, at=str(folder / "board"), homed=True) as board,
-        ft300.emulate(world, at=str(folder / "ft"), noise_n=0.02) as sensor,
-    ):
+    with ExitStack() as devices:
+        with first_of_all():
+            board = devices.enter_context(grbl.emulate(world, at=str(folder / "board"), homed=True))
+            sensor = devices.enter_context(
+                ft300.emulate(world, at=str(folder / "ft"), noise_n=0.02)
+            )
         rig = folder / "rig.toml"
         rig.write_text(
             RIG.format(board=board.address, sensor=sensor.address, hold_s=hold_s, limit_n=limit_n)

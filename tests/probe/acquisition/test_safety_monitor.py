@@ -39,7 +39,7 @@ def run(winkler: Any, sink: Any, *, control: Control | None = None, **safety: An
     rig = Rig.model_validate(
         {
             "scan": {"stations": 2, "ramp_s": 0.2, "hold_s": 0.1, "indentation_mm": 2.0},
-            "safety": {"max_speed_mm_s": 25, "hardest_n_mm": 1.0} | safety,
+            "safety": {"max_speed_mm_s": 25, "hardest_n_mm": 0.5} | safety,
         }
     )
     clock = WallClock()

@@ -8,7 +8,8 @@ from threading import Timer
 from typing import Any
 
 import pytest
-from emulated_ur import PATIENT_S, connected, first_of_all
+from emulated_ur import PATIENT_S, connected
+from waiting import first_of_all
 
 from probe.acquisition.engine import run_scan
 from probe.acquisition.safety_monitor import SafetyMonitor
