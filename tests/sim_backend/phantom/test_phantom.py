@@ -120,6 +120,23 @@ def test_depth_is_along_the_normal(winkler: Any, home: tuple[float, float, float
     assert sloping.depth_m(np.zeros(1)) == pytest.approx(0.8e-3)
 
 
+def test_a_drag_is_felt_by_the_section_and_the_surface_under_each_place(winkler: Any) -> None:
+    scene, slope = load_scene("TIT"), 0.05
+    world = Phantom(
+        scene, SimulatedClock(), winkler, surface=lambda x, _y: slope * (x - 0.032),
+        home=(0.024, 0.0, -2e-3),
+    )  # fmt: skip
+    world.tip.move(1.0, (0.034, 0.0, -2e-3), *MOVE)
+    x_m = np.array([0.026, 0.029, 0.030, 0.032])
+    depth_m = (2e-3 + slope * (x_m - 0.032)) / math.hypot(1.0, slope)
+    expected = [
+        winkler(scene, x, 3e-3).force_n(x, np.array([d]), np.zeros(1))[0]
+        for x, d in zip(x_m, depth_m, strict=True)
+    ]
+    felt = world.force_n(1.0 + (x_m - 0.024) / MOVE[0])
+    assert felt == pytest.approx(expected, rel=1e-4)
+
+
 def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
     """Deeper than was asked for first, and by no round number."""
     asked: list[float] = []
