@@ -96,7 +96,7 @@ def pulsing_place(
     pulsing = [p for p in presses if p.pulsing and p.pulse is not None]
     if not pulsing:
         return []
-    clearest = min(pulsing, key=lambda p: p.pulse.p_value if p.pulse else 1.0)
+    clearest = max(pulsing, key=lambda p: p.size_pa)
     x_m = clearest.station.x_m
     ends = beside(x_m, presses)
     kind, sure, reason = _vessel(clearest, face_m2)

@@ -274,3 +274,18 @@ def test_samples_out_of_order_say_the_same() -> None:
     (wanted,), (found,) = (detect(recording([each])).stations for each in (one, mixed))
     assert found.pulse_pa == pytest.approx(wanted.pulse_pa, rel=1e-9)
     assert found.p_value == pytest.approx(wanted.p_value, rel=1e-6)
+
+
+@pytest.mark.parametrize("stations", [2, 3, 5])
+def test_a_row_too_short_for_a_map_places_a_vessel_where_its_pulse_is_largest(
+    stations: int,
+) -> None:
+    """All pulses are clear here, and which is a hair clearer says nothing of the place."""
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        centre_mm = float(rng.uniform(26.0, 38.0))
+        presses = row(rng, centre_mm=centre_mm, pulse_pa=400.0, bump=0.08, noise_pa=5.0)
+        first = round(centre_mm / 4) - 1 - int(rng.integers(stations))
+        (found,) = detect(recording(presses[first : first + stations])).objects
+        nearest_m = min((s.x_m for s in presses), key=lambda x: abs(x - 1e-3 * centre_mm))
+        assert found.position_m == pytest.approx(nearest_m)
