@@ -11,6 +11,7 @@ from probe.detection.classify.classifier import MIN_POSTERIOR, PULSE_BLUR, PULSE
 from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, vessels
 from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS, shape
+from probe.detection.map.row_objects import NORMAL_95
 from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.repeats import distinct_m, pitch_m
 
@@ -90,23 +91,32 @@ def pulsing_place(
 ) -> list[ObjectFinding]:
     """The one object that a pulse alone can show, where no row does: a vessel.
 
-    A press of known place and depth compares with the solved vessels, in tissue and out of it. Of
-    a recording that tells neither, an artery is a vessel, healthy or not.
+    It lies where the pulse is largest, or beside any press whose pulse may be as large. A press of
+    known place and depth compares with the solved vessels, in tissue and out of it. Of a recording
+    that tells neither, an artery is a vessel, healthy or not.
     """
     pulsing = [p for p in presses if p.pulsing and p.pulse is not None]
     if not pulsing:
         return []
-    clearest = max(pulsing, key=lambda p: p.size_pa)
-    x_m = clearest.station.x_m
-    ends = beside(x_m, presses)
-    kind, sure, reason = _vessel(clearest, face_m2)
+    strongest = max(pulsing, key=lambda p: p.size_pa)
+    x_m = strongest.station.x_m
+    around = [beside(p.station.x_m, presses) for p in pulsing if _as_strong(p, strongest)]
+    ends = min(low for low, _ in around), max(high for _, high in around)
+    kind, sure, reason = _vessel(strongest, face_m2)
     if unfinished and np.isfinite(ends[0]):
         last_m = max(presses, key=lambda p: p.station.index).station.x_m
         where = (
             ": what pulses lies here or beyond the last station so far" if last_m in ends else ""
         )
         kind, reason = "undecided", f"the row is not finished{where}; {reason}"
-    return [ObjectFinding(kind, x_m, ends, float("nan"), clearest.size_pa, stated(sure), reason)]
+    return [ObjectFinding(kind, x_m, ends, float("nan"), strongest.size_pa, stated(sure), reason)]
+
+
+def _as_strong(one: Press, strongest: Press) -> bool:
+    """Whether the sizes of two pulses differ by no more than their errors leave open (95 %)."""
+    assert one.pulse is not None and strongest.pulse is not None  # both pulse
+    doubt_pa = np.hypot(one.pulse.size_sd_pa, strongest.pulse.size_sd_pa)
+    return bool(strongest.size_pa - one.size_pa <= NORMAL_95 * doubt_pa)
 
 
 def beside(x_m: float, presses: Sequence[Press]) -> tuple[float, float]:
