@@ -31,6 +31,7 @@ DEFINED = {
     "hold has a pulse": "def which_pulse",
     "breathing and no pulse": "def is_no_pulse",
     "beside a movement": "def calm_half(",
+    "drift through a sensor": "def unrounded(",
     "tumour or artery": "def judge",
     "run file's layout": "CREATE TABLE",
     "finger and tissue": "def finger_pairs",
