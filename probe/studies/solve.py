@@ -11,7 +11,8 @@ from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
 from sim_backend.models.force_model import ForceModel, OutOfRange
-from sim_backend.models.press import CannotSolve, Press, check_press, press
+from sim_backend.models.press import CannotSolve, Press, press
+from sim_backend.models.press_range import check_press
 from sim_backend.models.refine import SMALL_PULSE
 from sim_backend.models.scan_estimate import estimate_scan
 from sim_backend.models.surrogate import Surrogate, surrogate

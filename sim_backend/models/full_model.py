@@ -11,7 +11,8 @@ from sim_backend.arrays import Array
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.models.force_model import ForceSlope, Range
-from sim_backend.models.press import MOST_MMHG, Press, press, reach_mm
+from sim_backend.models.press import Press, press
+from sim_backend.models.press_range import MOST_MMHG, reach_mm
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
 

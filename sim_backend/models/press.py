@@ -3,7 +3,6 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan
-from numbers import Real
 from pathlib import Path
 from time import perf_counter
 
@@ -22,18 +21,16 @@ from sim_backend.fem.solid.forces import smallest_volume_ratio
 from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
 from sim_backend.models.choose import choose, named
+from sim_backend.models.press_range import check_asked
 from sim_backend.models.refine import SMALL_PULSE, Solving, refine
 from sim_backend.models.solid_press import refine_axisymmetric, refine_solid
 from sim_backend.scene.scene_file import Scene, SceneError, as_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
-__all__ = ["CannotSolve", "Press", "PressMesh", "State", "check_press", "press"]
+__all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
 
-MODELS = ("auto", "finite", "small", "axisymmetric", "solid")
 SELF_CONTACT_PCT = 3.0
 """Error of a pulse where a lumen's walls touch: elements differ by up to 6 % there."""
-MOST_MMHG = 1000.0
-"""Largest lumen pressure that can be meant: a mistake of units is told."""
 HALVES = ([0, 1, 2], [0, 2, 3])
 
 
@@ -251,7 +248,7 @@ def press(
     elif not isinstance(pressures_mmhg, Iterable):
         pressures_mmhg = (pressures_mmhg,)
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
-    _check(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
+    check_asked(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()
     if scene.plane == "solid":
         return _press_solid(scene, x_mm, depth_mm, pressures, model, accuracy_pct, solving, began)
@@ -364,44 +361,3 @@ def _state(scene: Scene, section: Section, solution: Solution, pressure_mmhg: fl
         solution.stable,
         solution,
     )
-
-
-def _check(
-    scene: Scene,
-    x_mm: float,
-    depth_mm: float,
-    pressures: tuple[float, ...],
-    model: str,
-    accuracy_pct: float,
-) -> None:
-    for key, value in {"x_mm": x_mm, "depth_mm": depth_mm}.items():
-        if not isinstance(value, Real):
-            raise SceneError(f"{key} = {value!r}: must be a number")
-    if model not in MODELS:
-        raise SceneError(f"model = {model!r}: must be one of {', '.join(MODELS)}")
-    if not 0.01 <= accuracy_pct <= 50:
-        raise SceneError(f"accuracy = {accuracy_pct:g} %: must lie between 0.01 and 50")
-    check_press(scene, x_mm, depth_mm)
-    for p in pressures:
-        if not 0 <= p <= MOST_MMHG:
-            raise SceneError(f"pressure = {p:g} mmHg: must lie between 0 and {MOST_MMHG:g}")
-
-
-def check_press(scene: Scene, x_mm: float, depth_mm: float) -> None:
-    """Raises `SceneError` for a press that cannot be meant."""
-    if not 0 < depth_mm < scene.surface_mm:
-        raise SceneError(
-            f"depth_mm = {depth_mm:g}: must lie between 0 and the {scene.surface_mm:g} mm "
-            f"of {scene.name}"
-        )
-    left, right = reach_mm(scene)
-    if not left <= x_mm <= right:
-        raise SceneError(f"x_mm = {x_mm:g}: the finger must stay between {left:g} and {right:g}")
-
-
-def reach_mm(scene: Scene) -> tuple[float, float]:
-    """Where a press can begin: over the block, or over the middle half of a lone vessel."""
-    if scene.tissue is not None:
-        return 0.0, scene.tissue.width_mm
-    one = scene.inclusion[0]
-    return one.x_mm - one.outer_radius_mm / 2, one.x_mm + one.outer_radius_mm / 2

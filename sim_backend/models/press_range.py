@@ -1,0 +1,51 @@
+"""Where, how deep and at which pressures a scene can be pressed."""
+
+from numbers import Real
+
+from sim_backend.scene.scene_file import Scene, SceneError
+
+MODELS = ("auto", "finite", "small", "axisymmetric", "solid")
+MOST_MMHG = 1000.0
+"""Largest lumen pressure that can be meant: a mistake of units is told."""
+
+
+def check_asked(
+    scene: Scene,
+    x_mm: float,
+    depth_mm: float,
+    pressures: tuple[float, ...],
+    model: str,
+    accuracy_pct: float,
+) -> None:
+    """Raises `SceneError` for a press, a model, an accuracy or pressures that cannot be meant."""
+    for key, value in {"x_mm": x_mm, "depth_mm": depth_mm}.items():
+        if not isinstance(value, Real):
+            raise SceneError(f"{key} = {value!r}: must be a number")
+    if model not in MODELS:
+        raise SceneError(f"model = {model!r}: must be one of {', '.join(MODELS)}")
+    if not 0.01 <= accuracy_pct <= 50:
+        raise SceneError(f"accuracy = {accuracy_pct:g} %: must lie between 0.01 and 50")
+    check_press(scene, x_mm, depth_mm)
+    for p in pressures:
+        if not 0 <= p <= MOST_MMHG:
+            raise SceneError(f"pressure = {p:g} mmHg: must lie between 0 and {MOST_MMHG:g}")
+
+
+def check_press(scene: Scene, x_mm: float, depth_mm: float) -> None:
+    """Raises `SceneError` for a press that cannot be meant."""
+    if not 0 < depth_mm < scene.surface_mm:
+        raise SceneError(
+            f"depth_mm = {depth_mm:g}: must lie between 0 and the {scene.surface_mm:g} mm "
+            f"of {scene.name}"
+        )
+    left, right = reach_mm(scene)
+    if not left <= x_mm <= right:
+        raise SceneError(f"x_mm = {x_mm:g}: the finger must stay between {left:g} and {right:g}")
+
+
+def reach_mm(scene: Scene) -> tuple[float, float]:
+    """Where a press can begin: over the block, or over the middle half of a lone vessel."""
+    if scene.tissue is not None:
+        return 0.0, scene.tissue.width_mm
+    one = scene.inclusion[0]
+    return one.x_mm - one.outer_radius_mm / 2, one.x_mm + one.outer_radius_mm / 2
