@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from probe.core.events import Event, RunEnded, RunStarted, StationEnded, StationStarted
 from probe.core.places import place_words, plans_rows
-from sim_backend import cell_line
+from sim_backend import notebook_line
 
 
 class StationCount:
@@ -49,9 +49,9 @@ class StationCount:
 
 def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
     """An observer that writes over one line below a notebook's cell; none elsewhere."""
-    if not cell_line.in_notebook():
+    if not notebook_line.in_notebook():
         return ()
-    count, say = StationCount(total, done), cell_line.rewritten()
+    count, say = StationCount(total, done), notebook_line.rewritten()
 
     def show(event: Event) -> None:
         match event:

@@ -21,7 +21,7 @@ from drivers.core.extras import needs, require
 from probe.core.processes import leave_with_parent, starting_workers
 from probe.studies.solve import Job, Row, jobs, solve
 from probe.studies.vary import Design, Point, parse, places, points
-from sim_backend.cell_line import cell_line
+from sim_backend.notebook_line import notebook_line
 from sim_backend.scene.scene_file import Scene, as_scene
 
 with needs("data", "palpate sweep"):
@@ -92,7 +92,7 @@ def sweep(
         parse(f"{key}={v if isinstance(v, str) else ','.join(map(repr, v))}", loaded)
         for key, v in vary.items()
     ]
-    with cell_line() as line:
+    with notebook_line() as line:
         return solve_points(
             loaded, points(varied, design, count, seed), Path(out),
             x_mm=places(x_mm) if isinstance(x_mm, str) else tuple(x_mm),

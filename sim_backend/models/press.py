@@ -10,7 +10,6 @@ import numpy as np
 
 from sim_backend import html
 from sim_backend.arrays import Array, Ints
-from sim_backend.cell_line import cell_line
 from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.internal import smallest_area_ratio
 from sim_backend.fem.model import Section, best_element
@@ -24,6 +23,7 @@ from sim_backend.models.choose import choose, named
 from sim_backend.models.press_range import check_asked
 from sim_backend.models.refine import SMALL_PULSE, Solving, refine
 from sim_backend.models.solid_press import refine_axisymmetric, refine_solid
+from sim_backend.notebook_line import notebook_line
 from sim_backend.scene.scene_file import Scene, SceneError, as_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -235,7 +235,7 @@ def press(
     True
     """
     if solving is None:
-        with cell_line() as line:
+        with notebook_line() as line:
             return press(
                 scene, x_mm, depth_mm, pressures_mmhg, model=model, accuracy_pct=accuracy_pct,
                 solving=lambda what: line(f"solving {what}"),

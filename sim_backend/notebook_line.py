@@ -24,7 +24,7 @@ def rewritten() -> Callable[..., None]:
 
 
 @contextmanager
-def cell_line() -> Iterator[Callable[[str], None]]:
+def notebook_line() -> Iterator[Callable[[str], None]]:
     """Within: says what it is given below the cell of a notebook; the line is empty afterwards."""
     if not in_notebook():
         yield lambda _text: None
