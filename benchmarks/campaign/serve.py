@@ -99,7 +99,7 @@ def open_line(*, serial: bool) -> Line:
     return Line(f"socket://127.0.0.1:{listener.getsockname()[1]}", listener)
 
 
-def serve(draw: Draw, board_line: Line, notebook_line: Line, commands: int, folder: Path) -> None:
+def serve(draw: Draw, board_line: Line, cell_line: Line, commands: int, folder: Path) -> None:
     """Live until ``commands`` closes; a byte is written there when a fault strikes."""
     come_before_all()
     world = World(draw.bed, time.monotonic(), HOME)
@@ -108,7 +108,7 @@ def serve(draw: Draw, board_line: Line, notebook_line: Line, commands: int, fold
     pressing = Presses(world)
     late_s = 0.0
     while True:
-        watched = [commands, *board_line.readable(), *notebook_line.readable()]
+        watched = [commands, *board_line.readable(), *cell_line.readable()]
         ready, _, _ = select.select(watched, [], [], TICK_S)
         now = time.monotonic()
         late_s = max(late_s, now - world.time_s)
@@ -122,10 +122,10 @@ def serve(draw: Draw, board_line: Line, notebook_line: Line, commands: int, fold
                 strike(fault, world, board, cell)
                 os.write(commands, bytes([number]))
         board.received(board_line.take(ready))
-        notebook_line.take(ready)
+        cell_line.take(ready)
         board_line.send(board.due())
-        notebook_line.send(cell.due())
-        for line, device in ((board_line, board), (notebook_line, cell)):
+        cell_line.send(cell.due())
+        for line, device in ((board_line, board), (cell_line, cell)):
             if device.dead:
                 line.close()
     save(folder / "truth.npz", world, board, cell, struck, late_s)
