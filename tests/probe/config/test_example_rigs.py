@@ -15,7 +15,10 @@ from sim_backend.emulators import modbus, taxels
 from sim_backend.phantom.phantom import Phantom, Respond
 
 RIGS = ROOT / "rigs"
-NEEDS = {"standa_lines": "libximc", "netft": "pynetft", "ur5e": "rtde_control"}
+NEEDS = {
+    "standa_lines": "libximc", "netft": "pynetft", "ur5e": "rtde_control",
+    "ur5e_ft300": "rtde_control",
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
