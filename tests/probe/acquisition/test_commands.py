@@ -1,9 +1,18 @@
 import os
 import signal
+from collections.abc import Iterator
 
 import pytest
 
 from probe.acquisition.commands import Control, RunCommand, ctrl_c
+
+
+@pytest.fixture(autouse=True)
+def hangup_heard() -> Iterator[None]:
+    """As at a terminal, also where whoever runs the tests has hangups ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
 
 
 def test_the_most_urgent_command_wins_and_an_abort_stays() -> None:

@@ -27,6 +27,14 @@ name = "TIHA"
 PALPATE = (sys.executable, "-m", "probe.cli")
 
 
+@pytest.fixture(autouse=True)
+def hangup_heard() -> Iterator[None]:
+    """As at a terminal, also where whoever runs the tests has hangups ignored."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    yield
+    signal.signal(signal.SIGHUP, before)
+
+
 @pytest.fixture
 def rig(tmp_path: Path) -> Path:
     file = tmp_path / "rig.toml"
