@@ -106,12 +106,12 @@ def scan(
         raise ConfigError(f"seed = {seed!r}: must be an integer") from None
     if seed < 0:
         raise ConfigError(f"seed = {seed}: must not be negative")
-    rig, felt = resolve_rig(rig, scene)
+    rig, chosen = resolve_rig(rig, scene)
     plan = plan_for(rig)
     limits = limits_for(rig, plan)
     clock = clock_for(rig, real_time=real_time)
     control = control or Control()
-    order = Order(rig, clock, felt, seed, fallback)
+    order = Order(rig, clock, chosen, seed, fallback)
     with opened_devices(order, respond, control) as devices:
         simulated = devices.scene
         prepared = prepare(rig, plan, limits, simulated, devices, seed)
@@ -179,11 +179,11 @@ def resolve_rig(
     if scene is None and rig is not None:
         return rig, None if rig.scene is None else load_scene(rig.scene.name)
     scene = DEFAULT_SCENE if scene is None else scene
-    felt = as_scene(scene)
-    rig = default_rig(felt) if rig is None else rig
+    chosen = as_scene(scene)
+    rig = default_rig(chosen) if rig is None else rig
     lies = None if rig.scene is None else rig.scene.surface_mm
-    choice = SceneChoice(name=felt.name if felt is scene else str(scene), surface_mm=lies)
-    return rig.model_copy(update={"scene": choice}), felt
+    choice = SceneChoice(name=chosen.name if chosen is scene else str(scene), surface_mm=lies)
+    return rig.model_copy(update={"scene": choice}), chosen
 
 
 def clock_for(rig: Rig, *, real_time: bool) -> Clock:

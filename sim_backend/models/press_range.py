@@ -6,7 +6,7 @@ from sim_backend.scene.scene_file import Scene, SceneError
 
 MODELS = ("auto", "finite", "small", "axisymmetric", "solid")
 MOST_MMHG = 1000.0
-"""Largest lumen pressure that can be meant: a mistake of units is told."""
+"""Largest lumen pressure that can be meant: beyond it is a mistake of units."""
 
 
 def check_asked(

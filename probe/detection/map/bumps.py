@@ -162,7 +162,7 @@ def with_edges(x_m: Array) -> Array:
 
 def _further_edges(x_m: Array) -> list[Array]:
     """Pairs of columns (n, 2) of edges that reach further, as a high block's do, where stations are
-    so close that they are told from a lump."""
+    so close that they show the difference from a lump."""
     if np.median(np.diff(x_m)) > CLOSE_M:
         return []
     ends = x_m[[0, -1]]

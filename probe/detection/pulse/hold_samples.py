@@ -145,8 +145,8 @@ def quantum_of(signal: Array) -> float:
     values = np.unique(signal)
     if not 1 < len(values) <= MAX_CODES * len(signal):
         return 0.0
-    apart = np.diff(values)
-    step = float(apart[apart > SAME * np.ptp(values)].min())
+    gaps = np.diff(values)
+    step = float(gaps[gaps > SAME * np.ptp(values)].min())
     codes = (values - values[0]) / step
     noise = 1.4826 * float(np.median(np.abs(np.diff(signal)))) / np.sqrt(2)
     even = bool(np.abs(codes - np.round(codes)).max() <= EVEN_CODES)

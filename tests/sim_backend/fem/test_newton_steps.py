@@ -71,12 +71,12 @@ def test_the_way_down_belongs_to_the_finger(plane: str, monkeypatch: pytest.Monk
         return list(taken), found.force_n_per_m
 
     def enlarged(times: float) -> Scene:
-        told = BLOCK.model_dump() | {"plane": plane}
-        for part in (told["tissue"], *told["inclusion"], told["indenter"]):
+        table = BLOCK.model_dump() | {"plane": plane}
+        for part in (table["tissue"], *table["inclusion"], table["indenter"]):
             for key, value in part.items():
                 if key.endswith("_mm") and value is not None:
                     part[key] = times * value
-        return Scene.model_validate(told)
+        return Scene.model_validate(table)
 
     taken: list[int] = []
     equilibrium = newton.equilibrium
