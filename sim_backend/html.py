@@ -70,10 +70,8 @@ def _map(x: Sequence[float], y: Sequence[float], values: Sequence[float], title:
         return ""
     (left, right), (low, high) = _span([a for a, _, _ in places]), _span([b for _, b, _ in places])
     least, most = _span([v for _, _, v in places])
-    columns, rows = (
-        len({round(a, 3) for a, _, _ in places}),
-        len({round(b, 3) for _, b, _ in places}),
-    )
+    columns = len({round(a, 3) for a, _, _ in places})
+    rows = len({round(b, 3) for _, b, _ in places})
     side = min((WIDTH - 2 * MARGIN) / columns, 2 * HEIGHT / rows)
     tall = side * (rows - 1)
     drawn = []

@@ -145,10 +145,8 @@ def with_samples(
     needed = ["time_s", "station", "attempt", *names, *(f"{name}_saturated" for name in names)]
     if lacking := [name for name in needed if name not in table]:
         raise RunFileError(f"samples of {device!r}: no {', '.join(lacking)}")
-    time_s, values = (
-        np.asarray(table["time_s"], float),
-        np.empty((len(table["time_s"]), len(names))),
-    )
+    time_s = np.asarray(table["time_s"], float)
+    values = np.empty((len(time_s), len(names)))
     saturated = np.empty(values.shape, bool)
     for n, name in enumerate(names):
         values[:, n], saturated[:, n] = table[name], table[f"{name}_saturated"]

@@ -192,16 +192,16 @@ class VirtualSensor:
 
     def _sample(self, index: Ints) -> tuple[Array, Array, Bools]:
         time_s = self._start_s + index / self.rate_hz
-        felt_s = time_s - self._latency_s
+        pressed_s = time_s - self._latency_s
         noise = self._noise(index) if self._noise_n else 0.0
-        force = self._gain * self._phantom.force_n(felt_s) + self._bias_n + noise
+        force = self._gain * self._phantom.force_n(pressed_s) + self._bias_n + noise
         force += self._drift_n_s * (time_s - self._start_s)
         clipped = np.clip(force, -self._full_scale_n, self._full_scale_n)
         if self._quantum_n:
             clipped = np.round(clipped / self._quantum_n) * self._quantum_n
         saturated = np.zeros((len(index), 2), dtype=bool)
         saturated[:, 0] = np.abs(force) >= self._full_scale_n
-        stress = self._phantom.von_mises_pa(felt_s)
+        stress = self._phantom.von_mises_pa(pressed_s)
         return time_s, np.column_stack([clipped, stress]), saturated
 
     def _noise(self, index: Ints) -> Array:

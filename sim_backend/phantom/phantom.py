@@ -83,11 +83,11 @@ class Phantom:
 
     def force_n(self, time_s: Array) -> Array:
         """Normal force (n,) [N] on the whole indenter at ascending ``time_s`` (n,)."""
-        return self._felt(time_s, lambda r: r.force_n)
+        return self._answer(time_s, lambda r: r.force_n)
 
     def von_mises_pa(self, time_s: Array) -> Array:
         """Von Mises stress (n,) [Pa] at the surface under the finger, the paper's criterion."""
-        return self._felt(time_s, lambda r: r.von_mises_pa)
+        return self._answer(time_s, lambda r: r.von_mises_pa)
 
     def depth_m(self, time_s: Array) -> Array:
         """Indentation (n,) [m] at ascending ``time_s`` (n,), negative in the air."""
@@ -161,7 +161,7 @@ class Phantom:
         """Take the answer of a section that somebody else has solved."""
         self._responses[place] = (depth_m, response)
 
-    def _felt(self, time_s: Array, quantity: Callable[[Response], Callable[..., Array]]) -> Array:
+    def _answer(self, time_s: Array, quantity: Callable[[Response], Callable[..., Array]]) -> Array:
         values = np.zeros(len(time_s))
         pressure = self.pressure_pa(time_s)
         for leg, before, span in self.tip.legs(time_s):

@@ -51,7 +51,7 @@ def test_relaxation_loses_the_prony_weights_of_a_held_force(winkler: Any) -> Non
         update={"tissue": Tissue(**(tissue.model_dump() | {"relaxation": ((g, tau_s),)}))}
     )
     t = np.array([1.5, 2.0, 2.5, 12.0])
-    felt = phantom(winkler, soft).force_n(t)
+    force_n = phantom(winkler, soft).force_n(t)
     # A ramp of rate r: F = r k [(1 - g) t + g tau (1 - exp(-t/tau))];
     # from its end on the last term decays.
     rate_n_s = 400 * 2.5e-3
@@ -62,7 +62,7 @@ def test_relaxation_loses_the_prony_weights_of_a_held_force(winkler: Any) -> Non
         rate_n_s * ((1 - g) + arm * math.exp(-0.5 / tau_s)),
         rate_n_s * (1 - g),
     ]
-    assert felt == pytest.approx(expected, rel=2e-3)
+    assert force_n == pytest.approx(expected, rel=2e-3)
 
 
 def test_deeper_than_prepared_is_solved_again(winkler: Any) -> None:
@@ -120,7 +120,7 @@ def test_depth_is_along_the_normal(winkler: Any, home: tuple[float, float, float
     assert sloping.depth_m(np.zeros(1)) == pytest.approx(0.8e-3)
 
 
-def test_a_drag_is_felt_by_the_section_and_the_surface_under_each_place(winkler: Any) -> None:
+def test_a_drag_is_answered_by_the_section_and_the_surface_under_each_place(winkler: Any) -> None:
     scene, slope = load_scene("TIT"), 0.05
     world = Phantom(
         scene, SimulatedClock(), winkler, surface=lambda x, _y: slope * (x - 0.032),
@@ -133,8 +133,8 @@ def test_a_drag_is_felt_by_the_section_and_the_surface_under_each_place(winkler:
         winkler(scene, x, 3e-3).force_n(x, np.array([d]), np.zeros(1))[0]
         for x, d in zip(x_m, depth_m, strict=True)
     ]
-    felt = world.force_n(1.0 + (x_m - 0.024) / MOVE[0])
-    assert felt == pytest.approx(expected, rel=1e-4)
+    force_n = world.force_n(1.0 + (x_m - 0.024) / MOVE[0])
+    assert force_n == pytest.approx(expected, rel=1e-4)
 
 
 def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
