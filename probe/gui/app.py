@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, thread_time
 from typing import Any
 
 from probe.acquisition.remote import ask
@@ -15,7 +15,8 @@ from probe.gui.state import ViewState
 from probe.gui.style import application, until_closed
 from probe.gui.window import Found, RunWindow
 
-READ_BUDGET_S = 0.015  # of a frame of 33 ms
+READ_BUDGET_S = 0.015
+"""Of the processor, in a frame of 33 ms: by the clock a busy machine would only draw."""
 FINISHED_POLL_S = 1.0
 """A finished run is looked at once a second: it may be resumed."""
 AFTER_THE_SCAN = 5
@@ -26,12 +27,13 @@ class Follower:
     """Takes events into a state for at most `READ_BUDGET_S` per frame.
 
     ``events`` yields None whenever nothing new is there yet. Falling behind costs only
-    lateness: the events stay in the run file until they are read.
+    lateness, which the state then says: the events stay in the run file until they are read.
     """
 
     def __init__(self, events: Iterator[Event | None]) -> None:
         self._events = events
         self._again_s = 0.0
+        self._latest_s = perf_counter()  # when the last event was the latest
         self.state = ViewState()
 
     def __call__(self) -> ViewState:
@@ -39,12 +41,14 @@ class Follower:
         if self.state.finish is not None and now < self._again_s:
             return self.state
         self._again_s = now + FINISHED_POLL_S
-        until = now + READ_BUDGET_S
-        while perf_counter() < until:
+        until = thread_time() + READ_BUDGET_S
+        while thread_time() < until:
             event = next(self._events, None)
             if event is None:
+                self._latest_s = now
                 break
             self.state.update(event)
+        self.state.late_s = now - self._latest_s
         return self.state
 
 

@@ -20,6 +20,9 @@ from probe.gui.state import ViewState
 from probe.gui.style import scrolling
 from probe.report.look import GREEN, VERMILLION
 
+LATE_S = 1.0
+"""From here on a window that lags says so: what it shows is no longer what happens now."""
+
 Ask = Callable[[str], None]
 """Passes pause, resume, abort or stop to the scan; raises `NotRunning`."""
 
@@ -144,6 +147,8 @@ def _details(finding: Mapping[str, Any]) -> list[str]:
 def progress_line(state: ViewState) -> str:
     """Stations done, phase and time left."""
     done = f"{len(state.complete)} of {len(state.plan)} stations complete"
+    if state.late_s > LATE_S:
+        done = f"not the latest: the run is still being read\n{done}"
     if state.finish is not None:
         return f"{done}\n{state.finish}: {state.reason}"
     left = state.time_left_s()

@@ -14,7 +14,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 from probe.core.processes import leave_with_parent, starting_workers
 from probe.gui.body import draw_scene, finger_outline, frame_scene
 from probe.gui.maps import HeatMap
-from probe.gui.style import application, label, pen, plot, until_closed
+from probe.gui.style import application, label, open_at, pen, plot, until_closed
 from probe.gui.table import Table, solve
 from probe.report.look import BLUE, GREEN, VERMILLION
 from sim_backend.scene.scene_file import Scene
@@ -51,7 +51,7 @@ class FeelWindow(QWidget):
         self._before = (0.0, self.x_mm, LIFTED_MM)  # time, place and depth of the last frame
         self.history: deque[tuple[float, float, float]] = deque()
         self._build(scene)
-        self.resize(1280, 700)
+        open_at(self, 1280, 700)
         self.timer = QTimer(self)
         self.timer.timeout.connect(self.frame)
         self.timer.start(FRAME_MS)

@@ -90,7 +90,8 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
         known = table[np.isfinite(table)]
         low, high = scale or ((known.min(), known.max()) if len(known) else (0.0, 1.0))
         self.image.setImage(table, autoLevels=False)
-        ends = (low, high if high > low else low + 1e-9)
+        # one value alone is the middle of a scale wide enough to be numbered
+        ends = (low, high) if high > low else (low - 0.5, high + 0.5)
         if ends != self.bar.levels():  # setting what is set would redraw the axes
             self.bar.setLevels(ends)
         if box != self._box:
@@ -125,7 +126,7 @@ class MapPanel(QStackedWidget):
         super().__init__()
         self._known: GridMap | None = None
         self._levels: Levels | None = None
-        self._found: Mapping[str, Any] | None = None
+        self._said: Mapping[str, Any] | None = None
         self.line = LineMap()
         self.grid = HeatMap("Tactile map", "baseline [kPa]")
         self.grid_pulse = HeatMap("", "pulse [Pa]")
@@ -140,11 +141,22 @@ class MapPanel(QStackedWidget):
         for each in (self.line, self.area, self.taxels):
             self.addWidget(each)
 
-    def show_state(self, state: ViewState, levels: Levels | None = None) -> None:
-        """Draw the run so far; ``levels`` [Pa] fix the scale (for two runs side by side)."""
+    def show_state(
+        self,
+        state: ViewState,
+        said: Mapping[str, Any] | None = None,
+        levels: Levels | None = None,
+    ) -> None:
+        """Draw the run so far, and over a grid the finding that is ``said`` of it.
+
+        ``levels`` [Pa] fix the scale (for two runs side by side).
+        """
         if state.is_grid:
             self.setCurrentWidget(self.area)
             self._show_grid(state, levels)
+            if said is not self._said:
+                self._said = said
+                self.grid_pulse.show_courses(courses_mm(said) if said else ())
         elif len(state.taxels_pa) > 1 and len(state.plan) < 2:
             self.setCurrentWidget(self.taxels)
             table = taxel_table(state.taxels_pa)
@@ -165,9 +177,6 @@ class MapPanel(QStackedWidget):
             self.grid.show_table(self._known.table / 1e3, self._known.box, scale)
             pulses = None if levels is None else (0.0, levels.pulse_pa)
             self.grid_pulse.show_table(self._known.pulses, self._known.box, pulses)
-        if new or state.finding is not self._found:
-            self._found = state.finding
-            self.grid_pulse.show_courses(courses_mm(state.finding) if state.finding else ())
 
 
 class GridMap:

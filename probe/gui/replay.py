@@ -22,6 +22,7 @@ from probe.core.events import Event, Samples
 from probe.core.finding_words import simulated_words
 from probe.gui.maps import MapPanel, common_levels
 from probe.gui.state import ViewState
+from probe.gui.style import open_at
 from probe.gui.window import FRAME_MS, Found, RunWindow, judge
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0)
@@ -120,7 +121,7 @@ class ReplayWindow(RunWindow):
         self.column.addWidget(self.bar)
 
     def said(self, state: ViewState) -> Mapping[str, Any] | None:
-        return None if state.finish is None else state.finding
+        return said_at_the_end(state)
 
 
 class PairWindow(QWidget):
@@ -151,7 +152,7 @@ class PairWindow(QWidget):
         layout = QVBoxLayout(self)
         layout.addLayout(sides, 1)
         layout.addWidget(self.bar)
-        self.resize(1280, 700)
+        open_at(self, 1280, 700)
         self.timer = QTimer(self)
         self.timer.timeout.connect(self.frame)
         self.timer.start(FRAME_MS)
@@ -167,7 +168,12 @@ class PairWindow(QWidget):
             self.names, self.heads, self.panels, states, strict=True
         ):
             head.setText(" — ".join(filter(None, (name, simulated_words(state.simulated)))))
-            panel.show_state(state, levels)
+            panel.show_state(state, said_at_the_end(state), levels)
+
+
+def said_at_the_end(state: ViewState) -> Mapping[str, Any] | None:
+    """What the whole run means; None before its end."""
+    return None if state.finish is None else state.finding
 
 
 def _time(event: Event) -> float:

@@ -76,7 +76,7 @@ class ViewState:
     ``maps`` hold each station's baseline and pulse [Pa]: as ``finding``, the latest JSON of
     detection, measured them where the station is complete; before that the hold's mean and the
     height of its mean beat, NaN while no heart rate is known. ``seen`` counts what came in: what
-    has not changed need not be drawn again.
+    has not changed need not be drawn again. ``late_s`` is how long ago this was the latest.
     """
 
     config: Mapping[str, Any] = field(default_factory=dict)
@@ -97,6 +97,7 @@ class ViewState:
     reason: str = ""
     now_s: float = float("nan")
     seen: int = 0
+    late_s: float = 0.0
     _places: dict[int, Place] = field(default_factory=dict)
     _conversions: dict[str, StressConversion] = field(default_factory=dict)
     _measured: dict[int, tuple[float, float]] = field(default_factory=dict)

@@ -5,7 +5,7 @@ import re
 import signal
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QTimer
+from PySide6.QtCore import QEvent, QSize, QTimer
 from PySide6.QtGui import QColor, QFont, QPen
 from PySide6.QtWidgets import QApplication, QFrame, QScrollArea, QWidget
 
@@ -33,8 +33,8 @@ QPushButton#stop { font-size: 20pt; font-weight: 700; color: #ffffff; background
 def application(enlarge: float | None = None) -> QApplication:
     """The one Qt application, with the look on.
 
-    Text grows with the screen: on a 4K screen that Qt does not scale itself it is doubled.
-    ``enlarge`` overrides that.
+    Text and windows grow with the screen: on a 4K screen that Qt does not scale itself they are
+    doubled. ``enlarge`` overrides that.
     """
     existing = QApplication.instance()
     app = existing if isinstance(existing, QApplication) else QApplication(["palpate"])
@@ -76,6 +76,12 @@ def scale() -> float:
     """How much larger than designed everything is drawn."""
     app = QApplication.instance()
     return 1.0 if app is None else float(app.property("enlarge") or 1.0)
+
+
+def open_at(window: QWidget, width: int, height: int) -> None:
+    """Let ``window`` open this large [px on a small screen], and never larger than the screen."""
+    room = QApplication.primaryScreen().availableGeometry().size()
+    window.resize((QSize(width, height) * scale()).boundedTo(room))
 
 
 def scrolling(inner: QWidget) -> QScrollArea:

@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
 )
 
 from probe.acquisition.watch import HEAD, Reading, Watch
-from probe.gui.style import application, scale, until_closed
+from probe.gui.style import application, open_at, until_closed
 
 FRAME_MS = 100
 FAULT_INK = "#a40e26"
@@ -49,7 +49,7 @@ class WatchWindow(QWidget):
         layout.addWidget(self.fault)
         layout.addWidget(self.table)
         layout.addWidget(self.tare)
-        self.resize(round(900 * scale()), round(320 * scale()))
+        open_at(self, 900, 320)
         self.frame()
         self.timer = QTimer(self)
         self.timer.timeout.connect(self.frame)

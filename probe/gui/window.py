@@ -12,7 +12,7 @@ from probe.gui.body import BodyPanel
 from probe.gui.controls import Ask, SidePanel
 from probe.gui.maps import MapPanel
 from probe.gui.state import ViewState
-from probe.gui.style import scale, scrolling
+from probe.gui.style import open_at, scale, scrolling
 from probe.gui.traces import TracePanel
 
 FRAME_MS = 33
@@ -63,7 +63,7 @@ class RunWindow(QWidget):
         self.column = QVBoxLayout(self)
         self.column.setContentsMargins(6, 6, 6, 6)
         self.column.addWidget(self.pages, 1)
-        self.resize(1280, 700)
+        open_at(self, 1280, 700)
         self.timer = QTimer(self)
         self.timer.timeout.connect(self.frame)
         self.timer.start(FRAME_MS)
@@ -72,7 +72,7 @@ class RunWindow(QWidget):
         left = QSplitter(Qt.Orientation.Vertical)
         left.addWidget(self.maps)
         left.addWidget(self.body)
-        left.setSizes([420, 240])
+        left.setSizes([420, 240])  # shares of what the window has
         self.plots = QSplitter(Qt.Orientation.Horizontal)
         self.plots.addWidget(left)
         self.plots.addWidget(self.traces)
@@ -94,7 +94,7 @@ class RunWindow(QWidget):
         self.plots.setMinimumHeight(round(PLOTS * PLOT_PX * scale()) if narrow else 0)
 
     def said(self, state: ViewState) -> Mapping[str, Any] | None:
-        """The finding that is put into words."""
+        """The finding that is put into words, and drawn."""
         return state.finding
 
     def frame(self) -> None:
@@ -105,11 +105,12 @@ class RunWindow(QWidget):
         if not started:
             return
         judge(state, self.finding())
-        self.side.show_state(state, self.said(state))
+        said = self.said(state)
+        self.side.show_state(state, said)
         drawn = (id(state), state.seen)
         if drawn == self._drawn:  # an idle window costs next to nothing
             return
         self._drawn = drawn
-        self.maps.show_state(state)
+        self.maps.show_state(state, said)
         self.body.show_state(state)
         self.traces.show_state(state)

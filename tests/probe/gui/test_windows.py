@@ -1,14 +1,17 @@
 """Every control is clicked, every state is drawn; the pictures are kept to be looked at."""
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pyqtgraph as pg
 import pytest
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication
 
 from probe.acquisition.remote import NotRunning
 from probe.core.events import (
@@ -22,6 +25,7 @@ from probe.core.events import (
 )
 from probe.gui.app import Follower
 from probe.gui.body import BodyPanel
+from probe.gui.controls import progress_line
 from probe.gui.maps import MapPanel
 from probe.gui.replay import SPEEDS, PairWindow, Player, ReplayWindow, TimeBar
 from probe.gui.state import ViewState
@@ -122,6 +126,21 @@ def test_a_finished_grid_fits_small_and_large_screens(
     assert np.isfinite(window.maps.grid.image.image).all()
 
 
+@pytest.mark.parametrize("times", [1.0, 2.0])
+def test_a_window_opens_as_much_larger_as_its_text(
+    times: float, make_run: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """On a 4K screen it opened as small as on any other, with text of twice the size cut off."""
+    application(times)
+    wide = SimpleNamespace(availableGeometry=lambda: QRect(0, 0, 3840, 2160))
+    monkeypatch.setattr(QApplication, "primaryScreen", lambda: wide)
+    assert window_on(make_run(columns=1)).width() == 1280 * times
+    pair = PairWindow(("a", "b"), (make_run(columns=1), make_run(columns=1)))
+    assert pair.width() == 1280 * times
+    wide.availableGeometry = lambda: QRect(0, 0, 1024, 768)
+    assert window_on(make_run(columns=1)).size() == QSize(1024, min(700 * round(times), 768))
+
+
 def test_a_grid_drawn_while_it_grows_ends_as_one_drawn_at_once(make_run: Make) -> None:
     application()
     events = make_run(rows=3, columns=5)
@@ -145,14 +164,34 @@ def test_a_grids_course_is_drawn_over_its_pulses(make_run: Make) -> None:
     course = [[30.0, 0.0], [32.0, 4.0], [34.0, 8.0]]
     one = {"kind": "artery", "course_mm": course, "stenosed_mm": [4.0, 8.0]}
     state.judge({"objects": [one], "stations": stations, "heart_rate_bpm": None})
-    window.maps.show_state(state)
+    window.maps.show_state(state, state.finding)
     vessel, stenosed = window.maps.grid_pulse.courses
     assert np.column_stack(vessel.getData()).tolist() == course
     assert np.column_stack(stenosed.getData()).tolist() == course[1:]
     state.judge({"objects": [], "stations": stations, "heart_rate_bpm": None})
-    window.maps.show_state(state)
+    window.maps.show_state(state, state.finding)
     assert window.maps.grid_pulse.courses == []
     assert vessel not in window.maps.grid_pulse.plot.items
+
+
+def test_a_replay_draws_what_was_found_at_its_end(make_run: Make) -> None:
+    """The course was drawn before the first press, beside the words "none yet"."""
+    stations = [{"station": n + 1, "baseline_pa": 1.0, "pulse_pa": 2.0} for n in range(15)]
+    one = {"kind": "artery", "course_mm": [[30.0, 0.0], [32.0, 4.0]], "position_mm": 31.0}
+    found = FINDING | {"objects": [one | {"confidence": 0.9}], "stations": stations}
+    window = ReplayWindow(Path("a.run"), make_run(rows=3, columns=5), lambda: found)
+    for step, drawn in ((500, 0), (1000, 1), (500, 0)):
+        window.bar.slider.setValue(step)
+        window.frame()
+        assert len(window.maps.grid_pulse.courses) == drawn
+
+
+def test_the_first_cell_of_a_map_has_a_numbered_scale(make_run: Make) -> None:
+    """Between two ends that are all but equal there was no number."""
+    window = window_on(make_run(rows=3, columns=5))
+    window.maps.grid.show_table(np.array([[6.5]]), (0, 0, 1, 1))
+    low, high = window.maps.grid.bar.levels()
+    assert low < 6.5 < high and high - low == pytest.approx(1.0)
 
 
 def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
@@ -265,6 +304,21 @@ def test_a_frame_reads_no_longer_than_its_budget(make_run: Make) -> None:
     seen = follower.state.now_s
     assert np.isfinite(seen)
     assert Follower(iter([None]))().started_utc == ""
+
+
+def test_a_window_that_lags_reads_on_and_says_so(
+    make_run: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where others have the processor, a frame's time by the clock was over before it had read."""
+    clock_s = itertools.count(0.0, 1.0)  # a second passes whenever it is looked at
+    monkeypatch.setattr("probe.gui.app.perf_counter", lambda: next(clock_s))
+    running = [event for event in make_run() if not isinstance(event, RunEnded)]
+    follower = Follower(itertools.chain(running[:10], [None], itertools.cycle(running)))
+    assert "not the latest" not in progress_line(follower())
+    before = follower().seen
+    state = follower()
+    assert state.seen > before + 1
+    assert "not the latest" in progress_line(state)
 
 
 def test_a_run_that_has_only_begun_is_drawn() -> None:
