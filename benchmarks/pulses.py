@@ -27,6 +27,7 @@ from drivers.core.arrays import Array, Bools
 from probe.core.recording import Recording, Station
 from probe.detection import detect
 from probe.detection.finding import Finding
+from probe.detection.pulse.causes import MIN_POSTERIOR
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold, hold_of
 from probe.detection.pulse.possible_rates import rates_hz
@@ -39,7 +40,7 @@ CELLS = ((0.01, 5.0), (0.005, 5.0), (0.03, 2.5), (0.0025, 5.0), (0.05, 5.0), (0.
 """Share of the force, and length of the hold [s]."""
 FALSE_ALARM = 0.01
 BOLD = 0.5
-"""False alarm at which everything is asked what moves in it, for the curve."""
+"""False alarm at which all is asked what moves in it and the likeliest cause counts."""
 DRAWN_RATES = np.linspace(0.005, 0.1, 20)
 LATER_S, MOST_LATER = 1.0, 4
 MATCHED_PHASES = 24
@@ -154,13 +155,21 @@ def _finding(station: Station, false_alarm: float) -> Finding:
 
 def judged(station: Station) -> Row:
     """What a hold is called, and every way's score, larger where a pulse is clearer."""
-    bold = _finding(station, BOLD)
-    clear = 1 - bold.stations[0].p_value
     hold = hold_of(station)
     scores = {name: f"{peer(hold):.6g}" for name, peer in PEERS.items()}
-    row = {"palpate": named(station), "pulse": f"{clear * (bold.finding == 'artery'):.6g}",
-           "movement": f"{clear:.6g}"}  # fmt: skip
-    return row | scores
+    return own_scores(station) | scores
+
+
+def own_scores(station: Station) -> Row:
+    """What a hold is called, and 1 less the least false alarm at which it is an artery, and at
+    which something moves."""
+    bold = _finding(station, BOLD)
+    chance, asked = bold.stations[0].p_value, 1.0
+    if bold.finding == "artery":
+        sure = bold.objects[0].confidence
+        odds = MIN_POSTERIOR / (1 - MIN_POSTERIOR) * (1 - sure) / sure
+        asked = max(chance, FALSE_ALARM * odds if sure < MIN_POSTERIOR else 0.0)
+    return {"palpate": named(station), "pulse": f"{1 - asked:.6g}", "movement": f"{1 - chance:.6g}"}
 
 
 def main(tissue_file: Path, heart_files: list[Path], cases: int) -> None:

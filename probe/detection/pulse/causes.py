@@ -12,7 +12,13 @@ import numpy as np
 from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
+from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.detection.pulse.beat_train import MEMORIES, BeatTrain, Coarse, beat_train, whiten
+from probe.detection.pulse.beside_breathing import (
+    BESIDE_MEMORIES,
+    BREATHING_HZ,
+    beside_breathing,
+)
 from probe.detection.pulse.fit import Fit, design_of
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
@@ -27,8 +33,8 @@ LONGEST_S = 20.0
 """Of a longer hold the first part is asked: what beat trains keep grows with the square of the
 samples, 0.9 GB at 30 s, and twenty beats tell what moves."""
 LINE_HZ = (0.3, 5.0)
-BREATHING_HZ, BREATHING_HARMONICS = (0.1, 0.6), 6
-"""6 to 36 breaths a minute."""
+BREATHING_HARMONICS = (1, 2, 6)
+"""Of a breath by itself: a faint one shows fewer, and each unknown costs."""
 MOTION_S = (0.1, 0.2, 0.4, 0.8)
 """Standard deviations of a bump: a hand that shifts, a swallow, a cough."""
 MOVEMENTS, MOVEMENT_UNKNOWNS = 5, 3
@@ -49,6 +55,14 @@ STEADY_HARMONICS = (2, 8)
 grid on which beats begin."""
 
 
+def least_posterior(false_alarm: float) -> float:
+    """`MIN_POSTERIOR`, or less where more false pulses are asked for than by default: the odds at
+    which a decision changes are what a false one costs over what a missed one does, so that they
+    fall as the chance rises (Neyman & Pearson 1933), to even ones."""
+    odds = MIN_POSTERIOR / (1 - MIN_POSTERIOR) * min(1.0, DEFAULT_FALSE_ALARM / false_alarm)
+    return max(odds, 1.0) / (1 + max(odds, 1.0))
+
+
 @dataclass(frozen=True)
 class Cause:
     """Posterior probability (by name) of what moves in a hold."""
@@ -61,7 +75,7 @@ class Cause:
 
     @property
     def is_pulse(self) -> bool:
-        """Whether it counts as a pulse; what neither is nor is none is undecided."""
+        """Whether it counts as a pulse by default; what neither is nor is none is undecided."""
         return self.pulse >= MIN_POSTERIOR
 
     @property
@@ -103,19 +117,45 @@ def chance_without_pulse(hold: Coarse, train: BeatTrain) -> float:
 
 
 def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
-    """Log evidence of each cause that `PRIOR` names."""
-    return {
-        "pulse": float(logsumexp([
-            np.log(SHARE["shaped"]) + mean_wave(hold, SLOWEST_HZ, FASTEST_HZ),
-            *(np.log(SHARE["free"] / len(STEADY_HARMONICS))
-              + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count, weights)
-              for count in STEADY_HARMONICS),
-            np.log(SHARE["train"]) + shape_evidence(hold, train, OWN_HARMONICS),
-        ])),
-        "breathing": periodic(hold, *BREATHING_HZ, BREATHING_HARMONICS),
-        "a steady line": periodic(hold, *LINE_HZ, 1),
+    """Log evidence of each cause that `PRIOR` names.
+
+    Where a pulse is not sure, what repeats at one rate is also judged `beside_breathing`, which
+    takes as long again: whether somebody breathes does not depend on what else moves.
+    """
+    repeating = _repeating(hold, MEMORIES)
+    own = np.log(SHARE["train"]) + shape_evidence(hold, train, OWN_HARMONICS)
+    found = {
+        "pulse": float(np.logaddexp(repeating["pulse"], own)),
+        "breathing": float(logsumexp([
+            periodic(hold, *BREATHING_HZ, count) for count in BREATHING_HARMONICS
+        ]) - np.log(len(BREATHING_HARMONICS))),
+        "a steady line": repeating["a steady line"],
         "motion": _motion(hold),
         "tremor": shape_evidence(hold, beat_train(hold, "symmetric"), 0),
+    }  # fmt: skip
+    if cause_of([found]).is_pulse:
+        return found
+    still, cost = beside_breathing(hold, SLOWEST_HZ, FASTEST_HZ)
+    chance = PRIOR["breathing"]
+    return found | {
+        name: float(np.logaddexp(np.log1p(-chance) + found[name], np.log(chance) + beside - cost))
+        for name, beside in _repeating(still, BESIDE_MEMORIES).items()
+    }
+
+
+def _repeating(hold: Coarse, memories: Sequence[float]) -> dict[str, float]:
+    """Log evidence of a steady pulse, the mean wave or any harmonics, times its share; of a line.
+
+    ``memories`` are those of the noises that there may be.
+    """
+    return {
+        "pulse": float(logsumexp([
+            np.log(SHARE["shaped"]) + mean_wave(hold, SLOWEST_HZ, FASTEST_HZ, memories),
+            *(np.log(SHARE["free"] / len(STEADY_HARMONICS))
+              + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count, weights, memories)
+              for count in STEADY_HARMONICS),
+        ])),
+        "a steady line": periodic(hold, *LINE_HZ, 1, memories=memories),
     }  # fmt: skip
 
 

@@ -4,7 +4,13 @@ import numpy as np
 
 from probe.core.recording import Recording
 from probe.detection.pulse.beat_train import beat_train
-from probe.detection.pulse.causes import Cause, cause_of, coarse_of, evidence_of
+from probe.detection.pulse.causes import (
+    Cause,
+    cause_of,
+    coarse_of,
+    evidence_of,
+    least_posterior,
+)
 from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Clearest
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.hold_samples import Hold
@@ -26,12 +32,15 @@ def which_pulse(
     ``false_alarm`` is the chance for the whole recording.
     """
     clear = _clear({i: pulse for i, (_, pulse) in measured.items()}, recording, false_alarm)
-    causes, pulsing = _causes({i: measured[i] for i in clear})
+    causes, pulsing = _causes({i: measured[i] for i in clear}, least_posterior(false_alarm))
     return pulsing, causes
 
 
-def _causes(clear: dict[int, tuple[Hold, Clearest]]) -> tuple[dict[int, Cause], list[int]]:
-    """What moves in the clearest presses, and which of ``clear`` then hold a pulse.
+def _causes(
+    clear: dict[int, tuple[Hold, Clearest]], least: float
+) -> tuple[dict[int, Cause], list[int]]:
+    """What moves in the clearest presses, and which of ``clear`` then hold a pulse, with a
+    posterior probability of ``least``.
 
     One that moves for another reason by itself is left out; the rest are asked together, since
     they share one heart.
@@ -53,7 +62,7 @@ def _causes(clear: dict[int, tuple[Hold, Clearest]]) -> tuple[dict[int, Cause], 
         return causes, [i for i in asked if i not in evidence]
     together = cause_of([evidence[i] for i in steady])
     causes |= dict.fromkeys(steady, together)
-    if not together.is_pulse:
+    if together.pulse < least:
         return causes, []
     return causes, [i for i in clear if i not in disturbed]
 

@@ -1,6 +1,6 @@
 """How likely a hold is if what moves in it repeats at one rate: harmonics, or the mean wave."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -28,21 +28,27 @@ def log_evidence(left: Array, n: int, unknowns: int | Ints) -> Array:
 
 
 def periodic(
-    hold: Coarse, slowest_hz: float, fastest_hz: float, count: int, likely: Likely = np.ones_like
-) -> float:
+    hold: Coarse, slowest_hz: float, fastest_hz: float, count: int, likely: Likely = np.ones_like,
+    memories: Sequence[float] = MEMORIES,
+) -> float:  # fmt: skip
     """Log evidence of up to ``count`` harmonics at one unknown rate, the first the largest.
 
     ``likely`` tells how likely rates (r,) are beforehand, on average 1 (`possible_rates.weights`).
+    ``memories`` are those of the noises that there may be.
     """
     count = max(1, min(count, int((len(hold.signal) / SAMPLES_EACH - 1) / 2)))
-    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_harmonics, likely)
+    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_harmonics, likely, memories)
 
 
-def mean_wave(hold: Coarse, slowest_hz: float, fastest_hz: float) -> float:
-    """Log evidence of the brachial wave at a heart's rate: of a faint pulse no more than its
-    size and phase can be known, and harmonics of any size cost more than they explain."""
+def mean_wave(
+    hold: Coarse, slowest_hz: float, fastest_hz: float, memories: Sequence[float] = MEMORIES,
+    refined: int = REFINED,
+) -> float:  # fmt: skip
+    """Log evidence of the brachial wave at a heart's rate, narrowed ``refined`` times: of a faint
+    pulse no more than its size and phase can be known, and harmonics of any size cost more than
+    they explain. ``memories`` are those of the noises that there may be."""
     count = len(AMPLITUDES_MMHG)
-    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_wave, weights)
+    return _at_best_rate(hold, slowest_hz, fastest_hz, count, _as_wave, weights, memories, refined)
 
 
 @dataclass(frozen=True)
@@ -58,6 +64,7 @@ class _Waves:
 def _at_best_rate(
     hold: Coarse, slowest_hz: float, fastest_hz: float, count: int,
     evidence: Callable[[Coarse, _Waves, float], Array], likely: Likely,
+    memories: Sequence[float], refined: int = REFINED,
 ) -> float:  # fmt: skip
     """Log evidence of the best rate, in the likeliest noise, less what choosing it costs.
 
@@ -68,10 +75,10 @@ def _at_best_rate(
     independent = 1 + (fastest_hz - slowest_hz) * n * hold.step_s
     rates = np.linspace(slowest_hz, fastest_hz, int(4 * independent))
     best = -np.inf
-    for memory in MEMORIES:
+    for memory in memories:
         tried = rates
         waves = _grid_waves(n, hold.step_s, tuple(rates.tolist()), count, memory)
-        for finer in range(1 + REFINED):
+        for finer in range(1 + refined):
             if finer:
                 waves = _waves(n, hold.step_s, tried, count, memory)
             each = evidence(hold, waves, memory) + np.log(likely(tried))

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_presses import recording, station
+from known_presses import recording, station, wave
 
 from drivers.core.arrays import Array
 from probe.core.recording import Station
@@ -74,6 +74,19 @@ def test_what_is_no_pulse_is_not_called_an_artery(by: Motion) -> None:
 def test_fibrillation_is_an_artery(sample_hz: float) -> None:
     said = [detect(recording([moved(seed, fibrillation, sample_hz)])) for seed in range(8)]
     assert sum(found.finding == "artery" for found in said) >= 7
+
+
+def breathed_upon(t: Array, rng: np.random.Generator) -> Array:
+    """A pulse of 1 %, and beside it a breath with one harmonic of twice that."""
+    rate, angles = rng.uniform(0.2, 0.5), rng.uniform(0, 6.28, 2)
+    breath = 0.01 * np.cos(2 * np.pi * rate * t + angles[0])
+    breath += 0.004 * np.cos(4 * np.pi * rate * t + angles[1])
+    return np.asarray(breath + 0.01 * wave(rng.uniform(1.0, 1.4) * t + rng.uniform()))
+
+
+def test_a_pulse_beside_a_breath_is_an_artery() -> None:
+    said = [detect(recording([moved(seed, breathed_upon, 10.0)])).finding for seed in range(12)]
+    assert said.count("artery") >= 10
 
 
 def test_what_moves_is_named_with_what_would_decide_it() -> None:
@@ -144,3 +157,14 @@ def test_how_many_movements_there_are_is_not_chosen_for_nothing(
         monkeypatch.setattr(causes, "MOVEMENTS", most)
         found[most] = causes.evidence_of(coarse, train)["motion"]
     assert 0.5 < found[1] - found[4] <= np.log(4)
+
+
+def test_who_asks_for_more_false_pulses_takes_less_sure_ones() -> None:
+    """By default 85 %; the odds fall as the chance rises, and no likelier rival is a pulse."""
+    assert causes.least_posterior(0.001) == pytest.approx(0.85)
+    assert causes.least_posterior(0.01) == pytest.approx(0.85)
+    assert causes.least_posterior(0.02) == pytest.approx(0.85 / (0.85 + 2 * 0.15))
+    assert causes.least_posterior(0.3) == 0.5
+    doubtful = moved(3, breathed_upon, 10.0)
+    assert detect(recording([doubtful])).finding == "undecided"
+    assert detect(recording([doubtful]), false_alarm=0.3).finding == "artery"
