@@ -8,7 +8,10 @@ export QT_QPA_PLATFORM ?= offscreen
 export OPENBLAS_NUM_THREADS ?= 1
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: install demo demo-ur test beside waiting test-peers test-lowest figures clean
+# Tests start hundreds of processes: each would compile anew all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: install demo demo-ur test beside first-computing-then-waiting test-peers test-lowest figures clean
 
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
@@ -25,26 +28,26 @@ demo-ur: .venv/.installed-report,ur
 	$(BIN)/palpate scan rigs/ur5e.toml --seed 1 --out demo --report
 
 # Tests of emulated devices on the wall clock come after the others, so that no computing keeps their
-# guards waiting. The types and presses of 20 s each have what they leave of the processors. What fails
-# is asked once more alone: four of them still share the machine.
+# guards waiting; what fails is asked once more alone: four of them still share the machine. The types
+# and the finite elements have all along what these leave of the processors.
 WAITING := tests/drivers tests/probe/acquisition tests/probe/calibrate/test_weigh.py \
 	tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py tests/probe/config/test_fallback.py \
 	tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py tests/sim_backend/emulators \
 	tests/test_add_a_driver.py
-BESIDE := tests/sim_backend/fem/solid tests/sim_backend/fem/test_stability.py
+BESIDE := tests/sim_backend/fem
 
 test: .venv/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/lint-imports
-	$(BIN)/pytest -n 3 --dist worksteal $(patsubst %,--ignore=%,$(WAITING) $(BESIDE))
-	$(MAKE) --no-print-directory --jobs 2 beside waiting
+	$(MAKE) --no-print-directory --jobs 2 beside first-computing-then-waiting
 
 beside:
+	nice -n 19 $(BIN)/lint-imports
 	nice -n 19 $(BIN)/mypy
 	nice -n 19 $(BIN)/pytest -p no:cacheprovider $(BESIDE)
 
-waiting:
+first-computing-then-waiting:
+	$(BIN)/pytest -n 2 --dist worksteal $(patsubst %,--ignore=%,$(WAITING) $(BESIDE))
 	$(BIN)/pytest -n 4 --dist worksteal $(WAITING) || $(BIN)/pytest --last-failed --last-failed-no-failures none $(WAITING)
 
 # At the lowest versions that pyproject.toml allows, in an environment of its own.

@@ -1,6 +1,8 @@
 """Shared by all tests: an answer of tissue that needs no finite elements; whether Qt starts; that
-a child of a test can be ended by Ctrl-C."""
+a child of a test can be ended by Ctrl-C; that no thread waits while all that tests import is looked
+through for garbage."""
 
+import gc
 import signal
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,6 +45,13 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """
     slow = {item.path for item in items if item.get_closest_marker("slow")}
     items.sort(key=lambda item: item.path not in slow)
+
+
+def pytest_collection_finish() -> None:
+    """What is imported stays, so that no collection looks through it: that takes 0.3 s, in which
+    nobody has the interpreter, guards of a scan neither."""
+    gc.collect()
+    gc.freeze()
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -108,13 +108,14 @@ def test_a_cell_that_scans_shows_how_far_it_is(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    palpate.scan(scene="TIHA", out=tmp_path, respond=winkler)
+    rig = palpate.Rig.model_validate({"scan": {"start_mm": 28.0, "stations": 3}})
+    palpate.scan(rig, "TIHA", tmp_path, respond=winkler)
     assert not capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "ipykernel", ModuleType("ipykernel"))
-    palpate.scan(scene="TIHA", out=tmp_path, respond=winkler)
+    palpate.scan(rig, "TIHA", tmp_path, respond=winkler)
     shown = [line.rstrip() for line in capsys.readouterr().err.split("\r")]
-    assert shown[1].startswith("station 1 of 15, x = 4.0 mm")
-    assert shown[-1] == "15 of 15 stations: completed"
+    assert shown[1].startswith("station 1 of 3, x = 28.0 mm")
+    assert shown[-1] == "3 of 3 stations: completed"
 
 
 def test_what_others_wrote_is_escaped() -> None:

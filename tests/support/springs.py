@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from waiting import first_of_all
 
 from drivers import Block, Channel, Clock, DeviceFault, Pose, Sensor, Stage, WallClock
 from drivers.core.arrays import Array
@@ -197,7 +198,8 @@ def run_springs(
             ran.raised = error
 
     thread = threading.Thread(target=scan, daemon=True)
-    thread.start()
+    with first_of_all():  # guards do, and wait for the interpreter while this thread has it
+        thread.start()
     thread.join(timeout_s)
     ran.height_m, ran.force_n = bed.truth()
     return ran

@@ -16,6 +16,8 @@ from sim_backend import load_scene
 from sim_backend.emulators import ft300, grbl, lines, modbus, taxels
 from sim_backend.phantom.phantom import Phantom, Respond
 
+PATIENT = {"stages": {"silent_s": 5.0}}
+"""A process of tests may stand still, and whoever emulates a device in it with it."""
 EXCHANGES = sorted((Path(__file__).parents[1] / "exchanges").glob("*.toml"))
 
 
@@ -28,7 +30,7 @@ def test_every_kind_of_line_was_recorded() -> None:
 def test_a_recorded_device_is_understood_as_then(path: Path) -> None:
     exchange = load(path)
     with replay(exchange) as device:
-        place: dict[str, Any] = {"port": device.address}
+        place: dict[str, Any] = {"port": device.address, **PATIENT.get(exchange.kind, {})}
         if "host" in exchange.settings:
             place = {"host": "127.0.0.1", "tcp_port": device.port}
         rows = exercise(
@@ -88,7 +90,7 @@ def test_a_device_can_be_recorded_and_replayed(name: str, winkler: Respond, tmp_
     kind = "stages" if name == "grbl" else "sensors"
     with emulate(phantom, at=str(tmp_path / "tty")) as served:
         found = record(
-            kind, name, {"port": served.address, **keys},
+            kind, name, {"port": served.address, **PATIENT.get(kind, {}), **keys},
             seconds=0.3, move_mm=1.0, device=f"emulated {name}",
         )  # fmt: skip
     save(found, tmp_path / "found.toml")

@@ -8,9 +8,11 @@ from own_scene import OWN_SCENE
 
 from probe.acquisition.session import scan
 from probe.cli.errors import status_of
+from probe.config.rig import Rig
 from probe.storage.export import WRITERS
 
 pytestmark = pytest.mark.usefixtures("springs")
+ONE = Rig.model_validate({"scan": {"start_mm": 28, "stations": 1}})
 
 RIG = """
 [stage]
@@ -164,10 +166,10 @@ def test_what_is_no_rig_and_what_takes_no_files_is_named(
     def full(_run: object, _folder: Path) -> list[Path]:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    run = scan(None, "TI", tmp_path, respond=winkler).path
-    run.write_bytes(run.read_bytes().ljust(2_000_000, b" "))
-    assert f"{run}: larger than 1000000 bytes; not a rig file" in palpate("scan", run).err
-    run = scan(None, "TI", tmp_path, respond=winkler).path
+    run = scan(ONE, "TI", tmp_path, respond=winkler).path
+    large = tmp_path / "large.run"
+    large.write_bytes(run.read_bytes().ljust(2_000_000, b" "))
+    assert f"{large}: larger than 1000000 bytes; not a rig file" in palpate("scan", large).err
     monkeypatch.setitem(WRITERS, "csv", full)
     said = palpate("export", run, "--to", "csv", "--out", tmp_path / "e")
     assert (said.status, said.err) == (2, f"{tmp_path / 'e'}: no space left on device\n")

@@ -4,6 +4,7 @@ import json
 import math
 import os
 import shlex
+import shutil
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
@@ -13,7 +14,7 @@ import pytest
 from databases import opened
 
 from drivers import Channel, DeviceFault, WallClock
-from probe.acquisition.session import ScanResult
+from probe.acquisition.session import ScanResult, scan
 from probe.cli import say
 from probe.cli.command_line import GROUPS, build
 from probe.cli.errors import STATUSES
@@ -56,12 +57,16 @@ def scan_form(told: dict[str, Any]) -> None:
         assert one.keys() >= STATION_KEYS
 
 
+@pytest.fixture(scope="module")
+def finished(winkler: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished scan, only to be read."""
+    return scan(scene="TIHA", seed=1, out=tmp_path_factory.mktemp("runs"), respond=winkler).path
+
+
 @pytest.fixture
-def run_file(palpate, tmp_path: Path) -> Path:
-    """A finished scan."""
-    outcome = palpate("scan", "--scene", "TIHA", "--seed", "1", "--out", tmp_path, "--json")
-    assert outcome.status == 0, outcome.err
-    return Path(outcome.json["run"])
+def run_file(finished: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copy(finished, tmp_path))
 
 
 def test_scan(palpate, run_file: Path) -> None:
@@ -100,8 +105,15 @@ def test_a_person_is_told_finding_run_and_what_next(palpate, tmp_path: Path) -> 
 
 
 def test_one_seed_gives_the_same_bytes(palpate, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TIHA"\n'
+        "[scan]\nstart_mm = 30\nstations = 2\n",
+        encoding="utf-8",
+    )
+
     def scanned(seed: str) -> list[tuple[Any, ...]]:
-        outcome = palpate("scan", "--scene", "TIHA", "--seed", seed, "--out", tmp_path, "--json")
+        outcome = palpate("scan", rig, "--seed", seed, "--out", tmp_path, "--json")
         return samples(outcome.json["run"])
 
     first = scanned("1")

@@ -10,6 +10,7 @@ from paths import ROOT
 
 from drivers import Block, Channel
 from probe.acquisition.session import scan
+from probe.config.rig import Rig
 from probe.core import cut_stations, spill
 from probe.core.events import Finish, RunEnded, RunStarted, Samples, StationEnded, StationStarted
 from probe.core.spill import Growing, Spill
@@ -39,7 +40,8 @@ def test_an_array_is_the_same_in_memory_and_in_a_file(monkeypatch: pytest.Monkey
 def test_a_recording_is_the_same_out_of_files(
     winkler: Respond, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run = open_run(scan(None, "TI", tmp_path, respond=winkler).path)
+    rig = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
+    run = open_run(scan(rig, "TI", tmp_path, respond=winkler).path)
     whole = run.recording()
     monkeypatch.setattr(spill, "IN_MEMORY", 0)
     monkeypatch.setattr(spill, "ONE", 0)
