@@ -21,7 +21,7 @@ from campaign.cell import NOISE_N, RATE_HZ
 from campaign.faults import Draw
 from campaign.limits import MAX_DEPTH_M, MAX_FORCE_N
 from campaign.scanning import Resumed
-from campaign.stored import check_stored
+from campaign.stored import check_stored, words_kept
 from campaign.truth import DEPTH, FORCE, MOVING, SIDE, T, Truth, X, Y, Z
 from campaign.world import HARDENING_PER_M
 from drivers.core.arrays import Array
@@ -93,7 +93,7 @@ def judge(
     up = _up(truth)
     if NEVER_BEGAN in said:
         wrong.append("the scan never began")
-    wrong += _check_end(draw, truth, up, status, said)
+    wrong += _check_end(draw, truth, up, status, f"{said} {words_kept(run)}")
     wrong += _check_words(draw, truth, status, finish, said, answer)
     if second is not None and second == 0:
         wrong.append("a second program drove the same board")
@@ -220,7 +220,7 @@ def _check_words(
         return ["hangs"]
     if status == KILLED:
         return [] if "SIGKILL" in names else ["killed, by whom?"]
-    wrong = []
+    wrong = [] if answer or "no space" in names else ["no answer"]
     if status == BUG or "Traceback" in said:
         wrong.append(f"a bug, exit {status}: {said.strip()[-200:]}")
     elif status not in STATUSES and not (answer or {}).get("error"):

@@ -15,6 +15,7 @@ from probe.core.events import (
     Note,
     Phase,
     PhaseEntered,
+    RunEnded,
     RunStarted,
     Samples,
     StationEnded,
@@ -55,6 +56,19 @@ def check_stored(draw: Draw, truth: Truth, path: Path) -> list[str]:
     for station in _complete(events):
         wrong += _check_station(truth, station, events, zero_s)
     return wrong
+
+
+def words_kept(path: Path | None) -> str:
+    """Notes and the last words of a run, which are there for those whose terminal is closed."""
+    try:
+        events = () if path is None else open_run(path).events()
+        return " ".join(
+            e.words if isinstance(e, Note) else e.reason
+            for e in events
+            if isinstance(e, Note | RunEnded)
+        )
+    except Exception:  # noqa: BLE001 - `check_stored` says why it cannot be read
+        return ""
 
 
 def _first_session(events: Iterable[Any]) -> list[Any]:

@@ -115,7 +115,9 @@ class PressGuard:
         self._periods_s = PERIODS / rate_hz
         self._speed_m_s = self._first_n = 0.0
         self._noise_n = math.inf
-        self._z_m = self._contact_m = self._changed_s = self._gap_s = 0.0
+        self._z_m = self._contact_m = self._changed_s = 0.0
+        self._news: list[float] = []  # when a new pose came
+        self._gaps: list[float] = []  # and after how long
         # since contact
         self._times: list[float] = []
         self._downs: list[float] = []
@@ -134,7 +136,8 @@ class PressGuard:
             self._speed_m_s = speed_m_s if down else 0.0
             self._noise_n = min(self._noise_n, noise_n) if down else noise_n
             self._first_n = self._feels.smooth_n
-            self._z_m, self._changed_s, self._gap_s = start.z, math.inf, 0.0
+            self._z_m, self._changed_s = start.z, math.inf
+            self._news, self._gaps = [], []
             self._times, self._downs, self._forces, self._rest = [], [], [], []
 
     def end(self) -> None:
@@ -150,7 +153,9 @@ class PressGuard:
 
     def _judge(self, pose: Pose, now: float) -> str | None:
         if pose.z < self._z_m:
-            self._gap_s = max(self._gap_s, now - self._changed_s)
+            if math.isfinite(self._changed_s):
+                self._news.append(now)
+                self._gaps.append(now - self._changed_s)
             self._z_m, self._changed_s = pose.z, now
         force = self._feels.smooth_n
         if not self._times:
@@ -175,6 +180,15 @@ class PressGuard:
     def _before(self, time_s: float) -> int:
         """The newest row that is no newer; -1 if there is none."""
         return bisect_right(self._times, time_s) - 1
+
+    def _before_pose(self, row: int) -> int:
+        """The newest row whose force is from before the tip was where ``row`` says; -1 if none.
+
+        A pose is as old as the poses since then came late. One that came late before is forgotten:
+        it would hide the end of a press.
+        """
+        since = max(bisect_right(self._news, self._times[row]) - 1, 0)
+        return self._before(self._times[row] - POLLS * max(self._gaps[since:]))
 
     def _too_fast(self) -> str | None:
         """By time, not by poses: no tip went further than its speed allows."""
@@ -201,14 +215,13 @@ class PressGuard:
         That must foretell a rise of ``least_foretold_n``. ``still``: only noise may have moved the
         force meanwhile.
 
-        A pose may be some polls old, so the force at the beginning of that part is one from
-        before.
+        The force at the beginning of that part is one from before.
         """
         down_m, force = self._downs[-1], self._forces[-1]
         row = bisect_right(self._downs, min(down_m / (1 + JUDGED_SHARE), down_m - way_m)) - 1
-        if row < 0 or self._gap_s == 0.0:
+        if row < 0 or not self._gaps:
             return None
-        began = self._before(self._times[row] - POLLS * self._gap_s)
+        began = self._before_pose(row)
         force_n = self._forces[began] - self._first_n
         if began < 0 or force_n < least_n:
             return None
@@ -226,7 +239,7 @@ class PressGuard:
         """The end of the press and as long a time of rest, once; as `_too_flat` by noise alone."""
         down_m = self._downs[-1]
         row = bisect_right(self._downs, (1 - LAST_SHARE) * down_m) - 1
-        began = self._before(self._times[row] - POLLS * self._gap_s) if row >= 0 else -1
+        began = self._before_pose(row) if row >= 0 and self._gaps else -1
         self._rest.append(self._feels.smooth_n)
         if began >= 0 and now < 2 * self._times[-1] - self._times[began]:
             return None

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Lock, Timer
 from types import TracebackType
 from typing import Self
@@ -51,7 +51,7 @@ class ScanProgress:
         _trace: TracebackType | None,
     ) -> None:
         if self._bar is not None:
-            self._bar.stop()
+            _end(self._bar)
 
     def __call__(self, event: Event) -> None:
         """Take one event of the scan."""
@@ -118,5 +118,13 @@ def counting(what: str) -> Iterator[Callable[[int, int], None]]:
                TimeRemainingColumn())  # fmt: skip
     bar = Progress(*columns, console=Console(stderr=True), transient=True)
     task = bar.add_task(what)
-    with bar:
+    bar.start()
+    try:
         yield lambda done, total: bar.update(task, completed=done, total=total)
+    finally:
+        _end(bar)
+
+
+def _end(bar: Progress) -> None:
+    with suppress(OSError):  # the terminal is gone: what was found is still to be told
+        bar.stop()

@@ -2,6 +2,9 @@
 
 import errno
 import io
+import json
+import os
+import pty
 import shlex
 import subprocess
 import sys
@@ -67,3 +70,16 @@ def test_a_scan_whose_streams_are_closed_ends_whole(tmp_path: Path) -> None:
     assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
     (run,) = tmp_path.glob("*.run")
     assert open_run(run).finish is Finish.COMPLETED
+
+
+def test_a_terminal_that_goes_while_its_bar_is_drawn_costs_no_answer(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(RIG)
+    ours, terminal = pty.openpty()
+    command = [sys.executable, "-m", "probe.cli", "scan", "rig.toml", "--out", ".", "--json"]
+    with (tmp_path / "answer.json").open("w") as answer:
+        scan = subprocess.Popen(command, cwd=tmp_path, stdout=answer, stderr=terminal)
+    os.close(terminal)
+    assert os.read(ours, 1), "no bar"
+    os.close(ours)
+    assert scan.wait(60) == 0
+    assert json.loads((tmp_path / "answer.json").read_text())["finish"] == "completed"
