@@ -95,9 +95,11 @@ def touch_in_noise(
     least_n = MIN_STANDARD_ERRORS * noise_n
     if not touch_n < least_n / (1 + 2 / math.sqrt(2 * max(readings - 1, 1))):
         return None
+    digit_n = 10 ** (math.floor(math.log10(least_n)) - 1)  # two digits, rounded up: that passes
+    enough_n = math.ceil(least_n / digit_n) * digit_n
     return (
         f"touch_n = {touch_n:g} N is within the noise of {name}, {noise_n:.2g} N rms: a touch "
-        f"would be found in the air; set scan.touch_n to {least_n:.2g} or more, or leave it out"
+        f"would be found in the air; set scan.touch_n to {enough_n:g} or more, or leave it out"
     )
 
 

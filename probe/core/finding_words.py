@@ -96,6 +96,23 @@ def reach(sd: float | None) -> float | None:
     return None if sd is None else NORMAL_95 * sd
 
 
+def size_words(station: Mapping[str, Any]) -> tuple[str, str, str, str]:
+    """Level and pulse of a station [Pa], each with its ± 95 %; what noise alone may have made of no
+    pulse is shown as what the pulse is below."""
+    level, pulse = station["baseline_pa"], station["pulse_pa"]
+    below = station["pulse_below_pa"]
+    return (
+        _tenth(level),
+        _tenth(reach(station["baseline_sd_pa"])),
+        _tenth(pulse) if below is None else f"< {below:.1f}",
+        _tenth(reach(station["pulse_sd_pa"])) if below is None else "",
+    )
+
+
+def _tenth(value: float | None) -> str:
+    return "unknown" if value is None else f"{value:.1f}"
+
+
 def _pascal(value: float | None, digits: int) -> str:
     return "an unknown one" if value is None else f"{plain(value, digits)} Pa"
 

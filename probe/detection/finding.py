@@ -29,7 +29,8 @@ class StationFinding:
 
     ``station`` is its number from 1, as everywhere that people read one. NaN where a press gave
     nothing to judge by; ``note`` then says why. ``clipped`` is the share of samples lost to
-    saturation. ``rate_hz`` is the pulse's, NaN where none was found.
+    saturation. ``rate_hz`` is the pulse's, NaN where none was found. Where noise alone may
+    have made ``pulse_pa``, a pulse is below ``pulse_below_pa`` (97.5 %); NaN elsewhere.
 
     Examples
     --------
@@ -49,6 +50,7 @@ class StationFinding:
     baseline_sd_pa: float = nan
     pulse_pa: float = nan
     pulse_sd_pa: float = nan
+    pulse_below_pa: float = nan
     rate_hz: float = nan
     p_value: float = 1.0
 
@@ -140,7 +142,7 @@ class Finding:
         first, *more = summary(self.as_json())
         maps = {
             "level": [s.baseline_pa for s in self.stations],
-            "pulse": [s.pulse_pa for s in self.stations],
+            "pulse": [0.0 if isfinite(s.pulse_below_pa) else s.pulse_pa for s in self.stations],
         }
         x_mm, y_mm = [s.x_mm for s in self.stations], [s.y_mm for s in self.stations]
         return (
@@ -168,6 +170,7 @@ class Finding:
                     "baseline_sd_pa": _known(s.baseline_sd_pa),
                     "pulse_pa": _known(s.pulse_pa),
                     "pulse_sd_pa": _known(s.pulse_sd_pa),
+                    "pulse_below_pa": _known(s.pulse_below_pa),
                     "clipped": s.clipped,
                     "note": s.note,
                 }

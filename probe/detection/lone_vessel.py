@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
+from probe.core.finding_words import percent
 from probe.detection.classify.classifier import MIN_POSTERIOR, PULSE_BLUR, PULSE_FLOOR
 from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, vessels
 from probe.detection.finding import Kind, ObjectFinding, stated
@@ -51,7 +52,7 @@ def lone_vessel(presses: tuple[Press, ...], rows: list[list[int]]) -> ObjectFind
     ends = beside(place, [presses[i] for i in row])
     chance = share[best] * _pulse(above)
     if chance < MIN_POSTERIOR:
-        chances = ", ".join(f"{k} {100 * v:.0f} %" for k, v in share.items())
+        chances = ", ".join(f"{k} {percent(v)}" for k, v in share.items())
         return ObjectFinding(
             "undecided", place, ends, above.level_pa, above.size_pa,
             stated(chance), f"a vessel out of tissue, between {chances}: hold for more beats",
@@ -141,7 +142,7 @@ def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:
     )  # fmt: skip
     best = max(share, key=lambda kind: share[kind])
     sure = share[best] * _pulse(press)
-    by = f"{best} is likeliest, {100 * stated(sure):.0f} % by pulse and stiffness of one press"
+    by = f"{best} is likeliest, {percent(stated(sure))} by pulse and stiffness of one press"
     if sure < MIN_OF_ONE:
         return "undecided", sure, f"it pulses; {by}; to decide it needs {MORE}"
     return best, sure, f"it pulses; {by}"

@@ -8,7 +8,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
-from probe.core.finding_words import plain
+from probe.core.finding_words import NORMAL_95, percent, plain
 from probe.core.recording import Recording
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
@@ -18,6 +18,7 @@ from probe.detection.map.field_objects import is_field, objects_in_field, runs_a
 from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, open_objects
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.vessel_tracking import across_rows
+from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import least_pulse_pa
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.presses import Press, presses_of
@@ -29,6 +30,10 @@ ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
 
 SHOWN_SIGMAS = 5.0
 """Standard deviations of its size above which a pulse shows whose beats come from a reference."""
+NOISE_SIGMAS = 3.08
+"""Standard deviations that noise alone gives the size of a wave at a known rate in one press of
+twenty: the root of chi-squared's 95 % with four degrees of freedom, sine and cosine of the two
+harmonics that hold most of an arterial wave."""
 UNFINISHED = "the map is not finished: further presses may change this"
 HEALTHY_PULSE_N = 0.0455
 """Pulse of the paper's healthy artery (TIHA), pressed 2.5 mm by a finger 10 mm long, between 80 and
@@ -88,7 +93,8 @@ def detect(
     objects = [*objects, *_disturbed(presses)]
     objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
     objects.sort(key=lambda one: (np.isnan(one.position_m), one.position_m))
-    stations = tuple(_station(p) for p in presses)
+    beats = heart_rate(presses)
+    stations = tuple(_station(p, beats is not None) for p in presses)
     needed_pa = _needed_pa(presses, false_alarm / 2 if mapped else false_alarm)
     kind = _whole(objects, presses, unfinished)
     if kind == "nothing" and needed_pa > asked_pa:
@@ -99,7 +105,7 @@ def detect(
         reason = _why_no_station(recording)
     return Finding(
         kind, tuple(objects), stations, reason, false_alarm, needed_pa, asked_pa,
-        heart_rate(presses),
+        beats,
     )  # fmt: skip
 
 
@@ -163,7 +169,7 @@ def _disturbed(presses: tuple[Press, ...]) -> list[ObjectFinding]:
     return [ObjectFinding(
         "undecided", x_m, beside(x_m, presses), float("nan"), one.size_pa, one.cause.pulse,
         f"something moves at station {one.station.index + 1}: a pulse with "
-        f"{100 * one.cause.pulse:.0f} %, {rival} with {100 * one.cause.share[rival]:.0f} %; "
+        f"{percent(one.cause.pulse)}, {rival} with {percent(one.cause.share[rival])}; "
         f"{advice}, or hold longer",
     )]  # fmt: skip
 
@@ -281,7 +287,8 @@ def _reasons(objects: list[ObjectFinding]) -> str:
     return "; ".join(dict.fromkeys(placed))
 
 
-def _station(press: Press) -> StationFinding:
+def _station(press: Press, beats: bool) -> StationFinding:
+    """``beats``: a heart's pulse was found in the scan, at whose rate this press was measured."""
     s, p = press.station, press.pulse
     note = press.note
     if press.cause is not None and not press.pulsing:
@@ -297,6 +304,15 @@ def _station(press: Press) -> StationFinding:
         baseline_sd_pa=p.baseline_sd_pa,
         pulse_pa=p.size_pa,
         pulse_sd_pa=p.size_sd_pa,
+        pulse_below_pa=_below_pa(press, p, beats),
         rate_hz=p.rate_hz,
         p_value=p.p_value,
     )
+
+
+def _below_pa(press: Press, pulse: Pulse, beats: bool) -> float:
+    """What the pulse is below where it may be noise's own; NaN where something moves."""
+    moves = press.pulsing or press.cause is not None or press.beyond_hz is not None
+    if moves or (beats and pulse.size_pa >= NOISE_SIGMAS * pulse.size_sd_pa):
+        return float("nan")
+    return pulse.size_pa + NORMAL_95 * pulse.size_sd_pa

@@ -55,7 +55,9 @@ class LineMap(QWidget):
         self.beat_curve.setData(x[order], beat[order])
         if levels is not None:
             self.base.setYRange(levels.low_pa / 1e3, levels.high_pa / 1e3)
-            self.beat.setYRange(0.0, levels.pulse_pa)
+        highest_pa = levels.pulse_pa if levels is not None else beat[order].max(initial=0.0)
+        if highest_pa > 0:  # from 0, or noise would fill the plot
+            self.beat.setYRange(0.0, highest_pa)
 
 
 class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships no types

@@ -74,9 +74,10 @@ class ViewState:
     """A run as seen so far. ``now_s`` is the scan clock's latest time; NaN before the start.
 
     ``maps`` hold each station's baseline and pulse [Pa]: as ``finding``, the latest JSON of
-    detection, measured them where the station is complete; before that the hold's mean and the
-    height of its mean beat, NaN while no heart rate is known. ``seen`` counts what came in: what
-    has not changed need not be drawn again. ``late_s`` is how long ago this was the latest.
+    detection, measured them where the station is complete, 0 for a pulse that may be noise; before
+    that the hold's mean and the height of its mean beat, NaN while no heart rate is known. ``seen``
+    counts what came in: what has not changed need not be drawn again. ``late_s`` is how long ago
+    this was the latest.
     """
 
     config: Mapping[str, Any] = field(default_factory=dict)
@@ -147,7 +148,10 @@ class ViewState:
         self.seen += 1
         self.finding = finding
         self._measured = {
-            each["station"] - 1: (each["baseline_pa"], each["pulse_pa"])
+            each["station"] - 1: (
+                each["baseline_pa"],
+                each["pulse_pa"] if each["pulse_below_pa"] is None else 0.0,
+            )
             for each in finding["stations"]
             if None not in (each["baseline_pa"], each["pulse_pa"])
         }

@@ -167,8 +167,14 @@ def heat_maps(
 
 
 def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
-    """Pulse amplitude per station, with the found objects and their intervals."""
-    pulse = np.array([_number(s["pulse_pa"]) for s in finding["stations"]])
+    """Pulse amplitude per station, with the found objects and their intervals.
+
+    Where no pulse was seen it is 0, with a bar up to what it is below.
+    """
+    stations = finding["stations"]
+    below = np.array([_number(s["pulse_below_pa"]) for s in stations])
+    seen = np.isnan(below)
+    pulse = np.where(seen, [_number(s["pulse_pa"]) for s in stations], 0.0)
     if is_grid(recording) and len(pulse) == len(recording.stations):
         x = np.array([1e3 * s.x_m for s in recording.stations])
         y = np.array([1e3 * s.y_m for s in recording.stations])
@@ -177,9 +183,10 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
         return figure
     figure = _figure()
     axes = figure.add_subplot()
-    x = np.array([_number(s["x_mm"]) for s in finding["stations"]])
-    reaches = np.array([_number(reach(s["pulse_sd_pa"])) for s in finding["stations"]])
-    axes.errorbar(x, pulse, np.nan_to_num(reaches), fmt="o-", color=VERMILLION, lw=1.2, capsize=2)
+    x = np.array([_number(s["x_mm"]) for s in stations])
+    reaches = np.array([_number(reach(s["pulse_sd_pa"])) for s in stations])
+    bars = np.nan_to_num([np.where(seen, reaches, 0.0), np.where(seen, reaches, below)])
+    axes.errorbar(x, pulse, bars, fmt="o-", color=VERMILLION, lw=1.2, capsize=2)
     for number, one in enumerate(finding["objects"]):
         if one.get("position_mm") is None:
             continue

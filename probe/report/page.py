@@ -15,8 +15,8 @@ from probe.core.finding_words import (
     heart_rate_line,
     over_rows,
     percent,
-    reach,
     simulated_words,
+    size_words,
 )
 from probe.core.places import has_rows
 from probe.report.look import BLUE, INK
@@ -133,11 +133,7 @@ def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
         (
             str(s["station"]),
             *(_number(s[axis], ".2f") for axis in axes),
-            *(
-                _number(value, ".1f")
-                for name in ("baseline", "pulse")
-                for value in (s[f"{name}_pa"], reach(s[f"{name}_sd_pa"]))
-            ),
+            *size_words(s),
         )
         for s in stations
     ]

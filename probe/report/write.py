@@ -91,6 +91,8 @@ def _pictures(
             if grid
             else ", with 95 % limits as bars; shaded: where the object lies."
         )
+        if any(s["pulse_below_pa"] is not None for s in finding["stations"]):
+            caption += " It is 0 where none was seen."
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     place = place_words(best.x_m, best.y_m, in_grid=grid)
     pressed = f"station {best.index + 1} at {place}"

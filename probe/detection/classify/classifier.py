@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from drivers.core.arrays import Array
+from probe.core.finding_words import percent
 from probe.detection.classify.population import KINDS, samples
 from probe.detection.finding import MAX_CONFIDENCE, Kind, stated
 
@@ -86,7 +87,7 @@ def judge(seen: Seen) -> Judged:
     rival = max(REASONS, key=lambda k: share[k])
     if share[rival] >= MIN_REASON:
         return Judged("undecided", stated(share[best]), REASONS[rival], diseased)
-    chances = ", ".join(f"{k} {100 * stated(v):.0f} %" for k, v in share.items() if v >= 0.005)
+    chances = ", ".join(f"{k} {percent(stated(v))}" for k, v in share.items() if v >= 0.005)
     if seen.hidden is None:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
     else:

@@ -1,4 +1,5 @@
 import errno
+import re
 import threading
 import time
 from collections.abc import Callable
@@ -338,6 +339,16 @@ def test_a_touch_of_six_times_the_noise_passes_whatever_ten_readings_say_of_it()
     assert sum(why is not None for why in refused[:400]) < 0.05 * 400
     assert sum(why is not None for why in refused[400:]) > 0.95 * 400
     assert touch_in_noise("ft300", 0.1, 0.59) is not None, "an rms of many readings is believed"
+
+
+@pytest.mark.parametrize("noise_n", [0.1003, 0.1, 0.0042, 2.31])
+def test_the_touch_that_is_advised_passes(noise_n: float) -> None:
+    """0.6 N was refused with "set scan.touch_n to 0.6 or more"."""
+    refused = touch_in_noise("ft300", noise_n, 0.5 * noise_n)
+    assert refused is not None
+    advised = re.search(r"set scan.touch_n to (\S+) or more", refused)
+    assert advised is not None
+    assert touch_in_noise("ft300", noise_n, float(advised[1])) is None
 
 
 def test_nothing_to_touch_is_a_fault(winkler: Any) -> None:

@@ -75,9 +75,12 @@ def test_a_real_heart_is_not_folded_at_the_scenes_rate() -> None:
     state = view(begun, *press(1.0, 0, 0.04))
     assert np.isnan(state.maps[0][1])
     assert state.period_s is None
-    station = {"station": 1, "baseline_pa": 9950.0, "pulse_pa": 399.0}
+    station = {"station": 1, "baseline_pa": 9950.0, "pulse_pa": 399.0, "pulse_below_pa": None}
     state.judge({"heart_rate_bpm": 60 / PERIOD_S, "stations": [station]})
     assert state.maps[0] == (9950.0, 399.0)
+    state.judge({"heart_rate_bpm": None, "stations": [station | {"pulse_below_pa": 500.0}]})
+    assert state.maps[0] == (9950.0, 0.0), "what noise alone may have made is no pulse"
+    state.judge({"heart_rate_bpm": 60 / PERIOD_S, "stations": [station]})
     for event in press(4.0, 1, 0.04):  # not judged yet, but the rate is known
         state.update(event)
     assert state.maps[1][1] == pytest.approx(400.0, rel=0.03)

@@ -58,6 +58,11 @@ def window_on(events: list[Event], asked: list[str] | None = None, **kwargs: Any
     return RunWindow(Path("a.run"), lambda: state, ask=ask, **kwargs)
 
 
+def measured(count: int) -> list[dict[str, float | None]]:
+    one = {"baseline_pa": 1.0, "pulse_pa": 2.0, "pulse_below_pa": None}
+    return [{"station": n + 1, **one} for n in range(count)]
+
+
 def test_each_control_asks_for_its_word(make_run: Make, shoot: Shoot) -> None:
     asked: list[str] = []
     running = [e for e in make_run() if not isinstance(e, RunEnded)]
@@ -160,7 +165,7 @@ def test_a_grids_course_is_drawn_over_its_pulses(make_run: Make) -> None:
     application()
     window = window_on(make_run(rows=6, columns=15))
     state = window.state()
-    stations = [{"station": p.index + 1, "baseline_pa": 1.0, "pulse_pa": 2.0} for p in state.plan]
+    stations = measured(len(state.plan))
     course = [[30.0, 0.0], [32.0, 4.0], [34.0, 8.0]]
     one = {"kind": "artery", "course_mm": course, "stenosed_mm": [4.0, 8.0]}
     state.judge({"objects": [one], "stations": stations, "heart_rate_bpm": None})
@@ -176,9 +181,8 @@ def test_a_grids_course_is_drawn_over_its_pulses(make_run: Make) -> None:
 
 def test_a_replay_draws_what_was_found_at_its_end(make_run: Make) -> None:
     """The course was drawn before the first press, beside the words "none yet"."""
-    stations = [{"station": n + 1, "baseline_pa": 1.0, "pulse_pa": 2.0} for n in range(15)]
     one = {"kind": "artery", "course_mm": [[30.0, 0.0], [32.0, 4.0]], "position_mm": 31.0}
-    found = FINDING | {"objects": [one | {"confidence": 0.9}], "stations": stations}
+    found = FINDING | {"objects": [one | {"confidence": 0.9}], "stations": measured(15)}
     window = ReplayWindow(Path("a.run"), make_run(rows=3, columns=5), lambda: found)
     for step, drawn in ((500, 0), (1000, 1), (500, 0)):
         window.bar.slider.setValue(step)

@@ -55,6 +55,7 @@ def finding(recording: Recording) -> dict[str, object]:
             "baseline_pa": 9000.0,
             "baseline_sd_pa": 2.0,
             "pulse_sd_pa": 5.0,
+            "pulse_below_pa": None,
             "pulse_pa": float(np.ptp(s.signal_pa[110:180])),
         }
         for s in recording.stations
