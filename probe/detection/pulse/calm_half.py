@@ -11,7 +11,7 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Clearest, find_pulse
 from probe.detection.pulse.fit import design_of, fit
-from probe.detection.pulse.hold_samples import Hold
+from probe.detection.pulse.hold_samples import MIN_BINS, Hold
 
 CALMER = 2.0
 """How much less a half must swing to be the calm one. Halves of a pulse differ by less than 1.6 in
@@ -44,6 +44,8 @@ def calm_half(hold: Hold) -> Hold | None:
         return None
     left = fit(hold, design_of(hold), np.empty((len(hold.time_s), 0))).residual_pa
     first = hold.time_s < hold.time_s[0] + hold.span_s / 2
+    if min(first.sum(), (~first).sum()) < MIN_BINS:
+        return None
     swing = [_swing(hold.time_s[half], left[half]) for half in (first, ~first)]
     if max(swing) < CALMER * min(swing):
         return None

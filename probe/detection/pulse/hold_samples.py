@@ -122,7 +122,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     step = max(BIN_S, 1.001 * float(np.median(np.diff(time_s))))
     bins = np.floor((time_s - time_s[0]) / step + ROUNDING).astype(int)
     count = np.bincount(bins)
-    if len(count) < MIN_BINS:
+    if (count > 0).sum() < MIN_BINS:
         raise NoHold(
             f"station {station.index + 1}: a hold of {time_s[-1] - time_s[0]:.3f} s shows no "
             f"pulse; at least {MIN_BINS * step:.2f} s are needed, two heartbeats to see one well"
@@ -167,7 +167,9 @@ def _in_order(station: Station) -> Station:
 def _between(station: Station) -> tuple[Array, Array, float]:
     """Times, channel means and the clipped share of the hold."""
     clipped = np.asarray(station.saturated.any(axis=1))
-    each = station.signal_pa if station.signal_pa.shape[1] < 2 else _mended(station.signal_pa)
+    each = station.signal_pa
+    if each.shape[1] > 1:
+        each = _filled(_mended(each))
     whole = np.isfinite(each).all(axis=1) & np.isfinite(station.time_s)
     mean = np.where(whole, each.mean(axis=1), np.nan)
     begin, end = hold_limits(station, mean, whole)
@@ -184,6 +186,28 @@ def _mended(signal: Array) -> Array:
     scatter = 1.4826 * np.nanmedian(np.abs(np.diff(signal, axis=0)), axis=0) / np.sqrt(2)
     off = np.abs(signal - middle) > SPIKE_SIGMAS * np.maximum(scatter, 1e-12 * np.abs(middle))
     return np.asarray(np.where(off & (scatter > 0), middle, signal))
+
+
+def _filled(signal: Array) -> Array:
+    """An array's channels (n, c), what one misses for a while taken from those that miss nothing:
+    by its own gain over their mean, and its distance from it before and after. Else every sample
+    would be lost that any channel misses."""
+    lost = ~np.isfinite(signal)
+    whole = ~lost.any(axis=0)
+    if whole.all() or not whole.any():
+        return signal
+    mean = signal[:, whole].mean(axis=1)
+    filled = signal.copy()
+    for channel in np.flatnonzero(~whole):
+        there = ~lost[:, channel]
+        if there.sum() < MIN_SAMPLES:
+            continue
+        about = mean[there] - mean[there].mean()
+        gain = float(about @ signal[there, channel]) / max(float(about @ about), 1e-300)
+        off = running_median(signal[there, channel] - gain * mean[there], 5)
+        gap, known = np.flatnonzero(~there), np.flatnonzero(there)
+        filled[gap, channel] = gain * mean[gap] + np.interp(gap, known, off)
+    return filled
 
 
 def _check_contact(station: Station, signal: Array) -> None:

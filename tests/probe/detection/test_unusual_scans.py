@@ -10,6 +10,7 @@ from known_presses import recording, row, station
 from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
 from probe.detection import detect
+from probe.detection.pulse.hold_samples import hold_of
 
 
 def untouched(one: Station, rng: np.random.Generator, noise_pa: float = 5.0) -> Station:
@@ -211,6 +212,40 @@ def test_a_dead_or_stuck_taxel_costs_nothing() -> None:
         assert found.finding == "artery"
         assert found.stations[0].clipped == 0
         assert found.stations[0].baseline_pa == pytest.approx(level, rel=0.01)
+
+
+def test_what_taxels_miss_for_a_while_is_taken_from_the_others() -> None:
+    """Three of nine, of unlike gain, for a second each: without them a mean is another's."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        one = station(rng, pulse_pa=180.0, noise_pa=10.0)
+        gain = rng.uniform(0.3, 1.7, 9)
+        each = one.signal_pa * gain + 5.0 * rng.standard_normal((len(one.time_s), 9))
+        t = one.time_s - one.time_s[0]
+        sound = replace(one, signal_pa=each.copy(), saturated=np.zeros(each.shape, bool))
+        for channel, begins in zip(rng.choice(9, 3, replace=False), (0.5, 1.5, 2.5), strict=True):
+            each[(t > begins) & (t < begins + 1.0), channel] = np.nan
+        missed = replace(sound, signal_pa=each)
+        holds = [hold_of(made) for made in (sound, missed)]
+        assert len(holds[0].time_s) == len(holds[1].time_s)
+        off = holds[1].signal_pa - holds[0].signal_pa
+        assert np.abs(off).max() < 10.0  # of a pulse of 180
+        assert detect(Recording((missed,), tuple("abcdefghi"), (), 1e-4)).finding == "artery"
+
+
+def test_a_hold_that_is_mostly_gaps_is_judged_or_says_what_it_lacks() -> None:
+    """Its calm half had fewer samples than a wave has unknowns, which raised an error."""
+    t = np.array([0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 1.4, 1.5, 2.8, 2.9, 3.0, 3.1, 4.9])
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        one = station(rng, sample_hz=10.0)
+        signal = 9000.0 + 20.0 * rng.standard_normal(len(t))
+        signal[t < 2.5] += 900.0 * rng.standard_normal((t < 2.5).sum())
+        found = detect(recording([replace(
+            one, time_s=t, signal_pa=signal[:, None], saturated=np.zeros((len(t), 1), bool),
+            depth_m=np.full(len(t), np.nan), indent_s=np.nan, hold_s=np.nan, retract_s=np.nan,
+        )]))  # fmt: skip
+        assert found.finding != "artery"
 
 
 def test_spikes_in_one_channel_cost_nothing() -> None:
