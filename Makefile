@@ -29,7 +29,7 @@ demo-ur: .venv/.installed-report,ur
 
 # Tests of emulated devices on the wall clock come after the others, so that no computing keeps their
 # guards waiting; what fails is asked once more alone: four of them still share the machine. The types
-# and the finite elements have all along what these leave of the processors.
+# and the finite elements have all along what these leave of the processors, which may be little.
 WAITING := tests/drivers tests/probe/acquisition tests/probe/calibrate/test_weigh.py \
 	tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py tests/probe/config/test_fallback.py \
 	tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py tests/sim_backend/emulators \
@@ -44,7 +44,7 @@ test: .venv/.installed-dev
 beside:
 	nice -n 19 $(BIN)/lint-imports
 	nice -n 19 $(BIN)/mypy
-	nice -n 19 $(BIN)/pytest -p no:cacheprovider $(BESIDE)
+	nice -n 19 $(BIN)/pytest -p no:cacheprovider --timeout 900 $(BESIDE)
 
 first-computing-then-waiting:
 	$(BIN)/pytest -n 2 --dist worksteal $(patsubst %,--ignore=%,$(WAITING) $(BESIDE))

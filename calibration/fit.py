@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from calibration.errors import CalibrationError
 
@@ -50,6 +49,8 @@ class Fit:
 
     def interval(self, level: float = 0.95) -> Array:
         """Confidence intervals (p, 2) of ``values``."""
+        from scipy.special import stdtrit
+
         half = stdtrit(self.dof, (1 + level) / 2) * self.sigma
         return np.column_stack([self.values - half, self.values + half])
 

@@ -19,7 +19,6 @@ from pydantic import (
     ValidationError,
     model_validator,
 )
-from scipy.special import fdtri
 
 from calibration.axes import AxesCalibration
 from calibration.compliance import ComplianceCalibration
@@ -248,6 +247,8 @@ def worse_than(one: Record, residuals: Array) -> str | None:
     they also miss by the estimates' own errors. Residuals of several channels are judged together,
     so all their degrees of freedom count, not those of one.
     """
+    from scipy.special import fdtri
+
     kept = len(one.estimates.residuals)
     dof = max(one.estimates.dof, kept - len(one.estimates.values))
     old = one.residual_rms**2 * kept / dof * (1 + (kept - dof) / kept)

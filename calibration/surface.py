@@ -11,7 +11,6 @@ from math import comb
 from typing import TYPE_CHECKING, ClassVar, Literal
 
 import numpy as np
-from scipy.special import stdtrit
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, Mask, as_columns, linear_fit
@@ -115,6 +114,8 @@ def fit_surface(
 
 def _core(design: Array, z: Array, max_outliers: int) -> Mask:
     """True (n,) for touches that agree with the cleanest subset."""
+    from scipy.special import stdtrit
+
     n, p = design.shape
     if max_outliers == 0:
         return np.ones(n, dtype=bool)

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
-from scipy.special import stdtrit
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
@@ -58,6 +57,8 @@ def fit_taxels(raw: Array, pressure_pa: Array) -> TaxelCalibration:
     5 % of the median or not distinguishable from 0; it is saturated where readings stand still
     at its maximum while the pressure rises. Raises `CalibrationError`.
     """
+    from scipy.special import stdtrit
+
     raw, pressure = as_columns(raw, "raw"), as_columns(pressure_pa, "pressure_pa", 1)[:, 0]
     same_length(raw=raw, pressure_pa=pressure)
     ceiling = np.array([_ceiling(channel, pressure) for channel in raw.T])

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from drivers import Clock
 from sim_backend.arrays import Array
@@ -80,6 +79,8 @@ class Phantom:
         self._lead_s = np.random.default_rng(seed).uniform(0, self._wave.period_s)
         self._responses: dict[tuple[float, float], tuple[float, Response]] = {}
         self._ahead: SolvedAhead | None = None
+        if scene.tissue is not None and scene.tissue.relaxation:
+            import scipy.linalg  # noqa: F401 - now: later a reading would wait for it
 
     def force_n(self, time_s: Array) -> Array:
         """Normal force (n,) [N] on the whole indenter at ascending ``time_s`` (n,)."""
@@ -222,6 +223,8 @@ class Phantom:
         piecewise linear F_e). The pulse is not relaxed: softening everything alike does not
         change the load that a given pressure passes on.
         """
+        from scipy.linalg import solve_banded
+
         assert self.scene.tissue is not None
         start = math.floor(self._in_air_since(before) / RELAXATION_STEP_S)
         stop = math.ceil(time_s[-1] / RELAXATION_STEP_S) + 1

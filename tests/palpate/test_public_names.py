@@ -39,6 +39,16 @@ def test_importing_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
+@pytest.mark.parametrize("room", ["probe.acquisition.guard_process", "probe.acquisition.session"])
+def test_a_scan_begins_without_scipy(room: str) -> None:
+    """It takes as long as all the rest, and a scan starts two or three processes."""
+    code = f"import sys, {room}; print('scipy' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.strip() == "False"
+
+
 @pytest.mark.parametrize("package", ["drivers", "calibration", "probe", "sim_backend"])
 def test_a_folder_that_hides_ours_is_named(tmp_path: Path, package: str) -> None:
     (tmp_path / package).mkdir()
