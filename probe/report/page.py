@@ -99,7 +99,6 @@ def _picture(picture: Picture) -> str:
 
 def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
     rows = []
-    across = any(over_rows(one) for one in objects)
     for one in objects:
         place, interval = one.get("position_mm"), one.get("position_ci_mm")
         rows.append(
@@ -107,23 +106,22 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
                 one["kind"],
                 _number(place, ".2f"),
                 "unknown" if not interval else f"{interval[0]:.2f} to {interval[1]:.2f}",
-                *([", ".join(over_rows(one))] if across else []),
                 _pascal(one["peak_pa"]),
                 _pascal(one["pulse_pa"]),
                 "–" if one["kind"] == "undecided" else percent(one["confidence"]),
             )
         )
-    rows_head = ("across the rows",) if across else ()
     head = (
         "object",
         "x [mm]",
         "95 % [mm]",
-        *rows_head,
         "stiffer by [Pa]",
         "pulse [Pa]",
         "confidence",
     )
-    return _table(head, rows) if rows else ""
+    across = (f"{one['kind']}: {', '.join(parts)}" for one in objects if (parts := over_rows(one)))
+    lines = "".join(f"<p>{escape(line)}</p>" for line in across)  # too long for a phone's column
+    return _table(head, rows) + lines if rows else ""
 
 
 def _stations(stations: Sequence[Mapping[str, Any]]) -> str:

@@ -294,6 +294,24 @@ def test_a_grids_pulse_map_shows_the_course_and_where_it_is_stenosed() -> None:
     assert stenosed.get_xydata().tolist() == course[1:3]
 
 
+def test_a_grids_objects_leave_their_columns_to_a_phone(tmp_path: Path) -> None:
+    """The course had a column of its own, which pushed the confidence out of the screen."""
+    found: dict[str, Any] = finding(grid())
+    found["objects"][0]["course_mm"] = [[30.0, 0.0], [32.0, 16.0]]
+    text = report(grid(), started(), found, Path("a.run"), tmp_path).read_text(encoding="utf-8")
+    assert "<p>artery: seen from x, y = 30.0, 0.0 to 32.0, 16.0 mm</p>" in text
+    assert "<td>seen" not in text
+
+
+def test_bars_of_what_is_not_seen_reach_from_nothing_to_its_bound() -> None:
+    found: dict[str, Any] = finding(row())
+    found["stations"][2]["pulse_below_pa"] = 240.0
+    bars: Any = figures.pulse_map(found, row()).axes[0].containers[0]
+    (_, low), (_, high) = bars[2][0].get_segments()[2]
+    assert (low, high) == (0.0, 240.0)
+    assert bars[0].get_ydata()[2] == 0.0
+
+
 def test_every_axis_names_its_unit() -> None:
     with figures.style():
         drawn = [
