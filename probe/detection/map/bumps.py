@@ -163,7 +163,7 @@ def with_edges(x_m: Array) -> Array:
 def _further_edges(x_m: Array) -> list[Array]:
     """Pairs of columns (n, 2) of edges that reach further, as a high block's do, where stations are
     so close that they show the difference from a lump."""
-    if np.median(np.diff(x_m)) > CLOSE_M:
+    if round(float(np.median(np.diff(x_m))), 4) > CLOSE_M:  # to what poses are exact to, 0.1 mm
         return []
     ends = x_m[[0, -1]]
     return [np.exp(-np.abs(x_m[:, None] - ends) / (more * EDGE_M)) for more in FURTHER]

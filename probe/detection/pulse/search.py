@@ -175,7 +175,8 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     scale = np.ones(n) if is_even else np.sqrt(hold.weight)
     start_s = round(float(hold.time_s[0]), 4)
     times_s = np.asarray(start_s + hold.step_s * np.arange(n)) if is_even else hold.time_s
-    parts = np.array_split(rates, -(-n * len(rates) * 2 * SHAPE_HARMONICS // MOST_KEPT))
+    each = max(1, MOST_KEPT // (n * 2 * SHAPE_HARMONICS))  # rates
+    parts = np.array_split(rates, -(-len(rates) // each))
     key = (n, hold.step_s, start_s, tuple(rates.tolist()))
     kept = is_even and len(parts) == 1
 

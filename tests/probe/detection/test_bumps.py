@@ -161,6 +161,17 @@ def test_what_the_sides_of_a_high_block_make_of_a_close_row_is_no_lump(scatter_p
     assert all(bump.wave > 100 for bump in row.bumps)
 
 
+@pytest.mark.parametrize("start_m", [0.0, 4e-3])
+def test_stations_3_mm_apart_are_close_however_their_places_are_rounded(start_m: float) -> None:
+    """From 4 mm on, their distances are a rounding error above 3 mm."""
+    x_m = start_m + 3e-3 * np.arange(19)
+    left, right = (np.exp(-np.abs(x_m - end_m) / 5.4e-3) for end_m in x_m[[0, -1]])
+    value = 1000 - 250 * left - 150 * right
+    found = find_bumps(x_m, value, np.full(19, 1.0), surroundings(x_m), 0.0025).bumps
+    assert found
+    assert all(bump.wave > 100 for bump in found)
+
+
 def test_a_lump_beside_short_edges_is_not_taken_for_far_ones() -> None:
     x_m = 1e-3 * np.arange(4.0, 61.0, 2.0)
     edges = np.exp(-(x_m - x_m[0]) / 1.8e-3) + np.exp(-(x_m[-1] - x_m) / 1.8e-3)

@@ -202,3 +202,14 @@ def test_a_long_hold_is_looked_at_in_parts_of_its_rates(monkeypatch: pytest.Monk
     for name in ("along", "power", "clear", "gain", "p_value"):
         assert getattr(in_parts, name) == pytest.approx(getattr(whole, name), rel=1e-9)
     assert in_parts.rate_hz == whole.rate_hz
+
+
+def test_a_hold_too_long_for_two_rates_at_once_is_looked_at_one_by_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One of 15 minutes, in averages of 0.02 s, has more samples than a table holds numbers."""
+    hold = hold_of(station(np.random.default_rng(4), hold_s=2.5, pulse_pa=100.0))
+    whole, _ = search.search(hold)
+    monkeypatch.setattr(search, "MOST_KEPT", len(hold.time_s))
+    one_by_one, _ = search.search(hold)
+    assert one_by_one.gain == pytest.approx(whole.gain, rel=1e-9)
