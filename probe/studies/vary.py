@@ -6,6 +6,7 @@ an interval ``10..14`` (``10..14:log``) that a random design draws from.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
 from itertools import product
 from typing import Any, Literal
 
@@ -103,7 +104,12 @@ def full_key(key: str, scene: Scene) -> str:
         return matches[0]
     if matches:
         raise ConfigError(f"--vary {key}: which of {', '.join(matches)}?")
-    raise ConfigError(f"--vary {key}: no such key; known are {', '.join((*SCAN_KEYS, *known))}")
+    short = {name.rpartition(".")[2] for name in (*SCAN_KEYS, *known)}
+    near = get_close_matches(key.rpartition(".")[2], short, 1)
+    guess = f" (did you mean {near[0]}?)" if near else ""
+    raise ConfigError(
+        f"--vary {key}: no such key{guess}; known are {', '.join((*SCAN_KEYS, *known))}"
+    )
 
 
 def points(varied: Sequence[Varied], design: Design, count: int, seed: int) -> list[Point]:

@@ -34,7 +34,9 @@ def test_values(text: str, key: str, values: tuple[float | str, ...]) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("wal_mm=1", "no such key"),
+        ("wal_mm=1", "no such key .did you mean wall_mm"),
+        ("inner_diameter=3,4", "did you mean inner_diameter_mm"),
+        ("nothing_alike=3,4", "no such key; known are"),
         ("modulus_kpa=1", "which of"),
         ("wall_mm", "say KEY="),
         ("wall_mm=1..x", "say KEY="),
