@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 ABORTED = 5
 """Exit status of what a user stopped."""
-ORDERS = ("SIGTERM", "SIGHUP")
+ORDERS = ("SIGTERM", "SIGHUP", "SIGQUIT")
 """Ask a command to end as Ctrl-C does, also before and after a scan, which hears them itself."""
 
 

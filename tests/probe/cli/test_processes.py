@@ -124,6 +124,7 @@ PRESS = ["press", "TIHA", "--x", "32", "--depth", "1", "--json"]
         ("scipy", PRESS, signal.SIGINT),
         ("scipy", PRESS, signal.SIGTERM),
         ("scipy", PRESS, signal.SIGHUP),
+        ("scipy", PRESS, signal.SIGQUIT),
     ],
 )
 def test_an_order_to_end_while_a_command_is_loaded_ends_it_in_a_line(
