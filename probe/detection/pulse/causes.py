@@ -119,8 +119,8 @@ def chance_without_pulse(hold: Coarse, train: BeatTrain) -> float:
 def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
     """Log evidence of each cause that `PRIOR` names.
 
-    Where a pulse is not sure, what repeats at one rate is also judged `beside_breathing`, which
-    takes as long again: whether somebody breathes does not depend on what else moves.
+    Where a pulse is not sure, each but breathing is also judged `beside_breathing`, which takes as
+    long again: whether somebody breathes does not depend on what else moves.
     """
     repeating = _repeating(hold, MEMORIES)
     own = np.log(SHARE["train"]) + shape_evidence(hold, train, OWN_HARMONICS)
@@ -131,15 +131,17 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
         ]) - np.log(len(BREATHING_HARMONICS))),
         "a steady line": repeating["a steady line"],
         "motion": _motion(hold),
-        "tremor": shape_evidence(hold, beat_train(hold, "symmetric"), 0),
+        "tremor": _tremor(hold),
     }  # fmt: skip
     if cause_of([found]).is_pulse:
         return found
     still, cost = beside_breathing(hold, SLOWEST_HZ, FASTEST_HZ)
     chance = PRIOR["breathing"]
+    beside = _repeating(still, BESIDE_MEMORIES)
+    beside |= {"motion": _motion(still), "tremor": _tremor(still)}
     return found | {
-        name: float(np.logaddexp(np.log1p(-chance) + found[name], np.log(chance) + beside - cost))
-        for name, beside in _repeating(still, BESIDE_MEMORIES).items()
+        name: float(np.logaddexp(np.log1p(-chance) + found[name], np.log(chance) + each - cost))
+        for name, each in beside.items()
     }
 
 
@@ -164,6 +166,10 @@ def cause_of(evidences: Sequence[dict[str, float]]) -> Cause:
     score = np.array([np.log(p) + sum(e[name] for e in evidences) for name, p in PRIOR.items()])
     share = np.exp(score - logsumexp(score))
     return Cause(dict(zip(PRIOR, share.tolist(), strict=True)))
+
+
+def _tremor(hold: Coarse) -> float:
+    return shape_evidence(hold, beat_train(hold, "symmetric"), 0)
 
 
 def _motion(hold: Coarse) -> float:
