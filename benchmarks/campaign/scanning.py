@@ -129,7 +129,7 @@ def _lead(
 
 def _scan(far: int, heard: int, arguments: Sequence[str], folder: Path, answer: Path) -> None:
     from probe.acquisition import guard_client
-    from probe.cli import main
+    from probe.cli import command
 
     out = os.open(answer, os.O_WRONLY | os.O_CREAT, 0o600)
     for descriptor, number in ((far, 0), (out, 1), (far, 2)):
@@ -147,7 +147,7 @@ def _scan(far: int, heard: int, arguments: Sequence[str], folder: Path, answer: 
     threading.Thread(target=_strike_inside, args=(heard,), daemon=True).start()
     status = LOST
     try:
-        status = main(list(arguments))
+        status = command()
     except SystemExit as ended:
         status = ended.code if isinstance(ended.code, int) else LOST
     finally:

@@ -7,12 +7,21 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 ABORTED = 5
 """Exit status of what a user stopped."""
 ORDERS = ("SIGTERM", "SIGHUP", "SIGQUIT")
 """Ask a command to end as Ctrl-C does, also before and after a scan, which hears them itself."""
+
+
+def command() -> int:
+    """The program ``palpate``: `main`, after which no order to end takes back its status."""
+    status = main()
+    for number in _orders():
+        signal.signal(number, signal.SIG_IGN)
+    return status
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -30,8 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from probe.cli.command_line import run
     finally:
         signal.signal(signal.SIGINT, before)
-    orders = [getattr(signal, name) for name in ORDERS if hasattr(signal, name)]
-    heard = [number for number in orders if signal.getsignal(number) is signal.SIG_DFL]
+    heard = [number for number in _orders() if signal.getsignal(number) is signal.SIG_DFL]
     for number in heard:
         signal.signal(number, signal.default_int_handler)
     try:
@@ -39,6 +47,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         for number in heard:
             signal.signal(number, signal.SIG_DFL)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Within, no order to end is heard: what has ended says so whole, and once."""
+    orders = _orders() if _in_main_thread() else []
+    before = {number: signal.signal(number, signal.SIG_IGN) for number in orders}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:  # Python cannot give back what was set without it
+                signal.signal(number, handler)
+
+
+def _orders() -> list[signal.Signals]:
+    return [getattr(signal, name) for name in ("SIGINT", *ORDERS) if hasattr(signal, name)]
 
 
 def _in_main_thread() -> bool:

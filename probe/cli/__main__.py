@@ -2,6 +2,6 @@
 
 import sys
 
-from probe.cli import main
+from probe.cli import command
 
-sys.exit(main())
+sys.exit(command())

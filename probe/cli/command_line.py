@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from probe.cli import say
+from probe.cli import say, undisturbed
 from probe.cli.errors import status_of
 from probe.cli.layout import Grouped, add_examples
 from probe.cli.logs import log_to
@@ -73,11 +73,12 @@ def run(given: Sequence[str]) -> int:
                 list(given), prog_name="palpate", standalone_mode=False
             )
         except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - the one place for all
-            status, text = status_of(error)
-            if text:
-                say.inform(text)
-                if as_json:
-                    say.answer_json({"error": text, "status": status})
+            with undisturbed():
+                status, text = status_of(error)
+                if text:
+                    say.inform(text)
+                    if as_json and not say.has_answered():
+                        say.answer_json({"error": text, "status": status})
     return status if isinstance(status, int) else 0
 
 

@@ -12,10 +12,13 @@ from typing import Annotated, Any
 
 import typer
 
+from probe.cli import undisturbed
+
 Json = Annotated[
     bool, typer.Option("--json", help="Print exactly one JSON object on standard output.")
 ]
 _json_file: list[int] = []
+_answered: list[int] = []
 LAST_STREAM = 2  # standard input, output and error are 0, 1 and 2
 
 
@@ -45,11 +48,18 @@ def answer(text: str) -> None:
 def answer_json(values: Mapping[str, Any]) -> None:
     """The one JSON object of ``--json``; not-a-number and infinity become null."""
     text = visible(json.dumps(plain(values), allow_nan=False, ensure_ascii=False)) + "\n"
-    if _json_file:
-        with open(_json_file[-1], "w", encoding="utf-8", closefd=False) as file:
-            file.write(text)
-    else:
-        print(text, end="", flush=True)
+    with undisturbed():
+        if _json_file:
+            with open(_json_file[-1], "w", encoding="utf-8", closefd=False) as file:
+                file.write(text)
+            _answered.append(_json_file[-1])
+        else:
+            print(text, end="", flush=True)
+
+
+def has_answered() -> bool:
+    """Whether the one JSON object has been printed."""
+    return bool(_json_file) and _json_file[-1] in _answered
 
 
 def next_command(*words: str | Path) -> str:
@@ -107,4 +117,5 @@ def only_json() -> Iterator[None]:
         sys.stdout.flush()
         os.dup2(kept, 1)
         _json_file.remove(kept)
+        _answered.clear()
         os.close(kept)

@@ -217,7 +217,7 @@ def test_the_judge_reads_status_and_words(
 def test_a_scan_of_the_campaign_hears_ctrl_c_as_a_program_does(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def main(_arguments: list[str]) -> int:
+    def main() -> int:
         print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)
         return 7
 
