@@ -18,39 +18,57 @@ from typing import Any
 
 BOOTSTRAP = """
 import pickle, sys
+from importlib import import_module
 try:
-    path, *rest = pickle.load(sys.stdin.buffer)
+    sys.path[:], early = pickle.load(sys.stdin.buffer)
+    for module in early:
+        import_module(module)
+    order = pickle.load(sys.stdin.buffer)
 except EOFError:  # who started it has ended meanwhile: there is nobody to tell
     sys.exit(1)
-sys.path[:] = path
 from drivers.core.child import run
-run(*rest)
+run(*order)
 """
 KEY_BYTES = 32
+
+
+def interpreter(*modules: str) -> "subprocess.Popen[bytes]":
+    """A fresh one that imports ``modules`` and waits to be some `Child`'s; without one it ends
+    with this process."""
+    process = subprocess.Popen([sys.executable, "-c", BOOTSTRAP], stdin=subprocess.PIPE)
+    _tell(process, (sys.path, modules))
+    return process
+
+
+def _tell(process: "subprocess.Popen[bytes]", what: object) -> None:
+    assert process.stdin is not None
+    process.stdin.write(pickle.dumps(what))
+    process.stdin.flush()
 
 
 class Child:
     """``function(*arguments, *pipes)``, running elsewhere; ``pipes`` are this side's ends.
 
-    ``function`` is a module's; ``arguments`` can be pickled. The pipes of a side that has ended
-    raise `EOFError` or `OSError` on the other.
+    ``function`` is a module's; ``arguments`` can be pickled. ``process`` is an `interpreter` that
+    was started before. The pipes of a side that has ended raise `EOFError` or `OSError` on the
+    other.
     """
 
     def __init__(
-        self, function: Callable[..., None], arguments: tuple[Any, ...], pipes: int
+        self,
+        function: Callable[..., None],
+        arguments: tuple[Any, ...],
+        pipes: int,
+        process: "subprocess.Popen[bytes] | None" = None,
     ) -> None:
         key = os.urandom(KEY_BYTES)
         where = (function.__module__, function.__name__)
         with Listener(authkey=key) as listener:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", BOOTSTRAP], stdin=subprocess.PIPE
-            )
+            self._process = process or interpreter()
             try:
                 assert self._process.stdin is not None
-                with self._process.stdin as stdin:
-                    stdin.write(
-                        pickle.dumps((sys.path, listener.address, key, pipes, *where, arguments))
-                    )
+                with self._process.stdin:
+                    _tell(self._process, (listener.address, key, pipes, *where, arguments))
                 self.pipes = [listener.accept() for _ in range(pipes)]
             except BaseException:  # nobody will hold it, to end it later
                 self._process.kill()

@@ -88,6 +88,10 @@ def scan(
 
         raise typer.Exit(show_dry_run(rig, scene, out, json))
     need_report(report)
+    if rig is None:
+        from sim_backend.models.second_process import start_early
+
+        start_early("sim_backend.models.station_response")
     from probe.acquisition.commands import Control, ctrl_c
     from probe.acquisition.session import resolve_rig
     from probe.acquisition.session import scan as scan_with

@@ -7,14 +7,15 @@ fork: where it is started there may be windows, guards and drivers with threads.
 
 import os
 import signal
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+import subprocess
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from threading import Condition, Thread
 from typing import Any, Generic, TypeVar
 
-from drivers.core.child import Child
+from drivers.core.child import Child, interpreter
 
 END_S = 5.0
 BEGUN, FAILED, SOLVED = "begun", "failed", "solved"
@@ -69,10 +70,11 @@ class SecondProcess(Generic[Answer]):
 
     def _learn(self) -> None:
         """Body of the thread: start the process, take what it has solved, and wait for its end."""
-        with suppress(AttributeError):  # Ctrl-C is for the scan, which lifts the tip: the process
-            # inherits that this thread is not asked, from its first instruction on
-            signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        child = Child(solve_from_far_end, self._work, pipes=1)
+        early = _started_early.pop() if _started_early else None
+        if early is not None and early.poll() is not None:  # somebody ended it
+            early = None
+        with _no_ctrl_c():
+            child = Child(solve_from_far_end, self._work, pipes=1, process=early)
         with self._news:
             self._child = child
             for number in self._ours:
@@ -93,6 +95,31 @@ class SecondProcess(Generic[Answer]):
             self._child = None
             self._news.notify_all()
         child.end(END_S)
+
+
+_started_early: list["subprocess.Popen[bytes]"] = []
+
+
+def start_early(module: str) -> None:
+    """Start the interpreter of the next `SecondProcess` now, so that it imports ``module``, and
+    what that needs, while this one still imports what comes before. None on a single processor."""
+    if not _started_early and processors() > 1:
+        with _no_ctrl_c():
+            _started_early.append(interpreter(module))
+
+
+@contextmanager
+def _no_ctrl_c() -> Iterator[None]:
+    """Ctrl-C is for the scan, which lifts the tip: a process that is started within inherits that
+    this thread is not asked, from its first instruction on."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def all_answers(function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]]) -> list[Answer]:
