@@ -72,6 +72,7 @@ class SecondProcess(Generic[Answer]):
         """Body of the thread: start the process, take what it has solved, and wait for its end."""
         early = _started_early.pop() if _started_early else None
         if early is not None and early.poll() is not None:  # somebody ended it
+            early.communicate()  # closes what led to it
             early = None
         with _no_ctrl_c():
             child = Child(solve_from_far_end, self._work, pipes=1, process=early)

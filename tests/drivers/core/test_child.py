@@ -80,10 +80,10 @@ def test_who_reads_half_a_message_when_it_ends_is_told_the_end(
 
 
 def test_whose_starter_has_ended_meanwhile_it_ends_without_a_word(tmp_path: Path) -> None:
-    nobody = sys.path, str(tmp_path / "socket"), b"k" * KEY_BYTES, 1, "math", "sqrt", ()
+    nobody = str(tmp_path / "socket"), b"k" * KEY_BYTES, 1, "math", "sqrt", ()
     ended = subprocess.run(
         [sys.executable, "-c", BOOTSTRAP],
-        input=pickle.dumps(nobody),
+        input=pickle.dumps((sys.path, ())) + pickle.dumps(nobody),
         capture_output=True,
         timeout=60,
     )

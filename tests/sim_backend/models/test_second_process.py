@@ -3,7 +3,11 @@
 import math
 import os
 import signal
+import subprocess
+import sys
 import threading
+import time
+from contextlib import suppress
 
 import pytest
 
@@ -38,6 +42,45 @@ def test_the_other_process_answers_from_the_far_end() -> None:
 def test_a_failure_is_met_where_it_would_be_met_alone() -> None:
     with pytest.raises(ValueError, match=r"math domain|nonnegative"):
         all_answers(math.sqrt, [(4.0,), (1.0,), (-1.0,)])
+
+
+def test_the_one_started_early_answers_and_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(second_process, "_started_early", [])
+    second_process.start_early("math")
+    second_process.start_early("math")  # one is enough
+    (early,) = second_process._started_early
+    tasks = [(float(n * n),) for n in range(4)]
+    assert all_answers(math.sqrt, tasks) == [0.0, 1.0, 2.0, 3.0]
+    assert not second_process._started_early
+    assert early.wait(30) is not None
+
+
+def test_one_started_early_that_somebody_ended_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(second_process, "_started_early", [])
+    second_process.start_early("math")
+    (early,) = second_process._started_early
+    early.kill()
+    early.wait()
+    other = SecondProcess(math.sqrt, [(float(n * n),) for n in range(4)])
+    try:
+        with other._news:
+            assert other._news.wait_for(lambda: len(other._solved) == 4, 60.0)
+    finally:
+        other.close()
+
+
+def test_one_started_early_for_nothing_ends_with_its_starter() -> None:
+    script = "from sim_backend.models import second_process as s; s.processors = lambda: 2; "
+    script += "s.start_early('math'); print(s._started_early[0].pid)"
+    done = subprocess.run(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, check=True
+    )
+    until_s = time.monotonic() + 30.0
+    with suppress(ProcessLookupError):
+        while time.monotonic() < until_s:
+            os.kill(int(done.stdout), 0)
+            time.sleep(0.01)
+        pytest.fail("it still waits")
 
 
 class NobodyListens:
