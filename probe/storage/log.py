@@ -30,7 +30,7 @@ def unreadable_frames(log: Path) -> int:
             return 0
         magic, _, page_size = struct.unpack(">3I", head[:12]) if len(head) == HEADER else (0, 0, 0)
         size = FRAME_HEADER + page_size
-        if magic not in MAGIC or not 512 <= page_size <= MAX_PAGE or page_size % 8:
+        if magic not in MAGIC or not 512 <= page_size <= MAX_PAGE or page_size.bit_count() != 1:
             return 1
         order = MAGIC[magic]
         total = _sum(head[:24], (0, 0), order)

@@ -28,11 +28,12 @@ PALPATE = (sys.executable, "-m", "probe.cli")
 
 
 @pytest.fixture(autouse=True)
-def hangup_heard() -> Iterator[None]:
-    """As at a terminal, also where whoever runs the tests has hangups ignored."""
-    before = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+def orders_heard() -> Iterator[None]:
+    """As at a terminal, also where whoever runs the tests has hangups or Ctrl-\\ ignored."""
+    before = {n: signal.signal(n, signal.SIG_DFL) for n in (signal.SIGHUP, signal.SIGQUIT)}
     yield
-    signal.signal(signal.SIGHUP, before)
+    for number, handler in before.items():
+        signal.signal(number, handler)
 
 
 @pytest.fixture

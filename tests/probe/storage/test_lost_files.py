@@ -226,6 +226,7 @@ def test_a_lost_log_is_said(tmp_path: Path) -> None:
 @settings(
     max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
+@example(10)  # the size of its pages
 @example(17)  # the salt of the log itself
 @example(HEADER + 12)  # the salt of the first page
 @example(HEADER + 100)
