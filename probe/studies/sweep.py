@@ -8,12 +8,13 @@ it is the same whoever solved which point.
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from hashlib import sha256
 from multiprocessing import get_context
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 from drivers import ConfigError
@@ -166,11 +167,15 @@ def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
     with ProcessPoolExecutor(
         count, mp_context=get_context("spawn"), initializer=leave_with_parent
     ) as pool:
+        # As they come, in a queue: a Ctrl-C while `as_completed` holds the locks of all would leave
+        # them held, and the pool would wait for them for ever.
+        solved: SimpleQueue[Future[Solved]] = SimpleQueue()
         with starting_workers():
-            futures = [pool.submit(solve, job) for job in todo]
+            for job in todo:
+                pool.submit(solve, job).add_done_callback(solved.put)
         try:
-            for future in as_completed(futures):
-                yield future.result()
+            for _ in todo:
+                yield solved.get().result()
         except BrokenProcessPool:
             raise ConfigError(
                 "a worker process ended; memory may have run out: sweep with fewer workers"

@@ -152,6 +152,48 @@ def test_ctrl_c_while_workers_start_is_without_a_traceback(tmp_path: Path, begun
     )
 
 
+INTERRUPTED = """
+import inspect
+import sys
+from probe.cli import main
+
+left = int(sys.argv.pop(1))
+
+def watch(frame, _event, _argument):
+    code = frame.f_code
+    futures = code.co_filename.endswith("concurrent/futures/_base.py")
+    function = code.co_flags & inspect.CO_OPTIMIZED
+    masked = code.co_name in ("__init__", "submit", "add_done_callback")
+    return once if futures and function and not masked else None
+
+def once(_frame, event, _argument):
+    global left
+    left -= event == "line"
+    if left == 0:
+        raise KeyboardInterrupt
+    return once
+
+if __name__ == "__main__":
+    sys.settrace(watch)
+    sys.exit(main())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", [1, 9])
+def test_ctrl_c_while_a_pool_of_workers_holds_its_locks_ends_the_sweep(
+    tmp_path: Path, line: int
+) -> None:
+    """At that line of those in which the main thread looks after Python's futures."""
+    (tmp_path / "script.py").write_text(INTERRUPTED)
+    command = [sys.executable, "script.py", str(line), "sweep", "TIHA", "--workers", "2"]
+    command += ["--vary", "wall_mm=0.4..0.8:4", "--model", "small", "--accuracy", "20"]
+    ended = subprocess.run(
+        [*command, "--out", "t.csv"], cwd=tmp_path, capture_output=True, text=True, timeout=120
+    )
+    assert (ended.returncode, "points are kept" in ended.stderr) == (5, True), ended.stderr
+
+
 def test_unknown_ending(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"must end in \.parquet"):
         solve_points(TIHA, made("wall_mm=0.5"), tmp_path / "t.xlsx")
