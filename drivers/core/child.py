@@ -7,11 +7,12 @@ This one imports the function's module and nothing of the caller's.
 
 import os
 import pickle
+import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing.connection import Client, Connection, Listener
 from typing import Any
@@ -32,15 +33,30 @@ run(*order)
 KEY_BYTES = 32
 
 
+@contextmanager
+def no_ctrl_c() -> Iterator[None]:
+    """Within, Ctrl-C asks neither this thread to end nor, from its first instruction on, a process
+    that is started here; one that came meanwhile is raised at the end. Windows has no such mask.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def interpreter(*modules: str) -> "subprocess.Popen[bytes]":
     """A fresh one that imports ``modules`` and waits to be some `Child`'s; without one it ends
     with this process."""
     process = subprocess.Popen([sys.executable, "-c", BOOTSTRAP], stdin=subprocess.PIPE)
-    _tell(process, (sys.path, modules))
+    _send(process, (sys.path, modules))
     return process
 
 
-def _tell(process: "subprocess.Popen[bytes]", what: object) -> None:
+def _send(process: "subprocess.Popen[bytes]", what: object) -> None:
     assert process.stdin is not None
     process.stdin.write(pickle.dumps(what))
     process.stdin.flush()
@@ -68,7 +84,7 @@ class Child:
             try:
                 assert self._process.stdin is not None
                 with self._process.stdin:
-                    _tell(self._process, (listener.address, key, pipes, *where, arguments))
+                    _send(self._process, (listener.address, key, pipes, *where, arguments))
                 self.pipes = [listener.accept() for _ in range(pipes)]
             except BaseException:  # nobody will hold it, to end it later
                 self._process.kill()

@@ -9,6 +9,8 @@ from multiprocessing import parent_process
 from threading import Thread
 from types import ModuleType
 
+from drivers.core.child import no_ctrl_c
+
 
 def leave_with_parent() -> None:
     """End this worker when its parent is killed: a pool's workers would wait for ever.
@@ -17,7 +19,8 @@ def leave_with_parent() -> None:
     is for the parent to say.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    _mask("SIG_UNBLOCK", {signal.SIGINT})
+    if hasattr(signal, "pthread_sigmask"):  # Windows has no masks
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     parent = parent_process()
     assert parent is not None
 
@@ -38,16 +41,8 @@ def starting_workers() -> Iterator[None]:
     """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
-    before = _mask("SIG_BLOCK", {signal.SIGINT})  # workers inherit it
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
-        _mask("SIG_SETMASK", before)  # a Ctrl-C that came meanwhile is raised here
-
-
-def _mask(how: str, signals: set[int | signal.Signals]) -> set[int | signal.Signals]:
-    """Windows has no masks."""
-    if not hasattr(signal, "pthread_sigmask"):
-        return set()
-    return signal.pthread_sigmask(getattr(signal, how), signals)
+    with no_ctrl_c():
+        try:
+            yield
+        finally:
+            sys.modules["__main__"] = main

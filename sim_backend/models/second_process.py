@@ -8,14 +8,14 @@ fork: where it is started there may be windows, guards and drivers with threads.
 import os
 import signal
 import subprocess
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
 from threading import Condition, Thread
 from typing import Any, Generic, TypeVar
 
-from drivers.core.child import Child, interpreter
+from drivers.core.child import Child, interpreter, no_ctrl_c
 
 END_S = 5.0
 BEGUN, FAILED, SOLVED = "begun", "failed", "solved"
@@ -74,7 +74,7 @@ class SecondProcess(Generic[Answer]):
         if early is not None and early.poll() is not None:  # somebody ended it
             early.communicate()  # closes what led to it
             early = None
-        with _no_ctrl_c():
+        with no_ctrl_c():  # it is for the scan, which lifts the tip
             child = Child(solve_from_far_end, self._work, pipes=1, process=early)
         with self._news:
             self._child = child
@@ -105,22 +105,8 @@ def start_early(module: str) -> None:
     """Start the interpreter of the next `SecondProcess` now, so that it imports ``module``, and
     what that needs, while this one still imports what comes before. None on a single processor."""
     if not _started_early and processors() > 1:
-        with _no_ctrl_c():
+        with no_ctrl_c():
             _started_early.append(interpreter(module))
-
-
-@contextmanager
-def _no_ctrl_c() -> Iterator[None]:
-    """Ctrl-C is for the scan, which lifts the tip: a process that is started within inherits that
-    this thread is not asked, from its first instruction on."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def all_answers(function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]]) -> list[Answer]:
