@@ -7,7 +7,7 @@ was said to lie beneath (`Limits.hardest_n_m`) makes every bound that rests on i
 
 import math
 import threading
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -116,8 +116,9 @@ class PressGuard:
         self._speed_m_s = self._first_n = 0.0
         self._noise_n = math.inf
         self._z_m = self._contact_m = self._changed_s = 0.0
-        self._news: list[float] = []  # when a new pose came
-        self._gaps: list[float] = []  # and after how long
+        # how long new poses took, and when they came, without those that a later one outlasts
+        self._gaps_s: list[float] = []
+        self._gap_ends_s: list[float] = []
         # since contact
         self._times: list[float] = []
         self._downs: list[float] = []
@@ -137,7 +138,7 @@ class PressGuard:
             self._noise_n = min(self._noise_n, noise_n) if down else noise_n
             self._first_n = self._feels.smooth_n
             self._z_m, self._changed_s = start.z, math.inf
-            self._news, self._gaps = [], []
+            self._gaps_s, self._gap_ends_s = [], []
             self._times, self._downs, self._forces, self._rest = [], [], [], []
 
     def end(self) -> None:
@@ -153,9 +154,7 @@ class PressGuard:
 
     def _judge(self, pose: Pose, now: float) -> str | None:
         if pose.z < self._z_m:
-            if math.isfinite(self._changed_s):
-                self._news.append(now)
-                self._gaps.append(now - self._changed_s)
+            self._keep_gap(now)
             self._z_m, self._changed_s = pose.z, now
         force = self._feels.smooth_n
         if not self._times:
@@ -181,14 +180,25 @@ class PressGuard:
         """The newest row that is no newer; -1 if there is none."""
         return bisect_right(self._times, time_s) - 1
 
+    def _keep_gap(self, now: float) -> None:
+        gap_s = now - self._changed_s
+        if gap_s < 0:  # the first: no pose came before it
+            return
+        while self._gaps_s and self._gaps_s[-1] <= gap_s:
+            self._gaps_s.pop()
+            self._gap_ends_s.pop()
+        self._gaps_s.append(gap_s)
+        self._gap_ends_s.append(now)
+
     def _before_pose(self, row: int) -> int:
         """The newest row whose force is from before the tip was where ``row`` says; -1 if none.
 
-        A pose is as old as the poses since then came late. One that came late before is forgotten:
-        it would hide the end of a press.
+        That pose may be as old as it or any later one took to come. One that came late before it
+        says nothing of it, and would hide the end of a press.
         """
-        since = max(bisect_right(self._news, self._times[row]) - 1, 0)
-        return self._before(self._times[row] - POLLS * max(self._gaps[since:]))
+        came_s = self._times[bisect_left(self._downs, self._downs[row])]
+        since = min(bisect_left(self._gap_ends_s, came_s), len(self._gaps_s) - 1)
+        return self._before(self._times[row] - POLLS * self._gaps_s[since])
 
     def _too_fast(self) -> str | None:
         """By time, not by poses: no tip went further than its speed allows."""
@@ -219,7 +229,7 @@ class PressGuard:
         """
         down_m, force = self._downs[-1], self._forces[-1]
         row = bisect_right(self._downs, min(down_m / (1 + JUDGED_SHARE), down_m - way_m)) - 1
-        if row < 0 or not self._gaps:
+        if row < 0 or not self._gaps_s:
             return None
         began = self._before_pose(row)
         force_n = self._forces[began] - self._first_n
@@ -239,7 +249,7 @@ class PressGuard:
         """The end of the press and as long a time of rest, once; as `_too_flat` by noise alone."""
         down_m = self._downs[-1]
         row = bisect_right(self._downs, (1 - LAST_SHARE) * down_m) - 1
-        began = self._before_pose(row) if row >= 0 and self._gaps else -1
+        began = self._before_pose(row) if row >= 0 and self._gaps_s else -1
         self._rest.append(self._feels.smooth_n)
         if began >= 0 and now < 2 * self._times[-1] - self._times[began]:
             return None
