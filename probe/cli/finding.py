@@ -12,7 +12,7 @@ from probe.cli.arguments import RunFiles
 from probe.cli.say import Json, answer, answer_json, plain
 from probe.cli.several import of_each
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
-from probe.core.finding_words import percent, simulated_words, size_words, summary
+from probe.core.finding_words import number_words, percent, simulated_words, size_words, summary
 from probe.core.places import has_rows
 
 MAX_LINES = 40
@@ -140,10 +140,6 @@ def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
     for head in ("station", *heads, "baseline Pa", "± 95 %", "pulse Pa", "± 95 %"):
         table.add_column(head, justify="right")
     for one in stations:
-        places = [_number(one[f"{axis}_mm"], ".1f") for axis in axes]
+        places = [number_words(one[f"{axis}_mm"], ".1f") for axis in axes]
         table.add_row(str(one["station"]), *places, *size_words(one))
     Console(width=80).print(table)
-
-
-def _number(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)

@@ -102,15 +102,16 @@ def size_words(station: Mapping[str, Any]) -> tuple[str, str, str, str]:
     level, pulse = station["baseline_pa"], station["pulse_pa"]
     below = station["pulse_below_pa"]
     return (
-        _tenth(level),
-        _tenth(reach(station["baseline_sd_pa"])),
-        _tenth(pulse) if below is None else f"< {below:.1f}",
-        _tenth(reach(station["pulse_sd_pa"])) if below is None else "",
+        number_words(level, ".1f"),
+        number_words(reach(station["baseline_sd_pa"]), ".1f"),
+        number_words(pulse, ".1f") if below is None else f"< {below:.1f}",
+        number_words(reach(station["pulse_sd_pa"]), ".1f") if below is None else "",
     )
 
 
-def _tenth(value: float | None) -> str:
-    return "unknown" if value is None else f"{value:.1f}"
+def number_words(value: float | None, form: str) -> str:
+    """``value`` as the format ``form`` has it."""
+    return "unknown" if value is None else format(value, form)
 
 
 def _pascal(value: float | None, digits: int) -> str:

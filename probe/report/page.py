@@ -13,6 +13,7 @@ from probe.core.finding_words import (
     assumption,
     headline,
     heart_rate_line,
+    number_words,
     over_rows,
     percent,
     simulated_words,
@@ -104,7 +105,7 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
         rows.append(
             (
                 one["kind"],
-                _number(place, ".2f"),
+                number_words(place, ".2f"),
                 "unknown" if not interval else f"{interval[0]:.2f} to {interval[1]:.2f}",
                 _pascal(one["peak_pa"]),
                 _pascal(one["pulse_pa"]),
@@ -130,7 +131,7 @@ def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
     rows = [
         (
             str(s["station"]),
-            *(_number(s[axis], ".2f") for axis in axes),
+            *(number_words(s[axis], ".2f") for axis in axes),
             *size_words(s),
         )
         for s in stations
@@ -149,13 +150,9 @@ def _channels(channels: Mapping[str, Sequence[Channel]]) -> str:
     return _table(("channel", "unit", "role", "source"), rows)
 
 
-def _number(value: float | None, form: str) -> str:
-    return "unknown" if value is None else format(value, form)
-
-
 def _pascal(value: float | None) -> str:
     """Whole pascals where there are a hundred or more, else one decimal."""
-    return _number(value, ".0f" if value is not None and abs(value) >= 100 else ".1f")
+    return number_words(value, ".0f" if value is not None and abs(value) >= 100 else ".1f")
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
