@@ -5,14 +5,12 @@ import math
 import os
 import shlex
 import shutil
-import signal
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import pytest
-import typer
 from databases import opened
 
 from drivers import Channel, DeviceFault, WallClock
@@ -400,28 +398,3 @@ def test_a_run_without_a_press_shows_no_empty_table(capfd: pytest.CaptureFixture
     found = {"stations": [], "objects": [], "simulated": [], "finding": "undecided"}
     show_finding(found | {"reason": "no press can be judged"})
     assert capfd.readouterr().out == "Finding: undecided\n  no press can be judged\n"
-
-
-def test_an_order_to_end_while_an_end_is_told_costs_no_answer(
-    palpate: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As of somebody who types Ctrl-C again and again."""
-    monkeypatch.setattr(say, "inform", lambda _text: os.kill(os.getpid(), signal.SIGINT))
-    told = palpate("detect", "nowhere.run", "--json")
-    assert (told.status, json.loads(told.out)["status"]) == (2, 2)
-
-
-def test_an_order_to_end_after_the_answer_adds_no_other(
-    palpate: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app = typer.Typer()
-
-    @app.command()
-    def _answers(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
-        say.answer_json({"as_json": as_json})
-        raise typer.Abort
-
-    monkeypatch.setattr("probe.cli.command_line.build", lambda: app)
-    for _ in range(2):  # and the next command has its own
-        told = palpate("--json")
-        assert (told.status, json.loads(told.out)) == (5, {"as_json": True})

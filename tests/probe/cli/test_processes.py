@@ -1,7 +1,6 @@
 """Whole processes: Ctrl-C, kill -9 and resume, the finite elements behind the phantom included."""
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -25,15 +24,6 @@ stations = 3
 name = "TIHA"
 """
 PALPATE = (sys.executable, "-m", "probe.cli")
-
-
-@pytest.fixture(autouse=True)
-def orders_heard() -> Iterator[None]:
-    """As at a terminal, also where whoever runs the tests has hangups or Ctrl-\\ ignored."""
-    before = {n: signal.signal(n, signal.SIG_DFL) for n in (signal.SIGHUP, signal.SIGQUIT)}
-    yield
-    for number, handler in before.items():
-        signal.signal(number, handler)
 
 
 @pytest.fixture
@@ -113,47 +103,3 @@ def test_watch_ends_by_ctrl_c_as_something_done(rig: Path) -> None:
     assert "SIMULATED" in first
     assert process.returncode == 0, err
     assert err == ""
-
-
-PRESS = ["press", "TIHA", "--x", "32", "--depth", "1", "--json"]
-
-
-@pytest.mark.parametrize(
-    ("slow", "command", "order"),
-    [
-        ("typer", ["--help"], signal.SIGINT),
-        ("scipy", PRESS, signal.SIGINT),
-        ("scipy", PRESS, signal.SIGTERM),
-        ("scipy", PRESS, signal.SIGHUP),
-        ("scipy", PRESS, signal.SIGQUIT),
-    ],
-)
-def test_an_order_to_end_while_a_command_is_loaded_ends_it_in_a_line(
-    tmp_path: Path, slow: str, command: list[str], order: signal.Signals
-) -> None:
-    """``slow`` is what it is loading: a library that takes half a minute."""
-    (tmp_path / f"{slow}.py").write_text(
-        "import sys, time\nprint('loading', file=sys.stderr, flush=True)\ntime.sleep(30)\n"
-    )
-    with subprocess.Popen(
-        [*PALPATE, *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-        env={**os.environ, "PYTHONPATH": str(tmp_path)},
-    ) as process:  # fmt: skip
-        assert process.stderr is not None
-        assert process.stderr.readline() == "loading\n"
-        process.send_signal(order)
-        out, err = process.communicate(timeout=30)
-    assert (process.returncode, err) == (5, "stopped\n")
-    assert not out or json.loads(out) == {"error": "stopped", "status": 5}
-    assert bool(out) == ("--json" in command)
-
-
-def test_a_hangup_that_nohup_had_ignored_ends_no_command(tmp_path: Path) -> None:
-    (tmp_path / "scipy.py").write_text(
-        "import os, signal\nos.kill(os.getpid(), signal.SIGHUP)\nos._exit(42)\n"
-    )
-    done = subprocess.run(
-        ["nohup", *PALPATE, *PRESS], env={**os.environ, "PYTHONPATH": str(tmp_path)},
-        stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 42, done.stderr
