@@ -11,6 +11,7 @@ from campaign.faults import Draw
 from campaign.limits import HOLD_S, INDENTATION_M
 from campaign.truth import FORCE, T, Truth, X, Y, Z
 from drivers.core.arrays import Array
+from probe.core.errors import RunFileError
 from probe.core.events import (
     Note,
     Phase,
@@ -67,7 +68,7 @@ def words_kept(path: Path | None) -> str:
             for e in events
             if isinstance(e, Note | RunEnded)
         )
-    except Exception:  # noqa: BLE001 - `check_stored` says why it cannot be read
+    except RunFileError:  # `check_stored` says why it cannot be read
         return ""
 
 

@@ -51,7 +51,7 @@ class ScanProgress:
         _trace: TracebackType | None,
     ) -> None:
         if self._bar is not None:
-            _end(self._bar)
+            _stop(self._bar)
 
     def __call__(self, event: Event) -> None:
         """Take one event of the scan."""
@@ -122,9 +122,9 @@ def counting(what: str) -> Iterator[Callable[[int, int], None]]:
     try:
         yield lambda done, total: bar.update(task, completed=done, total=total)
     finally:
-        _end(bar)
+        _stop(bar)
 
 
-def _end(bar: Progress) -> None:
-    with suppress(OSError):  # the terminal is gone: what was found is still to be told
+def _stop(bar: Progress) -> None:
+    with suppress(OSError):  # the terminal is gone: what was found is still to be said
         bar.stop()

@@ -7,6 +7,7 @@ pieces gives the same numbers.
 
 import math
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -80,7 +81,7 @@ class Phantom:
         self._responses: dict[tuple[float, float], tuple[float, Response]] = {}
         self._ahead: SolvedAhead | None = None
         if scene.tissue is not None and scene.tissue.relaxation:
-            import scipy.linalg  # noqa: F401 - now: later a reading would wait for it
+            import_module("scipy.linalg")  # now: later a reading would wait for it
 
     def force_n(self, time_s: Array) -> Array:
         """Normal force (n,) [N] on the whole indenter at ascending ``time_s`` (n,)."""

@@ -203,7 +203,8 @@ def _filled(signal: Array) -> Array:
         if there.sum() < MIN_SAMPLES:
             continue
         about = mean[there] - mean[there].mean()
-        gain = float(about @ signal[there, channel]) / max(float(about @ about), 1e-300)
+        power = float(about @ about)
+        gain = float(about @ signal[there, channel]) / power if power else 0.0
         off = running_median(signal[there, channel] - gain * mean[there], 5)
         gap, known = np.flatnonzero(~there), np.flatnonzero(there)
         filled[gap, channel] = gain * mean[gap] + np.interp(gap, known, off)
