@@ -146,8 +146,7 @@ class Store:
                 self._waiting.clear()
                 self._change.notify_all()
         finally:
-            with suppress(sqlite3.Error):  # a full disk: the next `palpate resume` seals it
-                seal(self._connection)
+            _seal(self._connection)
             self._connection.close()
             release(self._lock)
 
@@ -239,6 +238,17 @@ def reopen_store(path: Path) -> Store:
         connection.close()
         release(lock)
         raise RunFileError(f"{path}: damaged ({error}); `palpate verify` says where") from None
+
+
+def _seal(connection: sqlite3.Connection) -> None:
+    """Seal the run, also on a full disk: what the log holds goes into the file first, and the seal
+    where the log began."""
+    try:
+        seal(connection)
+    except sqlite3.Error:
+        with suppress(sqlite3.Error):  # no room in the file either: the next `palpate resume` seals
+            connection.execute("PRAGMA wal_checkpoint(RESTART)")
+            seal(connection)
 
 
 def _channels(connection: sqlite3.Connection) -> Mapping[str, tuple[Channel, ...]] | None:

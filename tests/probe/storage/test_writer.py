@@ -1,6 +1,7 @@
 """The run file's writer."""
 
 import os
+import resource
 import sqlite3
 import subprocess
 import sys
@@ -248,6 +249,25 @@ def test_a_full_disk_keeps_what_was_committed(tmp_path: Path) -> None:
     report = verify(path)
     assert report.ok
     assert report.samples["cell"] >= 5 * 25
+
+
+def test_a_disk_with_no_room_for_the_log_to_grow_does_not_leave_a_run_open(tmp_path: Path) -> None:
+    """The log went into the file and was removed, and nothing said how many events there are."""
+    path = tmp_path / "a.run"
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    with create_store(path) as store:
+        short_run(store)
+        for n in range(5, 20):  # a log longer than the file, which so has room for it
+            store(samples(0.05 * n))
+            store.flush()
+        size = Path(f"{path}-wal").stat().st_size
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+        try:
+            store.close()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    report = verify(path)
+    assert report.ok, report.problems
 
 
 def test_after_a_failed_commit_nothing_more_is_taken(tmp_path: Path) -> None:
