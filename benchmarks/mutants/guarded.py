@@ -8,12 +8,14 @@ ENGINE, ALIVE = "probe/acquisition/engine.py", "probe/acquisition/stuck_sensor.p
 LOOP, RULES = "probe/acquisition/run_loop.py", "probe/acquisition/stop_rules.py"
 CLOCKS = "probe/acquisition/clock_guard.py"
 PRESS = "probe/acquisition/press_guard.py"
+PRESSES = "probe/acquisition/presses.py"
 LEVELS = "probe/acquisition/levels.py"
 TEST_MONITOR = "tests/probe/acquisition/test_safety_monitor.py"
 TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
 TEST_CONTACT = "tests/probe/acquisition/test_ur_contact.py"
 TEST_LIMIT = "tests/probe/acquisition/test_force_limit.py"
 TEST_WORLDS = "tests/probe/acquisition/test_worlds_not_built.py"
+TEST_PRESSES = "tests/probe/acquisition/test_presses.py"
 TEST_FALSE = "tests/probe/acquisition/test_false_sensors.py"
 SENSOR_CASES = f"{TEST_MONITOR}::test_what_a_sensor_guard_objects_to"
 POSE_CASES = f"{TEST_MONITOR}::test_what_a_pose_guard_objects_to"
@@ -195,6 +197,26 @@ GUARDED = (
         "a force that stops to rise is believed", PRESS,
         "if rose_n >= FLAT * foretold_n or", "if rose_n >= -1e9 or",
         (f"{TEST_FALSE}::test_a_force_that_stops_to_rise_is_not_believed",),
+    ),
+    Mutant(
+        "a press that nobody feels goes on", PRESSES,
+        "> self._within_m:", "> 1e9:",
+        (f"{TEST_PRESSES}::test_a_press_that_is_not_felt_half_way_down_ends_there",),
+    ),
+    Mutant(
+        "every sensor must feel a press", PRESSES,
+        "if any(guard.felt()", "if all(guard.felt()",
+        (f"{TEST_PRESSES}::test_one_sensor_that_feels_the_press_is_enough",),
+    ),
+    Mutant(
+        "a search must feel the surface at once", PRESSES,
+        "or self._searches:", "or False:",
+        (f"{TEST_PRESSES}::test_a_surface_that_is_searched_may_be_low",),
+    ),
+    Mutant(
+        "what noise hides is asked for", PRESS,
+        "or least_n > LITTLE_SHARE * self._limit_n:", "or least_n > 1e9:",
+        (f"{TEST_PRESSES}::test_what_noise_hides_of_little_tissue_is_not_asked_for",),
     ),
     Mutant(
         "what is harder than was said is pressed", PRESS,

@@ -5,12 +5,11 @@ from collections import defaultdict
 from collections.abc import Mapping
 from statistics import median
 
-from probe.acquisition.press_guard import NOISE_SIGMAS
+from probe.acquisition.press_guard import LITTLE_SHARE, NOISE_SIGMAS
 
 LEVEL_S = 0.1  # a level is the mean force over this long
 MAX_LEVEL_S = 1.0  # and over up to this where there are fewer than two readings in it
 MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
-LITTLE_SHARE = 0.02  # of the force limit: a press so soft is protected by no such limit
 MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
 UNSTEADY = 4.0  # of two readings, the fewest, 0.7 % are as far apart by chance: one more level
 MAX_UNSTEADY_S = 2.0  # a cough is over by then

@@ -18,6 +18,7 @@ from probe.planning.plan import Plan
 
 PERIODS = 5  # of a sensor: the fewest that are waited for, as readers and lines deliver in bursts
 MIN_LIMIT_SHARE = 0.1  # share of the limit that a press must have reached before it can be judged
+LITTLE_SHARE = 0.02  # of the limit: a press so soft is protected by no such limit
 NOISE_SIGMAS = 10.0  # standard deviations of the sensor's noise that a change must have to count
 # And over which noise alone moves the mean of `force_limit.SMOOTH` readings at most: it is 9 of its
 # standard deviations.
@@ -115,7 +116,7 @@ class PressGuard:
         self._periods_s = PERIODS / rate_hz
         self._speed_m_s = self._first_n = 0.0
         self._noise_n = math.inf
-        self._z_m = self._contact_m = self._changed_s = 0.0
+        self._began_m = self._z_m = self._contact_m = self._changed_s = 0.0
         # how long new poses took, and when they came, without those that a later one outlasts
         self._gaps_s: list[float] = []
         self._gap_ends_s: list[float] = []
@@ -137,9 +138,22 @@ class PressGuard:
             self._speed_m_s = speed_m_s if down else 0.0
             self._noise_n = min(self._noise_n, noise_n) if down else noise_n
             self._first_n = self._feels.smooth_n
-            self._z_m, self._changed_s = start.z, math.inf
+            self._began_m, self._z_m, self._changed_s = start.z, start.z, math.inf
             self._gaps_s, self._gap_ends_s = [], []
             self._times, self._downs, self._forces, self._rest = [], [], [], []
+
+    def in_air_m(self, surface_m: float) -> float:
+        """How far the tip has gone below a surface, or from where it set off if that is lower,
+        without a force; 0.0 where noise hides what little tissue gives."""
+        with self._lock:
+            least_n = NOISE_SIGMAS * self._noise_n
+            if self._times or self._speed_m_s == 0.0 or least_n > LITTLE_SHARE * self._limit_n:
+                return 0.0
+            return max(min(self._began_m, surface_m) - self._z_m, 0.0)
+
+    def felt(self) -> bool:
+        """Whether the force has risen on this way down."""
+        return bool(self._times)
 
     def end(self) -> None:
         """The tip rests."""

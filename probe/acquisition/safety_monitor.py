@@ -21,7 +21,8 @@ from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.guard_threads import GuardThreads
 from probe.acquisition.interruption import Trip
 from probe.acquisition.pose_guard import PoseGuard
-from probe.acquisition.press_guard import PERIODS, WAY_M, ForceReading, PressGuard, check_blind
+from probe.acquisition.press_guard import PERIODS, WAY_M, ForceReading, check_blind
+from probe.acquisition.presses import Presses
 from probe.acquisition.readings import STAGE, Readings
 from probe.acquisition.retreat import Retreat, lift_speed_m_s
 from probe.planning.limits import Limits
@@ -76,9 +77,7 @@ class SafetyMonitor:
                 "safety.max_force_n would hold nothing: no sensor reads a force, and a pressure "
                 "becomes one only over a known face; add a force sensor, or say face_mm2 = 100"
             )
-        self._presses = [
-            (s.name, PressGuard(g, limits, s.rate_hz)) for s, g in self._sensors if g.feels
-        ]
+        self._presses = Presses(self._sensors, surface, limits)
         self._down_m_s = 0.0  # of the move under way, if it goes down
         self._pose_guard = PoseGuard(surface, limits)
         self._clock_guards = [
@@ -185,8 +184,7 @@ class SafetyMonitor:
         """The move is over: from now on the tip rests at ``pose``."""
         self._in_motion = False
         self._pose_guard.expect_rest(pose)
-        for _, press in self._presses:
-            press.end()
+        self._presses.end()
 
     def tare(self) -> None:
         """Take the present load of every sensor as zero; all are read on. Raises `DeviceFault`."""
@@ -260,8 +258,7 @@ class SafetyMonitor:
     def _start(self, target: Pose, speed_m_s: float, search: bool = False) -> None:
         here = self._stage.pose()
         self._pose_guard.expect(here, target)
-        for _, press in self._presses:
-            press.begin(here, target, speed_m_s)
+        self._presses.begin(here, target, speed_m_s, search=search)
         lowest_m = here.z if self._lift_z_m is None else min(here.z, self._lift_z_m)
         self._down_m_s = speed_m_s if target.z < lowest_m - WAY_M else 0.0
         self._in_motion = True
@@ -344,10 +341,9 @@ class SafetyMonitor:
         self._readings.take_pose(pose, now)
         if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1], again=True)
-        for name, press in self._presses:
-            odd = press.check(pose, now)
-            if odd is not None and not abilities.touched(self._stage):  # which may go back by then
-                self.object(name, odd, can_retract=True)
+        odd = self._presses.check(pose, now)
+        if odd is not None and not abilities.touched(self._stage):  # which may go back by then
+            self.object(*odd, can_retract=True)
 
     def _supervise(self) -> None:
         """What only the wall clock can show: a pause, a jump, a blocked engine, a stop."""

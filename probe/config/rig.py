@@ -132,6 +132,10 @@ class Safety(_Table):
     hardest_n_mm: Annotated[float, Field(gt=0, le=10_000)] = 10.0
     """Stiffness of the hardest thing that may lie beneath the probe, in N per mm of depth. It says
     how old a force may be while the tip goes down: on this it could not have reached the limit."""
+    contact_within_mm: Positive | None = None
+    """A press that goes so far below the planned or touched surface and feels nothing ends the
+    scan; by default half of the indentation. Asked of sensors whose noise is below a 500th of
+    `max_force_n`."""
     engine_s: Annotated[float, Field(ge=0.1, le=60)] = 2.0
     """A scan that does nothing for longer is blocked: the probe is lifted without it."""
     same_readings: Annotated[int, Field(ge=20, le=1_000_000)] = 100

@@ -29,6 +29,9 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
             f"safety.max_depth_mm = {safety.max_depth_mm:g}: the scan goes {deepest_mm:g} mm "
             "deep; allow that or press less"
         )
+    within_m = plan.indentation_m / 2
+    if safety.contact_within_mm is not None:
+        within_m = 1e-3 * safety.contact_within_mm
     box = safety.workspace_mm
     x, y, z = ((1e-3 * low, 1e-3 * high) for low, high in (box.x, box.y, box.z))
     check_reach(plan, (x, y, z))
@@ -43,5 +46,6 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
         engine_s=safety.engine_s,
         same_readings=safety.same_readings,
         hardest_n_m=1e3 * safety.hardest_n_mm,
+        contact_within_m=within_m,
         face_m2=square_metres(rig.face_mm2),
     )

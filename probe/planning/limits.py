@@ -1,5 +1,6 @@
 """What a scan may never exceed."""
 
+import math
 from dataclasses import dataclass
 
 from probe.planning.plan import Box
@@ -22,7 +23,8 @@ class Limits:
     While the stage moves, readings may be ``late_s`` old (at least five periods). An engine that
     does nothing for ``engine_s`` is blocked. ``same_readings`` equal ones are a stuck sensor's.
     ``hardest_n_m`` is the stiffness [N/m] of the hardest thing that may lie beneath the probe: it
-    says how soon a force that nobody reads may grow.
+    says how soon a force that nobody reads may grow. A press that has gone ``contact_within_m``
+    below the surface must have felt the tissue.
     ``in_the_air``: a rehearsal, in which no press must be felt.
     """
 
@@ -38,4 +40,5 @@ class Limits:
     engine_s: float = 2.0
     same_readings: int = 100
     hardest_n_m: float = HARDEST_N_M
+    contact_within_m: float = math.inf
     in_the_air: bool = False

@@ -115,7 +115,7 @@ def test_wrong_devices_name_key_and_value(
 OTHER_SAFETY: dict[str, Any] = {
     "max_force_n": 4.0, "max_torque_nm": 0.2, "max_depth_mm": 3.5, "max_speed_mm_s": 30.0,
     "workspace_mm": {"y": [-6.0, 6.0]}, "retract_mm": 3.0, "silence_s": 0.3, "late_s": 0.1,
-    "hardest_n_mm": 5.0, "engine_s": 3.0, "same_readings": 50,
+    "hardest_n_mm": 5.0, "contact_within_mm": 1.0, "engine_s": 3.0, "same_readings": 50,
 }  # fmt: skip
 
 
