@@ -13,7 +13,17 @@ from typing import Any
 import numpy as np
 from waiting import first_of_all
 
-from drivers import Block, Channel, Clock, DeviceFault, Pose, Sensor, Stage, WallClock
+from drivers import (
+    Block,
+    Channel,
+    Clock,
+    DeviceFault,
+    Pose,
+    Sensor,
+    SimulatedClock,
+    Stage,
+    WallClock,
+)
 from drivers.core.arrays import Array
 from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
@@ -205,7 +215,12 @@ def run_springs(
     return ran
 
 
-def on_springs(**bed: Any) -> tuple[Bed, SpringStage, SpringSensor]:
-    """A bed on the wall clock with its stage and sensor."""
-    made = Bed(WallClock(), **bed)
+def on_springs(clock: Clock | None = None, **bed: Any) -> tuple[Bed, SpringStage, SpringSensor]:
+    """A bed with its stage and sensor, on the wall clock unless there is another ``clock``."""
+    made = Bed(clock or WallClock(), **bed)
     return made, SpringStage(made), SpringSensor(made)
+
+
+def on_simulated_springs(**bed: Any) -> tuple[Bed, SpringStage, SpringSensor]:
+    """As `on_springs`, in simulated time: what guards think of a force, and not how soon."""
+    return on_springs(SimulatedClock(), **bed)

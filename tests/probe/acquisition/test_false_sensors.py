@@ -1,4 +1,7 @@
-"""Sensors that do not tell what they feel, on the wall clock; judged by the bed's true force."""
+"""Sensors that do not tell what they feel, in simulated time; judged by the bed's true force.
+
+On the wall clock the fault campaign has such sensors.
+"""
 
 import math
 from importlib.resources import files
@@ -13,7 +16,7 @@ from springs import (
     SLOW,
     SOFT_N_M,
     SpringSensor,
-    on_springs,
+    on_simulated_springs,
     run_springs,
     spring_rig,
 )
@@ -83,16 +86,16 @@ class TurnsOver(SpringSensor):
 def test_a_force_that_stops_to_rise_is_not_believed(
     sensor: Any, stiffness_n_m: float, surface_m: float
 ) -> None:
-    bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m, surface_m=surface_m)
+    bed, stage, _ = on_simulated_springs(stiffness_n_m=stiffness_n_m, surface_m=surface_m)
     ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
     assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
-    # a quarter deeper than where it clipped, and what poses and stops take: 0.2 mm
-    assert ran.force_n.max() < 1.25 * 0.6 + stiffness_n_m * 0.2e-3
+    # a quarter deeper than where it clipped, and what poses and stops take: 0.05 mm
+    assert ran.force_n.max() < 1.25 * 0.6 + stiffness_n_m * 0.05e-3
     assert ran.lifted
 
 
 def test_what_is_harder_than_was_said_is_not_pressed() -> None:
-    bed, stage, sensor = on_springs(stiffness_n_m=6e3)
+    bed, stage, sensor = on_simulated_springs(stiffness_n_m=6e3)
     rig = spring_rig(scan={"approach_mm_s": 2.0, "ramp_s": 1.0})
     ran = run_springs(bed, stage, [sensor], rig=rig)
     assert "harder than safety.hardest_n_mm = 1" in ran.reason
@@ -104,13 +107,13 @@ def test_what_is_harder_than_was_said_is_not_pressed() -> None:
     ("sensor", "said", "most_n"),
     [
         (Stuck, "stuck or clipped", 0.0),
-        (StuckSlowly, "stuck or clipped", 2 * LIMIT_N),
-        (Clips, "stuck or clipped", 2 * LIMIT_N),
-        (Deaf, "no force above the noise", 0.65),  # only a press shows that: 1.25 mm, and stopping
+        (StuckSlowly, "stuck or clipped", 0.3),
+        (Clips, "stuck or clipped", LIMIT_N),
+        (Deaf, "no force above the noise", 0.52),  # only a press shows that: 1.25 mm, and stopping
     ],
 )
 def test_a_sensor_that_does_not_feel_is_found_out(sensor: Any, said: str, most_n: float) -> None:
-    bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M if sensor is not Deaf else 400.0)
+    bed, stage, _ = on_simulated_springs(stiffness_n_m=HARD_N_M if sensor is not Deaf else 400.0)
     ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
     assert ran.ended is not None
     assert ran.ended.finish is Finish.FAULTED
@@ -120,7 +123,9 @@ def test_a_sensor_that_does_not_feel_is_found_out(sensor: Any, said: str, most_n
 
 
 def test_a_load_is_not_taken_as_zero() -> None:
-    bed, stage, sensor = on_springs(stiffness_n_m=600.0, surface_m=4.4e-3, home=(0.0, 0.0, 10e-3))
+    bed, stage, sensor = on_simulated_springs(
+        stiffness_n_m=600.0, surface_m=4.4e-3, home=(0.0, 0.0, 10e-3)
+    )
     ran = run_springs(bed, stage, [sensor])
     assert "presses on something where the force is taken as zero" in ran.reason
     assert ran.force_n.max() < LIMIT_N
@@ -130,7 +135,7 @@ def test_a_load_is_not_taken_as_zero() -> None:
 
 
 def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
 
     class Drifts(SpringSensor):
         def raw(self, time_s: float) -> float:
@@ -153,7 +158,7 @@ class DriftsFast(SpringSensor):
 
 def test_a_press_whose_zero_is_never_seen_again_is_noted() -> None:
     """Its forces are off by the drift, and the fault that ends the scan comes after it."""
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
     rig = spring_rig(scan={"stations": 2, "travel_mm_s": 2.0})
     ran = run_springs(bed, stage, [DriftsFast(bed)], rig=rig)
     assert ran.ended is not None
@@ -181,14 +186,14 @@ class ShakenForLong(Shaken):
 
 
 def test_no_zero_is_taken_while_something_knocks_against_the_probe() -> None:
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [Shaken(bed)], rig=spring_rig(scan={"stations": 2}))
     assert ran.reason == "every station is complete"
     assert hold_n(ran.events, station=1) == pytest.approx(SOFT_N_M * 2.5e-3, abs=0.02)
 
 
 def test_a_zero_that_was_taken_while_something_knocked_is_told() -> None:
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [ShakenForLong(bed)], rig=spring_rig(scan={"stations": 2}))
     assert ran.reason == "every station is complete"
     assert any("at rest in the air, where its zero is taken" in note for note in ran.notes)
@@ -211,15 +216,14 @@ class ClipsFaintly(ClipsLow):
 
 
 @pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M])
-@pytest.mark.parametrize(("sensor", "most_m"), [(ClipsLow, 0.9e-3), (ClipsFaintly, 1.8e-3)])
+@pytest.mark.parametrize(("sensor", "most_m"), [(ClipsLow, 0.65e-3), (ClipsFaintly, 1.1e-3)])
 def test_a_sensor_that_clips_far_below_the_limit_does_not_pass_for_soft_tissue(
     sensor: Any, most_m: float, stiffness_n_m: float
 ) -> None:
-    bed, stage, _ = on_springs(stiffness_n_m=stiffness_n_m)
+    bed, stage, _ = on_simulated_springs(stiffness_n_m=stiffness_n_m)
     ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
     assert "mm deeper" in ran.reason
-    # nearer to there than to the bottom: the loop of a busy machine is late by tenths of a mm
-    assert ran.force_n.max() < stiffness_n_m * (most_m + 2.5e-3) / 2
+    assert ran.force_n.max() < stiffness_n_m * most_m
     assert ran.lifted
 
 
@@ -232,7 +236,7 @@ class ClipsLate(SpringSensor):
 
 
 def test_a_sensor_that_clips_at_the_end_of_a_press_is_found_out_in_the_hold() -> None:
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [ClipsLate(bed)], rig=SLOW)
     assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
     assert not any(event.complete for event in ran.events if isinstance(event, StationEnded))
@@ -247,7 +251,7 @@ class Noisy(SpringSensor):
 
 
 def test_a_noisy_sensor_on_a_short_way_is_believed() -> None:
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
     assert run_springs(bed, stage, [Noisy(bed)], rig=SLOW).reason == "every station is complete"
 
 
@@ -259,7 +263,7 @@ class Coarse(SpringSensor):
 
 
 def test_a_coarse_sensor_on_soft_tissue_is_believed() -> None:
-    bed, stage, _ = on_springs(stiffness_n_m=60.0)
+    bed, stage, _ = on_simulated_springs(stiffness_n_m=60.0)
     rig = spring_rig(safety={"same_readings": 10_000})
     assert run_springs(bed, stage, [Coarse(bed)], rig=rig).reason == "every station is complete"
 
@@ -274,7 +278,7 @@ class BelowZero(SpringSensor):
 
 
 def test_what_a_tare_changes_is_no_contact() -> None:
-    bed, stage, _ = on_springs(home=(0.0, 0.0, 10e-3))
+    bed, stage, _ = on_simulated_springs(home=(0.0, 0.0, 10e-3))
     rig = spring_rig(scan={"approach_mm_s": 2.0}, safety={"retract_mm": 5.0})
     ran = run_springs(bed, stage, [BelowZero(bed)], rig=rig)
     assert ran.reason == "every station is complete"
@@ -288,7 +292,7 @@ class ClipsAtOnce(SpringSensor):
 
 
 def test_a_press_that_feels_next_to_nothing_is_told_once() -> None:
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [ClipsAtOnce(bed)])
     notes = [event.text for event in ran.events if isinstance(event, Note)]
     (told,) = [text for text in notes if "a sensor that clips" in text]
@@ -313,7 +317,7 @@ class SlowAfterThePress(SpringSensor):
 
 
 def test_a_zero_that_cannot_be_looked_at_after_the_last_press_spoils_no_scan() -> None:
-    bed, stage, _ = on_springs()
+    bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [SlowAfterThePress(bed)], rig=spring_rig(safety={"silence_s": 2}))
     assert ran.raised is None
     assert ran.reason == "every station is complete"
@@ -333,7 +337,7 @@ def test_a_lone_vessel_that_beats_against_the_finger_is_no_sensor_that_clips(
 
 
 def test_a_stop_amid_the_lift_after_a_fault_leaves_no_probe_pressed_unsaid() -> None:
-    bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M / 2)
+    bed, stage, _ = on_simulated_springs(stiffness_n_m=HARD_N_M / 2)
     control = Control()
 
     def stop(event: Any) -> None:

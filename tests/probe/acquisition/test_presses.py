@@ -4,12 +4,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from springs import Ran, SpringSensor, on_springs, run_springs, spring_rig
+from springs import Ran, SpringSensor, on_simulated_springs, run_springs, spring_rig
 
 from probe.core.events import Finish
 
 HALF_WAY_M = 1.25e-3  # of the rig's press of 2.5 mm
-STOPPING_M = 0.3e-3  # poses, polls and stops at 2.5 mm/s, threads late by up to 0.1 s
+STOPPING_M = 0.05e-3  # poses and stops at 2.5 mm/s
 
 
 class Deaf(SpringSensor):
@@ -33,7 +33,7 @@ class Noisy(SpringSensor):
 
 
 def press(sensors: list[type[SpringSensor]], surface_mm: float = 0.0, **tables: Any) -> Ran:
-    bed, stage, _ = on_springs(surface_m=1e-3 * surface_mm)
+    bed, stage, _ = on_simulated_springs(surface_m=1e-3 * surface_mm)
     return run_springs(
         bed, stage, [sensor(bed, name=f"cell {n}") for n, sensor in enumerate(sensors)],
         rig=spring_rig(**tables),

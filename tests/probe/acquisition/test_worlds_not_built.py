@@ -115,6 +115,21 @@ def test_a_stage_that_comes_to_rest_elsewhere_presses_nothing() -> None:
     assert ran.force_n.max() == 0.0
 
 
+def test_a_force_that_stops_to_rise_is_not_believed() -> None:
+    bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M / 2)
+
+    class Clips(SpringSensor):
+        def raw(self, time_s: float) -> float:
+            noise_n = 0.5e-3 * float(self._rng.standard_normal())
+            return min(self.bed.force_n(time_s), 0.6) + noise_n
+
+    ran = run_springs(bed, stage, [Clips(bed)], rig=SLOW)
+    assert "the sensor clips or does not feel" in ran.reason
+    # a quarter deeper than where it clipped, and 0.2 mm for a busy machine's poses and stops
+    assert ran.force_n.max() < 1.25 * 0.6 + HARD_N_M / 2 * 0.2e-3
+    assert ran.lifted
+
+
 def test_a_force_sensor_that_hangs_stops_the_stage() -> None:
     bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M)
 
