@@ -118,16 +118,17 @@ def _unstable_mode(section: Section, solution: Solution) -> tuple[Array, float]:
     """The eigenvector (n, 2) of the eigenvalue nearest to zero, its largest entry 1: the first to
     turn negative; by inverse iteration (Golub and Van Loan 2013, sec. 7.6.1). And its stiffness
     over the drag's of 1."""
+    matrices, _ = tangent(section, solution)
     try:
-        factors = section.assembly.factor(tangent(section, solution)[0])
+        factors = section.assembly.factor(matrices)
     except SingularMatrix:
         raise Unstable("the tangent is singular") from None
     mode, free = np.zeros(section.size), section.assembly.free
     mode[free] = np.random.default_rng(0).standard_normal(len(free))
     for _ in range(INVERSE_ITERATIONS):
-        mode = section.assembly.solve(factors, mode / np.abs(mode).max())
+        mode = factors.solve(mode / np.abs(mode).max())
     mode /= np.abs(mode).max()
-    stiffness = float(mode[free] @ (factors.matrix @ mode[free]))
+    stiffness = float(mode @ section.assembly.times(matrices, mode))
     return mode.reshape(-1, 2), stiffness / float(mode @ (section.valence * mode))
 
 

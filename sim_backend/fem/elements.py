@@ -32,8 +32,8 @@ _ONE = np.zeros((1, 2)), np.full(1, 4.0)
 class Cells:
     """Elements ready to integrate over the undeformed section.
 
-    ``nodes`` (m, k); ``operator`` (m, q, 4, 2k) takes an element's displacements
-    [ux0, uy0, ux1, ...] to [F11, F12, F21, F22] - I; ``weight`` (m, q) [m2]; ``region`` (m,).
+    ``nodes`` (m, k); ``gradient`` (m, q, 2, k) of the shape functions [1/m]; ``weight`` (m, q)
+    [m2]; ``region`` (m,).
     ``dilatation``: one volume change for the whole element. ``hourglass`` (m, k) are the
     patterns that one-point integration misses, None where there are none. ``hoop`` (m, q, 2k) takes
     an element's displacements to F33 - 1 where the section turns about x = 0, and ``weight`` is
@@ -41,7 +41,7 @@ class Cells:
     """
 
     nodes: Ints
-    operator: Array
+    gradient: Array
     weight: Array
     region: Ints
     dilatation: bool
@@ -53,6 +53,12 @@ class Cells:
     def dofs(self) -> Ints:
         """(m, 2k): displacement numbers of each element."""
         return np.stack([2 * self.nodes, 2 * self.nodes + 1], axis=-1).reshape(len(self.nodes), -1)
+
+    @cached_property
+    def operator(self) -> Array:
+        """(m, q, 4, 2k): takes an element's displacements [ux0, uy0, ux1, ...] to
+        [F11, F12, F21, F22] - I."""
+        return operator(self.gradient)
 
 
 def t6(xi: Array) -> tuple[Array, Array]:
@@ -121,22 +127,22 @@ def quadrature_points(cells: Cells) -> Array:
 
 
 def gradients(nodes: Array, cells: Ints, shape_gradient: Array) -> tuple[Array, Array]:
-    """dN/dX (m, q, k, 2) [1/m] and the Jacobian's determinant (m, q) [m2]."""
+    """dN/dX (m, q, 2, k) [1/m] and the Jacobian's determinant (m, q) [m2]."""
     jacobian = np.swapaxes(shape_gradient, 1, 2) @ nodes[cells][:, None]  # dX_i/dxi_a: (m, q, a, i)
     det = jacobian[..., 0, 0] * jacobian[..., 1, 1] - jacobian[..., 0, 1] * jacobian[..., 1, 0]
     inverse = np.empty_like(jacobian)  # dxi_a/dX_i
     inverse[..., 0, 0], inverse[..., 1, 1] = jacobian[..., 1, 1], jacobian[..., 0, 0]
     inverse[..., 0, 1], inverse[..., 1, 0] = -jacobian[..., 1, 0], -jacobian[..., 0, 1]
     inverse /= det[..., None, None]
-    return shape_gradient @ inverse, det
+    return np.swapaxes(inverse, 2, 3) @ np.swapaxes(shape_gradient, 1, 2), det
 
 
 def operator(gradient: Array) -> Array:
-    """(m, q, k, 2) gradients as the (m, q, 4, 2k) operator of `Cells`."""
-    m, q, k, _ = gradient.shape
+    """(m, q, 2, k) gradients as the (m, q, 4, 2k) operator of `Cells`."""
+    m, q, _, k = gradient.shape
     b = np.zeros((m, q, 2, 2, k, 2))
-    b[:, :, 0, :, :, 0] = np.swapaxes(gradient, 2, 3)
-    b[:, :, 1, :, :, 1] = np.swapaxes(gradient, 2, 3)
+    b[:, :, 0, :, :, 0] = gradient
+    b[:, :, 1, :, :, 1] = gradient
     return b.reshape(m, q, 4, 2 * k)
 
 
@@ -150,16 +156,16 @@ def _cells(
     gradient, det = gradients(mesh.nodes, cells, shape(points[0])[1])
     if np.any(det <= 0):
         raise ValueError(f"{int(np.sum(np.any(det <= 0, axis=1)))} elements are turned inside out")
-    return Cells(cells, operator(gradient), det * points[1], mesh.region, dilatation, None, shape)
+    return Cells(cells, gradient, det * points[1], mesh.region, dilatation, None, shape)
 
 
 def _with_hourglass(mesh: Mesh, cells: Cells) -> Cells:
     """Patterns orthogonal to all linear fields (Flanagan and Belytschko 1981, eq. 38)."""
     h = np.array([1.0, -1.0, 1.0, -1.0])
-    gradient = cells.operator[:, 0, :2, ::2]  # (m, 2, k): dN/dX of the one point
+    gradient = cells.gradient[:, 0]  # of the one point
     place = mesh.nodes[cells.nodes]
     gamma = h - np.einsum("k,mki,mia->ma", h, place, gradient)
-    return Cells(cells.nodes, cells.operator, cells.weight, cells.region, False, gamma, q4)
+    return Cells(cells.nodes, cells.gradient, cells.weight, cells.region, False, gamma, q4)
 
 
 def _split_q4(mesh: Mesh) -> Mesh:

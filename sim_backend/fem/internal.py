@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sim_backend.arrays import Array
+from sim_backend.arrays import Array, Ints
+from sim_backend.fem import kernel
 from sim_backend.fem.elements import HOURGLASS, Cells
 from sim_backend.fem.material import (
     Stressed,
@@ -38,6 +39,13 @@ def smallest_area_ratio(section: Section, u: Array) -> tuple[float, int]:
     return float(j[worst]), worst
 
 
+def least_area_ratio(section: Section, u: Array) -> float:
+    """The smallest det F."""
+    if kernel.BUILT:
+        return kernel.least_area_ratio(*_for_kernel(section, u))
+    return float(area_ratio(deformation(section, u)).min())
+
+
 def forces_and_tangents(section: Section, u: Array) -> tuple[Array, Array]:
     """Element forces (m, d) [N/m] and tangents (m, d, d) [Pa]."""
     force, tangents = internal_forces(section, u)
@@ -48,7 +56,7 @@ def internal_forces(
     section: Section, u: Array, change: Array | None = None
 ) -> tuple[Array, Callable[[], Array]]:
     """Element forces (m, d) [N/m], and what forms their tangents (m, d, d) [Pa] where they are
-    wanted: that takes longer.
+    wanted, as long as ``u`` stays: that takes longer.
 
     ``change`` (n, 2) is the step that led to ``u``. In plane strain the pressure that turns with
     the body then enters the tangent as the step foresaw it, without the step's quadratic part
@@ -60,18 +68,45 @@ def internal_forces(
     if cells.hoop is not None:
         force, tangent = revolved_forces_and_tangents(cells, section.shear, section.bulk, u, change)
         return force, lambda: tangent
+    force, tangents = (_by_kernel if kernel.BUILT else _by_numpy)(section, u, change)
+    return (force, tangents) if cells.hourglass is None else _held(section, u, force, tangents)
+
+
+def _for_kernel(section: Section, u: Array) -> tuple[Array, Ints, Array, Array, Array, Array, int]:
+    cells = section.cells
+    law = 0 if section.plane_stress else 2 if cells.dilatation else 1
+    return (np.ascontiguousarray(u), cells.nodes, cells.gradient, cells.weight, section.shear,
+            section.bulk, law)  # fmt: skip
+
+
+def _by_kernel(
+    section: Section, u: Array, change: Array | None
+) -> tuple[Array, Callable[[], Array]]:
+    given = _for_kernel(section, u)
+    m, d = section.cells.dofs.shape
+    force, thickness = np.empty((m, d)), np.empty(section.cells.weight.shape)
+    kernel.cell_forces(*given, force, thickness)
+
+    def tangents() -> Array:
+        found = np.empty((m, d, d))
+        kernel.cell_tangents(*given, thickness, found, change)
+        return found
+
+    return force, tangents
+
+
+def _by_numpy(
+    section: Section, u: Array, change: Array | None
+) -> tuple[Array, Callable[[], Array]]:
     f = deformation(section, u)
     shear, bulk = section.shear[:, None], section.bulk[:, None]
     if section.plane_stress:
-        force, tangents = _integrated(section, plane_stress(f, shear, bulk))
-    else:
-        moved = deformation(section, change) - _AT_REST if change is not None else 0 * f
-        lag = area_ratio(moved)
-        if cells.dilatation:
-            force, tangents = _one_dilatation(section, f, lag)
-        else:
-            force, tangents = _integrated(section, plane_strain(f, shear, bulk, lag))
-    return (force, tangents) if cells.hourglass is None else _held(section, u, force, tangents)
+        return _integrated(section, plane_stress(f, shear, bulk))
+    moved = deformation(section, change) - _AT_REST if change is not None else 0 * f
+    lag = area_ratio(moved)
+    if section.cells.dilatation:
+        return _one_dilatation(section, f, lag)
+    return _integrated(section, plane_strain(f, shear, bulk, lag))
 
 
 def _integrated(section: Section, solid: Stressed) -> tuple[Array, Callable[[], Array]]:
@@ -115,7 +150,7 @@ def _one_dilatation(section: Section, f: Array, lag: Array) -> tuple[Array, Call
 def hourglass_stiffness(section: Section) -> Array:
     """Stiffness (m,) [Pa] that holds each pattern (Flanagan and Belytschko 1981, eq. 59)."""
     cells = section.cells
-    gradient = cells.operator[:, 0, :2, ::2]
+    gradient = cells.gradient[:, 0]
     size = (gradient**2).sum(axis=(1, 2)) * cells.weight[:, 0]
     # the shear modulus, not the bulk: a stiffness by the bulk would lock near nu = 0.5
     return np.asarray(HOURGLASS * 4 * section.shear * size)

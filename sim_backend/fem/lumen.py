@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
+from sim_backend.fem import kernel
 from sim_backend.fem.elements import Cells, gradients, operator, side_points
 from sim_backend.fem.material import thinning
 from sim_backend.fem.mesh import Mesh
@@ -24,7 +25,7 @@ class Sides:
     """The sides of a lumen: their cells' ``dofs`` (s, 2k) and nodes' undeformed places.
 
     ``value`` (q, k) shape functions and ``along`` (q, k) their derivative along the side;
-    ``operator`` (s, q, 4, 2k) as in `Cells`; ``shear``, ``bulk`` (s, 1) [Pa]; ``free`` thickness
+    ``gradient`` (s, q, 2, k) as in `Cells`; ``shear``, ``bulk`` (s,) [Pa]; ``free`` thickness
     in plane stress.
     """
 
@@ -33,10 +34,15 @@ class Sides:
     place: Array
     value: Array
     along: Array
-    operator: Array
+    gradient: Array
     shear: Array
     bulk: Array
     free: bool
+
+    @cached_property
+    def operator(self) -> Array:
+        """As of `Cells`."""
+        return operator(self.gradient)
 
     @cached_property
     def spread(self) -> Array:
@@ -67,9 +73,9 @@ def lumen_sides(
                 mesh.nodes[nodes],
                 value,
                 gradient @ direction,
-                operator(slope),
-                shear[side, None],
-                bulk[side, None],
+                slope,
+                shear[side],
+                bulk[side],
                 free,
             )
         )
@@ -79,6 +85,13 @@ def lumen_sides(
 def unit_pressure(sides: Sides, u: Array) -> tuple[Array, Array]:
     """Force (s, 2k) [m] of 1 Pa at displacements ``u`` (n, 2) [m], and its tangent (s, 2k, 2k)."""
     s, k = sides.nodes.shape
+    if kernel.BUILT:
+        force, stiffness = np.empty((s, 2 * k)), np.empty((s, 2 * k, 2 * k))
+        kernel.unit_pressure(
+            np.ascontiguousarray(u), sides.nodes, sides.place, sides.spread, sides.along,
+            sides.gradient, sides.shear, sides.bulk, sides.free, force, stiffness,
+        )  # fmt: skip
+        return force, stiffness
     local = u[sides.nodes]
     tangent = sides.along @ (sides.place + local)
     normal = tangent @ _QUARTER.T
@@ -87,7 +100,7 @@ def unit_pressure(sides: Sides, u: Array) -> tuple[Array, Array]:
     if not sides.free:
         stiffness = np.broadcast_to(sides.turn.sum(axis=0), (s, 4 * k * k))
         return push.sum(axis=1), stiffness.reshape(s, 2 * k, 2 * k)
-    thickness, thinner = thinning(f, sides.shear, sides.bulk)
+    thickness, thinner = thinning(f, sides.shear[:, None], sides.bulk[:, None])
     force = (thickness[:, None] @ push)[:, 0]
     slimmer = (thinner[:, :, None] @ sides.operator)[:, :, 0]
     turn = (thickness @ sides.turn).reshape(s, 2 * k, 2 * k)

@@ -96,9 +96,10 @@ def _thinned(f: Array, shear: Array, bulk: Array) -> _Thin:
     """Where P33 = 0."""
     j = f[0] * f[3] - f[1] * f[2]
     plane = (f * f).sum(axis=0)
-    l3 = _stress_free_thickness(plane, j, shear, bulk)
-    volume, i1 = j * l3, plane + l3**2
-    scale = shear / np.cbrt(volume) ** 2
+    root = _stress_free_root(plane, j, shear, bulk)
+    volume = root**3
+    l3 = volume / j
+    i1, scale = plane + l3**2, shear / root**2
     by_h = (scale * (2 / 9 * i1 - 2 / 3 * l3**2) + bulk * (2 * volume - 1) * volume) / l3
     stiffness = _thickness_stiffness(i1, j, l3, scale, bulk)
     by_f = -2 / 3 * scale / l3
@@ -110,23 +111,21 @@ def _thinning(f: Array, thin: _Thin) -> Array:
     return np.asarray((thin.by_f * f + thin.by_h * thin.h) / -thin.stiffness)
 
 
-def _stress_free_thickness(plane: Array, j: Array, shear: Array, bulk: Array) -> Array:
-    """Stretch l3 (...) at which P33 = 0, by Newton from the incompressible 1 / det F; ``plane`` is
-    tr(F^T F) in the plane.
+def _stress_free_root(plane: Array, j: Array, shear: Array, bulk: Array) -> Array:
+    """Cube root w (...) of J at which P33 = 0, by Newton from 1; ``plane`` is tr(F^T F) in the plane.
 
-    In J = j l3: 3 P33 / j = G J^(-2/3) (2 J / j^2 - tr / J) + 3 K (J - 1), which rises everywhere.
+    3 P33 / j = G (2 w / j^2 - tr / w^5) + 3 K (w^3 - 1), which rises everywhere.
     """
-    volume, scale, three_bulk = np.ones_like(j), shear, 3 * bulk
-    thick = 2 / j**2
+    root, out, back = np.ones_like(j), 2 * shear / j**2, shear * plane
     for _ in range(_THICKNESS_SWEEPS):
-        out, back = thick * volume, plane / volume
-        rise = scale * (out + 5 * back) / (3 * volume) + three_bulk
-        change = (scale * (out - back) + three_bulk * (volume - 1)) / rise
-        volume = np.maximum(volume - change, 0.1 * volume)
-        if np.all(np.abs(change) < 1e-6 * volume):  # the next would be its square
+        square = root * root
+        fifth = back / (square * square * root)
+        rise = out + 5 * fifth / root + 9 * bulk * square
+        change = (out * root - fifth + 3 * bulk * (square * root - 1)) / rise
+        root = np.maximum(root - change, 0.5 * root)
+        if np.all(np.abs(change) < 1e-8 * root):  # the next would be its square
             break
-        scale = shear / np.cbrt(volume) ** 2
-    return np.asarray(volume / j)
+    return root
 
 
 def isochoric(f: Array, shear: Array) -> tuple[Stressed, Array, Array]:

@@ -86,7 +86,8 @@ class Section:
         sides = [s.dofs for s in self.lumens]
         around = [w.dofs for w in self.walls] if self.self_contact else []
         groups = [self.cells.dofs, *sides, self.sliding.dofs, surface, resting, *around]
-        return Assembly(self.size, groups, self.held)
+        lumens = range(1, 1 + len(sides))
+        return Assembly(self.size, groups, self.held, unsymmetric=lumens)
 
 
 class Grading(NamedTuple):

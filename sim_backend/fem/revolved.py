@@ -26,8 +26,8 @@ def revolved(cells: Cells, nodes: Array) -> Cells:
     """``cells`` of a plane section of ``nodes`` (n, 2) [m], turned about x = 0."""
     values, _ = cells.shape(quadrature_points(cells))
     radius = np.einsum("qk,mk->mq", values, nodes[cells.nodes, 0])
-    m, q, _, d = cells.operator.shape
-    hoop = np.zeros((m, q, d))
+    m, q, _, k = cells.gradient.shape
+    hoop = np.zeros((m, q, 2 * k))
     hoop[..., ::2] = values / radius[..., None]
     return replace(cells, hoop=hoop, weight=2 * np.pi * radius * cells.weight)
 

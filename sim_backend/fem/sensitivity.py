@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.assembly import EXACT, gather
+from sim_backend.fem.assembly import gather
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import Solution, as_solved, tangent
@@ -25,9 +25,9 @@ def slopes(section: Section, solution: Solution) -> tuple[Slope, Slope]:
     Raises `SingularMatrix`.
     """
     section = as_solved(section, solution)
-    surface, free = section.mesh.surface, section.assembly.free
+    surface = section.mesh.surface
     matrices, contact = tangent(section, solution)
-    factors = section.assembly.near_factored(matrices)
+    factors = section.assembly.factor(matrices)
     # by depth: what is touched goes down with the finger, and the rest follows. (The finger's
     # springs, 1e4 times as stiff as the tissue, would leave a hundredth of the force unsolved.)
     down = np.tile([0.0, -1.0], (len(surface), 1))
@@ -35,13 +35,10 @@ def slopes(section: Section, solution: Solution) -> tuple[Slope, Slope]:
     carried[surface[contact.any(axis=(1, 2))], 1] = -1.0
     pressed = np.zeros_like(carried)
     pressed[surface] = np.einsum("kij,kj->ki", contact, down)
-    load = pressed.ravel()
-    load[free] -= factors.matrix @ carried.ravel()[free]
-    loads = [load]
+    loads = [pressed.ravel() - section.assembly.times(matrices, carried.ravel())]
     if section.lumens:
         loads.append(_pressure_load(section, solution))
-    moved = section.assembly.solve(factors, np.stack(loads, axis=1), EXACT)
-    following, *rest = (one.reshape(-1, 2) for one in moved.T)
+    following, *rest = (factors.solve(one).reshape(-1, 2) for one in loads)
     by_depth = carried + following
     by_pressure = rest[0] if rest else np.zeros_like(by_depth)
     return (

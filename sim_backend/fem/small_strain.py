@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.assembly import EXACT, gather
+from sim_backend.fem.assembly import gather
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
@@ -59,7 +59,7 @@ def condense(section: Section, candidates: Ints) -> Condensed:
     loads = np.zeros((section.size, len(dofs) + 1))
     loads[dofs, np.arange(len(dofs))] = 1.0
     loads[:, -1] = inflate
-    moved = section.assembly.solve(factors, loads, EXACT)
+    moved = factors.solve(loads)
     return Condensed(section, candidates, moved[:, :-1], moved[:, -1])
 
 

@@ -91,7 +91,7 @@ def errors(shop, element, plane, n, poisson, truth=exact):
     u = body.solve(shop.dofs(shop.outline(section.mesh)), start, load)
     want_u, want_g, _ = truth(place.reshape(-1, 2))
     du = np.einsum("qk,mki->mqi", value, u[cells]) - want_u.reshape(m, q, 2)
-    dg = np.einsum("mqka,mki->mqia", gradient, u[cells]) - want_g.reshape(m, q, 2, 2)
+    dg = np.einsum("mqak,mki->mqia", gradient, u[cells]) - want_g.reshape(m, q, 2, 2)
     dv = det * weight
     return np.sqrt([(dv * (du**2).sum(-1)).sum(), (dv * (dg**2).sum((-1, -2))).sum()])
 

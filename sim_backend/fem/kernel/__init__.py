@@ -1,0 +1,20 @@
+"""The hot loops of plane sections in C, where they were built; elsewhere numpy and scipy do the same.
+
+Who uses one of them asks for `BUILT` and has the same in numpy beside it. Arrays are contiguous, of
+float64 and int64; results go into arrays that the caller brings.
+"""
+
+try:
+    from sim_backend.fem.kernel._kernel import (
+        Fronts,
+        cell_forces,
+        cell_tangents,
+        least_area_ratio,
+        unit_pressure,
+    )
+except ImportError:  # there was no compiler where palpate was installed
+    BUILT = False
+else:
+    BUILT = True
+
+__all__ = ["BUILT", "Fronts", "cell_forces", "cell_tangents", "least_area_ratio", "unit_pressure"]

@@ -1,0 +1,31 @@
+"""What `module.c` gives to Python."""
+
+from sim_backend.arrays import Array, Ints
+
+def cell_forces(
+    u: Array, nodes: Ints, gradient: Array, weight: Array, shear: Array, bulk: Array, law: int,
+    force: Array, thickness: Array, /,
+) -> None: ...  # fmt: skip
+def cell_tangents(
+    u: Array, nodes: Ints, gradient: Array, weight: Array, shear: Array, bulk: Array, law: int,
+    thickness: Array, tangent: Array, change: Array | None, /,
+) -> None: ...  # fmt: skip
+def least_area_ratio(
+    u: Array, nodes: Ints, gradient: Array, weight: Array, shear: Array, bulk: Array, law: int, /
+) -> float: ...
+def unit_pressure(
+    u: Array, nodes: Ints, place: Array, spread: Array, along: Array, gradient: Array,
+    shear: Array, bulk: Array, free: bool, force: Array, tangent: Array, /,
+) -> None: ...  # fmt: skip
+
+class Fronts:
+    """Factors of sums of ``groups`` of element matrices, of which the ``symmetric`` ones are so;
+    all but the ``free`` displacements of ``size`` are held."""
+
+    def __new__(
+        cls, size: int, groups: tuple[Ints, ...], symmetric: tuple[bool, ...], free: Ints, /
+    ) -> Fronts: ...
+    def factor(self, matrices: tuple[Array, ...], /) -> int:
+        """How many pivots are negative; -1 if one is zero or no number."""
+    def solve(self, force: Array, x: Array, /) -> None:
+        """Displacements ``x`` (size,) under a ``force`` (size,); what is held is not touched."""
