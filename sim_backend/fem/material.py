@@ -112,7 +112,7 @@ def _thinning(f: Array, thin: _Thin) -> Array:
 
 
 def _stress_free_root(plane: Array, j: Array, shear: Array, bulk: Array) -> Array:
-    """Cube root w (...) of J at which P33 = 0, by Newton from 1; ``plane`` is tr(F^T F) in the plane.
+    """Cube root w (...) of J at which P33 = 0, by Newton from 1; ``plane`` is tr(F^T F).
 
     3 P33 / j = G (2 w / j^2 - tr / w^5) + 3 K (w^3 - 1), which rises everywhere.
     """

@@ -37,7 +37,8 @@ class SparseLU:
         from scipy.sparse.linalg import splu  # a tenth of the start-up
 
         data = np.concatenate([m.ravel() for m in matrices])[self._kept]
-        self._matrix.data = np.bincount(self._index, data, minlength=self._matrix.nnz)
+        sums = np.bincount(self._index, weights=data, minlength=self._matrix.nnz)
+        self._matrix.data = sums.astype(np.float64, copy=False)
         if not np.isfinite(self._matrix.data).all():
             return -1
         try:

@@ -1,7 +1,7 @@
-"""The hot loops of plane sections in C, where they were built; elsewhere numpy and scipy do the same.
+"""The hot loops of plane sections in C, where they were built; elsewhere numpy does the same.
 
-Who uses one of them asks for `BUILT` and has the same in numpy beside it. Arrays are contiguous, of
-float64 and int64; results go into arrays that the caller brings.
+Who uses one of them asks for `BUILT` and has the same in numpy or scipy beside it. Arrays are
+contiguous, of float64 and int64; results go into arrays that the caller brings.
 """
 
 try:
