@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
 
-demo: .venv/.installed-report,fast
+demo: .venv/.installed-report
 	$(BIN)/palpate scan --scene TIHA --seed 1 --out demo --report
 	@echo "Next: make install && . $(BIN)/activate && palpate --help"
 
@@ -69,7 +69,7 @@ test-peers: .venv/.installed-dev
 figures: .venv/.installed-dev
 	cd benchmarks && ../$(BIN)/python -m figures $(ONLY)
 
-.venv/.installed-%: pyproject.toml .ci/install
+.venv/.installed-%: pyproject.toml .ci/install $(wildcard sim_backend/fem/kernel/*.[ch])
 	.ci/install $*
 	touch $@
 

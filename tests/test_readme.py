@@ -55,10 +55,7 @@ def run(command: list[str] | str, cwd: Path, path: Path | None = None) -> str:
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The ``bin`` folder of a fresh environment: the wheel, the extras that the README names.
-
-    But for ``fast``: without it scipy factorises, and prints the same.
-    """
+    """The ``bin`` folder of a fresh environment: the wheel, the extras that the README names."""
     folder = tmp_path_factory.mktemp("first-time-user")
     source = folder / "source"
     for name in PACKAGES:

@@ -3,17 +3,28 @@
 from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem import kernel
-from sim_backend.fem.sparse_lu import SparseLU
 
 
 class SingularMatrix(RuntimeError):
     """A pivot is zero or not a number."""
+
+
+class Solver(Protocol):
+    """Factors of sums of groups of element matrices."""
+
+    def factor(self, matrices: tuple[Array, ...], /) -> int:
+        """How many pivots are negative; -1 if one is zero or no number."""
+        ...
+
+    def solve(self, force: Array, x: Array, /) -> None:
+        """Displacements ``x`` (size,) under a ``force`` (size,); what is held is not touched."""
+        ...
 
 
 class Assembly:
@@ -33,9 +44,12 @@ class Assembly:
         self._symmetric = tuple(n not in unsymmetric for n in range(len(blocks)))
 
     @cached_property
-    def _solver(self) -> "kernel.Fronts | SparseLU":
-        solver = kernel.Fronts if kernel.BUILT else SparseLU
-        return solver(self.size, self._blocks, self._symmetric, self.free)
+    def _solver(self) -> Solver:
+        if kernel.BUILT:
+            return kernel.Fronts(self.size, self._blocks, self._symmetric, self.free)
+        from sim_backend.fem.sparse_lu import SparseLU
+
+        return SparseLU(self.size, self._blocks, self.free)
 
     def __getstate__(self) -> dict[str, Any]:
         """Without the factors, which are the solver's own and cannot be kept."""
@@ -69,7 +83,7 @@ class Factors:
     part says little: it has an eigenvalue of -17 beside the matrix' own 13."""
 
     negative: int
-    _solver: "kernel.Fronts | SparseLU"
+    _solver: Solver
 
     def solve(self, force: Array) -> Array:
         """Displacements (size,) or (size, r) under ``force`` of the same shape; 0 where held."""

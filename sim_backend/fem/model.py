@@ -12,6 +12,7 @@ from sim_backend.fem.assembly import Assembly
 from sim_backend.fem.contact.elastic_foundation import surface_share
 from sim_backend.fem.contact.finger_gaps import Finger, finger_over
 from sim_backend.fem.contact.lumen_self_contact import Walls, walls
+from sim_backend.fem.contact.pairs import node_dofs
 from sim_backend.fem.elements import Cells, as_element
 from sim_backend.fem.gaps import GAP_SHARE
 from sim_backend.fem.lumen import Sides, lumen_sides
@@ -67,6 +68,21 @@ class Section:
         return surface_share(self.mesh, self.cells)
 
     @cached_property
+    def surface_dofs(self) -> Ints:
+        """Displacement numbers (s, 2) of the nodes that a finger can touch."""
+        return node_dofs(self.mesh.surface)
+
+    @cached_property
+    def resting_dofs(self) -> Ints:
+        """Displacement numbers (r, 2) of the nodes that may come to rest on the support."""
+        return node_dofs(self.mesh.resting)
+
+    @cached_property
+    def upwards(self) -> Array:
+        """The support's normal (r, 2) at each of them."""
+        return np.tile([0.0, 1.0], (len(self.mesh.resting), 1))
+
+    @cached_property
     def valence(self) -> Array:
         """How many cells each displacement (2n,) belongs to."""
         return np.bincount(self.cells.dofs.ravel(), minlength=self.size).astype(float)
@@ -80,12 +96,10 @@ class Section:
     def assembly(self) -> Assembly:
         """Groups of blocks: cells, each lumen's sides, the sliding constraint; then what may touch:
         the surface, what rests on the support, the walls of lumens that may close."""
-        surface, resting = (
-            np.stack([2 * n, 2 * n + 1], axis=1) for n in (self.mesh.surface, self.mesh.resting)
-        )
         sides = [s.dofs for s in self.lumens]
         around = [w.dofs for w in self.walls] if self.self_contact else []
-        groups = [self.cells.dofs, *sides, self.sliding.dofs, surface, resting, *around]
+        touching = [self.surface_dofs, self.resting_dofs, *around]
+        groups = [self.cells.dofs, *sides, self.sliding.dofs, *touching]
         lumens = range(1, 1 + len(sides))
         return Assembly(self.size, groups, self.held, unsymmetric=lumens)
 

@@ -1,15 +1,12 @@
 """All pairs of a section that may touch: finger, support, and the walls of lumens."""
 
 from collections.abc import Sequence
-from dataclasses import replace
-
-import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.finger_gaps import Finger, finger_pairs
-from sim_backend.fem.contact.lumen_self_contact import wall_gaps
-from sim_backend.fem.contact.pairs import ContactPairs, node_dofs, rigid_pairs
+from sim_backend.fem.contact.lumen_self_contact import nearest_walls, wall_gaps
+from sim_backend.fem.contact.pairs import ContactPairs, rigid_pairs
 from sim_backend.fem.model import Section
 
 
@@ -20,22 +17,23 @@ def contact_pairs(
 
     ``bonds`` are what the finger and what the support hold.
     """
-    place = section.mesh.nodes + u
-    resting = section.mesh.resting
-    up = np.tile([0.0, 1.0], (len(resting), 1))
+    mesh = section.mesh
+    at_surface = mesh.nodes[mesh.surface] + u[mesh.surface]
+    height = mesh.nodes[mesh.resting, 1] + u[mesh.resting, 1]
+    finger_held, support_held = (bond.bonded for bond in bonds) if bonds else (None, None)
     found = [
-        finger_pairs(finger, place, section.mesh.surface, section.surface_share_m),
-        rigid_pairs(place[resting, 1], up, node_dofs(resting), np.zeros(len(resting))),
+        finger_pairs(
+            finger, at_surface, section.surface_dofs, section.surface_share_m, finger_held
+        ),
+        rigid_pairs(height, section.upwards, section.resting_dofs, bonded=support_held),
     ]
-    for number, bond in enumerate(bonds):
-        found[number] = replace(found[number], bonded=bond.bonded)
     for walls in section.walls if section.self_contact else ():
-        gap, gradient = wall_gaps(walls, place[walls.nodes])
-        found.append(rigid_pairs(gap, gradient, walls.dofs, np.zeros(len(gap))))
+        gap, gradient = wall_gaps(walls, mesh.nodes[walls.nodes] + u[walls.nodes])
+        found.append(rigid_pairs(gap, gradient, walls.dofs))
     return found
 
 
 def walls_cross(section: Section, u: Array) -> bool:
     """Whether any lumen's walls have passed through each other."""
-    place = section.mesh.nodes + u
-    return any(wall_gaps(w, place[w.nodes])[0].min() < 0 for w in section.walls)
+    nodes = section.mesh.nodes
+    return any(nearest_walls(w, nodes[w.nodes] + u[w.nodes]).gap.min() < 0 for w in section.walls)

@@ -11,11 +11,10 @@ _OPTIONS = {"SymmetricMode": True}
 
 
 class SparseLU:
-    """As `sim_backend.fem.kernel.Fronts`."""
+    """A `sim_backend.fem.assembly.Solver` of ``groups`` of element displacement numbers (m, d);
+    all but the ``free`` displacements of ``size`` are held."""
 
-    def __init__(
-        self, size: int, groups: tuple[Ints, ...], _symmetric: tuple[bool, ...], free: Ints
-    ) -> None:
+    def __init__(self, size: int, groups: tuple[Ints, ...], free: Ints) -> None:
         self._free, n = free, len(free)
         number = np.full(size, -1)
         number[free] = np.arange(n)

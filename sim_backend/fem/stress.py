@@ -1,9 +1,11 @@
 """What a solution says at the nodes: von Mises stress, and where the finger touches."""
 
+from functools import cache
+
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.elements import gradients, operator, q4, t6
+from sim_backend.fem.elements import Shape, gradients, q4, t6
 from sim_backend.fem.internal import deformation
 from sim_backend.fem.material import thinning, von_mises
 from sim_backend.fem.model import Section
@@ -27,22 +29,26 @@ def nodal_von_mises(section: Section, u: Array) -> Array:
 
 def under_finger_pa(section: Section, u: Array) -> float:
     """Von Mises stress [Pa] at the surface under the middle of the finger, from F at the nodes."""
-    shape = section.cells.shape
     beside, x = _beside(section, u)
-    one, other = (section.cells.nodes == node for node in beside)
-    chosen = np.flatnonzero((one | other).any(axis=1))
-    nodes = section.cells.nodes[chosen]
-    points = _T6_NODES if shape is t6 else _Q_NODES[: 4 if shape is q4 else 8]
-    slope, _ = gradients(section.mesh.nodes, nodes, shape(points)[1])
-    local = u[nodes].reshape(len(nodes), -1)
-    f = np.einsum("mqvd,md->mqv", operator(slope), local) + np.array([1.0, 0, 0, 1.0])
+    of_cells = section.cells.nodes
+    chosen = np.flatnonzero(((of_cells == beside[0]) | (of_cells == beside[1])).any(axis=1))
+    nodes = of_cells[chosen]
+    slope, _ = gradients(section.mesh.nodes, nodes, _gradient_at_nodes(section.cells.shape))
+    moved = np.swapaxes(u[nodes], 1, 2)[:, None]
+    f = (moved @ np.swapaxes(slope, 2, 3)).reshape(*nodes.shape, 4) + np.array([1.0, 0, 0, 1.0])
     around = np.ones(f.shape[:2])
     if section.cells.hoop is not None:  # u_r / r at the nodes, on the axis its limit du_r / dr
         r = section.mesh.nodes[nodes, 0]
         on_axis = r < 1e-12
         around = np.where(on_axis, f[..., 0], 1 + u[nodes, 0] / np.where(on_axis, 1.0, r))
-    stress = _averaged(nodes, _von_mises(section, chosen, f, around), len(u))[beside]
-    return float(np.interp(section.finger.x, x, stress))
+    stress = _von_mises(section, chosen, f, around)
+    return float(np.interp(section.finger.x, x, [stress[nodes == node].mean() for node in beside]))
+
+
+@cache
+def _gradient_at_nodes(shape: Shape) -> Array:
+    points = _T6_NODES if shape is t6 else _Q_NODES[: 4 if shape is q4 else 8]
+    return shape(points)[1]
 
 
 def _beside(section: Section, u: Array) -> tuple[Ints, Array]:

@@ -1,6 +1,7 @@
 """What a body rests on: rigid, flat, bonded or frictionless; a block may be free to lift."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -33,7 +34,7 @@ class SlidingConstraint:
     weight: Array
     stiffness_pa: float
 
-    @property
+    @cached_property
     def block(self) -> Array:
         return np.asarray(self.stiffness_pa * np.outer(self.weight, self.weight)[None])
 

@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
-from sim_backend.fem.assembly import gather
 
 
 @dataclass(frozen=True)
@@ -37,10 +36,10 @@ class BondedContact:
         along = np.array([[1.0, 0.0], [0.0, 0.0]])
         return np.asarray(np.where(self.bonded, self.penalty, 0.0)[:, None, None] * along)
 
-    def force(self, u: Array, size: int) -> Array:
-        """Residual (size,) at displacements ``u`` (n, 2) [m]."""
+    def add_force(self, u: Array, total: Array) -> None:
+        """Add to ``total`` (size,) what the springs bear at displacements ``u`` (n, 2) [m]."""
         slip = np.where(self.bonded, u[self.nodes, 0] - self.held_at_m, 0.0)
-        return gather(size, 2 * self.nodes[:, None], self.penalty * slip[:, None])
+        total[2 * self.nodes] += self.penalty * slip
 
     def now_holding(self, touched: Bools, u: Array) -> Array | None:
         """``at_m`` with what has been ``touched`` (s,) since."""

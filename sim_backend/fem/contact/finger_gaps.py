@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim_backend.arrays import Array, Ints
-from sim_backend.fem.contact.pairs import ContactPairs, node_dofs, rigid_pairs
+from sim_backend.arrays import Array, Bools, Ints
+from sim_backend.fem.contact.pairs import ContactPairs, rigid_pairs
 from sim_backend.scene.indenter import Cylinder, Indenter, Sphere
 
 
@@ -65,14 +65,14 @@ def finger_over(indenter: Indenter, x_m: float, surface_m: float) -> Finger:
 
 
 def finger_pairs(
-    finger: Finger, place: Array, surface: Ints, surface_share_m: Array
+    finger: Finger, place: Array, dofs: Ints, surface_share_m: Array, bonded: Bools | None = None
 ) -> ContactPairs:
-    """The finger and each node of the ``surface`` (k,), at their ``place`` (n, 2) [m].
+    """The finger and each node of the surface at its ``place`` (k, 2) [m]; ``dofs`` (k, 2).
 
     ``surface_share_m`` (k,) is the length of surface that belongs to each of these nodes.
     """
-    gap, normal, curvature = finger.gap(place[surface])
-    pairs = rigid_pairs(gap, normal, node_dofs(surface), curvature)
+    gap, normal, curvature = finger.gap(place)
+    pairs = rigid_pairs(gap, normal, dofs, curvature, bonded)
     if finger.skin_m:
         return replace(pairs, compliance=finger.skin_m_per_pa / surface_share_m)
     return pairs

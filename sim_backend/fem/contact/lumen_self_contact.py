@@ -61,9 +61,21 @@ def walls(mesh: Mesh, sides: Sides) -> Walls:
     return Walls(nodes, dofs, np.flatnonzero(height > middle + 1e-9), lower)
 
 
-def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
-    """Gap (a,) [m] from each upper node to the lower wall for ``place`` (l, 2), and its gradient
-    (a, 2l) by the loop's displacements, the normal held.
+@dataclass(frozen=True)
+class NearestWalls:
+    """``gap`` (a,) [m] from each upper node to the lower wall, its ``normal`` (a, 2) there, and
+    where: between nodes ``first`` and ``second`` (a,) of the loop, at a ``share`` (a,) of the way.
+    """
+
+    gap: Array
+    normal: Array
+    first: Ints
+    second: Ints
+    share: Array
+
+
+def nearest_walls(both: Walls, place: Array) -> NearestWalls:
+    """What lies opposite each upper node for ``place`` (l, 2).
 
     The normal goes evenly from node to node, so that nothing jumps where a node slides from side
     to side. A node that lies past an end of the lower wall is its neighbour round the bend and
@@ -86,12 +98,19 @@ def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
     offset = a - foot[row, nearest]
     gap = np.einsum("ai,ai->a", offset, normal)
     past = (s == 0) & both.begins[nearest] | (s == 1) & both.ends[nearest]
-    gap = np.where(past, np.hypot(*offset.T), gap)
-    gradient = np.zeros((len(a), len(place), 2))
+    return NearestWalls(np.where(past, np.hypot(*offset.T), gap), normal, first, second, s)
+
+
+def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
+    """Gap (a,) [m] from each upper node to the lower wall for ``place`` (l, 2), and its gradient
+    (a, 2l) by the loop's displacements, the normal held."""
+    found = nearest_walls(both, place)
+    row, normal = np.arange(len(both.upper)), found.normal
+    gradient = np.zeros((len(row), len(place), 2))
     gradient[row, both.upper] += normal
-    gradient[row, first] -= (1 - s)[:, None] * normal
-    gradient[row, second] -= s[:, None] * normal
-    return gap, gradient.reshape(len(a), -1)
+    gradient[row, found.first] -= (1 - found.share)[:, None] * normal
+    gradient[row, found.second] -= found.share[:, None] * normal
+    return found.gap, gradient.reshape(len(row), -1)
 
 
 def _normals(place: Array) -> Array:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
-from sim_backend.fem.assembly import gather
 
 
 @dataclass(frozen=True)
@@ -35,11 +34,11 @@ class ContactPairs:
         """Stiffness (k,) of a spring of stiffness ``penalty`` behind the skin."""
         return penalty / (1 + penalty * self.compliance)
 
-    def force(self, multiplier: Array, size: int) -> Array:
-        """Force (size,) on the body when pairs bear ``multiplier`` (k,)."""
-        each = multiplier[:, None] * self.gradient
-        shared = len(self.dofs) != len(each)
-        return gather(size, self.dofs, each.sum(axis=0, keepdims=True) if shared else each)
+    def add_force(self, multiplier: Array, total: Array) -> None:
+        """Add to ``total`` (size,) the force on the body when pairs bear ``multiplier`` (k,)."""
+        shared = len(self.dofs) != len(self.gap)
+        each = multiplier @ self.gradient if shared else multiplier[:, None] * self.gradient
+        total[self.dofs] += each  # no two pairs have a node in common, unless they share all
 
     def blocks(self, multiplier: Array, active: Bools, penalty: float) -> Array:
         """Tangent blocks, (k, d, d) or (1, d, d), of ``penalty`` springs and turning normals."""
@@ -58,10 +57,20 @@ class ContactPairs:
         return np.asarray((self.gradient * moved).sum(axis=1))
 
 
-def rigid_pairs(gap: Array, gradient: Array, dofs: Ints, turning: Array) -> ContactPairs:
-    """Pairs whose partners do not give way and do not stick."""
+def rigid_pairs(
+    gap: Array, gradient: Array, dofs: Ints, turning: Array | None = None,
+    bonded: Bools | None = None,
+) -> ContactPairs:  # fmt: skip
+    """Pairs whose partners do not give way; gradients do not turn, and nothing sticks, unless said
+    so."""
+    none = np.zeros(len(gap))
     return ContactPairs(
-        gap, gradient, dofs, turning, np.zeros(len(gap)), np.zeros(len(gap), dtype=bool)
+        gap,
+        gradient,
+        dofs,
+        none if turning is None else turning,
+        none,
+        none.astype(bool) if bonded is None else bonded,
     )
 
 

@@ -19,13 +19,11 @@ def unit_pressure(
 ) -> None: ...  # fmt: skip
 
 class Fronts:
-    """Factors of sums of ``groups`` of element matrices, of which the ``symmetric`` ones are so;
-    all but the ``free`` displacements of ``size`` are held."""
+    """A `sim_backend.fem.assembly.Solver` of ``groups`` of element matrices, of which the
+    ``symmetric`` ones are so; all but the ``free`` displacements of ``size`` are held."""
 
     def __new__(
         cls, size: int, groups: tuple[Ints, ...], symmetric: tuple[bool, ...], free: Ints, /
     ) -> Fronts: ...
-    def factor(self, matrices: tuple[Array, ...], /) -> int:
-        """How many pivots are negative; -1 if one is zero or no number."""
-    def solve(self, force: Array, x: Array, /) -> None:
-        """Displacements ``x`` (size,) under a ``force`` (size,); what is held is not touched."""
+    def factor(self, matrices: tuple[Array, ...], /) -> int: ...
+    def solve(self, force: Array, x: Array, /) -> None: ...

@@ -119,7 +119,9 @@ def test_touching_finger():
     def force(v):
         pair = contact_pairs(section, finger, v)[0]
         start = contact_pairs(section, finger, u)[0]
-        return pair.force(multiplier - penalty * (pair.gap - start.gap), section.size)
+        total = np.zeros(section.size)
+        pair.add_force(multiplier - penalty * (pair.gap - start.gap), total)
+        return total
 
     pair = contact_pairs(section, finger, u)[0]
     blocks = pair.blocks(multiplier, np.ones(len(multiplier), bool), penalty)
