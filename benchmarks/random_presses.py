@@ -34,6 +34,8 @@ LIMIT_S = 60.0
 """Processor time that a press may take."""
 FINE_SHARES = (0.3, 0.15, 0.07)
 """Element size over the finger's half width, each mesh the next one's beginning."""
+LONE_SHARES = (*FINE_SHARES, 0.045)
+"""Of a lone vessel, over its radius where that is less: its mesh follows the size in steps only."""
 REFERENCE_LIMIT_S, REFERENCE_NODES = 600.0, 60_000
 """A reference that costs more processor time or memory is not solved."""
 NO_REFERENCE = f"no reference in {REFERENCE_LIMIT_S:g} s and {REFERENCE_NODES} nodes"
@@ -160,7 +162,10 @@ def reference(scene: Scene, x_mm: float, depth_mm: float, pressures: tuple[float
     half_m = 0.5e-3 * scene.indenter.width_mm_projected
     levels = [p * PA_PER_MMHG for p in pressures]
     solved = None
-    for share in FINE_SHARES:
+    shares = FINE_SHARES
+    if scene.tissue is None:
+        shares, half_m = LONE_SHARES, min(half_m, 1e-3 * scene.inclusion[0].outer_radius_mm)
+    for share in shares:
         size_m = share * half_m
 
         def at_wall(radius_m: float, share: float = share, size_m: float = size_m) -> float:

@@ -20,8 +20,8 @@ from sim_backend.fem import kernel
 
 LISTEN_S = 2.0
 WITHOUT_KERNEL = 3
-"""Processor time of a press without the compiled kernel over that with it: 2.6 to 3.7 for presses of
-TIHA in both planes and for its scan (each in turn in one process, least of three to six)."""
+"""Processor time of a press without the compiled kernel over that with it: 2.6 to 3.7 for presses
+of TIHA in both planes and for its scan (in turn in one process, least of three to six)."""
 KINDS: tuple[Kind, ...] = ("stages", "sensors")
 
 
@@ -56,8 +56,8 @@ def machine() -> Iterator[Check]:
         yield Check(
             "simulation",
             "warning",
-            f"simulated presses take {WITHOUT_KERNEL} times as long as they could: their kernel was "
-            "not compiled. apt install gcc python3-dev, then install palpate again",
+            f"simulated presses take {WITHOUT_KERNEL} times as long as they could: their kernel "
+            "was not compiled. apt install gcc python3-dev, then install palpate again",
         )
     for kind in KINDS:
         for name in available(kind):

@@ -97,11 +97,17 @@ def block_mesh(
     return _finish(points, corners[keep], region[keep], ring_parts, rings, height)
 
 
-def ring_mesh(ring: Ring, size: Size) -> Mesh:
-    """Mesh a hollow ring that stands alone on the support y = 0."""
-    # so that a node lies where the glue ends
+def count_round(ring: Ring, size_m: float) -> int:
+    """Elements of about ``size_m`` round a ring that stands alone: so many that a node lies where
+    the glue ends."""
     whole = round(360 / SUPPORT_ARC_DEG)
-    count = whole * max(1, round(around(ring, size) / whole))
+    wanted = around(ring, lambda points: np.full(len(points), size_m))
+    return whole * max(1, round(wanted / whole))
+
+
+def ring_mesh(ring: Ring, size_m: float) -> Mesh:
+    """Mesh a hollow ring that stands alone on the support y = 0."""
+    count = count_round(ring, size_m)
     part = layers(ring, even(count), 2 * np.pi * ring.radii[0] / count)
     empty = np.empty((0, 2)), np.empty((0, 3), dtype=np.int64), np.empty(0, dtype=np.int64)
     return _finish(*empty, [part], [ring], 2 * ring.radii[0])

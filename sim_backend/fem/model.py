@@ -17,7 +17,7 @@ from sim_backend.fem.elements import Cells, as_element
 from sim_backend.fem.gaps import GAP_SHARE
 from sim_backend.fem.lumen import Sides, lumen_sides
 from sim_backend.fem.material import moduli
-from sim_backend.fem.mesh import TISSUE, Mesh, block_mesh, ring_mesh
+from sim_backend.fem.mesh import TISSUE, Mesh, block_mesh, count_round, ring_mesh
 from sim_backend.fem.rings import Ring
 from sim_backend.fem.support import SlidingConstraint, supported
 from sim_backend.scene.inclusion import Artery, Inclusion
@@ -28,6 +28,8 @@ COARSEST_M = 2.4e-3
 CONTACT_SHARE, GROWTH = 0.4, 0.45
 """Nodes that enter the contact one by one make the force jump; a finer surface keeps the jumps
 below 0.03 % of it, and growing faster from there costs no more unknowns."""
+LONE_FINER = 1.5
+"""How much finer the elements of a lone vessel are than those asked for under the finger."""
 FINEST_WALL = 0.05
 """Smallest element size at an inclusion over its radius."""
 
@@ -147,7 +149,7 @@ def build_section(
         return element_sizes(points, finger, half_m, rings, graded)
 
     if scene.tissue is None:
-        plain = ring_mesh(rings[0], lambda p: np.full(len(p), size_m / 1.5))
+        plain = ring_mesh(rings[0], size_m / LONE_FINER)
     else:
         plain = block_mesh(1e-3 * scene.tissue.width_mm, surface_m, rings, size, graded.gap_share)
     mesh, cells = as_element(plain, element or best_element(scene))
@@ -160,6 +162,15 @@ def build_section(
         mesh, cells, shear, bulk, stress, held, sides, finger, 1e3 * modulus_kpa, sliding,
         bonded_support=scene.bonded_support,
     )  # fmt: skip
+
+
+def meshed_size_m(scene: Scene, size_m: float) -> float:
+    """The ``size_m`` for which a mesh is as it is for this one: round a lone vessel lie multiples
+    of a number of elements."""
+    if scene.tissue is not None:
+        return size_m
+    ring = ring_of(scene.inclusion[0], scene, 0)
+    return LONE_FINER * 2 * float(np.pi) * ring.radii[0] / count_round(ring, size_m / LONE_FINER)
 
 
 def usual_grading(size_m: float) -> Grading:

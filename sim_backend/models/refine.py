@@ -9,7 +9,7 @@ from sim_backend.arrays import Array
 from sim_backend.fem.axisymmetric import solve_axisymmetric
 from sim_backend.fem.finite_strain import Solved, solve_finite
 from sim_backend.fem.gaps import GAP_SHARE
-from sim_backend.fem.model import Grading
+from sim_backend.fem.model import Grading, meshed_size_m
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.scene.scene_file import Scene
@@ -101,6 +101,8 @@ def refine(
     is solved. Raises `CannotSolve`.
     """
     half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    if scene.tissue is None:  # a wide finger says nothing of the vessel's own size
+        half_m = min(half_m, 1e-3 * scene.inclusion[0].outer_radius_mm)
     floor_pct = FLOOR_PCT * [1.0, len(pressures_pa) > 1]
 
     def solve(share: float, coarser: Solved | None) -> Solved:
@@ -116,7 +118,7 @@ def refine(
         must_carry = bool(np.isfinite(error_pct).all()) and coarser is not None and _folded(coarser)
         return solve_finite(*place, grading=grading, coarser=coarser, must_carry=must_carry)
 
-    share = FIRST_SHARE
+    share = meshed_size_m(scene, FIRST_SHARE * half_m) / half_m
     error_pct = np.full(2, np.inf)
     solved = first or solve(share, near)
     wanted = float(np.sqrt((budget_pct / np.maximum(floor_pct, 1e-9)).min()))
@@ -128,7 +130,7 @@ def refine(
         far_apart = np.isinf(error_pct).any() and not _folded(solved)
         most = SECOND_FINER if far_apart else MOST_FINER
         finer = float(np.clip(finer, LEAST_FINER, max(min(most, room), LEAST_FINER)))
-        share /= finer
+        finer, share = _finer(scene, half_m, share, finer)
         coarser = solved
         try:
             solved = solve(share, coarser)
@@ -151,6 +153,15 @@ def refine(
             f"mesh of up to {MAX_UNKNOWNS} unknowns settles it; press less deep",
         )
     return Refined(solved, np.maximum(error_pct, [0.0, _entering_pct(solved[1])]))
+
+
+def _finer(scene: Scene, half_m: float, share: float, wanted: float) -> tuple[float, float]:
+    """How much finer the next mesh truly is, and its share: a lone vessel has whole steps of
+    elements round it, and two meshes that are the same would agree on anything."""
+    asked = share / wanted
+    while (found := meshed_size_m(scene, asked * half_m) / half_m) > share / LEAST_FINER:
+        asked /= LEAST_FINER
+    return share / found, found
 
 
 def mesh_grading(scene: Scene, size_m: float, share: float) -> Grading:

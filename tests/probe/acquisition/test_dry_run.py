@@ -61,6 +61,14 @@ def test_doctor_calls_no_driver_installed_whose_library_is_missing(
     assert all(one.level == "warning" and module in one.text for one in said)
 
 
+def test_doctor_says_what_the_missing_kernel_costs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sim_backend.fem.kernel.BUILT", False)
+    (said,) = (check for check in machine() if check.name == "simulation")
+    assert said.level == "warning"
+    assert "take 3 times as long" in said.text
+    assert "apt install gcc" in said.text
+
+
 def test_a_noisy_sensor_is_warned_of(tmp_path: Path) -> None:
     rig = Rig.model_validate({"sensor": [{"driver": "ft300"}], "face_mm2": 50})
     report = dry_run(rig, None, tmp_path)

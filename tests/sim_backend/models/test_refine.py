@@ -13,6 +13,7 @@ from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import CannotSolve, Load, NotConverged
 from sim_backend.models import refine as refining
 from sim_backend.models.refine import ENTERING_PCT, FLOOR_PCT, ORDER, mesh_grading, refine
+from sim_backend.scene.scene_file import load_scene
 
 HALF_M = 0.5e-3 * BLOCK.indenter.width_mm_projected
 
@@ -156,3 +157,24 @@ def test_what_must_carry_over_and_does_not_is_not_solved(monkeypatch):
     with pytest.raises(CannotSolve, match="does not carry over"):
         solve_finite(*place, coarser=solved, must_carry=True)
     assert solve_finite(*place, coarser=solved)[1][0].force_n_per_m > 0
+
+
+def test_meshes_of_a_lone_vessel_differ(monkeypatch):
+    """Round it lie multiples of 36 elements. Under a wide finger, sizes that differ by half asked
+    for the same mesh once, and no change was taken for no error."""
+    solve, meshes = finite_strain.solve_finite, []
+
+    def counted(*place, **how):
+        found = solve(*place, **how)
+        meshes.append(len(found[0].mesh.nodes))
+        return found
+
+    monkeypatch.setattr(refining, "solve_finite", counted)
+    wide = load_scene("HAOT").indenter.model_copy(update={"radius_mm": 15.0})
+    scene = load_scene("HAOT").model_copy(update={"indenter": wide})
+    found = refine("finite", scene, 0.032, 0.3e-3, [0.0], np.array([1.0, 1.0]))
+    assert len(meshes) >= 2
+    assert (np.diff(meshes) > 0.9 * np.array(meshes[:-1])).all(), "each 1.4 times as fine"
+    (finer,) = solve(scene, 0.032, 0.3e-3, [0.0], 0.16e-3)[1]
+    true_pct = 100 * abs(found.solved[1][0].force_n_per_m / finer.force_n_per_m - 1)
+    assert true_pct < 2 * found.error_pct[0]
