@@ -36,6 +36,7 @@ DEFINED = {
     "run file's layout": "CREATE TABLE",
     "finger and tissue": "def finger_pairs",
     "solves equilibrium": "def equilibrium(",
+    "eliminates the unknowns": "int factor_fronts(",
     "for FEBio": "def write_feb(",
     "material law": "def plane_stress",
     "rig file": "class Scan(",
