@@ -169,8 +169,8 @@ def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 
         # the last step left about half of what its tangent has changed since; with that tangent
         # once more, this one leaves twice the last one's share
         share = error / last_error * (2 if fresh else 1) if last_error else 1.0
-        fresh = not (same and error * share**CHORDS < TOLERANCE * scale) or factors is None
-        if fresh:
+        fresh = not (same and error * share**CHORDS < TOLERANCE * scale)
+        if factors is None or fresh:
             matrices = tangents()
             if drag_pa:
                 matrices[0] = matrices[0] + drag_pa * np.eye(matrices[0].shape[1])
