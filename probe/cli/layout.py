@@ -1,5 +1,7 @@
 """How ``palpate --help`` is laid out, and an example for each command's own help."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import typer
@@ -66,12 +68,14 @@ class Grouped(TyperGroup):
         super().__init__(**given)
         _without_types(self)
 
+    # Typer makes a bare exit status of Ctrl-C, without what was said to be kept.
+    def make_context(self, *given: Any, **more: Any) -> Any:
+        with _stopped_in_words():
+            return super().make_context(*given, **more)
+
     def invoke(self, ctx: Any) -> Any:
-        """Typer makes a bare exit status of Ctrl-C, without what was said to be kept."""
-        try:
+        with _stopped_in_words():
             return super().invoke(ctx)
-        except KeyboardInterrupt as stopped:
-            raise Stopped(str(stopped)) from None
 
     # What click gives it: click itself or the copy in typer, by typer's version.
     def format_commands(self, _ctx: Any, formatter: Any) -> None:
@@ -85,6 +89,14 @@ class Grouped(TyperGroup):
             if rows:
                 with formatter.section(title):
                     formatter.write_dl(rows)
+
+
+@contextmanager
+def _stopped_in_words() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt as stopped:
+        raise Stopped(str(stopped)) from None
 
 
 def _without_types(command: Any) -> None:

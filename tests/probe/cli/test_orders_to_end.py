@@ -31,6 +31,7 @@ def orders_heard() -> Iterator[None]:
     ("slow", "command", "order"),
     [
         ("typer", ["--help"], signal.SIGINT),
+        ("pydantic", PRESS, signal.SIGINT),  # by typer, while it reads the options
         ("scipy", PRESS, signal.SIGINT),
         ("scipy", PRESS, signal.SIGTERM),
         ("scipy", PRESS, signal.SIGHUP),
