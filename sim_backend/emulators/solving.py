@@ -11,7 +11,7 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
-from drivers.core.child import Child
+from drivers.core.child import Child, no_ctrl_c
 from sim_backend.phantom.phantom import Phantom
 from sim_backend.phantom.trajectory import Point
 from sim_backend.scene.scene_file import Scene
@@ -35,7 +35,8 @@ class Solver:
         self._phantom = phantom
         self._asked: dict[Place, float] = {}
         self._why_not = ""
-        self._child = Child(solve, (phantom.scene,), pipes=1)
+        with no_ctrl_c():  # it is for who serves, which ends this one
+            self._child = Child(solve, (phantom.scene,), pipes=1)
         self._thread = threading.Thread(target=self._learn, name="palpate solver", daemon=True)
         self._thread.start()
 

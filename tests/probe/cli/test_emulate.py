@@ -61,7 +61,7 @@ def may_come_first() -> bool:
     return True
 
 
-def test_a_controller_comes_first_and_its_solver_last(tmp_path: Path) -> None:
+def test_a_controller_comes_first_and_its_solver_last_and_both_end_quietly(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "probe.cli", "emulate", "ft300", "--scene", "HAOT"]
     process = subprocess.Popen(
         [*command, "--at", str(tmp_path / "ft300")],
@@ -79,8 +79,12 @@ def test_a_controller_comes_first_and_its_solver_last(tmp_path: Path) -> None:
         while os.getpriority(os.PRIO_PROCESS, solver) != AFTER_OTHERS:  # once it has begun
             assert time.monotonic() < end_s
             time.sleep(0.02)
+        for pid in (solver, process.pid):  # Ctrl-C reaches both
+            os.kill(pid, signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+        assert (process.returncode, err) == (0, "")
     finally:
-        process.terminate()
+        process.kill()
         process.communicate(timeout=20)
 
 
