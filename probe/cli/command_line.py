@@ -6,7 +6,7 @@ the work itself is imported by the command that does it, so that ``palpate --hel
 
 import os
 from collections.abc import Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -78,7 +78,8 @@ def run(given: Sequence[str]) -> int:
                 if text:
                     say.inform(text)
                     if as_json and not say.has_answered():
-                        say.answer_json({"error": text, "status": status})
+                        with suppress(OSError):  # what was wrong may be that nothing can be written
+                            say.answer_json({"error": text, "status": status})
     return status if isinstance(status, int) else 0
 
 

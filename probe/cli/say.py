@@ -1,5 +1,6 @@
 """Where output goes: the answer to standard output, everything else to standard error."""
 
+import io
 import json
 import math
 import os
@@ -23,7 +24,10 @@ LAST_STREAM = 2  # standard input, output and error are 0, 1 and 2
 
 
 def keep_streams() -> None:
-    """Stand-ins for standard streams that are closed (`>&-`), so that no file takes their place."""
+    """Stand-ins for standard streams that are closed (`>&-`), so that no file takes their place.
+
+    A character of an answer that the terminal's encoding lacks is written as a question mark.
+    """
     with suppress(OSError):  # no descriptor is left: then none can be taken either
         while (free := os.open(os.devnull, os.O_RDWR)) <= LAST_STREAM:
             pass
@@ -32,6 +36,8 @@ def keep_streams() -> None:
         if getattr(sys, name) is None:
             nowhere = Path(os.devnull).open("r+", encoding="utf-8")  # noqa: SIM115 - stays open
             setattr(sys, name, nowhere)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
 
 
 def inform(text: str) -> None:

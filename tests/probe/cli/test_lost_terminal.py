@@ -83,3 +83,24 @@ def test_a_terminal_that_goes_while_its_bar_is_drawn_costs_no_answer(tmp_path: P
     os.close(ours)
     assert scan.wait(60) == 0
     assert json.loads((tmp_path / "answer.json").read_text())["finish"] == "completed"
+
+
+def test_a_terminal_that_lacks_a_character_gets_the_answer(tmp_path: Path) -> None:
+    (tmp_path / "rig.toml").write_text(RIG)
+    command = [sys.executable, "-m", "probe.cli", "scan", "rig.toml", "--out", "."]
+    done = subprocess.run(
+        command, cwd=tmp_path, env=os.environ | {"PYTHONIOENCODING": "ascii"},
+        capture_output=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, b"? 95 %" in done.stdout) == (0, True), done.stderr
+
+
+@pytest.mark.parametrize("more", [[], ["--json"]])
+def test_an_answer_that_cannot_be_written_is_said(more: list[str]) -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "probe.cli", "scenes", *more]
+        done = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 2
+    assert done.stderr == "output could not be written: no space left on device\n"
