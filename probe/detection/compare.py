@@ -7,7 +7,7 @@ from scipy.special import ndtr
 
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Recording
-from probe.detection.finding import Comparison, Diseased
+from probe.detection.finding import Comparison, Diseased, stated
 from probe.detection.pulse.presses import Press, presses_of
 from probe.storage.run import recording_of
 
@@ -39,7 +39,7 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     weaker = _above(other.size_pa, _size_sd(other), one.size_pa, _size_sd(one))
     diseased, confidence, reason = _judge(stiffer, weaker)
     ratios = _ratio(one.level_pa, other.level_pa), _ratio(one.size_pa, other.size_pa)
-    return Comparison(diseased, *ratios, confidence, reason)
+    return Comparison(diseased, *ratios, stated(confidence), reason)
 
 
 def _ratio(x: float, y: float) -> float:

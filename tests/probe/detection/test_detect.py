@@ -177,6 +177,7 @@ def test_compare_names_the_stiffer_with_the_weaker_pulse() -> None:
     assert found.diseased == "B"
     assert found.peak_ratio == pytest.approx(9 / 20, rel=0.05)
     assert found.pulse_ratio == pytest.approx(3 / 2, rel=0.1)
+    assert found.confidence == 0.999, "nothing is certain"
     assert compare(sick, healthy).diseased == "A"
     same = recording([station(rng, pulse_pa=300.0, relaxing=0.0)])
     assert compare(healthy, same).diseased == "neither"
