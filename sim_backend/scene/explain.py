@@ -1,27 +1,44 @@
 """Why a value is refused, in words: the key, its value, and what is allowed there."""
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+A_NUMBER, A_WHOLE_NUMBER, A_TABLE = "must be a number", "must be a whole number", "must be a table"
+A_SWITCH = "must be true or false"
 SAID = {
     "missing": "is missing",
-    "float_parsing": "must be a number",
-    "float_type": "must be a number",
-    "int_parsing": "must be a whole number",
-    "int_type": "must be a whole number",
-    "int_from_float": "must be a whole number",
+    "float_parsing": A_NUMBER,
+    "float_type": A_NUMBER,
+    "int_parsing": A_WHOLE_NUMBER,
+    "int_type": A_WHOLE_NUMBER,
+    "int_from_float": A_WHOLE_NUMBER,
+    "int_parsing_size": A_WHOLE_NUMBER,
+    "bool_type": A_SWITCH,
+    "bool_parsing": A_SWITCH,
+    "string_type": "must be text, in quotes",
+    "tuple_type": "must be a list, in [ ]",
+    "too_short": "must have {min_length} or more entries",
+    "too_long": "must have at most {max_length} entries",
+    "model_type": A_TABLE,
+    "model_attributes_type": A_TABLE,
+    "dict_type": A_TABLE,
+    "union_tag_not_found": "{discriminator} is missing",
+    "union_tag_invalid": "{discriminator} = {tag!r}: must be one of {expected_tags}",
 }
 """What pydantic's types of faults are called here; of others its own message is taken."""
+BRANCH = re.compile(r"float|int|constrained-\w+|(tuple|list|function-\w+)\[.*\]")
+"""How pydantic names what a value may be: the file that a person wrote has no such key."""
 
 
 def explain(error: ValidationError, model: type[BaseModel] | None = None) -> list[str]:
     """One line per fault: key, value, what is allowed; of ``model``, what keys there are."""
     lines = []
-    for fault in error.errors():
-        key = ".".join(str(part) for part in fault["loc"])
+    for fault in _for_what_was_meant(error.errors()):
+        key = ".".join(str(part) for part in _without_branches(fault))
         value = fault["input"]
         shown = "" if isinstance(value, dict) or fault["type"] == "missing" else f" = {value!r}"
         text = allowed(fault)
@@ -34,8 +51,28 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
 
 def allowed(fault: Mapping[str, Any]) -> str:
     """What one of pydantic's faults asks for, as in "must be greater than 0"."""
+    if (words := SAID.get(fault["type"])) is not None:
+        return words.format(**fault.get("ctx", {}))
     said = str(fault["msg"]).removeprefix("Value error, ")
-    return SAID.get(fault["type"], said.replace("Input should be", "must be", 1))
+    return said.replace("Input should be", "must be", 1)
+
+
+def _without_branches(fault: Mapping[str, Any]) -> tuple[int | str, ...]:
+    where: tuple[int | str, ...] = fault["loc"]
+    if fault["type"] == "extra_forbidden":
+        return where
+    return tuple(part for part in where if not BRANCH.fullmatch(str(part)))
+
+
+def _for_what_was_meant(faults: Iterable[Any]) -> Iterable[Any]:
+    """Where a number or a list may stand: of a list what is wrong within it, of anything else that
+    it is no number."""
+    for fault in faults:
+        where, is_list = fault["loc"], isinstance(fault["input"], list | tuple)
+        branch = next((part for part in where if BRANCH.fullmatch(str(part))), "")
+        meant = is_list == str(branch).startswith(("tuple[", "list["))
+        if not branch or meant or where[-1] != branch:
+            yield fault
 
 
 def _unknown_key(model: type[BaseModel], where: tuple[int | str, ...]) -> str:

@@ -65,7 +65,7 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
     ("text", "said"),
     [
         ("[scan]\nstations = 30\n", "station 18 .* x = 72 mm"),
-        ("[scan]\nstations = 0\n", "scan.stations.* = 0: .*greater than or equal to 1"),
+        ("[scan]\nstations = 0\n", "scan.stations = 0: must be greater than or equal to 1"),
         ("[scan]\nramp_s = -1\n", "scan.ramp_s = -1"),
         ("[scan]\nramp_s = 0.01\n", "250 mm/s: must not exceed safety.max_speed_mm_s = 25"),
         ("[scan]\nindent_mm = 2\n", "scan.indent_mm = 2: unknown key .did you mean indentation_mm"),
@@ -88,6 +88,36 @@ def test_wrong_rigs_name_file_key_and_value(tmp_path: Path, text: str, said: str
     with pytest.raises(RigError, match=said) as caught:
         load_rig(write(tmp_path, VIRTUAL + text))
     assert str(caught.value).startswith(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("scan = 3", "scan = 3: must be a table"),
+        ("scan.start_mm = 'x'", "scan.start_mm = 'x': must be a number"),
+        ("scan.start_mm = []", "scan.start_mm.0 is missing\nscan.start_mm.1 is missing"),
+        ("scan.start_mm = [1, 'x']", "scan.start_mm.1 = 'x': must be a number"),
+        (
+            "scan.start_mm = [1, 2, 3]",
+            "scan.start_mm = [1, 2, 3]: must have at most 2 entries",
+        ),
+        ("scan.stations = [5, 0]", "scan.stations.1 = 0: must be greater than or equal to 1"),
+        (
+            "scan.surface_mm = [1]",
+            "scan.surface_mm.0 = 1: must be a list, in [ ]\n"
+            "scan.surface_mm = [1]: must have 3 or more entries",
+        ),
+        ("safety.workspace_mm.x = 3", "safety.workspace_mm.x = 3: must be a list, in [ ]"),
+        ("scene.name = 3", "scene.name = 3: must be text, in quotes"),
+        ("sensor = []", "sensor = []: must have 1 or more entries"),
+    ],
+)
+def test_a_value_of_another_kind_is_refused_in_the_words_of_the_file(
+    tmp_path: Path, text: str, said: str
+) -> None:
+    with pytest.raises(RigError) as caught:
+        load_rig(write(tmp_path, text))
+    assert str(caught.value).replace(f"{tmp_path / 'rig.toml'}: ", "") == said
 
 
 @pytest.mark.parametrize(
