@@ -32,13 +32,13 @@ UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 
 
 def export(
-    run_path: str | PathLike[str], formats: Sequence[str], out_dir: str | Path
+    run_path: str | PathLike[str], formats: str | Sequence[str], out_dir: str | Path
 ) -> tuple[Path, ...]:
     """Write a run into ``out_dir`` in each of ``formats``; the files written.
 
-    ``formats``: csv, hdf5, netcdf, parquet, mcap. Files of an earlier export are replaced. Raises
-    `ValueError` for another format, `RunFileError` for a run that cannot be read, `OSError` where
-    ``out_dir`` takes no files.
+    ``formats``: csv, hdf5, netcdf, parquet, mcap; a list, or text as in the shell: ``"csv,mcap"``.
+    Files of an earlier export are replaced. Raises `ValueError` for another format, `RunFileError`
+    for a run that cannot be read, `OSError` where ``out_dir`` takes no files.
 
     Examples
     --------
@@ -47,6 +47,8 @@ def export(
     >>> sorted(file.name for file in files)[0]
     'TIHA-config.json'
     """
+    if isinstance(formats, str):
+        formats = [name.strip() for name in formats.split(",")]
     if unknown := [name for name in formats if name not in WRITERS]:
         raise ValueError(f"format {', '.join(unknown)!r}: known are {', '.join(WRITERS)}")
     run, out_dir = open_run(run_path), Path(out_dir)

@@ -16,6 +16,7 @@ from sim_backend.models.press_range import check_press
 from sim_backend.models.refine import SMALL_PULSE
 from sim_backend.models.scan_estimate import estimate_scan
 from sim_backend.models.surrogate import Surrogate, surrogate
+from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -203,8 +204,5 @@ def _x_mm(scene: Scene) -> float:
 def first_line(error: Exception) -> str:
     """What was wrong, in one line."""
     if isinstance(error, ValidationError):
-        one = error.errors()[0]
-        where = ".".join(str(part) for part in one["loc"])
-        text = str(one["msg"]).removeprefix("Value error, ")
-        return f"{where}: {text}" if where else text
+        return explain(error)[0]
     return str(error).splitlines()[0]

@@ -17,6 +17,8 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+import numpy as np
+
 from drivers import ConfigError
 from drivers.core.extras import needs, require
 from probe.core.processes import leave_with_parent, starting_workers
@@ -38,13 +40,13 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
 def sweep(
     scene: Scene | str | Path,
-    vary: Mapping[str, str | Sequence[float]],
+    vary: Mapping[str, str | float | Sequence[float]],
     *,
     out: str | Path = "sweep.parquet",
     design: Design = "full",
     count: int = 0,
     seed: int = 0,
-    x_mm: Sequence[float] | str = (),
+    x_mm: Sequence[float] | float | str = (),
     indentation_mm: float = 2.5,
     model: str = "auto",
     accuracy_pct: float = 1.0,
@@ -90,13 +92,13 @@ def sweep(
         )
     loaded = as_scene(scene)
     varied = [
-        parse(f"{key}={v if isinstance(v, str) else ','.join(map(repr, v))}", loaded)
-        for key, v in vary.items()
+        parse(f"{key}={','.join(str(one) for one in np.ravel(values))}", loaded)
+        for key, values in vary.items()
     ]
     with notebook_line() as line:
         return solve_points(
             loaded, points(varied, design, count, seed), Path(out),
-            x_mm=places(x_mm) if isinstance(x_mm, str) else tuple(x_mm),
+            x_mm=places(x_mm) if isinstance(x_mm, str) else tuple(map(float, np.ravel(x_mm))),
             indentation_mm=indentation_mm, model=model, accuracy_pct=accuracy_pct, seed=seed,
             workers=workers, scheduler=scheduler,
             progress=progress or (lambda done, total: line(f"{done} of {total} points")),

@@ -82,7 +82,7 @@ def test_netcdf(path: Path, tmp_path: Path) -> None:
 
 def test_again_replaces(path: Path, tmp_path: Path) -> None:
     first = export(path, ["csv", "hdf5", "netcdf"], tmp_path)
-    assert export(path, ["csv", "hdf5", "netcdf"], tmp_path) == first
+    assert export(path, "csv, hdf5,netcdf", tmp_path) == first, "as the shell has them"
 
 
 def test_wrong_formats_and_runs_are_named(path: Path, tmp_path: Path) -> None:

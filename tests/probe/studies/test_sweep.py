@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from small_block import BLOCK
@@ -235,6 +236,11 @@ def test_python_takes_what_the_shell_takes(tmp_path: Path) -> None:
     listed = sweep("TIHA", {"wall_mm": [0.5, 0.6]}, out=tmp_path / "a.csv", workers=1, **FAST)  # type: ignore[arg-type]
     ranged = sweep("TIHA", {"wall_mm": "0.5..0.6:2"}, out=tmp_path / "b.csv", workers=1, **FAST)  # type: ignore[arg-type]
     pd.testing.assert_frame_equal(without_time(listed), without_time(ranged), check_exact=True)
+    spaced = np.linspace(0.5, 0.6, 2)
+    made = sweep("TIHA", {"wall_mm": spaced}, x_mm=32.0, out=tmp_path / "d.csv", workers=1, **FAST)  # type: ignore[arg-type]
+    pd.testing.assert_frame_equal(without_time(listed), without_time(made), check_exact=True)
+    (one,) = sweep("TIHA", {"wall_mm": -1.0}, out=tmp_path / "e.csv", workers=1)["reason"]
+    assert one == "inclusion.0.artery.wall_mm = -1.0: must be greater than 0"
     with pytest.raises(ConfigError, match="--vary wall: no such key"):
         sweep("TIHA", {"wall": [1.0]}, out=tmp_path / "c.csv")
 
