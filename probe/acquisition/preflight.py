@@ -26,6 +26,8 @@ from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.config.snapshot import face_mm2_of
 from probe.core.contact_stress import square_metres
+from probe.detection.pulse.hold_limits import MIN_SAMPLES, SETTLING_S, SETTLING_SAMPLES
+from probe.detection.pulse.hold_samples import BIN_S, MIN_BINS
 from probe.detection.sensitivity import in_words, visibility
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
@@ -122,11 +124,22 @@ def pulse_checks(
         elif not math.isfinite(noise_n):
             text = "this sensor's noise is not known; give noise_mn"
             checks.append(Check(title, "warning", text))
+        elif (least_s := shortest_hold_s(rate_hz)) > rig.scan.hold_s:
+            text = f"no: scan.hold_s = {rig.scan.hold_s:g} is too short to judge a press by; "
+            text += f"at least {least_s:.2g} s are needed, two heartbeats to see a pulse well"
+            checks.append(Check(title, "warning", text))
         else:
             seen = visibility(noise_n, rate_hz, rig.scan.hold_s, pulse_n, beat_hz)
             level: Literal["ok", "warning"] = "ok" if seen.visible else "warning"
             checks.append(Check(title, level, f"{in_words(seen, face_m2)} ({source})"))
     return checks
+
+
+def shortest_hold_s(rate_hz: float) -> float:
+    """The hold [s] that leaves as many samples as detection asks of a press."""
+    step_s = 1 / rate_hz
+    settling_s = max(SETTLING_S, SETTLING_SAMPLES * step_s)
+    return settling_s + max(MIN_SAMPLES * step_s, MIN_BINS * max(BIN_S, step_s))
 
 
 def known_noise(device: Device) -> SensorNoise:

@@ -17,6 +17,7 @@ from probe.config.devices import connect
 from probe.config.rig import Rig, Workspace, default_rig
 from probe.config.scan_plan import plan_for
 from probe.core.events import Phase, PhaseEntered
+from probe.detection import detect
 from probe.storage.run import open_run
 from sim_backend.scene.scene_file import load_scene
 
@@ -255,6 +256,21 @@ def test_a_scan_takes_as_long_as_its_dry_run_says(
     )
     (words,) = (check.text for check in said.checks if check.name == "time")
     assert ("up to 4 s more where the surface lies deeper" in words) == bool(touch)
+
+
+@pytest.mark.parametrize(("hold_s", "short"), [(0.0, True), (0.07, True), (0.2, False)])
+@pytest.mark.parametrize("rate_hz", [100.0, 500.0])
+def test_a_hold_too_short_to_judge_a_press_by_is_said(
+    hold_s: float, short: bool, rate_hz: float, tmp_path: Path, winkler: Any
+) -> None:
+    keys = {"stations": 1, "hold_s": hold_s}
+    sensor = [{"driver": "virtual", "rate_hz": rate_hz}]
+    rig = Rig.model_validate({"scan": keys, "sensor": sensor, "scene": {"name": "TIHA"}})
+    report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
+    (text,) = (check.text for check in report.checks if check.name == "pulse on virtual")
+    assert ("too short to judge a press by" in text) == short
+    found = detect(open_run(scan(rig, out=tmp_path, respond=winkler).path).recording())
+    assert ("no press can be judged" in found.reason) == short
 
 
 @pytest.mark.parametrize(("touch_n", "can_scan"), [(0.05, False), (0.7, True)])
