@@ -9,13 +9,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from drivers import Clock, ConfigError, DeviceFault, Pose, Sensor, available, find_driver
+from drivers import Block, Clock, ConfigError, DeviceFault, Pose, Sensor, available, find_driver
 from drivers.core.extras import require_library
 from drivers.core.registry import Kind
+from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.preflight import Check
 from probe.config.devices import Devices
-from probe.config.rig import Workspace
+from probe.config.rig import Rig, Workspace
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 from probe.core.screen import why_no_windows
+from probe.planning.limits import Limits
 from sim_backend.fem import kernel
 
 LISTEN_S = 2.0
@@ -71,9 +75,10 @@ def machine() -> Iterator[Check]:
 
 
 def listen(
-    devices: Devices, clock: Clock, workspace: Workspace, seconds: float = LISTEN_S
+    devices: Devices, clock: Clock, rig: Rig, seconds: float = LISTEN_S
 ) -> Iterator[Check | Noise]:
     """Read the pose once and every sensor for ``seconds`` on the scan's clock; move nothing."""
+    workspace, limits = rig.safety.workspace_mm, limits_for(rig, plan_for(rig))
     try:
         yield _pose(f"stage {devices.stage.name}", devices.stage.pose(), workspace)
     except DeviceFault as fault:
@@ -82,7 +87,7 @@ def listen(
         yield Check(f"stage {devices.stage.name}", "warning" if homes else "fault", text)
     for sensor in devices.sensors:
         try:
-            yield from _listen_to(sensor, clock, seconds)
+            yield from _listen_to(sensor, clock, limits, seconds)
         except DeviceFault as fault:
             yield Check(f"sensor {sensor.name}", "fault", str(fault))
 
@@ -101,9 +106,11 @@ def _pose(name: str, pose: Pose, workspace: Workspace) -> Check:
     return Check(name, "ok", text)
 
 
-def _listen_to(sensor: Sensor, clock: Clock, seconds: float) -> Iterator[Check | Noise]:
+def _listen_to(
+    sensor: Sensor, clock: Clock, limits: Limits, seconds: float
+) -> Iterator[Check | Noise]:
     sensor.start()
-    times, values, lost = [], [], 0
+    times, values, saturated, lost = [], [], [], 0
     until_s = clock.now() + seconds
     try:
         while clock.now() < until_s:
@@ -111,6 +118,7 @@ def _listen_to(sensor: Sensor, clock: Clock, seconds: float) -> Iterator[Check |
             block = sensor.read()
             times.append(block.time_s)
             values.append(block.values)
+            saturated.append(block.saturated)
             lost += block.lost
     finally:
         sensor.stop()
@@ -123,6 +131,9 @@ def _listen_to(sensor: Sensor, clock: Clock, seconds: float) -> Iterator[Check |
     slow = rate_hz < 0.95 * sensor.rate_hz
     text = f"{rate_hz:.1f} Hz of {sensor.rate_hz:g} Hz, {lost} samples lost"
     yield Check(name, "warning" if slow or lost else "ok", text)
+    heard = Block(time_s, readings, np.concatenate(saturated))
+    if (why := SensorGuard(sensor.channels, limits).check(heard)) is not None:
+        yield Check(name, "fault", f"at rest: {why[0]}")
     for n, channel in enumerate(sensor.channels):
         std, step = _spread(time_s, readings[:, n])
         yield Noise(

@@ -4,7 +4,7 @@ Nothing is opened and nothing is sent to a device.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration import use
 from calibration.errors import CalibrationError
-from drivers import ConfigError, Sensor, SimulatedClock
+from drivers import Clock, ConfigError, Sensor, SimulatedClock
 from drivers.core.registry import Kind
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.levels import touch_in_noise
@@ -31,11 +31,13 @@ from probe.detection.pulse.hold_samples import BIN_S, MIN_BINS
 from probe.detection.sensitivity import in_words, visibility
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
+from sim_backend.phantom.devices import VirtualSensor
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.slicing import section_at
 from sim_backend.scene.waves import load_wave
 
+REST_S = 2.0
 USUAL_BEAT_HZ = 1.2
 WEAK_PULSE_PA = 1300.0  # the 5 % weakest of measured radial pulses, peak to peak
 # (rms noise N, rate Hz) of sensors whose rig settings do not say, from makers and measurements.
@@ -72,9 +74,9 @@ def device_checks(
     ]
     if None in sensors:
         return checks
-    limits = limits_for(rig, plan)
     face_m2 = square_metres(face_mm2_of(rig, scene))
-    checks.append(_force_limit(sensors, replace(limits, face_m2=face_m2)))
+    limits = replace(limits_for(rig, plan), face_m2=face_m2)
+    checks.append(_force_limit(sensors, limits))
     if stage is None:
         return checks
     try:
@@ -84,7 +86,19 @@ def device_checks(
         prepared = prepare(rig, plan, limits, scene, Devices(stage, true, world.phantom, ()), 0)
     except (ConfigError, RigError, CalibrationError) as error:
         return [*checks, Check("devices together", "fault", str(error))]
-    return checks + [Check("rehearsal", "warning", note) for note in prepared.notes]
+    checks += [Check("rehearsal", "warning", note) for note in prepared.notes]
+    if rig.stage.driver == "virtual":
+        virtual = (sensor for sensor in sensors if isinstance(sensor, VirtualSensor))
+        checks += [check for sensor in virtual for check in _at_rest(sensor, world.clock, limits)]
+    return checks
+
+
+def _at_rest(sensor: VirtualSensor, clock: Clock, limits: Limits) -> Iterator[Check]:
+    """What would end a scan before its first press."""
+    sensor.start()
+    clock.sleep_until(clock.now() + REST_S)
+    if (why := SensorGuard(sensor.channels, limits).check(sensor.read())) is not None:
+        yield Check(f"sensor {sensor.name}", "fault", f"at rest in the air: {why[0]}")
 
 
 def calibration_check(key: str, file: Path) -> Check:

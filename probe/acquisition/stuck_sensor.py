@@ -2,6 +2,8 @@
 
 import math
 
+from probe.planning.limits import Limits
+
 MAX_CHANCE = 1e-9  # how unlikely a run of equal readings must be before it counts as stuck
 MIN_PAIRS = 100  # readings before the sensor's own rate of repetitions is believed
 MIN_CHANGES = 10  # and so many changes: a tare changes what a stuck sensor says, too
@@ -13,7 +15,8 @@ class Alive:
 
     A coarse sensor repeats itself; one that has changed at every reading and then stays the same
     is stuck or clipped, whatever it says of itself. ``most_same``: that many readings that never
-    differed at all are no sensor's noise.
+    differed at all are no sensor's noise. Who says more than usual knows the sensor to be coarse:
+    at rest it repeats itself for longer than it does in a press, from which it would be learned.
     """
 
     def __init__(self, most_same: int) -> None:
@@ -42,4 +45,6 @@ class Alive:
         if self._pairs < MIN_PAIRS or self._pairs - self._equal < MIN_CHANGES:
             return self._most_same
         share = (self._equal + 1) / (self._pairs + 2)
-        return max(MIN_RUN, math.log(MAX_CHANCE) / math.log(share))
+        coarse = self._most_same > Limits.same_readings
+        least = self._most_same if coarse else MIN_RUN
+        return max(least, math.log(MAX_CHANCE) / math.log(share))

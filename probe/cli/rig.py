@@ -57,7 +57,7 @@ def doctor(
             try:
                 with connect(whole, clock, fallback=fallback) as devices:
                     checks += [Check("stand-in", "warning", note) for note in devices.notes]
-                    for found in listen(devices, clock, whole.safety.workspace_mm):
+                    for found in listen(devices, clock, whole):
                         if isinstance(found, Noise):
                             noises.append(found)
                         else:

@@ -139,7 +139,8 @@ class Safety(_Table):
     engine_s: Annotated[float, Field(ge=0.1, le=60)] = 2.0
     """A scan that does nothing for longer is blocked: the probe is lifted without it."""
     same_readings: Annotated[int, Field(ge=20, le=1_000_000)] = 100
-    """This many equal readings are those of a stuck sensor; more for one coarser than its noise."""
+    """This many equal readings are those of a stuck sensor; say more for one whose noise is less
+    than half of its step."""
 
 
 class SceneChoice(_Table):

@@ -1,4 +1,5 @@
 import json
+import re
 import shutil
 import sys
 from datetime import UTC, datetime, timedelta
@@ -12,9 +13,10 @@ from calibration import fit_force, fit_tare, record, save
 from drivers import SimulatedClock
 from probe.acquisition.doctor import listen, machine
 from probe.acquisition.dry_run import draw_path, dry_run, scan_seconds
+from probe.acquisition.preflight import Check
 from probe.acquisition.session import scan
 from probe.config.devices import connect
-from probe.config.rig import Rig, Workspace, default_rig
+from probe.config.rig import Rig, default_rig
 from probe.config.scan_plan import plan_for
 from probe.core.events import Phase, PhaseEntered
 from probe.detection import detect
@@ -159,10 +161,39 @@ def test_two_sensors_of_one_name_are_a_fault(tmp_path: Path, winkler: Any) -> No
 def test_a_stage_outside_its_workspace_is_a_fault(winkler: Any) -> None:
     scene, clock = load_scene("TIHA"), SimulatedClock()
     with connect(default_rig(), clock, scene, respond=winkler) as devices:
-        here = list(listen(devices, clock, Workspace(x=(30.0, 70.0)), seconds=0.1))
-        there = list(listen(devices, clock, Workspace(), seconds=0.1))
+        narrow = Rig(scan={"start_mm": 32}, safety={"workspace_mm": {"x": [30, 90]}})  # type: ignore[arg-type]
+        here = list(listen(devices, clock, narrow, seconds=0.1))
+        there = list(listen(devices, clock, default_rig(), seconds=0.1))
     assert (here[0].level, there[0].level) == ("fault", "ok")
-    assert "x is outside the workspace, which allows 30 to 70 mm" in here[0].text
+    assert "x is outside the workspace, which allows 30 to 90 mm" in here[0].text
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({"noise_mn": 0.0}, "the last 101 readings are all 0: stuck or clipped"),
+        ({"noise_mn": 0.01}, "safety.same_readings"),  # a tenth of its step
+        ({"noise_mn": 0.1}, None),
+        ({"bias_mn": 6000.0}, "force 6.0.. N; the limit is 5 N"),
+        ({"bias_mn": 11000.0, "full_scale_n": 10.0}, "the sensor is saturated"),
+    ],
+)
+def test_a_sensor_that_would_end_the_scan_at_rest_is_said_before_and_by_the_doctor(
+    keys: dict[str, float], said: str | None, tmp_path: Path, winkler: Any
+) -> None:
+    scene, clock = load_scene("TIHA"), SimulatedClock()
+    rig = Rig(
+        scan={"stations": 1}, scene={"name": "TIHA"},  # type: ignore[arg-type]
+        sensor=[{"driver": "virtual"} | keys],  # type: ignore[arg-type]
+    )  # fmt: skip
+    report = dry_run(rig, scene, tmp_path, winkler)
+    faults = [check.text for check in report.checks if check.level == "fault"]
+    with connect(rig, clock, scene, respond=winkler) as devices:
+        heard = [one for one in listen(devices, clock, rig) if isinstance(one, Check)]
+    faults += [one.text for one in heard if one.level == "fault"]
+    assert len(faults) == (0 if said is None else 2)
+    assert all(re.search(str(said), text) for text in faults), faults
+    assert (scan(rig, out=tmp_path, respond=winkler).ended.finish == "completed") == (said is None)
 
 
 @pytest.mark.parametrize(

@@ -140,6 +140,15 @@ def test_a_sensor_that_is_stuck_within_one_block_is_found_out_by_it() -> None:
     assert Alive(100).check(101 * [[0.3]]) is not None
 
 
+def test_who_says_that_a_sensor_is_coarse_is_believed_after_it_has_felt_a_press_too() -> None:
+    """At rest in steps of 10 mN it says the same for ever; in the press it changed fifty times."""
+    air, pressing, hold = 90 * [[0.0]], [[0.01 * n] for n in range(50)], 500 * [[0.5]]
+    usual, said = Alive(Limits.same_readings), Alive(10_000)
+    assert usual.check(air + pressing) is None
+    assert usual.check(hold) is not None
+    assert said.check(air + pressing + hold) is None
+
+
 class Felt:
     """What a `PressGuard` asks of a sensor."""
 
