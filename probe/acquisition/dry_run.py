@@ -14,7 +14,6 @@ from typing import Any, Literal
 import numpy as np
 
 from drivers.core.extras import needs
-from probe.acquisition.engine import TOUCH_GAP_M, TOUCH_M_S
 from probe.acquisition.levels import LEVEL_S
 from probe.acquisition.preflight import (
     Check,
@@ -23,6 +22,7 @@ from probe.acquisition.preflight import (
     known_noise,
     pulse_checks,
 )
+from probe.acquisition.touching import TOUCH_GAP_M, TOUCH_M_S
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for

@@ -17,7 +17,7 @@ from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
-from probe.acquisition.levels import LEVEL_S, little, touch_in_noise
+from probe.acquisition.levels import LEVEL_S, little
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
@@ -25,6 +25,7 @@ from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.acquisition.stop_rules import ABORTED, STOPPED, no_contact
 from probe.acquisition.taring import note_last_drift, note_unseen, take_zero
+from probe.acquisition.touching import find_surface
 from probe.core.events import (
     Finish,
     Phase,
@@ -36,8 +37,6 @@ from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan
 from probe.planning.press_direction import pressed
 
-TOUCH_GAP_M = 0.5e-3  # with touch detection the slow search begins this far above the surface
-TOUCH_M_S = 1e-3
 TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
 DEEP_ENOUGH_M = 5e-6
 HOME_STOPS_S = 5.0
@@ -278,7 +277,7 @@ class _Scan(RunLoop):
         if plan.touch_n is None:
             self.go(surface, plan.approach_m_s)
         else:
-            surface = self._seek(surface, plan.touch_n)
+            surface = find_surface(self, surface, plan.touch_n)
         self.enter(Phase.INDENTING)
         self._indent(surface)
         holding_s = self.enter(Phase.HOLDING)
@@ -314,39 +313,3 @@ class _Scan(RunLoop):
                 break
             depth = plan.indentation_m + yielded_m
             self.go(pressed(surface, depth), speed)
-
-    def _seek(self, surface: Pose, touch_n: float) -> Pose:
-        """Go down until the force reaches ``touch_n``, or the stage itself has found contact; where
-        that was."""
-        if self.known_levels:  # the first is that of the sensor which finds the touch
-            name, (_, error_n) = next(iter(self.known_levels.items()))
-            rate_hz = next(s.rate_hz for s in self.sensors if s.name == name)
-            readings = LEVEL_S * rate_hz
-            noise_n = error_n * math.sqrt(readings)
-            if (why := touch_in_noise(name, noise_n, touch_n, readings)) is not None:
-                raise Interrupted(Finish.FAULTED, why, "engine", retract=True)
-        self.go(surface._replace(z=surface.z + TOUCH_GAP_M), self.plan.approach_m_s)
-        lowest, began_s = surface._replace(z=surface.z - self.plan.search_m), self.clock.now()
-        if self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):
-            reach_mm = 1e3 * self.plan.search_m
-            reason = f"no touch of {touch_n:g} N down to {reach_mm:g} mm below the planned surface"
-            raise Interrupted(Finish.FAULTED, reason, "engine", retract=True)
-        here = self.monitor.pose()
-        if self.monitor.touched_n(began_s) is not None:
-            self._check_touch(1e3 * (here.z - surface.z), began_s, touch_n)
-        return surface._replace(z=here.z)
-
-    def _check_touch(self, height_mm: float, began_s: float, touch_n: float) -> None:
-        """A stage may have gone back to where contact began; before, the force must have been
-        there: else the contact is none, and the press would be too shallow."""
-        rests_s = self.clock.now()
-        while self.monitor.seen_s() < rests_s:
-            self.tick(math.inf)
-        most_n = self.monitor.touched_n(began_s) or 0.0
-        if most_n < touch_n:
-            reason = (
-                f"{self.stage.name}: found contact {height_mm:+.2f} mm from the planned surface, "
-                f"where the sensor measured at most {most_n:.3f} N (scan.touch_n = {touch_n:g}): "
-                "the probe may be in the air"
-            )
-            raise Interrupted(Finish.FAULTED, reason, self.stage.name, retract=True)

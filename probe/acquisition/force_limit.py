@@ -82,10 +82,12 @@ class SensorGuard:
             return math.nan, math.inf
         return float(np.mean(found)), float(np.std(found, ddof=1)) / math.sqrt(len(found))
 
-    def greatest_n(self, from_s: float) -> float:
-        """The greatest force [N] since ``from_s``, `LEVEL_MEMORY_S` ago at most."""
+    def greatest_n(self, from_s: float, readings: int) -> float:
+        """The greatest mean of ``readings`` forces [N] in a row since ``from_s``, `LEVEL_MEMORY_S`
+        ago at most."""
         found = [force for time_s, force in list(self._recent) if time_s > from_s]
-        return max(found, default=0.0)
+        each = range(len(found) - readings + 1)
+        return max((sum(found[n : n + readings]) / readings for n in each), default=0.0)
 
     def noise_n(self) -> float:
         """Standard deviation [N] of the latest readings, without what they follow; else infinite.

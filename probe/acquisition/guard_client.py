@@ -147,9 +147,9 @@ class GuardClient:
         """As `SafetyMonitor.move`."""
         self.call("move", target, speed_m_s, search)
 
-    def touched_n(self, since_s: float) -> float | None:
+    def touched_n(self, since_s: float, readings: int = 1) -> float | None:
         """As `SafetyMonitor.touched_n`."""
-        found: float | None = self.call("touched_n", since_s)
+        found: float | None = self.call("touched_n", since_s, readings)
         return found
 
     def moving(self) -> bool:

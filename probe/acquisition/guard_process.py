@@ -157,8 +157,8 @@ class Service:
     def move(self, target: Pose, speed_m_s: float, search: bool) -> None:
         self._monitor.move(target, speed_m_s, search=search)
 
-    def touched_n(self, since_s: float) -> float | None:
-        return self._monitor.touched_n(since_s)
+    def touched_n(self, since_s: float, readings: int = 1) -> float | None:
+        return self._monitor.touched_n(since_s, readings)
 
     def moving(self) -> bool:
         return self._monitor.moving()

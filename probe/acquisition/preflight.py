@@ -130,7 +130,7 @@ def pulse_checks(
     checks = []
     for n, (name, noise_n, rate_hz) in enumerate(sensors):
         touch_n = rig.scan.touch_n if n == 0 else None
-        if touch_n and (why := touch_in_noise(name, noise_n, touch_n)) is not None:
+        if touch_n and (why := touch_in_noise(name, noise_n, rate_hz, touch_n)) is not None:
             checks.append(Check("touch", "fault", why))
         title = f"pulse on {name}"
         if pulse_n is None:

@@ -142,9 +142,10 @@ class SafetyMonitor:
         """All readings since the last call, one block per device that has some."""
         return self._readings.collect()
 
-    def touched_n(self, since_s: float) -> float | None:
-        """The greatest force since ``since_s``, if the stage itself ended its search; else None."""
-        most_n = (g.greatest_n(since_s) for _, g in self._sensors if g.feels)
+    def touched_n(self, since_s: float, readings: int = 1) -> float | None:
+        """The greatest mean of ``readings`` forces since ``since_s``, if the stage itself ended its
+        search; else None."""
+        most_n = (g.greatest_n(since_s, readings) for _, g in self._sensors if g.feels)
         return next(most_n, 0.0) if abilities.touched(self._stage) else None
 
     def move(self, target: Pose, speed_m_s: float, *, search: bool = False) -> None:

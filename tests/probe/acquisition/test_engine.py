@@ -294,33 +294,6 @@ def test_a_lost_stage_is_not_moved_again(winkler: Any, monkeypatch: pytest.Monke
     assert not entered(events, Phase.RETRACTING)
 
 
-def test_touch_finds_the_surface(winkler: Any) -> None:
-    tables = {"scan": {"start_mm": 28, "stations": 1, "touch_n": 0.05, "search_mm": 1.0}}
-    ended, events, _ = scan(winkler, tables=tables)
-    assert ended.finish is Finish.COMPLETED
-    touch_m = 0.05 / 450
-    assert of(events, "stage").values[:, 2].min() == pytest.approx(-2.5e-3 - touch_m, abs=3e-5)
-
-
-def test_a_touch_within_the_noise_is_a_fault_and_not_a_surface_in_the_air(winkler: Any) -> None:
-    tables = {
-        "scan": {"start_mm": 28, "stations": 1, "touch_n": 0.05, "search_mm": 1.0},
-        "sensor": [{"driver": "virtual", "noise_mn": 100.0, "rate_hz": 100.0}],
-    }
-    ended, events, opened = scan(winkler, tables=tables)
-    assert ended.finish is Finish.FAULTED
-    assert "touch_n = 0.05 N is within the noise" in ended.reason
-    assert not entered(events, Phase.INDENTING)
-    assert opened.stage.pose().z == pytest.approx(2e-3)
-
-
-def test_nothing_to_touch_is_a_fault(winkler: Any) -> None:
-    tables = {"scan": {"start_mm": 28, "stations": 1, "touch_n": 2.0, "search_mm": 1.0}}
-    ended, _, opened = scan(winkler, tables=tables)
-    assert "no touch of 2 N down to 1 mm" in ended.reason
-    assert opened.stage.pose().z == pytest.approx(2e-3)
-
-
 def test_stop_while_an_abort_retracts(winkler: Any) -> None:
     def hook(event: Event, control: Control, _: Devices) -> None:
         if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:

@@ -149,6 +149,17 @@ def test_who_says_that_a_sensor_is_coarse_is_believed_after_it_has_felt_a_press_
     assert said.check(air + pressing + hold) is None
 
 
+def test_the_greatest_force_is_that_of_as_many_readings_as_a_touch_needs() -> None:
+    guard = SensorGuard((Channel("force", "N", "force"),), LIMITS)
+    force = np.array([0.0, 0.9, 0.0, 0.3, 0.4, 0.5, 0.0])
+    block = Block(np.arange(7) / 100, force[:, None], np.zeros((7, 1), bool))
+    assert guard.check(block) is None
+    assert guard.greatest_n(-1.0, 1) == 0.9
+    assert guard.greatest_n(-1.0, 3) == pytest.approx(0.4)
+    assert guard.greatest_n(0.025, 1) == 0.5
+    assert guard.greatest_n(-1.0, 8) == 0.0, "so many were not read"
+
+
 class Felt:
     """What a `PressGuard` asks of a sensor."""
 
