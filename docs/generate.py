@@ -21,18 +21,24 @@ def commands() -> str:
     group: Any = typer.main.get_command(build())
     context = group.make_context("palpate", ["--help"], resilient_parsing=True)
     pages = [GENERATED + "# Commands\n\n`palpate COMMAND --help` shows the same.\n"]
+    return "\n".join([*pages, *_commands_of(group, context, "##")])
+
+
+def _commands_of(group: Any, context: Any, head: str) -> Iterator[str]:
     for name in sorted(group.commands):
         command = group.commands[name]
         if command.hidden:
             continue
         own = command.make_context(name, [], parent=context, resilient_parsing=True)
         usage = command.get_usage(own).removeprefix("Usage: ")
-        pages.append(f"## {name}\n\n{inspect.cleandoc(command.help or '')}\n")
-        pages.append(f"```text\n{usage}\n```\n")
-        rows = [row for one in command.get_params(own) if (row := _parameter(one, own))]
-        if rows:
-            pages.append("| | |\n|---|---|\n" + "\n".join(rows) + "\n")
-    return "\n".join(pages)
+        title = own.command_path.removeprefix("palpate ")
+        yield f"{head} {title}\n\n{inspect.cleandoc(command.help or '')}\n"
+        yield f"```text\n{usage}\n```\n"
+        if hasattr(command, "commands"):
+            yield from _commands_of(command, own, head + "#")
+            continue
+        rows = (_parameter(one, own) for one in command.get_params(own))
+        yield "| argument or option | what it is |\n|---|---|\n" + "\n".join(rows) + "\n"
 
 
 def _parameter(one: Any, context: Any) -> str:
@@ -50,8 +56,8 @@ def rig_file() -> str:
         GENERATED + "# The rig file\n\nWhich devices, what to press where, and what must never be "
         "exceeded. Every number carries its unit in its name. A wrong key or value is refused by "
         "name before anything moves. A grid has pairs where a row has numbers:\n\n"
-        "```toml\n[scan]\nstart_mm = [4.0, 0.0]\npitch_mm = [4.0, 4.0]\nstations = [12, 6]\n"
-        "touch_n = 0.05    # find the surface by touch\nsearch_mm = 2.0\n```\n\n"
+        "```toml\n[scan]\nstart_mm = [16.0, -4.0]\npitch_mm = [4.0, 2.0]\nstations = [9, 5]\n"
+        "touch_n = 0.05    # find the surface by touch\nsearch_mm = 1.5\n```\n\n"
         "The keys of a device beside `driver` and `fallback` are its driver's: see "
         "[Devices](devices/README.md).\n"
     ]
@@ -62,7 +68,7 @@ def rig_file() -> str:
         parts.append("| key | what may stand there | default | what it is |\n|---|---|---|---|")
         parts += [
             f"| `{key}` | {_cell(_allowed(value, schema))} | {_default(value)} | "
-            f"{_cell(value.get('description', ''))} |"
+            f"{_cell(value.get('description') or _of_table(value, schema))} |"
             for key, value in table["properties"].items()
         ]
         parts.append("")
@@ -80,6 +86,11 @@ def _tables(schema: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _of_table(value: dict[str, Any], schema: dict[str, Any]) -> str:
+    name = value.get("$ref", "").removeprefix("#/$defs/")
+    return str(schema["$defs"][name]["description"]) if name else ""
+
+
 def _allowed(value: dict[str, Any], schema: dict[str, Any]) -> str:
     if "$ref" in value:
         return "a table"
@@ -92,7 +103,7 @@ def _allowed(value: dict[str, Any], schema: dict[str, Any]) -> str:
     if value.get("type") == "array":
         if "prefixItems" in value:
             return "[" + ", ".join(_allowed(one, schema) for one in value["prefixItems"]) + "]"
-        return "a list of " + _allowed(value["items"], schema)
+        return "a list of " + _allowed(value["items"], schema).replace("a table", "tables")
     words = {"number": "number", "integer": "whole number", "string": "text", "object": "a table"}
     limits = [
         f"{sign} {value[key]:g}"

@@ -82,9 +82,11 @@ class Scan(_Table):
     settle_s: Annotated[float, Field(ge=0, le=60)] = 0.05
     """Rest in the air before each tare."""
     touch_n: Positive | None = None
-    """Find the surface by touch: the approach goes on until the force reaches this."""
+    """Find the surface by touch: the approach goes on until the force reaches this. It must stand
+    out of the sensor's noise; `scan --dry-run` says from where on it does."""
     search_mm: Positive = 2.0
-    """With `touch_n`: how far below `surface_mm` to look."""
+    """With `touch_n`: how far below `surface_mm` to look; the workspace must allow it, and the
+    press from there."""
     surface_mm: Heights = 0.0
     """Height of the surface: one number, or points [[x, y, z], ...] of it; three make a plane,
     more a smooth sheet."""
@@ -166,8 +168,8 @@ class Rig(_Table):
     scene: SceneChoice | None = None
     """What simulated devices feel."""
     calibration: dict[str, str] = Field(default_factory=dict)
-    """Calibration files by kind, as `palpate calibrate` writes them: `force = "force-
-    cell.json"`."""
+    """Calibration files by kind, as `palpate calibrate` writes them:
+    `force = "force-cell.json"`."""
     face_mm2: Positive | None = None
     """The probe's face: turns force into mean contact stress, and pressure into force for the
     limit. Known for simulated scenes."""

@@ -1,5 +1,6 @@
 """The site: it builds strictly, and what its pages show can be run as written."""
 
+import html
 import re
 import shlex
 import shutil
@@ -18,6 +19,8 @@ from drivers import settings_of
 from probe.cli import main
 from probe.cli.command_line import build
 from probe.config.rig import Rig
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
 
 DOCS = ROOT / "docs"
 PAGES = sorted(page for page in DOCS.rglob("*.md") if "decisions" not in page.parts)
@@ -63,6 +66,20 @@ def test_the_site_builds_without_a_warning_and_names_every_command(_site: Path) 
     group: Any = typer.main.get_command(build())
     for name, command in group.commands.items():
         assert command.hidden or f'id="{name}"' in shown
+        for below in getattr(command, "commands", ()):
+            assert f'id="{name}-{below}"' in shown
+
+
+def test_a_scan_that_a_page_shows_is_planned_within_its_limits(_site: Path) -> None:
+    """What is copied from there may be scanned."""
+    generated = (_site / "reference" / "rig-file.html").read_text(encoding="utf-8")
+    made = re.findall(r"<code>(.*?)</code>", generated, re.DOTALL)
+    shown = [html.unescape(re.sub(r"<[^>]+>", "", one)) for one in made]
+    shown += [block for page in PAGES for block in blocks(page, "toml")]
+    scans = [Rig.model_validate(tomllib.loads(one)) for one in shown if "[scan]\n" in one]
+    assert len(scans) >= 3
+    for rig in scans:
+        limits_for(rig, plan_for(rig))
 
 
 def test_pages_show_lists_not_their_source(_site: Path) -> None:
