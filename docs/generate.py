@@ -1,5 +1,6 @@
 """Reference pages that are made from the code when the site is built: commands, rig file, API."""
 
+import html
 import inspect
 from collections.abc import Iterator
 from importlib import import_module
@@ -45,8 +46,8 @@ def _parameter(one: Any, context: Any) -> str:
     record = one.get_help_record(context)
     if record is None:
         shown = getattr(one, "help", "") or ""
-        return f"| `{one.make_metavar(context)}` | {_cell(shown)} |"
-    return f"| `{_cell(record[0])}` | {_cell(record[1])} |"
+        return f"| {_code(one.make_metavar(context))} | {_cell(shown)} |"
+    return f"| {_code(record[0])} | {_cell(record[1])} |"
 
 
 def rig_file() -> str:
@@ -159,6 +160,11 @@ def decisions() -> str:
         "# Decisions\n\nWhy things are as they are. Each page has a date, a status and the "
         f"alternatives.\n\n{listed}\n"
     )
+
+
+def _code(text: str) -> str:
+    """As code in a table, where a bar within backticks would keep its backslash."""
+    return f"<code>{html.escape(text).replace('|', '&#124;')}</code>"
 
 
 def _cell(text: str) -> str:

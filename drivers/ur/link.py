@@ -117,7 +117,9 @@ class Link:
             raise DeviceFault(self.name, f"connection lost: {self._gone or 'not connected'}")
         age_s = time.monotonic() - state.arrival_s
         if age_s > self.silence_s:
-            raise DeviceFault(self.name, f"the robot has sent nothing for {age_s:.2f} s")
+            allowed = f"silence_s = {self.silence_s:g}; a busy machine may need more"
+            why = f"the robot has sent nothing for {age_s:.2f} s; allowed: {allowed}"
+            raise DeviceFault(self.name, why)
         if (words := why_stopped(state, controls=self.controls)) is not None:
             raise DeviceFault(self.name, words)
         return state

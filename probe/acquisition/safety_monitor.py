@@ -374,10 +374,11 @@ class SafetyMonitor:
     def _check_silence(self) -> None:
         """Every device has been seen lately: the later, the less while the stage moves."""
         now, limits = self._clock.now(), self._limits
+        key = "late_s" if self._in_motion else "silence_s"
         for sensor, _ in self._sensors:
-            most_s = limits.late_s if self._in_motion else limits.silence_s
-            self._check_seen(sensor.name, sensor.name, now, max(most_s, PERIODS / sensor.rate_hz))
-        self._check_seen(STAGE, self._stage.name, now, limits.silence_s)
+            most_s = max(getattr(limits, key), PERIODS / sensor.rate_hz)
+            self._check_seen(sensor.name, sensor.name, now, most_s, key)
+        self._check_seen(STAGE, self._stage.name, now, limits.silence_s, "silence_s")
         if self._in_motion and self._down_m_s > 0:
             seen_s = self._readings.seen_s
             readings = [
@@ -390,7 +391,8 @@ class SafetyMonitor:
             if (blind := check_blind(limits, self._down_m_s, readings)) is not None:
                 self.object(*blind, can_retract=True)
 
-    def _check_seen(self, key: str, device: str, now: float, most_s: float) -> None:
-        silent_s = now - max(self._readings.seen_s[key], self._excused_s)
+    def _check_seen(self, whose: str, device: str, now: float, most_s: float, key: str) -> None:
+        silent_s = now - max(self._readings.seen_s[whose], self._excused_s)
         if silent_s > most_s:
-            self.object(device, f"silent for {silent_s:.2f} s", can_retract=True)
+            why = f"silent for {silent_s:.2f} s; allowed: {most_s:g} s (safety.{key})"
+            self.object(device, why, can_retract=True)
