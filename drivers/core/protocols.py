@@ -24,6 +24,8 @@ class Pose(NamedTuple):
     rz: float = 0.0
 
 
+MAX_RATE_HZ = 1e5
+"""Of a sensor: faster than any of force, and a mistyped rate reserves no memory."""
 UNIT_OF_ROLE = {"force": "N", "pressure": "Pa", "taxel": "Pa"}  # after calibration
 
 

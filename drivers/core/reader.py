@@ -13,8 +13,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from drivers.core.errors import DeviceAbsent, DeviceFault
-from drivers.core.protocols import Block, Channel, Clock
+from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
+from drivers.core.protocols import MAX_RATE_HZ, Block, Channel, Clock
 
 BUFFER_S = 5.0
 TARE_S = 0.1  # a tare is the mean over this long
@@ -54,6 +54,8 @@ class Source(Protocol):
 class LineSensor:
     """A `Sensor` over a `Source`; ``open_source`` raises `DeviceAbsent` if there is none.
 
+    Raises `ConfigError` for a rate above `MAX_RATE_HZ`.
+
     ``full_scale`` of a channel is compared with the raw reading. Samples beyond `BUFFER_S` unread
     ones push out the oldest, which count as lost. ``simulated`` marks every channel: an emulator
     stands at the other end.
@@ -69,6 +71,8 @@ class LineSensor:
         *,
         simulated: bool = False,
     ) -> None:
+        if not rate_hz <= MAX_RATE_HZ:
+            raise ConfigError(f"rate_hz = {rate_hz:g}: must be at most {MAX_RATE_HZ:g}")
         self.name = name
         self.channels = tuple(replace(channel, simulated=simulated) for channel in channels)
         self.rate_hz = rate_hz

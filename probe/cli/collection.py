@@ -58,7 +58,8 @@ def list_all(
     from probe.storage.collection import list_runs
 
     if not folder.is_dir():
-        raise typer.BadParameter(f"{folder}: no such folder")
+        what = "a file; give the folder it is in" if folder.exists() else "no such folder"
+        raise typer.BadParameter(f"{folder}: {what}")
     if finding is not None and finding not in FINDINGS:
         raise typer.BadParameter(f"--finding {finding}: allowed are {', '.join(FINDINGS)}")
     if since is not None and not _is_date(since):

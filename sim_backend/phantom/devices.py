@@ -10,6 +10,7 @@ from zlib import crc32
 import numpy as np
 
 from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Stage
+from drivers.core.protocols import MAX_RATE_HZ
 from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.phantom.phantom import Phantom
 
@@ -264,6 +265,8 @@ def virtual_sensor(
     phantom's tip.
     """
     _at_least("rate_hz", rate_hz, 0, strictly=True)
+    if rate_hz > MAX_RATE_HZ:
+        raise ConfigError(f"rate_hz = {rate_hz:g}: must be at most {MAX_RATE_HZ:g}")
     _at_least("full_scale_n", full_scale_n, 0, strictly=True)
     _at_least("gain", gain, 0, strictly=True)
     for key, value in (

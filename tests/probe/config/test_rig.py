@@ -126,6 +126,11 @@ def test_a_value_of_another_kind_is_refused_in_the_words_of_the_file(
         (VIRTUAL.replace("virtual", "warp", 1) + SCENE, "stage.driver = 'warp': .*known: .*ur"),
         (VIRTUAL + "rate_hz = 'fast'\n" + SCENE, "sensor.0..rate_hz = 'fast'"),
         (VIRTUAL + "rate_hz = 0\n" + SCENE, "sensor.0..rate_hz = 0: must be above 0"),
+        (VIRTUAL + "rate_hz = 1e9\n" + SCENE, "sensor.0..rate_hz = 1e.09: must be at most 100000"),
+        (
+            "[[sensor]]\ndriver = 'netft'\nhost = 'x'\nrate_hz = 1e300\n" + SCENE,
+            "sensor.0..rate_hz = 1e.300: must be at most 100000",
+        ),
         (VIRTUAL + "colour = 1\n" + SCENE, "colour = 1: unknown key; known here: .*rate_hz"),
         (VIRTUAL + "rate = 1\n" + SCENE, "sensor.0..rate = 1: .*did you mean rate_hz"),
         (VIRTUAL, "scene.name is missing"),
