@@ -157,6 +157,11 @@ def _check_names(names: list[str]) -> None:
         if name not in COLUMNS and name.rpartition("_")[0] in stems:
             raise CsvError(f"column {name!r}: unknown unit; allowed columns: {allowed}")
     if "time_s" not in names:
+        other = next((mark for mark in ";\t" if mark in "".join(names)), None)
+        if other is not None:
+            raise CsvError(
+                f"columns are separated by {other!r}; write ',' between them, and '.' in numbers"
+            )
         raise CsvError(f"column 'time_s' is missing; allowed columns: {allowed}")
 
 

@@ -199,7 +199,7 @@ def _labels(table: pd.DataFrame) -> Ints:
     labels = np.cumsum(moved).astype(np.int64)
     for name, at in places.items():
         _check_drift(name, at, labels)
-    return labels
+    return labels + 1
 
 
 def _check_drift(name: str, at: Array, labels: Ints) -> None:
