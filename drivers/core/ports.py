@@ -1,5 +1,6 @@
 """Open a serial port, a pty or a TCP bridge to one, and say in words why that cannot be done."""
 
+import re
 import select
 import socket
 from collections.abc import Iterator
@@ -156,7 +157,7 @@ def read_some(line: Port) -> bytes:
 
 
 def _why(error: Exception) -> str:
-    text = str(error)
+    text = re.sub(r"\[Errno -?\d+\] ", "", str(error))
     if "Permission denied" in text:
         return "no permission; add yourself to the group that owns it (`dialout` on Debian)"
     if "exclusively lock" in text:

@@ -65,7 +65,8 @@ def _number(value: float | None, noise: float | None) -> str:
     """With as many decimals as the noise lets stand."""
     if value is None:
         return "-"
-    return f"{value:.{_decimals(noise)}f}"
+    decimals = _decimals(noise)
+    return f"{round(value, decimals) + 0.0:.{decimals}f}"  # never -0.00
 
 
 def _decimals(noise: float | None) -> int:

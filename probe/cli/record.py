@@ -36,6 +36,7 @@ def record(
     The files go into `tests/drivers/exchanges`: from then on the driver is tested against your
     device without it.
     """
+    from drivers import ConfigError
     from drivers.testing.exchange import save
     from drivers.testing.record import record as listen
     from probe.config.load_rig import load_rig
@@ -48,11 +49,19 @@ def record(
     if not wanted:
         raise RigError(f"{rig}: no device with a port or a host to record")
     out.mkdir(parents=True, exist_ok=True)
+    recorded = 0
     for kind, one in wanted:
         inform(f"Recording {one.driver} …")
-        exchange = listen(
-            kind, one.driver, one.settings, seconds=seconds, move_mm=move_mm, device=device
-        )
+        try:
+            exchange = listen(
+                kind, one.driver, one.settings, seconds=seconds, move_mm=move_mm, device=device
+            )
+        except ConfigError as error:
+            inform(str(error))
+            continue
+        recorded += 1
         path = out / f"{one.settings.get('name', one.driver)}.toml"
         save(exchange, path)
         answer(f"{path}: {len(exchange.pairs)} exchanges, {len(exchange.rows)} readings")
+    if not recorded:
+        raise RigError(f"{rig}: no device could be recorded")

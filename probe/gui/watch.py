@@ -18,6 +18,8 @@ from probe.acquisition.watch import HEAD, Reading, Watch
 from probe.gui.style import application, open_at, until_closed
 
 FRAME_MS = 100
+AROUND_PX, ROW_PX = 150, 30
+"""What lies around the rows of the table, and each of them."""
 FAULT_INK = "#a40e26"
 
 
@@ -49,7 +51,7 @@ class WatchWindow(QWidget):
         layout.addWidget(self.fault)
         layout.addWidget(self.table)
         layout.addWidget(self.tare)
-        open_at(self, 900, 320)
+        open_at(self, 900, AROUND_PX + ROW_PX * len(self.last))
         self.frame()
         self.timer = QTimer(self)
         self.timer.timeout.connect(self.frame)

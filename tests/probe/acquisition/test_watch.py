@@ -1,5 +1,7 @@
 """What each channel reads now: against sensors whose readings are known functions of time."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from one_sensor import FunctionSensor
@@ -40,6 +42,7 @@ def test_value_rate_noise_drift_age_and_tare():
         (tared,) = follow(clock, watched, 8.5)
         assert tared.tared == pytest.approx(0.0, abs=0.01)
         assert tared.raw == pytest.approx(3.0, abs=0.01)
+        assert not replace(tared, tared=-1e-5).row()[2].startswith("-"), "never -0.000"
     assert not sensor.running
 
 

@@ -11,7 +11,11 @@ from pathlib import Path
 
 import pytest
 
+from drivers import WallClock
+from sim_backend.emulators import ft300
 from sim_backend.emulators.solving import AFTER_OTHERS
+from sim_backend.phantom.phantom import Phantom
+from sim_backend.scene.scene_file import load_scene
 
 
 def test_serves_until_terminated_and_fails_on_command(tmp_path: Path) -> None:
@@ -86,6 +90,23 @@ def test_a_controller_comes_first_and_its_solver_last_and_both_end_quietly(tmp_p
     finally:
         process.kill()
         process.communicate(timeout=20)
+
+
+def test_a_device_that_is_no_line_keeps_no_other_from_being_recorded(
+    palpate, tmp_path: Path, winkler
+) -> None:
+    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler)
+    rig = tmp_path / "rig.toml"
+    text = "[[sensor]]\ndriver = 'netft'\nhost = '127.0.0.1'\n"
+    rig.write_text(text)
+    command = ("record", rig, "--out", tmp_path, "--seconds", "0.2")
+    nothing = palpate(*command)
+    assert (nothing.status, nothing.err.count("only lines")) == (2, 1)
+    with ft300.emulate(phantom, at="socket://127.0.0.1:0") as served:
+        rig.write_text(f"{text}[[sensor]]\ndriver = 'ft300'\nport = '{served.address}'\n")
+        outcome = palpate(*command)
+    assert (outcome.status, outcome.err.count("only lines")) == (0, 1), outcome.err
+    assert "ft300.toml" in outcome.out
 
 
 @pytest.mark.parametrize(

@@ -45,3 +45,18 @@ def test_what_is_read_is_shown_and_space_tares_it(shoot):
         assert float(cell(0, 2)) == pytest.approx(0.0, abs=0.001)
         window.timer.stop()
         window.close()
+
+
+def test_every_channel_of_six_axes_is_in_sight() -> None:
+    clock = SimulatedClock()
+    names = ("force", "fx", "fy", "fz", "mx", "my", "mz")
+    channels = tuple(Channel(name, "N", "other", simulated=True) for name in names)
+    wrist = FunctionSensor(clock, lambda t: np.zeros((len(t), 7)), channels=channels)
+    with Watch([wrist], clock) as watched:
+        window = WatchWindow(watched, "rig.toml")
+        window.show()
+        QTest.qWaitForWindowExposed(window)
+        rows = sum(window.table.rowHeight(row) for row in range(7))
+        assert window.table.viewport().height() >= rows
+        window.timer.stop()
+        window.close()
