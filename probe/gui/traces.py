@@ -2,7 +2,8 @@
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtCore import Qt
+from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from drivers.core.arrays import Array
 from probe.gui.averaged_beat import averaged_beat
@@ -14,6 +15,11 @@ MAX_POINTS = 3000
 MAX_CURVES = 4  # of more channels: the least, the mean and the greatest
 COLOURS = (SKY, BLUE, PURPLE, GREEN)
 SHADES = 40
+NAMED = ("approaching", "indenting", "holding", "retracting")
+LEGEND = "&nbsp; ".join(
+    f"<span style='color:{PHASE_COLOURS[phase]}'>&#9632;</span> {phase}" for phase in NAMED
+)
+"""Of the shades: the phases of a press."""
 
 
 class TracePanel(QWidget):
@@ -27,6 +33,8 @@ class TracePanel(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         self.trace = plot("Signal", ("time before now", "s"), ("contact stress", "kPa"))
+        shades = QLabel(LEGEND)
+        shades.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.trace.setXRange(-TRACE_S, 0, padding=0)  # an axis that stands still is drawn once
         self._title = ""
         self.curves: list[pg.PlotDataItem] = []
@@ -41,6 +49,7 @@ class TracePanel(QWidget):
             pen=pen(VERMILLION, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=VERMILLION
         )
         layout.addWidget(self.trace, 3)
+        layout.addWidget(shades)
         layout.addWidget(self.beat, 2)
 
     def show_state(self, state: ViewState) -> None:
@@ -63,15 +72,17 @@ class TracePanel(QWidget):
         self._shade(state)
         held_s, stress_pa = state.hold()
         if len(held_s):
-            self._beat(held_s, stress_pa, state.period_s)
+            self._beat(held_s, stress_pa, state)
 
-    def _beat(self, held_s: Array, stress_pa: Array, period_s: float | None) -> None:
+    def _beat(self, held_s: Array, stress_pa: Array, state: ViewState) -> None:
+        period_s = state.period_s
+        where = "" if state.station is None else f" at station {state.station + 1}"
         if period_s is None:
-            title = "Hold: no heart rate is known yet"
+            title = f"Hold{where}: no heart rate is known yet"
             step = max(1, len(held_s) // MAX_POINTS)
             time_s, change_pa = held_s[::step] - held_s[0], stress_pa[::step] - stress_pa.mean()
         else:
-            title = f"Pulse, folded at {60 / period_s:.0f} /min"
+            title = f"Pulse{where}, folded at {60 / period_s:.0f} /min"
             phase_s, mean = averaged_beat(held_s, stress_pa, period_s)
             known = np.isfinite(mean)
             time_s, change_pa = phase_s[known], mean[known] - mean[known].mean()

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication
+from PySide6.QtWidgets import QApplication, QLabel
 
 from probe.acquisition.remote import NotRunning
 from probe.core.events import (
@@ -30,6 +30,7 @@ from probe.gui.replay import SPEEDS, PairWindow, Player, ReplayWindow, TimeBar
 from probe.gui.state import ViewState
 from probe.gui.style import application
 from probe.gui.window import RunWindow
+from probe.report.look import PHASE_COLOURS
 
 Make = Callable[..., list[Event]]
 Shoot = Callable[..., None]
@@ -97,6 +98,19 @@ def test_a_scan_that_does_not_answer_is_said(make_run: Make) -> None:
     panel = type(window.side)(deaf)
     panel.press("stop")
     assert "rig's own stop" in panel.answer.text()
+
+
+def test_the_beat_says_at_which_station_and_the_shades_what_they_mean(make_run: Make) -> None:
+    window = window_on(make_run())
+    window.frame()
+    title = window.traces.beat.getPlotItem().titleLabel.text
+    last = window.state().station
+    assert last is not None
+    assert f"at station {last + 1}, folded at" in title
+    words = " ".join(label.text() for label in window.traces.findChildren(QLabel))
+    for phase, colour in PHASE_COLOURS.items():
+        assert (phase in words) == (phase in ("approaching", "indenting", "holding", "retracting"))
+        assert (f"color:{colour}" in words) == (phase in words)
 
 
 def test_before_the_run_the_window_says_what_to_do(shoot: Shoot) -> None:
