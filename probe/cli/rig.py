@@ -117,11 +117,12 @@ def plan(
         return
     how = f"{1e3 * press.indentation_m:g} mm in {press.ramp_s:g} s, held {press.hold_s:g} s"
     spans = [
-        f"{axis} = {1e3 * min(at):g} to {1e3 * max(at):g} mm"
+        f"{axis} = {1e3 * min(at):g}{f' to {1e3 * max(at):g}' if max(at) > min(at) else ''} mm"
         for axis, at in (("x", [p.x_m for p in places]), ("y", [p.y_m for p in places]))
         if axis == "x" or has_rows(1e3 * y for y in at)
     ]
-    answer(f"{len(places)} stations, {', '.join(spans)}; {how}")
+    presses = f"{len(places)} station{'s' * (len(places) > 1)}"
+    answer(f"{presses}, {', '.join(spans)}; {how}")
     show_checks(checks)
 
 

@@ -58,3 +58,4 @@ def test_a_plan_says_how_far_it_reaches_in_x_and_y(palpate: Any, rig: Path) -> N
     """To and fro, the last station of a grid may lie where the first does."""
     assert "6 stations, x = 26 to 34 mm, y = 0 to 1.5 mm;" in palpate("plan", rig).out
     assert "15 stations, x = 4 to 60 mm;" in palpate("plan", "--scene", "TI").out
+    assert palpate("plan", "--scene", "HAOT").out.startswith("1 station, x = 32 mm;")
