@@ -31,9 +31,11 @@ with needs("report", "a report"):
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
     from matplotlib.patheffects import withStroke
+    from matplotlib.ticker import MaxNLocator
     from matplotlib.tri import Triangulation
 
 
+SCALE_TICKS = 6  # of five digits: more run into each other
 MAP_IN = 2.8  # a map's width within a column of PAPER_WIDTH_IN
 HARMONICS = 6  # those above hold 0.5 % of the variance of `sim_backend.scene.waves`' measured beat
 STYLE: Any = {
@@ -146,11 +148,14 @@ def tactile_map(recording: Recording, heart_rate_bpm: float | None = None) -> Fi
 
 
 def heat_maps(
-    x: Array, y: Array, maps: Sequence[Array], titles: Sequence[str], unit: str
-) -> Figure:
-    """Several maps of one grid below each other: one colour scale, equal axes."""
-    low = min((float(np.nanmin(m)) for m in maps if np.isfinite(m).any()), default=0.0)
-    high = max((float(np.nanmax(m)) for m in maps if np.isfinite(m).any()), default=1.0)
+    x: Array, y: Array, maps: Sequence[Array], titles: Sequence[str], unit: str,
+    ends: tuple[float, float] | None = None,
+) -> Figure:  # fmt: skip
+    """Several maps of one grid below each other: one colour scale, by default of what they show,
+    equal axes."""
+    known = [m[np.isfinite(m)] for m in maps]
+    shown = np.concatenate(known) if any(map(len, known)) else np.array([0.0, 1.0])
+    low, high = (float(shown.min()), float(shown.max())) if ends is None else ends
     tall = float(np.clip(MAP_IN * (np.ptp(y) + 1) / (np.ptp(x) + 1), 0.4, MAP_IN))
     figure = Figure(figsize=(PAPER_WIDTH_IN, 1.0 + len(maps) * (tall + 0.3)))
     panels = figure.subplots(len(maps), 1, sharex=True, squeeze=False)[:, 0]
@@ -178,7 +183,9 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
     if is_grid(recording) and len(pulse) == len(recording.stations):
         x = np.array([1e3 * s.x_m for s in recording.stations])
         y = np.array([1e3 * s.y_m for s in recording.stations])
-        figure = heat_maps(x, y, [pulse], ["pulse"], "pulse [Pa]")
+        most = pulse if pulse.any() else below  # none seen: up to what could not have been
+        ends = (0.0, float(np.nanmax(most)))
+        figure = heat_maps(x, y, [pulse], ["pulse"], "pulse [Pa]", ends)
         _draw_courses(figure, finding)
         return figure
     figure = _figure()
@@ -264,7 +271,10 @@ def section(nodes_m: Array, displacement_m: Array, triangles: Ints, von_mises_pa
 
 
 def _scale_below(figure: Figure, picture: Any, panels: Any, unit: str) -> None:
-    figure.colorbar(picture, ax=panels, label=unit, location="bottom", aspect=40, pad=0.03)
+    figure.colorbar(
+        picture, ax=panels, label=unit, location="bottom", aspect=40, pad=0.03,
+        ticks=MaxNLocator(SCALE_TICKS),
+    )  # fmt: skip
 
 
 def _legend(figure: Figure) -> None:

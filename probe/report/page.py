@@ -158,6 +158,11 @@ def _pascal(value: float | None) -> str:
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     top = "".join(f"<th scope='col'>{escape(h)}</th>" for h in head)
     body = "".join(
-        "<tr>" + "".join(f"<td>{escape(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
+        "<tr>" + "".join(f"<td>{_cell(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
     )
     return f"<div class='scroll'><table><tr>{top}</tr>{body}</table></div>"
+
+
+def _cell(text: str) -> str:
+    """Escaped; a bound and its sign stay in one line."""
+    return escape(text).replace("&lt; ", "&lt;&nbsp;")

@@ -294,6 +294,29 @@ def test_a_grids_pulse_map_shows_the_course_and_where_it_is_stenosed() -> None:
     assert stenosed.get_xydata().tolist() == course[1:3]
 
 
+@pytest.mark.parametrize(("seen_pa", "most_pa"), [(0.0, 240.0), (90.0, 90.0)])
+def test_a_grids_pulses_are_on_a_scale_from_0_also_where_none_was_seen(
+    seen_pa: float, most_pa: float
+) -> None:
+    """A map without a pulse had a scale from -0.1 to 0.1 Pa, whose numbers ran into each other."""
+    found: dict[str, Any] = finding(grid())
+    for n, one in enumerate(found["stations"]):
+        one["pulse_pa"], one["pulse_below_pa"] = 100.0, 240.0 - n
+    if seen_pa:
+        found["stations"][3] |= {"pulse_pa": seen_pa, "pulse_below_pa": None}
+    figure = figures.pulse_map(found, grid())
+    (picture,) = figure.axes[0].collections
+    assert picture.get_clim() == (0.0, most_pa)
+    assert len(figure.axes[1].get_xticks()) <= 7
+
+
+def test_a_bound_stays_in_one_line_on_a_phone(tmp_path: Path) -> None:
+    found: dict[str, Any] = finding(row())
+    found["stations"][2]["pulse_below_pa"] = 240.0
+    text = report(row(), started(), found, Path("a.run"), tmp_path).read_text(encoding="utf-8")
+    assert "&lt;&nbsp;240.0" in text
+
+
 def test_a_grids_objects_leave_their_columns_to_a_phone(tmp_path: Path) -> None:
     """The course had a column of its own, which pushed the confidence out of the screen."""
     found: dict[str, Any] = finding(grid())
