@@ -60,6 +60,10 @@ class LineMap(QWidget):
             self.beat.setYRange(0.0, highest_pa)
 
 
+NO_PULSE_PA = 1.0
+"""The end of the scale where no pulse is seen."""
+
+
 class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships no types
     """An image in true proportions with a colour bar; ``y`` upwards."""
 
@@ -177,8 +181,10 @@ class MapPanel(QStackedWidget):
             self._levels = levels
             scale = None if levels is None else (levels.low_pa / 1e3, levels.high_pa / 1e3)
             self.grid.show_table(self._known.table / 1e3, self._known.box, scale)
-            pulses = None if levels is None else (0.0, levels.pulse_pa)
-            self.grid_pulse.show_table(self._known.pulses, self._known.box, pulses)
+            pulses = self._known.pulses
+            own_pa = float(pulses[np.isfinite(pulses)].max(initial=0.0))
+            most_pa = (own_pa if levels is None else levels.pulse_pa) or NO_PULSE_PA
+            self.grid_pulse.show_table(pulses, self._known.box, (0.0, most_pa))
 
 
 class GridMap:

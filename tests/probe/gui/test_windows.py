@@ -192,6 +192,18 @@ def test_a_grids_course_is_drawn_over_its_pulses(make_run: Make) -> None:
     assert vessel not in window.maps.grid_pulse.plot.items
 
 
+@pytest.mark.parametrize(("below_pa", "ends"), [(None, (0.0, 2.0)), (9.0, (0.0, 1.0))])
+def test_a_grids_pulses_are_on_a_scale_from_0_also_where_none_is_seen(
+    below_pa: float | None, ends: tuple[float, float], make_run: Make
+) -> None:
+    window = window_on(make_run(rows=2, columns=3))
+    state = window.state()
+    stations = [one | {"pulse_below_pa": below_pa} for one in measured(len(state.plan))]
+    state.judge({"objects": [], "stations": stations, "heart_rate_bpm": None})
+    window.maps.show_state(state, state.finding)
+    assert window.maps.grid_pulse.bar.levels() == ends
+
+
 def test_a_replay_draws_what_was_found_at_its_end(make_run: Make) -> None:
     """The course was drawn before the first press, beside the words "none yet"."""
     one = {"kind": "artery", "course_mm": [[30.0, 0.0], [32.0, 4.0]], "position_mm": 31.0}
