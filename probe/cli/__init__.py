@@ -3,6 +3,7 @@
 Imported at the top is only what can end it quietly while all the rest is being imported.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -21,6 +22,7 @@ def command() -> int:
     status = main()
     for number in _orders():
         signal.signal(number, signal.SIG_IGN)
+    gc.freeze()  # else Python looks through all that was imported for garbage as it ends
     return status
 
 

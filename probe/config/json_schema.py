@@ -3,9 +3,11 @@
 A rig's devices have the keys of their drivers: one branch for each driver that is installed.
 """
 
+import ast
 import inspect
 import warnings
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any, get_type_hints
 
 from pydantic import BaseModel, create_model
@@ -13,7 +15,7 @@ from pydantic import BaseModel, create_model
 from drivers import ConfigError, available, find_driver
 from drivers.core.registry import Kind
 from drivers.core.table import Table
-from probe.config.rig import Rig
+from probe.config import rig
 from sim_backend.scene.scene_file import Scene
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -29,7 +31,8 @@ def scene_schema() -> dict[str, Any]:
 
 def rig_schema() -> dict[str, Any]:
     """The schema of a rig file, with the keys of every driver that is installed here."""
-    schema = Rig.model_json_schema()
+    schema = rig.Rig.model_json_schema()
+    _describe({"Rig": schema, **schema["$defs"]})
     defs = schema["$defs"]
     common = defs.pop("Device")
     for kind, table in TABLES.items():
@@ -68,6 +71,25 @@ def rig_schema() -> dict[str, Any]:
         "items": {"$ref": "#/$defs/sensor_device"},
     }
     return {"$schema": DIALECT, **_untitled(schema)}
+
+
+def _describe(tables: dict[str, Any]) -> None:
+    """Add to each key what `probe.config.rig` says below it.
+
+    (Not pydantic's use_attribute_docstrings, which reads the source at every start.)
+    """
+    for table in ast.parse(inspect.getsource(rig)).body:
+        if not (isinstance(table, ast.ClassDef) and table.name in tables):
+            continue
+        for pair in pairwise(table.body):
+            match pair:
+                case (
+                    ast.AnnAssign(target=ast.Name(id=key)),
+                    ast.Expr(value=ast.Constant(value=str(words))),
+                ):
+                    keys = tables[table.name]["properties"]
+                    described = {**keys[key], "description": inspect.cleandoc(words)}
+                    keys[key] = dict(sorted(described.items()))  # as pydantic has them
 
 
 def settings_model(factory: Callable[..., Any]) -> type[BaseModel]:

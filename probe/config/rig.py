@@ -36,11 +36,7 @@ class RigError(ValueError):
     """
 
 
-class _Table(Table):
-    model_config = ConfigDict(use_attribute_docstrings=True)
-
-
-class Device(_Table):
+class Device(Table):
     """A stage or sensor; every key but these two is a setting of its driver."""
 
     model_config = ConfigDict(extra="allow")
@@ -55,7 +51,7 @@ class Device(_Table):
         return dict(self.model_extra or {})
 
 
-class Scan(_Table):
+class Scan(Table):
     """One row (numbers) or a grid (pairs of x and y) of presses."""
 
     start_mm: float | Pair = MARGIN_MM
@@ -92,7 +88,7 @@ class Scan(_Table):
     more a smooth sheet."""
 
 
-class Workspace(_Table):
+class Workspace(Table):
     """The box the tip may be in, scan frame."""
 
     x: Pair = (-5.0, 70.0)
@@ -110,7 +106,7 @@ class Workspace(_Table):
         return self
 
 
-class Safety(_Table):
+class Safety(Table):
     """What stops the scan."""
 
     max_force_n: Positive = 5.0
@@ -145,7 +141,7 @@ class Safety(_Table):
     than half of its step."""
 
 
-class SceneChoice(_Table):
+class SceneChoice(Table):
     """What simulated parts feel."""
 
     name: str
@@ -154,7 +150,7 @@ class SceneChoice(_Table):
     """Where its surface truly lies, as in `scan`; by default where the scan takes it to be."""
 
 
-class Rig(_Table):
+class Rig(Table):
     """A whole rig file. ``calibration`` maps kinds to files, as `probe.config.calibrated` says."""
 
     stage: Device = Device(driver="virtual")
