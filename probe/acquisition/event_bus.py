@@ -5,10 +5,9 @@ time, not by when they were read.
 """
 
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-
-import numpy as np
 
 from drivers import Block, Clock
 from probe.acquisition.observers import Observer, ObserverThread
@@ -70,7 +69,8 @@ class EventBus:
         """Blocks of devices, cut where the station changes."""
         starts = [from_s for from_s, _, _ in self._labels]
         for device, block in readings:
-            edges = [0, *np.searchsorted(block.time_s, starts[1:]).tolist(), len(block.time_s)]
+            times = block.time_s
+            edges = [0, *(bisect_left(times, from_s) for from_s in starts[1:]), len(times)]
             for (_, station, attempt), (a, b) in zip(self._labels, pairwise(edges), strict=True):
                 if b > a:
                     self.publish(Samples(device, _part(block, a, b), station, attempt))

@@ -9,7 +9,7 @@ import math
 import threading
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from drivers import ConfigError, Pose, Sensor
 from probe.acquisition.force_limit import FORCE_ROLES, SensorGuard
@@ -43,8 +43,7 @@ ROUNDING = 1e-9
 RISE_S = 0.02  # shorter rises are noise, of which NOISE_SIGMAS knows
 
 
-@dataclass(frozen=True)
-class ForceReading:
+class ForceReading(NamedTuple):
     """The newest force of a sensor, and how old it is."""
 
     sensor: str

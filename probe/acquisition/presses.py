@@ -39,15 +39,19 @@ class Presses:
 
     def check(self, pose: Pose, now: float) -> tuple[str, str] | None:
         """Which sensor's force does not belong to the pose, and why; None if all do."""
-        odd = {name: guard.check(pose, now) for name, guard in self._guards.items()}
-        found = next(((name, why) for name, why in odd.items() if why is not None), None)
-        return found or self._unfelt(pose)
+        odd = None
+        for name, guard in self._guards.items():  # each sees every pose
+            why = guard.check(pose, now)
+            if why is not None and odd is None:
+                odd = name, why
+        return odd or self._unfelt(pose)
 
     def _unfelt(self, pose: Pose) -> tuple[str, str] | None:
         if not self._asked or self._searches:
             return None
-        if any(guard.felt() for guard in self._guards.values()):
-            return None
+        for guard in self._guards.values():
+            if guard.felt():
+                return None
         surface_m = self._surface(pose.x, pose.y)
         for name, guard in self._guards.items():
             if (deep_m := guard.in_air_m(surface_m)) > self._within_m:

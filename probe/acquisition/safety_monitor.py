@@ -72,6 +72,9 @@ class SafetyMonitor:
         self._control = control
         self._lift_z_m = lift_z_m
         self._sensors = [(s, SensorGuard(s.channels, limits)) for s in sensors]
+        self._sensor_steps = [
+            partial(self._guarded, partial(self._step_sensor, s, g)) for s, g in self._sensors
+        ]
         if not lifts_only and not any(guard.feels for _, guard in self._sensors):
             raise ConfigError(
                 "safety.max_force_n would hold nothing: no sensor reads a force, and a pressure "
@@ -104,8 +107,7 @@ class SafetyMonitor:
         if not self.threaded:
             return
         self._threads.run(STAGE, partial(self._guarded, self._step_stage), STAGE_PERIOD_S)
-        for sensor, guard in self._sensors:
-            step = partial(self._guarded, partial(self._step_sensor, sensor, guard))
+        for (sensor, _), step in zip(self._sensors, self._sensor_steps, strict=True):
             self._threads.run(sensor.name, step, max(0.5 / sensor.rate_hz, 0.5e-3))
         self._threads.run(SUPERVISOR, partial(self._guarded, self._supervise), SUPERVISOR_PERIOD_S)
 
@@ -115,8 +117,8 @@ class SafetyMonitor:
 
     def step(self) -> None:
         """Read and check everything once; only without threads."""
-        for sensor, guard in self._sensors:
-            self._guarded(partial(self._step_sensor, sensor, guard))
+        for step in self._sensor_steps:
+            step()
         self._guarded(self._step_stage)
         self._check_silence()
 

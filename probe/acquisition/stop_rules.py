@@ -68,7 +68,10 @@ RULES: tuple[Rule, ...] = (user_stopped, guard_tripped, store_failed, user_abort
 
 def interrupted(seen: Seen) -> Interrupted | None:
     """The first rule's objection; None while the scan may go on."""
-    return next((why for rule in RULES if (why := rule(seen)) is not None), None)
+    for rule in RULES:
+        if (why := rule(seen)) is not None:
+            return why
+    return None
 
 
 def no_contact(

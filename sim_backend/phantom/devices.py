@@ -121,7 +121,7 @@ class VirtualSensor:
         self._key = (seed, crc32(name.encode()))
         self._follow = follow
         self._chunk = (-1, np.empty(0))
-        self._tare_n = 0.0
+        self._zero = np.zeros(2)
         self._running = False
         self._first = self._next = 1
         self._begin(clock.now())
@@ -144,8 +144,7 @@ class VirtualSensor:
         self._compute_to(end)
         part = slice(self._next - self._first, end - self._first)
         self._next = end
-        values = self._values[part].copy()
-        values[:, 0] -= self._tare_n
+        values = self._values[part] - self._zero
         return Block(self._times[part], values, self._saturated[part])
 
     def tare(self) -> None:
@@ -153,7 +152,7 @@ class VirtualSensor:
         newest = self._next - self._first
         recent = self._values[max(newest - round(TARE_S * self.rate_hz), 0) : newest, 0]
         if len(recent):
-            self._tare_n = float(recent.mean())
+            self._zero = np.array([float(recent.mean()), 0.0])
 
     def stop(self) -> None:
         """End sampling."""
@@ -195,14 +194,14 @@ class VirtualSensor:
         time_s = self._start_s + index / self.rate_hz
         pressed_s = time_s - self._latency_s
         noise = self._noise(index) if self._noise_n else 0.0
-        force = self._gain * self._phantom.force_n(pressed_s) + self._bias_n + noise
+        force_n, stress = self._phantom.force_and_stress(pressed_s)
+        force = self._gain * force_n + self._bias_n + noise
         force += self._drift_n_s * (time_s - self._start_s)
         clipped = np.clip(force, -self._full_scale_n, self._full_scale_n)
         if self._quantum_n:
             clipped = np.round(clipped / self._quantum_n) * self._quantum_n
         saturated = np.zeros((len(index), 2), dtype=bool)
         saturated[:, 0] = np.abs(force) >= self._full_scale_n
-        stress = self._phantom.von_mises_pa(pressed_s)
         return time_s, np.column_stack([clipped, stress]), saturated
 
     def _noise(self, index: Ints) -> Array:

@@ -6,7 +6,7 @@ pieces gives the same numbers.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -45,6 +45,7 @@ class Response(Protocol):
 
 
 Respond = Callable[[Scene, float, float], Response]  # scene, x [m], greatest depth [m]
+Quantity = Callable[[Response], Callable[..., Array]]
 
 
 class Phantom:
@@ -85,11 +86,13 @@ class Phantom:
 
     def force_n(self, time_s: Array) -> Array:
         """Normal force (n,) [N] on the whole indenter at ascending ``time_s`` (n,)."""
-        return self._answer(time_s, lambda r: r.force_n)
+        force: Array = self._answer(time_s, lambda r: r.force_n)[0]
+        return force
 
-    def von_mises_pa(self, time_s: Array) -> Array:
-        """Von Mises stress (n,) [Pa] at the surface under the finger, the paper's criterion."""
-        return self._answer(time_s, lambda r: r.von_mises_pa)
+    def force_and_stress(self, time_s: Array) -> Array:
+        """Force as `force_n`, and von Mises stress [Pa] at the surface under the finger, the
+        paper's criterion: (2, n)."""
+        return self._answer(time_s, lambda r: r.force_n, lambda r: r.von_mises_pa)
 
     def depth_m(self, time_s: Array) -> Array:
         """Indentation (n,) [m] at ascending ``time_s`` (n,), negative in the air."""
@@ -163,8 +166,9 @@ class Phantom:
         """Take the answer of a section that somebody else has solved."""
         self._responses[place] = (depth_m, response)
 
-    def _answer(self, time_s: Array, quantity: Callable[[Response], Callable[..., Array]]) -> Array:
-        values = np.zeros(len(time_s))
+    def _answer(self, time_s: Array, *quantities: Quantity) -> Array:
+        """Each quantity (quantities, n) at ascending ``time_s`` (n,)."""
+        values = np.zeros((len(quantities), len(time_s)))
         pressure = self.pressure_pa(time_s)
         for leg, before, span in self.tip.legs(time_s):
             t = time_s[span]
@@ -172,10 +176,10 @@ class Phantom:
             depth = self._depth(points, leg.point(math.inf))
             if (depth <= -BULGE_M).all():
                 continue
-            elastic = self._elastic(leg, points, depth, pressure[span], quantity)
+            elastic = self._elastic(leg, points, depth, pressure[span], quantities)
             if self.scene.tissue is not None and self.scene.tissue.relaxation:
-                elastic -= self._relaxed_away(t, before, quantity)
-            values[span] = np.maximum(elastic, 0.0)
+                elastic -= self._relaxed_away(t, before, quantities)
+            values[:, span] = np.maximum(elastic, 0.0)
         return values
 
     def _elastic(
@@ -184,22 +188,23 @@ class Phantom:
         points: Array,
         depth: Array,
         pressure: Array,
-        quantity: Callable[[Response], Callable[..., Array]],
+        quantities: Sequence[Quantity],
     ) -> Array:
-        """The answer without relaxation: each place in contact by its own section."""
+        """The answers without relaxation: each place in contact by its own section."""
         sideways = math.hypot(*leg.direction[:2])
         grid = INCLINED_GRID_M if sideways < STEEP else DRAG_GRID_M
         if sideways < 1e-6:  # no more than rounding
             grid = PLACE_GRID_M
         places = np.round(points[:, :2] / grid)
-        values = np.zeros(len(points))
+        values = np.zeros((len(quantities), len(points)))
         touching = depth > -BULGE_M
         for x, y in _distinct(places[touching]):
             here = touching & (places[:, 0] == x) & (places[:, 1] == y)
             x_m, y_m = float(x * grid), float(y * grid)
             section = self._response(x_m, y_m, float(depth[here].max()))
             sunk = self._sunk(section, x_m, depth[here], pressure[here])
-            values[here] = quantity(section)(x_m, sunk, pressure[here])
+            for answer, quantity in zip(values, quantities, strict=True):
+                answer[here] = quantity(section)(x_m, sunk, pressure[here])
         return values
 
     def _sunk(self, section: Response, x_m: float, depth: Array, pressure: Array) -> Array:
@@ -214,10 +219,8 @@ class Phantom:
             low, high = np.where(over, low, middle), np.where(over, middle, high)
         return np.asarray((low + high) / 2)
 
-    def _relaxed_away(
-        self, time_s: Array, before: Rest, quantity: Callable[[Response], Callable[..., Array]]
-    ) -> Array:
-        """What relaxation took off (n,), by quasi-linear viscoelasticity.
+    def _relaxed_away(self, time_s: Array, before: Rest, quantities: Sequence[Quantity]) -> Array:
+        """What relaxation took off (quantities, n), by quasi-linear viscoelasticity.
 
         F = F_e - sum g_i (F_e - H_i), dH_i/dt = dF_e/dt - H_i/tau_i, with F_e the elastic answer
         to the indentation at the resting pressure (Fung 1993, ch. 7; H by the exact step for a
@@ -230,20 +233,20 @@ class Phantom:
         start = math.floor(self._in_air_since(before) / RELAXATION_STEP_S)
         stop = math.ceil(time_s[-1] / RELAXATION_STEP_S) + 1
         grid = np.arange(start, stop + 1) * RELAXATION_STEP_S
-        elastic = np.zeros(len(grid))
+        elastic = np.zeros((len(quantities), len(grid)))
         resting = np.full(len(grid), self._wave.pressure_pa(np.zeros(1))[0])
         for leg, _, span in self.tip.legs(grid):
             points = leg.points(grid[span])
             depth = self._depth(points, leg.point(math.inf))
-            elastic[span] = self._elastic(leg, points, depth, resting[span], quantity)
-        rise = np.diff(elastic, prepend=elastic[0])
-        taken = np.zeros(len(grid))
+            elastic[:, span] = self._elastic(leg, points, depth, resting[span], quantities)
+        rise = np.diff(elastic, prepend=elastic[:, :1])
+        taken = np.zeros(elastic.shape)
         for g, tau_s in self.scene.tissue.relaxation:
             decay = math.exp(-RELAXATION_STEP_S / tau_s)
             gain = tau_s / RELAXATION_STEP_S * (1 - decay)
             bands = np.broadcast_to([[1.0], [-decay]], (2, len(grid)))
-            taken += g * (elastic - solve_banded((1, 0), bands, gain * rise))
-        return np.interp(time_s, grid, taken)
+            taken += g * (elastic - solve_banded((1, 0), bands, gain * rise.T).T)
+        return np.array([np.interp(time_s, grid, one) for one in taken])
 
     def _in_air_since(self, before: Rest) -> float:
         """The last time known to be out of contact: where the relaxation's memory starts."""

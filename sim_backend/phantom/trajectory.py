@@ -5,7 +5,7 @@ Positions are (x, y, z) in metres in the scan frame, times seconds on the scan's
 """
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from itertools import pairwise
 from threading import Lock
 from typing import NamedTuple
@@ -166,7 +166,7 @@ class Trajectory:
         with self._lock:
             first = bisect_right(self._starts, time_s[0]) - 1
             last = bisect_right(self._starts, time_s[-1])
-            bounds = np.searchsorted(time_s, self._starts[first + 1 : last]).tolist()
+            bounds = [bisect_left(time_s, start_s) for start_s in self._starts[first + 1 : last]]
             edges = [0, *bounds, len(time_s)]
             return [
                 (self._legs[n], self._rest_before[n], slice(a, b))
