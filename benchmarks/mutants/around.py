@@ -121,7 +121,7 @@ AROUND = (
     ),
     Mutant(
         "samples are stored under the station before", "probe/acquisition/event_bus.py",
-        "np.searchsorted(block.time_s, starts[1:])", "np.searchsorted(block.time_s, starts[:-1])",
+        "for from_s in starts[1:]), len(times)]", "for from_s in starts[:-1]), len(times)]",
         (f"{TEST_ENGINE}::test_every_sample_of_a_press_is_in_and_labelled",),
     ),
 )  # fmt: skip

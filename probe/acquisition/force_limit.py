@@ -6,11 +6,12 @@ monitor calls them for every sample and acts.
 
 import math
 from collections import deque
-from operator import lt
+from itertools import pairwise
 
 import numpy as np
 
 from drivers import Block, Channel
+from drivers.core.arrays import columns_of
 from probe.acquisition.stuck_sensor import Alive
 from probe.planning.limits import LEVER_M, Limits
 
@@ -38,9 +39,7 @@ class SensorGuard:
         used = np.flatnonzero(np.isfinite(gains)).tolist()
         self._gains = gains[used]
         self.feels = len(used) > 0
-        together = self.feels and used[-1] - used[0] == len(used) - 1
-        # a slice where it can be: numpy takes a list ten times as long to look up
-        self._used = slice(used[0], used[-1] + 1) if together else used
+        self._used = columns_of(used)
         self.tared = False
         self.force_n = self.smooth_n = 0.0
         self._array = taxels > 0
@@ -69,7 +68,7 @@ class SensorGuard:
         """Why a block with samples cannot be placed in time."""
         times: list[float] = block.time_s.tolist()
         first, last = times[0], times[-1]
-        onward = all(map(lt, (self._last_s, *times), times))
+        onward = all(a < b for a, b in pairwise((self._last_s, *times)))
         if not (onward and last <= now_s + FUTURE_S):  # also true for not-a-number
             return (
                 f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s); "
@@ -114,19 +113,19 @@ class SensorGuard:
         if np.count_nonzero(block.saturated) and block.saturated[:, self._clips].any():
             return "the sensor is saturated: the true force is unknown", True
         if self.feels:
-            used = block.values[:, self._used]
-            each: list[list[float]] = (used * self._gains).tolist()
+            felt = block.values[:, self._used]
             # lists: blocks are short, and numpy is slow on those
+            used: list[list[float]] = felt.tolist()
+            each: list[list[float]] = (felt * self._gains).tolist()
             force = [sum(one) for one in each] if self._array else [one[0] for one in each]
             self.force_n = force[-1]
-            if (dead := self._alive.check(used.tolist())) is not None:
+            if (dead := self._alive.check(used)) is not None:
                 return dead, True
             self._keep(block.time_s.tolist(), force)
             loads = force if self._array else [load for one in each for load in one]
-            for load in loads:
-                if not abs(load) <= self._limit_n:  # nor is not-a-number
-                    greatest = float(np.abs(loads).max())
-                    return f"force {greatest:.3f} N; the limit is {self._limit_n:g} N", True
+            if not all(abs(load) <= self._limit_n for load in loads):  # nor is not-a-number
+                greatest = float(np.abs(loads).max())
+                return f"force {greatest:.3f} N; the limit is {self._limit_n:g} N", True
         for where, unit, limit in self._norms if self.tared else ():
             norm = float(np.linalg.norm(block.values[:, where], axis=1).max())
             if not norm <= limit:

@@ -49,9 +49,8 @@ class Presses:
     def _unfelt(self, pose: Pose) -> tuple[str, str] | None:
         if not self._asked or self._searches:
             return None
-        for guard in self._guards.values():
-            if guard.felt():
-                return None
+        if any(guard.felt() for guard in self._guards.values()):
+            return None
         surface_m = self._surface(pose.x, pose.y)
         for name, guard in self._guards.items():
             if (deep_m := guard.in_air_m(surface_m)) > self._within_m:

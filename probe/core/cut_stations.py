@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from drivers import Block
-from drivers.core.arrays import Array, Bools
+from drivers.core.arrays import Array, Bools, columns_of
 from probe.core.contact_stress import (
     face_m2_of,
     simulated_channels,
@@ -87,7 +87,8 @@ class _Measured:
     column is refused when they are asked for."""
 
     def __init__(self, device: str, columns: list[int], gains: Array | float = 1.0) -> None:
-        self._device, self._columns, self._gains = device, columns, gains
+        self._device, self._last, self._gains = device, max(columns), gains
+        self._columns = columns_of(columns)
         self._lacks = False
         self._time_s = Growing(np.float64)
         self._values = Growing(np.float64, len(columns))
@@ -97,7 +98,7 @@ class _Measured:
         """Append a block, if it is this device's."""
         if device != self._device or not len(block.time_s):
             return
-        if block.values.shape[1] <= max(self._columns):
+        if block.values.shape[1] <= self._last:
             self._lacks = True
             return
         self._time_s.add(block.time_s)

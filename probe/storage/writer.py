@@ -76,7 +76,8 @@ class Store:
                 raise StoreError(f"{self.path}: closed")
             self._waiting.append((time.monotonic(), event))
             self._published += 1
-            self._change.notify_all()
+            if len(self._waiting) == 1 or self._must_commit():  # else the writer sleeps on
+                self._change.notify_all()
             waits_s = time.monotonic() - self._waiting[0][0]
             if waits_s > OLD_S:
                 self._change.wait(YIELD_S)

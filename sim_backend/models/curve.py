@@ -21,7 +21,7 @@ class HermiteCurve:
 
     def _piece(self, at: Array) -> tuple[Ints, Array, Array]:
         """Number of the piece, its width, and how far along it, 0 to 1."""
-        k = np.clip(np.searchsorted(self.x, at, side="right") - 1, 0, len(self.x) - 2)
+        k = np.searchsorted(self.x[1:-1], at, side="right")
         width = self.x[k + 1] - self.x[k]
         return k, width, (at - self.x[k]) / width
 

@@ -205,10 +205,10 @@ class VirtualSensor:
         return time_s, np.column_stack([clipped, stress]), saturated
 
     def _noise(self, index: Ints) -> Array:
-        """Noise (n,) [N] of the samples of these numbers (n,)."""
+        """Noise (n,) [N] of the samples of these ascending numbers (n,)."""
         noise = np.empty(len(index))
         chunks, offsets = np.divmod(index, NOISE_CHUNK)
-        for chunk in np.unique(chunks).tolist():
+        for chunk in range(chunks[0], chunks[-1] + 1):
             if chunk != self._chunk[0]:
                 rng = np.random.default_rng([*self._key, chunk])
                 self._chunk = (chunk, self._noise_n * rng.standard_normal(NOISE_CHUNK))

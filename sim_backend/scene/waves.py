@@ -21,7 +21,8 @@ Shape = Callable[[Array], Array]
 
 PA_PER_MMHG = to_si("mmHg")[1]
 PAPER_PERIOD_S = 0.825
-PAPER_KNOTS = ((0.0, 90.0), (0.10, 120.0), (0.40, 80.0), (PAPER_PERIOD_S, 90.0))  # s, mmHg
+PAPER_TIMES_S = np.array([0.0, 0.10, 0.40, PAPER_PERIOD_S])
+PAPER_LEVELS = np.array([90.0, 120.0, 80.0, 90.0])  # mmHg
 # P(t) = mean + sum A_k cos(2 pi k t/T + phi_k), mmHg and rad: mean of 8 subjects measured at the
 # brachial artery (data set repat8/cam-bpw-sim-pub), scaled to 120/80 mmHg.
 BRACHIAL_MEAN = 96.61
@@ -64,9 +65,9 @@ def load_wave(pulse: Pulse, folder: Path | None = None) -> Wave:
 
 
 def _paper(phase: Array) -> Array:
-    times, levels = np.array(PAPER_KNOTS).T
+    times, levels = PAPER_TIMES_S, PAPER_LEVELS
     t = phase * PAPER_PERIOD_S
-    k = np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 2)
+    k = np.searchsorted(times[1:-1], t, side="right")
     part = (t - times[k]) / (times[k + 1] - times[k])
     smooth: Array = levels[k] + (levels[k + 1] - levels[k]) * (1 - np.cos(np.pi * part)) / 2
     return smooth
