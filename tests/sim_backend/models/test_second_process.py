@@ -83,6 +83,16 @@ def test_one_started_early_for_nothing_ends_with_its_starter() -> None:
         pytest.fail("it still waits")
 
 
+def test_what_starts_one_early_waits_for_no_numpy() -> None:
+    """Nor for pydantic: the other interpreter would begin a tenth of a second later."""
+    script = "import sys, sim_backend.models.second_process; "
+    script += "print({'numpy', 'pydantic'} & set(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, check=True
+    )
+    assert done.stdout == "set()\n"
+
+
 class NobodyListens:
     """A pipe of which the other end has just been closed."""
 
