@@ -13,16 +13,12 @@ from contextlib import contextmanager
 
 ABORTED = 5
 """Exit status of what a user stopped."""
-RARELY = 20_000
-"""New objects until Python looks for garbage among them: imports make many, and none is any. With
-its own 700 it looks for 0.07 s of a scan, with this and with 50,000 half as long."""
 ORDERS = ("SIGTERM", "SIGHUP", "SIGQUIT")
 """Ask a command to end as Ctrl-C does, also before and after a scan, which hears them itself."""
 
 
 def command() -> int:
     """The program ``palpate``: `main`, after which no order to end takes back its status."""
-    gc.set_threshold(RARELY)
     status = main()
     for number in _orders():
         signal.signal(number, signal.SIG_IGN)
