@@ -4,6 +4,7 @@ In three dimensions the factors of a minimum-degree order hold half as much agai
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_matrix
@@ -12,6 +13,9 @@ from sim_backend.arrays import Array, Bools, Ints
 
 LEAF = 60
 """Nodes below which nothing is halved any more."""
+CUTS = (0.4, 0.45, 0.5, 0.55, 0.6)
+"""Shares of the elements before a cut that are tried along each axis; that through the fewest nodes
+is made."""
 
 
 @dataclass(frozen=True)
@@ -25,13 +29,19 @@ class Front:
     children: tuple[int, ...]
 
 
-def dissected(nodes: Array, graph: csr_matrix) -> tuple[Ints, list[Front]]:
+def dissected(nodes: Array, elements: csr_matrix, graph: csr_matrix) -> tuple[Ints, list[Front]]:
     """Order (n,) in which to eliminate ``nodes`` (n, 3), and its fronts, each after its children.
 
-    ``graph`` (n, n) has an entry where two nodes share an element.
+    ``elements`` (m, n) has a one where a node is an element's, ``graph`` (n, n) an entry where two
+    nodes share an element. The elements are halved, and what both
+    halves share parts them: sides of elements only. The nodes beside a cut through the nodes are
+    half as many again, since those of quadratic elements are connected two rows far (TIHA-solid's
+    second mesh: 18.6 and 30.1 billion operations, 81 and 98 MB of factors).
     """
     parts: list[_Part] = []
-    _halve(np.arange(len(nodes)), nodes, graph, parts)
+    middles = elements @ nodes / np.diff(elements.indptr)[:, None]
+    mesh = _Mesh(middles, elements, graph)
+    _halve(np.arange(len(middles)), np.arange(len(nodes)), mesh, parts)
     order = np.concatenate([part.nodes for part in parts])
     place = np.empty_like(order)
     place[order] = np.arange(len(order))
@@ -55,33 +65,50 @@ class _Part:
     children: tuple[int, ...]
 
 
-def _halve(part: Ints, nodes: Array, graph: csr_matrix, parts: list[_Part]) -> tuple[int, ...]:
-    """Numbers of the fronts at the top of ``part``: one, or more where nothing connects them."""
-    best: tuple[int, Bools, Bools] | None = None
-    if len(part) > LEAF:
-        near = graph[part][:, part]
-        for axis in range(3):
-            at = nodes[part, axis]
-            for cut in np.quantile(at, [0.42, 0.5, 0.58]):
-                low = at < cut
-                if not 0.25 < low.mean() < 0.75:
-                    continue
-                between = ~low & (near @ low.astype(np.float32) > 0)
-                if best is None or between.sum() < best[0]:
-                    best = int(between.sum()), low, between
+class _Mesh(NamedTuple):
+    middles: Array
+    elements: csr_matrix
+    graph: csr_matrix
+
+
+def _halve(inside: Ints, part: Ints, mesh: _Mesh, parts: list[_Part]) -> tuple[int, ...]:
+    """Numbers of the fronts at the top of ``part``, what is left of the nodes of the elements
+    ``inside``: one, or more where nothing connects them."""
     children: tuple[int, ...] = ()
+    best = None
+    if len(part) > LEAF:
+        belongs = mesh.elements[inside][:, part].T.tocsr()
+        best = _best_cut(belongs, mesh.middles[inside])
     if best is not None:
-        _, low, between = best
+        before, low, high = best
         below = len(parts)
-        halves = [part[low], part[~low & ~between]]
+        halves = ((inside[before], part[low]), (inside[~before], part[high]))
         children = tuple(
-            top for half in halves if len(half) for top in _halve(half, nodes, graph, parts)
-        )
+            top for ones, half in halves if len(half)
+            for top in _halve(ones, half, mesh, parts)
+        )  # fmt: skip
+        between = ~(low | high)
         if not between.any():
             return children
-        part = _alike_together(part[between], parts[below:], len(nodes))
-    parts.append(_Part(part, graph[part].indices.astype(np.int64), children))
+        part = _alike_together(part[between], parts[below:], mesh.elements.shape[1])
+    parts.append(_Part(part, mesh.graph[part].indices.astype(np.int64), children))
     return (len(parts) - 1,)
+
+
+def _best_cut(belongs: csr_matrix, middles: Array) -> tuple[Bools, Bools, Bools] | None:
+    """The elements (m,) before a cut and the nodes (k,) of those alone and of the others alone;
+    None where no cut leaves a fifth of the nodes to either. ``belongs`` (k, m)."""
+    count = np.diff(belongs.indptr)
+    best, fewest = None, len(count) + 1
+    for at in middles.T:
+        for cut in np.unique(np.quantile(at, CUTS)):
+            before = at < cut
+            held = belongs @ before.astype(np.float32)
+            low, high = held == count, held == 0
+            between = len(count) - int(low.sum()) - int(high.sum())
+            if between < fewest and min(low.sum(), high.sum()) > 0.2 * len(count):
+                best, fewest = (before, low, high), between
+    return best
 
 
 def _alike_together(between: Ints, below: list[_Part], count: int) -> Ints:

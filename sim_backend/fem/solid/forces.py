@@ -10,9 +10,10 @@ from sim_backend.fem.material_3d import (
     response,
     unforeseen_volume,
 )
+from sim_backend.fem.solid.fronts import Singles
 from sim_backend.fem.solid.prism import Wedges
 
-_CHUNK = 400
+_CHUNK = 100
 """Wedges at a time: their tangents' parts stay in the cache and below 100 MB."""
 
 
@@ -46,22 +47,34 @@ def smallest_volume_ratio(wedges: Wedges, u: Array) -> tuple[float, int]:
     return float(j[worst]), worst
 
 
-def forces_and_tangents(
+def forces(wedges: Wedges, shear: Array, bulk: Array, u: Array) -> Array:
+    """Wedge forces (m, 54) [N] at displacements ``u`` (n, 3) [m]; ``shear``, ``bulk`` (m,) [Pa]."""
+    f = deformation(wedges, u)
+    its = response(f, shear[:, None], bulk[:, None])
+    stress = its.by_f[..., None, None] * f + its.by_h[..., None, None] * its.h
+    stress *= wedges.weight[..., None, None]
+    m, q = wedges.weight.shape
+    rows = np.swapaxes(stress, 1, 2).reshape(m, 3, 3 * q)  # (m, i, qk)
+    return (rows @ np.swapaxes(wedges.gradient, 2, 3).reshape(m, 3 * q, 18)).reshape(m, 54)
+
+
+def tangents(
     wedges: Wedges,
     shear: Array,
     bulk: Array,
     u: Array,
     change: Array | None = None,
     rough: bool = False,
-) -> tuple[Array, Array]:
-    """Wedge forces (m, 54) [N] and tangents (m, 54, 54) [N/m]; ``shear``, ``bulk`` (m,) [Pa].
+) -> Singles:
+    """Wedge tangents (m, 54, 54) [N/m] of `forces`, in single precision: Newton's steps are not
+    solved as closely.
 
     ``change`` (n, 3) is the Newton step that led to ``u``: the pressure in the tangent is then the
     one that it foresaw. Where ``u`` is a ``rough`` guess, its changes of volume mean nothing, and
     the tangent has no pressure.
     """
     m = len(wedges.cells)
-    force, tangent = np.empty((m, 3, 18)), np.empty((m, 3, 18, 3, 18))
+    tangent = np.empty((m, 3, 18, 3, 18), dtype=np.float32)
     f = deformation(wedges, u)
     lag = np.zeros(f.shape[:2])
     if change is not None:
@@ -70,15 +83,15 @@ def forces_and_tangents(
         lag = determinant_and_cofactor(f)[0] - 1
     for start in range(0, m, _CHUNK):
         part = slice(start, start + _CHUNK)
-        gradient, weight = np.swapaxes(wedges.gradient[part], 2, 3), wedges.weight[part]
+        weight = wedges.weight[part]
+        gradient = np.swapaxes(wedges.gradient[part], 2, 3).astype(np.float32)
         its = response(f[part], shear[part, None], bulk[part, None], lag[part])
-        by_f, by_h, hh, turned, fh = (
-            (weight * each)[..., None, None]
-            for each in (its.by_f, its.by_h, its.hh, its.turned, its.fh)
+        by_f, hh, turned, fh = (
+            (weight * each).astype(np.float32)[..., None, None]
+            for each in (its.by_f, its.hh, its.turned, its.fh)
         )
-        # of P and dP/dF what is left with the gradients g: F g and h g, (m, q, i, k)
-        f_g, h_g = f[part] @ gradient, its.h @ gradient
-        force[part] = (by_f * f_g + by_h * h_g).sum(axis=1)
+        # of dP/dF what is left with the gradients g: F g and h g, (m, q, i, k)
+        f_g, h_g = (each.astype(np.float32) @ gradient for each in (f[part], its.h))
         rows, half = _rows(h_g), _rows(0.5 * hh * h_g - fh * f_g)
         left, right = np.concatenate([half, rows], axis=1), np.concatenate([rows, half], axis=1)
         whole = (np.swapaxes(left, 1, 2) @ right).reshape(-1, 3, 18, 3, 18)
@@ -88,10 +101,10 @@ def forces_and_tangents(
         alike = np.swapaxes((by_f * gradient).reshape(points), 1, 2) @ gradient.reshape(points)
         for i in range(3):
             tangent[part, i, :, i] += alike
-    return force.reshape(m, 54), tangent.reshape(m, 54, 54)
+    return tangent.reshape(m, 54, 54)
 
 
-def _rows(each: Array) -> Array:
+def _rows(each: Singles) -> Singles:
     """(m, q, 3, 18) as (m, q, 54)."""
     return each.reshape(*each.shape[:2], 54)
 

@@ -21,7 +21,8 @@ MOST_STEPS, SLOW_STEPS = 30, 15
 
 
 class LinearSolver:
-    """Solves for the displacements of ``nodes`` (n, 3) that ``groups`` of node numbers (m, k) join.
+    """Solves for the displacements of ``nodes`` (n, 3) that ``groups`` of node numbers (m, k) join:
+    elements, and after them what lies on their sides.
 
     ``held`` displacement numbers stay zero. ``leaning`` are (stiffness, weights (3n,)) of averages
     that are held: dense, so that factors see their diagonals instead.
@@ -39,7 +40,10 @@ class LinearSolver:
         unique, index = np.unique(np.concatenate([k.ravel() for k in keys]), return_inverse=True)
         rows, columns = np.divmod(unique, n)
         graph = csr_matrix((np.ones(len(unique), np.float32), (rows, columns)), shape=(n, n))
-        order, fronts = dissected(nodes[used], graph)
+        m, k = groups[0].shape
+        corners = number[groups[0]].ravel(), k * np.arange(m + 1)
+        elements = csr_matrix((np.ones(m * k, np.float32), *corners), shape=(m, n))
+        order, fronts = dissected(nodes[used], elements, graph)
         place = np.empty(n, dtype=np.int64)
         place[order] = np.arange(n)
         ahead = np.lexsort((place[columns], place[rows]))

@@ -15,8 +15,9 @@ from sim_backend.fem.assembly import gather
 from sim_backend.fem.newton import MIN_AREA_RATIO, CannotSolve, Load, NotConverged
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.forces import (
-    forces_and_tangents,
+    forces,
     smallest_volume_ratio,
+    tangents,
     unit_pressure,
 )
 from sim_backend.fem.solid.fronts import Singular
@@ -33,7 +34,7 @@ processor, without this 51."""
 PENALTY = 100.0
 """Contact stiffness over modulus times element size: each iteration leaves about 1 / PENALTY of a
 gap, and factors of an earlier contact still precondition well."""
-CLOSED_SHARE = 2e-6
+CLOSED_SHARE = 1e-5
 """Largest gap left where contact is, over the element size."""
 TOLERANCE = 1e-6
 """Residual over the sum of contact forces."""
@@ -113,7 +114,7 @@ def equilibrium(
             active = multiplier > complementarity * gap
         multiplier = np.where(active, multiplier, 0.0)
         rough = iteration == 1 and start.iterations == 0  # a guess, not an equilibrium
-        residual, blocks = _body_forces(body, u, load.pressure_pa, change, rough)
+        residual, turning = _body_forces(body, u, load.pressure_pa)
         if not np.all(np.isfinite(residual)):
             raise NotConverged("elements were crushed")
         residual -= gather(body.size, body.contact_dofs, multiplier[:, None] * normal)
@@ -132,10 +133,12 @@ def equilibrium(
         residual += gather(body.size, body.contact_dofs, spring[:, None] * normal)
         # the normal turns with the multiplier alone: what springs of a wide gap would add to that
         # is far more than any contact, and makes the tangent indefinite
-        blocks.append(_contact_blocks(body, active, multiplier, normal, hessian))
+        contact = _contact_blocks(body, active, multiplier, normal, hessian)
         multiplier = multiplier - spring
+        blocks = tangents(body.wedges, body.shear, body.bulk, u, change, rough)
+        matrix = solver.matrix([blocks, *turning, contact])
         try:
-            change = solver.solve(solver.matrix(blocks), -residual).reshape(-1, 3)
+            change = solver.solve(matrix, -residual).reshape(-1, 3)
         except Singular:
             raise NotConverged("the tangent became singular") from None
         if rough:  # without the pressure its factors serve no other tangent
@@ -188,11 +191,10 @@ def _tangent(body: Body, solver: LinearSolver, solution: SolidSolution) -> bsr_m
     finger = body.finger.lowered_by(solution.load.depth_m)
     place = body.wedges.nodes + solution.displacement
     _, normal, hessian = finger.gap(place[body.surface])
-    _, blocks = _body_forces(body, solution.displacement, solution.load.pressure_pa, None)
-    blocks.append(
-        _contact_blocks(body, solution.multiplier > 0, solution.multiplier, normal, hessian)
-    )
-    return solver.matrix(blocks)
+    _, turning = _body_forces(body, solution.displacement, solution.load.pressure_pa)
+    contact = _contact_blocks(body, solution.multiplier > 0, solution.multiplier, normal, hessian)
+    blocks = tangents(body.wedges, body.shear, body.bulk, solution.displacement)
+    return solver.matrix([blocks, *turning, contact])
 
 
 def _contact_blocks(
@@ -216,13 +218,10 @@ def _first_active(gap: Array, multiplier: Array) -> Bools:
     return multiplier > 0 if multiplier.any() else gap < min(0.5 * float(gap.min()), 0.0)
 
 
-def _body_forces(
-    body: Body, u: Array, pressure_pa: float, change: Array | None, rough: bool = False
-) -> tuple[Array, list[Array]]:
-    """Residual (3n,) of wedges, lumens and what leans, and the tangent blocks of the first two."""
-    force, tangent = forces_and_tangents(body.wedges, body.shear, body.bulk, u, change, rough)
-    residual = gather(body.size, body.wedges.dofs, force)
-    blocks = [tangent]
+def _body_forces(body: Body, u: Array, pressure_pa: float) -> tuple[Array, list[Array]]:
+    """Residual (3n,) of wedges, lumens and what leans, and the lumens' tangent blocks."""
+    residual = gather(body.size, body.wedges.dofs, forces(body.wedges, body.shear, body.bulk, u))
+    blocks = []
     for faces in body.lumens:
         unit, turning = unit_pressure(faces, body.wedges.nodes + u)
         residual -= gather(body.size, faces.dofs, pressure_pa * unit)

@@ -36,8 +36,8 @@ def solver_and_blocks(shift: float, held: Ints) -> tuple[LinearSolver, Array]:
 def test_the_order_ends_with_what_parts_the_halves() -> None:
     nodes, cells = chequer()
     m = np.repeat(np.arange(len(cells)), 8)
-    belongs = csr_matrix((np.ones(m.size), (cells.ravel(), m)))
-    order, fronts = dissected(nodes, (belongs @ belongs.T).tocsr())
+    elements = csr_matrix((np.ones(m.size), (m, cells.ravel())))
+    order, fronts = dissected(nodes, elements, (elements.T @ elements).tocsr())
     assert sorted(order) == list(range(len(nodes)))
     assert fronts[0].first == 0
     assert fronts[-1].last == len(nodes)
