@@ -24,11 +24,11 @@ import resource
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from time import process_time
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from hexahedra import Hexahedra, finger_facets, material_of, quarter
@@ -52,17 +52,33 @@ CYLINDER = {"shape": "cylinder", "radius_mm": 5.0, "length_mm": 10.0, "edge_radi
 STENOSIS = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": (-3.0, 3.0)}
 LUMP = {"kind": "tumour", "x_mm": 32.0, "depth_mm": 8.0, "diameter_mm": 6.0,
         "modulus_kpa": 1000.0, "poisson": 0.49}  # fmt: skip
-CASES: dict[str, tuple[dict[str, Any], dict[str, Any], tuple[float, ...]]] = {
-    "TIHA-ball": (ARTERY, BALL, (0.0, 80.0, 120.0)),
-    "cylinder-with-ends": (ARTERY, CYLINDER, (0.0, 80.0, 120.0)),
-    "ball-over-ball": (LUMP, BALL, (0.0,)),
-    "part-length-stenosis": ({**ARTERY, "depth_mm": 9.0, "stenosis": STENOSIS}, BALL,
-                             (0.0, 80.0, 120.0)),
+SMALL = {**TISSUE, "width_mm": 24.0, "length_mm": 20.0}
+"""A block that makes room for a finer mesh."""
+EMPTY_TO_120_MMHG = (0.0, 80.0, 120.0)
+LAYERS_MM = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.4, 9.0, 13.0, 20.0)
+FINE_MM = (0.0, 0.75, 1.5, 2.25, 3.0, 3.75, 4.5, 5.25, 6.4, 8.0, 10.0)
+"""Edges of layers over a vessel: fine below the finger, with an edge at the stenosis's end."""
+
+
+class Case(NamedTuple):
+    """What lies in the ``tissue`` and what presses it at ``pressures_mmhg``; hexahedra to 45
+    degrees around the inclusion, and edges of their layers."""
+
+    tissue: dict[str, Any]
+    inclusion: dict[str, Any]
+    finger: dict[str, Any]
+    pressures_mmhg: tuple[float, ...]
+    cells_45: int = 3
+    z_edges_mm: tuple[float, ...] = LAYERS_MM
+
+
+CASES = {
+    "TIHA-ball": Case(TISSUE, ARTERY, BALL, EMPTY_TO_120_MMHG),
+    "cylinder-with-ends": Case(SMALL, ARTERY, CYLINDER, EMPTY_TO_120_MMHG, 4, FINE_MM),
+    "ball-over-ball": Case(TISSUE, LUMP, BALL, (0.0,)),
+    "part-length-stenosis": Case(SMALL, {**ARTERY, "depth_mm": 9.0, "stenosis": STENOSIS}, BALL,
+                                 EMPTY_TO_120_MMHG, 4, FINE_MM),
 }  # fmt: skip
-"""Inclusion, finger, and pressures [mmHg]."""
-CELLS_45 = 3
-Z_EDGES_MM = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.4, 9.0, 13.0, 20.0)
-"""Layers over a vessel: fine below the finger, with an edge at the stenosis's end."""
 LOADING, HOLDING = "0.25, 1., 1.E-5, 0.5", "1., 1., 1.E-5, 1."
 """First increment, step, smallest and largest increment of the two steps of each load."""
 CONTACT_PER_MM = 300.0
@@ -70,15 +86,19 @@ CONTACT_PER_MM = 300.0
 
 
 def scene_of(name: str) -> Scene:
-    inclusion, finger, _ = CASES[name]
-    raw = {"name": name, "plane": "solid", "tissue": TISSUE, "inclusion": [inclusion]}
-    return Scene.model_validate(raw | {"indenter": finger})
+    case = CASES[name]
+    inclusion = {**case.inclusion, "x_mm": case.tissue["width_mm"] / 2}
+    raw = {"name": name, "plane": "solid", "tissue": case.tissue, "inclusion": [inclusion]}
+    return Scene.model_validate(raw | {"indenter": case.finger})
 
 
-def deck(scene: Scene, pressures_mmhg: Iterable[float]) -> Iterator[str]:
+def mesh_of(name: str) -> Hexahedra:
+    return quarter(scene_of(name), CASES[name].cells_45, np.array(CASES[name].z_edges_mm))
+
+
+def deck(name: str) -> Iterator[str]:
     """Lines of the deck: mm, N, MPa. The quarter's force on the finger goes to the .dat file."""
-    assert scene.tissue is not None
-    mesh = quarter(scene, CELLS_45, np.array(Z_EDGES_MM))
+    scene, mesh = scene_of(name), mesh_of(name)
     points, facets = finger_facets(scene.indenter, scene.surface_mm)
     yield f"** {scene.name}, a quarter, {DEPTH_MM:g} mm deep; mm, N, MPa"
     yield "*NODE, NSET=BLOCK"
@@ -97,7 +117,7 @@ def deck(scene: Scene, pressures_mmhg: Iterable[float]) -> Iterator[str]:
         on = np.flatnonzero(mesh.nodes[:, axis] < 1e-6)
         yield from (f"{n}, {axis + 1}, {axis + 1}" for n in 1 + on)
     lumen = faces[_facing_lumen(mesh, corners)]
-    for pressure, increments in product(pressures_mmhg, (LOADING, HOLDING)):
+    for pressure, increments in product(CASES[name].pressures_mmhg, (LOADING, HOLDING)):
         yield "*STEP, NLGEOM, INC=1000"
         yield "*STATIC"
         yield increments
@@ -190,17 +210,16 @@ def calculix(lines: list[str]) -> tuple[Array, float]:
 
 
 def main(name: str, ours: bool) -> None:
-    scene, pressures = scene_of(name), CASES[name][2]
-    lines = list(deck(scene, pressures))
+    scene, pressures = scene_of(name), CASES[name].pressures_mmhg
+    lines = list(deck(name))
     forces, spent = calculix(lines)
-    mesh = quarter(scene, CELLS_45, np.array(Z_EDGES_MM))
     kept = {
         "made_by": "benchmarks/calculix_solids.py",
         "by": "CalculiX 2.20, C3D20R, finite strain",
         "scene": scene.model_dump(mode="json", exclude_none=True),
         "depth_mm": DEPTH_MM, "pressures_mmhg": pressures, "force_n": forces[:, 1].tolist(),
         "force_before_hold_n": forces[:, 0].tolist(),
-        "unknowns": int((mesh.nodes > 1e-6).sum()), "processor_s": round(spent, 1),
+        "unknowns": int((mesh_of(name).nodes > 1e-6).sum()), "processor_s": round(spent, 1),
     }  # fmt: skip
     FOLDER.mkdir(parents=True, exist_ok=True)
     with lzma.open(FOLDER / f"{name}.inp.xz", "wt", preset=9) as file:
@@ -211,7 +230,8 @@ def main(name: str, ours: bool) -> None:
     )
     if ours:
         began = process_time()
-        pressed = press(scene, 32.0, DEPTH_MM, pressures, accuracy_pct=5.0)
+        middle_mm = scene.inclusion[0].x_mm
+        pressed = press(scene, middle_mm, DEPTH_MM, pressures, accuracy_pct=5.0)
         took = process_time() - began
         print(f"{pressed.model}, {pressed.dofs} unknowns: {[s.force_n for s in pressed.states]} N, "
               f"{pressed.error_estimate_pct:.1f} % by its own estimate, in {took:.1f} s of "

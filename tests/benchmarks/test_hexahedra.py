@@ -5,21 +5,17 @@ import lzma
 
 import numpy as np
 import pytest
-from calculix_solids import CASES, CELLS_45, FOLDER, Z_EDGES_MM, deck, scene_of
-from hexahedra import SIDES, Hexahedra, finger_facets, material_of, quarter
+from calculix_solids import CASES, FOLDER, deck, mesh_of, scene_of
+from hexahedra import SIDES, Hexahedra, finger_facets, material_of
 
 from sim_backend.arrays import Array
 
-WALL_MM3 = np.pi / 2 * (2.88**2 - 2.25**2) * 20.0
+WALL_MM2 = np.pi / 2 * (2.88**2 - 2.25**2)
 RING_MM3 = np.pi / 2 * 2.25**2 * (1 - 0.7**2) * 3.0
-VOLUMES_MM3 = {"TIHA-ball": (WALL_MM3,), "cylinder-with-ends": (WALL_MM3,),
-               "part-length-stenosis": (WALL_MM3, RING_MM3),
+VOLUMES_MM3 = {"TIHA-ball": (20 * WALL_MM2,), "cylinder-with-ends": (10 * WALL_MM2,),
+               "part-length-stenosis": (10 * WALL_MM2, RING_MM3),
                "ball-over-ball": (np.pi / 3 * 3.0**3,)}  # fmt: skip
 """Of a quarter: the wall or the lump, the stenosis."""
-
-
-def mesh_of(name: str) -> Hexahedra:
-    return quarter(scene_of(name), CELLS_45, np.array(Z_EDGES_MM))
 
 
 def enclosed_mm3(mesh: Hexahedra) -> Array:
@@ -47,9 +43,10 @@ def test_inclusions_have_their_volumes_and_the_block_is_whole(name: str) -> None
     for number, expected in enumerate(VOLUMES_MM3[name], start=1):
         found = volume[material == number].sum()
         assert found == pytest.approx(expected, rel=0.01)  # of flat triangles
-    lumen = 0.0 if name == "ball-over-ball" else np.pi / 2 * 2.25**2 * 20.0
+    width, length = (CASES[name].tissue[key] / 2 for key in ("width_mm", "length_mm"))
+    lumen = 0.0 if name == "ball-over-ball" else np.pi / 2 * 2.25**2 * length
     ring = VOLUMES_MM3[name][1] if len(VOLUMES_MM3[name]) > 1 else 0.0
-    assert volume.sum() == pytest.approx(32 * 16.83 * 20 - lumen + ring, rel=1e-4)
+    assert volume.sum() == pytest.approx(width * 16.83 * length - lumen + ring, rel=1e-4)
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -66,7 +63,7 @@ def test_the_kept_deck_is_of_the_scene_beside_it(name: str) -> None:
     path = FOLDER / f"{name}.inp.xz"
     with lzma.open(path, "rt") as file:
         kept = file.read().splitlines()
-    made = list(deck(scene_of(name), CASES[name][2]))
+    made = list(deck(name))
     ends = kept.index("*STEP, NLGEOM, INC=1000"), made.index("*STEP, NLGEOM, INC=1000")
     assert ends[0] == ends[1]
     differ = [pair for pair in zip(kept[: ends[0]], made, strict=False) if pair[0] != pair[1]]
@@ -75,4 +72,4 @@ def test_the_kept_deck_is_of_the_scene_beside_it(name: str) -> None:
         np.testing.assert_allclose(*numbers, rtol=1e-8, atol=2e-6)
     solved = json.loads((FOLDER / f"{name}.json").read_text("utf-8"))
     each = 2 if "force_before_hold_n" in solved else 1  # a load is held for one step more
-    assert kept.count("*END STEP") == each * len(CASES[name][2])
+    assert kept.count("*END STEP") == each * len(CASES[name].pressures_mmhg)

@@ -34,6 +34,11 @@ GROWTH, COARSEST, WALL = 0.55, 0.33, 0.5
 """At that size: how fast elements grow away from contact and inclusions, the largest over the
 block's height, and those at an inclusion over its radius. With two thirds of all of these TIHA
 under a ball of 5 mm is within 0.3 % of CalculiX in force and 0.1 % in pulse."""
+EDGE, EDGE_GROWTH = 0.75, 0.9
+"""Layers where a finger's end is rounded, over the radius of that, on the mesh of `SHARE`; and how
+fast they grow from there. One node on an end of 1 mm between layers of 1.8 mm bears so much that it
+slides over it: TIHA in 30 mm, a cylinder 12 mm beside the vessel, tells a pulse 20 % smaller than
+with these layers, which are a fifth of the unknowns more, or with still finer ones."""
 SLOWER = 0.8
 """Power of the contact's element size with which the others shrink."""
 MOST_UNKNOWNS = 60_000
@@ -209,10 +214,15 @@ def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Gr
         elif one.stenosis is not None and one.stenosis.z_mm is not None:
             spots += [(1e-3 * z, wall) for z in one.stenosis.z_mm]
 
+    edge = EDGE * along.radius * grading.contact_m / (SHARE * half_width_m(scene))
+
     def size(z: Array) -> Array:
         away = np.abs(z)
         beyond = np.maximum(np.maximum(away - reach, along.half_flat - along.radius - away), 0.0)
         wanted = grading.contact_m + grading.growth * beyond
+        if along.half_flat > 0:
+            end = np.clip(away, along.half_flat, along.half_flat + 0.8 * along.radius)
+            wanted = np.minimum(wanted, edge + EDGE_GROWTH * np.abs(away - end))
         for spot, wall in spots:
             wanted = np.minimum(wanted, wall + grading.growth * np.abs(z - spot))
         return np.minimum(wanted, grading.coarsest_m)

@@ -4,18 +4,21 @@ Factors of an earlier tangent precondition GMRES (Saad and Schultz 1986) on the 
 double precision. New factors are made where that takes too long.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.solid.dissection import dissected
-from sim_backend.fem.solid.fronts import Factors, Plan, Singular
+from sim_backend.fem.solid.fronts import Factors, Plan, Singles, Singular
 
 RELATIVE = 1e-5
 """How far a Newton step's residual falls: its own error is squared anyway. A ball pressed in three
 steps into a block of 4,862 unknowns takes 11 Newton steps, with 1e-4 12, 1e-3 17 and 1e-2 91.
 """
+GOOD = 1e-3
 MOST_STEPS, SLOW_STEPS = 30, 15
 """Krylov steps after which new factors are made at once, and for the next Newton step."""
 
@@ -69,7 +72,7 @@ class LinearSolver:
         self._factors: Factors | None = None
         self._indefinite = False
 
-    def matrix(self, blocks: list[Array]) -> bsr_matrix:
+    def matrix(self, blocks: Sequence[Array | Singles]) -> bsr_matrix:
         """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
         diagonal of what is held."""
         flat = np.bincount(
@@ -84,19 +87,23 @@ class LinearSolver:
         n = self._dofs.size
         return bsr_matrix((values, self._columns, self._starts), shape=(n, n))
 
-    def solve(self, matrix: bsr_matrix, force: Array) -> Array:
-        """Displacements (size,) under ``force`` (size,). Raises `Singular`."""
+    def solve(self, matrix: bsr_matrix, force: Array, turning: Array | float = 0.0) -> Array:
+        """Displacements (size,) under ``force`` (size,). Raises `Singular`.
+
+        ``turning`` are blocks of the last group that ``matrix`` has and factors do without: those
+        of an unstable part, with which pivots may vanish.
+        """
         right = force[self._dofs]
         right[self._still.ravel()] = 0.0
         result = np.zeros(self._size)
         if not np.any(right):
             return result
-        if self._factors is None:
-            self._factors = self.factor(matrix)
-        x, taken = self._krylov(matrix, right, MOST_STEPS)
+        x, taken = None, 0
+        if self._factors is not None:
+            x, taken = self._krylov(matrix, right, self._factors, MOST_STEPS)
         if x is None:
-            self._factors = self.factor(matrix)
-            x, taken = self._krylov(matrix, right, 4 * MOST_STEPS)
+            self._factors = self.factor(matrix, turning)
+            x, taken = self._krylov(matrix, right, self._factors, 2 * MOST_STEPS)
         if x is None:
             raise Singular
         assert self._factors is not None
@@ -106,6 +113,17 @@ class LinearSolver:
         x[self._still.ravel()] = 0.0
         result[self._dofs] = x
         return result
+
+    def is_definite(self, matrix: bsr_matrix) -> bool:
+        """Whether all pivots of ``matrix`` are positive; its factors then serve the next `solve`,
+        which else makes new ones."""
+        self.forget()
+        try:
+            factors = self.factor(matrix)
+        except Singular:
+            return False
+        self._factors = None if factors.negative else factors
+        return not factors.negative
 
     def forget(self) -> None:
         """The next `solve` makes factors of its own."""
@@ -150,17 +168,19 @@ class LinearSolver:
             y = y + stiffness * float(weight @ x) * weight
         return np.asarray(y)
 
-    def factor(self, matrix: bsr_matrix) -> Factors:
-        """Factors of ``matrix`` and the diagonals of what leans. Raises `Singular`."""
+    def factor(self, matrix: bsr_matrix, without: Array | float = 0.0) -> Factors:
+        """Factors of ``matrix``, the diagonals of what leans, and ``without`` blocks of the last
+        group. Raises `Singular`."""
         propped = matrix.copy()
+        np.subtract.at(propped.data.reshape(-1), self._index[-1], np.ravel(without))
         for stiffness, weight in self._leaning:
             on_diagonal = stiffness * (weight**2).reshape(-1, 3)
             propped.data[self._diagonal[:, None], [0, 1, 2], [0, 1, 2]] += on_diagonal
         return Factors(self._plan, propped)
 
-    def _krylov(self, matrix: bsr_matrix, right: Array, most: int) -> tuple[Array | None, int]:
-        factors = self._factors
-        assert factors is not None
+    def _krylov(
+        self, matrix: bsr_matrix, right: Array, factors: Factors, most: int
+    ) -> tuple[Array | None, int]:
         n = len(right)
         counted = 0
 
@@ -168,16 +188,14 @@ class LinearSolver:
             nonlocal counted
             counted += 1
 
-        x, failed = gmres(
-            LinearOperator((n, n), matvec=lambda x: self._apply(matrix, x)), right,
-            rtol=RELATIVE, restart=most, maxiter=1,
-            M=LinearOperator((n, n), matvec=factors.solve), callback=count,
-            callback_type="pr_norm",
+        y, failed = gmres(
+            LinearOperator((n, n), matvec=lambda y: self._apply(matrix, factors.solve(y))), right,
+            rtol=RELATIVE, restart=most, maxiter=1, callback=count, callback_type="pr_norm",
         )  # fmt: skip
-        # where restarts end without the tolerance, a residual twice as small would still do
+        x = factors.solve(y)
         good = np.all(np.isfinite(x)) and (
             not failed
-            or np.linalg.norm(right - self._apply(matrix, x)) < 0.1 * np.linalg.norm(right)
+            or np.linalg.norm(right - self._apply(matrix, x)) < GOOD * np.linalg.norm(right)
         )
         return (np.asarray(x) if good else None), counted
 

@@ -13,22 +13,19 @@ from scipy.sparse import bsr_matrix
 from sim_backend.arrays import Array, Bools
 from sim_backend.fem.assembly import gather
 from sim_backend.fem.newton import MIN_AREA_RATIO, CannotSolve, Load, NotConverged
+from sim_backend.fem.solid.balance import body_forces
 from sim_backend.fem.solid.body import Body
-from sim_backend.fem.solid.forces import (
-    forces,
-    smallest_volume_ratio,
-    tangents,
-    unit_pressure,
-)
+from sim_backend.fem.solid.descent import share_of_step
+from sim_backend.fem.solid.forces import smallest_volume_ratio, tangents
 from sim_backend.fem.solid.fronts import Singular
 from sim_backend.fem.solid.linear import LinearSolver
 from sim_backend.scene.waves import PA_PER_MMHG
 
-MAX_ITERATIONS = 25
+MAX_ITERATIONS, CAREFUL_ITERATIONS = 15, 60
 MIN_STEP = 1 / 64
-INDEFINITE, CAUTIOUS_STEP = 3, 1 / 8
+INDEFINITE, CAREFUL_STEP = 3, 1 / 8
 """Iterations with an indefinite tangent after which a step is taken in halves, down to the shortest
-that may end in an unstable state. Such iterations mostly end in crushed elements or in a state that
+that is taken carefully. Such iterations mostly end in crushed elements or in a state that
 a shorter step avoids, and each needs factors of its own: TIHA-solid 28 mm along takes 23 s of
 processor, without this 51."""
 PENALTY = 100.0
@@ -77,8 +74,7 @@ def _advance(body: Body, solver: LinearSolver, now: SolidSolution, goal: Load) -
     while share < 1.0:
         target = origin.between(goal, min(1.0, share + step))
         try:
-            most = INDEFINITE if step > CAUTIOUS_STEP else MAX_ITERATIONS
-            now = equilibrium(body, solver, now, target, most)
+            now = _balanced(body, solver, now, target, careful=step <= CAREFUL_STEP)
         except NotConverged as failure:
             step /= 2
             if step < MIN_STEP:
@@ -89,15 +85,32 @@ def _advance(body: Body, solver: LinearSolver, now: SolidSolution, goal: Load) -
     return now
 
 
+class _Stalled(NotConverged):
+    """Newton's steps went to and fro."""
+
+
+def _balanced(
+    body: Body, solver: LinearSolver, now: SolidSolution, target: Load, *, careful: bool
+) -> SolidSolution:
+    """The `equilibrium`, carefully where it must be. Raises `NotConverged`."""
+    try:
+        return equilibrium(body, solver, now, target, careful=careful)
+    except _Stalled:
+        if careful:
+            raise
+        return equilibrium(body, solver, now, target, careful=True)
+
+
 def equilibrium(
     body: Body,
     solver: LinearSolver,
     start: SolidSolution,
     load: Load,
-    most_indefinite: int = MAX_ITERATIONS,
+    *,
+    careful: bool = False,
 ) -> SolidSolution:
-    """The equilibrium at ``load``, in one step from ``start``, with no more than
-    ``most_indefinite`` iterations whose tangent has a negative pivot. Raises `NotConverged`."""
+    """The equilibrium at ``load``, in one step from ``start``; with ``careful`` iterations energy
+    falls, to where it is least. Raises `NotConverged`."""
     finger = body.finger.lowered_by(load.depth_m)
     complementarity = body.tissue_pa * body.contact_m
     penalty = PENALTY * complementarity
@@ -105,7 +118,8 @@ def equilibrium(
     before: Bools | None = None
     change: Array | None = None
     indefinite = 0
-    for iteration in range(1, MAX_ITERATIONS + 1):
+    most = CAREFUL_ITERATIONS if careful else MAX_ITERATIONS
+    for iteration in range(1, most + 1):
         place = body.wedges.nodes + u
         gap, normal, hessian = finger.gap(place[body.surface])
         if before is None:
@@ -114,7 +128,7 @@ def equilibrium(
             active = multiplier > complementarity * gap
         multiplier = np.where(active, multiplier, 0.0)
         rough = iteration == 1 and start.iterations == 0  # a guess, not an equilibrium
-        residual, turning = _body_forces(body, u, load.pressure_pa)
+        residual, turning = body_forces(body, u, load.pressure_pa)
         if not np.all(np.isfinite(residual)):
             raise NotConverged("elements were crushed")
         residual -= gather(body.size, body.contact_dofs, multiplier[:, None] * normal)
@@ -133,25 +147,30 @@ def equilibrium(
         residual += gather(body.size, body.contact_dofs, spring[:, None] * normal)
         # the normal turns with the multiplier alone: what springs of a wide gap would add to that
         # is far more than any contact, and makes the tangent indefinite
-        contact = _contact_blocks(body, active, multiplier, normal, hessian)
-        multiplier = multiplier - spring
+        springs, turned = _contact_blocks(body, active, multiplier, normal, hessian)
+        pushed, multiplier = multiplier, multiplier - spring
         blocks = tangents(body.wedges, body.shear, body.bulk, u, change, rough)
-        matrix = solver.matrix([blocks, *turning, contact])
+        matrix = solver.matrix([blocks, *turning, springs + turned])
+        if careful and not solver.is_definite(matrix):
+            turned = np.zeros_like(turned)
+            matrix = solver.matrix([blocks, *turning, springs])
         try:
-            change = solver.solve(matrix, -residual).reshape(-1, 3)
+            change = solver.solve(matrix, -residual, turned).reshape(-1, 3)
         except Singular:
             raise NotConverged("the tangent became singular") from None
         if rough:  # without the pressure its factors serve no other tangent
             solver.forget()
         indefinite += solver.is_indefinite
-        if indefinite > most_indefinite:
+        if indefinite > INDEFINITE and not careful:
             raise NotConverged("the tangent stayed indefinite")
+        if careful:
+            change *= share_of_step(body, load, u, change, pushed, penalty)
         change = _not_inside_out(body, u, change)
         u += change
         closing = (normal * change[body.surface]).sum(axis=1)
         multiplier = np.where(active, multiplier - penalty * closing, 0.0)
         before = active
-    raise NotConverged(f"Newton's method did not converge within {MAX_ITERATIONS} steps")
+    raise _Stalled(f"Newton's method did not converge within {most} steps")
 
 
 def is_stable(body: Body, solver: LinearSolver, solution: SolidSolution) -> bool | None:
@@ -178,7 +197,7 @@ def fallen(body: Body, solver: LinearSolver, unstable: SolidSolution) -> SolidSo
     for share in PUSHES:
         pushed = replace(unstable, displacement=unstable.displacement + share * push)
         try:
-            found = equilibrium(body, solver, pushed, unstable.load)
+            found = equilibrium(body, solver, pushed, unstable.load, careful=True)
         except NotConverged:
             continue
         if is_stable(body, solver, found):
@@ -191,21 +210,21 @@ def _tangent(body: Body, solver: LinearSolver, solution: SolidSolution) -> bsr_m
     finger = body.finger.lowered_by(solution.load.depth_m)
     place = body.wedges.nodes + solution.displacement
     _, normal, hessian = finger.gap(place[body.surface])
-    _, turning = _body_forces(body, solution.displacement, solution.load.pressure_pa)
-    contact = _contact_blocks(body, solution.multiplier > 0, solution.multiplier, normal, hessian)
+    _, turning = body_forces(body, solution.displacement, solution.load.pressure_pa)
+    active = solution.multiplier > 0
+    springs, turned = _contact_blocks(body, active, solution.multiplier, normal, hessian)
     blocks = tangents(body.wedges, body.shear, body.bulk, solution.displacement)
-    return solver.matrix([blocks, *turning, contact])
+    return solver.matrix([blocks, *turning, springs + turned])
 
 
 def _contact_blocks(
     body: Body, active: Bools, multiplier: Array, normal: Array, hessian: Array
-) -> Array:
+) -> tuple[Array, Array]:
     """Springs (s, 3, 3) of the ``active`` nodes (s,), and their normals' turning."""
     penalty = PENALTY * body.tissue_pa * body.contact_m
     springs = np.where(active, penalty, 0.0)[:, None, None]
-    return np.asarray(
-        springs * normal[:, :, None] * normal[:, None, :] - multiplier[:, None, None] * hessian
-    )
+    rigid = springs * normal[:, :, None] * normal[:, None, :]
+    return rigid, -multiplier[:, None, None] * hessian
 
 
 def _first_active(gap: Array, multiplier: Array) -> Bools:
@@ -216,19 +235,6 @@ def _first_active(gap: Array, multiplier: Array) -> Bools:
     deeper half, as in the contact of a ball (Johnson 1985, eq. 3.42: a^2 = R d, not 2 R d).
     """
     return multiplier > 0 if multiplier.any() else gap < min(0.5 * float(gap.min()), 0.0)
-
-
-def _body_forces(body: Body, u: Array, pressure_pa: float) -> tuple[Array, list[Array]]:
-    """Residual (3n,) of wedges, lumens and what leans, and the lumens' tangent blocks."""
-    residual = gather(body.size, body.wedges.dofs, forces(body.wedges, body.shear, body.bulk, u))
-    blocks = []
-    for faces in body.lumens:
-        unit, turning = unit_pressure(faces, body.wedges.nodes + u)
-        residual -= gather(body.size, faces.dofs, pressure_pa * unit)
-        blocks.append(-pressure_pa * turning)
-    for stiffness, weight in body.leaning:
-        residual += stiffness * float(weight @ u.ravel()) * weight
-    return residual, blocks
 
 
 def _not_inside_out(body: Body, u: Array, change: Array) -> Array:

@@ -10,6 +10,7 @@ import pytest
 from sim_backend.fem.newton import Load, NotConverged
 from sim_backend.fem.solid import newton
 from sim_backend.fem.solid.build import build_body
+from sim_backend.fem.solid.descent import share_of_step
 from sim_backend.fem.solid.forces import tangents
 from sim_backend.fem.solid.fronts import Singular
 from sim_backend.fem.solid.linear import LinearSolver
@@ -47,20 +48,49 @@ def test_an_indefinite_tangent_is_left_by_shorter_steps(monkeypatch: pytest.Monk
     solver = body.solver()
     monkeypatch.setattr(LinearSolver, "is_indefinite", property(lambda _: True))
     with pytest.raises(NotConverged, match="stayed indefinite"):
-        equilibrium(body, solver, unloaded(body), Load(0.35e-3, 0.0), newton.INDEFINITE)
+        equilibrium(body, solver, unloaded(body), Load(0.35e-3, 0.0))
     allowed = []
 
-    def indefinite(_b: Any, _s: Any, start: Any, load: Load, most: int) -> newton.SolidSolution:
-        allowed.append((load.depth_m, most))
-        if most < newton.MAX_ITERATIONS:
+    def indefinite(_b: Any, _s: Any, start: Any, load: Load, *, careful: bool) -> Any:
+        allowed.append((load.depth_m, careful))
+        if not careful:
             raise NotConverged("the tangent stayed indefinite")
         return replace(start, load=load)
 
     monkeypatch.setattr(newton, "equilibrium", indefinite)
     (found,) = newton.continuation(body, solver, unloaded(body), [Load(0.8e-3, 0.0)])
     assert found.load.depth_m == pytest.approx(0.8e-3)
-    cautious = [(pytest.approx(0.8e-3 / 2**k), newton.INDEFINITE) for k in range(3)]
-    assert allowed[:4] == [*cautious, (pytest.approx(0.1e-3), newton.MAX_ITERATIONS)]
+    whole = [(pytest.approx(0.8e-3 / 2**k), False) for k in range(3)]
+    assert allowed[:4] == [*whole, (pytest.approx(0.1e-3), True)]
+
+
+def test_a_node_slides_over_an_edge_finer_than_the_elements() -> None:
+    """Where its place of balance vanishes plain steps leap to and fro. The body of revolution,
+    whose elements are finer than the edge, tells 0.820 N."""
+    punch = {"shape": "flat", "diameter_mm": 8.0, "edge_radius_mm": 0.3}
+    scene = Scene.model_validate(SCENE.model_dump() | {"indenter": punch})
+    body = build_body(scene, 12e-3, depth_m=2e-3, size_m=2e-3)
+    solver = body.solver()
+    way = [Load(depth_m, 0.0) for depth_m in (0.35e-3, 0.7e-3, 1.05e-3)]
+    *_, before = newton.continuation(body, solver, unloaded(body), way)
+    with pytest.raises(NotConverged, match="did not converge"):
+        equilibrium(body, solver, before, Load(1.4e-3, 0.0))
+    (found,) = newton.continuation(body, solver, before, [Load(1.4e-3, 0.0)])
+    assert found.force_n == pytest.approx(0.820, rel=0.025)
+    assert newton.is_stable(body, solver, found)
+
+
+@pytest.mark.parametrize("too_far", [1 / 8, 1.0, 5.0])
+def test_a_step_ends_where_energy_falls_no_more(too_far: float) -> None:
+    body = build_body(SCENE, 12e-3, depth_m=1e-3, size_m=2.5e-3)
+    load = Load(0.35e-3, 0.0)
+    found = equilibrium(body, body.solver(), unloaded(body), load)
+    off = np.zeros_like(found.displacement)
+    off[:, 1] = 1e-5 * np.sin(np.pi * body.wedges.nodes[:, 1] / 12e-3)  # no move of the bottom
+    start = found.displacement - off
+    pushed, penalty = found.multiplier, newton.PENALTY * body.tissue_pa * body.contact_m
+    share = share_of_step(body, load, start, too_far * off, pushed, penalty)
+    assert 0.5 <= share * too_far <= 1.5
 
 
 def test_factors_say_whether_the_tangent_is_indefinite() -> None:
