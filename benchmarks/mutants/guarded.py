@@ -9,9 +9,10 @@ LOOP, RULES = "probe/acquisition/run_loop.py", "probe/acquisition/stop_rules.py"
 CLOCKS = "probe/acquisition/clock_guard.py"
 PRESS = "probe/acquisition/press_guard.py"
 PRESSES = "probe/acquisition/presses.py"
-LEVELS = "probe/acquisition/levels.py"
+LEVELS, TOUCHING = "probe/acquisition/levels.py", "probe/acquisition/touching.py"
 TEST_MONITOR = "tests/probe/acquisition/test_safety_monitor.py"
 TEST_ENGINE = "tests/probe/acquisition/test_engine.py"
+TEST_TOUCHING = "tests/probe/acquisition/test_touching.py"
 TEST_CONTACT = "tests/probe/acquisition/test_ur_contact.py"
 TEST_LIMIT = "tests/probe/acquisition/test_force_limit.py"
 TEST_WORLDS = "tests/probe/acquisition/test_worlds_not_built.py"
@@ -178,8 +179,7 @@ GUARDED = (
     ),
     Mutant(
         "a moving stage is silent's guess", MONITOR,
-        "most_s = limits.late_s if self._in_motion else limits.silence_s",
-        "most_s = limits.silence_s",
+        'key = "late_s" if self._in_motion else "silence_s"', 'key = "silence_s"',
         (f"{TEST_WORLDS}::test_a_sensor_that_is_silent_beside_another_is_not_waited_for",),
     ),
     Mutant(
@@ -308,14 +308,14 @@ GUARDED = (
         (f"{TEST_WORLDS}::test_a_station_waits_for_what_its_sensor_says_late",),
     ),
     Mutant(
-        "nothing touched is a touch", ENGINE,
-        "if self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
-        "if not self.go(lowest, TOUCH_M_S, until=lambda: self.monitor.force_n() >= touch_n):",
-        (f"{TEST_ENGINE}::test_touch_finds_the_surface",
-         f"{TEST_ENGINE}::test_nothing_to_touch_is_a_fault"),
+        "nothing touched is a touch", TOUCHING,
+        "if loop.go(lowest, TOUCH_M_S, until=touches):",
+        "if not loop.go(lowest, TOUCH_M_S, until=touches):",
+        (f"{TEST_TOUCHING}::test_touch_finds_the_surface",
+         f"{TEST_TOUCHING}::test_nothing_to_touch_is_a_fault_that_says_what_was_felt"),
     ),
     Mutant(
-        "a contact in the air is a surface", ENGINE,
+        "a contact in the air is a surface", TOUCHING,
         "if most_n < touch_n:", "if most_n < 0:",
         (f"{TEST_CONTACT}::test_contact_in_the_air_is_a_fault",),
     ),

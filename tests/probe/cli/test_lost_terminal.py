@@ -99,6 +99,9 @@ def test_a_terminal_that_lacks_a_character_gets_the_answer(tmp_path: Path) -> No
 def test_an_answer_that_cannot_be_written_is_said(more: list[str]) -> None:
     with Path("/dev/full").open("w") as full:
         command = [sys.executable, "-m", "probe.cli", "scenes", *more]
-        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False)
+        buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+        done = subprocess.run(
+            command, env=buffered, stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
     assert done.returncode == 2
     assert done.stderr == "output could not be written: no space left on device\n"
