@@ -9,6 +9,7 @@ import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import time
 import traceback
@@ -26,7 +27,8 @@ from mutants.mutant import Gone, Mutant
 
 ROOT = Path(__file__).resolve().parents[2]
 COPIED = ("probe", "drivers", "sim_backend", "calibration", "palpate", "tests", "benchmarks",
-          "rigs", "pyproject.toml")  # fmt: skip
+          "rigs", "pyproject.toml", "README.md")  # fmt: skip
+COMPILED = (".c", ".h")
 TIMEOUT_S = 180.0
 OURS = ("palpate", "probe", "drivers", "sim_backend", "calibration", "campaign", "mutants")
 THEIRS = (
@@ -45,6 +47,12 @@ def copy_tree(into: Path) -> None:
             shutil.copytree(source, into / name)
         else:
             shutil.copy2(source, into / name)
+
+
+def compile_kernel(tree: Path) -> None:
+    """The kernel of ``tree``, anew. Raises `subprocess.CalledProcessError`."""
+    build = [sys.executable, "-c", "import setuptools; setuptools.setup()", "build_ext"]
+    subprocess.run([*build, "--inplace", "--force"], cwd=tree, check=True, capture_output=True)
 
 
 def ask(tree: Path, tests: tuple[str, ...], runs: tuple[str, ...]) -> list[str]:
@@ -146,10 +154,14 @@ def kill(mutant: Mutant, tree: Path) -> dict[str, Any]:
         return {**row, "noticed": [], "gone": str(gone)}
     try:
         file.write_text(broken, encoding="utf-8")
+        if file.suffix in COMPILED:
+            compile_kernel(tree)
         row["noticed"] = ask(tree, mutant.tests, mutant.runs)
     finally:
         file.write_bytes(sound)
         os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+        if file.suffix in COMPILED:
+            compile_kernel(tree)
     return {**row, "at": datetime.now(UTC).isoformat(timespec="seconds")}
 
 

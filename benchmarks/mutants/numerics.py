@@ -5,9 +5,13 @@ from mutants.mutant import Mutant
 MATERIAL, LUMEN = "sim_backend/fem/material.py", "sim_backend/fem/lumen.py"
 SKIN, REFINE = "sim_backend/fem/contact/elastic_foundation.py", "sim_backend/models/refine.py"
 CHOOSE = "sim_backend/models/choose.py"
+KERNEL = "sim_backend/fem/kernel"
 LAW = ("tests/sim_backend/fem/test_material.py",)
 TANGENTS = ("tests/sim_backend/fem/test_tangents.py",)
 RING = ("tests/sim_backend/fem/test_inflated_ring.py",)
+AS_COMPILED = ("tests/sim_backend/fem/test_kernel.py::test_cells_and_lumens_of_random_states",)
+STABLE = ("tests/sim_backend/fem/test_stability.py",)
+FRONTS = ("tests/sim_backend/fem/test_assembly.py",)
 FINGERS = ("tests/sim_backend/fem/test_fingers.py",)
 REFINED = ("tests/sim_backend/models/test_refine.py",)
 CHOSEN = ("tests/sim_backend/models/test_choose.py",)
@@ -19,9 +23,22 @@ NUMERICS = (
            "shear * volume ** (-5 / 3)", "shear * volume ** (-2 / 3)", LAW),
     Mutant("pressure on the section as it was", LUMEN,
            "thickness, thinner = thinning(f, sides.shear[:, None], sides.bulk[:, None])",
-           "thickness, thinner = np.ones(f.shape[:2]), np.zeros_like(f)", RING),
+           "thickness, thinner = np.ones(f.shape[:2]), np.zeros_like(f)", AS_COMPILED),
     Mutant("a lumen's force turns with half of its sides", LUMEN,
-           "turn = (thickness @ sides.turn)", "turn = (0.5 * thickness @ sides.turn)", TANGENTS),
+           "turn = (thickness @ sides.turn)", "turn = (0.5 * thickness @ sides.turn)", AS_COMPILED),
+    Mutant("pressure on the section as it was, compiled", f"{KERNEL}/lumen.c",
+           "l3 = strain.l3;", "l3 = 1;", RING),
+    Mutant("a lumen's force turns with half of its sides, compiled", f"{KERNEL}/lumen.c",
+           "(i ? l3 : -l3) * spread[a]", "(i ? 0.5 * l3 : -0.5 * l3) * spread[a]", TANGENTS),
+    Mutant("a thickness of the first guess, compiled", f"{KERNEL}/material.h",
+           "if (fabs(change) < 1e-8 * root) break;", "break;", TANGENTS),
+    Mutant("the pressure does not stiffen, compiled", f"{KERNEL}/material.h",
+           "s.turning = s.scale * s.i1 / 3 - bulk * (s.volume - 1) * s.volume;",
+           "s.turning = s.scale * s.i1 / 3 - bulk * (s.volume - 1);", TANGENTS),
+    Mutant("what cannot stand is stable", f"{KERNEL}/fronts.c",
+           "all->negative += pivot < 0;", "all->negative += 0;", STABLE),
+    Mutant("a pivot of zero is divided by", f"{KERNEL}/fronts.c",
+           "if (pivot == 0 || !isfinite(pivot)) return 0;", "", FRONTS),
     Mutant("a thickness of the first guess", MATERIAL,
            "root = np.maximum(root - change, 0.5 * root)", "root = 1.0 * root", LAW),
     Mutant("a skin's nodes bear as those of straight sides", SKIN,
