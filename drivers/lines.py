@@ -188,7 +188,7 @@ class LineSource:
             time_s = 0.0 if group is None else self._time_unit_s * self._number(found[group] or b"")
         except ValueError:  # an optional group left out, or one that is no number
             return None
-        if not all(math.isfinite(v) for v in (*values, time_s)):
+        if not math.isfinite(time_s):
             return None
         return values, None if group is None else time_s
 

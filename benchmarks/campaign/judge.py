@@ -10,7 +10,6 @@ what the kind of fault allows (`faults`), a the board's acceleration, sigma the 
 """
 
 import math
-import re
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ from campaign.cell import NOISE_N, RATE_HZ
 from campaign.faults import Draw
 from campaign.limits import MAX_DEPTH_M, MAX_FORCE_N
 from campaign.scanning import Resumed
-from campaign.stored import check_stored, words_kept
+from campaign.stored import check_stored, kept_finish, words_kept
 from campaign.truth import DEPTH, FORCE, MOVING, SIDE, T, Truth, X, Y, Z
 from campaign.world import HARDENING_PER_M
 from drivers.core.arrays import Array
@@ -32,9 +31,10 @@ POSE_SLACK_M = 0.1e-3
 SIDEWAYS_M, SEEN_S = 1e-3, 0.25
 STARVED_S = 0.03  # the truth itself stood still for longer: the machine was the fault, not the scan
 STATUSES = (0, 3, 5)
-HUNG, KILLED, BUG = None, 137, 70
+HUNG, KILLED, BUG, ABORTED = None, 137, 70, 5
 STAYS = {"SIGINT", "SIGINT to the group", "ctrl-c typed"}
 """A Ctrl-C after any other order to end leaves the probe where it is, in words."""
+ASKED = STAYS | {"stop", "SIGINT storm"}
 NEVER_BEGAN = "the process that guards did not come up"
 
 
@@ -101,6 +101,9 @@ def judge(
         wrong += _check_resumed(resumed, up)
     if run is not None and "replaced" not in draw.name:
         wrong += check_stored(draw, truth, run)
+    once = len(draw.faults) == 1 and "storm" not in draw.name  # a second order ends the answer too
+    if once and status == ABORTED and finish == "none" and kept_finish(run) == "aborted":
+        wrong.append("the run was aborted, and the answer does not say so")
     void = truth.late_s > STARVED_S or starved(draw, said)
     return Verdict(
         tuple(wrong), void, status, finish, up, force_n, allowed_n,
@@ -206,8 +209,11 @@ def _check_end(draw: Draw, truth: Truth, up: bool, status: int | None, said: str
     stayed = set(names) & STAYS and len(names) > 1 and "as asked" in said
     if must and not stayed:
         wrong.append(f"left {1e3 * last[DEPTH]:.2f} mm deep with {last[FORCE]:.2f} N")
-    elif last[DEPTH] > 0 and status != KILLED and not re.search(r"lift|press|rais", said.lower()):
-        wrong.append("left pressed without a word about it")
+    elif last[DEPTH] > 0 and status != KILLED:
+        if "not lifted" not in said.lower():
+            wrong.append("left pressed without a word about it")
+        elif "as asked" in said and not set(names) & ASKED:
+            wrong.append("left pressed as asked, and nobody asked")
     return wrong
 
 

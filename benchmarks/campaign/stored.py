@@ -72,6 +72,16 @@ def words_kept(path: Path | None) -> str:
         return ""
 
 
+def kept_finish(path: Path | None) -> str:
+    """How a run ended, by its file."""
+    try:
+        events = () if path is None else open_run(path).events()
+        ends = [event.finish.value for event in events if isinstance(event, RunEnded)]
+    except RunFileError:
+        return "unknown"
+    return ends[-1] if ends else "none"
+
+
 def _first_session(events: Iterable[Any]) -> list[Any]:
     """Without what a resume added: its clock and its zeros are others."""
     found: list[Any] = []

@@ -45,9 +45,9 @@ DEVICES = (
         ("tests/drivers/core/test_ports.py",),
     ),
     Mutant(
-        "an infinite number is a reading", LINES,
-        "if not all(math.isfinite(v) for v in (*values, time_s)):",
-        "if not all(math.isfinite(v) for v in (time_s,)):",
+        "an infinite number is a reading", "drivers/core/reader.py",
+        "if not (math.isfinite(sample.time_s) and all(map(math.isfinite, sample.values))):",
+        "if not math.isfinite(sample.time_s):",
         ("tests/drivers/test_lines.py",),
     ),
     Mutant(
