@@ -219,17 +219,28 @@ class _Signal:
             return np.full(len(time_s), math.nan)
         surface = self.surface_m.get(index, math.nan)
         if math.isnan(surface) and Phase.INDENTING in press.phases:
-            surface = float(np.interp(press.phases[Phase.INDENTING], poses_s, poses[:, 0]))
+            surface = float(_between(np.array([press.phases[Phase.INDENTING]]), poses_s, poses)[0])
         found = Growing(np.float64)
         for part in press.signal.parts(len(time_s)):
-            z = np.interp(time_s[part], poses_s, poses[:, 0])
-            depth = (surface - z) / math.cos(self.incline.get(index, 0.0))
+            depth = (surface - _between(time_s[part], poses_s, poses)) / math.cos(
+                self.incline.get(index, 0.0)
+            )
             if self.compliance_m_per_n and math.isfinite(self.face_m2):
                 mean_pa = signal_pa[part].mean(axis=1)
                 depth = depth - self.compliance_m_per_n * self.face_m2 * mean_pa
             found.add(depth)
             press.height.rest()
         return found.whole()
+
+
+def _between(time_s: Array, poses_s: Array, height_m: Array) -> Array:
+    """Heights (n,) at ``time_s`` (n,), of ``height_m`` (m, 1) at ascending ``poses_s`` (m,).
+
+    numpy.interp reads all of its points, be they in a file.
+    """
+    first, last = np.searchsorted(poses_s, [time_s.min(), time_s.max()])
+    near = slice(max(int(first) - 1, 0), int(last) + 1)
+    return np.asarray(np.interp(time_s, poses_s[near], height_m[near, 0]))
 
 
 def quantum(parts: Iterable[Array]) -> float:
