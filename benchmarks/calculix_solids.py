@@ -50,6 +50,8 @@ BALL = {"shape": "sphere", "radius_mm": 5.0}
 CYLINDER = {"shape": "cylinder", "radius_mm": 5.0, "length_mm": 10.0, "edge_radius_mm": 1.0,
             "axis": "along"}  # fmt: skip
 STENOSIS = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": (-3.0, 3.0)}
+DIP = {"path": [(z, 12.0, 10.0 - float(np.cos(np.pi * z / 8))) for z in range(-8, 9)]}
+"""From 9 mm below the finger to 11 mm, leaning by up to 21 degrees."""
 LUMP = {"kind": "tumour", "x_mm": 32.0, "depth_mm": 8.0, "diameter_mm": 6.0,
         "modulus_kpa": 1000.0, "poisson": 0.49}  # fmt: skip
 SMALL = {**TISSUE, "width_mm": 24.0, "length_mm": 20.0}
@@ -78,6 +80,8 @@ CASES = {
     "ball-over-ball": Case(TISSUE, LUMP, BALL, (0.0,)),
     "part-length-stenosis": Case(SMALL, {**ARTERY, "depth_mm": 9.0, "stenosis": STENOSIS}, BALL,
                                  EMPTY_TO_120_MMHG, 4, FINE_MM),
+    "vessel-on-a-path": Case(SMALL, {**ARTERY, "depth_mm": 9.0, **DIP}, BALL, EMPTY_TO_120_MMHG, 4,
+                             FINE_MM),
 }  # fmt: skip
 LOADING, HOLDING = "0.25, 1., 1.E-5, 0.5", "1., 1., 1.E-5, 1."
 """First increment, step, smallest and largest increment of the two steps of each load."""

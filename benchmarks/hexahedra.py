@@ -24,6 +24,8 @@ CORE = 0.55
 """Half side of the cube within a ball over its radius."""
 FACET_MM = 0.25
 """Of the finger: a facet's middle lies FACET^2 / (8 R) = 0.002 mm inside a ball of 5 mm."""
+LEAN_MM = 0.5
+"""To either side of a place, where a path's lean is measured: half of the way between points."""
 REACH = np.radians(62.0)
 """Angle from the lowest point up to which a finger has facets: 2 mm deep, 5 mm round, contact ends
 below 53 degrees."""
@@ -40,7 +42,7 @@ SIDES = np.array([[0, 1, 2, 3], [4, 7, 6, 5], [0, 4, 5, 1], [1, 5, 6, 2], [2, 6,
 
 @dataclass(frozen=True)
 class Hexahedra:
-    """``nodes`` (n, 3) [mm], ``cells`` (m, 20) and the ``middle`` (m, 3) of each."""
+    """``nodes`` (n, 3) [mm], ``cells`` (m, 20) and the ``middle`` (m, 3) of each, on no path."""
 
     nodes: Array
     cells: Ints
@@ -84,7 +86,29 @@ def quarter(scene: Scene, cells_45: int, z_edges: Array) -> Hexahedra:
     bricks = bricks[~_is_lumen(scene, bricks[:, 1, 1, 1])]
     placed = bricks[:, *_NODES.T]
     nodes, cells = np.unique(np.round(placed.reshape(-1, 3), 6), axis=0, return_inverse=True)
+    if isinstance(one, Artery) and one.path:
+        nodes = _dipped(nodes, one, box, tissue.width_mm / 2, tissue.height_mm)
     return Hexahedra(nodes, cells.reshape(-1, 20), bricks[:, 1, 1, 1])
+
+
+def _dipped(nodes: Array, one: Artery, box: float, width: float, height: float) -> Array:
+    """``nodes`` (n, 3) of a straight vessel's quarter, moved up and down along its path: its box as
+    it is, longer where the vessel leans, and what is above, below and beside by straight lines."""
+    x, y, z = nodes.T
+    centre = height - one.depth_mm
+    fades = np.clip(1 - (x - box) / (width - box), 0.0, 1.0)
+
+    def rise(at: Array) -> Array:
+        return one.depth_mm - np.interp(at, *np.array(one.path)[:, [0, 2]].T)
+
+    lean = (rise(z + LEAN_MM) - rise(z - LEAN_MM)) / (2 * LEAN_MM)
+    half = box * (1 + fades * (np.hypot(1.0, lean) - 1))
+    middle = centre + fades * rise(z)
+    below = y / (centre - box) * (middle - half)
+    within = middle + (y - centre) / box * half
+    above = height - (height - y) / (height - centre - box) * (height - middle - half)
+    moved = np.where(y < centre - box, below, np.where(y > centre + box, above, within))
+    return np.column_stack([x, moved, z])
 
 
 def material_of(scene: Scene, middle: Array) -> Ints:

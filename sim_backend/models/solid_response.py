@@ -45,7 +45,7 @@ LEFT = Left(rest=0.05, change=0.05, between=0.01)
 """TIHA under a ball: from this mesh to the next the force changes by 1.7 %, which leaves 3.8 % at
 the rate of `solid_press.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
 between depths 0.2 % of the deepest."""
-WAY = 2
+WAY = 3
 """Number of the way of solving; what was kept by another way is solved again."""
 
 
@@ -91,7 +91,9 @@ def symmetric_parts(scene: Scene) -> list[Scene]:
     aside_mm = abs(tissue.z_mm or 0.0)
     near_mm = tissue.length_mm / 2 - aside_mm
     straight = all(
-        isinstance(one, Artery) and (one.stenosis is None or one.stenosis.z_mm is None)
+        isinstance(one, Artery)
+        and not one.path
+        and (one.stenosis is None or one.stenosis.z_mm is None)
         for one in scene.inclusion
     )
     if not straight or aside_mm == 0.0 or near_mm < scene.indenter.breadth_mm_projected / 2:

@@ -46,8 +46,8 @@ MAX_KEPT = 256
 
 
 class Station(NamedTuple):
-    """What is solved: a place [m] of a scene down to a depth [m]. Of two places that are each
-    other's mirror image, it is the left one, and along a solid the one at larger z."""
+    """What is solved: a place [m] of a scene down to a depth [m]. Of places that are each other's
+    mirror images it is the left one, and along a solid the one at larger z."""
 
     scene: Scene
     x_m: float
@@ -75,12 +75,28 @@ def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
 def station(scene: Scene, x_m: float, max_depth_m: float) -> Station:
     """What `respond` solves for these arguments."""
     half_m = round(x_m, 9)
-    if scene.tissue is not None and mirrored(scene) == scene:
+    if scene.plane == "solid":
+        scene, half_m = _alike(scene, half_m)
+    elif scene.tissue is not None and mirrored(scene) == scene:
         width = 1e-3 * scene.tissue.width_mm
         half_m = round(min(half_m, width - half_m), 9)
-    if scene.tissue is not None and (scene.tissue.z_mm or 0.0) > 0:
-        scene = mirrored_along(scene)
     return Station(scene, half_m, round(max_depth_m, 9))
+
+
+def _alike(scene: Scene, x_m: float) -> tuple[Scene, float]:
+    """One solid and place of the four that are each other's mirror images."""
+    assert scene.tissue is not None  # the scene was checked
+    across_m = round(1e-3 * scene.tissue.width_mm - x_m, 9)
+    turned = mirrored_along(scene)
+    along = [mirrored_along(turned), turned]
+    four = [(one, x_m) for one in along] + [(mirrored(one), across_m) for one in along]
+    leftmost = min(four, key=lambda one: (_z_mm(one[0]), one[1]))
+    alike = [one for one in four if (_z_mm(one[0]), one[1]) == (_z_mm(leftmost[0]), leftmost[1])]
+    return min(alike, key=lambda one: one[0].model_dump_json())
+
+
+def _z_mm(scene: Scene) -> float:
+    return (scene.tissue and scene.tissue.z_mm) or 0.0
 
 
 def learn(one: Station, response: StationResponse) -> None:

@@ -54,7 +54,8 @@ class Tumour(_Round):
 
 
 class Artery(_Round):
-    """A tube with a lumen under pressure; ``path`` of [z_mm, x_mm, depth_mm] for grids."""
+    """A tube with a lumen under pressure; ``path`` of [z_mm, x_mm, depth_mm] for grids and
+    solids."""
 
     kind: Literal["artery"]
     inner_diameter_mm: Positive

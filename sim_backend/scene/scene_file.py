@@ -5,9 +5,11 @@ centre. Impossible geometry is refused with the key, the value and what is allow
 """
 
 from importlib import resources
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import (
     AfterValidator,
     Field,
@@ -26,6 +28,8 @@ from sim_backend.scene.table import Positive, Table, is_unset
 
 MAX_FILE_BYTES = 1_000_000
 MAX_NAME = 100  # characters
+MOST_OBLIQUE_DEG = 45.0
+"""Of a solid's vessel to z."""
 WAVES = ("paper", "brachial")
 
 
@@ -211,8 +215,6 @@ def _need_solid(scene: Scene) -> None:
         raise ValueError("indenter.edge_radius_mm is missing: a solid's cylinder has rounded ends")
     if scene.support != Support():
         raise ValueError("[support] is of plane scenes: a solid rests on its bottom, frictionless")
-    if any(one.path for one in scene.arteries):
-        raise ValueError("inclusion.path: vessels of a solid are straight along z")
     half_mm, middle_mm = scene.tissue.length_mm / 2, scene.tissue.z_mm or 0.0
     if abs(middle_mm) >= half_mm:
         raise ValueError(
@@ -222,6 +224,7 @@ def _need_solid(scene: Scene) -> None:
     for n, one in enumerate(scene.inclusion):
         if isinstance(one, Artery):
             _need_stretch_within(one, f"inclusion[{n}]", middle_mm - half_mm, middle_mm + half_mm)
+            _need_course_along(one, f"inclusion[{n}]")
             continue
         room_mm = half_mm - one.outer_radius_mm
         if abs((one.z_mm or 0.0) - middle_mm) >= room_mm:
@@ -241,14 +244,30 @@ def _need_stretch_within(one: Artery, key: str, low_mm: float, high_mm: float) -
         )
 
 
+def _need_course_along(one: Artery, key: str) -> None:
+    """A solid is meshed as sections along z, which a vessel must cross."""
+    for first, last in pairwise(one.path):
+        way_mm = np.subtract(last, first)
+        angle_deg = float(np.degrees(np.arctan2(np.hypot(*way_mm[1:]), way_mm[0])))
+        if angle_deg > MOST_OBLIQUE_DEG:
+            raise ValueError(
+                f"{key}.path: from z_mm = {first[0]:g} to {last[0]:g} it runs at {angle_deg:.0f} "
+                f"degrees to z, at most {MOST_OBLIQUE_DEG:g} in a solid. Turn the block: let z be "
+                "the way that the vessel runs"
+            )
+
+
 def mirrored(scene: Scene) -> Scene:
     """The scene seen from the other side; a block only."""
     assert scene.tissue is not None
     width = scene.tissue.width_mm
-    inclusion = tuple(
-        one.model_copy(update={"x_mm": round(width - one.x_mm, 9)}) for one in scene.inclusion
-    )
-    return scene.model_copy(update={"inclusion": inclusion})
+    inclusion: list[Inclusion] = []
+    for one in scene.inclusion:
+        change: dict[str, object] = {"x_mm": round(width - one.x_mm, 9)}
+        if isinstance(one, Artery) and one.path:
+            change["path"] = tuple((z, round(width - x, 9), depth) for z, x, depth in one.path)
+        inclusion.append(one.model_copy(update=change))
+    return scene.model_copy(update={"inclusion": tuple(inclusion)})
 
 
 def scene_names() -> list[str]:

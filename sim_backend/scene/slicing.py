@@ -53,7 +53,7 @@ def _moved_along(scene: Scene, way_mm: float) -> Scene:
 
 
 def _along(scene: Scene, place: Callable[[float], float]) -> Scene:
-    """A solid whose block, lumps and stretches of stenosis are at ``place(z)``."""
+    """A solid whose block, lumps, paths and stretches of stenosis are at ``place(z)``."""
     assert scene.tissue is not None  # the scene was checked
     inclusion: list[Tumour | Artery] = []
     for one in scene.inclusion:
@@ -63,6 +63,8 @@ def _along(scene: Scene, place: Callable[[float], float]) -> Scene:
         elif one.stenosis is not None and one.stenosis.z_mm is not None:
             ends = tuple(sorted(place(z) for z in one.stenosis.z_mm))
             change["stenosis"] = one.stenosis.model_copy(update={"z_mm": ends})
+        if isinstance(one, Artery) and one.path:
+            change["path"] = tuple(sorted((place(z), x, depth) for z, x, depth in one.path))
         inclusion.append(one.model_copy(update=change))
     tissue = scene.tissue.model_copy(update={"z_mm": place(scene.tissue.z_mm or 0.0)})
     return beyond_a_file(scene, {"tissue": tissue, "inclusion": tuple(inclusion)})

@@ -11,6 +11,7 @@ from sim_backend.fem.solid.forces import forces, unit_pressure
 def body_forces(body: Body, u: Array, pressure_pa: float) -> tuple[Array, list[Array]]:
     """Residual (3n,) [N] at displacements ``u`` (n, 3) [m], and the lumens' tangent blocks."""
     residual = gather(body.size, body.wedges.dofs, forces(body.wedges, body.shear, body.bulk, u))
+    residual -= pressure_pa * body.thrust
     blocks = []
     for faces in body.lumens:
         unit, turning = unit_pressure(faces, body.wedges.nodes + u)

@@ -21,7 +21,8 @@ class Body:
     but not on average. ``share`` is the part of the whole body that is modelled, by symmetry.
     ``contact_m`` is the element size in the contact, ``tissue_pa`` the modulus there: together they
     scale contact stiffness and tolerances. ``prism`` are the section's nodes (c, 2) and the planes
-    (p,) along z that were extruded, [m], before lumps were bent: n = p c.
+    (p,) along z that were extruded, [m], before lumps were bent: n = p c. ``thrust`` (3n,) [m2] are
+    forces per lumen pressure.
     """
 
     wedges: Wedges
@@ -37,6 +38,7 @@ class Body:
     contact_m: float
     tissue_pa: float
     prism: tuple[Array, Array]
+    thrust: Array
 
     @property
     def size(self) -> int:

@@ -17,16 +17,18 @@ from sim_backend.fem.model import (
 )
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.courses import across, end_thrust
 from sim_backend.fem.solid.finger import solid_finger
 from sim_backend.fem.solid.forces import Faces
 from sim_backend.fem.solid.layers import graded_edges
 from sim_backend.fem.solid.prism import extrude, planes_of, quad_shape, triangle_shape, wedges_of
-from sim_backend.fem.solid.warp import BALL_CORE, cylinder_to_ball
+from sim_backend.fem.solid.warp import BALL_CORE, REACH, cylinder_to_ball
 from sim_backend.fem.support import HOLD_WIDTH_M
-from sim_backend.scene.inclusion import Artery, Tumour
+from sim_backend.scene.inclusion import Artery, Inclusion, Tumour
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.slicing import is_symmetric_along
+from sim_backend.scene.table import beyond_a_file
 
 SHARE = 0.36
 """Element size in the contact over the finger's smaller half width."""
@@ -77,40 +79,47 @@ def build_body(
     tissue = scene.tissue
     assert tissue is not None and tissue.length_mm is not None  # the scene was checked
     _refuse_locking(scene)
-    _refuse_behind(scene)
+    drawn = _as_at_finger(scene)
+    _refuse_behind(drawn)
     half_m = 0.5e-3 * tissue.length_mm
     middle_m = 1e-3 * (tissue.z_mm or 0.0)
     span = _Span(0.0 if is_symmetric_along(scene) else middle_m - half_m, middle_m + half_m)
-    across, along = footprint(scene.indenter)
+    wide, along = footprint(scene.indenter)
     grading = grading_of(scene, size_m)
-    flat = section_scene(scene, across)
+    flat = section_scene(drawn, wide)
     section = build_section(
         flat, x_m, depth_m=depth_m, size_m=size_m, element="T6", grading=grading
     )
     edges = _edges(scene, span, along, depth_m, grading)
     nodes, cells = extrude(section.mesh.nodes, section.mesh.cells, edges)
     solid = _solid_part(scene, section, edges)
-    placed = _bent(scene, nodes)
+    placed = nodes.copy()
+    if any(one.path for one in scene.arteries):
+        placed[:, :2] = across(scene, section.mesh, planes_of(edges)).reshape(-1, 2)
+    placed = _bent(scene, placed)
     wedges_at = cells[solid]
     try:
         wedges = wedges_of(placed, wedges_at)
     except ValueError as error:
-        raise SceneError(f"{scene.name}: inclusions leave no room for elements: {error}") from None
+        raise SceneError(
+            f"{scene.name}: inclusions leave no room for elements: {error}. Move them apart, also "
+            "as seen along z, and away from surface and bottom."
+        ) from None
     region = _regions(scene, section, edges)[solid]
     shear, bulk = materials(flat, region)
     surface = np.flatnonzero(np.abs(nodes[:, 1] - 1e-3 * scene.surface_mm) < 1e-9)
     lumens = tuple(
         faces
-        for n, one in enumerate(scene.inclusion)
+        for n, one in enumerate(drawn.inclusion)
         if isinstance(one, Artery)
         for faces in _lumen(section, cells, solid, one, n, scene)
     )
     body = Body(
         wedges, region, shear, bulk,
-        _held(scene, nodes, span), lumens, surface, _leaning(scene, nodes, span),
+        _held(scene, nodes, span), lumens, surface, _leaning(scene, placed, span),
         solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm, tilt_deg),
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
-        (section.mesh.nodes, planes_of(edges)),
+        (section.mesh.nodes, planes_of(edges)), _thrust(scene, section, placed, span),
     )  # fmt: skip
     if len(body.free) > most_unknowns:
         raise CannotSolve(
@@ -120,6 +129,16 @@ def build_body(
             "largest mesh takes 1.5 GB. Take a larger finger, or a smaller or thicker block.",
         )
     return body
+
+
+def _as_at_finger(scene: Scene) -> Scene:
+    """The scene with vessels straight on from where they are at z = 0: what is drawn along z."""
+    inclusion: list[Inclusion] = []
+    for one in scene.inclusion:
+        x_mm, depth_mm = one.centre_mm(0.0)
+        straight = {"path": ()} if isinstance(one, Artery) else {}
+        inclusion.append(one.model_copy(update={"x_mm": x_mm, "depth_mm": depth_mm, **straight}))
+    return beyond_a_file(scene, {"inclusion": tuple(inclusion)})
 
 
 def grading_of(scene: Scene, size_m: float) -> Grading:
@@ -273,11 +292,13 @@ def _room_mm(scene: Scene, one: Tumour) -> float:
     assert tissue is not None and tissue.length_mm is not None
     room = [one.depth_mm, tissue.height_mm - one.depth_mm, one.x_mm, tissue.width_mm - one.x_mm,
             tissue.length_mm / 2 - abs((one.z_mm or 0.0) - (tissue.z_mm or 0.0))]  # fmt: skip
+    near_z_mm = (one.z_mm or 0.0) + REACH * one.outer_radius_mm * np.linspace(-1, 1, 21)
     room += [
-        float(np.hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm))
+        float(np.hypot(*np.subtract(other.centre_mm(z_mm), (one.x_mm, one.depth_mm))))
         - other.outer_radius_mm
         for other in scene.inclusion
         if other is not one
+        for z_mm in near_z_mm
     ]
     return 0.98 * min(room)
 
@@ -294,18 +315,42 @@ def _held(scene: Scene, nodes: Array, span: _Span) -> Ints:
 
 
 def _leaning(scene: Scene, nodes: Array, span: _Span) -> tuple[tuple[float, Array], ...]:
-    """The middle of the bottom slides and turns on its support not at all, on average."""
-    assert scene.tissue is not None
-    middle, along = 0.5e-3 * scene.tissue.width_mm, nodes[:, 2] - 1e-3 * (scene.tissue.z_mm or 0.0)
-    away = np.hypot(nodes[:, 0] - middle, along)
-    bell = np.where(nodes[:, 1] < 1e-9, np.exp(-0.5 * (away / HOLD_WIDTH_M) ** 2), 0.0)
-    bell = np.where(bell > 1e-3, bell, 0.0) / bell[bell > 1e-3].sum()
-    ways = [np.column_stack([bell, 0 * bell, 0 * bell])]
-    if not span.halved and scene.tissue.ends != "held":
-        turn = np.column_stack([along, 0 * bell, middle - nodes[:, 0]]) / HOLD_WIDTH_M
-        ways += [np.column_stack([0 * bell, 0 * bell, bell]), bell[:, None] * turn]
-    stiffness = HOLD_STIFFNESS * 1e3 * scene.tissue.modulus_kpa * HOLD_WIDTH_M
+    """The bottom's middle slides on its support not at all, on average, nor does a wide part turn:
+    a vessel that leaves through free ends obliquely twists the block, and a narrow part with it."""
+    tissue = scene.tissue
+    assert tissue is not None and tissue.length_mm is not None
+    off = nodes[:, [0, 2]] - 1e-3 * np.array([tissue.width_mm / 2, tissue.z_mm or 0.0])
+    bottom = nodes[:, 1] < 1e-9
+    stiffness = HOLD_STIFFNESS * 1e3 * tissue.modulus_kpa * HOLD_WIDTH_M
+
+    def bell(width_m: float) -> Array:
+        found = np.where(bottom, np.exp(-0.5 * (np.hypot(*off.T) / width_m) ** 2), 0.0)
+        return np.asarray(np.where(found > 1e-3, found, 0.0) / found[found > 1e-3].sum())
+
+    middle = bell(HOLD_WIDTH_M)
+    ways = [np.column_stack([middle, 0 * middle, 0 * middle])]
+    if not span.halved and tissue.ends != "held":
+        wide_m = 0.25e-3 * min(tissue.width_mm, tissue.length_mm)
+        wide = bell(wide_m)
+        turn = np.column_stack([off[:, 1], 0 * wide, -off[:, 0]]) / wide_m
+        ways += [np.column_stack([0 * middle, 0 * middle, middle]), wide[:, None] * turn]
     return tuple((stiffness, way.ravel()) for way in ways)
+
+
+def _thrust(scene: Scene, section: Section, placed: Array, span: _Span) -> Array:
+    """Forces per pressure (3n,) [m2] by which the rest of each vessel holds its free ends."""
+    assert scene.tissue is not None
+    count = len(section.mesh.nodes)
+    found = np.zeros_like(placed)
+    for n, one in enumerate(scene.inclusion):
+        if not isinstance(one, Artery) or not one.path or scene.tissue.ends == "held":
+            continue
+        wall = np.unique(section.mesh.cells[section.mesh.region == 1 + 2 * n])
+        for z_m, first in ((span.high, len(placed) - count), (span.low, 0)):
+            if z_m != 0.0 or not span.halved:
+                end = end_thrust(one, 1e3 * z_m) * np.sign(z_m)
+                found[first + wall] += end / len(wall)
+    return found.ravel()
 
 
 def _lumen(

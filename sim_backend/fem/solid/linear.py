@@ -4,7 +4,7 @@ Factors of an earlier tangent precondition GMRES (Saad and Schultz 1986) on the 
 double precision. New factors are made where that takes too long.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
@@ -70,6 +70,7 @@ class LinearSolver:
         self._leaning = [(s, (w[self._dofs] * free.ravel())) for s, w in leaning]
         self._size = 3 * len(nodes)
         self._factors: Factors | None = None
+        self._inverse: tuple[Factors, Callable[[Array], Array]] | None = None
         self._indefinite = False
 
     def matrix(self, blocks: Sequence[Array | Singles]) -> bsr_matrix:
@@ -87,11 +88,12 @@ class LinearSolver:
         n = self._dofs.size
         return bsr_matrix((values, self._columns, self._starts), shape=(n, n))
 
-    def solve(self, matrix: bsr_matrix, force: Array, turning: Array | float = 0.0) -> Array:
+    def solve(
+        self, matrix: bsr_matrix, force: Array, simpler: Callable[[], bsr_matrix] | None = None
+    ) -> Array:
         """Displacements (size,) under ``force`` (size,). Raises `Singular`.
 
-        ``turning`` are blocks of the last group that ``matrix`` has and factors do without: those
-        of an unstable part, with which pivots may vanish.
+        New factors are those of a ``simpler`` matrix, where there is one.
         """
         right = force[self._dofs]
         right[self._still.ravel()] = 0.0
@@ -102,7 +104,7 @@ class LinearSolver:
         if self._factors is not None:
             x, taken = self._krylov(matrix, right, self._factors, MOST_STEPS)
         if x is None:
-            self._factors = self.factor(matrix, turning)
+            self._factors = self.factor(simpler() if simpler else matrix)
             x, taken = self._krylov(matrix, right, self._factors, 2 * MOST_STEPS)
         if x is None:
             raise Singular
@@ -168,11 +170,27 @@ class LinearSolver:
             y = y + stiffness * float(weight @ x) * weight
         return np.asarray(y)
 
-    def factor(self, matrix: bsr_matrix, without: Array | float = 0.0) -> Factors:
-        """Factors of ``matrix``, the diagonals of what leans, and ``without`` blocks of the last
-        group. Raises `Singular`."""
+    def _leaned(self, factors: Factors) -> Callable[[Array], Array]:
+        """The inverse of what ``factors`` are of and of the averages that are held, by the formula
+        of Sherman, Morrison and Woodbury: of the averages ``factors`` have the diagonal only. A
+        vessel that runs obliquely through free ends turns the block by its pressure, which those
+        alone would not hold."""
+        if not self._leaning:
+            return factors.solve
+        weights = np.array([weight for _, weight in self._leaning])
+        gives = np.array([factors.solve(weight) for weight in weights])
+        held = np.diag([1 / s for s, _ in self._leaning]) + weights @ gives.T
+        share = np.linalg.solve(held, gives)
+
+        def solve(right: Array) -> Array:
+            x = factors.solve(right)
+            return np.asarray(x - (weights @ x) @ share)
+
+        return solve
+
+    def factor(self, matrix: bsr_matrix) -> Factors:
+        """Factors of ``matrix`` and the diagonals of what leans. Raises `Singular`."""
         propped = matrix.copy()
-        np.subtract.at(propped.data.reshape(-1), self._index[-1], np.ravel(without))
         for stiffness, weight in self._leaning:
             on_diagonal = stiffness * (weight**2).reshape(-1, 3)
             propped.data[self._diagonal[:, None], [0, 1, 2], [0, 1, 2]] += on_diagonal
@@ -181,6 +199,9 @@ class LinearSolver:
     def _krylov(
         self, matrix: bsr_matrix, right: Array, factors: Factors, most: int
     ) -> tuple[Array | None, int]:
+        if self._inverse is None or self._inverse[0] is not factors:
+            self._inverse = factors, self._leaned(factors)
+        inverse = self._inverse[1]
         n = len(right)
         counted = 0
 
@@ -189,10 +210,10 @@ class LinearSolver:
             counted += 1
 
         y, failed = gmres(
-            LinearOperator((n, n), matvec=lambda y: self._apply(matrix, factors.solve(y))), right,
+            LinearOperator((n, n), matvec=lambda y: self._apply(matrix, inverse(y))), right,
             rtol=RELATIVE, restart=most, maxiter=1, callback=count, callback_type="pr_norm",
         )  # fmt: skip
-        x = factors.solve(y)
+        x = inverse(y)
         good = np.all(np.isfinite(x)) and (
             not failed
             or np.linalg.norm(right - self._apply(matrix, x)) < GOOD * np.linalg.norm(right)

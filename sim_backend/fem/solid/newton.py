@@ -6,6 +6,7 @@ active while its multiplier outweighs its gap.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.sparse import bsr_matrix
@@ -17,7 +18,7 @@ from sim_backend.fem.solid.balance import body_forces
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.descent import share_of_step
 from sim_backend.fem.solid.forces import smallest_volume_ratio, tangents
-from sim_backend.fem.solid.fronts import Singular
+from sim_backend.fem.solid.fronts import Singles, Singular
 from sim_backend.fem.solid.linear import LinearSolver
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -150,12 +151,14 @@ def equilibrium(
         springs, turned = _contact_blocks(body, active, multiplier, normal, hessian)
         pushed, multiplier = multiplier, multiplier - spring
         blocks = tangents(body.wedges, body.shear, body.bulk, u, change, rough)
+        even: list[Array | Singles] = [blocks, *_even(turning)]
         matrix = solver.matrix([blocks, *turning, springs + turned])
-        if careful and not solver.is_definite(matrix):
-            turned = np.zeros_like(turned)
+        if careful and not solver.is_definite(solver.matrix([*even, springs + turned])):
             matrix = solver.matrix([blocks, *turning, springs])
+        # factors do without the normals' turning, with which a node on an edge may have no pivot
+        simpler = partial(solver.matrix, [*even, springs])
         try:
-            change = solver.solve(matrix, -residual, turned).reshape(-1, 3)
+            change = solver.solve(matrix, -residual, simpler).reshape(-1, 3)
         except Singular:
             raise NotConverged("the tangent became singular") from None
         if rough:  # without the pressure its factors serve no other tangent
@@ -214,7 +217,13 @@ def _tangent(body: Body, solver: LinearSolver, solution: SolidSolution) -> bsr_m
     active = solution.multiplier > 0
     springs, turned = _contact_blocks(body, active, solution.multiplier, normal, hessian)
     blocks = tangents(body.wedges, body.shear, body.bulk, solution.displacement)
-    return solver.matrix([blocks, *turning, springs + turned])
+    return solver.matrix([blocks, *_even(turning), springs + turned])
+
+
+def _even(turning: list[Array]) -> list[Array]:
+    """The symmetric part of lumens' tangent blocks: at a lumen's open ends there is another, which
+    in factors, of which half is made, would weigh as much as the softest displacements."""
+    return [(block + np.swapaxes(block, 1, 2)) / 2 for block in turning]
 
 
 def _contact_blocks(

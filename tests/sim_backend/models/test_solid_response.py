@@ -92,6 +92,11 @@ def test_a_quarter_of_a_grid_over_what_is_symmetric_both_ways_is_solved() -> Non
             "modulus_kpa": 500.0, "poisson": 0.45}  # fmt: skip
     skew = Scene.model_validate(SCENE.model_dump() | {"inclusion": [VESSEL, lump]})
     assert len({station(section_at(skew, z_mm), x_m, DEPTH_M) for x_m, z_mm in places}) == 16
+    path = [(-5.0, 7.0, 4.5), (5.0, 9.0, 4.5)]  # alike if turned by half round the finger
+    oblique = Scene.model_validate(SCENE.model_dump() | {"inclusion": [VESSEL | {"path": path}]})
+    assert len({station(section_at(oblique, z_mm), x_m, DEPTH_M) for x_m, z_mm in places}) == 8
+    row = {station(oblique, x_m, DEPTH_M) for x_m in (5e-3, 7e-3, 9e-3, 11e-3)}
+    assert len(row) == 2
 
 
 def test_a_place_beside_the_middle_is_the_one_on_the_other_side() -> None:
