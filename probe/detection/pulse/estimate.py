@@ -94,7 +94,9 @@ def beside(
     """
     first, _ = described(hold, rate_hz, WHITE, scale, beating_s)
     noise_pa = max(first.noise_pa, MISFIT * scale.swing_pa)
-    return likeliest(first.residual_pa, hold.step_s), Scale(scale.swing_pa, noise_pa)
+    return likeliest(first.residual_pa, hold.step_s, hold.averaged_s), Scale(
+        scale.swing_pa, noise_pa
+    )
 
 
 def wave_at(

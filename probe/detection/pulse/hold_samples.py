@@ -134,7 +134,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     weight = count[there] / count[there].mean()
     start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])
     each = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    averaged_s = each * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0)))
+    averaged_s = round(each * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0))), 4)
     return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s, quantum_of(signal),
                 float(signal[0]))  # fmt: skip
 

@@ -72,7 +72,7 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Clearest | Non
     design, none = design_of(hold), np.empty((len(hold.time_s), 0))
     columns = harmonics(warped.time_s, rate, TESTED_HARMONICS)
     known = fit(hold, design, columns)
-    noise = likeliest(known.residual_pa, hold.step_s)
+    noise = likeliest(known.residual_pa, hold.step_s, hold.averaged_s)
     without, with_ = fit(hold, design, none, noise), fit(hold, design, columns, noise)
     free = columns.shape[1]
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))

@@ -192,7 +192,7 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
         size = np.linalg.norm(along, axis=1)
         if size.max() > most:
             steady, most = columns[:, int(np.argmax(size))].copy(), float(size.max())
-    members = family(hold.step_s)
+    members = family(hold.step_s, hold.averaged_s)
     whole = np.hstack([nuisance * scale[:, None], steady])
     pairs = [_rests(hold.signal_pa * scale, whole, nuisance.shape[1], m, dof) for m in members]
     rests, beside = zip(*pairs, strict=True)
@@ -209,7 +209,7 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     for some, visible in zip(parts, np.array_split(seen, len(parts)), strict=True):
         columns = columns_of(some)
         for look, i in zip(looks, counted, strict=True):
-            white = _even_white(*key, i) if kept else _whitened(columns, members[i])
+            white = _even_white(*key, members[i]) if kept else _whitened(columns, members[i])
             look.append(_look(members[i], rests[i], white, visible, dof))
     return [_together(look) for look in looks]
 
@@ -254,10 +254,10 @@ def _whitened(columns: Array, noise: Noise) -> _Whitened:
 
 @lru_cache(maxsize=48)
 def _even_white(
-    n: int, step_s: float, start_s: float, rates: tuple[float, ...], member: int
+    n: int, step_s: float, start_s: float, rates: tuple[float, ...], noise: Noise
 ) -> _Whitened:
     """The same for all holds of a scan."""
-    return _whitened(_even_columns(n, step_s, start_s, rates), family(step_s)[member])
+    return _whitened(_even_columns(n, step_s, start_s, rates), noise)
 
 
 def _rests(

@@ -22,3 +22,23 @@ def test_no_columns_have_no_innovations():
     empty = np.empty((10, 0))
     for member in (*family(0.002), Noise("both", (1.0, -0.5), (1.0, -0.9), 0.3)):
         assert member.whiten(empty).shape == (10, 0)
+
+
+def test_means_of_a_random_walk_are_smoother_than_a_random_walk():
+    apart, samples, knee = 64, 20_000, 0.25
+    rng = np.random.default_rng(1)
+    walk = np.cumsum(rng.standard_normal(apart * samples))
+    white = np.sqrt(apart) / (2 * np.pi * knee) * rng.standard_normal(samples)
+    means = walk.reshape(samples, apart).mean(axis=1)
+    for hold, averaged in ((means, 1.0), (walk[::apart], 0.0)):
+        left = {share: walks(knee, share).whiten(hold + white)[10:] for share in (0.0, 1.0)}
+        assert left[averaged].var() < left[1.0 - averaged].var()
+        beside = np.corrcoef(left[averaged][1:], left[averaged][:-1])[0, 1]
+        assert abs(beside) < 4 / np.sqrt(samples)
+
+
+def walks(knee: float, share: float) -> Noise:
+    """The walk and white noise of the highest knee, over the sampling rate, that there is."""
+    highest_hz = 8.0
+    step_s = knee / highest_hz
+    return [m for m in family(step_s, share * step_s) if m.name == "wander 8 Hz"][-1]
