@@ -1,7 +1,6 @@
 """What an object is: its contrast and pulse against the population of solved ones."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -16,8 +15,9 @@ from probe.detection.finding import MAX_CONFIDENCE, Kind, stated
 MIN_POSTERIOR = 0.85
 """Least posterior probability of a kind to name it."""
 SIZES = np.geomspace(1e-5, 1.0, 101)
+"""Pulses over the force at which it is asked how likely they are to stay unseen."""
 HIDDEN_RATIO = 0.05
-"""Pulses over the force; one so much less likely than none would have shown."""
+"""A pulse so much less likely than none would have shown."""
 PULSE_FLOOR = 3e-4
 """Pulses (over the force) below this are taken as this: the logarithm needs an end."""
 CONTRAST_BLUR, CONTRAST_SHARE, PULSE_BLUR = 0.04, 0.1, 0.25
@@ -48,9 +48,9 @@ class Seen:
     """Contrast (force over its surroundings, less 1) and pulse over force, each with its standard
     deviation. ``chance`` is that of a bump as clear where nothing lies, ``moving`` the posterior
     probability that what moves is a pulse. Where no pulse was seen, ``hidden`` is the likelihood
-    (n,) that pulses (n,) over the force have beside that of none, and ``alone`` the odds that one
-    press differs by itself, as one that goes deeper than the stage knows, against a bump, and
-    ``wave`` those that the whole row waves, as over an uneven surface."""
+    that `SIZES` have beside that of none, ``alone`` the odds that one press differs by itself, as
+    one that goes deeper than the stage knows, against a bump, and ``wave`` those that the whole row
+    waves, as over an uneven surface."""
 
     contrast: float
     contrast_sd: float
@@ -58,7 +58,7 @@ class Seen:
     pulse_sd: float
     chance: float = 0.0
     moving: float = 1.0
-    hidden: Callable[[Array], Array] | None = None
+    hidden: Array | None = None
     alone: float = 0.0
     wave: float = 0.0
 
@@ -91,7 +91,7 @@ def judge(seen: Seen) -> Judged:
     if seen.hidden is None:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
     else:
-        could = SIZES[seen.hidden(SIZES) >= HIDDEN_RATIO].max(initial=SIZES[0])
+        could = SIZES[seen.hidden >= HIDDEN_RATIO].max(initial=SIZES[0])
         advice = (
             f"a pulse of up to {100 * could:.2g} % of the force could be hidden: hold for more "
             "beats, repeat, or take a quieter sensor"
@@ -116,7 +116,7 @@ def shares(seen: Seen) -> dict[str, float]:
     if seen.hidden is None:
         likelihood[ELSE] *= _any_pulse()
     else:
-        likelihood[ELSE] *= float(np.mean(seen.hidden(SIZES[SIZES >= PULSE_FLOOR])))
+        likelihood[ELSE] *= float(np.mean(seen.hidden[SIZES >= PULSE_FLOOR]))
     total = sum(likelihood.values())
     nothing = against_nothing(seen.chance)
     something = 1 / (1 + nothing + seen.alone + seen.wave)
@@ -137,7 +137,8 @@ def _likelihood(seen: Seen, kind: Kind) -> float:
     blur = np.hypot(CONTRAST_BLUR, CONTRAST_SHARE * contrast)
     peak = _normal(seen.contrast - contrast, np.hypot(seen.contrast_sd, blur))
     if seen.hidden is not None:
-        return float(np.mean(peak * seen.hidden(pulse)))
+        unseen = np.interp(np.log(np.maximum(pulse, SIZES[0])), np.log(SIZES), seen.hidden)
+        return float(np.mean(peak * unseen))
     false = max(1 - seen.moving, 1 - MAX_CONFIDENCE)
     if kind == "tumour":
         return float(np.mean(peak)) * false * _any_pulse()

@@ -1,14 +1,13 @@
 """What lies under presses at any places (x, y): the spots of level and pulse, put together."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 
 import numpy as np
 
 from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Station
-from probe.detection.classify.classifier import Seen, judge
+from probe.detection.classify.classifier import SIZES, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
 from probe.detection.map.field import (
@@ -135,12 +134,11 @@ def _beating(judged: list[Press], false_alarm: float) -> list[Spot]:
                  seen.spacing_m, 0.0, 1.0)]  # fmt: skip
 
 
-def _still(
-    spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ...]
-) -> Callable[[Array], Array]:
-    """Likelihood of a pulse's size [Pa] under a ``spot`` that shows none of its own: by all presses
+def _still(spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ...]) -> Array:
+    """Likelihood of a pulse of `SIZES` under a ``spot`` that shows none of its own: by all presses
     that would feel it, or beside ``vessels`` by the nearest, whose pulse may be all theirs."""
     away = np.argsort(np.hypot(*(levels.place_m - spot.place_m).T))
+    wanted_pa = max(judged[int(away[0])].level_pa, 1e-9) * SIZES
     if vessels:
         near = [shape(levels.place_m, np.append(b.place_m, b.half_width_m)) for b in vessels]
         tail_pa = TAIL * np.sum([b.height * n for b, n in zip(vessels, near, strict=True)], axis=0)
@@ -148,21 +146,23 @@ def _still(
         sd_pa = np.array([p.pulse.size_sd_pa if p.pulse else np.inf for p in judged])
         far, at = np.max(near, axis=0) < MIN_SHARE, int(away[0])
         beyond = stray((size_pa - tail_pa)[far], sd_pa[far])
-        return measured(float(size_pa[at]), float(sd_pa[at]) * beyond, float(tail_pa[at]))
+        return measured(
+            float(size_pa[at]), float(sd_pa[at]) * beyond, wanted_pa, float(tail_pa[at])
+        )
     share = shape(levels.place_m, np.append(spot.place_m, spot.half_width_m))
     close = [i for i in away[:MOST_ASKED] if share[i] >= MIN_SHARE] or [int(away[0])]
     asked = [(share[i], s) for i in close if (one := judged[i].pulse) and (s := one.search)]
     if not asked:
-        return np.ones_like
-    return partial(hidden, [s for _, s in asked], np.array([k for k, _ in asked]))
+        return np.ones(len(SIZES))
+    return hidden([s for _, s in asked], np.array([k for k, _ in asked]), wanted_pa)
 
 
 def _object(
     spot: Spot, level: Spot, judged: list[Press], levels: Map, moving: float | None,
-    still: Callable[[Array], Array] | None,
+    still: Array | None,
 ) -> ObjectFinding:  # fmt: skip
-    """An object at ``spot``; ``level`` is its spot in the level map, ``still`` the likelihood of a
-    pulse's size [Pa] where it shows none of its own."""
+    """An object at ``spot``; ``level`` is its spot in the level map, ``still`` the likelihood of
+    pulses of `SIZES` where it shows none of its own."""
     off = np.hypot(*(levels.place_m - spot.place_m).T)
     nearest = judged[int(np.argmin(off))]
     assert nearest.pulse is not None
@@ -173,8 +173,7 @@ def _object(
         seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, spot.p_value,
                     1.0 if moving is None else moving)  # fmt: skip
     else:
-        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0,
-                    lambda of_force: still(whole * of_force))  # fmt: skip
+        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still)
     said = judge(seen)
     x, y = (float(v) for v in spot.place_m)
     low, high = levels.place_m.min(axis=0)[0], levels.place_m.max(axis=0)[0]

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from drivers.core.arrays import Array
-from probe.detection.classify.classifier import Judged, Seen, judge
+from probe.detection.classify.classifier import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import (
     MAX_OBJECTS,
@@ -179,18 +179,21 @@ def _object(
         seen = Seen(height / ground, height_sd / ground, pulse / whole, pulse_sd / whole, chance,
                     1.0 if moving is None else moving)  # fmt: skip
     else:
-        likelihood = _unseen(line, place)
-        if moving is not None:  # another's pulse reaches here too
+        if moving is None:
+            unseen = _unseen(line, place, whole * SIZES)
+        else:  # another's pulse reaches here too
             tail_pa = float(_tail_pa(line.x_m[at], beats))
             sd_pa = pulse_sd * _stray(line, beats)
-            likelihood, pulse = measured(pulse, sd_pa, tail_pa), max(pulse - tail_pa, 0.0)
-        seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0,
-                    lambda p: likelihood(whole * p), bump.alone, bump.wave)  # fmt: skip
+            unseen = measured(pulse, sd_pa, whole * SIZES, tail_pa)
+            pulse = max(pulse - tail_pa, 0.0)
+        seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0, unseen, bump.alone,
+                    bump.wave)  # fmt: skip
     return _finding(place, height, pulse, judge(seen), line)
 
 
-def _unseen(line: Line, place: Place) -> Callable[[Array], Array]:
-    """Likelihood of a pulse's size [Pa] at a place, by all stations that would feel it."""
+def _unseen(line: Line, place: Place, size_pa: Array) -> Array:
+    """Likelihood (n,) of pulses of ``size_pa`` (n,) at a place, by all stations that would feel
+    one."""
     bump = place.level
     width = bump.half_width_m if bump else float(np.median(np.diff(line.x_m)))
     near = [
@@ -201,8 +204,8 @@ def _unseen(line: Line, place: Place) -> Callable[[Array], Array]:
     ]
     if not near:
         at = int(np.argmin(np.abs(line.x_m - place.x_m)))
-        return measured(float(line.pulse_pa[at]), float(line.pulse_sd_pa[at]))
-    return lambda size_pa: hidden([one for _, one in near], np.array([s for s, _ in near]), size_pa)
+        return measured(float(line.pulse_pa[at]), float(line.pulse_sd_pa[at]), size_pa)
+    return hidden([one for _, one in near], np.array([s for s, _ in near]), size_pa)
 
 
 def _tail_pa(x_m: Array, beats: tuple[Bump, ...]) -> Array:
@@ -228,19 +231,19 @@ def stray(over_pa: Array, sd_pa: Array) -> float:
     return max(float(np.quantile(over_pa / np.maximum(sd_pa, 1e-9), ONE_SIGMA)), 1.0)
 
 
-def measured(size_pa: float, sd_pa: float, tail_pa: float = 0.0) -> Callable[[Array], Array]:
-    """Likelihood of a pulse's size [Pa] beside that of none, where it was measured.
+def measured(size_pa: float, sd_pa: float, true_pa: Array, tail_pa: float = 0.0) -> Array:
+    """Likelihood (n,) of pulses of ``true_pa`` (n,) beside that of none, where one was measured.
 
     Of the measured ``size_pa`` anything up to ``tail_pa`` is another's, each part alike.
     """
     sd = max(sd_pa, abs(size_pa) / MOST_SIGMAS, 1e-9)
     size, most = max(size_pa / sd, -NORMAL_95), max(tail_pa / sd, LEAST_TAIL)
 
-    def of(true_pa: Array) -> Array:
-        own = true_pa / sd - size
+    def of(own_pa: Array) -> Array:
+        own = own_pa / sd - size
         return np.asarray(ndtr(own + most) - ndtr(own))
 
-    return lambda true_pa: of(true_pa) / of(np.array(0.0))
+    return of(true_pa) / of(np.array(0.0))
 
 
 def _finding(place: Place, height: float, pulse: float, said: Judged, line: Line) -> ObjectFinding:

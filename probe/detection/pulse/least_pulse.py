@@ -27,7 +27,7 @@ def least_pulse_pa(search: Search, chance: float) -> float:
     left = search.dof - DEGREES
     limit = fdtri(DEGREES, left, 1 - np.minimum(weights(search.rates_hz) * each, 0.5))
     wanted = ncfdtrinc(DEGREES, left, 1 - POWER, limit)
-    size_pa = np.sqrt(wanted[:, None] / np.maximum(search.power, 1e-300)) / COHERENT
+    size_pa = np.sqrt(wanted[:, None] / np.maximum(search.power[0], 1e-300)) / COHERENT
     hearts = np.broadcast_to(np.exp(-unusual(search.rates_hz))[:, None], size_pa.shape).ravel()
     order = np.argsort(size_pa, axis=None)
     share = np.cumsum(hearts[order])

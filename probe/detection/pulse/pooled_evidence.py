@@ -33,7 +33,7 @@ def hidden(searches: Sequence[Search], profile: Array, size_pa: Array) -> Array:
     """Likelihood (n,) of pulses of ``size_pa`` (n,) over that of none, given all holds.
 
     ``profile`` (holds,) is each hold's share of the size. Phases are unknown and each hold's own,
-    the rate is shared and as hearts' are.
+    the rate is shared and as hearts' are. Each hold's noise is any that counts in it.
     """
     longest = max(searches, key=lambda s: s.span_s)
     usual = -unusual(longest.rates_hz)
@@ -41,9 +41,10 @@ def hidden(searches: Sequence[Search], profile: Array, size_pa: Array) -> Array:
     excess = usual_excess(searches)
     ratio = np.zeros((len(size_pa), len(usual)))
     for one, share in zip(searches, profile, strict=True):
-        size = COHERENT * share * size_pa[:, None, None]
-        by_phase = (size * one.along - 0.5 * size**2 * one.power) / excess
-        here = logsumexp(by_phase, axis=2) - np.log(by_phase.shape[2])
+        size = COHERENT * share * size_pa[:, None, None, None]
+        each = (size * one.along - 0.5 * size**2 * one.power) / excess + one.noises[:, None, None]
+        top = each.max(axis=(1, 3), keepdims=True)
+        here = np.log(np.exp(each - top).mean(axis=3).sum(axis=1)) + top[:, 0, :, 0]
         same = len(one.rates_hz) == len(usual)
         at = one.rates_hz
         ratio += here if same else np.array([np.interp(longest.rates_hz, at, r) for r in here])

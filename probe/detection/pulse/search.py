@@ -42,7 +42,7 @@ SHORT = 20
 """Samples below which only the fundamental is looked for."""
 FAR_BEHIND = 10.0
 """Log likelihood by which a noise may trail the best, with a pulse and without one, before it is
-left out of both sums: each then is wrong by less than 12 exp(-10)."""
+left out of both sums: each then is wrong by less than 14 exp(-10)."""
 MOST_KEPT = 1 << 18
 """Numbers in one table of harmonics, 2 MB: the 52 that are kept for a scan's other holds take 100
 MB. A longer hold is looked at for some rates at once, and nothing of it is kept."""
@@ -54,16 +54,18 @@ EVEN_BINS = 0.1
 class Search:
     """What a hold says of a pulse at ``rates_hz`` (r,).
 
-    A pulse of the known shape, ``size`` [Pa] from trough to crest, has the log likelihood ratio
-    ``size * along - size**2 * power / 2`` at each rate and phase (r, PHASES). ``clear`` (r,) is how
-    far its best size and phase explain the hold, as a chi-square of two degrees in a hold without
-    a pulse. ``p_value`` is the chance of one as clear at any rate and of any shape, ``rate_hz`` the
-    clearest. ``gain`` (r,) is how far any two harmonics explain the hold in white noise, as a log
-    likelihood ratio. ``noise`` is the likeliest beside a pulse. ``dof`` are the degrees of freedom
-    that ``clear`` was judged by.
+    Each noise (m,) that counts, the likeliest beside a pulse first, has the log probability
+    ``noises`` (m,) where there is no pulse. One of the known shape, ``size`` [Pa] from trough to
+    crest, has in it the log likelihood ratio ``size * along - size**2 * power / 2`` at each rate
+    and phase (m, r, PHASES). ``clear`` (r,) is how far its best size and phase explain the hold, as
+    a chi-square of two degrees in a hold without a pulse. ``p_value`` is the chance of one as clear
+    at any rate and of any shape, ``rate_hz`` the clearest. ``gain`` (r,) is how far any two
+    harmonics explain the hold in white noise, as a log likelihood ratio. ``noise`` is the likeliest
+    beside a pulse. ``dof`` are the degrees of freedom that ``clear`` was judged by.
     """
 
     rates_hz: Array
+    noises: Array
     along: Array
     power: Array
     clear: Array
@@ -99,13 +101,14 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     ways = (chances[0], shaped, SHARE["shaped"]), (chances[1], free, SHARE["free"])
     weight = weights(rates)
     one, gain, share = min(ways, key=lambda way: (way[0] / weight).min() / way[2])
-    best = max(looks, key=lambda one: one.without + one.shaped.max())
+    likely = sorted(looks, key=lambda one: -float(one.without + one.shaped.max()))
     return Search(
-        rates, best.along, best.power,
+        rates, np.array([one.without for one in likely]) - without,
+        np.stack([one.along for one in likely]), np.stack([one.power for one in likely]),
         np.asarray(chdtri(2, np.maximum(chances[0], 1e-300))),
         looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
         min(1.0, anywhere(float((one / weight).min()), hold.span_s) / share), hold.span_s,
-        best.noise, dof,
+        likely[0].noise, dof,
     ), null  # fmt: skip
 
 

@@ -3,13 +3,17 @@
 import numpy as np
 import pytest
 
-from drivers.core.arrays import Array
-from probe.detection.classify.classifier import ELSE, Seen, against_nothing, judge, shares
+from probe.detection.classify.classifier import (
+    ELSE,
+    SIZES,
+    Seen,
+    against_nothing,
+    judge,
+    shares,
+)
 
-
-def no_pulse(sizes: Array) -> Array:
-    """A sensor that would have seen pulses of a thousandth of the force."""
-    return np.exp(-0.5 * (sizes / 3e-4) ** 2)
+NO_PULSE = np.exp(-0.5 * (SIZES / 3e-4) ** 2)
+"""Of a sensor that would have seen pulses of a thousandth of the force."""
 
 
 def test_what_no_kind_is_like_is_something_else() -> None:
@@ -21,7 +25,7 @@ def test_what_no_kind_is_like_is_something_else() -> None:
 
 @pytest.mark.parametrize("chance", [1e-6, 1e-3, 0.02, 0.3])
 def test_a_bump_that_chance_could_make_may_be_nothing(chance: float) -> None:
-    share = shares(Seen(0.25, 0.02, 0.0, 0.0, chance, 0.0, no_pulse))
+    share = shares(Seen(0.25, 0.02, 0.0, 0.0, chance, 0.0, NO_PULSE))
     assert sum(share.values()) == pytest.approx(1.0)
     # e p ln p against one (Sellke, Bayarri & Berger 2001)
     odds = -np.e * chance * np.log(chance)
@@ -33,5 +37,5 @@ def test_no_chance_speaks_for_something_more_than_one() -> None:
 
 
 def test_a_lump_is_named_and_a_pulse_takes_the_name_away() -> None:
-    assert judge(Seen(0.25, 0.02, 0.0, 0.0, 1e-9, 0.0, no_pulse)).kind == "tumour"
+    assert judge(Seen(0.25, 0.02, 0.0, 0.0, 1e-9, 0.0, NO_PULSE)).kind == "tumour"
     assert judge(Seen(0.25, 0.02, 0.03, 0.002, 1e-9, 0.999)).kind != "tumour"

@@ -19,8 +19,10 @@ def search_with(clear: float) -> Search:
     """A hold in which one rate explains ``clear``, as a chi-square, and the others little."""
     values = np.full(len(RATES_HZ), 1.0)
     values[17] = clear
-    none = np.zeros((len(RATES_HZ), 4))
-    return Search(RATES_HZ, none, none, values, values / 2, RATES_HZ[17], 1.0, SPAN_S, WHITE, 90)
+    none = np.zeros((1, len(RATES_HZ), 4))
+    return Search(
+        RATES_HZ, np.zeros(1), none, none, values, values / 2, RATES_HZ[17], 1.0, SPAN_S, WHITE, 90
+    )
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
