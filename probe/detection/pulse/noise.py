@@ -5,8 +5,8 @@ frequency f, with a knee at k: white, 1; wander, 1 + (k/f)^2 (a random walk and 
 1 + (k/f)^4 (a smooth drift and white noise); soft, 1 / (1 + (f/k)^2) (a first-order low pass).
 
 Means of a random walk are smoother than the walk (Working 1960), so that a hold of means has
-another wander than one of single samples. Soft noise that is averaged too takes movements for
-noise: of 24 pulses beside one ten times as large 5 are found instead of 21 (500 Hz).
+another wander than one of single samples. Were sway and soft noise averaged too, movements would
+pass for noise: of 48 pulses beside one ten times as large 20 would be found, not 44 (500 Hz).
 """
 
 from dataclasses import dataclass
