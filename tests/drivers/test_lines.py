@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from waiting import until
 
-from drivers import Block, ConfigError, DeviceAbsent, DeviceFault, WallClock
+from drivers import (
+    Block, Clock, ConfigError, DeviceAbsent, DeviceFault, SimulatedClock, WallClock,
+)  # fmt: skip
 from drivers.core.reader import LineSensor
-from drivers.lines import LinePattern, TextChannel, number_reader, open_sensor
+from drivers.lines import LinePattern, LineSource, TextChannel, number_reader, open_sensor
 from drivers.testing.awake import AwakeTime
 from sim_backend import load_scene
 from sim_backend.emulators import lines
@@ -193,6 +195,47 @@ def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
             while True:
                 gather(sensor, 0.01)
         sensor.close()
+
+
+class Arrives:
+    """A port at which bytes arrive in these pieces."""
+
+    def __init__(self, *pieces: bytes) -> None:
+        self.pieces = deque(pieces)
+
+    in_waiting = 1
+
+    def read(self, _size: int = 1) -> bytes:
+        return self.pieces.popleft()
+
+
+def source_at(port: Arrives, clock: Clock, pattern: str, monkeypatch: pytest.MonkeyPatch) -> LineSource:
+    monkeypatch.setattr("drivers.lines.open_port", lambda *_: port)
+    number = number_reader(".", "")
+    return LineSource(
+        clock, "cell", "-", 9600, LinePattern(pattern), [FORCE], b"", 0.1, 1e-3, 0.0, number
+    )
+
+
+def test_the_half_line_that_is_heard_first_is_no_reading(monkeypatch: pytest.MonkeyPatch) -> None:
+    """12.5 N cut in the middle is 2.5 N."""
+    port = Arrives(b"2.5", b" N\n12.5 N\n")
+    source = source_at(port, SimulatedClock(), "(?P<force>[0-9.]+) N", monkeypatch)
+    assert source.read() == []
+    assert [s.values for s in source.read()] == [[12.5]]
+
+
+@pytest.mark.parametrize(("device_ms", "lost"), [(100, 0), (400, 3), (9000, 3)])
+def test_no_more_lines_are_missing_than_can_have_been_sent(
+    device_ms: int, lost: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One comes each 0.1 s. 0.2 s have passed, and the last line may have been a period late."""
+    clock = SimulatedClock()
+    port = Arrives(b"-\n1000 1.0 N\n", f"{1000 + device_ms} 1.0 N\n".encode())
+    source = source_at(port, clock, STAMPED, monkeypatch)
+    source.read()
+    clock.sleep_until(0.2)
+    assert [s.lost for s in source.read()] == [lost]
 
 
 @pytest.mark.parametrize(

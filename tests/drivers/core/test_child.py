@@ -1,5 +1,6 @@
 """A function in a process of its own, also from a script without a guard."""
 
+import os
 import pickle
 import subprocess
 import sys
@@ -62,6 +63,13 @@ def test_it_ends_with_its_pipes_or_by_force(
     assert not child.alive()
     with pytest.raises(EOFError):
         child.pipes[0].recv()
+
+
+def test_one_that_does_not_end_is_gone_when_it_was_ended() -> None:
+    child = Child(time.sleep, (60.0,), pipes=0)
+    child.end(timeout_s=0.05)
+    with pytest.raises(ProcessLookupError):
+        os.kill(child.pid, 0)
 
 
 def test_who_reads_half_a_message_when_it_ends_is_told_the_end(

@@ -4,8 +4,9 @@ import time
 from collections.abc import Callable, Mapping
 
 import pytest
+from waiting import until
 
-from drivers import DeviceFault, Pose
+from drivers import DeviceFault, MotionFault, Pose
 from drivers.core.abilities import enable
 from drivers.core.axes import LineStageSettings, Reading
 from drivers.core.line import Line, NoAnswer
@@ -52,6 +53,33 @@ def test_a_move_to_where_it_is_asks_the_controller_nothing() -> None:
         stage.move(stage.pose(), 1e-3)
         assert not stage.moving()
         assert not axes.moves
+    finally:
+        stage.close()
+
+
+class OneAxisStays(MistakenAxes):
+    """x arrives and z stays where it was."""
+
+    names = "xz"
+
+    def __init__(self) -> None:
+        self.x_mm = 0.0
+
+    def read(self) -> Reading:
+        return Reading({"x": self.x_mm, "z": 0.0}, moving=False)
+
+    def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
+        del speeds_mm_s
+        self.x_mm = places_mm["x"]
+
+
+def test_every_axis_must_have_arrived() -> None:
+    stage = LineStage(LineStageSettings(name="mine", port="-"), OneAxisStays)
+    stage.connect()
+    try:
+        stage.move(Pose(2e-3, 0.0, 1e-3), 1e-3)
+        with pytest.raises(MotionFault, match="came to rest 1.00 mm from its target"):
+            until(lambda: not stage.moving(), 5.0)
     finally:
         stage.close()
 

@@ -35,11 +35,13 @@ def test_a_rig_whose_limit_holds_nothing_does_not_move(role: str) -> None:
     assert stage.orders == []
 
 
-@pytest.mark.parametrize("role", ["taxel", "pressure"])
-def test_a_rig_of_pressures_without_a_face_is_refused(role: str) -> None:
+@pytest.mark.parametrize(
+    ("role", "reads"), [("taxel", "a pressure"), ("pressure", "a pressure"), ("force", "a force")]
+)
+def test_a_rig_without_a_face_is_refused(role: str, reads: str) -> None:
     bed, stage, _ = on_springs()
     devices = Devices(stage, (SpringSensor(bed, "skin", role, "Pa"),), None, ())
-    with pytest.raises(RigError, match=r"face_mm2 is missing: sensor 'skin' reads a pressure"):
+    with pytest.raises(RigError, match=f"face_mm2 is missing: sensor 'skin' reads {reads}"):
         ready_for(spring_rig(), None, devices)
 
 

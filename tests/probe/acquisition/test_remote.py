@@ -94,6 +94,19 @@ def test_strangers_and_noise_change_nothing(line: bytes, tmp_path: Path) -> None
     assert control.command is RunCommand.RESUME
 
 
+def test_a_word_that_it_does_not_know_leaves_the_scan_listening(tmp_path: Path) -> None:
+    """A window of a later version may say it, with the secret."""
+    control, run = Control(), tmp_path / "a.run"
+    with listening(control, run):
+        where = json.loads(control_path(run).read_text())
+        with socket.create_connection(("127.0.0.1", where["port"]), 5) as peer:
+            said = json.dumps({"token": where["token"], "word": "rewind"})
+            peer.sendall(said.encode() + b"\n")
+            assert peer.recv(100) == b"unknown word\n"
+        ask(run, "stop")
+    assert control.command is RunCommand.STOP
+
+
 def test_a_flood_of_connections_takes_no_threads_and_hides_no_stop(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

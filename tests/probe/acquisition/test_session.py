@@ -1,0 +1,37 @@
+"""A scan from Python: which time it runs on, and what it hands to whoever called."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from drivers import SimulatedClock, WallClock
+from probe.acquisition.session import clock_for, scan
+from probe.config.rig import Rig
+from probe.core.events import Event
+
+REAL_CELL = {"driver": "ft300", "port": "/dev/null"}
+
+
+@pytest.mark.parametrize(
+    ("tables", "real_time", "clock"),
+    [
+        ({}, False, SimulatedClock),
+        ({}, True, WallClock),
+        ({"sensor": [REAL_CELL]}, False, WallClock),
+        ({"stage": {"driver": "grbl", "port": "/dev/null"}}, False, WallClock),
+    ],
+)
+def test_a_device_that_is_real_has_the_time_it_takes(
+    tables: dict[str, Any], real_time: bool, clock: type
+) -> None:
+    assert isinstance(clock_for(Rig.model_validate(tables), real_time=real_time), clock)
+
+
+def test_who_called_is_told_what_went_wrong(tmp_path: Path, winkler: Any) -> None:
+    def viewer(_event: Event) -> None:
+        raise ValueError("no display")
+
+    rig = Rig.model_validate({"scan": {"stations": 1, "hold_s": 0.1}})
+    done = scan(rig, "TI", tmp_path, observers=[viewer], respond=winkler)
+    assert "observer: ValueError: no display" in done.notes
