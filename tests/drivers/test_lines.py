@@ -12,7 +12,13 @@ import pytest
 from waiting import until
 
 from drivers import (
-    Block, Clock, ConfigError, DeviceAbsent, DeviceFault, SimulatedClock, WallClock,
+    Block,
+    Clock,
+    ConfigError,
+    DeviceAbsent,
+    DeviceFault,
+    SimulatedClock,
+    WallClock,
 )  # fmt: skip
 from drivers.core.reader import LineSensor
 from drivers.lines import LinePattern, LineSource, TextChannel, number_reader, open_sensor
@@ -209,7 +215,9 @@ class Arrives:
         return self.pieces.popleft()
 
 
-def source_at(port: Arrives, clock: Clock, pattern: str, monkeypatch: pytest.MonkeyPatch) -> LineSource:
+def source_at(
+    port: Arrives, clock: Clock, pattern: str, monkeypatch: pytest.MonkeyPatch
+) -> LineSource:
     monkeypatch.setattr("drivers.lines.open_port", lambda *_: port)
     number = number_reader(".", "")
     return LineSource(

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drivers import ConfigError, DeviceAbsent, WallClock
+from drivers import Channel, ConfigError, DeviceAbsent, WallClock
 from probe.acquisition.engine import run_scan
 from probe.acquisition.prepare import prepare
-from probe.config.devices import connect
+from probe.config.devices import connect, open_sensors
 from probe.config.load_rig import load_rig
-from probe.config.rig import RigError
+from probe.config.rig import Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.core.events import Event, Finish, RunStarted, Samples
@@ -96,6 +96,52 @@ def test_with_leave_it_is_replaced_and_named(
         assert opened.stage.simulated
         assert [sensor.name for sensor in opened.sensors] == ["ft300"]
         assert all(channel.simulated for s in opened.sensors for channel in s.channels)
+
+
+class Held:
+    """A device that knows whether anybody has it open."""
+
+    channels = (Channel("force", "N", "force"),)
+
+    def __init__(self, name: str, absent: bool = False) -> None:
+        self.name, self.absent, self.open = name, absent, False
+
+    def connect(self) -> None:
+        if self.absent:
+            raise DeviceAbsent(self.name, "not here")
+        self.open = True
+
+    def close(self) -> None:
+        self.open = False
+
+
+@pytest.fixture
+def held(monkeypatch: pytest.MonkeyPatch) -> dict[str, Held]:
+    """What is opened for a rig of a stage and two sensors."""
+    all_held = {where: Held(where) for where in ("stage", "sensor[0]", "sensor[1]")}
+    monkeypatch.setattr(
+        "probe.config.devices.make_device", lambda _kind, where, *_: all_held[where]
+    )
+    return all_held
+
+
+TWO_CELLS = Rig.model_validate({"sensor": [{"driver": "virtual"}, {"driver": "virtual"}]})
+
+
+def test_one_absent_device_leaves_none_open(held: dict[str, Held]) -> None:
+    """A port that is still held is another program's no longer."""
+    held["sensor[1]"].absent = True
+    with pytest.raises(DeviceAbsent, match="not here"):
+        connect(TWO_CELLS, WallClock())
+    assert not any(one.open for one in held.values())
+
+
+def test_sensors_that_were_opened_alone_are_closed(held: dict[str, Held]) -> None:
+    with pytest.raises(KeyError), open_sensors(TWO_CELLS, WallClock()) as sensors:
+        assert [sensor.name for sensor in sensors] == ["sensor[0]", "sensor[1]"]
+        assert [one.open for one in held.values()] == [False, True, True]
+        raise KeyError
+    assert not any(one.open for one in held.values())
 
 
 def test_a_wrong_setting_is_never_replaced(winkler: Respond, tmp_path: Path) -> None:
