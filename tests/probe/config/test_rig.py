@@ -37,6 +37,13 @@ def test_the_example_is_the_default_rig() -> None:
     assert example.scan.indentation_mm / example.scan.ramp_s == 2.5
 
 
+@pytest.mark.parametrize(("name", "found"), [("mine.toml", "{}/mine.toml"), ("TI", "TI")])
+def test_a_scene_s_file_lies_beside_the_rig_s(name: str, found: str, tmp_path: Path) -> None:
+    rig = load_rig(write(tmp_path, f'{VIRTUAL}[scene]\nname = "{name}"\n'))
+    assert rig.scene is not None
+    assert rig.scene.name == found.format(tmp_path)
+
+
 @pytest.mark.parametrize(
     ("width_mm", "first_mm", "last_mm", "stations"),
     [(64.0, 4.0, 60.0, 15), (100.0, 4.0, 96.0, 24), (50.0, 5.0, 45.0, 11), (7.0, 3.5, 3.5, 1)],
