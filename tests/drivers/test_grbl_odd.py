@@ -8,6 +8,7 @@ import pytest
 from waiting import until
 
 from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
+from drivers.grbl.line import Conversation
 from drivers.grbl.stage import GrblSettings, GrblStage, open_stage
 from sim_backend.emulators.serving import Served, served
 
@@ -77,6 +78,52 @@ def test_a_position_that_is_no_number_is_no_pose(
     board.place = place
     with pytest.raises(DeviceFault, match="no status"):
         until(lambda: stage.pose() is None)
+
+
+class Answers:
+    """A port at which each line is answered the same; None: reading it is a mistake."""
+
+    in_waiting = 1
+
+    def __init__(self, answer: bytes | None) -> None:
+        self._answer, self._due = answer, b""
+
+    def write(self, data: bytes) -> None:
+        if data != b"?":
+            self._due = self._answer or b""
+
+    def read(self, _size: int = 1) -> bytes:
+        if self._answer is None:
+            raise ZeroDivisionError("what")
+        due, self._due = self._due, b""
+        return due
+
+    def close(self) -> None: ...
+    def reset_input_buffer(self) -> None: ...
+
+
+def test_a_mistake_while_listening_is_said_as_what_it_is() -> None:
+    """And at once, not as the silence that follows."""
+    talk = Conversation("mine", Answers(None), 0.1)
+    with pytest.raises(DeviceFault, match=r"lost .driver: ZeroDivisionError: what"):
+        talk.fresh(1.0)
+    talk.close()
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (8, "only possible when idle"),
+        (9, "locked by an alarm or a jog"),
+        (15, "outside the machine's travel"),
+        (99, "see the controller manual"),
+    ],
+)
+def test_why_the_board_refuses_is_said_in_words(number: int, words: str) -> None:
+    talk = Conversation("mine", Answers(f"error:{number}\n".encode()), 0.1)
+    with pytest.raises(DeviceFault, match=f"refused: error {number}: .*{words}"):
+        talk.command("$J=X1", 2.0)
+    talk.close()
 
 
 def test_a_board_that_a_limit_alarm_has_silenced_is_told(

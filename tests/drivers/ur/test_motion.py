@@ -67,6 +67,7 @@ def test_an_arm_that_rests_elsewhere_can_still_be_lifted(winkler: Respond) -> No
         made.phantom.tip.halt(made.clock.now(), 10.0)
         with pytest.raises(MotionFault, match="came to rest"):
             made.arrive()
+        assert not made.stage.moving()  # told once: it rests, and may be lifted
         made.stage.move(Pose(0.03, 0.0, 0.004), 0.02)
         made.arrive()
 

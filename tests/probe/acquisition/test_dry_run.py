@@ -247,7 +247,8 @@ def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
     tare = fit_tare(np.arange(20.0), np.sin(np.arange(20.0)))
     now = datetime.now(UTC)
     files = {name: tmp_path / f"{name}.json" for name in ("new", "old", "bad", "other")}
-    save(record(made, "cell", {}, valid_days=2.0, now=now), files["new"])
+    a_day_ago = now - timedelta(days=1)
+    save(record(made, "cell", {}, valid_days=2.0, now=a_day_ago), files["new"])
     save(record(made, "cell", {}, valid_days=2.0, now=now - timedelta(days=3)), files["old"])
     files["bad"].write_text("{}")
     save(record(tare, "cell", {}, now=now), files["other"])
@@ -256,6 +257,7 @@ def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
     report = dry_run(rig, None, tmp_path)
     found = levels(report)
     assert found["calibration force_new"] == "ok"
+    assert "of cell, 1.0 of 2 days old" in {check.text for check in report.checks}
     assert found["calibration force_old"] == "warning"
     assert found["calibration force_bad"] == "fault"
     assert found["calibration force_other"] == "fault"

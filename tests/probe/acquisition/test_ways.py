@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from springs import SOFT_N_M, Bed, SpringSensor, SpringStage, run_springs, spring_rig
 
-from drivers import SimulatedClock
+from drivers import Block, SimulatedClock
+from drivers.core.arrays import Array
 from probe.acquisition.engine import run_scan
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
-from probe.core.events import Event, RunEnded, Samples
+from probe.core.events import Event, RunEnded, Samples, StationEnded
 from probe.planning.plan import Plan
 
 
@@ -54,6 +55,39 @@ def test_a_load_that_was_tared_is_no_drift() -> None:
     ran = run_springs(bed, SpringStage(bed), [Loaded(bed)], rig=rig)
     assert ran.reason == "every station is complete"
     assert not [text for text in ran.notes if "in the air since the last tare" in text]
+
+
+@pytest.mark.parametrize(
+    ("times", "reason"),
+    [(3, "every station is complete"), (4, "its clock stood still for 60 ms, again and again")],
+)
+def test_a_press_is_made_again_three_times_for_a_clock_that_stands_still(
+    times: int, reason: str
+) -> None:
+    """At each station anew."""
+
+    class StandsStill(SpringSensor):
+        left, armed = times, True
+
+        def block(self, time_s: Array, force: Array) -> Block:
+            most_n = float(np.max(force, initial=0.0))
+            stood = self.armed and self.left > 0 and most_n > 0.5
+            self.left -= stood
+            self.armed = (self.armed and not stood) or 0.0 < most_n < 0.1
+            return replace(super().block(time_s, force), jumped_s=0.06 * stood)
+
+    def sink(event: Event) -> None:
+        if isinstance(event, StationEnded) and event.complete:
+            sensor.left = times
+
+    bed = Bed(SimulatedClock())
+    sensor = StandsStill(bed)
+    rig = spring_rig(scan={"stations": 2})
+    ran = run_springs(bed, SpringStage(bed), [sensor], rig=rig, sink=sink)
+    assert reason in ran.reason
+    tried = [event.complete for event in ran.events if isinstance(event, StationEnded)]
+    assert tried == (2 * [False, False, False, True] if times == 3 else 4 * [False])
+    assert ran.lifted
 
 
 def test_a_halt_that_is_not_heard_is_said_again() -> None:

@@ -125,6 +125,27 @@ def test_depth_on_a_slope_is_along_its_normal(tmp_path: Path, winkler: Any) -> N
     assert station.depth_m[held] == pytest.approx(2.5e-3, abs=1e-5)
 
 
+def test_a_rig_that_bends_is_less_deep_by_its_force_over_its_stiffness() -> None:
+    kept = {"content": {"values": {"stiffness_n_m": {"value": 2000.0}}}}
+    started = RunStarted(
+        0.0, "", {"face_mm2": 100.0, "calibration": {"compliance": kept}},
+        {"cell": (Channel("force", "N", "force"),)},
+    )  # fmt: skip
+    time_s, n = np.arange(1, 11) / 10, 10
+    poses = np.zeros((n, 6))
+    poses[1:, 2] = -3e-3
+    events: list[Event] = [
+        started,
+        StationStarted(0.0, 0, 1, 0.0, 0.0),
+        PhaseEntered(0.1, Phase.INDENTING, 0),
+        Samples("stage", Block(time_s, poses, np.zeros(poses.shape, bool)), 0, 1),
+        Samples("cell", Block(time_s, np.full((n, 1), 1.0), np.zeros((n, 1), bool)), 0, 1),
+        StationEnded(1.1, 0, 1, complete=True),
+    ]
+    (station,) = record(events).stations
+    assert station.depth_m[1:] == pytest.approx(2.5e-3)
+
+
 def test_taxels_share_the_face_and_a_reference_stays_beside() -> None:
     channels = {
         "skin": tuple(Channel(f"t{n}", "N", "taxel") for n in range(4)),
