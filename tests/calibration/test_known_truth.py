@@ -20,6 +20,7 @@ from calibration import (
     fit_tool,
 )
 from calibration.errors import CalibrationError
+from calibration.force import hysteresis
 
 NOISE_N = 0.02  # a tenth of a second's mean of a Robotiq FT300-S
 
@@ -175,6 +176,20 @@ def test_a_sensor_that_warms_up_is_bent_and_lags() -> None:
     assert 0.002 < found.linearity < 0.006  # the best line halves the bow
     warmer = found.load(np.array([[12.0 + 0.5 * 8]]), np.array([30.0]))[0, 0]
     assert warmer == pytest.approx(10.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("load", "reading", "gap"),
+    [
+        ([0, 1, 2, 1, 0], [0, 1, 2, 1.2, 0.3], 0.1),  # zero was not come to from below
+        ([0, 1, 2, 2, 1, 1, 2], [0, 1, 2, 2, 1.2, 1.2, 2], 0.1),
+        ([0, 1, 2, 3], [0, 1, 2, 3.3], 0.0),
+    ],
+)
+def test_hysteresis_is_between_a_load_s_two_sides(
+    load: list[float], reading: list[float], gap: float
+) -> None:
+    assert hysteresis(np.array(load), np.array(reading)) == pytest.approx(gap)
 
 
 def test_clipped_readings_are_left_out() -> None:

@@ -1,12 +1,14 @@
 """Reading only reads; control is taken when it is asked for, and from nobody who runs."""
 
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from emulated_ur import Rig, connected, fresh_host
 
 from drivers import DeviceAbsent, DeviceFault
+from drivers.ur.stops import why_stopped
 from sim_backend.emulators import ur
 from sim_backend.emulators.ur.robot import SET_TCP
 from sim_backend.phantom.phantom import Respond
@@ -86,3 +88,24 @@ def test_polyscope_x_is_told_by_name(winkler: Respond) -> None:
         made.stage.pose()
         made.stage.enable()
     assert robot.robot.uploads == 0
+
+
+@pytest.mark.parametrize(
+    ("safety", "robot", "words"),
+    [
+        (1, 7, None),
+        (3, 7, "protective stop"),
+        (9, 7, "safety fault"),
+        (1, 3, "power off"),
+        (1, 5, "release the brakes"),
+        (1, 6, "back-drive"),
+        (1, 99, "(99)"),
+    ],
+)
+def test_why_a_robot_does_not_work_is_said_in_words(
+    safety: int, robot: int, words: str | None
+) -> None:
+    state = SimpleNamespace(safety_mode=safety, robot_mode=robot, runtime_state=0)
+    said = why_stopped(state, controls=False)  # type: ignore[arg-type]
+    assert (said is None) == (words is None)
+    assert words is None or words in said

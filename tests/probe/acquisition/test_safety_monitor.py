@@ -317,3 +317,39 @@ def test_a_tip_that_was_sent_down_is_lifted_whatever_its_pose_says() -> None:
     monitor.object("cell", "silent for 0.25 s", can_retract=True)
     pass_time(monitor, stage, 3.0)
     assert stage.bed.tip.point(stage.bed.clock.now())[2] == pytest.approx(5e-3, abs=1e-4)
+
+
+class Beats:
+    """Threads that beat last as long ago as the test says."""
+
+    running = False
+
+    def __init__(self, late_s: float) -> None:
+        self._late_s = late_s
+
+    def late_s(self, _name: str) -> float:
+        return self._late_s
+
+    def latest_s(self) -> float:
+        return self._late_s
+
+    def excuse(self) -> None:
+        self._late_s = 0.0
+
+
+@pytest.mark.parametrize(
+    ("late_s", "why"),
+    [(0.01, "silent for"), (0.15, None), (0.3, "this program did not run for 0.30 s")],
+)
+def test_a_pause_of_the_whole_program_is_nobody_else_s_silence(
+    late_s: float, why: str | None
+) -> None:
+    """Nothing was read for 1 s and the engine gave no sign for 3 s, as it could not run."""
+    stage, sensor = SpringStage(bed := Bed(WallClock())), SpringSensor(bed)
+    monitor = alone(stage, sensor)
+    monitor._threads = Beats(late_s)  # type: ignore[assignment]
+    monitor._readings.all_seen(bed.clock.now() - 1.0)
+    monitor._engine_s -= 3.0
+    monitor._supervise()
+    assert (monitor.trip is None) == (why is None)
+    assert why is None or why in monitor.trip.reason
