@@ -57,6 +57,21 @@ def test_a_load_that_was_tared_is_no_drift() -> None:
     assert not [text for text in ran.notes if "in the air since the last tare" in text]
 
 
+def test_a_zero_that_moves_in_a_press_is_told() -> None:
+    class Shifts(SpringSensor):
+        shift_n = 0.0
+
+        def raw(self, time_s: float) -> float:
+            self.shift_n = 0.2 if self.bed.force_n(time_s) > 0.5 else self.shift_n
+            return super().raw(time_s) + self.shift_n
+
+    bed = Bed(SimulatedClock())
+    ran = run_springs(bed, SpringStage(bed), [Shifts(bed)], rig=spring_rig(scan={"stations": 2}))
+    assert ran.reason == "every station is complete"
+    (told,) = [text for text in ran.notes if "in the air since the last tare" in text]
+    assert "0.2" in told
+
+
 @pytest.mark.parametrize(
     ("times", "reason"),
     [(3, "every station is complete"), (4, "its clock stood still for 60 ms, again and again")],

@@ -34,6 +34,7 @@ def test_all_runs_are_listed_and_a_torn_one_says_why(palpate: Any, folder: Path)
     assert "damaged or not a run file" in found[""]["problem"]
     assert found["TIHA"]["labels"] == {"operator": "Ann", "gel": "yes"}
     assert found["TIHA"]["simulated"]
+    assert found["TIHA"]["stations"] == 1
     assert found["TIHA"]["finish"] == "completed"
 
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy import constants
 
 from drivers import Block, Channel
 from drivers.core.units import SI, to_si
@@ -37,6 +38,23 @@ def shown_pa(told: list[Event]) -> float:
     for event in told:
         state.update(event)
     return state.maps[0][0]
+
+
+POUND_N, GRAM_N, MILLI = constants.lbf, constants.gram * constants.g, constants.milli
+KNOWN = {
+    "N": 1, "mN": MILLI, "kN": 1e3, "g": GRAM_N, "gf": GRAM_N, "kg": 1e3 * GRAM_N,
+    "kgf": constants.kgf, "lbf": POUND_N, "klbf": 1e3 * POUND_N, "ozf": POUND_N / 16,
+    "Pa": 1, "hPa": 100, "mbar": MILLI * constants.bar, "kPa": 1e3, "MPa": 1e6,
+    "bar": constants.bar, "psi": constants.psi, "mmHg": constants.mmHg,
+    "Nmm": MILLI, "N-m": 1, "N-mm": MILLI, "kN-m": 1e3, "lbf-in": POUND_N * constants.inch,
+    "lbf-ft": POUND_N * constants.foot, "kgf-cm": constants.kgf * constants.centi, "mm": MILLI,
+}  # fmt: skip
+
+
+def test_units_are_as_large_as_scipy_says() -> None:
+    assert {unit: factor for unit, (_, factor) in SI.items()} == pytest.approx(
+        KNOWN, rel=1e-6
+    )  # mmHg: 1.4e-7
 
 
 @pytest.mark.parametrize("unit", [u for u, (si, _) in SI.items() if si in ("N", "Pa")])

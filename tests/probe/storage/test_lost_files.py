@@ -110,6 +110,20 @@ def test_a_run_that_goes_while_it_is_written_stops_the_scan_and_is_kept(
     reopen_store(store.path).close()
 
 
+def test_what_was_rescued_before_is_kept_too(tmp_path: Path) -> None:
+    path, earlier = tmp_path / "a.run", tmp_path / "a-rescued.run"
+    earlier.write_bytes(b"of yesterday")
+    with create_store(path) as store:
+        write(store, 5)
+        delete(path)
+        with pytest.raises(StoreError, match="rescued-2"):
+            for n in range(5, 9):
+                store(samples(n))
+                store.flush()
+    assert store.path == tmp_path / "a-rescued-2.run"
+    assert earlier.read_bytes() == b"of yesterday"
+
+
 def test_a_scan_says_where_a_replaced_run_is_kept(tmp_path: Path, winkler: Any) -> None:
     def harm(event: Event) -> None:
         if isinstance(event, StationStarted) and event.station == 1:
