@@ -1,8 +1,10 @@
 """The GRBL driver on a board with odd habits, written from GRBL 1.1's own documents and source."""
 
+import math
 import re
 import time
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 from waiting import until
@@ -124,6 +126,40 @@ def test_why_the_board_refuses_is_said_in_words(number: int, words: str) -> None
     with pytest.raises(DeviceFault, match=f"refused: error {number}: .*{words}"):
         talk.command("$J=X1", 2.0)
     talk.close()
+
+
+def test_a_work_position_is_a_place_once_its_zero_is_told() -> None:
+    said = b"<Idle|WPos:1.000,2.000,3.000|WCO:10.000,20.000,-30.000>\nok\n"
+    talk = Conversation("mine", Answers(said), 0.1)
+    talk.command("$X", 2.0)
+    assert talk.status is not None
+    assert talk.status.position == (11.0, 22.0, -27.0)
+    talk.close()
+
+
+@pytest.mark.parametrize("arrives_s", [15.0, math.inf])
+def test_a_long_way_to_the_park_is_given_its_time(
+    arrives_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """100 mm at 10 mm/s."""
+    now_s = [0.0]
+
+    def sleep(seconds: float) -> None:
+        now_s[0] += max(seconds, 0.1)
+
+    clock = SimpleNamespace(monotonic=lambda: now_s[0], sleep=sleep)
+    keys = GrblSettings(port="-", park_mm=(100.0, 0.0, 0.0), max_speed_mm_s=10.0)
+    stage = GrblStage(keys)
+    monkeypatch.setattr("drivers.grbl.stage.time", clock)
+    monkeypatch.setattr(stage, "pose", lambda: Pose(0.0, 0.0, 0.0))
+    monkeypatch.setattr(stage, "move", lambda _target, _speed_m_s: None)
+    monkeypatch.setattr(stage, "moving", lambda: now_s[0] < arrives_s)
+    if arrives_s < math.inf:
+        stage._park(0)
+        assert now_s[0] >= arrives_s
+    else:
+        with pytest.raises(DeviceFault, match="has not reached park_mm"):
+            stage._park(0)
 
 
 def test_a_board_that_a_limit_alarm_has_silenced_is_told(

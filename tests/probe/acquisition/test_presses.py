@@ -51,6 +51,13 @@ def test_a_press_that_is_not_felt_half_way_down_ends_there(sensors: list[Any]) -
     assert ran.lifted
 
 
+def test_a_press_that_is_not_felt_on_a_slope_ends_by_the_surface_there() -> None:
+    slope = [[0, 0, 0], [60, 0, 6], [0, 5, 0]]
+    ran = press([Deaf], -9.0, scan={"start_mm": 30.0, "surface_mm": slope})
+    assert "no force above the noise" in ran.reason
+    assert 3e-3 - 2e-3 < ran.height_m.min() < 3e-3
+
+
 def test_one_sensor_that_feels_the_press_is_enough() -> None:
     assert press([SpringSensor, Deaf]).complete == [0]
 

@@ -254,6 +254,17 @@ def test_a_stage_that_is_too_fast_is_noticed(speed_m_s: float, within_s: float) 
     assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in told)
 
 
+@pytest.mark.parametrize("before_m_s", [0.0, 20e-3])
+def test_a_stage_that_becomes_too_fast_is_noticed_as_soon(before_m_s: float) -> None:
+    """What it did in the 10 s before excuses nothing."""
+    guard = PoseGuard(flat, WIDE)
+    times = np.arange(0, 10.1, 8e-3)
+    way_m = before_m_s * np.minimum(times, 10.0) + 60e-3 * np.maximum(times - 10.0, 0.0)
+    told = [guard.check(Pose(x, 0, 0), t) for x, t in zip(way_m, times, strict=True)]
+    assert all(why is None for why, t in zip(told, times, strict=True) if t < 10.0)
+    assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in told)
+
+
 def alone(stage: SpringStage, sensor: SpringSensor) -> SafetyMonitor:
     """A monitor that lifts to where the bed's tip begins, 5 mm high."""
     monitor = SafetyMonitor(

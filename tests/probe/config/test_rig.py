@@ -1,3 +1,4 @@
+import math
 import re
 import tomllib
 from pathlib import Path
@@ -222,6 +223,17 @@ def test_the_configuration_of_a_run_is_complete() -> None:
     assert config["seed"] == 7
     assert len(config["plan"]["stations"]) == 15
     assert config["versions"]["palpate"]
+    assert config["plan"]["incline_deg"] == 15 * [0.0]
+
+
+def test_a_run_keeps_how_far_its_surface_leans() -> None:
+    """Depth is along the normal. 3 by 4 in 12 is 5 in 12."""
+    slope = [[0.0, 0.0, 0.0], [12.0, 0.0, 3.0], [0.0, 12.0, 4.0]]
+    rig = Rig.model_validate({"scan": {"stations": 2, "surface_mm": slope}})
+    kept = run_config(rig, None, plan_for(rig), seed=0)["plan"]
+    assert kept["incline_deg"] == pytest.approx(2 * [math.degrees(math.atan2(5, 12))])
+    heights_mm = [0.25 * x + y / 3 for _, x, y in kept["stations"]]
+    assert kept["surface_mm"] == pytest.approx(heights_mm)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

@@ -2,6 +2,7 @@ import math
 import sys
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from drivers import ConfigError
 from probe.planning.plan import Plan, check_reach, grid, repeated, row
 from probe.planning.press_direction import normal_of, pressed
+from probe.planning.surfaces import through
 
 BOX = ((0.0, 0.07), (-0.01, 0.01), (-0.003, 0.01))
 
@@ -72,6 +74,13 @@ def test_every_press_is_normal_to_the_surface() -> None:
 def test_a_press_is_normal_to_a_surface_that_rises_along_y() -> None:
     plan = Plan(row(4e-3, 4e-3, 2), surface=lambda _x, y: 0.75 * y)
     assert normal_of(plan.at_surface(plan.places[0])) == pytest.approx((0.0, -0.6, 0.8))
+
+
+@pytest.mark.parametrize("more", [[], [[10.0, 10.0, 3.0]]])  # three points, and a sheet
+def test_a_surface_through_points_rises_both_ways(more: list[list[float]]) -> None:
+    points = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [0.0, 10.0, 2.0], *more])
+    surface = through(1e-3 * points)
+    assert surface(4e-3, 7e-3) == pytest.approx(1e-3 * (0.4 + 1.4))
 
 
 def test_a_level_surface_turns_nothing() -> None:
