@@ -76,6 +76,11 @@ def test_four_late_reads_in_a_row_are_a_busy_reader_not_lost_frames() -> None:
     assert sum(frames.stamp(0.01 * k + late[k])[1] for k in range(60)) == 0
 
 
+def test_reads_that_become_later_by_less_than_a_frame_miss_none() -> None:
+    frames, late = FrameTime(0.01), 0.006 * (np.arange(60) >= 20)
+    assert sum(frames.stamp(0.01 * k + late[k])[1] for k in range(60)) == 0
+
+
 def test_a_device_that_starts_anew_is_followed_from_there() -> None:
     time = DeviceTime()
     before = [time.stamp(k * 0.1, 50 + k * 0.1) for k in range(10)]

@@ -200,6 +200,7 @@ def test_a_sensor_that_would_end_the_scan_at_rest_is_said_before_and_by_the_doct
     ("allowed", "said"),
     [
         (25.0, None),
+        (20.0, None),
         (19.0, "scan.travel_mm_s = 20 mm/s: stage 'virtual' allows at most 19"),
         (9.0, "scan.travel_mm_s = 20"),
     ],
@@ -301,7 +302,7 @@ def test_a_hold_too_short_to_judge_a_press_by_is_said(
     rig = Rig.model_validate({"scan": keys, "sensor": sensor, "scene": {"name": "TIHA"}})
     report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
     (text,) = (check.text for check in report.checks if check.name == "pulse on virtual")
-    assert ("too short to judge a press by" in text) == short
+    assert ("too short to judge a press by; at least 0.1" in text) == short
     found = detect(open_run(scan(rig, out=tmp_path, respond=winkler).path).recording())
     assert ("no press can be judged" in found.reason) == short
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from drivers import SimulatedClock, WallClock
-from probe.acquisition.session import clock_for, scan
+from probe.acquisition.session import clock_for, resolve_rig, scan
 from probe.config.rig import Rig
 from probe.core.events import Event
 
@@ -26,6 +26,11 @@ def test_a_device_that_is_real_has_the_time_it_takes(
     tables: dict[str, Any], real_time: bool, clock: type
 ) -> None:
     assert isinstance(clock_for(Rig.model_validate(tables), real_time=real_time), clock)
+
+
+def test_real_devices_need_no_scene() -> None:
+    rig = Rig.model_validate({"sensor": [REAL_CELL]})
+    assert resolve_rig(rig, None) == (rig, None)
 
 
 def test_who_called_is_told_what_went_wrong(tmp_path: Path, winkler: Any) -> None:

@@ -4,6 +4,7 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -224,6 +225,12 @@ def test_the_configuration_of_a_run_is_complete() -> None:
     assert len(config["plan"]["stations"]) == 15
     assert config["versions"]["palpate"]
     assert config["plan"]["incline_deg"] == 15 * [0.0]
+
+
+def test_a_row_that_says_only_where_it_starts_along_x_lies_at_y_zero() -> None:
+    rig = Rig.model_validate({"scan": {"start_mm": 8.0, "pitch_mm": 4.0, "stations": 3}})
+    places = [(place.x_m, place.y_m) for place in plan_for(rig).places]
+    assert np.array(places) == pytest.approx(np.array([[8e-3, 0], [12e-3, 0], [16e-3, 0]]))
 
 
 def test_a_run_keeps_how_far_its_surface_leans() -> None:
