@@ -59,7 +59,9 @@ def test_a_press_too_fast_for_its_sensor_is_refused() -> None:
     sensor = SpringSensor(bed)
     sensor.rate_hz = 20.0
     rig = spring_rig(safety={"max_force_n": 5.0, "hardest_n_mm": 10.0}, scan={"approach_mm_s": 1.0})
-    rig, devices = rig.model_copy(update={"face_mm2": 100.0}), Devices(stage, (sensor,), None, ())
+    beat = SpringSensor(bed, "ppg", "reference", "V")  # 500 Hz, and feels nothing
+    sensors = (sensor, beat)
+    rig, devices = rig.model_copy(update={"face_mm2": 100.0}), Devices(stage, sensors, None, ())
     with pytest.raises(ConfigError, match=r"ramp_s = 2\.5 mm/s: on something .* at most 2 mm/s"):
         ready_for(rig, None, devices)
     slower = rig.scan.model_copy(update={"ramp_s": 1.3})

@@ -344,3 +344,11 @@ def test_a_guard_that_is_told_to_end_lifts_first(winkler: Respond, tmp_path: Pat
         on.lifted_within(8.0)
         os.kill(on.scanning.pid, signal.SIGCONT)
         assert "END faulted" in on.wait_for("END")
+
+
+def test_guards_that_end_as_they_are_closed_are_not_replaced() -> None:
+    """Others would open the devices again, and hold them."""
+    client = object.__new__(GuardClient)
+    client._closing, client._replaced = True, False
+    client._replace()
+    assert not client._replaced
