@@ -1,7 +1,9 @@
 """A UR's rest is what the controller says; its watchdog is whoever checks the force."""
 
 import math
+import threading
 import time
+from collections import deque
 from types import SimpleNamespace
 from typing import cast
 
@@ -258,3 +260,15 @@ def test_a_stop_is_as_hard_as_the_rig_says() -> None:
     stage._link = link  # type: ignore[assignment]
     stage.stop()
     assert said == [(pytest.approx(0.8), 0.3)]
+
+
+def test_a_robot_that_is_silent_after_its_program_has_started_is_told() -> None:
+    """While the library starts it, nothing comes and nothing is wrong."""
+    link = object.__new__(Link)
+    link.name, link._starting, link._gone = "ur", False, "cut"
+    link._fresh, link._samples, link._state = threading.Condition(), deque(), None
+    with pytest.raises(KeyError), link._silent_while_starting():
+        assert link.samples(0.0) == []
+        raise KeyError
+    with pytest.raises(DeviceFault, match="connection lost: cut"):
+        link.samples(0.0)
