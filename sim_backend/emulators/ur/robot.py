@@ -291,7 +291,7 @@ class Robot:
             force_n = float(self._phantom.force_n(np.array([now]))[0])
             self._zero = force_n * (self._mounting.matrix @ _normal(self._phantom, place))
         elif command in (STOP_L, SPEED_STOP, SERVO_STOP):
-            self._halt()
+            self._halt(self._numbers(1)[0])
             if command == STOP_L and not self._inputs.get("input_int_register_1", 0):
                 return False
             self._number = (self._number + 1) % NUMBERS
@@ -356,11 +356,11 @@ class Robot:
         x, y, z = (here + share * way).tolist()
         return (x, y, z)
 
-    def _halt(self) -> None:
+    def _halt(self, deceleration_m_s2: float = STOP_M_S2) -> None:
         self._under_way, self._held = None, False
         now = self._phantom.clock.now()
         if self._phantom.tip.moving(now):
-            self._phantom.tip.halt(now, STOP_M_S2)
+            self._phantom.tip.halt(now, deceleration_m_s2)
 
 
 def _six(numbers: list[float]) -> Six:

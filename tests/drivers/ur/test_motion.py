@@ -4,7 +4,6 @@ import math
 import threading
 import time
 from collections import deque
-from types import SimpleNamespace
 from typing import cast
 
 import pytest
@@ -249,17 +248,6 @@ def test_a_tare_waits_until_the_robot_has_zeroed(monkeypatch: pytest.MonkeyPatch
     sensor.link = cast(Link, link)
     sensor.tare()
     assert taken == [0.0]
-
-
-def test_a_stop_is_as_hard_as_the_rig_says() -> None:
-    """However the stage is left; in m/s^2, as the robot takes it."""
-    said: list[tuple[float, float]] = []
-    link = SimpleNamespace(stop=lambda *how: said.append(how))
-    keys = UrStageSettings(host="127.0.0.1", acceleration_mm_s2=800.0, stop_s=0.3)
-    stage = UrStage(keys)
-    stage._link = link  # type: ignore[assignment]
-    stage.stop()
-    assert said == [(pytest.approx(0.8), 0.3)]
 
 
 def test_a_robot_that_is_silent_after_its_program_has_started_is_told() -> None:

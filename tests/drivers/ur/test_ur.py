@@ -115,6 +115,23 @@ def test_stop_halts_within_100_ms_from_another_thread(rig: tuple[Rig, ur.UrContr
     assert made.phantom.tip.point(made.clock.now())[0] < 0.055
 
 
+def test_a_stop_is_as_hard_as_the_rig_says(winkler: Respond) -> None:
+    """From 20 mm/s at 40 mm/s2 the tip goes on for 5 mm, as a robot's would."""
+    keys = {"silence_s": 1.0, "stop_s": 1.0, "acceleration_mm_s2": 40.0}
+    with connected(winkler, keys=keys) as (made, _):
+        made.stage.enable()
+        made.stage.move(Pose(0.06, 0.0, 0.004), 0.02)
+        tip, clock = made.phantom.tip, made.clock
+        set_off_m = tip.point(clock.now())[0]
+        while tip.point(clock.now())[0] < set_off_m + 0.007:  # at speed after 5 mm
+            time.sleep(0.005)
+        there_m = tip.point(clock.now())[0]
+        made.stage.stop()
+        while tip.moving(clock.now()):
+            time.sleep(0.005)
+        assert tip.point(clock.now())[0] - there_m > 0.0048
+
+
 @pytest.mark.parametrize(
     ("fault", "words"),
     [
