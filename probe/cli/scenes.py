@@ -55,12 +55,15 @@ def press(
     """Press once into a scene and print force, contact stress, pulse and contact."""
     from probe.cli.progress import solving
     from sim_backend.models.press import press as press_once
-    from sim_backend.scene.scene_file import load_scene
+    from sim_backend.scene.scene_file import SceneError, load_scene
 
     chosen = {} if model is None else {"model": model}
+    pressed_into = load_scene(scene)
+    if pressed_into.plane == "solid" and (deck or feb or vtu):
+        raise SceneError(f"{scene}: --deck, --feb and --vtu write a plane section, not a solid")
     with solving() as show:
         pressed = press_once(
-            load_scene(scene), x, depth, pressure or None, accuracy_pct=accuracy, solving=show,
+            pressed_into, x, depth, pressure or None, accuracy_pct=accuracy, solving=show,
             **chosen,
         )  # fmt: skip
     pressures = [state.pressure_mmhg for state in pressed.states]

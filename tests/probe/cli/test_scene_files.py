@@ -52,3 +52,12 @@ def test_scenes_lists_all(palpate) -> None:
     plane = ["HAOT", "SAOT", "TI", "TIHA", "TISA", "TIT"]
     assert sorted(listed) == sorted([*plane, *(f"{name}-solid" for name in plane[2:])])
     assert "stenosis" in listed["TISA"]
+
+
+@pytest.mark.parametrize("option", ["--deck", "--feb", "--vtu"])
+def test_a_solid_that_cannot_be_written_is_refused_before_it_is_solved(
+    palpate, monkeypatch: pytest.MonkeyPatch, option: str
+) -> None:
+    monkeypatch.setattr("sim_backend.models.press.press", None)
+    outcome = palpate("press", "TI-solid", "--x", "32", "--depth", "1", option, "file")
+    assert (outcome.status, "write a plane section" in outcome.err) == (2, True)
