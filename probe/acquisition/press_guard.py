@@ -33,8 +33,9 @@ SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
 # And over this far one that noise explains as little as the rise that it foretells.
 # Below SOFT_SHARE it may be a cable that drags.
 FAINT_WAY_M = 1e-3
-# Of the way in contact. A force that stood still from there on, and as long after the tip came to
-# rest: a beat or a relaxation that hid the rise of a live one would go on.
+# Of the way in contact, where noise asks for no more. A force that stood still over so much of its
+# end, and as long after the tip came to rest: what hid the rise of a live one, a beat or a
+# relaxation, would go on.
 LAST_SHARE = 0.05
 SLACK = 1.2  # a stage may be that much faster than it was told
 WAY_M = 50e-6  # five of a GRBL board's digits
@@ -260,19 +261,20 @@ class PressGuard:
 
     def _stood_still(self, now: float) -> str | None:
         """The end of the press and as long a time of rest, once; as `_too_flat` by noise alone."""
-        down_m = self._downs[-1]
-        row = bisect_right(self._downs, (1 - LAST_SHARE) * down_m) - 1
+        down_m, most_n = self._downs[-1], NOISE_SIGMAS * self._noise_n
+        risen_n = self._forces[-1] - self._first_n
+        share = 2 * most_n / risen_n if risen_n > 0 else math.inf  # the least that noise lets show
+        row = bisect_right(self._downs, min(down_m / (1 + share), down_m - WAY_M)) - 1
         began = self._before_pose(row) if row >= 0 and self._gaps_s else -1
         self._rest.append(self._feels.smooth_n)
         if began >= 0 and now < 2 * self._times[-1] - self._times[began]:
             return None
         judged, force_n = self._forces[began:] + self._rest, self._forces[began] - self._first_n
         self._times = []
-        if began < 0 or force_n < self._least_n():
+        if began < 0 or force_n < self._least_n() or share > LAST_SHARE:
             return None
         went_m = down_m - self._downs[row]
         foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
-        most_n = NOISE_SIGMAS * self._noise_n
         if foretold_n < 2 * most_n or not 0 < max(judged) - min(judged) <= most_n:
             return None  # moved, or noise would hide the rise of a live one
         return _flat(judged[-1] - judged[0], went_m, foretold_n)

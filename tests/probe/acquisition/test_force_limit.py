@@ -188,21 +188,27 @@ def test_a_rise_amid_which_a_press_begins_is_not_taken_for_noise() -> None:
     assert any(why is not None and "the sensor clips" in why for why in said)
 
 
-@pytest.mark.parametrize("late", [(), (9,)])
+@pytest.mark.parametrize(
+    ("late", "clips_mm", "noise_n", "seen"),
+    [((), 2.22, 1e-3, True), ((9,), 2.22, 1e-3, True), ((), 2.32, 1e-3, True),
+     ((), 2.32, 3e-3, False), ((), 3.0, 1e-3, False)],
+)  # fmt: skip
 def test_a_pose_that_came_late_early_in_a_press_hides_no_clipping_at_its_end(
-    late: tuple[int, ...],
+    late: tuple[int, ...], clips_mm: float, noise_n: float, seen: bool
 ) -> None:
-    """As on a busy machine: what is flat for 50 ms may not be excused by 20 ms long before."""
+    """As on a busy machine: what is flat for 50 ms may not be excused by 20 ms long before. How
+    near to the end a clip is seen, noise says and how old a pose may be; one that feels is not."""
     felt, limits = Felt(), Limits(1.6, 3e-3, ((-1.0, 1.0),) * 3, 25e-3, hardest_n_m=1e3)
+    felt.noise = noise_n
     guard = PressGuard(cast(SensorGuard, felt), limits, 200.0)
     guard.begin(Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, -2.52e-3), 6e-3)
     said = []
     for n in range(1, 43):  # 10 ms and 60 um each
-        felt.smooth_n = min(0.48 * n * 60e-3, 0.48 * 2.22)  # clips 0.3 mm before the end
+        felt.smooth_n = 0.48 * min(n * 60e-3, clips_mm)  # of 2.52 mm
         at = n - 1 if n in late else n
         said.append(guard.check(Pose(0.0, 0.0, -60e-6 * at), 10e-3 * n))
     guard.end()
     for n in range(43, 63):
         felt.smooth_n += 1e-5 * (-1) ** n
         said.append(guard.check(Pose(0.0, 0.0, -2.52e-3), 10e-3 * n))
-    assert any(why is not None and "the sensor clips" in why for why in said)
+    assert any(why is not None and "the sensor clips" in why for why in said) == seen
