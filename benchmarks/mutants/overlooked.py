@@ -241,7 +241,7 @@ OVERLOOKED = (
            "        self._target, self._searches = None, False\n"
            "        if (link := self._link) is not None:\n"
            "            link.stop(1e-3 / self._settings.acceleration_mm_s2",
-           ("tests/drivers/ur/test_motion.py::test_a_stop_is_as_hard_as_the_rig_says",)),
+           ("tests/drivers/ur/test_ur.py::test_a_stop_is_as_hard_as_the_rig_says",)),
     Mutant("an ounce of force is half as much", "drivers/core/units.py",
            "0.27801385095378", "0.13900692547689",
            ("tests/probe/core/test_stress_conversion.py",)),
