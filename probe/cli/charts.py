@@ -47,7 +47,11 @@ def stability(
     quick: Annotated[bool, typer.Option("--quick", help="Every fifth cell only.")] = False,
     json: Json = False,
 ) -> None:
-    """Go where methods fail, and draw what is solved, what is refused, and why."""
+    """Go where methods fail, and draw what is solved, what is refused, and why.
+
+    Each cell is kept in stability.csv when it is solved. A run that is broken off goes on from
+    there; take another DIR, or delete the table, to begin again.
+    """
     from probe.studies.charts.stability import chart
 
     table = chart(out, quick, inform)

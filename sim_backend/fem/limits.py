@@ -22,6 +22,7 @@ def physical_limit(
     ratio, cell = smallest_area_ratio(section, last.displacement)
     x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / PA_PER_MMHG
+    there = f"{depth_mm:.4g} mm deep" if depth_mm > 0 else "before the finger touches"
     where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
     if not (section.mesh.region == TISSUE).any():
         return CannotSolve(
@@ -33,13 +34,14 @@ def physical_limit(
     if isinstance(failure, Unstable):
         return CannotSolve(
             "stability",
-            f"found no stable equilibrium beyond {depth_mm:.4g} mm and {mmhg:.4g} mmHg: the body "
-            f"snaps or rolls away there (smallest det F {ratio:.2g} {where}). Press less deep.",
+            f"found no stable equilibrium beyond {mmhg:.4g} mmHg, {there}: the body "
+            f"snaps or rolls away there (smallest det F {ratio:.2g} {where}). Press less deep or "
+            "take a lower pressure.",
         )
     if goal.pressure_pa > last.load.pressure_pa:
         return CannotSolve(
             "limit pressure",
-            f"found no equilibrium above {mmhg:.4g} mmHg ({depth_mm:.3g} mm deep): the wall "
+            f"found no equilibrium above {mmhg:.4g} mmHg, {there}: the wall "
             f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
             "Take a lower pressure, a thicker or a stiffer wall.",
         )
@@ -50,7 +52,7 @@ def physical_limit(
             f"{100 * MAX_STRAIN:.0f} %. Press less deep or take a stiffer skin.",
         )
     folds = bool(section.lumens) and section.mesh.region[cell] != TISSUE
-    what = "the vessel's wall folds" if folds else "the tissue under the finger is crushed"
+    what = "the vessel's wall folds" if folds else "the tissue is crushed or buckles"
     return CannotSolve(
         "greatest depth",
         f"found no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg: {what} {where} "

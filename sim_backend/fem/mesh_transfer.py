@@ -10,16 +10,20 @@ import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
 from sim_backend.arrays import Array
+from sim_backend.fem.continuation import stable_branch
 from sim_backend.fem.model import Section
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, NotConverged, Solution, equilibrium
 from sim_backend.fem.section_pairs import contact_pairs, walls_cross
 
 
 def continued(coarse: Section, solution: Solution, fine: Section) -> Solution:
-    """``solution`` of ``coarse`` solved on ``fine``. Raises `NotConverged`."""
+    """``solution`` of ``coarse`` solved on ``fine``: where that is not stable there, the stable one
+    that it falls to. Raises `NotConverged`."""
     closed = len(solution.multiplier) > PAIRS_WITH_OPEN_LUMENS
     section = fine.with_self_contact if closed else fine
     found = equilibrium(section, _carried(coarse, solution, section), solution.load)
+    if not found.stable:
+        found = stable_branch(fine, found)
     if not closed and walls_cross(fine, found.displacement):
         raise NotConverged("a lumen's walls meet, as they did not on the coarser mesh")
     return found

@@ -2,25 +2,31 @@
 
 import subprocess
 import sys
+from collections.abc import Generator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
 
+from probe.studies.charts import stability
 from probe.studies.charts.cells import Cell, cells
-from probe.studies.charts.kept_rows import kept_rows
+from probe.studies.charts.kept_rows import kept_rows, rows_of, write_rows
 from probe.studies.charts.speed_accuracy import pareto, spent_s
-from probe.studies.charts.stability import draw, judge
-from sim_backend.scene.scene_file import Scene
+from probe.studies.charts.stability import chart, draw, judge
+from sim_backend.models.press import Press, press
+from sim_backend.scene.scene_file import Scene, load_scene
 
 
-def test_at_least_300_cells_that_are_all_scenes() -> None:
+def test_at_least_1000_cells_that_are_all_scenes() -> None:
     all_cells = cells()
-    assert len(all_cells) >= 300
+    assert len(all_cells) >= 1000
     assert len({(c.family, c.row, c.value) for c in all_cells}) == len(all_cells)
+    assert len({c.key for c in all_cells}) == len(all_cells)
     for cell in all_cells[::7]:
         Scene.model_validate(cell.scene)
 
@@ -48,6 +54,82 @@ def test_a_limit_is_refused_with_its_physics() -> None:
     judged = judge(cell_of("pressure [mmHg]", "wall of 25 kPa", "400"))
     assert judged["verdict"] == "refused"
     assert "mmHg" in judged["reason"]
+
+
+def test_an_unstable_answer_that_is_stated_is_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
+    cell = cell_of("small strain: depth [mm]", "TI, stress", "0.02")
+    assert judge(cell)["verdict"] == "solved"
+
+    def balanced(*asked: Any, **options: Any) -> Press:
+        found = press(*asked, **options)
+        return replace(found, states=tuple(replace(s, stable=False) for s in found.states))
+
+    monkeypatch.setattr(stability, "press", balanced)
+    judged = judge(cell)
+    assert (judged["verdict"], judged["reason"]) == ("wrong", "stated, and not stable")
+
+
+def test_a_column_that_buckles_is_stated_buckled() -> None:
+    """A finer mesh that begins at an answer of a coarser one found the straight column, which
+    stands on its head: 0.375 N where it gives way to a side at 0.333."""
+    judged = judge(cell_of("column's width [mm]", "bonded, 8 % deep, strain", "6"))
+    assert judged["verdict"] == "solved", judged
+    assert judged["force_n_per_m"] < 35
+
+
+def shallow(depth_mm: float) -> Cell:
+    scene = load_scene("TI").model_dump(mode="json", exclude_none=True)
+    return Cell("f", "r", f"{depth_mm:g}", scene, "small", depth_mm=depth_mm)
+
+
+def here(left: Sequence[Cell], _workers: int) -> Generator[dict[str, Any]]:
+    """In place of the workers, each of which takes a second to start."""
+    yield from map(judge, left)
+
+
+def test_a_second_start_solves_only_what_is_new_or_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(stability, "judged", here)
+    chart(tmp_path, progress=lambda _: None, workers=1, chosen=[shallow(0.05)])
+    file = tmp_path / "stability.csv"
+    kept = pd.read_csv(file)
+    kept.assign(force_n_per_m=-1.0).to_csv(file, index=False)  # as no solution would be
+    (tmp_path / "stability.png").unlink()
+
+    said: list[str] = []
+    both = [shallow(0.02), shallow(0.05)]
+    table = chart(tmp_path, progress=said.append, workers=1, chosen=both)
+    assert said == [f"1 of 2 cells are in {file}; 1 are to be solved"]
+    assert table.value.tolist() == ["0.02", "0.05"], "in the order of the cells"
+    assert table.force_n_per_m[1] == -1.0 < table.force_n_per_m[0]
+    assert pd.read_csv(file).key.tolist() == [cell.key for cell in both]
+    assert (tmp_path / "stability.png").stat().st_size > 1000
+
+    stiffer = shallow(0.05)
+    stiffer.scene["tissue"]["modulus_kpa"] = 60.0
+    table = chart(tmp_path, progress=said.append, workers=1, chosen=[both[0], stiffer])
+    assert said[1] == f"1 of 2 cells are in {file}; 1 are to be solved"
+    assert len(table) == 2, "what is no longer a cell is left out"
+    assert table.force_n_per_m[1] == pytest.approx(1.2 * kept.force_n_per_m[0], rel=1e-3)
+
+
+def test_each_row_is_kept_when_it_is_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    held: list[int] = []
+
+    def write(file: Path, rows: list[dict[str, Any]]) -> None:
+        write_rows(file, rows)
+        held.append(len(rows_of(file)))
+        if len(rows) == 2:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr(stability, "write_rows", write)
+    monkeypatch.setattr(stability, "judged", here)
+    chosen = [shallow(depth) for depth in (0.02, 0.03, 0.05)]
+    with pytest.raises(KeyboardInterrupt):
+        chart(tmp_path, progress=lambda _: None, workers=1, chosen=chosen)
+    assert held == [1, 2]
+    assert [row["value"] for row in rows_of(tmp_path / "stability.csv")] == ["0.02", "0.03"]
 
 
 def test_the_front_is_what_nothing_beats() -> None:
