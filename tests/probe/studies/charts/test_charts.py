@@ -18,7 +18,7 @@ from probe.studies.charts.cells import Cell, cells
 from probe.studies.charts.kept_rows import kept_rows, rows_of, write_rows
 from probe.studies.charts.speed_accuracy import pareto, spent_s
 from probe.studies.charts.stability import chart, draw, judge
-from sim_backend.models.press import Press, press
+from sim_backend.models.press import CannotSolve, Press, press
 from sim_backend.scene.scene_file import Scene, load_scene
 
 
@@ -67,6 +67,26 @@ def test_an_unstable_answer_that_is_stated_is_wrong(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(stability, "press", balanced)
     judged = judge(cell)
     assert (judged["verdict"], judged["reason"]) == ("wrong", "stated, and not stable")
+
+
+@pytest.mark.parametrize(("second", "verdict"), [(1.0, "solved"), (2.0, "wrong"), (None, "wrong")])
+def test_a_difference_on_a_coarse_mesh_alone_is_for_another_element(
+    second: float | None, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first element is far off on its coarse mesh and finds nothing on its finer one; the
+    second one finds ``second`` times the answer, or nothing."""
+
+    def independent(_cell: Cell, _scene: Scene, element: str, finer: int) -> tuple[float, ...]:
+        factor = {("Q8R", 1): 2.0, ("Q8R", 2): None}.get((element, finer), second)
+        if factor is None:
+            raise CannotSolve("greatest depth", "nothing found")
+        return (factor * 10.0,)
+
+    monkeypatch.setattr(stability, "_independent", independent)
+    cell = replace(shallow(0.05), how="finite")
+    answer = stability.Answer((10.0,), 1.0, stable=True)
+    checked = stability._checked(cell, Scene.model_validate(cell.scene), answer)
+    assert checked["verdict"] == verdict
 
 
 def test_a_column_that_buckles_is_stated_buckled() -> None:
