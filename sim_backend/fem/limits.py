@@ -24,7 +24,16 @@ def physical_limit(
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / PA_PER_MMHG
     there = f"{depth_mm:.4g} mm deep" if depth_mm > 0 else "before the finger touches"
     where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
-    if not (section.mesh.region == TISSUE).any():
+    lone = not (section.mesh.region == TISSUE).any()
+    fills = goal.pressure_pa > last.load.pressure_pa
+    if fills and (lone or depth_mm <= 0 or not isinstance(failure, Unstable)):
+        return CannotSolve(
+            "limit pressure",
+            f"found no equilibrium above {mmhg:.4g} mmHg, {there}: the wall "
+            f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
+            "Take a lower pressure, a thicker or a stiffer wall.",
+        )
+    if lone:
         return CannotSolve(
             "greatest depth",
             f"found no equilibrium beyond {depth_mm:.4g} mm at {mmhg:.4g} mmHg: the wall "
@@ -37,13 +46,6 @@ def physical_limit(
             f"found no stable equilibrium beyond {mmhg:.4g} mmHg, {there}: the body "
             f"snaps or rolls away there (smallest det F {ratio:.2g} {where}). Press less deep or "
             "take a lower pressure.",
-        )
-    if goal.pressure_pa > last.load.pressure_pa:
-        return CannotSolve(
-            "limit pressure",
-            f"found no equilibrium above {mmhg:.4g} mmHg, {there}: the wall "
-            f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
-            "Take a lower pressure, a thicker or a stiffer wall.",
         )
     if isinstance(failure, SkinPressedFlat):
         return CannotSolve(

@@ -51,7 +51,7 @@ class CannotSolve(RuntimeError):
     >>> soft = lone.model_copy(update={"inclusion": (wall,)})
     >>> palpate.press(soft, x_mm=32.0, depth_mm=0.5, pressures_mmhg=[1000.0])
     Traceback (most recent call last):
-    sim_backend.fem.newton.CannotSolve: found no equilibrium beyond ...
+    sim_backend.fem.newton.CannotSolve: found no equilibrium above ...
     """
 
     def __init__(self, limit: str, message: str) -> None:
