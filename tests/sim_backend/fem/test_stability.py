@@ -87,3 +87,52 @@ def test_a_block_that_may_lift_lifts_beside_the_finger_and_is_softer() -> None:
     far = np.abs(section.mesh.nodes[bottom, 0] - 32e-3) > 28e-3
     assert (height[far] > 1e-6).all()
     assert (free.multiplier[1] >= 0).all(), "nothing is pulled down"
+
+
+def column(plane: str, width_mm: float) -> Scene:
+    """A narrow block 20 mm high, without friction, under a flat finger twice as wide."""
+    raw = load_scene("TI").model_dump(mode="json", exclude_none=True) | {"plane": plane}
+    raw["tissue"] |= {"width_mm": width_mm, "height_mm": 20.0}
+    raw["indenter"] = {"shape": "flat", "width_mm": 2 * width_mm, "edge_radius_mm": 1.0}
+    return Scene.model_validate(raw)
+
+
+def aside_mm(solution: Solution) -> float:
+    return 1e3 * float(np.abs(solution.displacement[:, 0].mean()))
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+@pytest.mark.parametrize("width_mm", [4.0, 6.0])
+def test_a_column_buckles_where_euler_says(width_mm: float, plane: str) -> None:
+    """Its ends stay level and may move aside: it shortens by pi^2 w^2 / (12 L^2) before."""
+    buckling_m = np.pi**2 * width_mm**2 / (12 * 20.0**2) * 20e-3
+    for share, low_mm, high_mm in ((0.95, 0.0, 0.01), (1.05, 0.5, 2.0)):
+        _, (found,) = solve_finite(
+            column(plane, width_mm), 0.5e-3 * width_mm, share * buckling_m, [0.0], 1e-3
+        )
+        assert found.stable
+        assert low_mm <= aside_mm(found) < high_mm
+
+
+@pytest.mark.parametrize("plane", ["stress", "strain"])
+def test_a_straight_column_is_carried_to_a_finer_mesh_buckled(
+    plane: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = column(plane, 6.0)
+    monkeypatch.setattr(following, "stable_branch", lambda _, unstable: unstable)
+    coarse = solve_finite(scene, 3e-3, 1.6e-3, [0.0], 2e-3)
+    assert not coarse[1][0].stable
+    assert aside_mm(coarse[1][0]) < 0.01
+    monkeypatch.undo()
+    _, (found,) = solve_finite(scene, 3e-3, 1.6e-3, [0.0], 1e-3, coarser=coarse)
+    assert found.stable
+    assert aside_mm(found) > 0.5
+    assert found.force_n_per_m < 0.95 * coarse[1][0].force_n_per_m
+
+
+def test_a_wall_that_is_filled_before_the_finger_touches_inflates() -> None:
+    wall = load_scene("HAOT").inclusion[0].model_copy(update={"modulus_kpa": 50.0})
+    soft = load_scene("HAOT").model_copy(update={"inclusion": (wall,)})
+    with pytest.raises(CannotSolve, match="inflates without bound") as refusal:
+        solve_finite(soft, 32e-3, 0.5e-3, [150 * PA_PER_MMHG], 1e-3)
+    assert refusal.value.limit == "limit pressure"
