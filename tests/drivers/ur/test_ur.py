@@ -35,7 +35,8 @@ def host() -> str:
 
 @pytest.fixture
 def rig(winkler: Respond) -> Iterator[tuple[Rig, ur.UrController]]:
-    with connected(winkler, keys={"silence_s": 1.0, "stop_s": 1.0}) as (made, robot):
+    keys = {"silence_s": 1.0, "stop_s": 1.0, "acceleration_mm_s2": 2000.0}  # rests in 10 ms
+    with connected(winkler, keys=keys) as (made, robot):
         made.stage.enable()
         yield made, robot
 
