@@ -207,7 +207,7 @@ OVERLOOKED = (
            ("tests/probe/acquisition/test_presses.py",)),
     Mutant("a pause of the whole program is each device's silence", MONITOR,
            "        if late_s > PAUSE_S:\n", "        if False:\n", MONITORED),
-    Mutant("stops flood a stage that does not heed them", RETREAT,
+    Mutant("stops flood a stage that does not obey them", RETREAT,
            "STOP_AGAIN_S = 0.02", "STOP_AGAIN_S = -0.02", WAY_OUT),
     Mutant("a clock that stands still again and again ends a press too soon",
            "probe/acquisition/run_loop.py", "if self.jumps > MAX_JUMPS:",
