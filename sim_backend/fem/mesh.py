@@ -26,6 +26,7 @@ from sim_backend.fem.rings import (
 
 TISSUE = 0
 SUPPORT_ARC_DEG = 10.0
+TINY_M = 1e-12  # far below any element
 """Half of the arc by which a lone vessel is glued to its support, so that it cannot roll away."""
 T6_EDGES = ((0, 3, 1), (1, 4, 2), (2, 5, 0))
 
@@ -172,11 +173,12 @@ def _relax(
     step = 0.2
     for iteration in range(16):
         if iteration % 4 == 0:
+            points = _apart(points)
             corners = _triangulate(points, width, height)
             bars = _ends(np.unique(_side_numbers(corners, len(points))), len(points))
             wanted = size(points[bars].mean(axis=1))
         span = points[bars[:, 0]] - points[bars[:, 1]]
-        length = np.hypot(*span.T)
+        length = np.maximum(np.hypot(*span.T), TINY_M)  # two may be held in the same corner
         scale = np.sqrt((length**2).sum() / (wanted**2).sum())
         thrust = np.maximum(1.15 * scale * wanted - length, 0) / length
         force = np.zeros_like(points)
@@ -192,17 +194,23 @@ def _relax(
         for ring in rings:
             moved = _keep_off(moved, points[n:], ring, margin)
         points = np.vstack([anchors, moved])
-    return points
+    return _apart(points)
+
+
+def _apart(points: Array) -> Array:
+    """Points, in their order, without those in another's place: triangles need one there."""
+    _, first = np.unique(points, axis=0, return_index=True)
+    return points if len(first) == len(points) else points[np.sort(first)]
 
 
 def _keep_off(points: Array, before: Array, ring: Ring, margin: Array) -> Array:
     """Hold points at ``margin`` from a ring's circle, on the side where they were."""
     away = points - ring.centre
-    distance = np.maximum(np.hypot(*away.T), 1e-12)
+    distance = np.maximum(np.hypot(*away.T), TINY_M)
     outside = np.hypot(*(before - ring.centre).T) >= ring.radii[0]
     low = np.where(outside, ring.radii[0] + 0.8 * margin, 0.0)
     high = np.where(outside, np.inf, ring.radii[0] - 0.8 * margin)
-    kept = np.clip(distance, low, np.maximum(high, 1e-12))
+    kept = np.clip(distance, low, np.maximum(high, TINY_M))
     return np.asarray(ring.centre + away * (kept / distance)[:, None])
 
 
@@ -238,7 +246,7 @@ def _triangulate(points: Array, width: float, height: float) -> Ints:
     on_side = np.zeros(len(corners), dtype=bool)
     for axis, high in ((0, width), (1, height)):
         for level in (0.0, high):
-            on_side |= np.all(np.abs(points[corners][:, :, axis] - level) < 1e-12, axis=1)
+            on_side |= np.all(np.abs(points[corners][:, :, axis] - level) < TINY_M, axis=1)
     kept: Ints = corners[~(flat | on_side)]
     return kept
 

@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from sim_backend.fem.model import Section, build_section
+from sim_backend.fem.model import Grading, Section, build_section
 from sim_backend.models.refine import FIRST_SHARE, mesh_grading
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, SceneError
@@ -88,3 +88,33 @@ def test_whatever_bounds_an_element_shrinks_with_the_mesh() -> None:
         for one in (coarse, fine)
     ]
     assert above[1] > 4 * above[0]
+
+
+def test_two_points_that_are_held_in_the_same_corner_make_a_mesh() -> None:
+    """Both are pushed into the block's upper right corner, 0.49 mm off either side."""
+    scene = Scene.model_validate(
+        {
+            "name": "corner",
+            "plane": "stress",
+            "tissue": {"width_mm": 64.0, "height_mm": 9.757622685338198, "modulus_kpa": 18.6,
+                       "poisson": 0.3},
+            "inclusion": [{"kind": "artery", "x_mm": 32.0, "depth_mm": 4.550529562432968,
+                           "inner_diameter_mm": 6.831416500966149, "wall_mm": 0.4632275958535008,
+                           "modulus_kpa": 731.0, "poisson": 0.3}],
+            "indenter": {"shape": "flat", "width_mm": 7.396967767685416,
+                         "edge_radius_mm": 1.7391105322451221},
+        }
+    )  # fmt: skip
+    share, size_m = 0.07, 0.07 * 0.5e-3 * scene.indenter.width_mm_projected
+    radius_m = 1e-3 * scene.arteries[0].outer_radius_mm
+
+    def at_wall(_: float) -> float:
+        return min(max(0.4 * size_m, 0.25 * share * radius_m), 0.8 * share * radius_m)
+
+    grading = Grading(0.15 * size_m, at_wall, 0.35, 0.1e-3 * scene.surface_mm, 5 * share)
+    section = build_section(scene, 26.418085606175854e-3, depth_m=0.309467344259828e-3,
+                            size_m=size_m, grading=grading)  # fmt: skip
+    hollow = pi * (scene.arteries[0].inner_diameter_mm / 2) ** 2
+    assert 1e6 * section.cells.weight.sum() == pytest.approx(
+        64 * scene.surface_mm - hollow, rel=1e-5
+    )
