@@ -112,11 +112,10 @@ def shares(seen: Seen) -> dict[str, float]:
     low, high = CONTRASTS
     spread = seen.contrast_sd if seen.contrast_sd > 0 else CONTRAST_BLUR
     inside = float(np.diff(ndtr((np.array([low, high]) - seen.contrast) / spread))[0])
-    likelihood[ELSE] = PRIOR[ELSE] * max(inside, 1e-300) / (high - low)
-    if seen.hidden is None:
-        likelihood[ELSE] *= _any_pulse()
-    else:
-        likelihood[ELSE] *= float(np.mean(seen.hidden[SIZES >= PULSE_FLOOR]))
+    any_pulse = _any_pulse()
+    if seen.hidden is not None:
+        any_pulse = float(np.mean(seen.hidden[SIZES >= PULSE_FLOOR]))
+    likelihood[ELSE] = PRIOR[ELSE] * max(inside / (high - low) * any_pulse, 1e-300)
     total = sum(likelihood.values())
     nothing = against_nothing(seen.chance)
     something = 1 / (1 + nothing + seen.alone + seen.wave)
@@ -138,6 +137,7 @@ def _likelihood(seen: Seen, kind: Kind) -> float:
     peak = _normal(seen.contrast - contrast, np.hypot(seen.contrast_sd, blur))
     if seen.hidden is not None:
         unseen = np.interp(np.log(np.maximum(pulse, SIZES[0])), np.log(SIZES), seen.hidden)
+        unseen = np.where(pulse < SIZES[0], 1.0, unseen)  # a sensor may be quieter than that
         return float(np.mean(peak * unseen))
     false = max(1 - seen.moving, 1 - MAX_CONFIDENCE)
     if kind == "tumour":

@@ -18,6 +18,10 @@ ROUNDING = 1e-6
 MAX_CODES, EVEN_CODES = 0.5, 0.05
 """Different values, over samples, that a signal in steps has at most, and how far from whole
 numbers of steps they may be: values are stored in few digits."""
+UNDITHERED = 0.2
+"""Standard deviation of neighbours' differences over the step, below which steps are no noise: one
+of a seventh of a step leaves 0.2 of it of the sawtooth that rounding makes, more noise less
+(Widrow & Kollar 2008)."""
 SAME = 1e-6
 """Of a hold's swing: values that are closer differ by the computer's rounding."""
 MANY = 100
@@ -50,7 +54,8 @@ class Hold:
     samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation,
     ``start_s`` when the hold began on the recording's clock. A mean weakens what oscillates at f as
     one over ``averaged_s`` without gaps does, by sinc(f averaged_s). Samples differ from
-    ``code_pa`` by multiples of ``quantum_pa``, which is 0 where no such steps show. Two are equal
+    ``code_pa`` by multiples of ``quantum_pa``, which is 0 where no such steps show. Where noise
+    does not reach over these there are so many ``stretches`` of one value, else 0. Two are equal
     only if they are the same one, so that what is made of one can be kept."""
 
     time_s: Array
@@ -61,6 +66,7 @@ class Hold:
     averaged_s: float = 0.0
     quantum_pa: float = 0.0
     code_pa: float = 0.0
+    stretches: int = 0
 
     @property
     def step_s(self) -> float:
@@ -135,8 +141,23 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])
     each = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
     averaged_s = round(each * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0))), 4)
-    return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s, quantum_of(signal),
-                float(signal[0]))  # fmt: skip
+    return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s,
+                *_steps_of(station, signal))  # fmt: skip
+
+
+def _steps_of(station: Station, signal: Array) -> tuple[float, float, int]:
+    """``quantum_pa``, ``code_pa`` and ``stretches`` of a hold's ``signal`` (n,).
+
+    One of one value shows no step: it is the least by which the station's samples differ elsewhere,
+    or else what the computer's rounding leaves.
+    """
+    first_pa, least_pa = float(signal[0]), SAME * float(np.abs(signal).max())
+    if np.ptp(signal) <= least_pa:
+        gaps = np.diff(np.unique(station.signal_pa[np.isfinite(station.signal_pa)]))
+        return float(min(gaps[gaps > least_pa], default=least_pa)), first_pa, 1
+    quantum_pa, rises = quantum_of(signal), np.diff(signal)
+    crisp = float(np.std(rises)) < UNDITHERED * quantum_pa
+    return quantum_pa, first_pa, 1 + int(np.count_nonzero(np.abs(rises) > least_pa)) if crisp else 0
 
 
 def quantum_of(signal: Array) -> float:

@@ -22,7 +22,7 @@ from probe.detection.pulse.has_pulse import REACH, which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
 from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
-from probe.detection.pulse.rounding import unrounded
+from probe.detection.pulse.rounding import unrounded, within_steps
 from probe.detection.pulse.search import beyond
 from probe.detection.pulse.size import Rates, averaged, together
 
@@ -124,7 +124,7 @@ class _Own:
 
 def _own(station: Station, dead: Bools) -> _Own:
     try:
-        hold = unrounded(hold_of(station, dead))
+        hold = within_steps(unrounded(hold_of(station, dead)), seed=station.index)
     except NoHold as error:
         return _Own(None, None, str(error), not isinstance(error, NoContact))
     if len(station.reference):

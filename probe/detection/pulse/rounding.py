@@ -33,3 +33,17 @@ def unrounded(hold: Hold) -> Hold:
         share = np.linalg.lstsq(sines - q @ (q.T @ sines), hold.signal_pa - level, rcond=None)[0]
         found = replace(hold, signal_pa=hold.signal_pa - sines @ np.clip(share, 0.0, 1.0))
     return found
+
+
+def within_steps(hold: Hold, seed: int) -> Hold:
+    """The hold anywhere within steps that no noise reaches over, as sure as it has stretches: all
+    readings of one say no more than one does.
+
+    Taken for exact, they would make the clearest pulse of the computer's own rounding.
+    """
+    if not hold.stretches:
+        return hold
+    count = len(hold.signal_pa)
+    spread_pa = hold.quantum_pa * np.sqrt(count / hold.stretches)
+    within = np.random.default_rng(seed).uniform(-0.5, 0.5, count)
+    return replace(hold, signal_pa=hold.signal_pa + spread_pa * within)

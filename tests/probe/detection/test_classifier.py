@@ -39,3 +39,12 @@ def test_no_chance_speaks_for_something_more_than_one() -> None:
 def test_a_lump_is_named_and_a_pulse_takes_the_name_away() -> None:
     assert judge(Seen(0.25, 0.02, 0.0, 0.0, 1e-9, 0.0, NO_PULSE)).kind == "tumour"
     assert judge(Seen(0.25, 0.02, 0.03, 0.002, 1e-9, 0.999)).kind != "tumour"
+
+
+@pytest.mark.parametrize("contrast", [0.25, 60.0])
+def test_a_sensor_that_any_pulse_would_show_to_still_finds_the_lump_that_has_none(
+    contrast: float,
+) -> None:
+    share = shares(Seen(contrast, 0.02, 0.0, 0.0, 1e-9, 0.0, np.zeros_like(SIZES)))
+    assert sum(share.values()) == pytest.approx(1.0)
+    assert max(share, key=lambda kind: share[kind]) == ("tumour" if contrast < 1 else ELSE)

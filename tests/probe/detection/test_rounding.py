@@ -36,6 +36,38 @@ def test_a_pulse_of_some_steps_is_still_an_artery(sample_hz: float) -> None:
         assert found.stations[0].pulse_pa == pytest.approx(1.031 * 120.0, rel=0.15)
 
 
+def pressed(seed: int, step_pa: float, noise_pa: float, pulse_pa: float) -> Station:
+    """In steps, with the air and the way down before the hold; it does not relax."""
+    one = station(np.random.default_rng(seed), index=seed, x_mm=4.0 * seed, noise_pa=noise_pa,
+                  pulse_pa=pulse_pa, relaxing=0.0)  # fmt: skip
+    time_s = np.concatenate([np.arange(7.0, 10.0, 2e-3), one.time_s])
+    down_pa = 9000.0 * np.clip(time_s - 9.0, 0.0, 1.0)
+    down_pa[time_s >= 10.0] = one.signal_pa[:, 0]
+    return replace(
+        one, time_s=time_s, signal_pa=step_pa * np.round(down_pa / step_pa)[:, None],
+        saturated=np.zeros((len(time_s), 1), bool), depth_m=np.full(len(time_s), 2.5e-3),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("noise_pa", [0.0, 0.3])
+@pytest.mark.parametrize("step_pa", [30.0, 300.0])
+@pytest.mark.parametrize("share", [0.0, 0.3])
+def test_steps_that_no_noise_reaches_over_are_no_pulse_and_hide_one(
+    step_pa: float, noise_pa: float, share: float
+) -> None:
+    """Each press reads the same throughout its hold, or nearly: nobody knows what beats within."""
+    row = [pressed(seed, step_pa, noise_pa, share * step_pa) for seed in range(7)]
+    found = detect(recording(row), asked_pa=step_pa)
+    assert found.finding in ("cannot see", "undecided")
+    assert np.median([one.pulse_sd_pa for one in found.stations]) > step_pa / 5
+
+
+def test_a_pulse_of_many_steps_without_noise_is_seen() -> None:
+    found = detect(recording([pressed(0, 30.0, 0.0, 200.0)]))
+    assert found.reason.startswith("it pulses; artery is likeliest")
+    assert found.stations[0].pulse_pa == pytest.approx(1.031 * 200.0, rel=0.15)
+
+
 def test_a_drift_in_steps_is_smooth_again() -> None:
     hold = hold_of(stepped(1, 100.0, 35.0))
     line = np.polynomial.Polynomial.fit(hold.time_s, hold.signal_pa, 1)
