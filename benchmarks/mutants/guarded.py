@@ -102,6 +102,18 @@ GUARDED = (
         ("tests/probe/acquisition/test_way_out.py::test_a_press_is_felt_as_a_push",),
     ),
     Mutant(
+        "a clip that the lift shows is not told", LEVELS,
+        "abs(fell_n) <= max(FLAT * foretold_n, noise_n)", "fell_n < -foretold_n",
+        (f"{TEST_FALSE}"
+         "::test_a_sensor_that_clips_in_the_last_of_a_press_is_noted_when_the_lift_begins",),
+    ),
+    Mutant(
+        "a beat that hides the lift is a clip", LEVELS,
+        "0 < error <= STILL * usual[name]", "0 < error",
+        (f"{TEST_FALSE}"
+         "::test_a_force_that_falls_or_that_noise_hides_is_not_taken_for_one_that_clips",),
+    ),
+    Mutant(
         "a tare in contact hides its load", LEVELS,
         "if not abs(change_n) <=", "if abs(change_n) > 1e9 +",
         (f"{TEST_FALSE}::test_a_load_is_not_taken_as_zero",),

@@ -85,7 +85,7 @@ def scan_seconds(plan: Plan) -> float:
         touch_s = TOUCH_GAP_M / TOUCH_M_S - TOUCH_GAP_M / plan.approach_m_s
     level_s = plan.settle_s + LEVEL_S  # in the air, before each tare and after the last press
     away_s = 2 * plan.clearance_m / plan.travel_m_s + level_s + plan.settle_s  # at the first tare
-    each_s = level_s + touch_s + plan.ramp_s + plan.hold_s
+    each_s = level_s + touch_s + plan.ramp_s + plan.hold_s + LEVEL_S  # `lifting` takes one too
     moves_s = (ways + lifts) / plan.travel_m_s + drops / plan.approach_m_s
     return moves_s + count * each_s + away_s + level_s
 

@@ -18,6 +18,7 @@ from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
 from probe.acquisition.levels import LEVEL_S, little
+from probe.acquisition.lifting import begin_lift
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
@@ -279,13 +280,14 @@ class _Scan(RunLoop):
         else:
             surface = find_surface(self, surface, plan.touch_n)
         self.enter(Phase.INDENTING)
-        self._indent(surface)
+        depth_m = self._indent(surface)
         holding_s = self.enter(Phase.HOLDING)
         self.handle()
         self._check_contact()
         self.wait_until(holding_s + plan.hold_s)
         self._check_contact()
         self.enter(Phase.RETRACTING)
+        begin_lift(self, surface, depth_m)
         self.go(above, plan.travel_m_s)
         self.end_station(complete=True)
 
@@ -300,8 +302,8 @@ class _Scan(RunLoop):
             self.noted_little = True
             self.bus.note("warning", "engine", soft)
 
-    def _indent(self, surface: Pose) -> None:
-        """Go in along the normal, then on by what the rig itself has yielded."""
+    def _indent(self, surface: Pose) -> float:
+        """Go in along the normal, then on by what the rig itself has yielded; how far [m]."""
         plan, depth = self.plan, self.plan.indentation_m
         bottom = pressed(surface, depth)
         speed = math.dist(self.monitor.pose()[:3], bottom[:3]) / plan.ramp_s
@@ -313,3 +315,4 @@ class _Scan(RunLoop):
                 break
             depth = plan.indentation_m + yielded_m
             self.go(pressed(surface, depth), speed)
+        return depth

@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Mapping
 from statistics import median
 
-from probe.acquisition.press_guard import LITTLE_SHARE, NOISE_SIGMAS
+from probe.acquisition.press_guard import FLAT, LITTLE_SHARE, NOISE_SIGMAS
 
 LEVEL_S = 0.1  # a level is the mean force over this long
 MAX_LEVEL_S = 1.0  # and over up to this where there are fewer than two readings in it
@@ -13,6 +13,7 @@ MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
 MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
 UNSTEADY = 4.0  # of two readings, the fewest, 0.7 % are as far apart by chance: one more level
 MAX_UNSTEADY_S = 2.0  # a cough is over by then
+STILL = 2.0  # times its usual error: 1000 readings of noise alone are never as unsure
 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
 
@@ -60,6 +61,25 @@ def changed(these: Levels, those: Levels, most_n: float) -> str | None:
         noise_n = MIN_STANDARD_ERRORS * math.hypot(error, its_error)
         if not abs(change_n) <= max(MAX_HIDDEN_SHARE * most_n, noise_n):
             return f"{name}: the force changed by {change_n:+.3f} N"
+    return None
+
+
+def unreleased(
+    held: Levels, lifted: Levels, usual: Mapping[str, float], share: float
+) -> str | None:
+    """Which sensor's force stood still before and after a lift by a ``share`` of the way in; None
+    if each fell, moved in the hold anyhow (``usual``: the standard errors of noise alone), or noise
+    or steps (levels that are exact) would hide the fall.
+
+    The deeper, the steeper: force falls by ``share`` of itself at least.
+    """
+    for name, (mean, error) in held.items():
+        after, its_error = lifted[name]
+        noise_n = MIN_STANDARD_ERRORS * math.hypot(error, its_error)
+        fell_n, foretold_n = mean - after, share * mean
+        still = 0 < error <= STILL * usual[name] and its_error > 0 and foretold_n > 2 * noise_n
+        if still and abs(fell_n) <= max(FLAT * foretold_n, noise_n):
+            return f"{name}: the force stayed at {mean:.3f} N, {fell_n:+.4f} N less,"
     return None
 
 

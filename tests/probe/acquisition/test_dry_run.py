@@ -32,7 +32,7 @@ def test_the_default_rig_can_scan_and_sees_the_pulse(tmp_path: Path, winkler: An
     report = dry_run(default_rig(), load_scene("TIHA"), tmp_path, winkler)
     assert report.can_scan
     assert levels(report)["pulse on virtual"] == "ok"
-    assert report.seconds == pytest.approx(39, abs=1)
+    assert report.seconds == pytest.approx(41, abs=1)
     assert json.loads(json.dumps(report.as_json()))["can_scan"]
 
 
@@ -267,7 +267,7 @@ def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
 
 def test_the_time_of_a_row_is_its_moves_ramps_and_holds() -> None:
     plan = plan_for(Rig.model_validate({"scan": {"stations": 2}}))
-    each_s = 0.05 + 0.1 + 1 + 0.825 + 0.2 + 0.225
+    each_s = 0.05 + 0.1 + 1 + 0.825 + 0.1 + 0.2 + 0.225
     assert scan_seconds(plan) == pytest.approx(2 * each_s + 0.2 + (0.2 + 0.15 + 0.05) + 0.15)
 
 
@@ -286,7 +286,7 @@ def test_a_scan_takes_as_long_as_its_dry_run_says(
     )  # fmt: skip
     assert run.ended.time_s - began_s == pytest.approx(
         said.seconds,
-        rel=0.08 if touch else 0.04,  # a touch is felt 0.1 mm deep; moves are watched
+        rel=0.09 if touch else 0.04,  # a touch is felt 0.1 mm deep; each move speeds up
     )
     (words,) = (check.text for check in said.checks if check.name == "time")
     assert ("up to 4 s more where the surface lies deeper" in words) == bool(touch)
