@@ -1,10 +1,12 @@
 """The Modbus driver against pymodbus' own server, an independent peer, and an emulated device."""
 
 import asyncio
+import os
 import struct
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -16,7 +18,7 @@ from pymodbus.simulator import DataType, SimData, SimDevice
 
 from drivers import DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
-from drivers.modbus import ModbusSettings, Register, open_sensor
+from drivers.modbus import ModbusSettings, ModbusSource, Register, open_sensor, rtu_bus
 from sim_backend.emulators.modbus import ModbusSlave
 from sim_backend.emulators.serving import Served, served
 
@@ -332,3 +334,18 @@ def test_what_comes_instead_of_an_answer_is_told(
         sensor = opened(port=device.address, register=register, timeout_ms=200.0)
         with pytest.raises(DeviceAbsent, match=words):
             sensor.connect()
+
+
+def test_what_a_serial_line_does_not_answer_is_not_asked_again() -> None:
+    """A second request within one poll would have its answer taken for that to the next."""
+    tty = pytest.importorskip("tty")
+    device, host = os.openpty()
+    tty.setraw(host)
+    bus = rtu_bus(os.ttyname(host), 19200, "N", 1, 0.02)
+    source = ModbusSource(WallClock(), "m", bus, REGISTERS[:1], 9, "holding", "big", 0.001, 0.0)
+    with suppress(DeviceFault):
+        source.read()
+    assert len(os.read(device, 100)) == 8
+    source.close()
+    os.close(device)
+    os.close(host)

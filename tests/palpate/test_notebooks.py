@@ -75,6 +75,10 @@ def test_a_run_and_its_finding_show_their_stations(
     shown = palpate.open_run(result.path)._repr_html_()
     assert "15 complete" in Cells(shown).found
     assert len(svg_of(shown).findall("{*}circle")) == 15
+    x_mm = [1e3 * one.x_m for one in palpate.open_run(result.path).recording().stations]
+    assert {f"{x_mm[0]:g}", f"{x_mm[-1]:g}"} <= {
+        text.text for text in svg_of(shown).findall("{*}text")
+    }
     assert finding.finding in finding._repr_html_()
     assert str(result.path) in Cells(result._repr_html_()).found
 

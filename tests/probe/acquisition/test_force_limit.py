@@ -144,6 +144,15 @@ def test_a_sensor_that_is_stuck_within_one_block_is_found_out_by_it() -> None:
     assert Alive(100).check(101 * [[0.3]]) is not None
 
 
+def test_how_long_readings_may_be_the_same_is_learned_from_how_often_they_are() -> None:
+    """Of 202 pairs 100 were equal. The nth of more is by a chance of (100 + n) / (203 + n), so that
+    36 have together one of more than 1e-9, and 37 of less."""
+    alive = Alive(Limits.same_readings)
+    assert alive.check([[0.01 * (n // 2)] for n in range(201)]) is None
+    assert alive.check(37 * [[9.0]]) is None
+    assert alive.check([[9.0]]) is not None
+
+
 def test_who_says_that_a_sensor_is_coarse_is_believed_after_it_has_felt_a_press_too() -> None:
     """At rest in steps of 10 mN it says the same for ever; in the press it changed fifty times."""
     air, pressing, hold = 90 * [[0.0]], [[0.01 * n] for n in range(50)], 500 * [[0.5]]
