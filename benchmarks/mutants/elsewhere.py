@@ -70,8 +70,12 @@ ELSEWHERE = (
            "if rise <= CONTACT_SIGMAS * error:", "if rise <= -1e99:",
            ("tests/probe/detection/test_unusual_scans.py",)),
     Mutant("something else is impossible", CLASSIFIER,
-           "likelihood[ELSE] = PRIOR[ELSE] * max(inside, 1e-300) / (high - low)",
+           "likelihood[ELSE] = PRIOR[ELSE] * max(inside / (high - low) * any_pulse, 1e-300)",
            "likelihood[ELSE] = 0.0", KINDS),
+    Mutant("a hold of one value is exact", "probe/detection/pulse/rounding.py",
+           "    if not hold.stretches:\n        return hold\n", "    return hold\n",
+           ("tests/probe/detection/test_rounding.py"
+            "::test_steps_that_no_noise_reaches_over_are_no_pulse_and_hide_one",)),
     Mutant("nothing is impossible", CLASSIFIER,
            "nothing = against_nothing(seen.chance)", "nothing = 0.0", KINDS),
     Mutant("any share names a kind", CLASSIFIER,

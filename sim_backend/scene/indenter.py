@@ -29,11 +29,16 @@ class Skin(Table):
         return 1e-3 * self.thickness_mm / confined
 
 
+Tilt = Annotated[float | None, Field(ge=-45, le=45, exclude_if=is_unset)]
+"""How far a solid's finger leans in the plane of the section [deg], its top towards larger x, about
+the middle of its underside, which stays over the place."""
+
+
 class Cylinder(Table):
     """A round finger, rigid under its skin if it has one. ``bonded``: what it touches sticks.
 
     In a solid its ends count: ``length_mm`` is overall, ``edge_radius_mm`` rounds the ends (needed
-    there), and its ``axis`` lies along the vessels or across them.
+    there), and its ``axis`` lies along the vessels or across them; one across may lean.
     """
 
     shape: Literal["cylinder"] = "cylinder"
@@ -41,6 +46,7 @@ class Cylinder(Table):
     length_mm: Positive = 10.0
     edge_radius_mm: Annotated[Positive | None, Field(exclude_if=is_unset)] = None
     axis: Annotated[Literal["along", "across"] | None, Field(exclude_if=is_unset)] = None
+    tilt_deg: Tilt = None
     bonded: bool = False
     skin: Skin | None = None
 
@@ -61,6 +67,11 @@ class Cylinder(Table):
     @model_validator(mode="after")
     def _shape(self) -> Self:
         _thin_skin(self.skin, "radius_mm", self.radius_mm)
+        if self.tilt_deg and self.axis != "across":
+            raise ValueError(
+                f"tilt_deg = {self.tilt_deg:g} turns a cylinder along the vessels about itself; "
+                'take axis = "across", or leave it out'
+            )
         most = min(self.radius_mm, self.length_mm / 2)
         if self.edge_radius_mm is not None and self.edge_radius_mm > most:
             raise ValueError(
@@ -147,11 +158,13 @@ class Sphere(_Bare):
 
 
 class Punch(_Bare):
-    """A round flat finger of an overall ``diameter_mm`` with a rounded edge; solid scenes only."""
+    """A round flat finger of an overall ``diameter_mm`` with a rounded edge, which may lean; solid
+    scenes only."""
 
     shape: Literal["flat"]
     diameter_mm: Positive
     edge_radius_mm: Positive
+    tilt_deg: Tilt = None
 
     @property
     def length_mm(self) -> float:
@@ -174,6 +187,17 @@ class Punch(_Bare):
                 f"edge_radius_mm = {self.edge_radius_mm:g} must not exceed half of diameter_mm"
             )
         return self
+
+
+def leaning_deg(finger: "Indenter") -> float:
+    """`Tilt` of a finger; of those that have none 0."""
+    return finger.tilt_deg or 0.0 if isinstance(finger, Cylinder | Punch) else 0.0
+
+
+def mirrored_finger(finger: "Indenter") -> "Indenter":
+    """The finger seen from the other side along the vessels."""
+    lean = leaning_deg(finger)
+    return finger.model_copy(update={"tilt_deg": -lean}) if lean else finger
 
 
 def _thin_skin(skin: Skin | None, name: str, half_mm: float) -> None:

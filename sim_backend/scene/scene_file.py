@@ -22,7 +22,7 @@ from drivers.core.files import FileRefused, parse_toml, path_of, read_file
 from sim_backend import html
 from sim_backend.scene.explain import explain
 from sim_backend.scene.inclusion import Artery, Inclusion, Poisson
-from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch, Sphere
+from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch, Sphere, mirrored_finger
 from sim_backend.scene.room import need_room
 from sim_backend.scene.table import Positive, Table, is_unset
 
@@ -188,6 +188,7 @@ def _need_plane(scene: Scene) -> None:
         "tissue.z_mm": scene.tissue and scene.tissue.z_mm,
         "tissue.ends": scene.tissue and scene.tissue.ends,
         "indenter.axis": getattr(scene.indenter, "axis", None),
+        "indenter.tilt_deg": getattr(scene.indenter, "tilt_deg", None),
     }
     if isinstance(scene.indenter, Cylinder):
         checked["indenter.edge_radius_mm"] = scene.indenter.edge_radius_mm
@@ -267,7 +268,8 @@ def mirrored(scene: Scene) -> Scene:
         if isinstance(one, Artery) and one.path:
             change["path"] = tuple((z, round(width - x, 9), depth) for z, x, depth in one.path)
         inclusion.append(one.model_copy(update=change))
-    return scene.model_copy(update={"inclusion": tuple(inclusion)})
+    finger = mirrored_finger(scene.indenter)
+    return scene.model_copy(update={"inclusion": tuple(inclusion), "indenter": finger})
 
 
 def scene_names() -> list[str]:

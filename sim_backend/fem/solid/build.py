@@ -67,7 +67,6 @@ def build_body(
     *,
     depth_m: float,
     size_m: float,
-    tilt_deg: float = 0.0,
     most_unknowns: float = MOST_UNKNOWNS,
 ) -> Body:
     """Mesh a solid ``scene`` for a press at (``x_m``, z = 0) about ``depth_m`` deep.
@@ -117,7 +116,7 @@ def build_body(
     body = Body(
         wedges, region, shear, bulk,
         _held(scene, nodes, span), lumens, surface, _leaning(scene, placed, span),
-        solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm, tilt_deg),
+        solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm),
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
         (section.mesh.nodes, planes_of(edges)), _thrust(scene, section, placed, span),
     )  # fmt: skip

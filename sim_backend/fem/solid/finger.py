@@ -1,7 +1,8 @@
 """Rigid fingers in space: a rounded cylinder, of which ball, punch and capsule are special cases.
 
 The finger is all points within ``edge_m`` of a core, a cylinder of ``core_radius_m`` and
-``core_half_m`` along ``axis``. A ball's core is a point; a round punch's axis is upright.
+``core_half_m`` along ``axis``. A ball's core is a point; a round punch's axis is upright unless it
+leans.
 """
 
 from dataclasses import dataclass, replace
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.scene.indenter import Cylinder, Indenter, Punch
+from sim_backend.scene.indenter import Cylinder, Indenter, Punch, leaning_deg
 
 _PUNCH_HALF = 5.0
 """Half height of a punch over its diameter: its upper end never touches."""
@@ -57,32 +58,26 @@ class SolidFinger:
         return gap, normal, hessian + rounding * (rounded - _outer(normal))
 
 
-def solid_finger(
-    indenter: Indenter, x_m: float, surface_m: float, tilt_deg: float = 0.0
-) -> SolidFinger:
-    """The scene's finger whose lowest point just touches the surface at (``x_m``, z = 0).
-
-    ``tilt_deg`` turns it in the plane of the section, its top towards larger x.
-    """
-    lean = np.radians(tilt_deg)
+def solid_finger(indenter: Indenter, x_m: float, surface_m: float) -> SolidFinger:
+    """The scene's finger whose lowest point just touches the surface, the middle of its underside
+    at ``x_m``, z = 0."""
+    lean = np.radians(leaning_deg(indenter))
     upright = np.array([np.sin(lean), np.cos(lean), 0.0])
+    under = 0.0  # from the core's middle down to the middle of its underside
     if isinstance(indenter, Cylinder):
         edge = 1e-3 * (indenter.edge_radius_mm or 0.0)
         level = np.array([np.cos(lean), -np.sin(lean), 0.0])
         axis = level if indenter.axis == "across" else np.array([0.0, 0.0, 1.0])
         radius, half = 1e-3 * indenter.radius_mm - edge, 0.5e-3 * indenter.length_mm - edge
+        under = radius
     elif isinstance(indenter, Punch):
         edge = 1e-3 * indenter.edge_radius_mm
         axis, radius = upright, 0.5e-3 * indenter.diameter_mm - edge
-        half = _PUNCH_HALF * 1e-3 * indenter.diameter_mm
+        under = half = _PUNCH_HALF * 1e-3 * indenter.diameter_mm
     else:
         edge, axis, radius, half = 0.5e-3 * indenter.width_mm_projected, upright, 0.0, 0.0
     lowest = edge + radius * float(np.hypot(axis[0], axis[2])) + half * abs(float(axis[1]))
-    centre = np.array([x_m, surface_m + lowest, 0.0])
-    if tilt_deg:  # the lowest point of the core, not its middle, lies over the place
-        level = np.array([axis[1], -axis[0], 0.0])
-        low = -np.sign(axis[1] or 1.0) * half * axis - radius * np.sign(level[1]) * level
-        centre[0] -= low[0]
+    centre = np.array([x_m + (under + edge) * upright[0], surface_m + lowest, 0.0])
     return SolidFinger(centre, axis, radius, half, edge)
 
 

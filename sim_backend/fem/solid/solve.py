@@ -32,7 +32,6 @@ def solve_solid(
     pressures_pa: Sequence[float],
     size_m: float,
     *,
-    tilt_deg: float = 0.0,
     coarser: SolvedSolid | None = None,
     most_unknowns: float = MOST_UNKNOWNS,
 ) -> SolvedSolid:
@@ -42,9 +41,7 @@ def solve_solid(
     nothing slides with friction. With what was solved on a ``coarser`` mesh the way down need not
     be gone again. Raises `CannotSolve`, also for a mesh of more than ``most_unknowns``.
     """
-    body = build_body(
-        scene, x_m, depth_m=depth_m, size_m=size_m, tilt_deg=tilt_deg, most_unknowns=most_unknowns
-    )
+    body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, most_unknowns=most_unknowns)
     solver = body.solver()
     first = pressures_pa[0] if body.lumens else 0.0
     now: SolidSolution | None = None

@@ -4,11 +4,20 @@ from typing import Any
 
 import pytest
 
+from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.model import build_section
 from sim_backend.models.press import press
+from sim_backend.models.station_response import station
 from sim_backend.scene.inclusion import Artery
-from sim_backend.scene.indenter import Punch, Sphere
-from sim_backend.scene.scene_file import Scene, SceneError, load_scene, scene_from_text, scene_names
+from sim_backend.scene.indenter import Punch, Sphere, leaning_deg
+from sim_backend.scene.scene_file import (
+    Scene,
+    SceneError,
+    load_scene,
+    mirrored,
+    scene_from_text,
+    scene_names,
+)
 from sim_backend.scene.slicing import section_at
 
 SOLID = """
@@ -97,6 +106,14 @@ def test_round_fingers() -> None:
             .replace("length_mm = 40.0\n", ""), 'z_mm = 3.0: only with plane = "solid"',
         ),
         ('name = "a"\nplane = "solid"\n', "needs a"),
+        (
+            SOLID + "[indenter]\nedge_radius_mm = 1.0\ntilt_deg = 5.0\n",
+            "turns a cylinder along the vessels about itself",
+        ),
+        (
+            SOLID + '[indenter]\naxis = "across"\nedge_radius_mm = 1.0\ntilt_deg = 50.0\n',
+            "tilt_deg",
+        ),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused_by_its_key(text: str, key: str) -> None:
@@ -145,3 +162,17 @@ def test_plane_models_refuse_a_solid() -> None:
         press(solid, 32.0, 1.0, model="finite")
     with pytest.raises(SceneError, match="plane = 'stress'"):
         press(load_scene("TI"), 32.0, 1.0, model="solid")
+
+
+def test_a_finger_that_leans_leans_the_other_way_in_the_mirror() -> None:
+    text = SOLID + '[indenter]\nshape = "flat"\ndiameter_mm = 8.0\nedge_radius_mm = 1.0\n'
+    upright = scene_from_text(text, "a")
+    leaning = scene_from_text(text + "tilt_deg = 5.0\n", "a")
+    assert mirrored(upright) == upright
+    assert leaning_deg(mirrored(leaning).indenter) == -5.0
+    assert mirrored(mirrored(leaning)) == leaning
+    assert is_round(upright, 32.0)
+    assert not is_round(leaning, 32.0), "it is no body of revolution"
+    # the place of two that are each other's image, each with its finger's lean
+    assert station(leaning, 20e-3, 1e-3) != station(leaning, 44e-3, 1e-3)
+    assert station(leaning, 20e-3, 1e-3) == station(mirrored(leaning), 44e-3, 1e-3)

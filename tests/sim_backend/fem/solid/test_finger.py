@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
+from sim_backend.arrays import Array
 from sim_backend.fem.solid.finger import solid_finger
-from sim_backend.scene.indenter import Cylinder, Indenter, Punch, Sphere
+from sim_backend.scene.indenter import Cylinder, Indenter, Punch, Sphere, leaning_deg
 
 PLACE = np.array([32e-3, 16e-3, 0.0])
 FINGERS = [
@@ -15,22 +17,43 @@ FINGERS = [
 ]
 
 
-@pytest.mark.parametrize("finger", FINGERS, ids=lambda f: f.shape)
-@pytest.mark.parametrize("tilt_deg", [0.0, 20.0])
-def test_the_lowest_point_touches_the_surface(finger: Indenter, tilt_deg: float) -> None:
-    side = 1e-3 * np.linspace(-8, 8, 81)
-    x, z = np.meshgrid(side, side)
+LEANING = [
+    Cylinder(edge_radius_mm=1, axis="across", tilt_deg=20),
+    Punch(shape="flat", diameter_mm=8, edge_radius_mm=1, tilt_deg=-10),
+]
+
+
+@pytest.mark.parametrize("finger", [*FINGERS, *LEANING], ids=lambda f: f.shape)
+def test_the_lowest_point_touches_the_surface(finger: Indenter) -> None:
+    side = 1e-3 * np.linspace(-8, 8, 321)
+    x, z = np.meshgrid(side, side[140:181])
     surface = PLACE + np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], axis=1)
-    body = solid_finger(finger, 32e-3, 16e-3, tilt_deg)
-    gap, _, _ = body.gap(surface)
-    assert gap.min() == pytest.approx(0.0, abs=1e-9)
-    touching = surface[gap < 1e-9].mean(axis=0)
-    np.testing.assert_allclose(touching, PLACE, atol=1e-6)
+    gap, _, _ = solid_finger(finger, 32e-3, 16e-3).gap(surface)
+    assert gap.min() == pytest.approx(0.0, abs=1e-6)
+    if finger in FINGERS:
+        touching = surface[gap < 1e-9].mean(axis=0)
+        np.testing.assert_allclose(touching, PLACE, atol=1e-6)
 
 
-@pytest.mark.parametrize("finger", FINGERS, ids=lambda f: f.shape)
+@pytest.mark.parametrize("finger", LEANING, ids=lambda f: f.shape)
+def test_a_finger_leans_about_the_middle_of_its_underside(finger: Indenter) -> None:
+    """Which stays over the place, while its top goes towards larger x."""
+    lean = np.radians(leaning_deg(finger))
+    body = solid_finger(finger, *PLACE[:2])
+
+    def above(height_m: float) -> Array:
+        return np.array([PLACE[0], PLACE[1] + height_m, 0.0])
+
+    middle = above(brentq(lambda h: body.gap(above(h)[None])[0][0], 0.0, 4e-3))
+    level = np.array([np.cos(lean), -np.sin(lean), 0.0])
+    under = middle + np.outer([-2.5e-3, 1e-3, 2.5e-3], level)
+    np.testing.assert_allclose(body.gap(under)[0], 0.0, atol=1e-9)
+    assert np.sign(body.centre_m[0] - PLACE[0]) == np.sign(lean)
+
+
+@pytest.mark.parametrize("finger", [*FINGERS, *LEANING], ids=lambda f: f.shape)
 def test_gradient_and_hessian_by_differences(finger: Indenter) -> None:
-    body = solid_finger(finger, 32e-3, 16e-3, 10.0)
+    body = solid_finger(finger, 32e-3, 16e-3)
     rng = np.random.default_rng(0)
     points = PLACE + 1e-3 * rng.uniform(-8, 8, (400, 3))
     points = points[body.gap(points)[0] > -0.8 * body.edge_m]

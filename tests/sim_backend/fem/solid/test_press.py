@@ -48,3 +48,24 @@ def test_a_press_off_the_middle_is_the_same_on_either_side() -> None:
         for x, z_mm in ((9e-3, 2.0), (15e-3, -2.0))
     ]
     assert forces[0] == pytest.approx(forces[1], rel=0.02)  # the meshes are no mirror images
+
+
+def test_a_punch_that_leans_presses_as_one_that_stands_as_deep_in_the_middle() -> None:
+    """All of its face in contact, what turning adds on one side it takes from the other."""
+    lean_deg, depth_m, edge_m, radius_m = 2.0, 0.5e-3, 0.5e-3, 2.0e-3
+    lean = np.radians(lean_deg)
+    above_m = edge_m * (1 - np.cos(lean)) + (radius_m - edge_m) * np.sin(lean)
+
+    def force_n(tilt_deg: float | None, depth_m: float) -> float:
+        punch = {"shape": "flat", "diameter_mm": 2e3 * radius_m, "edge_radius_mm": 1e3 * edge_m,
+                 "tilt_deg": tilt_deg}  # fmt: skip
+        scene = Scene.model_validate(
+            {"name": "leans", "plane": "solid", "indenter": punch,
+             "tissue": {**TISSUE, "width_mm": 20.0, "height_mm": 8.0, "length_mm": 16.0}}
+        )  # fmt: skip
+        return solve_solid(scene, 10e-3, depth_m, [0.0], 1e-3)[1][0].force_n
+
+    upright_n = force_n(None, depth_m - above_m)
+    assert force_n(lean_deg, depth_m) == pytest.approx(upright_n, rel=0.003)
+    assert force_n(-lean_deg, depth_m) == pytest.approx(upright_n, rel=0.003)
+    assert force_n(None, depth_m) > 1.05 * upright_n
