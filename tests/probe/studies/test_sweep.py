@@ -19,7 +19,7 @@ from probe.studies.solve import jobs, solve
 from probe.studies.sweep import solve_points, sweep
 from probe.studies.vary import parse, points
 from sim_backend import load_scene
-from sim_backend.models import kept_tables
+from sim_backend.models import kept_tables, trained_states
 from sim_backend.models import surrogate as fast
 from sim_backend.models.press import press
 
@@ -57,7 +57,7 @@ def test_the_fast_model_is_trained_once_for_all_presses(
 ) -> None:
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
     for name, fewer in (("DEPTH_NODES", 4), ("PRESSURE_NODES", 2), ("HELD_BACK", 3)):
-        monkeypatch.setattr(fast, name, fewer)
+        monkeypatch.setattr(trained_states, name, fewer)
     trained = []
     train = fast.train
     monkeypatch.setattr(fast, "train", lambda *a: (trained.append(a), train(*a))[1])
