@@ -28,7 +28,6 @@ ORDERS = (1, 1, 3, 3)
 cubic ones over places cost, and as near where places are as close as `PLACE_STEP_M`."""
 PLACE_STEP_M = 0.5e-3
 """A bump 5 mm wide is off by step^2 / (8 width^2) between places: 0.1 % of its own height."""
-SMALL_PULSE = 1e-2
 SAFETY = 2.0
 """The stated error is this times the largest seen on states held back."""
 TABLE = 6
@@ -41,7 +40,8 @@ class Surrogate:
     from the full model; slopes and errors are known inside only.
 
     ``force_error_pct`` and ``pulse_error_pct`` bound what held-back states showed; a pulse is the
-    change of force between the ends of the wave, against 1 % of the force where it is smaller.
+    change of force between the ends of the wave, against 1 % of the force where it is smaller (of a
+    solid 2 %).
     """
 
     scene: Scene
@@ -87,7 +87,8 @@ class Surrogate:
         self.range.check(x_m, depth_m, low_pa, z_m)
         self.range.check(x_m, depth_m, high_pa, z_m)
         low, high = (self.force_n(x_m, depth_m, p, z_m) for p in (low_pa, high_pa))
-        pulse = np.maximum(np.abs(high - low), SMALL_PULSE * np.maximum(low, high))
+        small = held(self.scene).small_pulse
+        pulse = np.maximum(np.abs(high - low), small * np.maximum(low, high))
         return np.asarray(np.where(low == high, 0.0, 0.01 * self.pulse_error_pct * pulse))
 
     def _points(
@@ -204,12 +205,12 @@ def _spline(axes: tuple[Array, ...], values: Array) -> NdBSpline:
 def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
     """Largest error of force and of pulse [%] over random states, times `SAFETY`."""
     model = _from_table(scene, table)
-    known, (count, least_pct) = model.range, held(scene)
+    known, kept = model.range, held(scene)
     rng = np.random.default_rng(len(table["x"]))
     _, *ends = levels_pa(scene)
     beats = np.array(ends) if scene.arteries else np.zeros(1)
     tasks = []
-    for _ in range(count):
+    for _ in range(kept.states):
         x, z = float(rng.uniform(*known.x_m)), float(rng.uniform(*known.z_m))
         depth = float(np.exp(rng.uniform(*np.log(known.depth_m))))
         tasks.append((scene, x, z, depth, beats, True))
@@ -217,6 +218,6 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
     for (_, x, z, d, _, _), solved in zip(tasks, all_answers(states, tasks), strict=True):
         ours, truth = model.force_n(x, d, beats, z), solved[:, 0]
         pulse, span = float(np.ptp(ours)), float(np.ptp(truth))
-        floor = SMALL_PULSE * truth.max()
+        floor = kept.small_pulse * truth.max()
         errors.append((np.abs(ours / truth - 1).max(), abs(pulse - span) / max(span, floor)))
-    return np.asarray(np.maximum(100 * SAFETY * np.max(errors, axis=0), least_pct))
+    return np.asarray(np.maximum(100 * SAFETY * np.max(errors, axis=0), kept.least_pct))
