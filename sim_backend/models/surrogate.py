@@ -95,15 +95,11 @@ class Surrogate:
         self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike, z_m: ArrayLike
     ) -> Array:
         """Coordinates (..., 4) of the splines, held to the range."""
-        known = self.range
-        points = np.empty(
-            (*np.broadcast_shapes(*map(np.shape, (x_m, z_m, depth_m, pressure_pa))), 4)
-        )
-        for k, (at, ends) in enumerate((
-            (x_m, known.x_m), (z_m, known.z_m), (depth_m, known.depth_m),
-            (pressure_pa, known.pressure_pa),
-        )):  # fmt: skip
-            points[..., k] = np.clip(at, *ends)
+        known, at = self.range, (x_m, z_m, depth_m, pressure_pa)
+        ends = known.x_m, known.z_m, known.depth_m, known.pressure_pa
+        points = np.empty((*np.broadcast_shapes(*map(np.shape, at)), len(at)))
+        for axis, (asked, held_to) in enumerate(zip(at, ends, strict=True)):
+            points[..., axis] = np.clip(asked, *held_to)
         points[..., 2] = np.log(points[..., 2])
         return points
 

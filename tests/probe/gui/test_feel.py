@@ -165,6 +165,8 @@ def test_a_solid_is_felt_and_its_cut_is_seen(
     picture = one.picture(state)
     middle = np.argmin(abs(one.x_mm - 8))
     assert one.y_mm[np.isfinite(picture[:, middle])].max() == pytest.approx(7.2, abs=0.3)
+    below = np.argmin(abs(one.y_mm - 7.0))
+    assert state.came_mm[below, middle] == pytest.approx([0.0, -0.78], abs=0.08)
     assert np.nanmax(picture[:, middle]) > 5 * np.nanmax(picture[:, np.argmin(abs(one.x_mm - 1))])
     place: Future[Table] = Future()
     place.set_result(one)
