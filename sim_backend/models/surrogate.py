@@ -205,11 +205,18 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
     rng = np.random.default_rng(len(table["x"]))
     _, *ends = levels_pa(scene)
     beats = np.array(ends) if scene.arteries else np.zeros(1)
-    tasks = []
-    for _ in range(kept.states):
-        x, z = float(rng.uniform(*known.x_m)), float(rng.uniform(*known.z_m))
-        depth = float(np.exp(rng.uniform(*np.log(known.depth_m))))
-        tasks.append((scene, x, z, depth, beats, True))
+    # each axis is drawn from evenly: few states must see all of it
+    shares = np.array([rng.permutation(kept.states) for _ in range(3)])
+    x, z, log_depth = (
+        low + share * (high - low)
+        for share, (low, high) in zip(
+            (shares + rng.random(shares.shape)) / kept.states,
+            (known.x_m, known.z_m, tuple(np.log(known.depth_m))),
+            strict=True,
+        )
+    )
+    places = np.column_stack([x, z, np.exp(log_depth)]).tolist()
+    tasks = [(scene, *place, beats, True) for place in places]
     errors = []
     for (_, x, z, d, _, _), solved in zip(tasks, all_answers(states, tasks), strict=True):
         ours, truth = model.force_n(x, d, beats, z), solved[:, 0]

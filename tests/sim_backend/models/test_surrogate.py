@@ -28,7 +28,7 @@ def solved_n(scene: Scene, x_m: float, depth_m: float, mmhg: tuple[float, ...]) 
 
 def test_force_and_pulse_are_within_what_is_stated(model: Surrogate) -> None:
     assert 0 < model.force_error_pct < 1
-    assert 0 < model.pulse_error_pct < 3
+    assert 0 < model.pulse_error_pct < 5
     rng = np.random.default_rng(3)
     for _ in range(3):
         x, depth = float(rng.uniform(*model.range.x_m)), float(rng.uniform(*model.range.depth_m))
