@@ -20,6 +20,14 @@ TANGENTS = ("tests/sim_backend/fem/test_tangents.py", "tests/sim_backend/fem/tes
 LAW = ("tests/sim_backend/fem/test_material.py",)
 PULSE, DETECT = ("tests/probe/detection/test_pulse.py",), ("tests/probe/detection/test_detect.py",)
 KINDS = ("tests/probe/detection/test_classifier.py",)
+TRAINED, FAST_SOLID = (
+    "sim_backend/models/trained_states.py",
+    (
+        "tests/sim_backend/models/test_trained_states.py::"
+        "test_between_the_places_solved_force_and_pulse_are_told",
+        "tests/sim_backend/models/test_trained_states.py::test_a_lump_is_felt_where_it_lies",
+    ),
+)
 BEATS = ("tests/probe/detection/test_reference.py",)
 TRUTH = ("tests/calibration/test_known_truth.py", "tests/calibration/test_applied.py")
 PLANNED = ("tests/probe/planning/test_plan.py",)
@@ -139,4 +147,10 @@ ELSEWHERE = (
     Mutant("a round block's error is half of it", "sim_backend/models/solid_press.py",
            "block_pct = 50 *", "block_pct = 25 *",
            ("tests/sim_backend/models/test_solid_press.py",)),
+    Mutant("a solid's fast model knows one end", TRAINED,
+           "np.asarray(over(left(half - z)) + over(left(half + z))) / 2",
+           "np.asarray(over(left(half - z)))", FAST_SOLID),
+    Mutant("a lump is no reason for places close to each other", TRAINED,
+           "spots = [spot for one in scene.inclusion for spot in _along(one)]", "spots = []",
+           FAST_SOLID),
 )  # fmt: skip

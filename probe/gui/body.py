@@ -10,7 +10,7 @@ from probe.report.look import GREEN, INK, PURPLE, VERMILLION
 from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.indenter import Cylinder, Indenter, Sphere, leaning_deg
 from sim_backend.scene.scene_file import Scene
-from sim_backend.scene.slicing import section_at
+from sim_backend.scene.slicing import section_at, under_finger
 
 LIFT_MM = 6.0  # room above the surface: a scan's clearance and a little more
 CIRCLE = np.linspace(0, 2 * np.pi, 61)
@@ -39,7 +39,7 @@ def draw_scene(area: pg.PlotItem, scene: Scene) -> None:
     if scene.tissue is not None:
         w = scene.tissue.width_mm
         area.plot([0, w, w, 0, 0], [0, 0, top, top, 0], pen=pen(INK, 2))
-    for one in scene.inclusion:
+    for one in under_finger(scene):
         y = top - one.depth_mm if scene.tissue is not None else top / 2
         radii = [one.outer_radius_mm]
         colour = PURPLE

@@ -87,10 +87,14 @@ def _by_scans(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
 
 
 def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
-    """All points by one fast model, trained for the highest pressure and the deepest press."""
+    """All points by one fast model, trained for the widest pulse and the deepest press."""
     points = dict(job.points)
     where = {n: _where(job, points[n], scene) for n, scene in scenes.items()}
-    widest = max(scenes.values(), key=lambda scene: scene.pulse.systolic_mmhg)
+    pulses = [scene.pulse for scene in scenes.values()]
+    ends = {"diastolic_mmhg": min(one.diastolic_mmhg for one in pulses),
+            "systolic_mmhg": max(one.systolic_mmhg for one in pulses)}  # fmt: skip
+    first = next(iter(scenes.values()))
+    widest = first.model_copy(update={"pulse": pulses[0].model_copy(update=ends)})
     try:
         model = surrogate(widest, max(depth_mm for _, depth_mm in where.values()))
     except (CannotSolve, SceneError) as error:

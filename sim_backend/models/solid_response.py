@@ -20,6 +20,7 @@ from sim_backend.arrays import Array
 from sim_backend.fem.newton import CannotSolve, Load
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.build import build_body, half_width_m
+from sim_backend.fem.solid.linear import LinearSolver
 from sim_backend.fem.solid.newton import (
     SolidSolution,
     continuation,
@@ -90,19 +91,24 @@ def symmetric_parts(scene: Scene) -> list[Scene]:
     assert tissue is not None and tissue.length_mm is not None  # the scene was checked
     aside_mm = abs(tissue.z_mm or 0.0)
     near_mm = tissue.length_mm / 2 - aside_mm
-    straight = all(
-        isinstance(one, Artery)
-        and not one.path
-        and (one.stenosis is None or one.stenosis.z_mm is None)
-        for one in scene.inclusion
-    )
-    if not straight or aside_mm == 0.0 or near_mm < scene.indenter.breadth_mm_projected / 2:
+    under = near_mm < scene.indenter.breadth_mm_projected / 2
+    if not is_straight(scene) or aside_mm == 0.0 or under:
         return [scene]
     return [
         scene.model_copy(update={"tissue": tissue.model_copy(
             update={"length_mm": round(2 * end_mm, 9), "z_mm": None})})
         for end_mm in (near_mm, near_mm + 2 * aside_mm)
     ]  # fmt: skip
+
+
+def is_straight(scene: Scene) -> bool:
+    """Whether nothing but the block's ends varies along z."""
+    return all(
+        isinstance(one, Artery)
+        and not one.path
+        and (one.stenosis is None or one.stenosis.z_mm is None)
+        for one in scene.inclusion
+    )
 
 
 def _file(scene: Scene, x_m: float, max_depth_m: float) -> Path:
@@ -116,17 +122,10 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
 
     Raises `CannotSolve`.
     """
-    size_m = SHARES[0] * half_width_m(scene)
-    body = build_body(scene, x_m, depth_m=max_depth_m, size_m=size_m)
-    solver = body.solver()
     rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
-    start, bulge = unloaded(body), 0.0
-    if scene.arteries:
-        (start,) = continuation(body, solver, start, [Load(-max_depth_m, rest)])
-        bulge = _surface_m(body, start)
     between = max(1, ceil(max_depth_m * DEPTHS[0] / STEP_M))
     depths = np.linspace(0.0, max_depth_m, len(DEPTHS) * between + 1)[1:]
-    down = list(continuation(body, solver, start, [Load(float(d), rest) for d in depths]))
+    body, solver, bulge, down = _pressed(scene, x_m, depths, rest)
     ramp = down[between - 1 :: between]
     if is_stable(body, solver, ramp[-1]) is False:
         stable = fallen(body, solver, ramp[-1])
@@ -149,6 +148,39 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
         "ramp": np.array([(one.force_n, under_finger_pa(body, one)) for one in ramp]),
         "filled": np.array(filled), "lowest": np.array(lowest), "bulge": np.array(bulge),
     }  # fmt: skip
+
+
+def solve_states(
+    scene: Scene, x_m: float, depth_m: Array, pressure_pa: Array
+) -> tuple[Body, list[list[SolidSolution]]]:
+    """The same body, and its solutions at increasing depths and, at each, at all pressures.
+
+    Raises `CannotSolve`.
+    """
+    first = float(pressure_pa[0]) if scene.arteries else 0.0
+    body, solver, _, down = _pressed(scene, x_m, depth_m, first)
+    solved = []
+    for one in down:
+        further = [Load(one.load.depth_m, float(p)) for p in pressure_pa[1:]]
+        beating = list(continuation(body, solver, one, further)) if scene.arteries else []
+        solved.append([one, *beating] if beating else [one] * len(pressure_pa))
+    return body, solved
+
+
+def _pressed(
+    scene: Scene, x_m: float, depth_m: Array, pressure_pa: float
+) -> tuple[Body, LinearSolver, float, list[SolidSolution]]:
+    """The body, how far its surface rises [m] at ``pressure_pa``, and its presses at depths."""
+    size_m = SHARES[0] * half_width_m(scene)
+    deepest_m = float(depth_m[-1])
+    body = build_body(scene, x_m, depth_m=deepest_m, size_m=size_m)
+    solver = body.solver()
+    start, bulge = unloaded(body), 0.0
+    if scene.arteries:
+        (start,) = continuation(body, solver, start, [Load(-deepest_m, pressure_pa)])
+        bulge = _surface_m(body, start)
+    loads = [Load(float(d), pressure_pa) for d in depth_m]
+    return body, solver, bulge, list(continuation(body, solver, start, loads))
 
 
 def _surface_m(body: Body, solution: SolidSolution) -> float:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from sim_backend.scene.inclusion import Artery, Tumour
+from sim_backend.scene.inclusion import Artery, Inclusion, Tumour
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.table import beyond_a_file
 
@@ -26,6 +26,19 @@ def section_at(scene: Scene, z_mm: float) -> Scene:
     return (
         scene if inclusion == scene.inclusion else scene.model_copy(update={"inclusion": inclusion})
     )
+
+
+def under_finger(scene: Scene) -> tuple[Inclusion, ...]:
+    """The inclusions as a cut through the finger's middle shows them: of a solid those at z = 0."""
+    if scene.plane != "solid":
+        return scene.inclusion
+    seen = [
+        _vessel(one, 0.0)
+        if isinstance(one, Artery)
+        else _lump(one.model_copy(update={"z_mm": one.z_mm or 0.0}), 0.0)
+        for one in scene.inclusion
+    ]
+    return tuple(one for one in seen if one is not None)
 
 
 def mirrored_along(scene: Scene) -> Scene:

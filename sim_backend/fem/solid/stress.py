@@ -7,7 +7,7 @@ from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.solid.prism import wedge_gradient
 
-_TRIANGLE_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
+TRIANGLE_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
 
 def under_finger_pa(body: Body, solution: SolidSolution) -> float:
@@ -18,7 +18,7 @@ def under_finger_pa(body: Body, solution: SolidSolution) -> float:
     node = body.surface[np.argmin(np.hypot(*(moved[body.surface][:, [0, 2]] - under).T))]
     around = np.any(body.wedges.cells == node, axis=1)
     cells = body.wedges.cells[around]
-    slope = wedge_gradient(np.tile(_TRIANGLE_NODES, (3, 1)), np.repeat([-1.0, 0.0, 1.0], 6))
+    slope = wedge_gradient(np.tile(TRIANGLE_NODES, (3, 1)), np.repeat([-1.0, 0.0, 1.0], 6))
     rows, at = np.nonzero(cells == node)
     jacobian = np.einsum("mka,mki->mia", slope[at], body.wedges.nodes[cells[rows]])
     gradient = slope[at] @ np.linalg.inv(jacobian)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from PySide6.QtTest import QTest
 
 from probe.gui.feel import LIFTED_MM, MAX_DEPTH_MM, FeelWindow
 from probe.gui.style import application
-from probe.gui.table import Table, came_mm
+from probe.gui.table import Table, came_mm, solve
 from sim_backend import load_scene
+from sim_backend.models import kept_tables
+from sim_backend.scene.scene_file import Scene
 
 LEFT = Qt.MouseButton.LeftButton
 TIHA = load_scene("TIHA")
@@ -144,3 +147,33 @@ def test_slow_frames_leave_no_corners_in_the_curves(monkeypatch: pytest.MonkeyPa
     now_s[0] += 60.0  # a window that was hidden
     window.frame()
     assert len(window.history) < 310
+
+
+def test_a_solid_is_felt_and_its_cut_is_seen(
+    shoot: Callable[..., None], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
+    block = {"width_mm": 16.0, "height_mm": 8.0, "length_mm": 12.0, "modulus_kpa": 50.0,
+             "poisson": 0.45}  # fmt: skip
+    ball = {"shape": "sphere", "radius_mm": 4.0}
+    scene = Scene.model_validate(
+        {"name": "small", "plane": "solid", "tissue": block, "indenter": ball}
+    )
+    one = solve(scene, 8.0, 0.8)
+    state = one.press(0.8e-3, 0.0)
+    assert state.contact_mm[0] + state.contact_mm[1] == pytest.approx(16.0, abs=0.2)
+    picture = one.picture(state)
+    middle = np.argmin(abs(one.x_mm - 8))
+    assert one.y_mm[np.isfinite(picture[:, middle])].max() == pytest.approx(7.2, abs=0.3)
+    below = np.argmin(abs(one.y_mm - 7.0))
+    assert state.came_mm[below, middle] == pytest.approx([0.0, -0.78], abs=0.08)
+    assert np.nanmax(picture[:, middle]) > 5 * np.nanmax(picture[:, np.argmin(abs(one.x_mm - 1))])
+    place: Future[Table] = Future()
+    place.set_result(one)
+    application()
+    window = FeelWindow(scene, lambda _x: place)
+    window.touch(8.0, 0.8)
+    window.frame()
+    shoot(window, "feel_solid")
+    assert window.status.text() == ""
+    assert window.force_curve.getData()[1][-1] == pytest.approx(state.force_n, rel=1e-3)

@@ -19,9 +19,10 @@ from probe.studies.solve import jobs, solve
 from probe.studies.sweep import solve_points, sweep
 from probe.studies.vary import parse, points
 from sim_backend import load_scene
-from sim_backend.models import kept_tables
+from sim_backend.models import kept_tables, trained_states
 from sim_backend.models import surrogate as fast
 from sim_backend.models.press import press
+from sim_backend.scene.scene_file import Scene, SceneError
 
 TIHA = load_scene("TIHA")
 FAST = {"model": "small", "accuracy_pct": 20.0, "indentation_mm": 1.0}
@@ -57,7 +58,7 @@ def test_the_fast_model_is_trained_once_for_all_presses(
 ) -> None:
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
     for name, fewer in (("DEPTH_NODES", 4), ("PRESSURE_NODES", 2), ("HELD_BACK", 3)):
-        monkeypatch.setattr(fast, name, fewer)
+        monkeypatch.setattr(trained_states, name, fewer)
     trained = []
     train = fast.train
     monkeypatch.setattr(fast, "train", lambda *a: (trained.append(a), train(*a))[1])
@@ -78,6 +79,24 @@ def test_the_fast_model_is_trained_once_for_all_presses(
     low, high = (10 * state.force_n_per_mm for state in pressed)
     assert one["force_n"] == pytest.approx(low, rel=0.02)
     assert one["pulse_n"] == pytest.approx(high - low, rel=0.05)
+
+
+def test_the_fast_model_is_trained_for_the_pulses_of_all_points(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A solid's knows those pressures only, and is solved for minutes at others."""
+    asked = []
+
+    def trained(scene: Scene, max_depth_mm: float) -> None:
+        asked.append((scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg, max_depth_mm))
+        raise SceneError("enough")
+
+    monkeypatch.setattr("probe.studies.solve.surrogate", trained)
+    texts = ("diastolic_mmhg=70,60,80", "systolic_mmhg=130,140,110", "indentation_mm=1,2,1.5")
+    wanted = points([parse(text, BLOCK) for text in texts], "zip", 0, 0)
+    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)
+    assert [row["reason"] for rows in solve(job).values() for row in rows] == ["enough"] * 3
+    assert asked == [(60.0, 140.0, 2.0)]
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])

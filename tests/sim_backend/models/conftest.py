@@ -3,8 +3,7 @@
 import pytest
 from small_block import BLOCK
 
-from sim_backend.models import kept_tables
-from sim_backend.models import surrogate as fast
+from sim_backend.models import kept_tables, trained_states
 from sim_backend.models.surrogate import Surrogate, surrogate
 
 DEEPEST_MM = 1.0
@@ -17,5 +16,5 @@ def small_surrogate(tmp_path_factory: pytest.TempPathFactory) -> Surrogate:
         patch.setattr(
             kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path_factory.mktemp("c")
         )
-        patch.setattr(fast, "HELD_BACK", 4)
+        patch.setattr(trained_states, "HELD_BACK", 4)
         return surrogate(BLOCK, DEEPEST_MM)

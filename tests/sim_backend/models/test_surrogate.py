@@ -28,7 +28,7 @@ def solved_n(scene: Scene, x_m: float, depth_m: float, mmhg: tuple[float, ...]) 
 
 def test_force_and_pulse_are_within_what_is_stated(model: Surrogate) -> None:
     assert 0 < model.force_error_pct < 1
-    assert 0 < model.pulse_error_pct < 3
+    assert 0 < model.pulse_error_pct < 5
     rng = np.random.default_rng(3)
     for _ in range(3):
         x, depth = float(rng.uniform(*model.range.x_m)), float(rng.uniform(*model.range.depth_m))
@@ -72,12 +72,10 @@ def test_the_cache_goes_by_content_and_a_torn_file_is_made_anew(
 
     def train(_scene: Scene, max_depth_m: float) -> dict[str, np.ndarray]:
         trained.append(max_depth_m)
-        x = np.linspace(model.range.x_m[0], np.mean(model.range.x_m), 5)
-        depth = np.geomspace(*model.range.depth_m, 7)
-        solved = 1 + np.ones((5, 7, 3, 2)) * depth[:, None, None]
-        pressure = np.linspace(0, 2e4, 3)
-        return {"x": x, "depth": depth, "pressure": pressure, "solved": solved,
-                "errors": np.ones(2)}  # fmt: skip
+        x, depth = np.linspace(*model.range.x_m, 9), np.geomspace(*model.range.depth_m, 7)
+        solved = 1 + np.ones((9, 1, 7, 3, 2)) * depth[:, None, None]
+        return {"x": x, "z": np.zeros(1), "depth": depth, "pressure": np.linspace(0, 2e4, 3),
+                "solved": solved, "errors": np.ones(2)}  # fmt: skip
 
     monkeypatch.setattr(fast, "train", train)
     fast._known.cache_clear()

@@ -18,7 +18,7 @@ from sim_backend.scene.scene_file import (
     scene_from_text,
     scene_names,
 )
-from sim_backend.scene.slicing import section_at
+from sim_backend.scene.slicing import section_at, under_finger
 
 SOLID = """
 name = "mine"
@@ -152,6 +152,20 @@ def test_a_row_beside_the_middle_sees_everything_moved() -> None:
     assert back.inclusion[0] == scene.inclusion[0] and back.tissue.z_mm == 0.0
     with pytest.raises(SceneError, match=r"z = -20 mm.*from -20 to 20 mm"):
         section_at(scene, -20.0)
+
+
+def test_a_cut_under_the_finger_shows_what_is_there() -> None:
+    vessel = STENOSED.format("[-3.0, 3.0]") + "path = [[-10.0, 28.0, 9.0], [10.0, 36.0, 7.0]]\n"
+    ball = '[[inclusion]]\nkind = "tumour"\nx_mm = 50.0\ndepth_mm = 9.0\ndiameter_mm = 5.0\n'
+    ball += "modulus_kpa = 200.0\npoisson = 0.45\n"
+    scene = scene_from_text(SOLID + vessel + ball + "z_mm = 1.5\n" + SPHERE, "mine")
+    artery, lump = under_finger(scene)
+    assert (artery.x_mm, artery.depth_mm) == (32.0, 8.0)
+    assert lump.outer_radius_mm == pytest.approx(2.0)
+    (artery,) = under_finger(section_at(scene, 5.0))
+    assert (artery.x_mm, artery.depth_mm) == (34.0, 7.5)
+    plane = load_scene("TIT")
+    assert under_finger(plane) is plane.inclusion
 
 
 def test_plane_models_refuse_a_solid() -> None:
