@@ -33,6 +33,7 @@ LIVES_S = STATUS_S - LONG_S
 OPEN_S = 30.0  # to take the devices over: imports on a busy machine, and an arm's program
 GONE = "the process that guards has ended: the probe may be in the tissue, look at it"
 DIED = "the process that guarded has ended; another took the devices over, to lift the probe"
+SPARE = 9  # descriptors that a process takes to start: its three lines, and subprocess' own three
 BODY = "from probe.acquisition.guard_process import main; main()"
 
 
@@ -59,6 +60,7 @@ class GuardClient:
         self._asked = 0
         self._launch()
         facts = self._open(order, None)
+        self._spare = [os.open(os.devnull, os.O_RDONLY) for _ in range(SPARE)]
         self._enable_s = facts.enable_s
         self.stage = RemoteStage(facts, self)
         self.sensors = tuple(RemoteSensor(one) for one in facts.sensors)
@@ -77,6 +79,7 @@ class GuardClient:
     ) -> None:
         self._gone = self._closing = True
         self._close_lines()
+        self._close_spare()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(CLOSE_S)
 
@@ -215,6 +218,11 @@ class GuardClient:
         for line in (self._calls, self._urgent, self._life):
             line.close()
 
+    def _close_spare(self) -> None:
+        """Make room for another process where the scan has no descriptors left."""
+        while self._spare:
+            os.close(self._spare.pop())
+
     def _open(self, order: Order, within_s: float | None) -> Facts:
         try:
             self._calls.send(order)
@@ -299,6 +307,7 @@ class GuardClient:
             self._process.kill()  # one that hangs still has the devices
             self._process.wait()
             self._close_lines()
+            self._close_spare()
             try:
                 self._launch()
                 self._open(order, OPEN_S + self._enable_s)

@@ -4,6 +4,7 @@ Whatever happens to the scan's process, the probe is stopped and lifted.
 """
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -226,6 +227,22 @@ def test_when_the_guards_die_or_hang_others_take_over_and_lift(
     run = open_run(next(on.out.glob("*.run")))
     assert run.finish == "faulted"  # and what was read until then is sound
     assert verify(run.path).ok
+
+
+def test_others_take_over_where_the_scan_has_no_descriptor_left(
+    winkler: Respond, tmp_path: Path
+) -> None:
+    """Those that a process takes to start are kept."""
+    with bench(winkler, tmp_path) as on:
+        on.wait_until_pressed()
+        pid = on.scanning.pid
+        count = len(list(Path(f"/proc/{pid}/fd").iterdir()))
+        resource.prlimit(pid, resource.RLIMIT_NOFILE, (count, count))
+        os.kill(on.guard(), signal.SIGKILL)
+        line = on.wait_for("END")
+        assert "END faulted guard: the process that guarded has ended; another took" in line
+        assert "not lifted" not in line
+        assert on.height_m() > 1.9e-3
 
 
 def test_who_takes_over_lifts_without_a_sensor_that_is_gone_too(
