@@ -17,12 +17,13 @@ PRESSURE_SLACK = 0.02
 
 
 class Left(NamedTuple):
-    """Shares that may be missed of the resting force, of the change from it, and of the deepest
-    force (what lies between the depths solved)."""
+    """Shares that may be missed of the resting force, of the change from it, of the deepest force
+    (what lies between the depths solved), and of the force by a change however ``faint``."""
 
     rest: float
     change: float
     between: float
+    faint: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,8 @@ class StationResponse:
         low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
         full = (self.force_n(x_m, self.max_depth_m, p) for p in (low_pa, high_pa))
         change, least = np.abs(high - low), np.abs(np.subtract(*full))
-        return np.asarray(self.left.change * np.maximum(change, least))
+        faint = np.where(change > 0, self.left.faint * np.maximum(high, low), 0.0)
+        return np.asarray(self.left.change * np.maximum(change, least) + faint)
 
     def _at(
         self, curve: "Curve", x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike

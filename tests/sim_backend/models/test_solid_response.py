@@ -176,3 +176,17 @@ def test_what_is_unstable_is_left_where_that_changes_little(
     after = solid_response.solve_place(plain, 8e-3, DEPTH_M)["ramp"]
     np.testing.assert_array_equal(after[:-1], before[:-1])
     assert after[-1, 0] == pytest.approx(1.02 * before[-1, 0])
+
+
+def test_a_faint_pulse_is_no_better_known_than_its_share_of_the_force(
+    monkeypatch: pytest.MonkeyPatch, cache: Path
+) -> None:
+    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: cache)
+    found = respond(SCENE, 10e-3, DEPTH_M)
+    _, low, high = levels_pa(SCENE)
+    stated_n = found.pulse_error_n(found.x_m, DEPTH_M, low, high)
+    forces_n = found.force_n(found.x_m, DEPTH_M, np.array([low, high]))
+    share = solid_response.LEFT.change * np.ptp(forces_n)
+    assert stated_n == pytest.approx(share + solid_response.LEFT.faint * forces_n.max())
+    assert solid_response.LEFT.faint * 0.87 > 0.92e-3, "as measured 20 mm beside TIHA's vessel"
+    assert found.pulse_error_n(found.x_m, DEPTH_M, low, low) == 0.0
