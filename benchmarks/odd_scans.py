@@ -125,12 +125,16 @@ def spikes(taxel: Array, rng: np.random.Generator) -> None:
     taxel[rng.choice(len(taxel), SPIKES, False)] *= 1 + SPIKE
 
 
-def coarse(whole: Recording, _: np.random.Generator) -> Recording:
-    """Rounded to 0.1 N."""
-    step_pa = 0.1 / whole.face_m2
-    rounded = [replace(one, signal_pa=np.round(one.signal_pa / step_pa) * step_pa)
-               for one in whole.stations]  # fmt: skip
-    return replace(whole, stations=tuple(rounded))
+def coarse(step_n: float) -> Change:
+    """Rounded to steps of so much, over which a noise of 0.5 mN hardly reaches."""
+
+    def change(whole: Recording, _: np.random.Generator) -> Recording:
+        step_pa = step_n / whole.face_m2
+        rounded = [replace(one, signal_pa=np.round(one.signal_pa / step_pa) * step_pa)
+                   for one in whole.stations]  # fmt: skip
+        return replace(whole, stations=tuple(rounded))
+
+    return change
 
 
 CHANGES: dict[str, Change] = {
@@ -139,7 +143,7 @@ CHANGES: dict[str, Change] = {
     "5 stations": stations(5), "7 stations": stations(7), "8 mm apart": every_second,
     "3 stations missing": three_missing, "in any order": shuffled, "3 stations twice": repeated,
     "a dead taxel": array(dead), "a stuck taxel": array(stuck), "spikes in a taxel": array(spikes),
-    "resolution of 0.1 N": coarse,
+    **{f"resolution of {step_n:g} N": coarse(step_n) for step_n in (0.1, 0.03, 0.01, 0.003)},
 }  # fmt: skip
 
 
