@@ -217,7 +217,7 @@ GUARDED = (
     ),
     Mutant(
         "every sensor must feel a press", PRESSES,
-        "if any(guard.felt()", "if all(guard.felt()",
+        "if any(guard.in_contact()", "if all(guard.in_contact()",
         (f"{TEST_PRESSES}::test_one_sensor_that_feels_the_press_is_enough",),
     ),
     Mutant(

@@ -151,7 +151,7 @@ class PressGuard:
                 return 0.0
             return max(min(self._began_m, surface_m) - self._z_m, 0.0)
 
-    def felt(self) -> bool:
+    def in_contact(self) -> bool:
         """Whether the force has risen on this way down."""
         return bool(self._times)
 

@@ -49,7 +49,7 @@ class Presses:
     def _unfelt(self, pose: Pose) -> tuple[str, str] | None:
         if not self._asked or self._searches:
             return None
-        if any(guard.felt() for guard in self._guards.values()):
+        if any(guard.in_contact() for guard in self._guards.values()):
             return None
         surface_m = self._surface(pose.x, pose.y)
         for name, guard in self._guards.items():

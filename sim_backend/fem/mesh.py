@@ -173,7 +173,7 @@ def _relax(
     step = 0.2
     for iteration in range(16):
         if iteration % 4 == 0:
-            points = _apart(points)
+            points = _without_coincident(points)
             corners = _triangulate(points, width, height)
             bars = _ends(np.unique(_side_numbers(corners, len(points))), len(points))
             wanted = size(points[bars].mean(axis=1))
@@ -194,10 +194,10 @@ def _relax(
         for ring in rings:
             moved = _keep_off(moved, points[n:], ring, margin)
         points = np.vstack([anchors, moved])
-    return _apart(points)
+    return _without_coincident(points)
 
 
-def _apart(points: Array) -> Array:
+def _without_coincident(points: Array) -> Array:
     """Points, in their order, without those in another's place: triangles need one there."""
     _, first = np.unique(points, axis=0, return_index=True)
     return points if len(first) == len(points) else points[np.sort(first)]
