@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import lsq_linear, nnls
 
 from drivers.core.arrays import Array, Ints
 from probe.detection.pulse.hold_samples import Hold
@@ -84,7 +84,7 @@ def fit(
         a, b = np.vstack([a, held]), np.vstack([b, np.zeros((len(ridge), b.shape[1]))])
     q, r = np.linalg.qr(a)
     decay_left = b - q @ (q.T @ b)
-    weight, _ = nnls(decay_left, y - q @ (q.T @ y))
+    weight = _not_negative(decay_left, y - q @ (q.T @ y))
     residual = y - b @ weight
     coefficients = np.linalg.solve(r, q.T @ residual)
     residual = residual - a @ coefficients
@@ -105,6 +105,15 @@ def fit(
     return Fit(
         coefficients, rest, float(mean_sd), plain, rss, dof, float(np.sqrt(variance)), noise, used,
     )  # fmt: skip
+
+
+def _not_negative(columns: Array, y: Array) -> Array:
+    """Least squares with coefficients of 0 or more."""
+    try:
+        weight, _ = nnls(columns, y)
+    except RuntimeError:  # columns nearly alike, and next to no noise: it went round in circles
+        weight = lsq_linear(columns, y, (0.0, np.inf), method="bvls").x
+    return np.asarray(weight)
 
 
 def scale_rows(columns: Array, scale: Array) -> Array:

@@ -18,9 +18,9 @@ ROUNDING = 1e-6
 MAX_CODES, EVEN_CODES = 0.5, 0.05
 """Different values, over samples, that a signal in steps has at most, and how far from whole
 numbers of steps they may be: values are stored in few digits."""
-UNDITHERED = 0.2
+UNDITHERED = 0.35
 """Standard deviation of neighbours' differences over the step, below which steps are no noise: one
-of a seventh of a step leaves 0.2 of it of the sawtooth that rounding makes, more noise less
+of a quarter of a step leaves 0.1 of it of the sawtooth that rounding makes, more noise less
 (Widrow & Kollar 2008)."""
 SAME = 1e-6
 """Of a hold's swing: values that are closer differ by the computer's rounding."""

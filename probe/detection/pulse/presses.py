@@ -20,6 +20,7 @@ from probe.detection.pulse.estimate import (
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.has_pulse import REACH, which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
+from probe.detection.pulse.least_noise import least_noise
 from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
 from probe.detection.pulse.rounding import unrounded, within_steps
@@ -124,7 +125,8 @@ class _Own:
 
 def _own(station: Station, dead: Bools) -> _Own:
     try:
-        hold = within_steps(unrounded(hold_of(station, dead)), seed=station.index)
+        read = within_steps(unrounded(hold_of(station, dead)), station.index)
+        hold = least_noise(read, station.index)
     except NoHold as error:
         return _Own(None, None, str(error), not isinstance(error, NoContact))
     if len(station.reference):
