@@ -242,8 +242,9 @@ GUARDED = (
     ),
     Mutant(
         "noise alone is a press that stood still", PRESS,
-        "if foretold_n < 2 * most_n or not 0 <", "if not 0 <",
-        (f"{TEST_FALSE}::test_a_noisy_sensor_on_a_short_way_is_believed",),
+        " or share > LAST_SHARE:", ":",
+        (f"{TEST_FALSE}"
+         "::test_a_force_that_falls_or_that_noise_hides_is_not_taken_for_one_that_clips",),
     ),
     Mutant(
         "a faint clip passes for soft tissue", PRESS,

@@ -275,8 +275,8 @@ class PressGuard:
             return None
         went_m = down_m - self._downs[row]
         foretold_n = force_n * went_m / max(self._downs[row], WAY_M)
-        if foretold_n < 2 * most_n or not 0 < max(judged) - min(judged) <= most_n:
-            return None  # moved, or noise would hide the rise of a live one
+        if not 0 < max(judged) - min(judged) <= most_n:
+            return None  # moved: a live one rises by nearly twice that
         return _flat(judged[-1] - judged[0], went_m, foretold_n)
 
 
