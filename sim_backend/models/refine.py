@@ -36,7 +36,7 @@ SMALL_PULSE = 1e-3
 ENTERING_PCT = 1.0
 """What nodes that enter the contact one by one give the force, of a pressed node's mean share: peak
 to peak over depth 0.4 to 1.6 %, median 0.9 (benchmarks/entering_nodes.py). It falls so slowly that
-no finer mesh is made for it: it is stated."""
+no finer mesh is made for it, nor for less: it is stated."""
 WORTHLESS_PCT = 50.0
 """A force that meshes disagree on by more is no answer."""
 MAX_UNKNOWNS = 20_000
@@ -128,7 +128,8 @@ def refine(
     solved = first or solve(share, near)
     wanted = float(np.sqrt((budget_pct / np.maximum(floor_pct, 1e-9)).min()))
     finer = share / min(wanted, SECOND_SHARE)
-    while (error_pct > budget_pct).any() and share > SMALLEST_SHARE:
+    enough_pct = budget_pct
+    while (error_pct > enough_pct).any() and share > SMALLEST_SHARE:
         room = float(np.sqrt(MAX_UNKNOWNS / len(solved[0].assembly.free)))
         if room < LEAST_FINER and np.isfinite(error_pct).all():
             break
@@ -149,7 +150,8 @@ def refine(
             left_pct = SECOND_SAFETY * left_pct
         least_pct = floor_pct * share**2
         error_pct = np.maximum(left_pct, least_pct)
-        over, least_over = (left_pct / budget_pct).max(), (least_pct / budget_pct).max()
+        enough_pct = np.maximum(budget_pct, [0.0, _entering_pct(solved[1])])
+        over, least_over = (left_pct / enough_pct).max(), (least_pct / enough_pct).max()
         finer = max(float(over) ** (1 / order), float(least_over) ** 0.5)
     if error_pct[0] > WORTHLESS_PCT:
         raise CannotSolve(
