@@ -149,7 +149,7 @@ def test_a_fault_keeps_the_data(palpate, tmp_path: Path, monkeypatch: pytest.Mon
     def jam(self: VirtualStage, *arguments: Any) -> None:
         nonlocal made
         made += 1
-        if made == 14:  # setting out to indent at the fourth station
+        if made == 17:  # setting out to indent at the fourth station
             raise DeviceFault("virtual", "the motor is jammed")
         move(self, *arguments)
 
