@@ -13,7 +13,7 @@ MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
 MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
 UNSTEADY = 4.0  # of two readings, the fewest, 0.7 % are as far apart by chance: one more level
 MAX_UNSTEADY_S = 2.0  # a cough is over by then
-STILL = 2.0  # times its usual error: 1000 readings of noise alone are never as unsure
+STILL = 2.0  # times its usual error, which 20 readings of noise tell to a sixth
 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
 

@@ -84,14 +84,20 @@ def _levels(loop: RunLoop) -> Levels:
     return levels
 
 
-def _level(loop: RunLoop) -> Levels:
-    loop.wait_until(loop.clock.now() + loop.plan.settle_s)
+def next_level(loop: RunLoop) -> Levels:
+    """Of `LEVEL_S` from now on, and as much longer, at most, as it takes until that is read."""
     from_s = loop.clock.now()
     loop.wait_until(from_s + LEVEL_S)
     until_s = loop.clock.now() + LEVEL_S
     while loop.monitor.seen_s() < from_s + LEVEL_S and loop.clock.now() < until_s:
         loop.tick(math.inf)
-    levels = loop.monitor.levels(from_s)
+    return loop.monitor.levels(from_s)
+
+
+def _level(loop: RunLoop) -> Levels:
+    loop.wait_until(loop.clock.now() + loop.plan.settle_s)
+    from_s = loop.clock.now()
+    levels = next_level(loop)
     while unknown(levels) is not None and loop.clock.now() < from_s + MAX_LEVEL_S:
         loop.tick(math.inf)  # a slow sensor, or a busy machine: one reading is no level
         levels = loop.monitor.levels(from_s)
