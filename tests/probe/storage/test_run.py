@@ -3,7 +3,6 @@
 import resource
 import shutil
 import sqlite3
-import struct
 from contextlib import closing
 from itertools import islice
 from pathlib import Path
@@ -30,7 +29,6 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.storage.log import unreadable_frames
 from probe.storage.reader import COLUMNS, judged_rows
 from probe.storage.run import NotBegun, RunFileError, follow, open_run
 from probe.storage.verify import verify
@@ -379,30 +377,3 @@ def test_only_complete_stations_are_in_a_recording() -> None:
     assert [s.index for s in recording.stations] == [0]
     assert recording.stations[0].time_s == pytest.approx([0.4, 0.5])
     assert recording.stations[0].hold_s == 0.35
-
-
-def test_a_log_that_comes_between_two_looks_is_looked_for_again(
-    path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As a scan that begins just then makes one: the first connection knows nothing of it."""
-
-    def looks(until: int) -> int:
-        """How often it is looked when a log is there after so many looks."""
-        looked: list[int] = []
-
-        def state(_: Path) -> tuple[tuple[int, int], bool]:
-            looked.append(1)
-            return (0, 0), len(looked) > until
-
-        monkeypatch.setattr("probe.storage.reader._state", state)
-        assert open_run(path).finish == "completed"
-        return len(looked)
-
-    assert looks(1) == looks(0) + 2
-
-
-@pytest.mark.parametrize("page_size", [0, 511, 768, 131_072])
-def test_a_log_whose_pages_no_sqlite_has_is_unreadable(page_size: int, tmp_path: Path) -> None:
-    log = tmp_path / "x.run-wal"
-    log.write_bytes(struct.pack(">3I", 0x377F0682, 3007000, page_size) + bytes(20 + 24 + 512))
-    assert unreadable_frames(log) == 1
