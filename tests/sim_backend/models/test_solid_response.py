@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_solid import small_solid, vessel
 
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.solid.build import half_width_m
@@ -19,18 +20,8 @@ from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 
 DEPTH_M = 0.6e-3
-VESSEL = {"kind": "artery", "x_mm": 8.0, "depth_mm": 4.5, "inner_diameter_mm": 2.0, "wall_mm": 1.0,
-          "modulus_kpa": 200.0, "poisson": 0.45}  # fmt: skip
-SCENE = Scene.model_validate(
-    {
-        "name": "small",
-        "plane": "solid",
-        "tissue": {"width_mm": 16.0, "height_mm": 8.0, "length_mm": 10.0, "modulus_kpa": 50.0,
-                   "poisson": 0.45},
-        "inclusion": [VESSEL],
-        "indenter": {"shape": "sphere", "radius_mm": 4.0},
-    }
-)  # fmt: skip
+VESSEL = vessel(8.0)
+SCENE = small_solid(16.0, 10.0, VESSEL)
 
 
 @pytest.fixture(scope="module")

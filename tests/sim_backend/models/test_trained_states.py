@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small_solid import small_solid, vessel
 
 from sim_backend.models import (
     kept_tables,
@@ -20,21 +21,11 @@ from sim_backend.models.surrogate import surrogate
 from sim_backend.models.trained_states import states
 from sim_backend.scene.scene_file import Scene
 
-VESSEL = {"kind": "artery", "x_mm": 7.0, "depth_mm": 4.5, "inner_diameter_mm": 2.0, "wall_mm": 1.0,
-          "modulus_kpa": 200.0, "poisson": 0.45}  # fmt: skip
 LUMP = {"kind": "tumour", "x_mm": 9.0, "depth_mm": 4.0, "z_mm": 2.0, "diameter_mm": 2.0,
         "modulus_kpa": 500.0, "poisson": 0.45}  # fmt: skip
-PLAIN = Scene.model_validate(
-    {
-        "name": "small",
-        "plane": "solid",
-        "tissue": {"width_mm": 14.0, "height_mm": 8.0, "length_mm": 20.0, "modulus_kpa": 50.0,
-                   "poisson": 0.45},
-        "indenter": {"shape": "sphere", "radius_mm": 4.0},
-    }
-)  # fmt: skip
-OVER_VESSEL = Scene.model_validate(PLAIN.model_dump() | {"inclusion": [VESSEL]})
-OVER_LUMP = Scene.model_validate(PLAIN.model_dump() | {"inclusion": [LUMP]})
+PLAIN = small_solid(14.0, 20.0)
+OVER_VESSEL = small_solid(14.0, 20.0, vessel(7.0))
+OVER_LUMP = small_solid(14.0, 20.0, LUMP)
 DEEPEST_MM = 0.6
 
 
