@@ -135,7 +135,8 @@ class _Shown(NamedTuple):
 def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
     """Solve one place; a solid's pictures are of its cut at z = 0. Raises `CannotSolve`; takes
     seconds, so not in a frame."""
-    from sim_backend.models.station_response import respond  # here: the window opens before
+    # here: the window opens before the solver is loaded
+    from sim_backend.models.station_response import respond
 
     pulse = scene.pulse
     mmhg = (pulse.diastolic_mmhg, pulse.systolic_mmhg)
