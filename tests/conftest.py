@@ -1,11 +1,13 @@
 """Shared by all tests: an answer of tissue that needs no finite elements; whether Qt starts; that
-a child of a test can be ended by Ctrl-C; that no thread waits while all that tests import is looked
-through for garbage."""
+a child of a test can be ended by Ctrl-C; that nothing is imported while a test has put a stand-in
+in its place; that no thread waits while all that tests import is looked through for garbage."""
 
 import gc
 import signal
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +15,14 @@ import pytest
 from hypothesis import settings
 
 from drivers.core.arrays import Array
+from drivers.core.errors import MissingExtra
 from sim_backend.scene.scene_file import Scene
 
 settings.register_profile("busy machine", deadline=None)
 settings.load_profile("busy machine")
 
-WINDOWS = Path(__file__).parent / "probe" / "gui"
+ROOT = Path(__file__).parents[1]
+WINDOWS = ROOT / "tests" / "probe" / "gui"
 
 try:
     from PySide6 import QtWidgets as _QtWidgets  # noqa: F401 - is it there?
@@ -48,8 +52,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What is imported stays, so that no collection looks through it: that takes 0.3 s, in which
-    nobody has the interpreter, guards of a scan neither."""
+    """All modules are there before a test replaces a function in one: a module that is imported
+    later, by the test itself, would keep the stand-in for all tests that come after.
+
+    What is imported stays, so that no collection looks through it: that takes 0.3 s, in which
+    nobody has the interpreter, guards of a scan neither.
+    """
+    for package in ("calibration", "drivers", "palpate", "probe", "sim_backend"):
+        for file in (ROOT / package).rglob("*.py"):
+            module = file.relative_to(ROOT).with_suffix("")
+            if module.name != "__main__":
+                with suppress(ImportError, MissingExtra):  # of what is not installed here
+                    import_module(".".join(module.parts).removesuffix(".__init__"))
     gc.collect()
     gc.freeze()
 
