@@ -29,7 +29,8 @@ from probe.studies.charts.speed_accuracy import (
 )
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.small_strain import scan_small
-from sim_backend.models.station_response import element_size_m, respond
+from sim_backend.models.plane_response import element_size_m
+from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 

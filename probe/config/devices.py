@@ -24,6 +24,7 @@ from probe.config.calibrated import calibrated
 from probe.config.rig import Device, Fallback, Rig, RigError
 from probe.config.scan_plan import plan_for, true_surface
 from probe.planning.plan import Plan
+from sim_backend.models import station_response
 from sim_backend.phantom.phantom import Phantom, Respond
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, load_scene, scene_names
@@ -166,18 +167,12 @@ class World:
                 f"scan.indentation_mm = {rig.scan.indentation_mm:g}: scene {self.scene.name} is "
                 f"only {self.scene.surface_mm:g} mm thick"
             )
-        if self.respond is None:
-            from sim_backend.models.station_response import (
-                respond,  # finite elements: only where simulated
-            )
-
-            self.respond = respond
         plan = self.plan
         first = plan.places[0]
         self.phantom = Phantom(
             self.scene,
             self.clock,
-            self.respond,
+            self.respond or station_response.respond,
             seed=self.seed,
             surface=true_surface(rig) or plan.surface,
             home=(first.x_m, first.y_m, plan.travel_z_m),

@@ -34,7 +34,7 @@ from sim_backend.fem.newton import (
 from sim_backend.fem.section_pairs import walls_cross
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.models.force_model import SLACK, ForceSlope, OutOfRange, Range
-from sim_backend.models.station_response import element_size_m
+from sim_backend.models.plane_response import element_size_m
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
 

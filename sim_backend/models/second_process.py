@@ -1,8 +1,9 @@
-"""Independent solves shared with a second process, which begins at their far end.
+"""Independent solves shared with a second process.
 
-Both meet. The other process says what it begins with, and is told what is begun here: at worst one
-task is done twice, and both answers are the same to the last bit. It is a fresh interpreter and no
-fork: where it is started there may be windows, guards and drivers with threads.
+It takes them in order. While it is at the one that is asked for here, the last ones are solved
+here: both meet. The other process says what it begins with, and is told what is begun here: at
+worst one task is done twice, and both answers are the same to the last bit. It is a fresh
+interpreter and no fork: where it is started there may be windows, guards and drivers with threads.
 """
 
 import os
@@ -30,10 +31,11 @@ class SecondProcess(Generic[Answer]):
     """
 
     def __init__(self, function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]]) -> None:
-        self._work = function, list(tasks)
+        self._function, self._tasks = function, list(tasks)
         self._theirs: set[int] = set()  # begun by the other process
         self._ours: set[int] = set()  # begun by this one
         self._solved: dict[int, Answer] = {}
+        self._failed: set[int] = set()
         self._child: Child | None = None
         self._news = Condition()
         self._ended = len(tasks) < 2 or processors() < 2 or parent_process() is not None
@@ -42,16 +44,40 @@ class SecondProcess(Generic[Answer]):
             self._thread.start()
 
     def answer(self, number: int) -> Answer | None:
-        """That of a task, as soon as it is there; None if it is not begun, or could not be found:
-        then it is the caller's to find."""
+        """That of a task; None if it is the caller's to find: nobody else does, or it could not be
+        found elsewhere."""
         with self._news:
-            if number not in self._theirs:
-                self._ours.add(number)
-                self._tell(number)
-            self._news.wait_for(
-                lambda: self._ended or number in self._solved or number not in self._theirs
-            )
+            while not self._settled(number):
+                if number not in self._theirs:
+                    self._begin(number)
+                    break
+                last = self._last_left()
+                if last is None:
+                    self._news.wait_for(lambda: self._settled(number))
+                else:
+                    self._help(last)
             return self._solved.get(number)
+
+    def _settled(self, number: int) -> bool:
+        return self._ended or number in self._solved or number in self._failed
+
+    def _last_left(self) -> int | None:
+        begun = self._theirs | self._ours
+        return next((n for n in reversed(range(len(self._tasks))) if n not in begun), None)
+
+    def _help(self, number: int) -> None:
+        """Solve a task here that is asked for later."""
+        self._begin(number)
+        self._news.release()
+        try:
+            with suppress(Exception):  # whatever it is, it is met again where it is asked for
+                self._solved[number] = self._function(*self._tasks[number])
+        finally:
+            self._news.acquire()
+
+    def _begin(self, number: int) -> None:
+        self._ours.add(number)
+        self._tell(number)
 
     def close(self) -> None:
         """End the process, whatever it is doing. One that is still starting ends by itself."""
@@ -75,7 +101,8 @@ class SecondProcess(Generic[Answer]):
             early.communicate()  # closes what led to it
             early = None
         with no_ctrl_c():  # it is for the scan, which lifts the tip
-            child = Child(solve_from_far_end, self._work, pipes=1, process=early)
+            work = self._function, self._tasks
+            child = Child(solve_in_turn, work, pipes=1, process=early)
         with self._news:
             self._child = child
             for number in self._ours:
@@ -87,7 +114,7 @@ class SecondProcess(Generic[Answer]):
                     if what == BEGUN:
                         self._theirs.add(number)
                     elif what == FAILED:  # who asks for it is told why, where it is solved again
-                        self._theirs.discard(number)
+                        self._failed.add(number)
                     else:
                         self._solved[number] = answer
                     self._news.notify_all()
@@ -125,7 +152,7 @@ def all_answers(function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]
         other.close()
 
 
-def solve_from_far_end(
+def solve_in_turn(
     function: Callable[..., Any], tasks: list[tuple[Any, ...]], pipe: "Connection[Any, Any]"
 ) -> None:
     """Body of the process: what is begun elsewhere comes in, beginnings and answers go out.
@@ -145,7 +172,7 @@ def solve_from_far_end(
 
     Thread(target=listen, daemon=True).start()
     with suppress(OSError):  # nobody listens any more
-        for number in reversed(range(len(tasks))):
+        for number in range(len(tasks)):
             if number in taken:
                 continue
             pipe.send((number, BEGUN, None))

@@ -1,46 +1,16 @@
-"""The answer at one place, for any depth and lumen pressure; here, of a plane section.
+"""The answer at one place, for any depth and lumen pressure: kept, or solved once for all places
+that are each other's mirror images.
 
-One ramp is solved at the resting pressure, with the exact slopes by depth and by pressure along it;
-at the full depth the ends of the wave are solved as well, as far as they are needed. Between them
-    F(d, p) = F(d, rest) + dF/dp(d) g(p),   g(p) = (F(D, p) - F(D, rest)) / dF/dp(D),
-which is exact at the full depth D and to first order elsewhere. Time does not enter: relaxation
-and the beat are the phantom's.
+Finite elements are imported only where one must be solved here.
 """
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
-from sim_backend.arrays import Array
-from sim_backend.fem.continuation import continuation, unloaded
-from sim_backend.fem.finite_strain import bonded_way_m
-from sim_backend.fem.model import CONTACT_SHARE, Section, build_section, usual_grading
-from sim_backend.fem.newton import Load, Solution
-from sim_backend.fem.section_pairs import walls_cross
-from sim_backend.fem.sensitivity import Slope, slopes
-from sim_backend.fem.stress import under_finger_pa
-from sim_backend.models.curve import from_nothing, monotone
-from sim_backend.models.response import Curve, Left, StationResponse, levels_pa
+from sim_backend.models.response import StationResponse
 from sim_backend.scene.scene_file import Scene, mirrored
 from sim_backend.scene.slicing import mirrored_along
 
-DEPTHS = np.array([0.04, 0.2, 0.55, 1.0])
-"""Shares of the greatest depth that are solved. Between them forces of TIHA and TIT are within
-0.09 % of the greatest, nearly as with seven shares and no slopes (0.06 %)."""
-BEND = 0.05
-"""Share of a pulse from rest to systole by which it may bend before diastole is solved too. A bend
-of 0.03 (TIHA) leaves 0.2 % of the pulse."""
-PROBE_PA, PROBE_M = 10.0, 1e-6
-"""Steps of the stress's slopes by pressure and depth, along the exact displacement slopes."""
-RELATIVE_SIZE = 0.1
-"""Element size over the finger's half width: 0.3 % of force, 2 % of pulse on the paper's scenes."""
-GROWTH, COARSEST = 0.6, 0.24
-"""How fast elements grow away from contact and vessels, and the largest over the height: that saves
-a third of the time of `usual_grading`, for 0.15 % of the force at most."""
-LEFT = Left(rest=0.006, change=0.03, between=0.0015)
-"""The figures above, added."""
 MAX_KEPT = 256
 """Answers kept in memory, of a few hundred numbers each; the oldest goes first."""
 
@@ -67,7 +37,7 @@ def respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
     one = station(scene, x_m, max_depth_m)
     found = _kept.get(one)
     if found is None:
-        found = (_respond_solid if scene.plane == "solid" else _respond)(*one)
+        found = _solved(*one)
         learn(one, found)
     return replace(found, x_m=x_m)
 
@@ -115,142 +85,9 @@ def is_known(one: Station) -> bool:
     return is_kept(*one)
 
 
-def element_size_m(scene: Scene) -> float:
-    """Element size that keeps force within about 0.3 % and pulse within 2 % [m]."""
-    return RELATIVE_SIZE * 0.5e-3 * scene.indenter.width_mm_projected
-
-
-def section_for(scene: Scene, x_m: float, max_depth_m: float) -> Section:
-    """The mesh that a station is solved on."""
-    size_m = element_size_m(scene)
-    usual = usual_grading(size_m)
-    grading = usual._replace(growth=GROWTH, coarsest_m=COARSEST * 1e-3 * scene.surface_mm)
-    return build_section(scene, x_m, depth_m=max_depth_m, size_m=size_m, grading=grading)
-
-
-def _respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
-    from sim_backend.models.solid_response import respond_solid  # 40 ms that planes do not need
-
-    return respond_solid(scene, x_m, max_depth_m)
-
-
-def _respond(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
-    section = section_for(scene, x_m, max_depth_m)
-    beats = bool(section.lumens)
-    rest, low, high = levels_pa(scene) if beats else (0.0, 0.0, 0.0)
-    start = unloaded(section)
-    bulge = 0.0
-    if beats:
-        (start,) = continuation(section, start, [Load(-max_depth_m, rest)])
-        bulge = _surface_m(section, start)
-        # the finger in the air is in equilibrium as far down as it just touches, which is where
-        # the first step begins that the second one continues
-        start = replace(start, load=Load(-bulge, rest))
-    loads = [Load(max_depth_m * share, rest) for share in DEPTHS]
-    if max_depth_m * DEPTHS[0] + bulge <= 0:  # beside a lone vessel: its first step is in the air
-        loads = [load for load in loads if load.depth_m + bulge > 0]
-    if not loads:
-        return _untouched(scene, x_m, max_depth_m, bulge)
-    ramp, along = zip(
-        *((state, slopes(section, state)) for state in _down(scene, section, start, loads)),
-        strict=True,
-    )
-    by_depth, by_pressure = zip(*along, strict=True)
-    ends = _ends(section, ramp[-1], by_pressure[-1], low, high) if beats else []
-    sunk = np.array([load.depth_m + bulge for load in loads])
-
-    def curve(
-        values: list[float], over_depth: list[float], over_pressure: list[float], at: list[float]
-    ) -> Curve:
-        powers = _gain([s.load.pressure_pa - rest for s in ends], values[-1], over_pressure[-1], at)
-        return Curve(
-            from_nothing(sunk, np.array(values), np.array(over_depth)),
-            monotone(np.append(0.0, sunk), np.append(0.0, over_pressure)),
-            rest, low, high, powers,
-        )  # fmt: skip
-
-    force = curve(
-        [s.force_n_per_m for s in ramp],
-        [one.force_n_per_m for one in by_depth],
-        [one.force_n_per_m for one in by_pressure],
-        [s.force_n_per_m for s in ends],
-    )
-    on_ramp = [under_finger_pa(section, s.displacement) for s in ramp]
-
-    def stress_slopes(along: tuple[Slope, ...], step: float) -> list[float]:
-        return [
-            (under_finger_pa(section, state.displacement + step * slope.displacement) - here) / step
-            for state, slope, here in zip(ramp, along, on_ramp, strict=True)
-        ]
-
-    stress = curve(
-        on_ramp,
-        stress_slopes(by_depth, PROBE_M),
-        stress_slopes(by_pressure, PROBE_PA),
-        [under_finger_pa(section, s.displacement) for s in ends],
-    )
-    length_m = 1e-3 * scene.indenter.length_mm
-    return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress, LEFT)
-
-
-def _down(scene: Scene, section: Section, start: Solution, loads: list[Load]) -> Iterator[Solution]:
-    """The solutions at ``loads``; a bonded finger takes the steps between that its path needs."""
-    if not scene.indenter.bonded:
-        yield from continuation(section, start, loads)
-        return
-    deepest = loads[-1]
-    contact_m = CONTACT_SHARE * element_size_m(scene)
-    way = bonded_way_m(section.finger, deepest.depth_m, contact_m)
-    wanted = {load.depth_m for load in loads}
-    path = [Load(d, deepest.pressure_pa) for d in sorted({*wanted, *way})]
-    found = continuation(section, start, path)
-    yield from (one for one, load in zip(found, path, strict=True) if load.depth_m in wanted)
-
-
-def _untouched(scene: Scene, x_m: float, max_depth_m: float, bulge_m: float) -> StationResponse:
-    """Of a place at which the finger, as deep as it goes, touches nothing."""
-    flat = from_nothing(np.array([max_depth_m]), np.zeros(1), np.zeros(1))
-    _, low, high = levels_pa(scene)
-    nothing = Curve(flat, flat, low, low, high, np.zeros(1))
-    length_m = 1e-3 * scene.indenter.length_mm
-    return StationResponse(x_m, max_depth_m, length_m, bulge_m, nothing, nothing, LEFT)
-
-
-def _ends(
-    section: Section, deepest: Solution, slope: Slope, low_pa: float, high_pa: float
-) -> list[Solution]:
-    """The deepest state at systole; and at diastole, where the pulse bends much on the way up or a
-    lumen seems to close on the way down."""
-    rest_pa = deepest.load.pressure_pa
-
-    def at(pressure_pa: float) -> Solution:
-        """Begun where the exact slope points, which saves one factorisation of four."""
-        ahead = deepest.displacement + (pressure_pa - rest_pa) * slope.displacement
-        load = Load(deepest.load.depth_m, pressure_pa)
-        (found,) = continuation(section, replace(deepest, displacement=ahead), [load])
-        return found
-
-    high = at(high_pa)
-    straight = slope.force_n_per_m * (high_pa - rest_pa)
-    bent = abs(high.force_n_per_m - deepest.force_n_per_m - straight) > BEND * abs(straight)
-    low_u = deepest.displacement + (low_pa - rest_pa) * slope.displacement
-    if not bent and not walls_cross(section, low_u):
-        return [high]
-    return [high, at(low_pa)]
-
-
-def _gain(over_rest_pa: list[float], value: float, slope: float, at: list[float]) -> Array:
-    """Coefficients of the polynomial that is 0 with slope 1 at rest, and gives ``value`` plus
-    ``slope`` times it at pressures ``over_rest_pa``, where the quantity is ``at``."""
-    if not at or slope == 0:
-        return np.array([1.0, 0.0])
-    p = np.array(over_rest_pa)
-    bends = np.linalg.solve(np.vander(p, len(p)), ((np.array(at) - value) / slope - p) / p**2)
-    return np.concatenate([bends, [1.0, 0.0]])
-
-
-def _surface_m(section: Section, solution: Solution) -> float:
-    """How far the surface rises under the finger, on which it will first touch."""
-    surface = section.mesh.surface
-    gap, _, _ = section.finger.gap(section.mesh.nodes[surface] + solution.displacement[surface])
-    return float(-gap.min())
+def _solved(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
+    if scene.plane == "solid":
+        from sim_backend.models.solid_response import respond_solid as solved
+    else:
+        from sim_backend.models.plane_response import respond_plane as solved
+    return solved(scene, x_m, max_depth_m)

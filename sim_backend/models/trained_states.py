@@ -26,10 +26,11 @@ from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.fem.solid.stress import under_finger_pa as under_solid_finger_pa
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models import solid_response
+from sim_backend.models.plane_response import element_size_m
 from sim_backend.models.response import levels_pa
 from sim_backend.models.second_process import all_answers, processors
 from sim_backend.models.solid_press import SHARES
-from sim_backend.models.station_response import Station, element_size_m, station
+from sim_backend.models.station_response import Station, station
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, mirrored
 from sim_backend.scene.slicing import section_at

@@ -9,19 +9,18 @@ import math
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from drivers import Clock
 from sim_backend.arrays import Array
+from sim_backend.models.ahead import SolvedAhead
+from sim_backend.models.station_response import station
 from sim_backend.phantom.trajectory import Leg, Point, Rest, Trajectory
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
 from sim_backend.scene.waves import load_wave
-
-if TYPE_CHECKING:
-    from sim_backend.models.ahead import SolvedAhead
 
 Surface = Callable[[float, float], float]
 
@@ -130,9 +129,6 @@ class Phantom:
         """Let a second process begin with the sections at ``places`` (x, y) [m], in the order in
         which they will be pressed straight down; `close` ends it. They are answered by
         `sim_backend.models.station_response`."""
-        from sim_backend.models.ahead import SolvedAhead  # finite elements: only where simulated
-        from sim_backend.models.station_response import station
-
         depth_m = _up_to_grid(self._depth_m)
         snapped = [self.place_of((x, y, 0.0)) for x, y in places]
         self._ahead = SolvedAhead(

@@ -68,8 +68,8 @@ def test_what_is_being_solved_elsewhere_is_waited_for(
 ) -> None:
     both = solved(stations())
     wait_for(lambda: len(both._other._theirs) > 0)
-    monkeypatch.setattr(station_response, "_respond", None)  # nothing can be solved here
-    assert both(BLOCK, PLACES_M[3], DEPTH_M).x_m == PLACES_M[3]
+    monkeypatch.setattr(station_response, "_solved", None)  # nothing can be solved here
+    assert both(BLOCK, PLACES_M[0], DEPTH_M).x_m == PLACES_M[0]
 
 
 @pytest.mark.parametrize(("processors", "places"), [(1, 4), (2, 1)])

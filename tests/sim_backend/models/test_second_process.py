@@ -12,7 +12,7 @@ from contextlib import suppress
 import pytest
 
 from sim_backend.models import second_process
-from sim_backend.models.second_process import SecondProcess, all_answers, solve_from_far_end
+from sim_backend.models.second_process import SecondProcess, all_answers, solve_in_turn
 
 
 @pytest.fixture(autouse=True)
@@ -26,17 +26,48 @@ def test_answers_come_in_the_order_of_their_tasks() -> None:
     assert all_answers(math.hypot, tasks[:1]) == [0.0]
 
 
-def test_the_other_process_answers_from_the_far_end() -> None:
+def test_the_other_process_answers_in_order() -> None:
     other = SecondProcess(math.sqrt, [(float(n * n),) for n in range(4)])
     try:
-        other._news.acquire()
-        other._news.wait_for(lambda: len(other._solved) == 4)
-        other._news.release()
-        assert list(other._solved) == [3, 2, 1, 0]
+        with other._news:
+            other._news.wait_for(lambda: len(other._solved) == 4)
+        assert list(other._solved) == [0, 1, 2, 3]
         assert other.answer(2) == 2.0
         assert not other._ours
     finally:
         other.close()
+
+
+def test_while_it_is_busy_the_last_tasks_are_solved_here() -> None:
+    """Not to wait for a slow one, and not twice."""
+    other = SecondProcess(slow_where_it_is_a_child, [(n, os.getpid()) for n in range(5)])
+    try:
+        with other._news:
+            other._news.wait_for(lambda: other._theirs == {0})
+        assert other.answer(0) == 0  # and meanwhile
+        assert list(other._solved) == [4, 3, 2, 1, 0]
+        assert other._theirs == {0}
+        assert [other.answer(n) for n in range(5)] == [0, 1, 4, 9, 16]
+    finally:
+        other.close()
+
+
+def test_what_could_not_be_solved_meanwhile_is_met_where_it_is_asked_for() -> None:
+    other = SecondProcess(slow_where_it_is_a_child, [(0, os.getpid()), (1, os.getpid()), (-1, 0)])
+    try:
+        with other._news:
+            other._news.wait_for(lambda: other._theirs == {0})
+        assert [other.answer(n) for n in range(3)] == [0, 1, None]
+    finally:
+        other.close()
+
+
+def slow_where_it_is_a_child(number: int, parent: int) -> int:
+    if number < 0:
+        raise ValueError(number)
+    if os.getpid() != parent:
+        time.sleep(2.0)
+    return number * number
 
 
 def test_a_failure_is_met_where_it_would_be_met_alone() -> None:
@@ -110,7 +141,7 @@ class NobodyListens:
 def test_it_ends_without_a_word_when_nobody_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(second_process.signal, "signal", lambda *_: None)
     pipe = NobodyListens()
-    solve_from_far_end(math.sqrt, [(1.0,), (4.0,)], pipe)  # type: ignore[arg-type]
+    solve_in_turn(math.sqrt, [(1.0,), (4.0,)], pipe)  # type: ignore[arg-type]
     assert pipe.asked == 1  # and the second task is not begun
 
 

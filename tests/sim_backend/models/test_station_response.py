@@ -6,8 +6,9 @@ import pytest
 
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.newton import Load
+from sim_backend.models.plane_response import section_for
 from sim_backend.models.response import levels_pa
-from sim_backend.models.station_response import respond, section_for
+from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 

@@ -9,7 +9,7 @@ from small_block import BLOCK
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.models import kept_tables
 from sim_backend.models import surrogate as fast
-from sim_backend.models.station_response import element_size_m
+from sim_backend.models.plane_response import element_size_m
 from sim_backend.models.surrogate import Surrogate, cache_file, surrogate
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
