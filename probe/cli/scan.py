@@ -17,7 +17,6 @@ from probe.cli.errors import FAULT
 from probe.cli.logs import already_told
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
 from probe.cli.windows import need_windows
-from sim_backend.models.second_process import start_early
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.acquisition.event_bus import EventSink
@@ -56,6 +55,8 @@ def begin_early(given: Sequence[str]) -> None:
     """Let a second process load finite elements while this one reads a scan's options: each takes
     0.1 s and more."""
     if given[:1] == ["scan"] and "--scene" in given and "--dry-run" not in given:
+        from sim_backend.models.second_process import start_early
+
         start_early("sim_backend.models.plane_response")
 
 

@@ -35,7 +35,7 @@ def test_what_a_scan_on_a_scene_needs_is_loaded_meanwhile(
     given: tuple[str, ...], begun: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     loaded: list[str] = []
-    monkeypatch.setattr("probe.cli.scan.start_early", loaded.append)
+    monkeypatch.setattr("sim_backend.models.second_process.start_early", loaded.append)
     assert main(given) == 2  # there is no such file
     assert len(loaded) == begun
     for module in loaded:
