@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 from real_data import holds, pulses
 
 from drivers.core.arrays import Array, Bools
+from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Recording, Station
 from probe.detection import detect
 from probe.detection.finding import Finding
@@ -38,7 +39,6 @@ Curve = tuple[Array, Array]
 
 CELLS = ((0.01, 5.0), (0.005, 5.0), (0.03, 2.5), (0.0025, 5.0), (0.05, 5.0), (0.03, 5.0))
 """Share of the force, and length of the hold [s]."""
-FALSE_ALARM = 0.01
 BOLD = 0.5
 """False alarm at which all is asked what moves in it and the likeliest cause counts."""
 DRAWN_RATES = np.linspace(0.005, 0.1, 20)
@@ -145,7 +145,7 @@ PEERS: dict[str, Callable[[Hold], float]] = {
 }  # fmt: skip
 
 
-def named(station: Station, false_alarm: float = FALSE_ALARM) -> str:
+def named(station: Station, false_alarm: float = DEFAULT_FALSE_ALARM) -> str:
     return _finding(station, false_alarm).finding
 
 
@@ -168,7 +168,7 @@ def own_scores(station: Station) -> Row:
     if bold.finding == "artery":
         sure = bold.objects[0].confidence
         odds = MIN_POSTERIOR / (1 - MIN_POSTERIOR) * (1 - sure) / sure
-        asked = max(chance, FALSE_ALARM * odds if sure < MIN_POSTERIOR else 0.0)
+        asked = max(chance, DEFAULT_FALSE_ALARM * odds if sure < MIN_POSTERIOR else 0.0)
     return {"palpate": named(station), "pulse": f"{1 - asked:.6g}", "movement": f"{1 - chance:.6g}"}
 
 
@@ -220,7 +220,7 @@ def tables() -> tuple[pd.DataFrame, pd.DataFrame]:
 
 
 def draw() -> Figure:
-    """Found against the false rate, and a star where palpate stands that is asked for 1 %."""
+    """Found against the false rate, and a star where palpate stands by default."""
     table, empties = tables()
     figure = Figure(figsize=(8, 6), layout="constrained")
     looks = {

@@ -41,12 +41,11 @@ MOVEMENTS, MOVEMENT_UNKNOWNS = 5, 3
 PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "tremor": 0.1}
 """Before the hold is looked at: a pulse is what a scan looks for, nothing is known of the others. A
 choice, which acts together with `MIN_POSTERIOR`: how much it matters is said there."""
-MIN_POSTERIOR = 0.85
-"""Least posterior probability of a pulse, among all causes, to count as one. With 0.7 one in a
-hundred pulses of 1 %, and one or two of 0.5 %, more are found (200 holds each of
-benchmarks/pulses.py). Of 200 steady lines, 200 tremors and 200 random walks (half at 10 Hz;
-benchmarks/artefacts.py) 1, 0 and 3 are called a pulse; with 0.7 it is 3, 0 and 4, with 0.6 3, 5
-and 4, with 0.5 24, 13 and 6."""
+MIN_POSTERIOR = 0.8
+"""Least posterior probability of a pulse, among all causes, to count as one: four to one. Of 200
+pulses of 0.5 % in 5 s and 200 of 3 % in 2.5 s (benchmarks/pulses.py) it finds 188 and 190, with
+0.85 one and two fewer, with 0.75 none more. Of 400 steady lines at 10 Hz (benchmarks/artefacts.py)
+3 are called a pulse; with 0.85 it is 2, with 0.75 and 0.7 it is 7."""
 OWN_HARMONICS = 6
 """Harmonics in which a person's wave may differ from the mean one; the brachial wave's further ones
 are below 0.08 of its first."""

@@ -66,8 +66,10 @@ def fibrillation(t: Array, rng: np.random.Generator) -> Array:
 
 @pytest.mark.parametrize("by", [breathing, line, steps, bumps])
 def test_what_is_no_pulse_is_not_called_an_artery(by: Motion) -> None:
-    said = [detect(recording([moved(seed, by)])) for seed in range(8)]
-    assert all(found.finding in ("undecided", "nothing") for found in said)
+    """But for one line in forty."""
+    said = [detect(recording([moved(seed, by)])).finding for seed in range(12)]
+    assert said.count("artery") <= 1
+    assert said.count("undecided") + said.count("nothing") >= 11
 
 
 @pytest.mark.parametrize("sample_hz", [10.0, 500.0])
@@ -160,10 +162,10 @@ def test_how_many_movements_there_are_is_not_chosen_for_nothing(
 
 
 def test_who_asks_for_more_false_pulses_takes_less_sure_ones() -> None:
-    """By default 85 %; the odds fall as the chance rises, and no likelier rival is a pulse."""
-    assert causes.least_posterior(0.001) == pytest.approx(0.85)
-    assert causes.least_posterior(0.01) == pytest.approx(0.85)
-    assert causes.least_posterior(0.02) == pytest.approx(0.85 / (0.85 + 2 * 0.15))
+    """By default 80 %; the odds fall as the chance rises, and no likelier rival is a pulse."""
+    assert causes.least_posterior(0.001) == pytest.approx(0.8)
+    assert causes.least_posterior(0.02) == pytest.approx(0.8)
+    assert causes.least_posterior(0.04) == pytest.approx(0.8 / (0.8 + 2 * 0.2))
     assert causes.least_posterior(0.3) == 0.5
     doubtful = moved(3, breathed_upon, 10.0)
     assert detect(recording([doubtful])).finding == "undecided"

@@ -32,10 +32,11 @@ def a_logarithm(t: Array, rng: np.random.Generator) -> Array:
 
 
 def relaxing(how: Relaxing, seed: int, hold_s: float, noise_pa: float = 0.0) -> Station:
+    """Station number ``seed``: the least noise is drawn by that."""
     rng = np.random.default_rng(seed)
     one = station(rng, noise_pa=noise_pa, relaxing=0.0, hold_s=hold_s)
     shape = how(one.time_s - one.time_s[0], rng)
-    return replace(one, signal_pa=one.signal_pa * shape[:, None])
+    return replace(one, index=seed, signal_pa=one.signal_pa * shape[:, None])
 
 
 @pytest.mark.parametrize("how", [decays, a_power, a_logarithm])
