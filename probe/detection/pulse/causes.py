@@ -43,9 +43,9 @@ PRIOR = {"pulse": 0.6, "breathing": 0.1, "a steady line": 0.1, "motion": 0.1, "t
 choice, which acts together with `MIN_POSTERIOR`: how much it matters is said there."""
 MIN_POSTERIOR = 0.8
 """Least posterior probability of a pulse, among all causes, to count as one: four to one. Of 200
-pulses of 0.5 % in 5 s and 200 of 3 % in 2.5 s (benchmarks/pulses.py) it finds 188 and 190, with
-0.85 one and two fewer, with 0.75 none more. Of 400 steady lines at 10 Hz (benchmarks/artefacts.py)
-3 are called a pulse; with 0.85 it is 2, with 0.75 and 0.7 it is 7."""
+pulses of 1 % in 5 s (benchmarks/pulses.py) it finds 194, with 0.75 it is 195; with 0.85 two fewer
+of 3 % in 2.5 s were found. Of 400 steady lines at 10 Hz (benchmarks/artefacts.py) 3 were called a
+pulse, with 0.85 it was 2, with 0.75 and 0.7 it was 7."""
 OWN_HARMONICS = 6
 """Harmonics in which a person's wave may differ from the mean one; the brachial wave's further ones
 are below 0.08 of its first."""
