@@ -18,7 +18,6 @@ from probe.cli import say, undisturbed
 from probe.cli.errors import status_of
 from probe.cli.layout import Grouped, add_examples
 from probe.cli.logs import log_to
-from probe.cli.scan import begin_early
 
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 """The solves are small: threads that wait for each other cost up to four times what they save."""
@@ -70,7 +69,6 @@ def run(given: Sequence[str]) -> int:
     as_json = "--json" in given
     with say.only_json() if as_json else nullcontext():
         try:
-            begin_early(given)
             status = typer.main.get_command(build()).main(
                 list(given), prog_name="palpate", standalone_mode=False
             )

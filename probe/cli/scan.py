@@ -51,15 +51,6 @@ def register(app: typer.Typer) -> None:
     app.command()(resume)
 
 
-def begin_early(given: Sequence[str]) -> None:
-    """Let a second process load finite elements while this one reads a scan's options: each takes
-    0.1 s and more."""
-    if given[:1] == ["scan"] and "--scene" in given and "--dry-run" not in given:
-        from sim_backend.models.second_process import start_early
-
-        start_early("sim_backend.models.plane_response")
-
-
 def scan(
     rig: RigFile = None,
     scene: SceneName = None,
