@@ -51,7 +51,9 @@ def felupe_forces(
     mesh = fe.Mesh(points, section.cells.nodes, "quad")
     field = fe.FieldContainer([fe.FieldPlaneStrain(fe.RegionQuad(mesh), dim=2)])
     # FElupe's neo-Hooke law and its mean dilatation take moduli per cell
-    body = fe.SolidBodyNearlyIncompressible(fe.NeoHooke(mu=section.shear), field, bulk=section.bulk)
+    law = fe.NeoHooke(mu=section.shear)
+    law.chunksize = None  # from 11.3 on it takes some cells at once, and all their moduli
+    body = fe.SolidBodyNearlyIncompressible(law, field, bulk=section.bulk)
     lumens = []
     for sides in section.lumens:
         on_wall = np.isin(np.arange(len(points)), sides.dofs[:, ::2] // 2)
