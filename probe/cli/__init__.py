@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 
 ABORTED = 5
 """Exit status of what a user stopped."""
@@ -61,11 +62,13 @@ def _begin_early(given: Sequence[str]) -> None:
     """Let a second process load the finite elements that a scan on a scene needs, while this one
     loads all else: each takes 0.3 s.
 
-    Where a standard stream is closed, the pipe to it would take that one's place.
+    Not with a rig's file, which may be a real one. Where a standard stream is closed, the pipe to
+    the process would take that one's place.
     """
     streams = (sys.stdin, sys.stdout, sys.stderr)
     on_a_scene = given[:1] == ["scan"] and "--scene" in given and "--dry-run" not in given
-    if on_a_scene and None not in streams:
+    has_rig = any(not (a.startswith("-") or b.startswith("-")) for a, b in pairwise(given))
+    if on_a_scene and not has_rig and None not in streams:
         from sim_backend.models.second_process import start_early
 
         start_early("sim_backend.models.plane_response")

@@ -1,15 +1,15 @@
 """Independent solves shared with a second process.
 
-It takes them in order. While it is at the one that is asked for here, the last ones are solved
-here: both meet. The other process says what it begins with, and is told what is begun here: at
-worst one task is done twice, and both answers are the same to the last bit. It is a fresh
+It takes them in order, from the one on that was asked for first. While it is at the one that is
+asked for here, the last ones are solved here: both meet. Each says what it begins with: at worst
+one task is done twice, and both answers are the same to the last bit. The other process is a fresh
 interpreter and no fork: where it is started there may be windows, guards and drivers with threads.
 """
 
 import os
 import signal
 import subprocess
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from contextlib import suppress
 from multiprocessing import parent_process
 from multiprocessing.connection import Connection
@@ -77,7 +77,7 @@ class SecondProcess(Generic[Answer]):
 
     def _begin(self, number: int) -> None:
         self._ours.add(number)
-        self._tell(number)
+        self._say(number)
 
     def close(self) -> None:
         """End the process, whatever it is doing. One that is still starting ends by itself."""
@@ -89,7 +89,7 @@ class SecondProcess(Generic[Answer]):
         if there:
             self._thread.join(END_S)
 
-    def _tell(self, number: int) -> None:
+    def _say(self, number: int) -> None:
         if self._child is not None:
             with suppress(OSError):  # it has just ended
                 self._child.pipes[0].send(number)
@@ -106,7 +106,7 @@ class SecondProcess(Generic[Answer]):
         with self._news:
             self._child = child
             for number in self._ours:
-                self._tell(number)
+                self._say(number)
         with suppress(EOFError, OSError):
             while not self._ended:
                 number, what, answer = child.pipes[0].recv()
@@ -161,25 +161,33 @@ def solve_in_turn(
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where signals cannot be blocked
     _wait_like_others()
-    taken: set[int] = set()
+    theirs: set[int] = set()  # begun at the other end
+    ours: set[int] = set()
 
     def listen() -> None:
         try:
             while True:
-                taken.add(pipe.recv())
+                theirs.add(pipe.recv())
         except (EOFError, OSError):
             os._exit(0)
 
     Thread(target=listen, daemon=True).start()
     with suppress(OSError):  # nobody listens any more
-        for number in range(len(tasks)):
-            if number in taken:
-                continue
+        while (number := next_task(len(tasks), ours, frozenset(theirs))) is not None:
+            ours.add(number)
             pipe.send((number, BEGUN, None))
             try:
                 pipe.send((number, SOLVED, function(*tasks[number])))
             except Exception:  # noqa: BLE001 - whatever it is, it is met again where it is asked for
                 pipe.send((number, FAILED, None))
+
+
+def next_task(count: int, ours: Set[int], theirs: Set[int]) -> int | None:
+    """The first that nobody has begun after the first of ``theirs``, since what lies before that
+    may never be asked for; if there is none, the first that nobody has begun."""
+    left = [n for n in range(count) if n not in ours and n not in theirs]
+    first = min(theirs, default=-1)
+    return next((n for n in left if n > first), left[0] if left else None)
 
 
 def _wait_like_others() -> None:

@@ -27,7 +27,9 @@ def test_one_thread_unless_told(
     [
         (("scan", "--scene", "nowhere.toml"), 1),
         (("scan", "--scene", "nowhere.toml", "--dry-run"), 0),
+        (("scan", "--seed", "1", "--scene", "nowhere.toml"), 1),
         (("scan", "nowhere.toml"), 0),
+        (("scan", "rig.toml", "--scene", "nowhere.toml"), 0),
         (("plan", "--scene", "nowhere.toml"), 0),
     ],
 )

@@ -64,6 +64,19 @@ def fibrillation(t: Array, rng: np.random.Generator) -> Array:
     return np.asarray(0.03 * sizes[beat] * wave)
 
 
+def walk(t: Array, rng: np.random.Generator) -> Array:
+    """At random, by 0.3 to 1 % within a second: next to no white noise."""
+    steps = rng.standard_normal(len(t)) * np.sqrt(t[1] - t[0])
+    return np.asarray(10 ** rng.uniform(-2.5, -2) * np.cumsum(steps))
+
+
+def test_most_random_walks_are_nothing() -> None:
+    """Of 60, where 16 were something while no noise was a walk alone."""
+    said = [detect(recording([moved(seed, walk)])).finding for seed in range(60)]
+    assert said.count("nothing") >= 51
+    assert said.count("artery") <= 3
+
+
 @pytest.mark.parametrize("by", [breathing, line, steps, bumps])
 def test_what_is_no_pulse_is_not_called_an_artery(by: Motion) -> None:
     """But for one line in forty."""

@@ -57,7 +57,7 @@ def test_both_processes_answer_to_the_last_bit(
     both = solved(stations())
     wait_for(lambda: len(both._other._solved) > 0)
     answers = [both(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
-    assert len(both._other._ours) >= 1 and len(both._other._ours) + len(both._other._solved) >= 4
+    assert len(both._other._theirs) >= 1 and len(both._other._ours | both._other._theirs) == 4
     monkeypatch.setattr(station_response, "_kept", {})
     alone = [respond(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
     assert [pickle.dumps(one) for one in answers] == [pickle.dumps(one) for one in alone]
@@ -93,8 +93,7 @@ def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., Solv
     touching = Scene.model_validate(content | {"inclusion": [*content["inclusion"], lump]})
     hopeless = station(touching, PLACES_M[3], DEPTH_M)
     both = solved([*stations()[:2], hopeless])
-    wait_for(lambda: len(both._other._solved) > 0)  # it went on after what it could not solve
-    assert 2 not in both._other._theirs
+    wait_for(lambda: 2 in both._other._failed)
     with pytest.raises(SceneError, match="too little to be meshed"):
         both(*hopeless)
     both(BLOCK, PLACES_M[0], DEPTH_M)

@@ -8,11 +8,17 @@ import sys
 import threading
 import time
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
 
 from sim_backend.models import second_process
-from sim_backend.models.second_process import SecondProcess, all_answers, solve_in_turn
+from sim_backend.models.second_process import (
+    SecondProcess,
+    all_answers,
+    next_task,
+    solve_in_turn,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -38,9 +44,9 @@ def test_the_other_process_answers_in_order() -> None:
         other.close()
 
 
-def test_while_it_is_busy_the_last_tasks_are_solved_here() -> None:
+def test_while_it_is_busy_the_last_tasks_are_solved_here(tmp_path: Path) -> None:
     """Not to wait for a slow one, and not twice."""
-    other = SecondProcess(slow_where_it_is_a_child, [(n, os.getpid()) for n in range(5)])
+    other = SecondProcess(waits_in_a_child, [(n, os.getpid(), tmp_path / "go") for n in range(5)])
     try:
         with other._news:
             other._news.wait_for(lambda: other._theirs == {0})
@@ -52,8 +58,9 @@ def test_while_it_is_busy_the_last_tasks_are_solved_here() -> None:
         other.close()
 
 
-def test_what_could_not_be_solved_meanwhile_is_met_where_it_is_asked_for() -> None:
-    other = SecondProcess(slow_where_it_is_a_child, [(0, os.getpid()), (1, os.getpid()), (-1, 0)])
+def test_what_could_not_be_solved_meanwhile_is_met_where_it_is_asked_for(tmp_path: Path) -> None:
+    numbers = (0, 1, -1)
+    other = SecondProcess(waits_in_a_child, [(n, os.getpid(), tmp_path / "go") for n in numbers])
     try:
         with other._news:
             other._news.wait_for(lambda: other._theirs == {0})
@@ -62,12 +69,32 @@ def test_what_could_not_be_solved_meanwhile_is_met_where_it_is_asked_for() -> No
         other.close()
 
 
-def slow_where_it_is_a_child(number: int, parent: int) -> int:
+def waits_in_a_child(number: int, parent: int, go: Path) -> int:
+    """The square; elsewhere than in ``parent`` only after that has solved 1."""
     if number < 0:
         raise ValueError(number)
-    if os.getpid() != parent:
-        time.sleep(2.0)
+    if os.getpid() == parent and number == 1:
+        go.touch()
+    while os.getpid() != parent and not go.exists():
+        threading.Event().wait(0.01)
     return number * number
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs", "then"),
+    [
+        (set(), set(), 0),
+        ({0}, set(), 1),
+        ({0}, {4}, 1),  # the last ones are begun elsewhere
+        ({0}, {2}, 3),  # a resumed scan, of which 0 and 1 were complete
+        ({0, 3}, {2, 4}, 1),
+        ({0, 1, 3}, {2, 4}, None),
+    ],
+)
+def test_it_goes_on_from_what_was_asked_for_first(
+    ours: set[int], theirs: set[int], then: int | None
+) -> None:
+    assert next_task(5, ours, theirs) == then
 
 
 def test_a_failure_is_met_where_it_would_be_met_alone() -> None:
