@@ -5,14 +5,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock, Timer
 from types import TracebackType
-from typing import Self
-
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from typing import TYPE_CHECKING, Self
 
 from probe.acquisition.progress import StationCount
 from probe.cli.say import inform
 from probe.core.events import Event, Phase, PhaseEntered, RunStarted, StationEnded, StationStarted
+
+if TYPE_CHECKING:  # where there is no terminal, there is no bar to import it for
+    from rich.progress import Progress, ProgressColumn
 
 PATIENCE_S = 2.0
 """Who waits longer for an answer wants to know what for."""
@@ -28,12 +28,12 @@ class ScanProgress:
         self._count = StationCount(total, done, each_s)
         self._bar: Progress | None = None
         if sys.stderr.isatty():
-            self._bar = Progress(
+            from rich.progress import BarColumn, TextColumn
+
+            self._bar = _bar(
                 TextColumn("{task.description}"),
                 BarColumn(),
                 TextColumn("{task.fields[phase]:<11} {task.fields[left]}"),
-                console=Console(stderr=True),
-                transient=True,
             )
             self._task = self._bar.add_task(
                 "starting", total=total, completed=done, phase="", left=""
@@ -114,9 +114,10 @@ def counting(what: str) -> Iterator[Callable[[int, int], None]]:
     if not sys.stderr.isatty():  # a bar that is off ends with an empty line where rich is before 15
         yield lambda _done, _total: None
         return
-    columns = (TextColumn("{task.completed:.0f} of {task.total:.0f} " + what), BarColumn(),
-               TimeRemainingColumn())  # fmt: skip
-    bar = Progress(*columns, console=Console(stderr=True), transient=True)
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+
+    done_words = "{task.completed:.0f} of {task.total:.0f} " + what
+    bar = _bar(TextColumn(done_words), BarColumn(), TimeRemainingColumn())
     task = bar.add_task(what)
     bar.start()
     try:
@@ -125,6 +126,13 @@ def counting(what: str) -> Iterator[Callable[[int, int], None]]:
         _stop(bar)
 
 
-def _stop(bar: Progress) -> None:
+def _bar(*columns: "ProgressColumn") -> "Progress":
+    from rich.console import Console
+    from rich.progress import Progress
+
+    return Progress(*columns, console=Console(stderr=True), transient=True)
+
+
+def _stop(bar: "Progress") -> None:
     with suppress(OSError):  # the terminal is gone: what was found is still to be said
         bar.stop()

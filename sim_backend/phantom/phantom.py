@@ -275,7 +275,7 @@ class Phantom:
 
     def _response(self, x: float, y: float, depth_m: float) -> Response:
         known_m, response = self._responses.get((x, y), (0.0, None))
-        if response is None or depth_m > known_m:
+        if response is None or _up_to_grid(depth_m) > known_m:
             known_m = max(self._depth_m, depth_m if response is None else 1.25 * depth_m)
             known_m = _up_to_grid(known_m)
             response = self._respond(section_at(self.scene, 1e3 * y), x, known_m)

@@ -150,3 +150,23 @@ def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
     made.force_n(np.linspace(0, 2, 50))
     assert asked[-1] >= 2.5000004e-3
     assert asked[0] <= 2.501e-3
+
+
+def test_a_press_as_deep_as_planned_is_solved_once(winkler: Any) -> None:
+    """Whatever its way there is rounded to: solved again, deeper, its answers would be others."""
+    asked: list[float] = []
+
+    def respond(scene: Scene, x_m: float, max_depth_m: float) -> Any:
+        asked.append(max_depth_m)
+        return winkler(scene, x_m, max_depth_m)
+
+    depth_m, end_s = 2.5e-3, 1.0025
+    made = Phantom(
+        load_scene("TI"), SimulatedClock(), respond, depth_m=depth_m, home=(0.032, 0.0, 0.0)
+    )
+    made.tip.move(0.0, (0.032, 0.0, -depth_m), 2.5e-3, 1.0)
+    time_s = np.concatenate([[0.5], np.linspace(end_s - 1e-5, end_s, 2000)])
+    assert made.depth_m(time_s).max() > depth_m  # by a last digit
+    made.force_n(time_s[:1])
+    made.force_n(time_s[1:])
+    assert asked == pytest.approx([depth_m])
