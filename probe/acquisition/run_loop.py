@@ -29,7 +29,7 @@ from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan
 
 TICK_S = 0.005  # the engine's own pace with the wall clock
-FINE_S = 0.0005  # its pace at the expected end of a move, so that phases start on time
+FINE_S = 0.0005  # its pace around the expected end of a move, so that phases start on time
 PUBLISH_S = 0.05  # samples leave in blocks of about this length
 ARRIVED_M = 0.1e-3
 PRESSING = (Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
@@ -72,7 +72,7 @@ class RunLoop:
         self.attempt: int | None = None
         self.last_published_s = clock.now()
         fastest_hz = max((s.rate_hz for s in sensors), default=1 / TICK_S)
-        self.tick_s = TICK_S if monitor.threaded else max(TICK_S, 2 / fastest_hz)
+        self.tick_s = TICK_S if monitor.threaded else max(2 / fastest_hz, FINE_S)
 
     def go(
         self, target: Pose, speed_m_s: float, *, until: Callable[[], bool] | None = None
@@ -95,7 +95,7 @@ class RunLoop:
             slowest = min(slowest, max(abilities.pace(self.stage), SLOWEST_PACE))
             if now > began_s + 2 * (expected_s - began_s) / slowest + 2.0:
                 raise MotionFault(self.stage.name, f"has not arrived after {now - began_s:.1f} s")
-            near = 0 <= now - expected_s < TICK_S
+            near = 0 <= now - expected_s < 20 * FINE_S
             self.tick(now + FINE_S if near else max(expected_s, now + FINE_S))
             if until is not None and until():
                 self.halt()
