@@ -36,3 +36,12 @@ def test_a_search_spends_more_of_the_chance_on_resting_hearts(rate_hz: float) ->
     assert found.p_value == pytest.approx(
         anywhere(one, found.span_s) / SHARE["shaped"], rel=0.02, abs=0
     )
+
+
+def test_a_short_hold_without_a_pulse_passes_as_often_as_its_chance_says() -> None:
+    """Of 25 samples, in which level, drift and relaxation take much of what slow rates tell."""
+    rng = np.random.default_rng(1)
+    holds = [hold_of(station(rng, hold_s=2.5, sample_hz=10.0)) for _ in range(500)]
+    assert np.mean([search(hold)[0].p_value < 0.3 for hold in holds]) == pytest.approx(
+        0.3, abs=0.06
+    )
