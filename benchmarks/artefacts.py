@@ -1,13 +1,15 @@
 """Artefacts that are no pulse, and hearts that are not regular: what single presses are called.
 
-    python benchmarks/artefacts.py [CASES]
+    python benchmarks/artefacts.py [CASES [HOLD_S]]
 
-Each is added to a relaxing press of 5 s, its noise 0.01 to 0.1 % of the force, at 500 and at 10 Hz.
-Goes on where docs/results/artefacts.csv ends.
+Each is added to a relaxing press of 5 s, its noise 0.01 to 0.1 % of the force, at 500 and at 10 Hz,
+and of a shorter one what it begins with. Goes on where docs/results/artefacts.csv ends, or, for a
+hold of 2.5 s, artefacts-2.5-s.csv.
 """
 
 import sys
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -18,10 +20,11 @@ from drivers.core.arrays import Array
 
 RELAXATION = ((0.179, 0.281), (0.167, 1.24), (0.277, 8.10))
 OUT = ROOT / "docs" / "results" / "artefacts.csv"
+WHOLE_S = 5.0
 
 
 def relaxing(rng: np.random.Generator, rate_hz: float) -> tuple[Array, Array]:
-    t = np.arange(int(5 * rate_hz)) / rate_hz
+    t = np.arange(int(WHOLE_S * rate_hz)) / rate_hz
     depth = rng.uniform(0.3, 1.2)
     level = 1 - depth * sum(
         g * (1 - np.exp(-t / (tau * np.exp(0.3 * rng.normal())))) for g, tau in RELAXATION
@@ -121,20 +124,23 @@ ARTEFACTS: dict[str, Callable[[Array, np.random.Generator], Array]] = {
 }  # fmt: skip
 
 
-def judge(rate_hz: float, artefact: str, seed: int) -> Row:
+def judge(rate_hz: float, artefact: str, seed: int, hold_s: float = WHOLE_S) -> Row:
     """What one press is called."""
     number = list(ARTEFACTS).index(artefact)
     rng = np.random.default_rng([seed, number, int(rate_hz)])
     t, level = relaxing(rng, rate_hz)
-    return {"found": named(press(t, level + ARTEFACTS[artefact](t, rng)))}
+    signal, kept = level + ARTEFACTS[artefact](t, rng), t <= hold_s
+    return {"found": named(press(t[kept], signal[kept]))}
 
 
-def main(cases: int) -> None:
+def main(cases: int, hold_s: float) -> None:
     """Judge, and tell what is kept."""
+    out = OUT if hold_s == WHOLE_S else OUT.with_name(f"artefacts-{hold_s:g}-s.csv")
     jobs = [(rate, name, seed) for seed in range(cases) for rate in (500.0, 10.0)
             for name in ARTEFACTS]  # fmt: skip
-    fill(OUT, ("rate_hz", "artefact", "seed"), ("found",), jobs, judge)
-    table = pd.DataFrame(read(OUT))
+    answers = partial(judge, hold_s=hold_s)
+    fill(out, ("rate_hz", "artefact", "seed"), ("found",), jobs, answers)
+    table = pd.DataFrame(read(out))
     for (rate, name), some in table.groupby(["rate_hz", "artefact"], sort=False):
         artery, unsure = ((some.found == kind).sum() for kind in ("artery", "undecided"))
         print(f"{rate} Hz {name}: artery {exact(int(artery), len(some))} %, undecided {unsure} "
@@ -142,4 +148,5 @@ def main(cases: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 60)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 60,
+         float(sys.argv[2]) if len(sys.argv) > 2 else WHOLE_S)  # fmt: skip
