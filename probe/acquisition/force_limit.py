@@ -18,7 +18,9 @@ from probe.planning.limits import LEVER_M, Limits
 FUTURE_S = 0.1
 LEVEL_MEMORY_S = 2.0
 SMOOTH = 5
-NOISE_OF = 50  # readings that say what a sensor's noise is
+# readings that say what a sensor's noise is, and the fewest: known to a quarter, where a contact
+# takes ten times as much (`press_guard.NOISE_SIGMAS`)
+NOISE_OF, LEAST_OF_NOISE = 50, 10
 FORCE_ROLES = ("force", "pressure", "taxel")
 VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
 
@@ -84,6 +86,10 @@ class SensorGuard:
             return math.nan, math.inf
         return float(np.mean(found)), float(np.std(found, ddof=1)) / math.sqrt(len(found))
 
+    def newest_s(self) -> float:
+        """When the latest force was read; minus infinity before the first."""
+        return self._recent[-1][0] if self._recent else -math.inf
+
     def greatest_n(self, from_s: float, readings: int) -> float:
         """The greatest mean of ``readings`` forces [N] in a row since ``from_s``, `LEVEL_MEMORY_S`
         ago at most."""
@@ -91,13 +97,14 @@ class SensorGuard:
         each = range(len(found) - readings + 1)
         return max((sum(found[n : n + readings]) / readings for n in each), default=0.0)
 
-    def noise_n(self) -> float:
-        """Standard deviation [N] of the latest readings, without what they follow; else infinite.
+    def noise_n(self, from_s: float = -math.inf) -> float:
+        """Standard deviation [N] of the latest readings since ``from_s``, without what they follow;
+        infinite if they are few.
 
         By the differences of neighbours, so that neither a drift nor a pulse counts as noise.
         """
-        found = [force for _, force in list(self._recent)[-NOISE_OF:]]
-        if len(found) < NOISE_OF:
+        found = [force for time_s, force in list(self._recent)[-NOISE_OF:] if time_s > from_s]
+        if len(found) < LEAST_OF_NOISE:
             return math.inf
         return float(np.std(np.diff(found))) / math.sqrt(2)
 

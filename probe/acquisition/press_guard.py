@@ -116,6 +116,7 @@ class PressGuard:
         self._periods_s = PERIODS / rate_hz
         self._speed_m_s = self._first_n = 0.0
         self._noise_n = math.inf
+        self._in_air_s, self._lifts = -math.inf, False  # since when the tip is out of the tissue
         self._began_m = self._z_m = self._contact_m = self._changed_s = 0.0
         # how long new poses took, and when they came, without those that a later one outlasts
         self._gaps_s: list[float] = []
@@ -129,14 +130,17 @@ class PressGuard:
     def begin(self, start: Pose, target: Pose, speed_m_s: float) -> None:
         """A move has been ordered; one that does not go down is not judged.
 
-        A press may begin amid the rise of an approach that met the tissue early, which is no noise:
-        on the way down the noise is at most what it was before the last move that led elsewhere.
+        The noise is that of readings in the air: neither a press amid the rise of an approach that
+        met the tissue early nor the fall of the lift before it is noise.
         """
         down = start.z - target.z > WAY_M
-        noise_n = self._feels.noise_n()
         with self._lock:
+            if down:
+                noise_n = self._feels.noise_n(self._in_air_s)
+                self._noise_n = noise_n if math.isfinite(noise_n) else self._noise_n
+                self._in_air_s = math.inf
+            self._lifts = target.z - start.z > WAY_M
             self._speed_m_s = speed_m_s if down else 0.0
-            self._noise_n = min(self._noise_n, noise_n) if down else noise_n
             self._first_n = self._feels.smooth_n
             self._began_m, self._z_m, self._changed_s = start.z, start.z, math.inf
             self._gaps_s, self._gap_ends_s = [], []
@@ -157,7 +161,10 @@ class PressGuard:
 
     def end(self) -> None:
         """The tip rests."""
-        self._speed_m_s = 0.0
+        with self._lock:
+            if self._lifts:
+                self._in_air_s, self._lifts = self._feels.newest_s(), False
+            self._speed_m_s = 0.0
 
     def check(self, pose: Pose, now: float) -> str | None:
         """Why the force does not belong to a pose on the way down, or to the rest after it."""
