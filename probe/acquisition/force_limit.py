@@ -97,7 +97,7 @@ class SensorGuard:
         each = range(len(found) - readings + 1)
         return max((sum(found[n : n + readings]) / readings for n in each), default=0.0)
 
-    def noise_n(self, from_s: float = -math.inf) -> float:
+    def noise_n(self, from_s: float) -> float:
         """Standard deviation [N] of the latest readings since ``from_s``, without what they follow;
         infinite if they are few.
 
