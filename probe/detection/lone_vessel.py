@@ -24,8 +24,8 @@ MIN_OF_ONE = 0.95
 """Least posterior probability of a kind to name it by one press. Left out one by one, of 480
 solved presses over and 6 mm beside vessels 265 are named rightly and 1 wrongly."""
 TELLING_S = 4.5
-"""In a hold of 5 s 0 to 3 % of each kind of artefact are called an artery, in one of 2.5 s up to 44 %
-of breaths (benchmarks/artefacts.py); holds between were not measured."""
+"""In a hold of 5 s 0 to 3 % of each kind of artefact are called an artery, in one of 2.5 s up to
+44 % of breaths (benchmarks/artefacts.py); holds between were not measured."""
 MODULUS_BLUR = 0.3
 """Width of a sample's kernel in the logarithm of the apparent modulus. Solved fingers are 10 mm
 long: one of 5 or 20 mm moves it by 0.35."""
