@@ -14,10 +14,8 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:  # imported where it is used: an interpreter can be started without
-    from multiprocessing.connection import Connection
+from multiprocessing.connection import Client, Connection, Listener
+from typing import Any
 
 BOOTSTRAP = """
 import pickle, sys
@@ -79,8 +77,6 @@ class Child:
         pipes: int,
         process: "subprocess.Popen[bytes] | None" = None,
     ) -> None:
-        from multiprocessing.connection import Listener
-
         key = os.urandom(KEY_BYTES)
         where = (function.__module__, function.__name__)
         with Listener(authkey=key) as listener:
@@ -120,8 +116,6 @@ def run(
     address: Any, key: bytes, pipes: int, module: str, name: str, arguments: tuple[Any, ...]
 ) -> None:
     """The other side."""
-    from multiprocessing.connection import Client
-
     try:
         ends: list[Connection[Any, Any]] = [Client(address, authkey=key) for _ in range(pipes)]
     except (OSError, EOFError):  # who started it ended meanwhile: there is nobody to tell

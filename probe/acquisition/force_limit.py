@@ -18,9 +18,9 @@ from probe.planning.limits import LEVER_M, Limits
 FUTURE_S = 0.1
 LEVEL_MEMORY_S = 2.0
 SMOOTH = 5
-# readings that say what a sensor's noise is, and the fewest: known to a quarter, where a contact
+# readings that say what a sensor's noise is, and how few may: known to a quarter, where a contact
 # takes ten times as much (`press_guard.NOISE_SIGMAS`)
-NOISE_OF, LEAST_OF_NOISE = 50, 10
+NOISE_OF, MIN_NOISE_READINGS = 50, 10
 FORCE_ROLES = ("force", "pressure", "taxel")
 VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
 
@@ -58,11 +58,12 @@ class SensorGuard:
         ]  # fmt: skip
         clips = {n for n, c in enumerate(channels) if c.role in FORCE_ROLES}
         self._clips = sorted(clips.union(*(where for where, _, _ in self._norms)))
-        self._last_s = -math.inf
+        self._last_s = self._tared_s = -math.inf
 
     def tare(self) -> None:
         """The sensor has taken its present load as zero: what it said before has another zero."""
         self.tared = True
+        self._tared_s = self.newest_s()
         self._newest.clear()
         self.smooth_n = 0.0
 
@@ -98,13 +99,14 @@ class SensorGuard:
         return max((sum(found[n : n + readings]) / readings for n in each), default=0.0)
 
     def noise_n(self, from_s: float) -> float:
-        """Standard deviation [N] of the latest readings since ``from_s``, without what they follow;
-        infinite if they are few.
+        """Standard deviation [N] of the latest readings since ``from_s`` and the last tare, without
+        what they follow; infinite if they are few.
 
         By the differences of neighbours, so that neither a drift nor a pulse counts as noise.
         """
-        found = [force for time_s, force in list(self._recent)[-NOISE_OF:] if time_s > from_s]
-        if len(found) < LEAST_OF_NOISE:
+        since_s = max(from_s, self._tared_s)
+        found = [force for time_s, force in list(self._recent)[-NOISE_OF:] if time_s > since_s]
+        if len(found) < MIN_NOISE_READINGS:
             return math.inf
         return float(np.std(np.diff(found))) / math.sqrt(2)
 

@@ -16,14 +16,14 @@ ABORTED = 5
 """Exit status of what a user stopped."""
 ORDERS = ("SIGTERM", "SIGHUP", "SIGQUIT")
 """Ask a command to end as Ctrl-C does, also before and after a scan, which hears them itself."""
-RARELY = (20_000, 20, 20)
+GARBAGE_THRESHOLDS = (20_000, 20, 20)
 """When Python looks for garbage. By its own rule a scan of 1.5 s spends 0.1 s on looking through
 the 80,000 objects that imports have made, and finds nothing."""
 
 
 def command() -> int:
     """The program ``palpate``: `main`, after which no order to end takes back its status."""
-    gc.set_threshold(*RARELY)
+    gc.set_threshold(*GARBAGE_THRESHOLDS)
     status = main()
     for number in _orders():
         signal.signal(number, signal.SIG_IGN)

@@ -23,7 +23,7 @@ between those of TIHA and of the solved blocks."""
 MIN_OF_ONE = 0.95
 """Least posterior probability of a kind to name it by one press. Left out one by one, of 480
 solved presses over and 6 mm beside vessels 265 are named rightly and 1 wrongly."""
-TELLING_S = 4.5
+MIN_HOLD_S = 4.5
 """In a hold of 5 s 0 to 3 % of each kind of artefact are called an artery, in one of 2.5 s up to
 44 % of breaths (benchmarks/artefacts.py); holds between were not measured."""
 MODULUS_BLUR = 0.3
@@ -107,7 +107,7 @@ def pulsing_place(
     around = [beside(p.station.x_m, presses) for p in pulsing if _as_strong(p, strongest)]
     ends = min(low for low, _ in around), max(high for _, high in around)
     kind, sure, reason = _vessel(strongest, face_m2)
-    if strongest.hold_s < TELLING_S:
+    if strongest.hold_s < MIN_HOLD_S:
         reason += (
             f"; in a hold as short as {strongest.hold_s:.1f} s breathing, tremor or a hand that "
             "moves may pass for a pulse"

@@ -12,13 +12,11 @@ import subprocess
 from collections.abc import Callable, Sequence, Set
 from contextlib import suppress
 from multiprocessing import parent_process
+from multiprocessing.connection import Connection
 from threading import Condition, Thread
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from drivers.core.child import Child, interpreter, no_ctrl_c
-
-if TYPE_CHECKING:
-    from multiprocessing.connection import Connection
 
 END_S = 5.0
 BEGUN, FAILED, SOLVED = "begun", "failed", "solved"

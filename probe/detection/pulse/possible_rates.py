@@ -10,12 +10,12 @@ USUAL_HZ, USUAL_SPREAD = 72 / 60, 0.3
 """Resting hearts: the median rate, and the standard deviation of the logarithm."""
 RATE_VARIABILITY = 0.05
 """Standard deviation of one beat's length over the mean's: in people at rest a few per cent."""
-CROSSINGS, TAKEN_S, FEWEST = 2.5, 0.9, 5.0
+CROSSINGS, NUISANCE_S, MIN_RATES = 2.5, 0.9, 5.0
 """Independent rates to a Hz of a hold of a second: sqrt(2 ln(1/p)) 2 pi / sqrt(12) / sqrt(2 pi),
 the crossings of a sine's statistic (Davies 1987), at a chance p of 0.002. Level, drift and decays
 take what 0.9 s tell. With both, of 48,000 holds of white noise of 2 to 10 s at 10 Hz, 0.86 to 1.08
-times as many pass at a chance of 0.02 as should, and 0.7 times at 100 Hz; with the fewest, which
-count below 1.8 s, 0.6 times."""
+times as many pass at a chance of 0.02 as should, and 0.7 times at 100 Hz; with `MIN_RATES`, below
+1.8 s, 0.6 times."""
 EVEN = 0.5
 """Share of the chance that is spread evenly: a heart at an unusual rate then needs at most a
 likelihood twice as clear, one at rest half as clear."""
@@ -51,4 +51,4 @@ def anywhere(one: float, span_s: float) -> float:
 
 def independent_rates(span_s: float) -> float:
     """How many rates a hold of ``span_s`` looks at as far as chance goes."""
-    return max(FEWEST, CROSSINGS * (FASTEST_HZ - SLOWEST_HZ) * (span_s - TAKEN_S))
+    return max(MIN_RATES, CROSSINGS * (FASTEST_HZ - SLOWEST_HZ) * (span_s - NUISANCE_S))

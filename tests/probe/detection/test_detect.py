@@ -161,13 +161,13 @@ def test_one_press_tells_a_pulse_and_no_more() -> None:
     assert json.loads(json.dumps(pulse.as_json(), allow_nan=False))["objects"][0]["peak_pa"] is None
 
 
-@pytest.mark.parametrize(("hold_s", "told"), [(2.5, True), (5.0, False)])
-def test_a_short_hold_says_what_may_pass_for_a_pulse(hold_s: float, told: bool) -> None:
+@pytest.mark.parametrize(("hold_s", "warned"), [(2.5, True), (5.0, False)])
+def test_a_short_hold_says_what_may_pass_for_a_pulse(hold_s: float, warned: bool) -> None:
     """In 2.5 s a breath looks like beats."""
     press = station(np.random.default_rng(3), pulse_pa=400.0, hold_s=hold_s)
     found = detect(recording([press]))
     assert found.finding == "artery"
-    assert ("breathing" in found.reason) == told
+    assert ("breathing" in found.reason) == warned
 
 
 def test_repeats_at_one_place_are_one_station() -> None:
