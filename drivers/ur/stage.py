@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from drivers.core.errors import ConfigError, DeviceFault, MotionFault
+from drivers.core.errors import DeviceFault, MotionFault
 from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
 from drivers.ur.client import REDUCED, Control, State
@@ -106,7 +106,7 @@ class UrStage:
         return {pose: why for pose, why in zip(poses, why_not, strict=True) if why}
 
     def move(self, target: Pose, speed_m_s: float) -> None:
-        """Set off in a straight line. Raises `DeviceFault` if refused, or `ConfigError`."""
+        """Set off in a straight line. Raises `DeviceFault` if refused."""
         self._go("move", target, speed_m_s)
 
     def search(self, target: Pose, speed_m_s: float) -> None:
@@ -128,10 +128,11 @@ class UrStage:
 
     def _go(self, order: str, target: Pose, speed_m_s: float) -> None:
         keys = self._settings
-        if not 0 < 1e3 * speed_m_s <= keys.max_speed_mm_s:
-            raise ConfigError(
-                f"{self.name}: speed {1e3 * speed_m_s:g} mm/s; allowed is above 0 up to "
-                f"max_speed_mm_s = {keys.max_speed_mm_s:g}"
+        if not 0 < 1e3 * speed_m_s <= keys.max_speed_mm_s * (1 + 1e-9):
+            raise DeviceFault(
+                self.name,
+                f"speed {1e3 * speed_m_s:g} mm/s; allowed is above 0 up to max_speed_mm_s = "
+                f"{keys.max_speed_mm_s:g}",
             )
         link = self._there()
         if not link.controls:

@@ -8,6 +8,7 @@ used with a note; what was applied is in every run.
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -113,35 +114,18 @@ class CalibratedSensor:
 
 
 class CalibratedStage:
-    """A stage whose axes' errors are put right: poses are true ones, both ways."""
+    """A stage whose axes' errors are put right: poses are true ones, both ways.
+
+    Whatever else a stage may have (`drivers.Stage`) is its own; `base_pose` is in the arm's frame,
+    before any calibration.
+    """
 
     def __init__(self, stage: Stage, axes: AxesCalibration) -> None:
         self._stage = stage
         self._axes = axes
-        self.turns = getattr(stage, "turns", False)
-        self.homes = getattr(stage, "homes", False)
 
-    @property
-    def pace(self) -> float:
-        return abilities.pace(self._stage)
-
-    @property
-    def max_speed_m_s(self) -> float:
-        return abilities.max_speed_m_s(self._stage)
-
-    def enable(self) -> list[str]:
-        """As the device's own."""
-        return abilities.enable(self._stage)
-
-    def keep_alive(self) -> None:
-        abilities.keep_alive(self._stage)
-
-    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
-        """Those true poses whose readings the device cannot go to, and why."""
-        readings = [_placed(pose, self._axes.command) for pose in poses]
-        far = abilities.unreachable(self._stage, readings)
-        both = zip(poses, readings, strict=True)
-        return {pose: far[reading] for pose, reading in both if reading in far}
+    def __getattr__(self, ability: str) -> Any:
+        return getattr(self._stage, ability)
 
     @property
     def name(self) -> str:
@@ -150,10 +134,6 @@ class CalibratedStage:
     @property
     def simulated(self) -> bool:
         return self._stage.simulated
-
-    def home(self) -> None:
-        """As the stage itself, where it ``homes``."""
-        self._stage.home()  # type: ignore[attr-defined]  # as `Stage` says
 
     def connect(self) -> None:
         self._stage.connect()
@@ -165,6 +145,17 @@ class CalibratedStage:
     def move(self, target: Pose, speed_m_s: float) -> None:
         """Set off for the reading at which the tip is at ``target``."""
         self._stage.move(_placed(target, self._axes.command), speed_m_s)
+
+    def search(self, target: Pose, speed_m_s: float) -> None:
+        """As `move`, by a stage that ends such a move at a contact."""
+        abilities.move(self._stage, _placed(target, self._axes.command), speed_m_s, search=True)
+
+    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        """Those true poses whose readings the device cannot go to, and why."""
+        readings = [_placed(pose, self._axes.command) for pose in poses]
+        far = abilities.unreachable(self._stage, readings)
+        both = zip(poses, readings, strict=True)
+        return {pose: far[reading] for pose, reading in both if reading in far}
 
     def moving(self) -> bool:
         return self._stage.moving()

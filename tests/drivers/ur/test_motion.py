@@ -213,6 +213,21 @@ def test_a_state_from_before_a_short_move_is_no_arrival() -> None:
     assert not stage.moving()
 
 
+@pytest.mark.parametrize("top_mm_s", [0.9, 6.5, 18.0, 250.0])
+def test_its_own_top_speed_is_allowed_and_more_is_the_devices_to_refuse(top_mm_s: float) -> None:
+    """A lift may go as fast as the stage says that it can: 18 mm/s are 0.018 m/s, times 1,000 more
+    than 18."""
+    still = (0.0,) * 6
+    link = Told(State(1.0, time.monotonic(), still, still, still, 1, 7, 2, 1.0, False))
+    stage = UrStage(UrStageSettings(host="nowhere", max_speed_mm_s=top_mm_s))
+    stage._link = cast(Link, link)
+    here = stage.pose()
+    stage.move(here._replace(z=here.z + 1e-3), stage.max_speed_m_s)
+    assert link.asked
+    with pytest.raises(DeviceFault, match="max_speed_mm_s"):
+        stage.move(here, 1.001 * stage.max_speed_m_s)
+
+
 def test_a_tip_that_still_moves_does_not_rest_though_nothing_is_asked_of_it() -> None:
     """The joints follow their targets a little later."""
     still = (0.0,) * 6

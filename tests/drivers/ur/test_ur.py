@@ -16,7 +16,6 @@ from emulated_ur import ORIGIN_MM, Rig, connected, fresh_host
 from pydantic import ValidationError
 
 from drivers import DeviceAbsent, DeviceFault, Pose, SimulatedClock, WallClock
-from drivers.core.errors import ConfigError
 from drivers.testing.awake import AwakeTime
 from drivers.ur.client import whole_state
 from drivers.ur.link import leave_link, take_link
@@ -207,7 +206,7 @@ def test_wrong_settings_are_named(key: str, value: float) -> None:
 
 def test_too_fast_is_refused(rig: tuple[Rig, ur.UrController]) -> None:
     made, _ = rig
-    with pytest.raises(ConfigError, match="max_speed_mm_s"):
+    with pytest.raises(DeviceFault, match="max_speed_mm_s"):
         made.stage.move(Pose(0.05, 0.0, 0.004), 0.5)
 
 

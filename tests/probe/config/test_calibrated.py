@@ -1,7 +1,7 @@
 """Calibrations from files, applied in scans."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -44,6 +44,27 @@ class Skewed:
     def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
         """Its x reads up to 50 mm: in truth up to 51 mm and a hundredth of y."""
         return {pose: "out of reach" for pose in poses if pose.x > 0.05}
+
+
+class Able(Skewed):
+    """One that has all that a stage may have."""
+
+    turns = homes = finds_contact = touched = True
+    enable_s, max_speed_m_s, pace = 30.0, 0.018, 0.5
+
+    def __init__(self) -> None:
+        self.called: list[str] = []
+
+    def __getattr__(self, name: str) -> Callable[[], list[str]]:
+        def call() -> list[str]:
+            self.called.append(name)
+            return [name]
+
+        return call
+
+    def search(self, target: Pose, _speed_m_s: float) -> None:
+        self.called.append("search")
+        self.at = target
 
 
 class Wrong:
@@ -178,6 +199,30 @@ def test_axis_errors_are_put_right_both_ways(tmp_path: Path) -> None:
     assert (stage.name, stage.simulated) == ("gantry", False)
     near, far = Pose(0.0509, 0.0, 0.0), Pose(0.0511, 0.0, 0.0)
     assert abilities.unreachable(stage, [near, far]) == {far: "out of reach"}
+
+
+def test_calibrated_axes_take_no_ability_from_a_stage(tmp_path: Path) -> None:
+    """Without `start_again` a UR whose watchdog had ended its program was not lifted."""
+    read = np.random.default_rng(1).uniform(0, 0.1, (20, 3))
+    files = saved(fit_axes(read, read @ Skewed.matrix.T), tmp_path / "a.json", "gantry")
+    able = Able()
+    stage, _, _ = calibrated(able, [], files)
+    assert abilities.enable(stage) == ["enable"]
+    abilities.keep_alive(stage)
+    abilities.start_again(stage)
+    stage.home()  # type: ignore[attr-defined]
+    stage.base_pose()  # type: ignore[attr-defined]
+    assert able.called == ["enable", "keep_alive", "start_again", "home", "base_pose"]
+    assert abilities.finds_contact(stage) and abilities.touched(stage)
+    assert (abilities.enable_s(stage), abilities.max_speed_m_s(stage)) == (30.0, 0.018)
+    assert abilities.pace(stage) == 0.5
+    abilities.move(stage, Pose(0.05, 0.02, -0.002), 0.01, search=True)
+    assert able.called[-1] == "search"
+    assert able.matrix @ able.at[:3] == pytest.approx([0.05, 0.02, -0.002])
+    plain, _, _ = calibrated(Skewed(), [], files)
+    abilities.move(plain, Pose(0.05, 0.02, -0.002), 0.01, search=True)
+    assert not abilities.finds_contact(plain)
+    assert (abilities.pace(plain), abilities.enable(plain)) == (1.0, [])
 
 
 class Array3:
