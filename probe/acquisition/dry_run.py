@@ -22,11 +22,15 @@ from probe.acquisition.preflight import (
     known_noise,
     pulse_checks,
 )
+from probe.acquisition.readings import STAGE_CHANNELS
+from probe.acquisition.run_loop import PUBLISH_S
+from probe.acquisition.safety_monitor import STAGE_PERIOD_S
 from probe.acquisition.touching import TOUCH_GAP_M, TOUCH_M_S
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.planning.plan import Plan
+from probe.storage.rows import bytes_per_s
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene
 
@@ -56,11 +60,15 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     plan = plan_for(rig)
     seconds, search_s = scan_seconds(plan), search_seconds(plan)
     noises = [known_noise(device) for device in rig.sensor]
-    size_bytes = 1.3 * (seconds + search_s) * (sum(24 * one.rate_hz for one in noises) + 32 * 125)
+    of_devices, sensors = device_checks(rig, plan, scene, respond)
+    read = [(1 / STAGE_PERIOD_S, len(STAGE_CHANNELS))]
+    read += [(sensor.rate_hz, len(sensor.channels)) for sensor in sensors]
+    growth = sum(bytes_per_s(rate_hz, count, 1 / PUBLISH_S) for rate_hz, count in read)
+    size_bytes = (seconds + search_s) * growth
     checks = [
         _reach(rig, plan),
         *_beside(plan, scene),
-        *device_checks(rig, plan, scene, respond),
+        *of_devices,
         Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),
         _disk(out, size_bytes),
         *(calibration_check(key, Path(file)) for key, file in rig.calibration.items()),

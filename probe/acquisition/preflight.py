@@ -64,33 +64,37 @@ class SensorNoise(NamedTuple):
 
 def device_checks(
     rig: Rig, plan: Plan, scene: Scene | None, respond: Respond | None = None
-) -> list[Check]:
-    """Every device is made but not connected: driver, library, settings, scene, calibrations."""
+) -> tuple[list[Check], list[Sensor]]:
+    """Every device is made but not connected: driver, library, settings, scene, calibrations.
+
+    With what was found, the sensors that could be made.
+    """
     world = World(rig, plan, SimulatedClock(), scene, 0, respond)
     checks: list[Check] = []
     stage = _made(checks, "stages", "stage", rig.stage, world)
-    sensors = [
+    every = [
         _made(checks, "sensors", f"sensor[{n}]", one, world) for n, one in enumerate(rig.sensor)
     ]
-    if None in sensors:
-        return checks
+    sensors = [one for one in every if one is not None]
+    if len(sensors) < len(every):
+        return checks, sensors
     face_m2 = square_metres(face_mm2_of(rig, scene))
     limits = replace(limits_for(rig, plan), face_m2=face_m2)
     checks.append(_force_limit(sensors, limits))
     if stage is None:
-        return checks
+        return checks, sensors
     try:
         check_names(sensors)
         stage, true, _ = calibrated(stage, sensors, rig.calibration)
         check_units(true)
         prepared = prepare(rig, plan, limits, scene, Devices(stage, true, world.phantom, ()), 0)
     except (ConfigError, RigError, CalibrationError) as error:
-        return [*checks, Check("devices together", "fault", str(error))]
+        return [*checks, Check("devices together", "fault", str(error))], sensors
     checks += [Check("rehearsal", "warning", note) for note in prepared.notes]
     if rig.stage.driver == "virtual":
         virtual = (sensor for sensor in sensors if isinstance(sensor, VirtualSensor))
         checks += [check for sensor in virtual for check in _at_rest(sensor, world.clock, limits)]
-    return checks
+    return checks, sensors
 
 
 def _at_rest(sensor: VirtualSensor, clock: Clock, limits: Limits) -> Iterator[Check]:

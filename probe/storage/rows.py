@@ -31,6 +31,9 @@ from probe.core.events import (
 
 FIRST = bytes(32)  # what the first row's chain begins with
 FLOAT, FLAG = np.dtype("<f8"), np.dtype("u1")
+BLOCK_BYTES = 450
+"""Of a block of samples beside those: 226 to 435 of files with 2 to 25 samples a block, of 1 to 256
+channels."""
 # 4096 taxels at 1 kHz, 0.2 s a block: 7 MB; a plan of 100,000 presses with its surface: 8 MB.
 MAX_ROW_BYTES = 16 * 1024**2
 MAX_CHANNELS = 4096
@@ -108,6 +111,12 @@ def from_row(row: Row) -> Event:
         where = ".".join(str(part) for part in first["loc"])
         raise RunFileError(f"a {row.kind} event's {where}: {first['msg']}") from None
     return event
+
+
+def bytes_per_s(rate_hz: float, channels: int, blocks_hz: float) -> float:
+    """What a run file grows by while a device of so many channels is read, in so many blocks."""
+    sample = FLOAT.itemsize + channels * (FLOAT.itemsize + FLAG.itemsize)
+    return rate_hz * sample + blocks_hz * BLOCK_BYTES
 
 
 def _samples_to_row(event: Samples) -> Row:

@@ -20,6 +20,7 @@ from probe.config.rig import Rig, default_rig
 from probe.config.scan_plan import plan_for
 from probe.core.events import Phase, PhaseEntered
 from probe.detection import detect
+from probe.storage.rows import BLOCK_BYTES
 from probe.storage.run import open_run
 from sim_backend.scene.scene_file import load_scene
 
@@ -335,3 +336,16 @@ def test_the_pulse_is_expected_where_the_vessel_s_path_lies(tmp_path: Path, wink
 def test_the_path_is_drawn(tmp_path: Path) -> None:
     draw_path(default_rig(), tmp_path / "path.png")
     assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_disk_is_asked_for_all_channels(tmp_path: Path, winkler: Any) -> None:
+    """A UR's six components and the normal force are 71 bytes a sample, a load cell's one 17."""
+    ur = {"driver": "ur", "host": "nowhere", "rate_hz": 500.0}
+    cell = {"driver": "virtual", "rate_hz": 500.0}
+    one, both = (
+        dry_run(Rig.model_validate({"sensor": devices}), load_scene("TIHA"), tmp_path, winkler)
+        for devices in ([cell], [cell, ur])
+    )
+    assert "fault" not in levels(both).values()
+    more = both.size_bytes - one.size_bytes
+    assert more == pytest.approx(one.seconds * (500 * 71 + 20 * BLOCK_BYTES), rel=1e-3)

@@ -33,7 +33,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.storage.rows import Row, from_row, to_row
+from probe.storage.rows import Row, bytes_per_s, from_row, to_row
 from probe.storage.run import RunFileError, open_run
 from probe.storage.schema import VERSION, create
 from probe.storage.verify import verify
@@ -386,3 +386,19 @@ def test_an_empty_file_is_not_added_to(tmp_path: Path) -> None:
     (tmp_path / "a.run").touch()
     with pytest.raises(RunFileError, match="begin a new scan"):
         reopen_store(tmp_path / "a.run")
+
+
+@pytest.mark.parametrize(("channels", "samples"), [(1, 5), (2, 25), (3, 6), (7, 25), (256, 2)])
+def test_a_file_is_as_large_as_a_dry_run_says(channels: int, samples: int, tmp_path: Path) -> None:
+    """Never larger, and not half as large either."""
+    cell = tuple(Channel(f"c{n}", "N", "force") for n in range(channels))
+    saturated = np.zeros((samples, channels), dtype=bool)
+    with create_store(tmp_path / "a.run") as store:
+        store(RunStarted(0.0, "2026-01-01T00:00:00+00:00", {}, {"cell": cell}))
+        for n in range(600):
+            time_s = 1.0 + 0.05 * n + 0.05 / samples * np.arange(samples)
+            values = np.random.default_rng(n).standard_normal((samples, channels))
+            store(Samples("cell", Block(time_s, values, saturated), 1, 1))
+        store(RunEnded(60.0, Finish.COMPLETED, "every station is complete"))
+    said = 30.0 * bytes_per_s(20.0 * samples, channels, 20.0)
+    assert said / 2 < (tmp_path / "a.run").stat().st_size < said
