@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from drivers.core.arrays import Array, Bools
+from drivers.core.arrays import Array, Bools, Ints
 from probe.core.recording import Station
 from probe.detection.pulse.hold_limits import MIN_SAMPLES, hold_limits
 from probe.detection.pulse.possible_rates import SLOWEST_HZ
@@ -15,6 +15,8 @@ BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
 ROUNDING = 1e-6
 """Of an average's length: a sample this near to the next one is its first."""
+WHOLE = 0.01
+"""Of a number of samples: an average this near to a whole number of them has as many."""
 MAX_CODES, EVEN_CODES = 0.5, 0.05
 """Different values, over samples, that a signal in steps has at most, and how far from whole
 numbers of steps they may be: values are stored in few digits."""
@@ -125,8 +127,8 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
             f"station {station.index + 1}: a sample every {step_s:.3g} s shows no heartbeat; one "
             f"every {LONGEST_STEP_S:.2g} s is needed. Are its times in seconds?"
         )
-    step = max(BIN_S, 1.001 * float(np.median(np.diff(time_s))))
-    bins = np.floor((time_s - time_s[0]) / step + ROUNDING).astype(int)
+    step = max(BIN_S, 1.001 * step_s)
+    bins = _averages_of(time_s, step_s, step)
     count = np.bincount(bins)
     if (count > 0).sum() < MIN_BINS:
         raise NoHold(
@@ -136,13 +138,26 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     there = count > 0
     if len(count) > MANY and count[-1] < np.median(count[there]):
         there[-1] = False  # where the hold ends within it, its mean is of another time
-    mean = [np.bincount(bins, weights=v)[there] / count[there] for v in (time_s, signal)]
-    weight = count[there] / count[there].mean()
     start = float(station.hold_s if np.isfinite(station.hold_s) else time_s[0])
-    each = float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
-    averaged_s = round(each * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0))), 4)
-    return Hold(mean[0] - start, mean[1], weight, clipped, start, averaged_s,
+    mean = [np.bincount(bins, weights=v)[there] / count[there] for v in (time_s - start, signal)]
+    weight = count[there] / count[there].mean()
+    averaged_s = round(step_s * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0))), 4)
+    return Hold(mean[0], mean[1], weight, clipped, start, averaged_s,
                 *_steps_of(station, signal))  # fmt: skip
+
+
+def _averages_of(time_s: Array, each_s: float, step_s: float) -> Ints:
+    """Which average of ``step_s`` each sample (n,) belongs to, at ``time_s`` (n,) ``each_s`` apart.
+
+    By their numbers where an average has a whole number of them: a clock of few digits, such as the
+    seconds since 1970, and jitter would put more into one and less into the next, and a relaxation
+    seen through such averages beats.
+    """
+    many = round(step_s / each_s)
+    apart = np.rint(np.diff(time_s) / each_s)
+    if many > 1 and abs(step_s / each_s - many) <= WHOLE * many and (apart >= 1).all():
+        return np.concatenate([[0], np.cumsum(apart)]).astype(int) // many
+    return np.floor((time_s - time_s[0]) / step_s + ROUNDING).astype(int)
 
 
 def _steps_of(station: Station, signal: Array) -> tuple[float, float, int]:

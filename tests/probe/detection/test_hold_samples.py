@@ -1,0 +1,53 @@
+"""What a hold is made of does not depend on the zero of the clock nor on its digits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from drivers.core.arrays import Array
+from probe.core.recording import Station
+from probe.detection.pulse.hold_samples import hold_of
+from probe.detection.pulse.search import search
+
+SECONDS_SINCE_1970 = 1.7e9
+
+
+def relaxing(time_s: Array, noise_pa: float = 5.0) -> Station:
+    """Tissue that relaxes by a power law, fast at first, and does not beat."""
+    noise = noise_pa * np.random.default_rng(3).standard_normal(len(time_s))
+    signal = (1e4 * (time_s + 0.02) ** -0.1 + noise)[:, None]
+    return Station(0, np.nan, np.nan, time_s, signal, np.zeros(signal.shape, dtype=bool),
+                   np.nan, np.nan, np.nan, np.full(len(time_s), np.nan))  # fmt: skip
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 150.0, 250.0, 500.0])
+@pytest.mark.parametrize("zero_s", [-100.0, SECONDS_SINCE_1970])
+def test_the_clocks_zero_changes_nothing(rate_hz: float, zero_s: float) -> None:
+    """Bins of 1, 2 and 3 samples in place of 2 made pulses of a relaxation: p fell by up to
+    exp(-106)."""
+    time_s = np.arange(0.0, 5.0, 1 / rate_hz)
+    station = relaxing(time_s)
+    one, other = hold_of(station), hold_of(replace(station, time_s=time_s + zero_s))
+    assert np.ptp(other.weight) == np.ptp(one.weight) == 0.0
+    assert other.signal_pa == pytest.approx(one.signal_pa, abs=1e-9)
+    assert other.time_s == pytest.approx(one.time_s, abs=1e-6)
+    assert search(other)[0].p_value == pytest.approx(search(one)[0].p_value, rel=0.02)
+
+
+def test_jitter_of_the_stamps_puts_as_many_samples_into_each_average() -> None:
+    time_s = np.arange(0.0, 5.0, 0.01)
+    jitter_s = 1e-4 * np.random.default_rng(1).standard_normal(len(time_s))
+    assert np.ptp(hold_of(relaxing(time_s + jitter_s)).weight) == 0.0
+
+
+def test_missing_samples_are_missing_where_they_were() -> None:
+    time_s = np.arange(0.0, 5.0, 0.002)
+    kept = np.ones(len(time_s), dtype=bool)
+    kept[1000:1025] = kept[1500:1503] = False
+    hold = hold_of(relaxing(time_s[kept]))
+    every = hold_of(relaxing(time_s))
+    at = np.searchsorted(every.time_s, hold.time_s + 5e-3) - 1
+    assert hold.time_s == pytest.approx(every.time_s[at], abs=6e-3)
+    assert len(every.time_s) - len(hold.time_s) == 2  # the other half averages are kept
+    assert hold.weight.min() == pytest.approx(0.5, rel=0.02)
