@@ -16,7 +16,6 @@ table = palpate.sweep(
     "TIHA",
     {"inclusion.0.modulus_kpa": [200.0, 400.0, 800.0]},
     indentation_mm=1.0,
-    model="small",
     accuracy_pct=5,
     out="walls.csv",
     workers=1,

@@ -2,12 +2,15 @@
 
 import time
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from probe.cli.errors import UNSOLVED
 from probe.cli.say import Json, answer, answer_json, inform, plain
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Table = Annotated[
     Path, typer.Option(metavar="FILE", help="The table to write: .parquet, .csv or .h5.")
@@ -68,21 +71,49 @@ def sweep(
             scheduler=scheduler, progress=progress,
         )  # fmt: skip
     failed = table[table["reason"] != ""]
+    rough, largest_pct = too_rough(table, accuracy)
     summary = {
         "table": out,
         "points": int(table["point"].nunique()),
         "rows": len(table),
         "failed": len(failed),
+        "too_rough": rough,
+        "largest_error_estimate_pct": largest_pct,
         "seconds": time.perf_counter() - began_s,
     }
     for _, row in failed.head(5).iterrows():
         inform(f"point {row['point']}: {row['reason']}")
+    if rough:
+        inform(
+            f"{rough} of {len(table)} rows miss the accuracy of {accuracy:g} % that was asked for: "
+            f"the largest stated error is {largest_pct:.2g} % (error_estimate_pct); "
+            + what_is_finer(model)
+        )
     if json:
         answer_json(plain(summary))
     else:
         answer(f"{len(table)} rows, {len(failed)} without an answer: {out}")
     if len(failed) == len(table):
         raise typer.Exit(UNSOLVED)
+
+
+def too_rough(table: "pd.DataFrame", accuracy_pct: float) -> tuple[int, float | None]:
+    """How many rows of a sweep state an error above ``accuracy_pct``, and the largest error [%]
+    that any states; None where no row has an answer."""
+    if "error_estimate_pct" not in table:
+        return 0, None
+    stated_pct = table["error_estimate_pct"].dropna()
+    largest_pct = float(stated_pct.max()) if len(stated_pct) else None
+    return int((stated_pct > accuracy_pct).sum()), largest_pct
+
+
+def what_is_finer(model: str) -> str:
+    """What to do about rows that are too rough."""
+    if model == "auto":
+        return "no finer mesh would help: take the errors stated, or ask for less accuracy"
+    if model in ("quick", "fast"):
+        return f"--accuracy does not steer --model {model}: leave --model out for rows within it"
+    return "leave --model out: then the cheapest model that is accurate enough is taken"
 
 
 def fleet(

@@ -70,7 +70,9 @@ def sweep(
 
     Returns
     -------
-    A row per point and place; ``reason`` says why a point could not be solved.
+    A row per point and place; ``reason`` says why a point could not be solved, and
+    ``error_estimate_pct`` [%] what force and pulse may be off by: more than ``accuracy_pct`` where
+    a ``model`` is named that cannot do better.
 
     Raises
     ------
@@ -80,8 +82,7 @@ def sweep(
     --------
     >>> import palpate
     >>> table = palpate.sweep(
-    ...     "TIHA", {"wall_mm": [0.5, 0.7]}, indentation_mm=1.0, model="small", accuracy_pct=5,
-    ...     workers=1,
+    ...     "TIHA", {"wall_mm": [0.5, 0.7]}, indentation_mm=1.0, accuracy_pct=5, workers=1
     ... )
     >>> table["inclusion.0.wall_mm"].tolist(), bool((table["force_n"] > 0).all())
     ([0.5, 0.7], True)

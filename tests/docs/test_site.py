@@ -128,8 +128,8 @@ def test_what_is_run_elsewhere_is() -> None:
 
 
 def takes_minutes(said: list[str]) -> bool:
-    """Also a sweep that is not of small strain: test_sweep.py runs smaller ones."""
-    return said[0] in MINUTES or (said[0] == "sweep" and "small" not in said)
+    """Also a sweep as accurate as by default: test_sweep.py runs smaller ones."""
+    return said[0] in MINUTES or (said[0] == "sweep" and "--accuracy" not in said)
 
 
 @pytest.fixture(scope="module")
