@@ -30,7 +30,7 @@ from probe.detection.pulse.hold_limits import MIN_SAMPLES, SETTLING_S, SETTLING_
 from probe.detection.pulse.hold_samples import BIN_S, MIN_BINS
 from probe.detection.sensitivity import in_words, visibility
 from probe.planning.limits import Limits
-from probe.planning.plan import Plan
+from probe.planning.plan import Place, Plan
 from sim_backend.phantom.devices import VirtualSensor
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene, SceneError
@@ -40,6 +40,10 @@ from sim_backend.scene.waves import load_wave
 REST_S = 2.0
 USUAL_BEAT_HZ = 1.2
 WEAK_PULSE_PA = 1300.0  # the 5 % weakest of measured radial pulses, peak to peak
+# Share of the force limit from which on another station may pass it: one is solved, and over the
+# stations of TIHA and TIT the force differs by 10 % (0.83 to 0.91 N). Twice that is left.
+NEAR_LIMIT = 0.8
+
 # (rms noise N, rate Hz) of sensors whose rig settings do not say, from makers and measurements.
 KNOWN_NOISE = {"ft300": (0.1, 100.0), "ur": (0.5, 500.0), "netft": (6.25e-3, 1000.0)}
 VIRTUAL_NOISE = (0.5e-3, 500.0)
@@ -60,6 +64,15 @@ class SensorNoise(NamedTuple):
     name: str
     noise_n: float
     rate_hz: float
+
+
+class ExpectedPress(NamedTuple):
+    """The deepest force [N] of one simulated press, and the pulse in it, trough to crest; None
+    without an artery."""
+
+    x_m: float
+    force_n: float
+    pulse_n: float | None
 
 
 def device_checks(
@@ -122,16 +135,21 @@ def calibration_check(key: str, file: Path) -> Check:
 def pulse_checks(
     rig: Rig, scene: Scene | None, respond: Respond | None, sensors: Iterable[SensorNoise]
 ) -> list[Check]:
-    """Whether each sensor sees the expected pulse in one hold, by its known or measured noise, and
-    whether the first can tell a touch from it.
+    """Whether each sensor sees the expected pulse in one hold, by its known or measured noise,
+    whether the first can tell a touch from it, and whether the press stays below the force limit.
 
-    With a ``scene`` and ``respond`` the pulse is solved for the station nearest to an artery;
-    without, the weakest measured radial pulses are taken.
+    With a ``scene`` and ``respond`` a press is solved at the station nearest to an artery, else
+    to an inclusion; without, the weakest measured radial pulses are taken, and no force is known.
     """
-    pulse_n, source = _expected_pulse(rig, scene, respond)
+    checks: list[Check] = []
+    if scene is not None and respond is not None:
+        pressed, check = _expected_press(rig, scene, respond)
+        checks.append(check)
+        pulse_n, source = _solved_pulse(scene, pressed)
+    else:
+        pulse_n, source = _usual_pulse(rig)
     beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
     face_m2 = square_metres(face_mm2_of(rig, scene))
-    checks = []
     for n, (name, noise_n, rate_hz) in enumerate(sensors):
         touch_n = rig.scan.touch_n if n == 0 else None
         if touch_n and (why := touch_in_noise(name, noise_n, rate_hz, touch_n)) is not None:
@@ -170,28 +188,82 @@ def known_noise(device: Device) -> SensorNoise:
     return SensorNoise(device.driver, noise_n, rate_hz)
 
 
-def _expected_pulse(
-    rig: Rig, scene: Scene | None, respond: Respond | None
-) -> tuple[float | None, str]:
+def _usual_pulse(rig: Rig) -> tuple[float | None, str]:
     """Peak-to-peak force [N] of the pulse, and where the figure comes from."""
-    if scene is not None and respond is not None:
-        return _solved_pulse(plan_for(rig), scene, respond)
     if rig.face_mm2 is None:
         return None, "no scene and no face_mm2"
     return 1e-6 * rig.face_mm2 * WEAK_PULSE_PA, "the weakest 5 % of radial pulses"
 
 
-def _solved_pulse(plan: Plan, scene: Scene, respond: Respond) -> tuple[float | None, str]:
+def _solved_pulse(scene: Scene, pressed: ExpectedPress | None) -> tuple[float | None, str]:
+    """The same, of a scene."""
     if not scene.arteries:
         return None, f"scene {scene.name} has no artery"
-    vessel = scene.arteries[0]
-    place = min(plan.places, key=lambda p: abs(1e3 * p.x_m - vessel.centre_mm(1e3 * p.y_m)[0]))
+    if pressed is None:
+        return None, f"the press into scene {scene.name} has no answer"
+    return pressed.pulse_n, f"scene {scene.name} at x = {1e3 * pressed.x_m:g} mm"
+
+
+def _expected_press(rig: Rig, scene: Scene, respond: Respond) -> tuple[ExpectedPress | None, Check]:
+    """The press of one station, and whether the force limit lets it pass."""
+    from sim_backend.fem.newton import CannotSolve
+
+    plan = plan_for(rig)
+    place = _nearest(plan, scene)
+    where = f"{1e3 * plan.indentation_m:g} mm deep at x = {1e3 * place.x_m:g} mm"
+    sure = _is_felt_as_solved(rig, scene)
+    level: Literal["ok", "warning", "fault"] = "fault" if sure else "warning"
+    try:
+        pressed = _solved_press(plan, place, scene, respond)
+    except (CannotSolve, SceneError) as error:
+        return None, Check("force", level, f"not known {where} in scene {scene.name}: {error}")
+    limit_n = rig.safety.max_force_n
+    text = f"{pressed.force_n:.3g} N {where} in scene {scene.name}"
+    text += " at systole" if scene.arteries else ""
+    text += f"; the limit is safety.max_force_n = {limit_n:g} N"
+    if pressed.force_n <= NEAR_LIMIT * limit_n:
+        return pressed, Check("force", "ok", text)
+    if pressed.force_n <= limit_n:
+        level, text = "warning", f"{text}, and another station may need more"
+    text += ": press less deep (scan.indentation_mm), or allow more where that is safe"
+    return pressed, Check("force", level, text)
+
+
+def _nearest(plan: Plan, scene: Scene) -> Place:
+    """The station nearest to the first artery, else to the first inclusion, else the middle one."""
+    if not scene.inclusion:
+        return plan.places[len(plan.places) // 2]
+    one = (scene.arteries or scene.inclusion)[0]
+    z_mm = getattr(one, "z_mm", None)  # a ball's; a vessel runs through all sections
+
+    def off_mm(place: Place) -> float:
+        y_mm = 1e3 * place.y_m
+        beside_mm = 1e3 * place.x_m - one.centre_mm(y_mm)[0]
+        return math.hypot(beside_mm, 0.0 if z_mm is None else y_mm - z_mm)
+
+    return min(plan.places, key=off_mm)
+
+
+def _solved_press(plan: Plan, place: Place, scene: Scene, respond: Respond) -> ExpectedPress:
     wave = load_wave(scene.pulse)
     beat = wave.pressure_pa(np.linspace(0, wave.period_s, 200))
     section = respond(section_at(scene, 1e3 * place.y_m), place.x_m, plan.indentation_m)
     depth = np.full(2, plan.indentation_m)
-    low, high = section.force_n(place.x_m, depth, np.array([beat.min(), beat.max()]))
-    return float(high - low), f"scene {scene.name} at x = {1e3 * place.x_m:g} mm"
+    low, high = section.force_n(place.x_m, depth, np.array([beat.min(), beat.max()])).tolist()
+    pulse_n = abs(high - low) if scene.arteries else None  # beside a vessel the crest may be lower
+    return ExpectedPress(place.x_m, max(low, high), pulse_n)
+
+
+def _is_felt_as_solved(rig: Rig, scene: Scene) -> bool:
+    """Whether a simulated sensor feels the solved force: the tissue does not relax meanwhile, its
+    surface is where the plan has it, the rig does not give way, and the sensor reads newtons."""
+    virtual = [sensor for sensor in rig.sensor if sensor.driver == "virtual"]
+    return (
+        any(sensor.settings.get("gain", 1.0) == 1.0 for sensor in virtual)
+        and not (scene.tissue is not None and scene.tissue.relaxation)
+        and not (rig.scene is not None and rig.scene.surface_mm is not None)
+        and "stiffness_n_mm" not in rig.stage.settings
+    )
 
 
 def _force_limit(sensors: Sequence[Sensor], limits: Limits) -> Check:
