@@ -25,12 +25,17 @@ class TareCalibration:
         since = np.asarray(time_s, dtype=float) - self.at_s
         return np.asarray(values - self.bias - np.multiply.outer(since, self.drift))
 
+    def known_to(self) -> float:
+        """Half of the bias' 95 % interval [the channels' unit], in the best channel."""
+        low, high = self.fit.interval()[0::2].T  # bias, drift, bias, drift, ...
+        return float((high - low).min()) / 2
+
     def good_for_s(self, tolerance: float) -> float:
         """Seconds until drift alone may exceed ``tolerance`` [the channels' unit].
 
         The upper end of the drift's 95 % interval is taken, in the worst channel.
         """
-        worst = float(np.abs(self.fit.interval()[1::2]).max())  # bias, drift, bias, drift, ...
+        worst = float(np.abs(self.fit.interval()[1::2]).max())
         return tolerance / worst if worst > 0 else float("inf")
 
 

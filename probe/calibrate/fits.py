@@ -61,6 +61,7 @@ def calibrate(
     measurements : a CSV table, or a run file.
     device : the device's name as in the rig file; a run knows it.
     station : of a run, the press to take, from 1.
+    surface_model : of a surface, its shape: ``plane``, ``quadric``, or ``map`` of more points.
     scene : of a tissue, its block and finger: a `Scene`, a built-in name or a file.
     relaxation_s : of a tissue, a guess of each relaxation time that is wanted [s].
     cuff_mmhg : of a heart, the systolic and diastolic reading of a cuff.
@@ -109,8 +110,8 @@ def fit_measurements(
 
 
 def check_drift(file: Path, kind: str, measured: Measurements) -> str | None:
-    """A warning if the calibration in ``file`` misses new readings by more than its residuals
-    allow; None if it holds, if there is none, or if its kind cannot be checked so."""
+    """Whether the calibration in ``file`` still holds for new readings, by an F test, in words;
+    None if there is none, or if its kind cannot be checked so."""
     if not file.is_file():
         return None
     one = calibration.load(file)
@@ -119,8 +120,14 @@ def check_drift(file: Path, kind: str, measured: Measurements) -> str | None:
             f"{file}: holds a calibration of {one.kind} of {one.device!r}; give another --out"
         )
     misses = getattr(calibration.restore(one, str(file)), "misses", None)
+    if misses is None:
+        return None
+    worn = calibration.worse_than(one, misses(*_arguments(kind, measured)))
+    if worn is not None:
+        return worn.removesuffix(": calibrate again")
     return (
-        None if misses is None else calibration.worse_than(one, misses(*_arguments(kind, measured)))
+        f"{kind} calibration of {one.device}: it still holds, readings miss it by no more than its "
+        "residuals allow (F test)"
     )
 
 

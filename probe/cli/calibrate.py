@@ -117,8 +117,8 @@ def calibrate(
     block = load_scene(scene)
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
     path = out or Path(f"{kind}-{r.device.replace(' ', '-')}.json")
-    if (worn := check_drift(path, kind, r)) is not None:
-        inform(f"the calibration in {path} so far: {worn.removesuffix(': calibrate again')}")
+    if (drift := check_drift(path, kind, r)) is not None:
+        inform(f"the calibration in {path} so far: {drift}")
     result = fit_measurements(kind, r, choices)
     one = record(result, r.device, raw_columns(r), note=note)
     save(one, path)
@@ -193,9 +193,16 @@ def _show(result: Any, path: Path, one: Any) -> None:
             answer(f"not known from this: {limit}")
     if one.kind == "surface" and len(result.rejected_m):
         answer(f"{len(result.rejected_m)} of {len(one.raw['x_mm'])} touches left out as outliers")
+    if one.kind == "tare":
+        known_to = result.known_to()
+        answer(
+            f"good for {result.good_for_s(known_to):.3g} s: then drift alone may exceed "
+            f"{known_to:.3g}, to which the bias itself is known (95 %)"
+        )
     if one.kind == "taxels":
         answer(f"{int(result.dead.sum())} dead of {len(result.dead)}")
-    answer(f"residuals {one.residual_rms:.3g} rms, valid for {one.valid_days:g} days: {path}")
+    days = f"{one.valid_days:g} day{'s' * (one.valid_days != 1)}"
+    answer(f"residuals {one.residual_rms:.3g} rms, valid for {days}: {path}")
 
 
 def _write_scene_found(scene: Any, result: Any, scene_out: Path) -> None:

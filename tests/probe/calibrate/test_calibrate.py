@@ -125,12 +125,33 @@ def test_a_calibration_that_no_longer_holds_is_told(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = ["--device", "cell", "--out", str(tmp_path / "f.json")]
+    tested = False  # the first has none before it
     for gain, worn in ((1.3, False), (1.3, False), (1.31, True)):
         table = loads(tmp_path / "loads.csv", gain)
         assert main(["calibrate", "force", str(table), *out]) == 0
-        assert ("times what its residuals allow" in capsys.readouterr().err) is worn
+        said = capsys.readouterr()
+        assert ("times what its residuals allow" in said.err) is worn
+        assert ("it still holds" in said.err) is (tested and not worn)
+        assert "valid for 90 days:" in said.out
+        tested = True
     assert main(["calibrate", "force", str(table), "--device", "other", *out[2:]]) == 2
     assert "holds a calibration of force of 'cell'" in capsys.readouterr().err
+
+
+def test_a_tare_says_how_long_it_is_good_for(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It drifts by 1e-3 a second, and its bias is known to the tenth part of its noise or so."""
+    noise = np.random.default_rng(1).normal(0, 0.01, 400)
+    table, out = tmp_path / "quiet.csv", str(tmp_path / "tare.json")
+    rows = [f"{n / 100},{1 + 1e-5 * n + noise[n]}" for n in range(400)]
+    table.write_text("\n".join(["time_s,value", *rows]))
+    assert main(["calibrate", "tare", str(table), "--device", "cell", "--out", out]) == 0
+    said = capsys.readouterr().out
+    (found,) = re.findall(r"good for (\S+) s: then drift alone may exceed (\S+),", said)
+    good_s, known_to = map(float, found)
+    assert known_to == pytest.approx(2 * 0.01 / 20, rel=0.2)
+    assert 0.2 < good_s < 1.0
 
 
 @pytest.mark.parametrize("name", scene_names())
