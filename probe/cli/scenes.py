@@ -56,9 +56,11 @@ def press(
     from probe.cli.progress import solving
     from sim_backend.models.press import press as press_once
     from sim_backend.scene.scene_file import SceneError, load_scene
+    from sim_backend.scene.waves import load_wave
 
     chosen = {} if model is None else {"model": model}
     pressed_into = load_scene(scene)
+    load_wave(pressed_into.pulse)  # so that what a scan refuses is refused here too
     if pressed_into.plane == "solid" and (deck or feb or vtu):
         raise SceneError(f"{scene}: --deck, --feb and --vtu write a plane section, not a solid")
     with solving() as show:
@@ -115,9 +117,12 @@ def describe_press(found: dict[str, Any]) -> list[str]:
             f"touching {left:.2f} to {right:.2f} mm"
         )
     if found["pulse_n"] is not None:
+        lowest, *_, highest = sorted(found["states"], key=lambda state: state["pressure_mmhg"])
+        falls = lowest["force_n"] > highest["force_n"]  # so it can beside a vessel
         lines.append(
-            f"  pulse: {found['pulse_n']:.3g} N, {found['pulse_pa']:.1f} Pa of contact stress, "
-            f"error about {found['pulse_error_estimate_pct']:.2g} %"
+            f"  pulse, trough to crest: {found['pulse_n']:.3g} N, {found['pulse_pa']:.1f} Pa of "
+            f"contact stress, error about {found['pulse_error_estimate_pct']:.2g} %"
+            + (": the force falls while the pressure rises" if falls else "")
         )
     return lines
 

@@ -24,8 +24,8 @@ from sim_backend.models.press_range import check_asked
 from sim_backend.models.refine import SMALL_PULSE, Solving, refine
 from sim_backend.models.solid_press import refine_axisymmetric, refine_solid
 from sim_backend.notebook_line import notebook_line
-from sim_backend.scene.scene_file import Scene, SceneError, as_scene
-from sim_backend.scene.waves import PA_PER_MMHG
+from sim_backend.scene.scene_file import Scene, SceneError, load_scene
+from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
 __all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
 
@@ -240,7 +240,9 @@ def press(
                 scene, x_mm, depth_mm, pressures_mmhg, model=model, accuracy_pct=accuracy_pct,
                 solving=lambda what: line(f"solving {what}"),
             )  # fmt: skip
-    scene = as_scene(scene)
+    if not isinstance(scene, Scene):  # what cannot beat can be solved, as a stored run's may be
+        scene = load_scene(scene)
+        load_wave(scene.pulse)
     if pressures_mmhg is None:
         pressures_mmhg = scene_pressures_mmhg(scene)
     elif isinstance(pressures_mmhg, str):

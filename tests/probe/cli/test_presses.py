@@ -3,6 +3,13 @@
 from pathlib import Path
 from typing import Any
 
+import pytest
+from own_scene import OWN_SCENE
+
+from probe.cli.scenes import describe_press
+from sim_backend.models.press import press
+from sim_backend.scene.scene_file import SceneError
+
 
 def test_a_sweep_says_how_many_rows_miss_the_accuracy_and_what_to_do(
     palpate: Any, tmp_path: Path
@@ -20,3 +27,38 @@ def test_a_sweep_says_how_many_rows_miss_the_accuracy_and_what_to_do(
     assert chosen.json["too_rough"] == 0
     assert chosen.json["largest_error_estimate_pct"] <= 5
     assert "miss" not in chosen.err
+
+
+def test_a_pulse_says_that_the_force_falls_while_the_pressure_rises() -> None:
+    """As it can beside a vessel; the order in which the pressures were given does not matter."""
+
+    def said(*forces_n: float) -> str:
+        state = {"force_n_per_mm": None, "contact_stress_pa": 1.0, "von_mises_pa": 1.0,
+                 "contact_mm": [1.0, 2.0]}  # fmt: skip
+        states = [state | {"pressure_mmhg": mmhg, "force_n": force_n}
+                  for mmhg, force_n in zip((120.0, 80.0), forces_n, strict=True)]  # fmt: skip
+        found = {"scene": "x", "x_mm": 1.0, "depth_mm": 1.0, "model": "solid", "element": "wedge",
+                 "dofs": 1, "seconds": 1.0, "force_error_estimate_pct": 1.0, "why": "",
+                 "pulse_n": abs(forces_n[0] - forces_n[1]), "pulse_pa": 8.5,
+                 "pulse_error_estimate_pct": 2.0, "states": states}  # fmt: skip
+        return describe_press(found)[-1]
+
+    rises, falls = said(0.2611, 0.2602), said(0.2602, 0.2611)
+    assert "pulse, trough to crest: 0.0009 N" in rises
+    assert "pulse, trough to crest: 0.0009 N" in falls
+    assert "falls" not in rises
+    assert "the force falls while the pressure rises" in falls
+
+
+def test_a_scene_whose_wave_cannot_be_read_is_refused_as_by_a_scan(
+    palpate: Any, tmp_path: Path
+) -> None:
+    scene = tmp_path / "mine.toml"
+    scene.write_text(f'{OWN_SCENE}[pulse]\nwave = "nosuch.csv"\n')
+    scanned = palpate("scan", "--scene", scene, "--out", tmp_path)
+    pressed = palpate("press", scene, "--x", "12", "--depth", "0.5")
+    assert (scanned.status, pressed.status) == (2, 2)
+    assert pressed.err == scanned.err
+    assert "not 'paper', 'brachial' or a CSV file" in pressed.err
+    with pytest.raises(SceneError, match="not 'paper', 'brachial' or a CSV file"):
+        press(scene, 12.0, 0.5)
