@@ -23,6 +23,9 @@ def physical_limit(
     x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / PA_PER_MMHG
     there = f"{depth_mm:.4g} mm deep" if depth_mm > 0 else "before the finger touches"
+    # A vessel is filled with the finger in the air, so the last depth may be negative.
+    deeper = f"deeper than {depth_mm:.4g} mm" if depth_mm > 0 else "once the finger touches"
+    instead = "Press less deep" if depth_mm > 0 else "Take a lower pressure or a stiffer body"
     where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
     lone = not (section.mesh.region == TISSUE).any()
     fills = goal.pressure_pa > last.load.pressure_pa
@@ -36,7 +39,7 @@ def physical_limit(
     if lone:
         return CannotSolve(
             "greatest depth",
-            f"found no equilibrium beyond {depth_mm:.4g} mm at {mmhg:.4g} mmHg: the wall "
+            f"found no equilibrium {deeper} at {mmhg:.4g} mmHg: the wall "
             "of the lone vessel folds or is crushed "
             f"({failure}; smallest det F {ratio:.2g} {where}). Press over its middle or less deep.",
         )
@@ -50,13 +53,13 @@ def physical_limit(
     if isinstance(failure, SkinPressedFlat):
         return CannotSolve(
             "skin",
-            f"found no equilibrium deeper than {depth_mm:.4g} mm: {failure}, and is modelled up to "
+            f"found no equilibrium {deeper}: {failure}, and is modelled up to "
             f"{100 * MAX_STRAIN:.0f} %. Press less deep or take a stiffer skin.",
         )
     folds = bool(section.lumens) and section.mesh.region[cell] != TISSUE
     what = "the vessel's wall folds" if folds else "the tissue is crushed or buckles"
     return CannotSolve(
         "greatest depth",
-        f"found no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg: {what} {where} "
-        f"(det F = {ratio:.2g}; {failure}). Press less deep.",
+        f"found no equilibrium {deeper} at {mmhg:.4g} mmHg: {what} {where} "
+        f"(det F = {ratio:.2g}; {failure}). {instead}.",
     )

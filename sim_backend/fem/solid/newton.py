@@ -264,6 +264,7 @@ def _physical_limit(
         f"({failure}; smallest det F {ratio:.2g} at x = {x:.2f} mm, z = {z:.2f} mm, "
         f"{y:.2f} mm above the support)"
     )
+    deeper = f"deeper than {depth_mm:.4g} mm" if depth_mm > 0 else "once the finger touches"
     if goal.pressure_pa > last.load.pressure_pa:
         return CannotSolve(
             "limit pressure",
@@ -272,6 +273,5 @@ def _physical_limit(
         )
     return CannotSolve(
         "greatest depth",
-        f"found no equilibrium deeper than {depth_mm:.4g} mm at {mmhg:.4g} mmHg {where}. "
-        "Press less deep.",
+        f"found no equilibrium {deeper} at {mmhg:.4g} mmHg {where}. Press less deep.",
     )
