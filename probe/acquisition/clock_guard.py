@@ -20,14 +20,14 @@ class ClockGuard:
         self._lag_s = self._now() - self._other()
         self._limit_s = limits.clock_jump_s
 
-    def check(self) -> tuple[str, bool] | None:
+    def check(self) -> str | None:
         """Why the clock cannot be trusted."""
         lag_s = self._now() - self._other()
         jump_s, self._lag_s = lag_s - self._lag_s, lag_s
         if jump_s < -self._limit_s:
-            return f"the clock stood for {-jump_s:.3f} s: the computer slept, or it was set", True
+            return f"the clock stood for {-jump_s:.3f} s: the computer slept, or it was set"
         if jump_s > self._limit_s:
-            return f"the clock jumped by {jump_s:+.3f} s", True
+            return f"the clock jumped by {jump_s:+.3f} s"
         return None
 
 

@@ -12,6 +12,8 @@ ENDING = tuple(  # Windows has the first two
     if hasattr(signal, name)
 )
 
+STOPPED = "stopped by the user"  # how a run ends: of the guards, the rules and the engine alike
+
 
 class RunCommand(IntEnum):
     """What was asked for, the most urgent last; only `Control.resume` takes a command back."""

@@ -133,7 +133,7 @@ def _listen_to(
     yield Check(name, "warning" if slow or lost else "ok", text)
     heard = Block(time_s, readings, np.concatenate(saturated))
     if (why := SensorGuard(sensor.channels, limits).check(heard)) is not None:
-        yield Check(name, "fault", f"at rest: {why[0]}")
+        yield Check(name, "fault", f"at rest: {why}")
     for n, channel in enumerate(sensor.channels):
         std, step = _spread(time_s, readings[:, n])
         yield Noise(

@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from drivers import Clock, DeviceFault, Pose, Sensor, SimulatedClock, Stage
-from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.commands import STOPPED, Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted, interruption_of
@@ -24,7 +24,7 @@ from probe.acquisition.readings import STAGE, STAGE_CHANNELS
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
 from probe.acquisition.safety_monitor import SafetyMonitor
-from probe.acquisition.stop_rules import ABORTED, STOPPED, no_contact
+from probe.acquisition.stop_rules import ABORTED, no_contact
 from probe.acquisition.taring import note_last_drift, note_unseen, take_zero
 from probe.acquisition.touching import find_surface
 from probe.core.events import (

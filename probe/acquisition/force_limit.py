@@ -117,10 +117,10 @@ class SensorGuard:
         while self._recent[0][0] < time_s[-1] - LEVEL_MEMORY_S:
             self._recent.popleft()
 
-    def check(self, block: Block) -> tuple[str, bool] | None:
-        """Why a block with samples breaks a limit, and whether retracting is safe."""
+    def check(self, block: Block) -> str | None:
+        """Why a block with samples breaks a limit; a lift is always right then."""
         if np.count_nonzero(block.saturated) and block.saturated[:, self._clips].any():
-            return "the sensor is saturated: the true force is unknown", True
+            return "the sensor is saturated: the true force is unknown"
         if self.feels:
             felt = block.values[:, self._used]
             # lists: blocks are short, and numpy is slow on those
@@ -129,15 +129,15 @@ class SensorGuard:
             force = [sum(one) for one in each] if self._array else [one[0] for one in each]
             self.force_n = force[-1]
             if (dead := self._alive.check(used)) is not None:
-                return dead, True
+                return dead
             self._keep(block.time_s.tolist(), force)
             loads = force if self._array else [load for one in each for load in one]
             if not all(abs(load) <= self._limit_n for load in loads):  # nor is not-a-number
                 greatest = float(np.abs(loads).max())
-                return f"force {greatest:.3f} N; the limit is {self._limit_n:g} N", True
+                return f"force {greatest:.3f} N; the limit is {self._limit_n:g} N"
         for where, unit, limit in self._norms if self.tared else ():
             norm = float(np.linalg.norm(block.values[:, where], axis=1).max())
             if not norm <= limit:
                 what = "force in all directions" if unit == "N" else "torque"
-                return f"{what} {norm:.3f} {unit}; the limit is {limit:g} {unit}", True
+                return f"{what} {norm:.3f} {unit}; the limit is {limit:g} {unit}"
         return None

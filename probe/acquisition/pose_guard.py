@@ -3,15 +3,15 @@
 import math
 
 from drivers import Pose
-from probe.planning.limits import Limits
+from probe.planning.limits import ARRIVED_M, Limits
 from probe.planning.surfaces import Surface
 
 POSE_SLACK_M = 50e-6  # reported poses jitter; the workspace itself is planned with nothing beyond
 POSE_AGE_S = 0.1  # drivers report a pose up to this old, and then all that was missed at once
 SPEED_SLACK = 1.2  # what a pose's last digits add to the way
 # How far from its straight way, and from where it was to rest, a tip may be that nobody else moves:
-# five times what the engine takes for an arrival (0.1 mm), and once that with a pose's jitter.
-WAY_M, REST_M = 0.5e-3, 0.1e-3 + POSE_SLACK_M
+# five times what the engine takes for an arrival, and once that with a pose's jitter.
+WAY_M, REST_M = 5 * ARRIVED_M, ARRIVED_M + POSE_SLACK_M
 
 
 class PoseGuard:

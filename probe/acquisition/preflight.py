@@ -115,7 +115,7 @@ def _at_rest(sensor: VirtualSensor, clock: Clock, limits: Limits) -> Iterator[Ch
     sensor.start()
     clock.sleep_until(clock.now() + REST_S)
     if (why := SensorGuard(sensor.channels, limits).check(sensor.read())) is not None:
-        yield Check(f"sensor {sensor.name}", "fault", f"at rest in the air: {why[0]}")
+        yield Check(f"sensor {sensor.name}", "fault", f"at rest in the air: {why}")
 
 
 def calibration_check(key: str, file: Path) -> Check:

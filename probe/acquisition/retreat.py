@@ -11,7 +11,7 @@ from contextlib import suppress
 
 from drivers import DeviceFault, Pose, Stage
 from drivers.core import abilities
-from probe.planning.limits import Limits
+from probe.planning.limits import ARRIVED_M, Limits
 
 # None of these times and ways is critical: halved and doubled one by one, they change the 0.7 s in
 # which a stage leaves a spring, a pulse of 12 % or a cough by at most 0.1 s, and after five refused
@@ -24,7 +24,7 @@ LIFTS = 3  # a patient who moves may make the first ones worse
 PATIENCE_S = 10.0  # for a stage that does not answer, stop or lift
 WRONG_WAY_M = 0.1e-3  # a lift may begin with this much slack of the stage
 WORSE = 1.2  # a lift may begin with this much more force: friction, the end of a pulse
-UP_M, ARRIVED_M = 5e-6, 0.1e-3  # not worth a lift; close enough after one
+UP_M = 5e-6  # not worth a lift; after one, `ARRIVED_M` is close enough
 
 
 def lift_speed_m_s(stage: Stage, limits: Limits) -> float:

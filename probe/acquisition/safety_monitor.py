@@ -16,7 +16,7 @@ import numpy as np
 from drivers import Block, Clock, ConfigError, DeviceFault, Pose, Sensor, Stage
 from drivers.core import abilities
 from probe.acquisition.clock_guard import ClockGuard
-from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.commands import STOPPED, Control, RunCommand
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.guard_threads import GuardThreads
 from probe.acquisition.interruption import Trip
@@ -315,7 +315,7 @@ class SafetyMonitor:
         if block.jumped_s > 0:
             self.jumped = (sensor.name, block.jumped_s)
         if (why := guard.check(block)) is not None:
-            self.object(sensor.name, why[0], can_retract=why[1], again=True)
+            self.object(sensor.name, why, can_retract=True, again=True)
 
     def _step_stage(self) -> None:
         if self._homing:
@@ -360,12 +360,12 @@ class SafetyMonitor:
                 self.object("computer", why, can_retract=True)
         for guard in self._clock_guards:
             if (jumped := guard.check()) is not None:
-                self.object("clock", jumped[0], can_retract=jumped[1])
+                self.object("clock", jumped, can_retract=True)
         self._check_silence()
         if self._homing and self._control.command is RunCommand.ABORT:
-            self.object("user", "stopped by the user", can_retract=False)
+            self.object("user", STOPPED, can_retract=False)
         if self._control.command is RunCommand.STOP:
-            self.object("user", "stopped by the user", can_retract=False)
+            self.object("user", STOPPED, can_retract=False)
             if self.retreat is not None:
                 self.retreat.stay()
         if time.monotonic() - self._engine_s > self._limits.engine_s:

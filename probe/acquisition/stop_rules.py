@@ -9,12 +9,11 @@ objection arrives as the ``trip``. How long a hold lasts is `engine`'s, by the p
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
-from probe.acquisition.commands import RunCommand
+from probe.acquisition.commands import STOPPED, RunCommand
 from probe.acquisition.interruption import Interrupted, Trip, interruption_of
 from probe.acquisition.levels import Levels, no_force
 from probe.core.events import Finish, Phase
 
-STOPPED = "stopped by the user"
 ABORTED = "aborted by the user"
 
 
