@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from drivers import available
 from drivers.core.extras import needs
 from probe.acquisition.levels import LEVEL_S
 from probe.acquisition.preflight import (
@@ -29,6 +30,7 @@ from probe.acquisition.touching import TOUCH_GAP_M, TOUCH_M_S
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.planning.limits import ARRIVED_M
 from probe.planning.plan import Plan
 from probe.storage.rows import bytes_per_s
 from sim_backend.phantom.phantom import Respond
@@ -59,7 +61,8 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     """Check a rig file's scan against its limits, the disk of ``out`` and the sensors' noise."""
     plan = plan_for(rig)
     seconds, search_s = scan_seconds(plan), search_seconds(plan)
-    noises = [known_noise(device) for device in rig.sensor]
+    known = available("sensors")
+    noises = [known_noise(device) for device in rig.sensor if device.driver in known]
     of_devices, sensors = device_checks(rig, plan, scene, respond)
     read = [(1 / STAGE_PERIOD_S, len(STAGE_CHANNELS))]
     read += [(sensor.rate_hz, len(sensor.channels)) for sensor in sensors]
@@ -67,6 +70,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     size_bytes = (seconds + search_s) * growth
     checks = [
         _reach(rig, plan),
+        *_too_shallow(plan),
         *_beside(plan, scene),
         *of_devices,
         Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),
@@ -152,6 +156,18 @@ def _reach(rig: Rig, plan: Plan) -> Check:
         f"all stations in the workspace; at most "
         f"{1e3 * limits.max_depth_m:g} mm deep, {1e3 * limits.max_speed_m_s:g} mm/s",
     )
+
+
+def _too_shallow(plan: Plan) -> Iterator[Check]:
+    """A warning for a press that a stage may take for none; metres given for millimetres are."""
+    if plan.indentation_m < ARRIVED_M:
+        yield Check(
+            "indentation",
+            "warning",
+            f"scan.indentation_mm = {1e3 * plan.indentation_m:g}: a stage that is within "
+            f"{1e3 * ARRIVED_M:g} mm of where it was sent has arrived, so that such a press may "
+            "not be made at all; the key is in millimetres, 2.5 is usual",
+        )
 
 
 def _beside(plan: Plan, scene: Scene | None) -> Iterator[Check]:

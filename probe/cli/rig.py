@@ -94,6 +94,7 @@ def plan(
     """Where a scan would go and how long it takes; with --can-i-see, what its sensors can see."""
     if noise_mn is not None and not noise_mn >= 0:
         raise typer.BadParameter(f"--noise-mn {noise_mn:g}: must be 0 or more")
+    from drivers import find_driver
     from probe.acquisition.dry_run import dry_run
     from probe.acquisition.preflight import known_noise, pulse_checks
     from probe.acquisition.session import resolve_rig
@@ -107,6 +108,8 @@ def plan(
     if not can_i_see:
         checks = list(dry_run(whole, simulated, Path(), respond).checks)
     else:
+        for device in whole.sensor:
+            find_driver("sensors", device.driver)  # of one that is none nothing can be said
         known = [known_noise(device) for device in whole.sensor]
         if noise_mn is not None:
             known = [one._replace(noise_n=1e-3 * noise_mn) for one in known]

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from probe.planning.plan import Box
 
 LEVER_M = 0.3  # from tip to sensor: longer than any finger in use
-ARRIVED_M = (
-    0.1e-3  # a tip that rests so near to where it was sent has arrived; jitter is half of it
-)
+# A tip that rests so near to where it was sent has arrived: twice what reported poses jitter by.
+ARRIVED_M = 0.1e-3
 
 # A finger of 10 mm on 5 mm of tissue over bone: three times what the stiffest of the paper's scenes
 # answers with a tumour beneath, twenty times its tissue (0.5 N/mm).

@@ -67,3 +67,24 @@ def test_a_press_without_an_answer_is_said_in_words(tmp_path: Path) -> None:
     assert check.level == "fault"
     assert "x = 32 mm in scene TIHA: found no stable equilibrium beyond 90 mmHg" in check.text
     assert "has no answer" in said(default_rig(), "TIHA", tmp_path, none, "pulse on virtual").text
+
+
+@pytest.mark.parametrize(("depth_mm", "told"), [(0.0025, True), (0.09, True), (0.1, False)])
+def test_a_press_as_shallow_as_an_arrival_is_warned_of(
+    depth_mm: float, told: bool, tmp_path: Path
+) -> None:
+    """2.5 mm in metres went through without a word."""
+    report = dry_run(Rig.model_validate({"scan": {"indentation_mm": depth_mm}}), None, tmp_path)
+    texts = [
+        one.text for one in report.checks if (one.name, one.level) == ("indentation", "warning")
+    ]
+    assert len(texts) == told
+    assert all("the key is in millimetres" in text for text in texts)
+
+
+def test_of_a_sensor_that_is_none_no_pulse_is_said(tmp_path: Path) -> None:
+    sensors = [{"driver": "warp", "noise_mn": 1.0}, {"driver": "virtual"}]
+    rig = Rig.model_validate({"sensor": sensors, "face_mm2": 100.0})
+    checks = dry_run(rig, None, tmp_path).checks
+    assert [one.name for one in checks if one.name.startswith("pulse on")] == ["pulse on virtual"]
+    assert any("no such driver" in one.text for one in checks if one.level == "fault")
