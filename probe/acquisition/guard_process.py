@@ -4,9 +4,10 @@ The scan's process asks it to move and collects the readings. Whatever code runs
 observer, the store, an extension that keeps the interpreter, cannot delay a guard here; and when
 that process stands still or dies, the probe is stopped and lifted all the same.
 
-    python -c "from probe.acquisition.guard_process import main; main()" CALLS URGENT
+    python -c "from probe.acquisition.guard_process import main; main()" CALLS URGENT LIFE
 
-with two inherited sockets: one for calls and their answers, one for what cannot wait for them.
+with three inherited sockets: one for calls and their answers, one for what cannot wait for them,
+and one that echoes, to show that this interpreter runs.
 """
 
 import signal

@@ -20,22 +20,25 @@ PERIODS = 5  # of a sensor: the fewest that are waited for, as readers and lines
 MIN_LIMIT_SHARE = 0.1  # share of the limit that a press must have reached before it can be judged
 LITTLE_SHARE = 0.02  # of the limit: a press so soft is protected by no such limit
 NOISE_SIGMAS = 10.0  # standard deviations of the sensor's noise that a change must have to count
-# And over which noise alone moves the mean of `force_limit.SMOOTH` readings at most: it is 9 of its
-# standard deviations.
+# A force that moved by no more than this many stood still: noise alone may have moved it. It is a
+# mean of `force_limit.SMOOTH` readings, of whose own standard deviation this is nine times.
 STILL_SIGMAS = 4.0
 FLAT = 0.1  # of the rise that the press so far foretells: soft tissue stiffens, it never stops
-# A press is judged when it went on by a quarter of its way in contact: a pulse changes the force by
-# less than a fifth (463 Pa of TIHA's 3 kPa), and may fall while the tip goes on.
+# A press is judged when it went on by a quarter of its way in contact: a pulse may fall while the
+# tip goes on. Of TIHA's force it is 24 % at 0.3 mm and 16 % at 0.5 mm, but 7 % or less where a
+# press is judged, from MIN_LIMIT_SHARE of the usual limit on (7 % at 1.5 mm; 5 % at 2.5 mm, 455 Pa
+# of 8.7 kPa).
 JUDGED_SHARE = 0.25
 # From SOFT_SHARE of the limit on, a force that does not move at all over so much way is judged
 # too. A lone vessel's is as flat for a quarter of a millimetre, where it bulges.
 SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
-# And over this far one that noise explains as little as the rise that it foretells.
-# Below SOFT_SHARE it may be a cable that drags.
+# And over so much way also a force that barely stands out of the noise, where the rise that should
+# have followed does too. Below SOFT_SHARE of the limit a cable that drags may be all that is felt.
 FAINT_WAY_M = 1e-3
-# Of the way in contact, where noise asks for no more. A force that stood still over so much of its
-# end, and as long after the tip came to rest: what hid the rise of a live one, a beat or a
-# relaxation, would go on.
+# A press's end is judged once the tip rests: the force stood still over the last part of the way,
+# and for as long again at rest. A beat or a relaxation that hid the rise of a true force would have
+# moved it by then. That part is as long as noise needs to let a rise show; if that is more than
+# this share of the way in contact, the end is not judged.
 LAST_SHARE = 0.05
 SLACK = 1.2  # a stage may be that much faster than it was told
 WAY_M = 50e-6  # five of a GRBL board's digits
