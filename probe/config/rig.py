@@ -113,13 +113,15 @@ class Safety(Table):
     """The scan lifts the probe when the force along the press, or the norm of all force
     components that are read, exceeds this."""
     max_torque_nm: Positive | None = None
-    """The same for the norm of the torque, where a sensor reads it."""
+    """The same for the norm of the torque, where a sensor reads it; by default `max_force_n` on a
+    lever of 0.3 m, 1.5 Nm for 5 N."""
     max_depth_mm: Positive | None = None
     """Deepest the tip may be below the surface; by default 0.5 mm beyond the deepest press."""
     workspace_mm: Workspace = Workspace()
     """The box the tip may be in."""
     max_speed_mm_s: Positive = 25.0
-    """No move is commanded faster, and no faster motion is accepted from the stage."""
+    """No move is commanded faster. A stage that is seen to move more than 1.2 times as fast, and
+    further than in 0.1 s at this speed, ends the scan."""
     retract_mm: Positive = 2.0
     """How far above the highest station the probe travels, and lifts to."""
     silence_s: Annotated[float, Field(ge=0.02, le=10)] = 0.25
