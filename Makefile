@@ -1,6 +1,7 @@
 # `make demo`: one scan of the phantom, its finding and its report. `make demo-ur`: the same by a UR
 # arm, whose controller is emulated. `make test`: every check. `make figures`: what the documentation's numbers
-# are measured by. `make install`: palpate with all its extras. Each alone takes a fresh machine with Python 3.11 or newer to a finished result.
+# are measured by. `make install`: palpate with all its extras. Each runs by itself on a fresh machine
+# with Python 3.11 or newer.
 
 BIN := .venv/bin
 export QT_QPA_PLATFORM ?= offscreen

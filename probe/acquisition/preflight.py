@@ -129,7 +129,7 @@ def calibration_check(key: str, file: Path) -> Check:
     if warnings:
         return Check(name, "warning", "; ".join(warnings))
     days = (datetime.now(UTC) - one.date_utc).total_seconds() / 86400
-    return Check(name, "ok", f"of {one.device}, {days:.1f} of {one.valid_days:g} days old")
+    return Check(name, "ok", f"of {one.device}, {days:.1f} days old, meant for {one.valid_days:g}")
 
 
 def pulse_checks(
