@@ -23,6 +23,7 @@ def force_of_modulus(
     is solved as a body of revolution."""
     from sim_backend.fem.axisymmetric import is_round  # finite elements: for nothing else here
     from sim_backend.models.press import press
+    from sim_backend.models.solid_press import holds_a_round_block
 
     if scene.tissue is None:
         raise CalibrationError(f"scene {scene.name} has no tissue")
@@ -32,8 +33,8 @@ def force_of_modulus(
     if not 0 < x_mm < width_mm:
         raise CalibrationError(f"pressed at x = {x_mm:g} mm; the scene's block is {width_mm:g} mm "
                                "wide, from 0")  # fmt: skip
-    round_one = is_round(scene, x_mm)
     solid = scene.plane == "solid"
+    round_one = is_round(scene, x_mm) and holds_a_round_block(scene, 1e-3 * x_mm, float(depths[-1]))
     model = model or ("axisymmetric" if round_one else "solid" if solid else "finite")
     # of a body of revolution the block's outline alone leaves 1 %
     accuracy_pct = {"axisymmetric": 1.0, "solid": 3.0}.get(model, 0.2)

@@ -22,7 +22,11 @@ from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
 from sim_backend.models.choose import choose, named
 from sim_backend.models.press_range import check_asked
 from sim_backend.models.refine import SMALL_PULSE, Solving, refine
-from sim_backend.models.solid_press import refine_axisymmetric, refine_solid
+from sim_backend.models.solid_press import (
+    holds_a_round_block,
+    refine_axisymmetric,
+    refine_solid,
+)
 from sim_backend.notebook_line import notebook_line
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
@@ -302,7 +306,8 @@ def _press_solid(
 ) -> Press:
     """A solid scene as a body of revolution where that is near enough, else as a solid."""
     place = scene, 1e-3 * x_mm, 1e-3 * depth_mm
-    if model in ("auto", "axisymmetric") and is_round(scene, x_mm):
+    tried = model == "axisymmetric" or (model == "auto" and holds_a_round_block(*place))
+    if tried and is_round(scene, x_mm):
         section, solution, pct = refine_axisymmetric(*place, accuracy_pct, solving)
         if pct <= accuracy_pct or model == "axisymmetric":
             # of a whole turn, its force is in newtons

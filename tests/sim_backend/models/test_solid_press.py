@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from own_scene import BALL
 
-from sim_backend.models import solid_press
-from sim_backend.scene.scene_file import scene_from_text
+from sim_backend.models import press, solid_press
+from sim_backend.scene.scene_file import SceneError, scene_from_text
 
 
 @dataclass(frozen=True)
@@ -46,3 +46,35 @@ def test_meshes_that_agree_by_chance_do_not_state_no_error(
     _, (force_pct, pulse_pct) = solid_press.refine_solid(scene, 0.0, 1e-3, pressures_pa, budget)
     assert 1.7 < force_pct < 3.0  # a cylinder's second mesh missed as much
     assert 1.7 < pulse_pct < 3.0 if len(pressures_pa) > 1 else pulse_pct == 0.0
+
+
+ROUND_FINGERS = {
+    "ball": {"shape": "sphere", "radius_mm": 5.0},
+    "punch": {"shape": "flat", "diameter_mm": 8.0, "edge_radius_mm": 1.0},
+}
+
+
+@pytest.mark.parametrize(("x_mm", "z_mm"), [(0.0, 0.0), (64.0, 0.0), (0.5, 0.0), (32.0, 19.9)])
+@pytest.mark.parametrize("finger", ROUND_FINGERS)
+def test_a_round_finger_over_a_side_or_an_end_is_pressed_as_a_solid(
+    finger: str, x_mm: float, z_mm: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No round block fits in there: one of radius 0 could not be meshed, which ended in a stack
+    trace."""
+    solid = SimpleNamespace(
+        force_n=1.0, stable=True, displacement=None, load=None, wedges=None, free=[0]
+    )
+    monkeypatch.setattr(press, "_solid_state", lambda *_: solid)
+    monkeypatch.setattr(press, "refine_solid", lambda *_: ((solid, [solid]), np.array([1.0, 0.0])))
+    mine = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
+    assert mine.tissue is not None
+    tissue = mine.tissue.model_copy(update={"z_mm": -z_mm})
+    scene = mine.model_copy(update={"indenter": ROUND_FINGERS[finger], "tissue": tissue})
+    assert press.press(scene, x_mm, 1.0, accuracy_pct=50).model == "solid"
+    with pytest.raises(SceneError, match=r"model = 'axisymmetric': 0.* mm from a side or an end"):
+        press.press(scene, x_mm, 1.0, model="axisymmetric")
+
+
+def test_a_round_finger_further_inside_stays_a_body_of_revolution() -> None:
+    scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
+    assert press.press(scene, 6.0, 0.2, accuracy_pct=20).model == "axisymmetric"
