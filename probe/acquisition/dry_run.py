@@ -29,7 +29,7 @@ from probe.acquisition.safety_monitor import STAGE_PERIOD_S
 from probe.acquisition.touching import TOUCH_GAP_M, TOUCH_M_S
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
-from probe.config.scan_plan import plan_for
+from probe.config.scan_plan import beside_the_block, plan_for
 from probe.planning.limits import ARRIVED_M
 from probe.planning.plan import Plan
 from probe.storage.rows import bytes_per_s
@@ -71,7 +71,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     checks = [
         _reach(rig, plan),
         *_too_shallow(plan),
-        *_beside(plan, scene),
+        *_beside(rig, plan, scene),
         *of_devices,
         Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),
         _disk(out, size_bytes),
@@ -79,7 +79,8 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     ]
     if not rig.calibration:
         checks.append(Check("calibration", "warning", "none named: forces are the sensors' own"))
-    checks += pulse_checks(rig, scene, respond, noises)
+    if not any(check.name == "scene" and check.level == "fault" for check in checks):
+        checks += pulse_checks(rig, scene, respond, noises)  # beside a block none can be solved
     return DryRun(tuple(checks), seconds, size_bytes)
 
 
@@ -170,8 +171,12 @@ def _too_shallow(plan: Plan) -> Iterator[Check]:
         )
 
 
-def _beside(plan: Plan, scene: Scene | None) -> Iterator[Check]:
-    """A warning for each thing in the scene that no station presses over."""
+def _beside(rig: Rig, plan: Plan, scene: Scene | None) -> Iterator[Check]:
+    """A fault for a simulated press beside the scene's block, and a warning for each thing in the
+    scene that no station presses over."""
+    simulated = scene if rig.stage.driver == "virtual" else None
+    if simulated is not None and (why := beside_the_block(plan, simulated)) is not None:
+        yield Check("scene", "fault", why)
     x_mm = [1e3 * place.x_m for place in plan.places]
     for one in () if scene is None else scene.inclusion:
         path_mm = [x for _, x, _ in getattr(one, "path", ())] or [one.x_mm]

@@ -22,7 +22,7 @@ from drivers.core.protocols import UNIT_OF_ROLE
 from drivers.core.registry import Kind, settings_of
 from probe.config.calibrated import calibrated
 from probe.config.rig import Device, Fallback, Rig, RigError
-from probe.config.scan_plan import plan_for, true_surface
+from probe.config.scan_plan import beside_the_block, plan_for, true_surface
 from probe.planning.plan import Plan
 from sim_backend.models import station_response
 from sim_backend.phantom.phantom import Phantom, Respond
@@ -98,6 +98,9 @@ def connect(
         notes += remarks
         check_units(true)
         if world.phantom is not None:
+            # a real stage that nothing real feels for makes its scan in the air
+            if stage.simulated and (why := beside_the_block(plan, world.phantom.scene)) is not None:
+                raise RigError(why)
             if respond is None:
                 world.phantom.solve_ahead([(p.x_m, p.y_m) for p in plan.places if plan.upright(p)])
             if not isinstance(clock, SimulatedClock):

@@ -3,7 +3,13 @@
 from probe.config.calibrated import compliance_of, surface_of
 from probe.config.rig import Heights, Rig, RigError, pair
 from probe.planning.plan import Plan, grid, repeated
+from probe.planning.press_direction import pressed
 from probe.planning.surfaces import Surface, level, through
+from sim_backend.models.press_range import along_mm, reach_mm
+from sim_backend.scene.scene_file import Scene
+
+SLACK_MM = 1e-6
+"""Rounding of places, and how far inside its ends a solid is pressed at least."""
 
 
 def plan_for(rig: Rig) -> Plan:
@@ -46,6 +52,30 @@ def plan_for(rig: Rig) -> Plan:
         compliance_m_per_n=compliance_m_per_n,
         max_deflection_m=compliance_m_per_n * rig.safety.max_force_n,
     )
+
+
+def beside_the_block(plan: Plan, scene: Scene) -> str | None:
+    """Which station's press lies beside the block of a simulated scene, and what is allowed; None
+    where none does. Beside a lone vessel, on its support, a press feels nothing, and is allowed."""
+    if scene.tissue is None:
+        return None
+    (left, right), (low, high) = reach_mm(scene), along_mm(scene)
+    for place in plan.places:
+        start = plan.at_surface(place)
+        for pose in (start, pressed(start, plan.indentation_m)):
+            x_mm, y_mm = 1e3 * pose.x, 1e3 * pose.y
+            if not (left - SLACK_MM <= x_mm <= right + SLACK_MM):
+                axis, at_mm, ends = "x", x_mm, (left, right)
+            elif not (low + SLACK_MM <= y_mm <= high - SLACK_MM):
+                axis, at_mm, ends = "y", y_mm, (low, high)
+            else:
+                continue
+            return (
+                f"station {place.index + 1} presses at {axis} = {at_mm:g} mm, beside the block of "
+                f"{scene.name}: it must lie between {ends[0]:g} and {ends[1]:g} mm; "
+                "change scan.start_mm, scan.pitch_mm or scan.stations"
+            )
+    return None
 
 
 def true_surface(rig: Rig) -> Surface | None:

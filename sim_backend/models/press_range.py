@@ -1,5 +1,6 @@
 """Where, how deep and at which pressures a scene can be pressed."""
 
+from math import inf
 from numbers import Real
 
 from sim_backend.scene.scene_file import Scene, SceneError
@@ -49,3 +50,12 @@ def reach_mm(scene: Scene) -> tuple[float, float]:
         return 0.0, scene.tissue.width_mm
     one = scene.inclusion[0]
     return one.x_mm - one.outer_radius_mm / 2, one.x_mm + one.outer_radius_mm / 2
+
+
+def along_mm(scene: Scene) -> tuple[float, float]:
+    """From where to where along z a scene can be pressed: a solid up to its ends."""
+    tissue = scene.tissue
+    if scene.plane != "solid" or tissue is None or tissue.length_mm is None:
+        return -inf, inf
+    middle_mm, half_mm = tissue.z_mm or 0.0, tissue.length_mm / 2
+    return middle_mm - half_mm, middle_mm + half_mm

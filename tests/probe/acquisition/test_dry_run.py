@@ -16,7 +16,7 @@ from probe.acquisition.dry_run import draw_path, dry_run, scan_seconds
 from probe.acquisition.preflight import Check
 from probe.acquisition.session import scan
 from probe.config.devices import connect
-from probe.config.rig import Rig, default_rig
+from probe.config.rig import Rig, RigError, default_rig
 from probe.config.scan_plan import plan_for
 from probe.core.events import Phase, PhaseEntered
 from probe.detection import detect
@@ -49,6 +49,49 @@ def test_what_lies_beside_the_stations_is_said(
     if level == "warning":
         (text,) = (check.text for check in report.checks if check.name == "scene")
         assert "x = 4 to 20 mm; the artery at x = 32 mm lies beside them" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "keys", "said"),
+    [
+        ("TIHA", {"start_mm": -3.0}, r"station 1 presses at x = -3 mm, .*between 0 and 64 mm"),
+        ("TIHA", {"start_mm": 60.0, "stations": 3}, r"station 3 presses at x = 68 mm"),
+        ("TIHA-solid", {"start_mm": [32.0, 20.0]}, r"at y = 20 mm, .*between -20 and 20 mm"),
+        # leaning outwards over a slope, the tip goes on beyond the side
+        (
+            "TIHA",
+            {"start_mm": 0.5, "surface_mm": [[0, 0, 0], [10, 0, -4], [0, 10, 0]]},
+            r"station 1 presses at x = -0.4",
+        ),
+    ],
+)
+def test_a_press_beside_a_simulated_block_is_refused_before_it_is_made(
+    name: str, keys: dict[str, Any], said: str, tmp_path: Path, winkler: Any
+) -> None:
+    """The dry run said that the scan could go on; it ended in crushed tissue."""
+    box = {"workspace_mm": {"x": [-9, 99], "y": [-9, 99], "z": [-9, 99]}}
+    scan_keys = {"stations": 1} | keys
+    rig = Rig.model_validate({"scan": scan_keys, "safety": box, "scene": {"name": name}})
+    report = dry_run(rig, load_scene(name), tmp_path, winkler)
+    (fault,) = (check.text for check in report.checks if check.level == "fault")
+    assert re.search(said, fault)
+    with pytest.raises(RigError, match=re.escape(fault)):
+        scan(rig, out=tmp_path, respond=winkler)
+    assert not list(tmp_path.glob("*.run"))
+
+
+def test_a_lone_vessel_may_be_pressed_beside_on_its_support(tmp_path: Path, winkler: Any) -> None:
+    scan_keys = {"start_mm": -4.0, "stations": 1}
+    rig = Rig.model_validate({"scan": scan_keys, "scene": {"name": "HAOT"}})
+    report = dry_run(rig, load_scene("HAOT"), tmp_path, winkler)
+    assert levels(report).get("scene") != "fault"
+
+
+def test_a_real_stage_is_no_block_s(tmp_path: Path, winkler: Any) -> None:
+    """What nothing real feels for is made in the air, wherever the stage's places lie."""
+    tables = {"stage": {"driver": "zaber", "port": "nowhere"}, "scan": {"start_mm": -3.0}}
+    report = dry_run(Rig.model_validate(tables), load_scene("TIHA"), tmp_path, winkler)
+    assert levels(report).get("scene") != "fault"
 
 
 @pytest.mark.parametrize(
