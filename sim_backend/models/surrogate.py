@@ -8,6 +8,7 @@ so the second use costs nothing. Outside the grid nothing is extrapolated: the f
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from math import ceil
 from pathlib import Path
 
@@ -20,7 +21,14 @@ from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.kept_tables import kept_table, table_file
 from sim_backend.models.response import levels_pa
 from sim_backend.models.second_process import all_answers
-from sim_backend.models.trained_states import SHALLOWEST_M, held, solve_grid, states
+from sim_backend.models.trained_states import (
+    HELD_NEAR,
+    SHALLOWEST_M,
+    felt,
+    held,
+    solve_grid,
+    states,
+)
 from sim_backend.scene.scene_file import Scene, SceneError
 
 ORDERS = (1, 1, 3, 3)
@@ -28,9 +36,11 @@ ORDERS = (1, 1, 3, 3)
 cubic ones over places cost, and as near where places are as close as `PLACE_STEP_M`."""
 PLACE_STEP_M = 0.5e-3
 """A bump 5 mm wide is off by step^2 / (8 width^2) between places: 0.1 % of its own height."""
+FINER = 3
+"""As many steps at least between two places that are solved: over a narrow bump they are close."""
 SAFETY = 2.0
 """The stated error is this times the largest seen on states held back."""
-TABLE = 6
+TABLE = 7
 """Number of the way of training; a table trained in another way is not used."""
 
 
@@ -173,8 +183,10 @@ def _finer(places_m: Array, values: Array, axis: int) -> tuple[Array, Array]:
     """Places at most `PLACE_STEP_M` apart, and what a cubic spline says there."""
     if len(places_m) == 1:
         return places_m, values
-    low, high = _ends(places_m)
-    fine = np.linspace(low, high, ceil((high - low) / PLACE_STEP_M - 1e-6) + 1)
+    steps = [max(FINER, ceil(way / PLACE_STEP_M - 1e-6)) for way in np.diff(places_m)]
+    ends = zip(pairwise(places_m), steps, strict=True)
+    fine = np.concatenate([np.linspace(a, b, n, endpoint=False) for (a, b), n in ends])
+    fine = np.append(fine, places_m[-1])
     order = min(3, len(places_m) - 1)
     return fine, np.asarray(make_interp_spline(places_m, values, k=order, axis=axis)(fine))
 
@@ -205,17 +217,15 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
     rng = np.random.default_rng(len(table["x"]))
     _, *ends = levels_pa(scene)
     beats = np.array(ends) if scene.arteries else np.zeros(1)
-    # each axis is drawn from evenly: few states must see all of it
-    shares = np.array([rng.permutation(kept.states) for _ in range(3)])
-    x, z, log_depth = (
-        low + share * (high - low)
-        for share, (low, high) in zip(
-            (shares + rng.random(shares.shape)) / kept.states,
-            (known.x_m, known.z_m, tuple(np.log(known.depth_m))),
-            strict=True,
-        )
-    )
-    places = np.column_stack([x, z, np.exp(log_depth)]).tolist()
+    ranges = known.x_m, known.z_m, known.depth_m
+    places = _spread(rng, kept.states, *ranges)
+    for bump in felt(scene, known.depth_m[1]):
+        x_m = max(bump.low, known.x_m[0]), min(bump.high, known.x_m[1])
+        z_m = max(bump.along[0], known.z_m[0]), min(bump.along[1], known.z_m[1])
+        seen = sum(x_m[0] <= x <= x_m[1] and z_m[0] <= z <= z_m[1] for x, z, _ in places)
+        lacking = round(HELD_NEAR * kept.states) - seen
+        if x_m[0] < x_m[1] and z_m[0] <= z_m[1] and lacking > 0:
+            places += _spread(rng, lacking, x_m, z_m, known.depth_m)
     tasks = [(scene, *place, beats, True) for place in places]
     errors = []
     for (_, x, z, d, _, _), solved in zip(tasks, all_answers(states, tasks), strict=True):
@@ -224,3 +234,17 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
         floor = kept.small_pulse * truth.max()
         errors.append((np.abs(ours / truth - 1).max(), abs(pulse - span) / max(span, floor)))
     return np.asarray(np.maximum(100 * SAFETY * np.max(errors, axis=0), kept.least_pct))
+
+
+def _spread(
+    rng: np.random.Generator, count: int, *ranges: tuple[float, float]
+) -> list[tuple[float, float, float]]:
+    """Random (x, z, depth) [m] within ``ranges``; each is drawn from evenly, as few states must see
+    all of it, and the depth by its logarithm."""
+    shares = np.array([rng.permutation(count) for _ in ranges])
+    shares = (shares + rng.random(shares.shape)) / count
+    ends = [*ranges[:2], tuple(np.log(ranges[2]))]
+    x, z, log_depth = (
+        low + share * (high - low) for share, (low, high) in zip(shares, ends, strict=True)
+    )
+    return list(zip(x.tolist(), z.tolist(), np.exp(log_depth).tolist(), strict=True))
