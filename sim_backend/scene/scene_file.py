@@ -250,7 +250,7 @@ def _need_course_along(one: Artery, key: str) -> None:
     for first, last in pairwise(one.path):
         way_mm = np.subtract(last, first)
         angle_deg = float(np.degrees(np.arctan2(np.hypot(*way_mm[1:]), way_mm[0])))
-        if angle_deg > MOST_OBLIQUE_DEG:
+        if angle_deg > MOST_OBLIQUE_DEG + 1e-6:  # what rounding makes of as much
             raise ValueError(
                 f"{key}.path: from z_mm = {first[0]:g} to {last[0]:g} it runs at {angle_deg:.0f} "
                 f"degrees to z, at most {MOST_OBLIQUE_DEG:g} in a solid. Turn the block: let z be "

@@ -46,3 +46,72 @@ def test_a_path_that_runs_into_a_lump_overlaps() -> None:
     assert scene([[0, 20, 12.0], [20, 30, 12.0]], beside=[lump])
     with pytest.raises(ValidationError, match="overlaps"):
         scene([[0, 20, 12.0], [20, 60, 12.0]], beside=[lump])
+
+
+def solid(*paths: list[list[float]]) -> Scene:
+    """A block of 30 x 12 x 20 mm with one vessel of radius 2 mm for each path."""
+    vessel = {"kind": "artery", "inner_diameter_mm": 3.0, "wall_mm": 0.5, "modulus_kpa": 300.0,
+              "poisson": 0.45}  # fmt: skip
+    block = {"width_mm": 30.0, "height_mm": 12.0, "length_mm": 20.0, "modulus_kpa": 50.0,
+             "poisson": 0.45}  # fmt: skip
+    vessels = [vessel | {"x_mm": 15.0 + 8 * n, "depth_mm": 6.0, "path": path}
+               for n, path in enumerate(paths)]  # fmt: skip
+    tables = {
+        "tissue": block,
+        "inclusion": vessels,
+        "indenter": {"shape": "sphere", "radius_mm": 4.0},
+    }
+    return Scene.model_validate({"name": "own", "plane": "solid"} | tables)
+
+
+@pytest.mark.parametrize("x_mm", [10.0, 12.1, 12.3, 17.1])
+def test_a_path_at_just_45_degrees_is_taken(x_mm: float) -> None:
+    """Rounding made 45.00000000000001 degrees of some, and refused them."""
+    assert solid([[-4.0, x_mm, 6.0], [4.0, x_mm + 8.0, 6.0]]).arteries[0].path
+    with pytest.raises(ValidationError, match="at 45 degrees to z, at most 45"):
+        solid([[-4.0, x_mm, 6.0], [4.0, x_mm + 8.001, 6.0]])
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        # at 45 degrees a radius of 2 mm is cut in an ellipse that reaches 2.828 mm
+        (
+            [[-4, 2.3, 6], [4, 10.2, 6]],
+            r"path\[0\]: x_mm = 2.3 breaks a side; it must lie between 2.8",
+        ),
+        ([[-4, 20, 6], [4, 27.5, 6]], r"path\[1\]: x_mm = 27.5 .* and 27.2"),
+        (
+            [[-4, 15, 2.5], [4, 15, 9]],
+            r"path\[0\]: depth_mm = 2.5 breaks the surface; it must be above 2.5.*",
+        ),
+        (
+            [[-4, 15, 2.7], [4, 15, 9.5]],
+            r"path\[1\]: depth_mm = 9.5 breaks the bottom; it must be below 9.3",
+        ),
+    ],
+)
+def test_an_oblique_vessel_needs_room_for_its_cut(path: list[list[float]], said: str) -> None:
+    with pytest.raises(ValidationError, match=said):
+        solid(path)
+
+
+def test_between_oblique_vessels_there_is_room_for_their_cuts() -> None:
+    def beside(x_mm: float) -> Scene:
+        return solid([[-4, 8, 6], [4, 16, 6]], [[-4, 8 + x_mm, 6], [4, 16 + x_mm, 6]])
+
+    with pytest.raises(ValidationError, match=r"overlaps .* 5.6 mm apart; .* more than 5.65"):
+        beside(5.6)  # 4 mm would do if they were straight
+    assert beside(5.7)
+    # above each other they are no wider for leaning aside
+    assert solid([[-4, 8, 2.9], [4, 16, 2.9]], [[-4, 8, 7.0], [4, 16, 7.0]])
+
+
+def test_a_path_of_one_point_is_straight() -> None:
+    assert solid([[0, 8, 6]], [[0, 12.1, 6]])
+    with pytest.raises(ValidationError, match="overlaps"):
+        solid([[0, 8, 6]], [[0, 11.9, 6]])
+
+
+def test_a_plane_section_s_vessel_is_round_where_its_path_leans() -> None:
+    assert scene([[0, 3.0, 12.0], [4, 7.0, 12.0]])
