@@ -30,6 +30,10 @@ MAX_FILE_BYTES = 1_000_000
 MAX_NAME = 100  # characters
 MOST_OBLIQUE_DEG = 45.0
 """Of a solid's vessel to z."""
+LEAST_STRETCH = 0.02
+"""Of a solid's stenosis within its block, over its vessel's outer radius: twice the thinnest layer
+that is made (`sim_backend.fem.solid.build.LEAST_LAYER`). One of 0.1 um ended in words of no
+equilibrium."""
 WAVES = ("paper", "brachial")
 
 
@@ -236,12 +240,23 @@ def _need_solid(scene: Scene) -> None:
 
 
 def _need_stretch_within(one: Artery, key: str, low_mm: float, high_mm: float) -> None:
-    """A stenosis that lies beyond the block's ends would be no stenosis at all."""
+    """A stenosis that lies beyond the block's ends would be no stenosis at all, nor a thinner one
+    than can be meshed."""
     stretch = one.stenosis.z_mm if one.stenosis is not None else None
-    if stretch is not None and not (stretch[0] < high_mm and stretch[1] > low_mm):
+    if stretch is None:
+        return
+    said = f"{key}.stenosis: z_mm = [{stretch[0]:g}, {stretch[1]:g}]"
+    within_mm = min(stretch[1], high_mm) - max(stretch[0], low_mm)
+    least_mm = LEAST_STRETCH * one.outer_radius_mm
+    if within_mm <= 0:
         raise ValueError(
-            f"{key}.stenosis: z_mm = [{stretch[0]:g}, {stretch[1]:g}] lies outside the block, "
-            f"which reaches from {low_mm:g} to {high_mm:g}"
+            f"{said} lies outside the block, which reaches from {low_mm:g} to {high_mm:g}"
+        )
+    if within_mm < least_mm:
+        raise ValueError(
+            f"{said} is {within_mm:.2g} mm long within the block, which reaches from {low_mm:g} to "
+            f"{high_mm:g}; it must be at least {least_mm:.2g} mm to be meshed, a fiftieth of the "
+            "outer radius: make it longer, or leave it out"
         )
 
 

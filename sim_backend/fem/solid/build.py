@@ -45,6 +45,10 @@ SLOWER = 0.8
 """Power of the contact's element size with which the others shrink."""
 MOST_UNKNOWNS = 60_000
 """No mesh above this is solved: its factors take more than 1.5 GB."""
+LEAST_LAYER = 0.01
+"""No layer is made thinner than this share of the outer radius of a stenosed vessel: the stretch's
+end is moved onto what is nearer. An end 0.1 um from the finger made the tangent singular; one
+20 um from it, of a vessel of 2 mm, changes the pulse by 0.6 %."""
 HOLD_STIFFNESS = 100.0
 """Of an average that is held, over the tissue's modulus times the width of the hold."""
 
@@ -223,6 +227,7 @@ def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Gr
     """Edges of the layers [m]."""
     reach = half_contact(along, depth_m)
     spots: list[tuple[float, float]] = []  # (z, element size there)
+    ends: list[tuple[float, float]] = []  # (z, how near to it a layer may end) of stenoses
     for one in scene.inclusion:
         wall = grading.at_wall(1e-3 * one.outer_radius_mm)
         if isinstance(one, Tumour):
@@ -231,6 +236,8 @@ def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Gr
             spots += [(middle - core, wall), (middle + core, wall)]
         elif one.stenosis is not None and one.stenosis.z_mm is not None:
             spots += [(1e-3 * z, wall) for z in one.stenosis.z_mm]
+            nearest = LEAST_LAYER * 1e-3 * one.outer_radius_mm
+            ends += [(1e-3 * z, nearest) for z in one.stenosis.z_mm]
 
     edge = EDGE * along.radius * grading.contact_m / (SHARE * half_width_m(scene))
 
@@ -245,9 +252,13 @@ def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Gr
             wanted = np.minimum(wanted, wall + grading.growth * np.abs(z - spot))
         return np.minimum(wanted, grading.coarsest_m)
 
-    inner = {z for z, _ in spots if span.low < z < span.high}
-    if not span.halved:
-        inner.add(0.0)
+    movable = {z for z, _ in ends}
+    breaks = {span.low, span.high, *(z for z, _ in spots if z not in movable)}
+    breaks |= set() if span.halved else {0.0}
+    for z, nearest in ends:
+        if all(abs(z - other) > nearest for other in breaks):
+            breaks.add(z)
+    inner = (z for z in breaks if span.low < z < span.high)
     return graded_edges([span.low, *sorted(inner), span.high], size)
 
 

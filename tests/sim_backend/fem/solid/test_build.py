@@ -55,6 +55,26 @@ def test_a_stenosis_lies_in_its_stretch_only() -> None:
     assert volume_mm3(body, 2) == pytest.approx(8 * np.pi * (2.25**2 - narrow**2), rel=0.01)
 
 
+@pytest.mark.parametrize("end_mm", [1e-4, 9.9999])
+def test_no_layer_is_as_thin_as_rounding_leaves_it(end_mm: float) -> None:
+    """A stretch that ends 0.1 um from the finger or from the block's end had a layer as thin."""
+    ring = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": (-4.0, end_mm)}
+    body = body_of({**ARTERY, "stenosis": ring})
+    z = np.unique(body.wedges.nodes[:, 2].round(9))
+    assert np.diff(z).min() > 0.01 * 2.88e-3
+    assert z[[0, -1]] == pytest.approx([-10e-3, 10e-3])
+    narrow = 2.25 * 0.7
+    expected = (4 + end_mm) * np.pi * (2.25**2 - narrow**2)
+    assert volume_mm3(body, 2) / 2 == pytest.approx(expected, rel=0.01)  # both halves are meshed
+
+
+@pytest.mark.parametrize("stretch", [(-0.02, 0.02), (9.95, 12.0)])
+def test_a_stretch_too_short_to_be_meshed_is_refused(stretch: tuple[float, float]) -> None:
+    ring = {"fraction": 0.3, "modulus_kpa": 4000.0, "z_mm": stretch}
+    with pytest.raises(ValueError, match=r"must be at least 0\.058 mm to be meshed"):
+        block({**ARTERY, "stenosis": ring})
+
+
 @pytest.mark.parametrize("stretch", [None, (-4.0, 4.0)])
 def test_a_closed_stretch_of_lumen_is_in_balance(stretch: tuple[float, float] | None) -> None:
     """Pressure on all of it pushes nowhere across, and its ends' rings push inwards."""
