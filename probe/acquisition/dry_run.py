@@ -109,7 +109,8 @@ def search_seconds(plan: Plan) -> float:
 
 
 def _time_words(presses: int, seconds: float, search_s: float) -> str:
-    text = f"{presses} press{'es' * (presses != 1)} in about {seconds:.0f} s from above the first station on"
+    count = f"{presses} press{'es' * (presses != 1)}"
+    text = f"{count} in about {seconds:.0f} s from above the first station on"
     if search_s:
         text += f", and up to {search_s:.0f} s more where the surface lies deeper than planned"
     return text
