@@ -302,7 +302,7 @@ def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
     report = dry_run(rig, None, tmp_path)
     found = levels(report)
     assert found["calibration force_new"] == "ok"
-    assert "of cell, 1.0 of 2 days old" in {check.text for check in report.checks}
+    assert "of cell, 1.0 days old, meant for 2" in {check.text for check in report.checks}
     assert found["calibration force_old"] == "warning"
     assert found["calibration force_bad"] == "fault"
     assert found["calibration force_other"] == "fault"
