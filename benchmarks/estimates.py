@@ -18,7 +18,8 @@ from rich.table import Table
 
 from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
-from probe.detection.map.bumps import find_bumps, shape, surroundings
+from probe.detection.map.bumps import find_bumps
+from probe.detection.map.row_shapes import shape, surroundings
 from probe.detection.pulse.presses import presses_of
 from probe.report.look import BLUE, VERMILLION
 from sim_backend.scene.waves import BRACHIAL_AMPLITUDES, BRACHIAL_PHASES

@@ -13,10 +13,11 @@ from probe.core.recording import Recording
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
-from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS, MIN_WITH_EDGES, with_edges
+from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS
 from probe.detection.map.field_objects import is_field, objects_in_field, runs_along_rows
 from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, open_objects
 from probe.detection.map.row_objects import line_of, objects_in
+from probe.detection.map.row_shapes import MIN_WITH_EDGES, with_edges
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import least_pulse_pa

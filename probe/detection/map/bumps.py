@@ -7,18 +7,12 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc, fdtrc, fdtri, ncfdtrinc, stdtrit
 
 from drivers.core.arrays import Array
+from probe.detection.map.row_rivals import odds_of_one_press, odds_of_uneven
+from probe.detection.map.row_shapes import shape, slopes, weighted
 
 WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
 """Half widths that are tried, in station distances."""
 PLACES_PER_PITCH = 4
-EDGE_PITCHES, EDGE_M = 0.45, 1.8e-3
-"""How far the free sides of a block lower its level (an exponential): in station distances, and at
-least. Under the paper's finger a plane section of 16.8 mm shows 1.6 to 2.0 mm."""
-CLOSE_M, FURTHER = 3e-3, (1.5, 2.0, 3.0, 4.0)
-"""Stations that show how far a block's sides reach in, and what is tried over `EDGE_M`: a section
-of 30 mm shows 3 times."""
-CURVATURE, EDGE = 0.2, 0.3
-"""Prior standard deviations over the level: of the square over the row's length, and of an edge."""
 TRUSTED = 5
 """How many stations' worth the stated scatter is believed against the one that is seen."""
 MIN_DISTANCE = 1.5
@@ -30,19 +24,10 @@ SETTLED = 1e-4
 NARROWEST, WIDEST = 0.45, 4.0
 """Half widths of a fit, in station distances; any between is as likely, in the logarithm."""
 WIDTH_SD = float(np.log(WIDEST / NARROWEST) / np.sqrt(12))
-LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
-"""Scatter over its own that leaves a station out of a fit; odds beyond these change no finding."""
-MIN_TURNS, PITCHES_OF_A_WAVE, TURNS_STEP = 1.5, 2.5, 0.125
-"""Of a wave along a row: fewer turns are its curvature, stations show none that is shorter, and two
-that differ by less than the step part by an eighth of a turn at most."""
-LEAST_LEVEL = 1e-6
-"""Over the largest: a row that is as uneven as this shows that nothing is pressed."""
 MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
 MIN_LEVELS = 7
 """Stations that can show one apart from a tilted and curved background, as `surroundings`."""
-MIN_WITH_EDGES = 9
-"""Stations that can show one apart from a block's edges too: its three unknowns, and five more."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +35,9 @@ class Bump:
     """``height`` above (below, when negative) the background at ``x_m``, ``half_width_m`` wide.
 
     ``x_low_m``, ``x_high_m``: 95 % interval; ``p_value``: chance of one as clear anywhere in a row
-    that has none; ``alone``: odds that only the press at it differs, against the bump; ``wave``:
-    odds that the row waves from end to end, as an uneven surface does, or that a high block's sides
-    reach further in.
+    that has none; ``alone``: odds that only the press at it differs, against the bump; ``uneven``:
+    odds that the row waves from end to end, that a high block's sides reach further in or that it
+    is stiffer on one side.
     """
 
     x_m: float
@@ -63,7 +48,7 @@ class Bump:
     half_width_m: float
     p_value: float
     alone: float = 0.0
-    wave: float = 0.0
+    uneven: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -114,7 +99,7 @@ def least_height(x_m: Array, value: Array, sd: Array, base: Array, false_alarm: 
     if n < MIN_STATIONS or n - base.shape[1] <= 3:
         return float("inf")
     pitch = float(np.median(np.diff(x_m)))
-    _, fitted, _, rest = _weighted(x_m, value, sd, base, [])
+    _, fitted, _, rest = weighted(x_m, value, sd, base, [])
     column = np.zeros(len(fitted))
     column[:n] = shape(x_m, float(x_m.mean()), 2 * pitch) / sd
     q, _ = np.linalg.qr(fitted)
@@ -128,7 +113,7 @@ def least_height(x_m: Array, value: Array, sd: Array, base: Array, false_alarm: 
 
 def evenness(x_m: Array, value: Array, sd: Array, base: Array) -> float:
     """How often ``base`` and a scatter of ``sd`` (n,) leave a row as uneven as ``value`` (n,)."""
-    *_, left = _weighted(x_m, value, sd, base, [])
+    *_, left = weighted(x_m, value, sd, base, [])
     return float(chdtrc(len(x_m) - base.shape[1], float(left @ left)))
 
 
@@ -138,57 +123,6 @@ def at_places(x_m: Array, value: Array, sd: Array, base: Array, bumps: tuple[Bum
         return Row((), np.full(len(x_m), np.median(value)), float(np.median(sd)))
     known = [(one.x_m, one.half_width_m) for one in bumps]
     return _row(x_m, value, sd, base, known, [1.0] * len(known), fixed=True)
-
-
-def shape(x_m: Array, centre: Array | float, half_width: Array | float) -> Array:
-    """The bump that an inclusion makes: between a Gaussian and a Lorentzian."""
-    return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / 1.5) ** -1.5)
-
-
-def surroundings(x_m: Array) -> Array:
-    """Columns (n, 3 or 5) of a tilted, curved level, of 9 stations or more also its two edges."""
-    columns = with_edges(x_m)
-    return columns if len(x_m) >= MIN_WITH_EDGES else columns[:, :3]
-
-
-def with_edges(x_m: Array) -> Array:
-    """Columns (n, 5) of a tilted, curved level and of its two edges."""
-    pitch = float(np.median(np.diff(x_m)))
-    u = (x_m - x_m.mean()) / np.ptp(x_m)
-    reach_m = max(EDGE_PITCHES * pitch, EDGE_M)
-    edges = [np.exp(-np.abs(x_m - end) / reach_m) for end in (x_m[0], x_m[-1])]
-    return np.column_stack([np.ones_like(u), u, u**2, *edges])
-
-
-def _further_edges(x_m: Array) -> list[Array]:
-    """Pairs of columns (n, 2) of edges that reach further, as a high block's do, where stations are
-    so close that they show the difference from a lump."""
-    if round(float(np.median(np.diff(x_m))), 4) > CLOSE_M:  # to what poses are exact to, 0.1 mm
-        return []
-    ends = x_m[[0, -1]]
-    return [np.exp(-np.abs(x_m[:, None] - ends) / (more * EDGE_M)) for more in FURTHER]
-
-
-def floor(x_m: Array) -> Array:
-    """The column (n, 1) of what noise alone makes of a size: the same everywhere."""
-    return np.ones((len(x_m), 1))
-
-
-def level_of(value: Array) -> float:
-    """The usual one, above 0 also where a sensor reads less than none."""
-    return max(float(np.median(value)), LEAST_LEVEL * float(np.abs(value).max())) or 1.0
-
-
-def _weighted(
-    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]]
-) -> tuple[Array, Array, Array, Array]:
-    """Columns, and weighted with what holds them: columns, values, residual."""
-    columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
-    held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
-    prior = np.diag(np.append(held, np.zeros(len(known)))) / level_of(value)
-    a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
-    q, _ = np.linalg.qr(a)
-    return columns, a, b, b - q @ (q.T @ b)
 
 
 def _next(
@@ -202,7 +136,7 @@ def _next(
     tried = [(float(c), w * pitch) for c in free for w in WIDTHS]
     if not tried:
         return [(float(x_m.mean()), pitch)], 1.0
-    _, a, _, left = _weighted(x_m, value, sd, base, known)
+    _, a, _, left = weighted(x_m, value, sd, base, known)
     more = np.zeros((len(left), len(tried)))
     more[: len(x_m)] = np.column_stack([shape(x_m, *one) for one in tried]) / sd[:, None]
     q, _ = np.linalg.qr(a)
@@ -224,8 +158,8 @@ def _together(
     """``new`` bumps with the one that is clearest beside them, and the chance of all together."""
     more, _ = _next(x_m, value, sd, pitch, base, [*known, *new], rising)
     every = _refined(x_m, value, sd, pitch, base, [*known, *new, *more], rising)
-    *_, before = _weighted(x_m, value, sd, base, known)
-    *_, after = _weighted(x_m, value, sd, base, every)
+    *_, before = weighted(x_m, value, sd, base, known)
+    *_, after = weighted(x_m, value, sd, base, every)
     count = len(new) + 1
     places = (PLACES_PER_PITCH * len(x_m)) ** count // PLACES_PER_PITCH ** (count - 1)
     dof = len(x_m) - base.shape[1] - 3 * len(known)
@@ -256,7 +190,7 @@ def _refined(
 ) -> list[tuple[float, float]]:  # fmt: skip
     """Places and widths of all bumps together, by least squares."""
     n = len(x_m)
-    _, a, _, left = _weighted(x_m, value, sd, base, [])
+    _, a, _, left = weighted(x_m, value, sd, base, [])
     q, _ = np.linalg.qr(a)
 
     def beside(columns: Array) -> Array:
@@ -280,7 +214,7 @@ def _refined(
         own, basis, rest = bumps(p)
         inverse = np.linalg.pinv(own)
         height = np.repeat(inverse @ left, 2)
-        moved = beside(np.column_stack([_moved(x_m, c, w) for c, w in _bumps(p, pitch)]))
+        moved = beside(np.column_stack([slopes(x_m, c, w) for c, w in _bumps(p, pitch)]))
         across = moved - basis @ (basis.T @ moved)
         found = across * height + np.repeat(inverse.T, 2, axis=1) * (rest @ moved)
         return -found[:n]
@@ -300,19 +234,12 @@ def _bumps(p: Array, pitch: float) -> list[tuple[float, float]]:
     return list(zip(p[::2].tolist(), (pitch * np.exp(p[1::2])).tolist(), strict=True))
 
 
-def _moved(x_m: Array, centre: float, half_width: float) -> Array:
-    """Derivatives (n, 2) of `shape` by its place and the logarithm of its width."""
-    u = (x_m - centre) / half_width
-    slope = 2 * u * (1 + u**2 / 1.5) ** -2.5
-    return np.column_stack([slope / half_width, slope * u])
-
-
 def _row(
     x_m: Array, value: Array, sd: Array, base: Array,
     known: list[tuple[float, float]], chances: list[float], *, fixed: bool = False,
 ) -> Row:  # fmt: skip
     """``fixed``: places and widths are known, from another map."""
-    columns, a, b, left = _weighted(x_m, value, sd, base, known)
+    columns, a, b, left = weighted(x_m, value, sd, base, known)
     rss = float(left @ left)
     coefficients = np.linalg.pinv(a) @ b
     count = base.shape[1]
@@ -321,56 +248,20 @@ def _row(
     heights = coefficients[count:]
     height_sd, place_sd = _doubts(x_m, sd, a, known, heights, scatter, fixed)
     reach = float(stdtrit(dof + TRUSTED, 0.975)) * place_sd
-    alone = [_alone(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))]
-    waves = [_waving(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))]
+    alone = [
+        odds_of_one_press(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))
+    ]
+    others = [
+        odds_of_uneven(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))
+    ]
     bumps = [
         Bump(c, c - r, c + r, float(h), float(s), w, p, *odds)
         for (c, w), h, s, r, p, *odds in zip(
-            known, heights, height_sd, reach, chances, alone, waves, strict=True
+            known, heights, height_sd, reach, chances, alone, others, strict=True
         )
     ]
     bumps.sort(key=lambda b: b.p_value)
     return Row(tuple(bumps), columns[:, :count] @ coefficients[:count], float(np.sqrt(scatter)))
-
-
-def _alone(
-    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
-    rss: float, scatter: float,
-) -> float:  # fmt: skip
-    """Odds that the press nearest to the bump ``known[k]`` differs by itself, both alike
-    beforehand: the likelihood without the press and the bump over that with them, ``rss``."""
-    left_out = np.abs(x_m - known[k][0]) == np.abs(x_m - known[k][0]).min()
-    *_, left = _weighted(
-        x_m, value, np.where(left_out, LEFT_OUT * sd, sd), base, [*known[:k], *known[k + 1 :]]
-    )
-    return float(np.exp(min((rss - float(left @ left)) / (2 * max(scatter, 1.0)), MAX_LOG_ODDS)))
-
-
-def _waving(
-    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
-    rss: float, scatter: float,
-) -> float:  # fmt: skip
-    """Odds that the row waves, or that its edges reach further, instead of the bump ``known[k]``,
-    or of all ``known``, alike beforehand: by likelihood, each unknown less for half the logarithm
-    of the stations (Schwarz 1978). Waves and edges have three, as a bump does."""
-    n, best, span = len(x_m), -np.inf, float(np.ptp(x_m))
-    most_turns = span / float(np.median(np.diff(x_m))) / PITCHES_OF_A_WAVE
-    for others in {(*known[:k], *known[k + 1 :]), ()}:
-        _, a, b, _ = _weighted(x_m, value, sd, base, list(others))
-        fewer = 3 * (len(known) - 1 - len(others))
-        angles = [
-            2 * np.pi * turns * (x_m - x_m[0]) / span
-            for turns in np.arange(MIN_TURNS, most_turns, TURNS_STEP)
-        ]
-        waves = [np.column_stack([np.cos(angle), np.sin(angle)]) for angle in angles]
-        for along in [*waves, *_further_edges(x_m)]:
-            both = np.zeros((len(a), 2))
-            both[:n] = along / sd[:, None]
-            q, _ = np.linalg.qr(np.hstack([a, both]))
-            left = b - q @ (q.T @ b)
-            gain = (rss - float(left @ left)) / (2 * max(scatter, 1.0)) + fewer * np.log(n) / 2
-            best = max(best, gain)
-    return float(np.exp(min(best, MAX_LOG_ODDS)))
 
 
 def _doubts(
@@ -384,7 +275,7 @@ def _doubts(
     whole = np.zeros((len(fitted) + each, count + 2 * each))
     whole[: len(fitted), :count] = fitted
     if known and not fixed:
-        moved = np.array([h * _moved(x_m, *one) for one, h in zip(known, heights, strict=True)])
+        moved = np.array([h * slopes(x_m, *one) for one, h in zip(known, heights, strict=True)])
         whole[:n, count : count + each] = (half[:, None] * moved[:, :, 0] / sd).T
         whole[:n, count + each :] = (moved[:, :, 1] / sd).T
         whole[len(fitted) :, count + each :] = np.eye(each) * np.sqrt(scatter) / WIDTH_SD

@@ -9,15 +9,8 @@ from scipy.special import stdtrit
 
 from drivers.core.arrays import Array, Bools
 from probe.core.places import SAME_PLACE_M
-from probe.detection.map.bumps import (
-    CURVATURE,
-    MIN_DISTANCE,
-    SETTLED,
-    TRUSTED,
-    WIDTHS,
-    chance,
-    level_of,
-)  # fmt: skip
+from probe.detection.map.bumps import MIN_DISTANCE, SETTLED, TRUSTED, WIDTHS, chance
+from probe.detection.map.row_shapes import CURVATURE, level_of
 
 MIN_PRESSES = 15
 """Places that can show a spot (four unknowns) apart from a curved background (six)."""

@@ -1,19 +1,21 @@
 """What lies under presses at any places (x, y): the spots of level and pulse, put together."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Station
-from probe.detection.classify.classifier import SIZES, Seen, judge
+from probe.detection.classify.classifier import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
 from probe.detection.map.field import (
     MIN_PRESSES,
     Map,
     Spot,
+    among,
     find_spots,
     map_of,
     shape,
@@ -21,7 +23,15 @@ from probe.detection.map.field import (
     spot_at,
 )
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
-from probe.detection.map.row_objects import BEAT_SCATTER, MIN_SHARE, TAIL, measured, stray
+from probe.detection.map.row_objects import (
+    AT_AN_END,
+    BEAT_SCATTER,
+    MIN_SHARE,
+    NO_LEVEL,
+    TAIL,
+    measured,
+    stray,
+)
 from probe.detection.map.vessel_tracking import MAX_STRAY_PITCHES
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
@@ -166,7 +176,9 @@ def _object(
     off = np.hypot(*(levels.place_m - spot.place_m).T)
     nearest = judged[int(np.argmin(off))]
     assert nearest.pulse is not None
-    ground, whole = max(level.background, 1e-9), max(nearest.level_pa, 1e-9)
+    ground, whole = level.background, nearest.level_pa
+    if min(ground, whole) <= 0:
+        return _placed(spot, level, nearest.size_pa, NO_LEVEL, levels)
     contrast, contrast_sd = level.height / ground, level.height_sd / ground
     pulse, pulse_sd = nearest.size_pa, nearest.pulse.size_sd_pa
     if still is None:
@@ -175,10 +187,22 @@ def _object(
     else:
         seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still)
     said = judge(seen)
+    if said.kind != "undecided" and _at_the_edge(spot, levels):
+        said = replace(said, kind="undecided", reason=AT_AN_END)
+    return _placed(spot, level, pulse, said, levels)
+
+
+def _at_the_edge(spot: Spot, levels: Map) -> bool:
+    """Whether nothing was pressed beyond it on some side."""
+    beyond_m = 0.5 * levels.spacing_m * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    return not among(spot.place_m + beyond_m, levels.place_m).all()
+
+
+def _placed(spot: Spot, level: Spot, pulse_pa: float, said: Judged, levels: Map) -> ObjectFinding:
     x, y = (float(v) for v in spot.place_m)
     low, high = levels.place_m.min(axis=0)[0], levels.place_m.max(axis=0)[0]
     reach = float(spot.reach_m[0])
     return ObjectFinding(
         said.kind, x, (float(max(x - reach, low)), float(min(x + reach, high))), level.height,
-        pulse, said.confidence, said.reason, ((x, y),),
+        pulse_pa, said.confidence, said.reason, ((x, y),),
     )  # fmt: skip

@@ -7,8 +7,8 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import TRUSTED, WIDTHS, chance
-from probe.detection.map.bumps import shape as bump
 from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, among, shape
+from probe.detection.map.row_shapes import shape as bump
 from probe.detection.repeats import distinct_m
 
 ANGLES_RAD = np.radians(np.arange(0.0, 180.0, 7.5))

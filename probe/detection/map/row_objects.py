@@ -1,7 +1,7 @@
 """What lies under one row of stations: the bumps of its level and pulse maps, put together."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtr
@@ -17,10 +17,8 @@ from probe.detection.map.bumps import (
     Row,
     at_places,
     find_bumps,
-    floor,
-    shape,
-    surroundings,
 )
+from probe.detection.map.row_shapes import floor, shape, surroundings
 from probe.detection.map.sideways import reach_inwards_m
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press, depth_m
@@ -36,6 +34,16 @@ MOST_SIGMAS, LEAST_TAIL = 30.0, 0.1
 """Deviations: from nothing beyond which odds would overflow, and a tail that changes nothing."""
 MIN_SHARE = 0.3
 """Stations that feel less than this share of a pulse are not asked about it."""
+
+AT_AN_END = (
+    "it is felt most where the stations end: it lies here or beyond, or the tissue itself changes "
+    "there; press beyond it too, until it is felt less"
+)
+NO_LEVEL = Judged(
+    "undecided", float("nan"),
+    "the force there or beside it is not above zero, so that nothing can be compared with it: take "
+    "the zero in the air and scan again", 0.5,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -170,7 +178,9 @@ def _object(
         level = at_places(line.x_m, line.level_pa, line.level_sd_pa, base, every)
         bump = next(one for one in level.bumps if one.x_m == place.pulse.x_m)
     assert bump is not None
-    ground, whole = max(float(level.background[at]), 1e-9), max(float(line.level_pa[at]), 1e-9)
+    ground, whole = float(level.background[at]), float(line.level_pa[at])
+    if min(ground, whole) <= 0:
+        return _finding(place, bump.height, float(line.pulse_pa[at]), NO_LEVEL, line)
     # the top is measured: what is added to the bump is taken from the ground
     height, height_sd = bump.height, bump.height_sd * max(1 + bump.height / ground, 1.0)
     pulse, pulse_sd = float(line.pulse_pa[at]), float(line.pulse_sd_pa[at])
@@ -187,8 +197,11 @@ def _object(
             unseen = measured(pulse, sd_pa, whole * SIZES, tail_pa)
             pulse = max(pulse - tail_pa, 0.0)
         seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0, unseen, bump.alone,
-                    bump.wave)  # fmt: skip
-    return _finding(place, height, pulse, judge(seen), line)
+                    bump.uneven)  # fmt: skip
+    said = judge(seen)
+    if said.kind != "undecided" and at in (0, len(line.x_m) - 1):
+        said = replace(said, kind="undecided", reason=AT_AN_END)
+    return _finding(place, height, pulse, said, line)
 
 
 def _unseen(line: Line, place: Place, size_pa: Array) -> Array:
@@ -247,10 +260,15 @@ def measured(size_pa: float, sd_pa: float, true_pa: Array, tail_pa: float = 0.0)
 
 
 def _finding(place: Place, height: float, pulse: float, said: Judged, line: Line) -> ObjectFinding:
-    """The interval also holds where it lay before it was squeezed aside; it ends with the row."""
+    """The interval also holds where it lay before it was squeezed aside. It ends with the row, or
+    at an end of it as far beyond as half of what lies there is felt."""
     aside = reach_inwards_m(place.x_m, line.x_m, line.depth_m)
     ends = place.low_m + min(aside, 0.0), place.high_m + max(aside, 0.0)
     low, high = (float(np.clip(x, line.x_m[0], line.x_m[-1])) for x in ends)
+    at, bump = int(np.argmin(np.abs(line.x_m - place.x_m))), place.pulse or place.level
+    felt_m = bump.half_width_m if bump else 0.0
+    low = low - felt_m if at == 0 else low
+    high = high + felt_m if at == len(line.x_m) - 1 else high
     return ObjectFinding(
         said.kind, place.x_m, (low, high), height, pulse, said.confidence, said.reason,
         diseased=said.diseased,

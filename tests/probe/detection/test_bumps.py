@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from drivers.core.arrays import Array
-from probe.detection.map.bumps import (
-    evenness,
-    find_bumps,
-    floor,
-    least_height,
-    shape,
-    surroundings,
-)
+from probe.detection.map.bumps import evenness, find_bumps, least_height
+from probe.detection.map.row_shapes import floor, shape, surroundings
 
 HEIGHT, NOISE = 1.0, 1e-3
 
@@ -158,7 +152,7 @@ def test_what_the_sides_of_a_high_block_make_of_a_close_row_is_no_lump(scatter_p
     level_pa = np.array([*HALF_OF_A_HIGH_BLOCK_PA, *HALF_OF_A_HIGH_BLOCK_PA[-2::-1]], float)
     row = find_bumps(x_m, level_pa, np.full(len(x_m), scatter_pa), surroundings(x_m), 0.0025)
     assert row.bumps
-    assert all(bump.wave > 100 for bump in row.bumps)
+    assert all(bump.uneven > 100 for bump in row.bumps)
 
 
 @pytest.mark.parametrize("start_m", [0.0, 4e-3])
@@ -169,7 +163,7 @@ def test_stations_3_mm_apart_are_close_however_their_places_are_rounded(start_m:
     value = 1000 - 250 * left - 150 * right
     found = find_bumps(x_m, value, np.full(19, 1.0), surroundings(x_m), 0.0025).bumps
     assert found
-    assert all(bump.wave > 100 for bump in found)
+    assert all(bump.uneven > 100 for bump in found)
 
 
 def test_a_lump_beside_short_edges_is_not_taken_for_far_ones() -> None:
@@ -181,7 +175,7 @@ def test_a_lump_beside_short_edges_is_not_taken_for_far_ones() -> None:
         lump = 50 * shape(x_m, rng.uniform(12e-3, 52e-3), 4.5e-3)
         value = 1000 - 150 * edges + lump + rng.normal(scale=5.0, size=len(x_m))
         found = find_bumps(x_m, value, np.full(len(x_m), 5.0), surroundings(x_m), 0.0025).bumps
-        sure += len(found) == 1 and found[0].wave < 0.05
+        sure += len(found) == 1 and found[0].uneven < 0.05
     assert sure >= 18
 
 
@@ -192,5 +186,5 @@ def test_edges_reach_as_far_in_where_stations_are_closer() -> None:
     row = find_bumps(x_m, level_pa, np.full(len(x_m), 40.0), surroundings(x_m), 0.01)
     (bump,) = row.bumps
     assert bump.x_m == pytest.approx(32e-3, abs=0.1e-3)
-    assert bump.wave < 0.01
+    assert bump.uneven < 0.01
     assert row.scatter < 1  # what is left of the row is within what its presses scatter

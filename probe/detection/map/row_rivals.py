@@ -1,0 +1,85 @@
+"""What else a row of stations may show than a bump: one odd press, waves, far edges or a step."""
+
+import numpy as np
+
+from drivers.core.arrays import Array
+from probe.detection.map.row_shapes import EDGE_M, weighted
+
+CLOSE_M, FURTHER = 3e-3, (1.5, 2.0, 3.0, 4.0)
+"""Stations that show how far a block's sides reach in, and what is tried over `EDGE_M`: a section
+of 30 mm shows 3 times."""
+LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
+"""Scatter over its own that leaves a station out of a fit; odds beyond these change no finding."""
+MIN_TURNS, PITCHES_OF_A_WAVE, TURNS_STEP = 1.5, 2.5, 0.125
+"""Of a wave along a row: fewer turns are its curvature, stations show none that is shorter, and two
+that differ by less than the step part by an eighth of a turn at most."""
+STEP_WIDTHS = (0.5, 1.0, 2.0, 4.0)
+"""Of a step from one level to another, in station distances."""
+
+
+def odds_of_one_press(
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
+    rss: float, scatter: float,
+) -> float:  # fmt: skip
+    """Odds that the press nearest to the bump ``known[k]`` differs by itself, both alike
+    beforehand: the likelihood without the press and the bump over that with them, ``rss``."""
+    left_out = np.abs(x_m - known[k][0]) == np.abs(x_m - known[k][0]).min()
+    *_, left = weighted(
+        x_m, value, np.where(left_out, LEFT_OUT * sd, sd), base, [*known[:k], *known[k + 1 :]]
+    )
+    return float(np.exp(min((rss - float(left @ left)) / (2 * max(scatter, 1.0)), MAX_LOG_ODDS)))
+
+
+def odds_of_uneven(
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
+    rss: float, scatter: float,
+) -> float:  # fmt: skip
+    """Odds that the row waves, that its edges reach further or that it is stiffer on one side,
+    instead of the bump ``known[k]``, or of all ``known``, alike beforehand: by likelihood, each
+    unknown less for half the logarithm of the stations (Schwarz 1978). Each has three, as a bump.
+    """
+    n, best = len(x_m), -np.inf
+    for others in {(*known[:k], *known[k + 1 :]), ()}:
+        _, a, _, left = weighted(x_m, value, sd, base, list(others))
+        before, fewer = float(left @ left), 3 * (len(known) - 1 - len(others))
+        for rivals in (_waves(x_m), _further_edges(x_m), _steps(x_m)):
+            after = before - _explained(a, left, rivals / sd[:, None])
+            gain = (rss - after.min(initial=np.inf)) / (2 * max(scatter, 1.0))
+            best = max(best, gain + fewer * np.log(n) / 2)
+    return float(np.exp(min(best, MAX_LOG_ODDS)))
+
+
+def _explained(a: Array, left: Array, rivals: Array) -> Array:
+    """By how much each of ``rivals`` (m, n, k), beside the weighted columns ``a``, would lower the
+    sum of squares of the residual ``left``."""
+    q, _ = np.linalg.qr(a)
+    whole = np.zeros((len(rivals), len(a), rivals.shape[2]))
+    whole[:, : rivals.shape[1]] = rivals
+    basis, _ = np.linalg.qr(whole - q @ (q.T @ whole))
+    return np.asarray(((left @ basis) ** 2).sum(axis=-1))
+
+
+def _waves(x_m: Array) -> Array:
+    """Pairs of columns (m, n, 2) of waves that are no curvature and that stations show."""
+    pitch, along = float(np.median(np.diff(x_m))), x_m - x_m[0]
+    turns = np.arange(MIN_TURNS, along[-1] / pitch / PITCHES_OF_A_WAVE, TURNS_STEP)
+    angles = 2 * np.pi * turns[:, None] * along / along[-1]
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+
+
+def _further_edges(x_m: Array) -> Array:
+    """Pairs of columns (m, n, 2) of edges that reach further, as a high block's do, where stations
+    are so close that they show the difference from a lump."""
+    if round(float(np.median(np.diff(x_m))), 4) > CLOSE_M:  # to what poses are exact to, 0.1 mm
+        return np.zeros((0, len(x_m), 2))
+    off_m = np.abs(x_m[:, None] - x_m[[0, -1]])
+    return np.exp(-off_m / (EDGE_M * np.array(FURTHER)[:, None, None]))
+
+
+def _steps(x_m: Array) -> Array:
+    """Columns (m, n, 1) of a level that is higher on one side, as over a bone's edge: from anywhere
+    in the row, or just beyond, to anywhere on a scale of `STEP_WIDTHS`."""
+    pitch = float(np.median(np.diff(x_m)))
+    middles = np.arange(x_m[0] - pitch, x_m[-1] + 1.5 * pitch, pitch / 2)
+    widths_m = pitch * np.array(STEP_WIDTHS)[:, None, None]
+    return np.tanh((x_m - middles[:, None]) / widths_m).reshape(-1, len(x_m), 1)

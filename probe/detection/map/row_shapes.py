@@ -1,0 +1,64 @@
+"""What a row of stations is fitted with: a tilted, curved level with edges, and bumps."""
+
+import numpy as np
+
+from drivers.core.arrays import Array
+
+EDGE_PITCHES, EDGE_M = 0.45, 1.8e-3
+"""How far the free sides of a block lower its level (an exponential): in station distances, and at
+least. Under the paper's finger a plane section of 16.8 mm shows 1.6 to 2.0 mm."""
+CURVATURE, EDGE = 0.2, 0.3
+"""Prior standard deviations over the level: of the square over the row's length, and of an edge."""
+LEAST_LEVEL = 1e-6
+"""Over the largest: a row that is as uneven as this shows that nothing is pressed."""
+MIN_WITH_EDGES = 9
+"""Stations that can show a bump apart from a block's edges too: eight unknowns and one more."""
+
+
+def shape(x_m: Array, centre: Array | float, half_width: Array | float) -> Array:
+    """The bump that an inclusion makes: between a Gaussian and a Lorentzian."""
+    return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / 1.5) ** -1.5)
+
+
+def slopes(x_m: Array, centre: float, half_width: float) -> Array:
+    """Derivatives (n, 2) of `shape` by its place and the logarithm of its width."""
+    u = (x_m - centre) / half_width
+    slope = 2 * u * (1 + u**2 / 1.5) ** -2.5
+    return np.column_stack([slope / half_width, slope * u])
+
+
+def surroundings(x_m: Array) -> Array:
+    """Columns (n, 3 or 5) of a tilted, curved level, of 9 stations or more also its two edges."""
+    columns = with_edges(x_m)
+    return columns if len(x_m) >= MIN_WITH_EDGES else columns[:, :3]
+
+
+def with_edges(x_m: Array) -> Array:
+    """Columns (n, 5) of a tilted, curved level and of its two edges."""
+    pitch = float(np.median(np.diff(x_m)))
+    u = (x_m - x_m.mean()) / np.ptp(x_m)
+    reach_m = max(EDGE_PITCHES * pitch, EDGE_M)
+    edges = [np.exp(-np.abs(x_m - end) / reach_m) for end in (x_m[0], x_m[-1])]
+    return np.column_stack([np.ones_like(u), u, u**2, *edges])
+
+
+def floor(x_m: Array) -> Array:
+    """The column (n, 1) of what noise alone makes of a size: the same everywhere."""
+    return np.ones((len(x_m), 1))
+
+
+def level_of(value: Array) -> float:
+    """The usual one, above 0 also where a sensor reads less than none."""
+    return max(float(np.median(value)), LEAST_LEVEL * float(np.abs(value).max())) or 1.0
+
+
+def weighted(
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]]
+) -> tuple[Array, Array, Array, Array]:
+    """Columns, and weighted with what holds them: columns, values, residual."""
+    columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
+    held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
+    prior = np.diag(np.append(held, np.zeros(len(known)))) / level_of(value)
+    a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
+    q, _ = np.linalg.qr(a)
+    return columns, a, b, b - q @ (q.T @ b)
