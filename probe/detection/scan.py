@@ -50,9 +50,10 @@ def detect(
     """What lies beneath a scan, and where: of a recording, a run, or a run file.
 
     ``false_alarm`` is the chance that a scan over nothing finds something: half of it is spent on
-    the pulse, half on the level map; where more than 1 % is asked for, less sure causes count as
-    pulses too. ``asked_pa`` is the smallest pulse, trough to crest, that
-    "nothing" is to rule out: where the scan would not have shown it, the finding is "cannot see".
+    the pulse, half on the level map; where more than twice the default is asked for (more than it
+    in a single press), less sure causes count as pulses too. ``asked_pa`` is the smallest pulse,
+    trough to crest, that "nothing" is to rule out: where the scan would not have shown it, the
+    finding is "cannot see".
     By default it is that of the paper's healthy artery on this probe's face. Works on real and
     simulated recordings alike. Never raises for what was recorded: a press that cannot be judged is
     a station with a ``note``.

@@ -94,8 +94,11 @@ def objects_in_field(
         if near is not None and same:
             beating.remove(near)
         still = None if same else _still(spot, judged, levels, vessels)
-        found.append(_object(spot, spot, judged, levels, moving, still))
-    return found + [_object(b, spot_at(levels, b), judged, levels, moving, None) for b in beating]
+        found.append(_inside(_object(spot, spot, judged, levels, moving, still), spot, levels))
+    for spot in beating:
+        one = _object(spot, spot_at(levels, spot), judged, levels, moving, None)
+        found.append(_inside(one, spot, levels))
+    return found
 
 
 def pulses_of(judged: list[Press]) -> Map:
@@ -186,16 +189,7 @@ def _object(
                     1.0 if moving is None else moving)  # fmt: skip
     else:
         seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still)
-    said = judge(seen)
-    if said.kind != "undecided" and _at_the_edge(spot, levels):
-        said = replace(said, kind="undecided", reason=AT_AN_END)
-    return _placed(spot, level, pulse, said, levels)
-
-
-def _at_the_edge(spot: Spot, levels: Map) -> bool:
-    """Whether nothing was pressed beyond it on some side."""
-    beyond_m = 0.5 * levels.spacing_m * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
-    return not among(spot.place_m + beyond_m, levels.place_m).all()
+    return _placed(spot, level, pulse, judge(seen), levels)
 
 
 def _placed(spot: Spot, level: Spot, pulse_pa: float, said: Judged, levels: Map) -> ObjectFinding:
@@ -206,3 +200,14 @@ def _placed(spot: Spot, level: Spot, pulse_pa: float, said: Judged, levels: Map)
         said.kind, x, (float(max(x - reach, low)), float(min(x + reach, high))), level.height,
         pulse_pa, said.confidence, said.reason, ((x, y),),
     )  # fmt: skip
+
+
+def _inside(one: ObjectFinding, spot: Spot, levels: Map) -> ObjectFinding:
+    """What lies where on some side nothing was pressed beyond it may lie there, as far as half of
+    it is felt, and is not named."""
+    beyond_m = 0.5 * levels.spacing_m * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
+    if among(spot.place_m + beyond_m, levels.place_m).all():
+        return one
+    reach_m = float(spot.reach_m[0]) + spot.half_width_m
+    one = replace(one, position_ci_m=(one.position_m - reach_m, one.position_m + reach_m))
+    return one if one.kind == "undecided" else replace(one, kind="undecided", reason=AT_AN_END)
