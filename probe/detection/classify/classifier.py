@@ -30,9 +30,9 @@ MIN_REASON = 0.1
 REASONS = {
     ONE_PRESS: "one press alone is stiffer or softer than the others: repeat it, and press beside "
     "it",
-    UNEVEN: "the row waves from end to end, as over an uneven surface, sinks far from its ends, as "
-    "a high block's does, or is stiffer on one side, as beside a bone: press as deep from where "
-    "the surface is at each station, or press a row across this one",
+    UNEVEN: "the level waves from end to end, as over an uneven surface, sinks far from the ends, "
+    "as a high block's does, or is higher on one side, as beside a bone: press as deep from where "
+    "the surface is at each station, beyond that side, or in a row across this one",
 }
 PRIOR: dict[str, float] = {
     "tumour": 0.3, "artery": 0.3, "stenotic artery": 0.3, ELSE: 0.1,

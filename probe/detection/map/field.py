@@ -88,7 +88,7 @@ def find_spots(
         if not len(free):
             break
         tried, spots = _tried(seen, free)
-        _, a, _, left = _weighted(seen, known)
+        _, a, _, left = weighted(seen, known)
         more = np.zeros((len(left), len(tried)))
         more[: len(seen.value)] = spots / seen.sd[:, None]
         q, _ = np.linalg.qr(a)
@@ -147,7 +147,7 @@ def _centres(seen: Map) -> Array:
     return grid[among(grid, seen.place_m)]
 
 
-def _weighted(seen: Map, known: list[Array]) -> tuple[Array, Array, Array, Array]:
+def weighted(seen: Map, known: list[Array]) -> tuple[Array, Array, Array, Array]:
     """Columns, and weighted with what holds them: columns, values, residual."""
     columns = np.column_stack([seen.base, *(shape(seen.place_m, one) for one in known)])
     prior = np.diag(np.append(seen.held, np.zeros(len(known))))
@@ -165,7 +165,7 @@ def _refined(seen: Map, known: list[Array]) -> list[Array]:
         return [np.append(one[:2], unit * np.exp(one[2])) for one in p.reshape(-1, 3)]
 
     def residual(p: Array) -> Array:
-        return _weighted(seen, spots(p))[3][: len(seen.value)]
+        return weighted(seen, spots(p))[3][: len(seen.value)]
 
     start = np.concatenate([np.append(k[:2], np.log(k[2] / unit)) for k in known])
     low = np.tile(np.append(seen.place_m.min(axis=0), np.log(0.45)), len(known))
@@ -180,7 +180,7 @@ def _spots(seen: Map, known: list[Array], chances: list[float]) -> list[Spot]:
     """The spots with their doubts, from the fit's Jacobian."""
     if not known:
         return []
-    columns, a, b, left = _weighted(seen, known)
+    columns, a, b, left = weighted(seen, known)
     k = seen.base.shape[1]
     coefficients = np.linalg.lstsq(a, b, rcond=None)[0]
     dof = max(len(seen.value) - k - SPOT_UNKNOWNS * len(known), 1)

@@ -22,6 +22,7 @@ from probe.detection.map.field import (
     spacing_m,
     spot_at,
 )
+from probe.detection.map.field_rivals import odds_of_a_step
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import (
     AT_AN_END,
@@ -80,7 +81,7 @@ def objects_in_field(
     place_m = _places([p.station for p in judged])
     levels = map_of(place_m, np.array([p.level_pa for p in judged]),
                     np.array([p.level_sd_pa for p in judged]))  # fmt: skip
-    stiff = find_spots(levels, false_alarm / 2)
+    stiff = bumps = find_spots(levels, false_alarm / 2)
     beating = _beating(judged, false_alarm / 2) if moving is not None else []
     vessels, found = tuple(beating), []
     if (ridge := find_ridge(pulses_of(judged), beating)) is not None:
@@ -94,7 +95,9 @@ def objects_in_field(
         if near is not None and same:
             beating.remove(near)
         still = None if same else _still(spot, judged, levels, vessels)
-        found.append(_inside(_object(spot, spot, judged, levels, moving, still), spot, levels))
+        step = odds_of_a_step(levels, bumps, spot)
+        one = _object(spot, spot, judged, levels, moving, still, step)
+        found.append(_inside(one, spot, levels))
     for spot in beating:
         one = _object(spot, spot_at(levels, spot), judged, levels, moving, None)
         found.append(_inside(one, spot, levels))
@@ -172,10 +175,11 @@ def _still(spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ..
 
 def _object(
     spot: Spot, level: Spot, judged: list[Press], levels: Map, moving: float | None,
-    still: Array | None,
+    still: Array | None, step: float = 0.0,
 ) -> ObjectFinding:  # fmt: skip
     """An object at ``spot``; ``level`` is its spot in the level map, ``still`` the likelihood of
-    pulses of `SIZES` where it shows none of its own."""
+    pulses of `SIZES` where it shows none of its own, and ``step`` the odds that the map is higher
+    on one side instead."""
     off = np.hypot(*(levels.place_m - spot.place_m).T)
     nearest = judged[int(np.argmin(off))]
     assert nearest.pulse is not None
@@ -188,7 +192,7 @@ def _object(
         seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, spot.p_value,
                     1.0 if moving is None else moving)  # fmt: skip
     else:
-        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still)
+        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still, uneven=step)
     return _placed(spot, level, pulse, judge(seen), levels)
 
 

@@ -43,13 +43,13 @@ def odds_of_uneven(
         _, a, _, left = weighted(x_m, value, sd, base, list(others))
         before, fewer = float(left @ left), 3 * (len(known) - 1 - len(others))
         for rivals in (_waves(x_m), _further_edges(x_m), _steps(x_m)):
-            after = before - _explained(a, left, rivals / sd[:, None])
+            after = before - explained(a, left, rivals / sd[:, None])
             gain = (rss - after.min(initial=np.inf)) / (2 * max(scatter, 1.0))
             best = max(best, gain + fewer * np.log(n) / 2)
     return float(np.exp(min(best, MAX_LOG_ODDS)))
 
 
-def _explained(a: Array, left: Array, rivals: Array) -> Array:
+def explained(a: Array, left: Array, rivals: Array) -> Array:
     """By how much each of ``rivals`` (m, n, k), beside the weighted columns ``a``, would lower the
     sum of squares of the residual ``left``."""
     q, _ = np.linalg.qr(a)

@@ -55,6 +55,21 @@ def test_what_lies_at_the_edge_of_a_map_or_under_an_odd_zero_is_not_named(level_
     assert ("take the zero" if level_pa else "press beyond it") in found.objects[0].reason
 
 
+def test_a_map_that_is_higher_on_one_side_shows_no_lump() -> None:
+    """As beside a bone: 26 of 40 such maps, drawn by somebody else, were called a lump, 8 are."""
+    for seed in (1, 2, 3, 4):
+        rng = np.random.default_rng(seed)
+        x, y = rng.uniform(0, 36, (2, 50))
+        level = 9000 * (1 + 0.6 * np.exp(-x / 3)) * (1 + 0.003 * rng.standard_normal(50))
+        found = detect(recording([
+            station(rng, index=i, x_mm=x[i], y_mm=y[i], level_pa=level[i], hold_s=2.5,
+                    sample_hz=50.0, noise_pa=2.0)
+            for i in range(50)
+        ]))  # fmt: skip
+        assert found.finding == "undecided"
+        assert any("beside a bone" in one.reason for one in found.objects)
+
+
 @pytest.mark.parametrize(("seed", "said"), [(3, "undecided"), (7, "tumour")])
 def test_a_lump_in_a_map_with_an_artery_is_not_called_stenotic(seed: int, said: str) -> None:
     """What its presses feel of the artery's pulse is not its own."""
