@@ -78,7 +78,7 @@ ELSEWHERE = (
            "if rise <= CONTACT_SIGMAS * error:", "if rise <= -1e99:",
            ("tests/probe/detection/test_unusual_scans.py",)),
     Mutant("something else is impossible", CLASSIFIER,
-           "likelihood[ELSE] = PRIOR[ELSE] * max(inside / (high - low) * any_pulse, 1e-300)",
+           "likelihood[ELSE] = PRIOR[ELSE] * max(density * any_pulse, 1e-300)",
            "likelihood[ELSE] = 0.0", KINDS),
     Mutant("a hold of one value is exact", "probe/detection/pulse/rounding.py",
            "    if not hold.stretches:\n        return hold\n", "    return hold\n",
