@@ -96,7 +96,8 @@ def tell(scene: str, rows: list[Row]) -> None:
           "seconds of processor |")  # fmt: skip
     print("|---" * 7 + "|")
     for row, answer in zip(rows, answers, strict=True):
-        off = [f"{100 * (a / b - 1):+.2f}" if b else "" for a, b in zip(answer, middle, strict=True)]
+        pairs = zip(answer, middle, strict=True)
+        off = [f"{100 * (a / b - 1):+.2f}" if b else "" for a, b in pairs]
         print(f"| {row['code']} | {row['setting']} | {row['unknowns']} | {off[0]} | "
               f"{off[1]} | {row['stated_pct']} | {row['seconds']} |")  # fmt: skip
 
