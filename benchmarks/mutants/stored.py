@@ -40,7 +40,7 @@ STORED = (
     Mutant(
         "runs on network file systems", DISK,
         "if kind.startswith(NETWORK):", "if kind in NETWORK[:0]:",
-        (f"{TEST_WRITER}::test_network_file_systems_are_refused",),
+        ("tests/probe/storage/test_disk.py::test_network_file_systems_are_refused",),
     ),
     Mutant(
         "the log grows without end", DISK,

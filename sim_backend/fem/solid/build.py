@@ -6,7 +6,7 @@ import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.fem.contact.finger_gaps import Finger
-from sim_backend.fem.mesh import T6_EDGES, TISSUE
+from sim_backend.fem.mesh import TISSUE
 from sim_backend.fem.model import (
     LOCKING_POISSON,
     Grading,
@@ -19,9 +19,9 @@ from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.courses import across, end_thrust
 from sim_backend.fem.solid.finger import solid_finger
-from sim_backend.fem.solid.forces import Faces
 from sim_backend.fem.solid.layers import graded_edges
-from sim_backend.fem.solid.prism import extrude, planes_of, quad_shape, triangle_shape, wedges_of
+from sim_backend.fem.solid.lumen_faces import lumen_faces
+from sim_backend.fem.solid.prism import extrude, planes_of, wedges_of
 from sim_backend.fem.solid.warp import BALL_CORE, REACH, cylinder_to_ball
 from sim_backend.fem.support import HOLD_WIDTH_M
 from sim_backend.scene.inclusion import Artery, Inclusion, Tumour
@@ -115,7 +115,7 @@ def build_body(
         faces
         for n, one in enumerate(drawn.inclusion)
         if isinstance(one, Artery)
-        for faces in _lumen(section, cells, solid, one, n, scene)
+        for faces in lumen_faces(section, cells, solid, one, n, scene)
     )
     body = Body(
         wedges, region, shear, bulk,
@@ -361,44 +361,3 @@ def _thrust(scene: Scene, section: Section, placed: Array, span: _Span) -> Array
                 end = end_thrust(one, 1e3 * z_m) * np.sign(z_m)
                 found[first + wall] += end / len(wall)
     return found.ravel()
-
-
-def _lumen(
-    section: Section, cells: Ints, solid: Bools, one: Artery, n: int, scene: Scene
-) -> list[Faces]:
-    """The faces on which a lumen's pressure acts: round it, and on a stenosis's two ends."""
-    mesh = section.mesh
-    centre = 1e-3 * np.array([one.x_mm, scene.surface_mm - one.depth_mm])
-    distance = np.hypot(*(mesh.nodes - centre).T)
-    inner = 0.5e-3 * one.inner_diameter_mm
-    ring = mesh.region == 2 + 2 * n
-    narrow = inner * (1 - one.stenosis.fraction) if one.stenosis is not None else inner
-    # outside its stretch a stenosis is lumen, and the wall's inner circle bounds it
-    around = [(narrow, ring if one.stenosis else mesh.region == 1 + 2 * n)]
-    if one.stenosis is not None:
-        around.append((inner, mesh.region == 1 + 2 * n))
-    quads = []
-    for radius, wall in around:
-        for edge in T6_EDGES:
-            on = wall & np.all(np.abs(distance[mesh.cells[:, edge]] - radius) < 1e-9, axis=1)
-            bounds = solid & on
-            if one.stenosis is not None and radius == inner:
-                bounds = bounds & ~np.any(solid & ring, axis=1)[:, None]
-            columns = [6 * plane + side for plane in range(3) for side in edge]
-            quads.append(cells[bounds][:, columns])
-    found = [Faces(np.concatenate(quads), *quad_shape())]
-    caps = _caps(cells, solid, ring)
-    if len(caps):
-        found.append(Faces(caps, *triangle_shape()))
-    return found
-
-
-def _caps(cells: Ints, solid: Bools, ring: Bools) -> Ints:
-    """Ends (s, 6) of a stenosis that face the lumen, seen from there clockwise."""
-    here = solid & ring
-    later = np.zeros_like(here)
-    later[:-1] = ring & ~solid[1:]
-    earlier = np.zeros_like(here)
-    earlier[1:] = ring & ~solid[:-1]
-    top, bottom = cells[here & later][:, 12:], cells[here & earlier][:, :6]
-    return np.concatenate([top[:, [0, 2, 1, 5, 4, 3]], bottom])
