@@ -7,7 +7,7 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc, fdtrc, fdtri, ncfdtrinc, stdtrit
 
 from drivers.core.arrays import Array
-from probe.detection.map.row_rivals import odds_of_one_press, odds_of_uneven
+from probe.detection.map.row_rivals import odds_of_one_press, odds_of_uneven_row
 from probe.detection.map.row_shapes import shape, slopes, weighted
 
 WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
@@ -252,7 +252,7 @@ def _row(
         odds_of_one_press(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))
     ]
     others = [
-        odds_of_uneven(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))
+        odds_of_uneven_row(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))
     ]
     bumps = [
         Bump(c, c - r, c + r, float(h), float(s), w, p, *odds)

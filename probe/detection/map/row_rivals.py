@@ -21,42 +21,57 @@ def odds_of_one_press(
     x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
     rss: float, scatter: float,
 ) -> float:  # fmt: skip
-    """Odds that the press nearest to the bump ``known[k]`` differs by itself, both alike
-    beforehand: the likelihood without the press and the bump over that with them, ``rss``."""
+    """Odds that the press nearest to the bump ``known[k]`` differs by itself: the likelihood
+    without the press and the bump over that with them, ``rss``."""
     left_out = np.abs(x_m - known[k][0]) == np.abs(x_m - known[k][0]).min()
     *_, left = weighted(
         x_m, value, np.where(left_out, LEFT_OUT * sd, sd), base, [*known[:k], *known[k + 1 :]]
     )
-    return float(np.exp(min((rss - float(left @ left)) / (2 * max(scatter, 1.0)), MAX_LOG_ODDS)))
+    return odds_instead([(float(left @ left), 0)], rss, scatter, len(x_m))
 
 
-def odds_of_uneven(
+def odds_of_uneven_row(
     x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]], k: int,
     rss: float, scatter: float,
 ) -> float:  # fmt: skip
     """Odds that the row waves, that its edges reach further or that it is stiffer on one side,
-    instead of the bump ``known[k]``, or of all ``known``, alike beforehand: by likelihood, each
-    unknown less for half the logarithm of the stations (Schwarz 1978). Each has three, as a bump.
-    """
-    n, best = len(x_m), -np.inf
+    instead of the bump ``known[k]``, or of all ``known``; each has three unknowns, as a bump."""
+    pitch_m = float(np.median(np.diff(x_m)))
+    rivals = [c / sd[:, None] for c in (_waves(x_m), _further_edges(x_m), steps(x_m, pitch_m))]
+    fits = []
     for others in {(*known[:k], *known[k + 1 :]), ()}:
         _, a, _, left = weighted(x_m, value, sd, base, list(others))
-        before, fewer = float(left @ left), 3 * (len(known) - 1 - len(others))
-        for rivals in (_waves(x_m), _further_edges(x_m), _steps(x_m)):
-            after = before - explained(a, left, rivals / sd[:, None])
-            gain = (rss - after.min(initial=np.inf)) / (2 * max(scatter, 1.0))
-            best = max(best, gain + fewer * np.log(n) / 2)
+        fewer = 3 * (len(known) - 1 - len(others))
+        fits += [(least_left(a, left, columns), fewer) for columns in rivals]
+    return odds_instead(fits, rss, scatter, len(x_m))
+
+
+def odds_instead(fits: list[tuple[float, int]], rss: float, scatter: float, count: int) -> float:
+    """Odds of the likeliest of ``fits`` against one that leaves the sum of squares ``rss``, alike
+    beforehand. Each is the sum it leaves and how many unknowns fewer it has; each unknown costs
+    half the logarithm of the ``count`` of presses (Schwarz 1978)."""
+    best = max(
+        (rss - left) / (2 * max(scatter, 1.0)) + fewer * np.log(count) / 2 for left, fewer in fits
+    )
     return float(np.exp(min(best, MAX_LOG_ODDS)))
 
 
-def explained(a: Array, left: Array, rivals: Array) -> Array:
-    """By how much each of ``rivals`` (m, n, k), beside the weighted columns ``a``, would lower the
-    sum of squares of the residual ``left``."""
+def least_left(a: Array, left: Array, rivals: Array) -> float:
+    """The least sum of squares of the residual ``left`` that one of ``rivals`` (m, n, k), beside
+    the weighted columns ``a``, would leave."""
     q, _ = np.linalg.qr(a)
     whole = np.zeros((len(rivals), len(a), rivals.shape[2]))
     whole[:, : rivals.shape[1]] = rivals
     basis, _ = np.linalg.qr(whole - q @ (q.T @ whole))
-    return np.asarray(((left @ basis) ** 2).sum(axis=-1))
+    return float(left @ left - ((left @ basis) ** 2).sum(axis=-1).max(initial=0.0))
+
+
+def steps(x_m: Array, pitch_m: float) -> Array:
+    """Columns (m, n, 1) of a level that is higher on one side, as over a bone's edge: from anywhere
+    along ``x_m`` (n,), or just beyond, to anywhere on a scale of `STEP_WIDTHS`."""
+    middles = np.arange(x_m.min() - pitch_m, x_m.max() + 1.5 * pitch_m, pitch_m / 2)
+    widths_m = pitch_m * np.array(STEP_WIDTHS)[:, None, None]
+    return np.tanh((x_m - middles[:, None]) / widths_m).reshape(-1, len(x_m), 1)
 
 
 def _waves(x_m: Array) -> Array:
@@ -74,12 +89,3 @@ def _further_edges(x_m: Array) -> Array:
         return np.zeros((0, len(x_m), 2))
     off_m = np.abs(x_m[:, None] - x_m[[0, -1]])
     return np.exp(-off_m / (EDGE_M * np.array(FURTHER)[:, None, None]))
-
-
-def _steps(x_m: Array) -> Array:
-    """Columns (m, n, 1) of a level that is higher on one side, as over a bone's edge: from anywhere
-    in the row, or just beyond, to anywhere on a scale of `STEP_WIDTHS`."""
-    pitch = float(np.median(np.diff(x_m)))
-    middles = np.arange(x_m[0] - pitch, x_m[-1] + 1.5 * pitch, pitch / 2)
-    widths_m = pitch * np.array(STEP_WIDTHS)[:, None, None]
-    return np.tanh((x_m - middles[:, None]) / widths_m).reshape(-1, len(x_m), 1)
