@@ -211,7 +211,7 @@ def _expected_press(rig: Rig, scene: Scene, respond: Respond) -> tuple[ExpectedP
     plan = plan_for(rig)
     place = _nearest(plan, scene)
     where = f"{1e3 * plan.indentation_m:g} mm deep at x = {1e3 * place.x_m:g} mm"
-    sure = _is_felt_as_solved(rig, scene)
+    sure = _is_measured_as_solved(rig, scene)
     level: Literal["ok", "warning", "fault"] = "fault" if sure else "warning"
     try:
         pressed = _solved_press(plan, place, scene, respond)
@@ -254,9 +254,9 @@ def _solved_press(plan: Plan, place: Place, scene: Scene, respond: Respond) -> E
     return ExpectedPress(place.x_m, max(low, high), pulse_n)
 
 
-def _is_felt_as_solved(rig: Rig, scene: Scene) -> bool:
-    """Whether a simulated sensor feels the solved force: the tissue does not relax meanwhile, its
-    surface is where the plan has it, the rig does not give way, and the sensor reads newtons."""
+def _is_measured_as_solved(rig: Rig, scene: Scene) -> bool:
+    """Whether a simulated sensor measures the solved force: the tissue does not relax meanwhile,
+    its surface is where the plan has it, the rig is not compliant, and the sensor reads newtons."""
     virtual = [sensor for sensor in rig.sensor if sensor.driver == "virtual"]
     return (
         any(sensor.settings.get("gain", 1.0) == 1.0 for sensor in virtual)

@@ -33,7 +33,7 @@ JUDGED_SHARE = 0.25
 # too. A lone vessel's is as flat for a quarter of a millimetre, where it bulges.
 SOFT_SHARE, SOFT_WAY_M = 0.005, 0.5e-3
 # And over so much way also a force that barely stands out of the noise, where the rise that should
-# have followed does too. Below SOFT_SHARE of the limit a cable that drags may be all that is felt.
+# have followed does too. Below SOFT_SHARE of the limit the sensor may measure a cable that drags.
 FAINT_WAY_M = 1e-3
 # A press's end is judged once the tip rests: the force stood still over the last part of the way,
 # and for as long again at rest. A beat or a relaxation that hid the rise of a true force would have

@@ -24,8 +24,8 @@ from sim_backend.models.second_process import all_answers
 from sim_backend.models.trained_states import (
     HELD_NEAR,
     SHALLOWEST_M,
-    felt,
     held,
+    influences,
     solve_grid,
     states,
 )
@@ -219,7 +219,7 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
     beats = np.array(ends) if scene.arteries else np.zeros(1)
     ranges = known.x_m, known.z_m, known.depth_m
     places = _spread(rng, kept.states, *ranges)
-    for bump in felt(scene, known.depth_m[1]):
+    for bump in influences(scene, known.depth_m[1]):
         x_m = max(bump.low, known.x_m[0]), min(bump.high, known.x_m[1])
         z_m = max(bump.along[0], known.z_m[0]), min(bump.along[1], known.z_m[1])
         seen = sum(x_m[0] <= x <= x_m[1] and z_m[0] <= z <= z_m[1] for x, z, _ in places)

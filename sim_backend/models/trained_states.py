@@ -54,8 +54,8 @@ NEAR_SHARE, END_SHARE, FAR_SHARE, STEP_GROWTH = 0.25, 0.2, 1 / 3, 0.3
 """Between places of a solid: at an inclusion over its depth, at a side, an end and far from all
 over the block's height, and how fast they grow."""
 BUMP_SHARE = 0.25
-"""Between places of a section over an inclusion, over how wide it is felt: 1 mm of a finger's force
-over a lump of 0.6 mm, 0.15 mm below the surface, and 25 mm over TIHA's vessel."""
+"""Between places of a section over an inclusion, over the width of its influence: 1 mm over a lump
+of 0.6 mm, 0.15 mm below the surface, and 25 mm over TIHA's vessel."""
 LEAST_SHARE = 0.25
 """A step that would leave less of itself to go goes on to the end: through two places that all but
 meet a spline would swing."""
@@ -163,7 +163,7 @@ def places(scene: Scene, max_depth_m: float) -> Array:
         spots = [_across(one) for one in scene.inclusion]
         x = _graded(scene, low, high, spots, [0.0, width])
     else:
-        bumps = felt(scene, max_depth_m)
+        bumps = influences(scene, max_depth_m)
         while len(x := _stepped(scene, low, high, bumps)) > MOST_PLACES:
             bumps = [one._replace(width=COARSER * one.width) for one in bumps]
     return np.concatenate([x, (width - x)[-2::-1]]) if symmetric else x
@@ -286,8 +286,8 @@ def _straight_blocks(
     return blocks, whole
 
 
-class Felt(NamedTuple):
-    """Where along x and z [m] an inclusion is felt, and over which width its force changes."""
+class Influence(NamedTuple):
+    """Where along x and z [m] an inclusion changes the force, and over which width it does."""
 
     low: float
     high: float
@@ -295,7 +295,7 @@ class Felt(NamedTuple):
     width: float
 
 
-def felt(scene: Scene, max_depth_m: float) -> list[Felt]:
+def influences(scene: Scene, max_depth_m: float) -> list[Influence]:
     """Of each inclusion, with its path: as wide as it is seen from the surface, and within half of
     the finger's contact of that."""
     touched_m = half_contact(finger_over(scene.indenter, 0.0, 0.0), max_depth_m)
@@ -308,11 +308,11 @@ def felt(scene: Scene, max_depth_m: float) -> list[Felt]:
         along = -np.inf, np.inf
         if isinstance(one, Tumour):
             along = tuple(1e-3 * (one.z_mm or 0.0) + reach_m * np.array([-1, 1]))
-        found.append(Felt(low - reach_m, high + reach_m, along, width_m))
+        found.append(Influence(low - reach_m, high + reach_m, along, width_m))
     return found
 
 
-def _stepped(scene: Scene, low: float, high: float, bumps: Sequence[Felt]) -> Array:
+def _stepped(scene: Scene, low: float, high: float, bumps: Sequence[Influence]) -> Array:
     """From ``low`` to ``high``; steps grow from narrow bumps on."""
     x = [low]
     while x[-1] < high - 1e-9:
@@ -324,7 +324,7 @@ def _stepped(scene: Scene, low: float, high: float, bumps: Sequence[Felt]) -> Ar
     return np.array(x)
 
 
-def _step(bump: Felt, x_m: float) -> float:
+def _step(bump: Influence, x_m: float) -> float:
     """To the next place [m]: no further than a bump ahead or around allows."""
     share_m = BUMP_SHARE * bump.width
     if x_m < bump.low:  # what is allowed where the step ends

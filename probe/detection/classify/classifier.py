@@ -24,15 +24,15 @@ CONTRAST_BLUR, CONTRAST_SHARE, PULSE_BLUR = 0.04, 0.1, 0.25
 """Widths of a sample's kernel: contrast, with a share of the contrast itself, and logarithm of the
 pulse. They stand for what the scenes leave out (layers, bones, oblique vessels)."""
 ELSE = "something else"
-ONE_PRESS, UNEVEN = "one press that differs", "an uneven row"
+ONE_PRESS, UNEVEN_ROW = "one press that differs", "an uneven row"
 MIN_REASON = 0.1
 """Least probability of one of these to say what would decide about it."""
 REASONS = {
     ONE_PRESS: "one press alone is stiffer or softer than the others: repeat it, and press beside "
     "it",
-    UNEVEN: "the level waves from end to end, as over an uneven surface, sinks far from the ends, "
-    "as a high block's does, or is higher on one side, as beside a bone: press as deep from where "
-    "the surface is at each station, beyond that side, or in a row across this one",
+    UNEVEN_ROW: "the level waves from end to end, as over an uneven surface, sinks far from the "
+    "ends, as a high block's does, or is higher on one side, as beside a bone: press as deep from "
+    "where the surface is at each station, beyond that side, or in a row across this one",
 }
 PRIOR: dict[str, float] = {
     "tumour": 0.3, "artery": 0.3, "stenotic artery": 0.3, ELSE: 0.1,
@@ -127,7 +127,7 @@ def shares(seen: Seen) -> dict[str, float]:
     nothing = against_nothing(seen.chance)
     something = 1 / (1 + nothing + seen.alone + seen.uneven)
     share = {kind: something * value / total for kind, value in likelihood.items()}
-    rivals = {"nothing": nothing, ONE_PRESS: seen.alone, UNEVEN: seen.uneven}
+    rivals = {"nothing": nothing, ONE_PRESS: seen.alone, UNEVEN_ROW: seen.uneven}
     return share | {rival: something * odds for rival, odds in rivals.items()}
 
 

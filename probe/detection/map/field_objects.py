@@ -207,8 +207,8 @@ def _placed(spot: Spot, level: Spot, pulse_pa: float, said: Judged, levels: Map)
 
 
 def _inside(one: ObjectFinding, spot: Spot, levels: Map) -> ObjectFinding:
-    """What lies where on some side nothing was pressed beyond it may lie there, as far as half of
-    it is felt, and is not named."""
+    """A spot beyond which nothing was pressed on some side may lie there, as far as its half width,
+    and is not named."""
     beyond_m = 0.5 * levels.spacing_m * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
     if among(spot.place_m + beyond_m, levels.place_m).all():
         return one

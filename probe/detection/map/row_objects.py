@@ -36,8 +36,8 @@ MIN_SHARE = 0.3
 """Stations that feel less than this share of a pulse are not asked about it."""
 
 AT_AN_END = (
-    "it is felt most where the stations end: it lies here or beyond, or the tissue itself changes "
-    "there; press beyond it too, until it is felt less"
+    "its signal is largest where the stations end: it lies here or beyond, or the tissue itself "
+    "changes there; press beyond it too, until the signal falls"
 )
 NO_LEVEL = Judged(
     "undecided", float("nan"),
@@ -261,14 +261,14 @@ def measured(size_pa: float, sd_pa: float, true_pa: Array, tail_pa: float = 0.0)
 
 def _finding(place: Place, height: float, pulse: float, said: Judged, line: Line) -> ObjectFinding:
     """The interval also holds where it lay before it was squeezed aside. It ends with the row, or
-    at an end of it as far beyond as half of what lies there is felt."""
+    for an object at an end of it a half width beyond."""
     aside = reach_inwards_m(place.x_m, line.x_m, line.depth_m)
     ends = place.low_m + min(aside, 0.0), place.high_m + max(aside, 0.0)
     low, high = (float(np.clip(x, line.x_m[0], line.x_m[-1])) for x in ends)
     at, bump = int(np.argmin(np.abs(line.x_m - place.x_m))), place.pulse or place.level
-    felt_m = bump.half_width_m if bump else 0.0
-    low = low - felt_m if at == 0 else low
-    high = high + felt_m if at == len(line.x_m) - 1 else high
+    half_width_m = bump.half_width_m if bump else 0.0
+    low = low - half_width_m if at == 0 else low
+    high = high + half_width_m if at == len(line.x_m) - 1 else high
     return ObjectFinding(
         said.kind, place.x_m, (low, high), height, pulse, said.confidence, said.reason,
         diseased=said.diseased,

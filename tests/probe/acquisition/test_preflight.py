@@ -52,7 +52,7 @@ def test_a_press_that_the_force_limit_would_end_is_said(
         {"sensor": [{"driver": "lines", "port": "x"}]},
     ],
 )
-def test_a_force_that_may_not_be_felt_as_solved_is_a_warning(
+def test_a_force_that_may_not_be_measured_as_solved_is_a_warning(
     keys: dict[str, Any], tmp_path: Path, winkler: Any
 ) -> None:
     rig = Rig.model_validate({"safety": {"max_force_n": 1.1}} | keys)
@@ -69,16 +69,16 @@ def test_a_press_without_an_answer_is_said_in_words(tmp_path: Path) -> None:
     assert "has no answer" in said(default_rig(), "TIHA", tmp_path, none, "pulse on virtual").text
 
 
-@pytest.mark.parametrize(("depth_mm", "told"), [(0.0025, True), (0.09, True), (0.1, False)])
+@pytest.mark.parametrize(("depth_mm", "is_warned"), [(0.0025, True), (0.09, True), (0.1, False)])
 def test_a_press_as_shallow_as_an_arrival_is_warned_of(
-    depth_mm: float, told: bool, tmp_path: Path
+    depth_mm: float, is_warned: bool, tmp_path: Path
 ) -> None:
     """2.5 mm in metres went through without a word."""
     report = dry_run(Rig.model_validate({"scan": {"indentation_mm": depth_mm}}), None, tmp_path)
     texts = [
         one.text for one in report.checks if (one.name, one.level) == ("indentation", "warning")
     ]
-    assert len(texts) == told
+    assert len(texts) == is_warned
     assert all("the key is in millimetres" in text for text in texts)
 
 

@@ -67,6 +67,6 @@ def test_a_scene_whose_wave_cannot_be_read_is_refused_as_by_a_scan(
 def test_can_i_see_refuses_a_driver_that_is_none(palpate: Any, tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text('[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "warp"\nnoise_mn = 1\n')
-    told = palpate("plan", rig, "--scene", "TI", "--can-i-see")
-    assert told.status == 2
-    assert "driver = 'warp': no such driver" in told.err
+    result = palpate("plan", rig, "--scene", "TI", "--can-i-see")
+    assert result.status == 2
+    assert "driver = 'warp': no such driver" in result.err

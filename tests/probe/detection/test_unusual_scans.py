@@ -162,7 +162,7 @@ def test_a_row_that_is_stiffer_on_one_side_is_no_lump(reach_mm: float) -> None:
 
 
 @pytest.mark.parametrize("centre_mm", [1.0, 3.0, 61.0])
-def test_what_is_felt_most_where_the_row_ends_is_not_named(centre_mm: float) -> None:
+def test_an_object_at_the_end_of_a_row_is_not_named(centre_mm: float) -> None:
     """It may lie beyond: of 24 intervals of arteries near or beyond an end seven missed them."""
     rng = np.random.default_rng(4)
     whole = row(rng, centre_mm=centre_mm, bump=0.1, pulse_pa=200.0, noise_pa=4.0, hold_s=2.5)

@@ -1,4 +1,4 @@
-"""What a press that has no equilibrium is told."""
+"""The words of a press that has no equilibrium."""
 
 from dataclasses import replace
 
