@@ -23,6 +23,13 @@ def test_what_no_kind_is_like_is_something_else() -> None:
     assert judge(strange).kind == "undecided"
 
 
+@pytest.mark.parametrize("contrast", [-0.99, -0.5, 6.0])
+@pytest.mark.parametrize("pulse", [0.03, 2.0])
+def test_a_contrast_beyond_all_kinds_is_no_kind_s(contrast: float, pulse: float) -> None:
+    """The kind of which least is left there took all: of an artery whose zero was off."""
+    assert shares(Seen(contrast, 0.02, pulse, 0.02 * pulse, 1e-9, 0.999))[ELSE] > 0.99
+
+
 @pytest.mark.parametrize("chance", [1e-6, 1e-3, 0.02, 0.3])
 def test_a_bump_that_chance_could_make_may_be_nothing(chance: float) -> None:
     share = shares(Seen(0.25, 0.02, 0.0, 0.0, chance, 0.0, NO_PULSE))

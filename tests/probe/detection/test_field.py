@@ -70,6 +70,22 @@ def test_a_map_that_is_higher_on_one_side_shows_no_lump() -> None:
         assert any("beside a bone" in one.reason for one in found.objects)
 
 
+@pytest.mark.parametrize(("across_deg", "seed"), [(0, 1), (60, 2), (90, 3), (135, 1), (135, 4)])
+def test_a_step_in_any_direction_is_no_lump(across_deg: float, seed: int) -> None:
+    """Each of these is a tumour to a search without steps, all but the first to one along x."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(-18, 18, (2, 50))
+    off = x * np.cos(np.radians(across_deg)) + y * np.sin(np.radians(across_deg))
+    uneven = 1 + 0.003 * np.random.default_rng(seed).standard_normal(50)
+    level = 9000 * (1 + 0.3 / (1 + np.exp(-off / 2))) * uneven
+    found = detect(recording([
+        station(np.random.default_rng(100 * seed + i), index=i, x_mm=x[i], y_mm=y[i],
+                level_pa=level[i], hold_s=2.5, sample_hz=50.0, noise_pa=2.0)
+        for i in range(50)
+    ]))  # fmt: skip
+    assert found.finding == "undecided"
+
+
 @pytest.mark.parametrize(("seed", "said"), [(3, "undecided"), (7, "tumour")])
 def test_a_lump_in_a_map_with_an_artery_is_not_called_stenotic(seed: int, said: str) -> None:
     """What its presses feel of the artery's pulse is not its own."""
