@@ -89,7 +89,7 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     rates = rates_hz(hold.span_s)
     null = fit(hold, design, np.empty((len(hold.time_s), 0)))
     n = len(hold.time_s)
-    looks = _looks(hold, design, null, rates)
+    looks = _looks(hold, design, null, rates, PHASES)
     without = logsumexp([one.without for one in looks])
     shaped, free = (
         np.maximum(logsumexp([one.without + gain for one, gain in each], axis=0) - without, 0.0)
@@ -126,7 +126,7 @@ def beyond(hold: Hold) -> tuple[float, float]:
         return float("nan"), 1.0
     design = design_of(hold)
     null = fit(hold, design, np.empty((len(hold.time_s), 0)))
-    looks = _looks(hold, design, null, rates)
+    looks = _looks(hold, design, null, rates, 0)
     without = logsumexp([one.without for one in looks])
     gain = logsumexp([one.without + one.free for one in looks], axis=0) - without
     lost = 2 * TESTED_HARMONICS
@@ -167,8 +167,9 @@ class _Rest:
     without: float
 
 
-def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
-    """The hold at each rate in each noise that counts, its decays those of the null fit."""
+def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> list[_Look]:
+    """The hold at each rate in each noise that counts, its decays those of the null fit. The known
+    shape is tried at so many ``phases``, or not at all."""
     n = len(hold.time_s)
     step = hold.span_s / max(n - 1, 1)
     nuisance = np.hstack([design.drift, design.decays[:, null.decays]])
@@ -210,10 +211,10 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array) -> list[_Look]:
     ]
     looks: list[list[_Look]] = [[] for _ in counted]
     for some, visible in zip(parts, np.array_split(seen, len(parts)), strict=True):
-        columns = columns_of(some)
+        columns, shapes = columns_of(some), _shapes(visible, phases)
         for look, i in zip(looks, counted, strict=True):
             white = _even_white(*key, members[i]) if kept else _whitened(columns, members[i])
-            look.append(_look(members[i], rests[i], white, visible, dof))
+            look.append(_look(members[i], rests[i], white, visible, shapes, dof))
     return [_together(look) for look in looks]
 
 
@@ -279,9 +280,24 @@ def _rests(
     return found[0], found[1]
 
 
-def _look(noise: Noise, rest: _Rest, white: _Whitened, seen: Bools, dof: int) -> _Look:
+def _shapes(seen: Bools, phases: int) -> Array:
+    """The known shape [mmHg] in harmonics, at each rate and phase (r, phases, 2 count).
+
+    ``seen`` (r, count): harmonics that the samples can tell from noise near their Nyquist rate.
+    """
+    count = seen.shape[1]
+    order = np.arange(1, count + 1)
+    turn = np.linspace(0, 2 * np.pi, phases, endpoint=False)[:, None]
+    turned = PHASES_RAD[:count] + order * turn
+    size = AMPLITUDES_MMHG[:count] * seen[:, None, :]
+    return np.concatenate([size * np.cos(turned), -size * np.sin(turned)], axis=2)
+
+
+def _look(
+    noise: Noise, rest: _Rest, white: _Whitened, seen: Bools, shapes: Array, dof: int
+) -> _Look:
     """One noise's likelihoods. The second free harmonic counts only where it is no larger than a
-    pulse's."""
+    pulse's. The hold along ``shapes``, and their own squares, are both (r, phases)."""
     y, (r, count, _) = rest.y, white.gram.shape
     product = (np.column_stack([rest.q, y]).T @ white.columns).reshape(-1, r, count)
     beside, right = np.moveaxis(product[:-1], 0, 2), product[-1]  # (r, 2 count, k), (r, 2 count)
@@ -291,26 +307,12 @@ def _look(noise: Noise, rest: _Rest, white: _Whitened, seen: Bools, dof: int) ->
     def ratio(drop: Array) -> Array:
         return np.asarray(-0.5 * dof * np.log(np.clip(1 - drop / rss, 1e-12, 1.0)))
 
-    along, power = _as_wave(right, gram, seen)
-    drop = (np.maximum(along, 0.0) ** 2 / np.maximum(power, 1e-300)).max(axis=1)
+    along = (shapes @ right[..., None])[..., 0]
+    power = ((shapes @ gram) * shapes).sum(axis=2)
+    drop = (np.maximum(along, 0.0) ** 2 / np.maximum(power, 1e-300)).max(axis=1, initial=0.0)
     size, variance = SWING_MMHG, rss / max(dof, 1)
     return _Look(noise, rest.without, ratio(drop), ratio(_as_harmonics(right, gram, seen)),
                  along / (size * variance), power / (size**2 * variance))  # fmt: skip
-
-
-def _as_wave(right: Array, gram: Array, seen: Bools) -> tuple[Array, Array]:
-    """The hold along the known shape [mmHg], and the shape's own square, both (r, PHASES).
-
-    ``seen`` (r, count): harmonics that the samples can tell from noise near their Nyquist rate.
-    """
-    count = seen.shape[1]
-    order = np.arange(1, count + 1)
-    turn = np.linspace(0, 2 * np.pi, PHASES, endpoint=False)[:, None]
-    turned = PHASES_RAD[:count] + order * turn
-    size = AMPLITUDES_MMHG[:count] * seen[:, None, :]
-    shape = np.concatenate([size * np.cos(turned), -size * np.sin(turned)], axis=2)
-    along = shape @ right[..., None]
-    return np.asarray(along[..., 0]), np.asarray(((shape @ gram) * shape).sum(axis=2))
 
 
 def _as_harmonics(right: Array, gram: Array, seen: Bools) -> Array:
