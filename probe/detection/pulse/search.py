@@ -1,5 +1,6 @@
 """The search for a pulse in a hold: how well one explains it at each rate that hearts have."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -90,10 +91,10 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     null = fit(hold, design, np.empty((len(hold.time_s), 0)))
     n = len(hold.time_s)
     looks = _looks(hold, design, null, rates, PHASES)
-    without = logsumexp([one.without for one in looks])
+    without = logsumexp(looks.without)
     shaped, free = (
-        np.maximum(logsumexp([one.without + gain for one, gain in each], axis=0) - without, 0.0)
-        for each in ([(one, one.shaped) for one in looks], [(one, one.free) for one in looks])
+        np.maximum(logsumexp(looks.without[:, None] + gain, axis=0) - without, 0.0)
+        for gain in (looks.shaped, looks.free)
     )
     dof, lost = max(null.dof, 4 + 2 * TESTED_HARMONICS), 2 * TESTED_HARMONICS
     chosen = np.maximum(shaped - CHOICE / 2 * (n >= SHORT), 0.0)
@@ -101,14 +102,13 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     ways = (chances[0], shaped, SHARE["shaped"]), (chances[1], free, SHARE["free"])
     weight = weights(rates)
     one, gain, share = min(ways, key=lambda way: (way[0] / weight).min() / way[2])
-    likely = sorted(looks, key=lambda one: -float(one.without + one.shaped.max()))
+    likely = np.argsort(-(looks.without + looks.shaped.max(axis=1)), kind="stable")
     return Search(
-        rates, np.array([one.without for one in likely]) - without,
-        np.stack([one.along for one in likely]), np.stack([one.power for one in likely]),
+        rates, looks.without[likely] - without, looks.along[likely], looks.power[likely],
         np.asarray(chdtri(2, np.maximum(chances[0], 1e-300))),
-        looks[0].free, float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
+        looks.free[0], float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
         min(1.0, anywhere(float((one / weight).min()), hold.span_s) / share), hold.span_s,
-        likely[0].noise, dof,
+        looks.noises[likely[0]], dof,
     ), null  # fmt: skip
 
 
@@ -127,8 +127,7 @@ def beyond(hold: Hold) -> tuple[float, float]:
     design = design_of(hold)
     null = fit(hold, design, np.empty((len(hold.time_s), 0)))
     looks = _looks(hold, design, null, rates, 0)
-    without = logsumexp([one.without for one in looks])
-    gain = logsumexp([one.without + one.free for one in looks], axis=0) - without
+    gain = logsumexp(looks.without[:, None] + looks.free, axis=0) - logsumexp(looks.without)
     lost = 2 * TESTED_HARMONICS
     chance = _single(np.maximum(gain, 0.0), lost, max(null.dof, 4 + lost) - lost)
     wide = sum(max(high - low, 0.0) for low, high in ranges)
@@ -138,12 +137,13 @@ def beyond(hold: Hold) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class _Look:
-    """The hold in one ``noise``: log likelihood ``without`` a pulse, and log likelihood ratios (r,)
-    of the known shape and of two free harmonics; see `Search`. The white one comes first."""
+class _Looks:
+    """The hold in each of ``noises`` (m,), the white one first: log likelihood ``without`` (m,) a
+    pulse, and log likelihood ratios (m, r) of the known shape and of two free harmonics; ``along``
+    and ``power`` (m, r, phases) as in `Search`."""
 
-    noise: Noise
-    without: float
+    noises: list[Noise]
+    without: Array
     shaped: Array
     free: Array
     along: Array
@@ -167,7 +167,7 @@ class _Rest:
     without: float
 
 
-def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> list[_Look]:
+def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> _Looks:
     """The hold at each rate in each noise that counts, its decays those of the null fit. The known
     shape is tried at so many ``phases``, or not at all."""
     n = len(hold.time_s)
@@ -209,22 +209,18 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> 
         for i, (rest, other) in enumerate(zip(rests, beside, strict=True))
         if not i or max(rest.without - best, other.without - best_beside) >= -FAR_BEHIND
     ]
-    looks: list[list[_Look]] = [[] for _ in counted]
+    chosen, found = [rests[i] for i in counted], []
     for some, visible in zip(parts, np.array_split(seen, len(parts)), strict=True):
-        columns, shapes = columns_of(some), _shapes(visible, phases)
-        for look, i in zip(looks, counted, strict=True):
-            white = _even_white(*key, members[i]) if kept else _whitened(columns, members[i])
-            look.append(_look(members[i], rests[i], white, visible, shapes, dof))
-    return [_together(look) for look in looks]
-
-
-def _together(parts: list[_Look]) -> _Look:
-    """One noise's likelihoods at all rates, from those at some of them each."""
-    shaped, free, along, power = (
-        np.concatenate([getattr(part, name) for part in parts])
-        for name in ("shaped", "free", "along", "power")
-    )
-    return _Look(parts[0].noise, parts[0].without, shaped, free, along, power)
+        columns = columns_of(some)
+        white = (
+            _even_white(*key, members[i]) if kept else _whitened(columns, members[i])
+            for i in counted
+        )
+        found.append(_ratios(chosen, white, visible, _shapes(visible, phases), dof))
+    return _Looks(
+        [members[i] for i in counted], np.array([rest.without for rest in chosen]),
+        *(np.concatenate(each, axis=1) for each in zip(*found, strict=True)),
+    )  # fmt: skip
 
 
 def _columns(time_s: Array, rates: Array) -> Array:
@@ -293,43 +289,47 @@ def _shapes(seen: Bools, phases: int) -> Array:
     return np.concatenate([size * np.cos(turned), -size * np.sin(turned)], axis=2)
 
 
-def _look(
-    noise: Noise, rest: _Rest, white: _Whitened, seen: Bools, shapes: Array, dof: int
-) -> _Look:
-    """One noise's likelihoods. The second free harmonic counts only where it is no larger than a
-    pulse's. The hold along ``shapes``, and their own squares, are both (r, phases)."""
-    y, (r, count, _) = rest.y, white.gram.shape
-    product = (np.column_stack([rest.q, y]).T @ white.columns).reshape(-1, r, count)
-    beside, right = np.moveaxis(product[:-1], 0, 2), product[-1]  # (r, 2 count, k), (r, 2 count)
-    gram = white.gram - beside @ np.swapaxes(beside, 1, 2)
-    rss = max(float(y @ y), 1e-300)
+def _ratios(
+    rests: list[_Rest], white: Iterable[_Whitened], seen: Bools, shapes: Array, dof: int
+) -> tuple[Array, Array, Array, Array]:
+    """``shaped``, ``free``, ``along`` and ``power`` of `_Looks` at some rates. The second free
+    harmonic counts only where it is no larger than a pulse's."""
+    products, grams = [], []
+    for rest, one in zip(rests, white, strict=True):  # one by one: a table may be large
+        product = np.column_stack([rest.q, rest.y]).T @ one.columns
+        products.append(product.reshape(len(product), *one.gram.shape[:2]))
+        grams.append(one.gram)
+    product = np.stack(products)
+    beside, right = np.moveaxis(product[:, :-1], 1, 3), product[:, -1]  # (m, r, count, k), (…count)
+    gram = np.stack(grams) - beside @ np.swapaxes(beside, 2, 3)
+    rss = np.array([max(float(rest.y @ rest.y), 1e-300) for rest in rests])[:, None]
 
     def ratio(drop: Array) -> Array:
         return np.asarray(-0.5 * dof * np.log(np.clip(1 - drop / rss, 1e-12, 1.0)))
 
     along = (shapes @ right[..., None])[..., 0]
-    power = ((shapes @ gram) * shapes).sum(axis=2)
-    drop = (np.maximum(along, 0.0) ** 2 / np.maximum(power, 1e-300)).max(axis=1, initial=0.0)
-    size, variance = SWING_MMHG, rss / max(dof, 1)
-    return _Look(noise, rest.without, ratio(drop), ratio(_as_harmonics(right, gram, seen)),
-                 along / (size * variance), power / (size**2 * variance))  # fmt: skip
+    power = ((shapes @ gram) * shapes).sum(axis=3)
+    drop = (np.maximum(along, 0.0) ** 2 / np.maximum(power, 1e-300)).max(axis=2, initial=0.0)
+    size, variance = SWING_MMHG, rss[..., None] / max(dof, 1)
+    return (ratio(drop), ratio(_as_harmonics(right, gram, seen)),
+            along / (size * variance), power / (size**2 * variance))  # fmt: skip
 
 
 def _as_harmonics(right: Array, gram: Array, seen: Bools) -> Array:
-    """What the first one or two harmonics explain (r,)."""
+    """What the first one or two harmonics explain (m, r)."""
     count = seen.shape[1]
     _, one = _explained(right, gram, [0, count])
     if count == 1:
         return one
     a, two = _explained(right, gram, [0, 1, count, count + 1])
-    size = np.hypot(a[:, :2], a[:, 2:])
-    pulse_like = seen[:, 1] & (size[:, 1] <= MOST_SECOND * size[:, 0])
+    size = np.hypot(a[..., :2], a[..., 2:])
+    pulse_like = seen[:, 1] & (size[..., 1] <= MOST_SECOND * size[..., 0])
     return np.asarray(np.where(pulse_like, two, one))
 
 
 def _explained(right: Array, gram: Array, chosen: list[int]) -> tuple[Array, Array]:
-    """Coefficients (r, k) of least squares on the ``chosen`` columns, and what they explain."""
-    b, g = right[:, chosen], gram[:, chosen][:, :, chosen]
-    ridge = 1e-9 * np.trace(g, axis1=1, axis2=2)[:, None, None] * np.eye(len(chosen))
+    """Coefficients (m, r, k) of least squares on the ``chosen`` columns, and what they explain."""
+    b, g = right[..., chosen], gram[..., chosen, :][..., chosen]
+    ridge = 1e-9 * np.trace(g, axis1=-2, axis2=-1)[..., None, None] * np.eye(len(chosen))
     solved = np.linalg.solve(g + ridge, b[..., None])[..., 0]
-    return solved, (b * solved).sum(axis=1)
+    return solved, (b * solved).sum(axis=-1)

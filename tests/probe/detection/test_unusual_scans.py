@@ -149,7 +149,7 @@ def test_a_surface_that_waves_is_no_lump(begins_rad: float) -> None:
 @pytest.mark.parametrize("reach_mm", [4.0, 8.0])
 def test_a_row_that_is_stiffer_on_one_side_is_no_lump(reach_mm: float) -> None:
     """A bone beside the row, or one whose edge the row crosses: 20 and 13 of 40 were a tumour."""
-    for seed in range(4):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         whole = row(rng, noise_pa=4.0, hold_s=1.0, sample_hz=100.0)
         beside = [0.6 * np.exp(-(1e3 * s.x_m - 4) / reach_mm) for s in whole]
