@@ -7,12 +7,11 @@ import numpy as np
 from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
-from probe.core.finding_words import percent
+from probe.core.finding_words import NORMAL_95, percent
 from probe.detection.classify.classifier import MIN_POSTERIOR, PULSE_BLUR, PULSE_FLOOR
 from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, vessels
 from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS
-from probe.detection.map.row_objects import NORMAL_95
 from probe.detection.map.row_shapes import shape
 from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.repeats import distinct_m, pitch_m

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 
 from drivers.core.arrays import Array
+from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps, least_height
-from probe.detection.map.row_objects import NORMAL_95, Line, objects_in
+from probe.detection.map.row_objects import Line, objects_in
 from probe.detection.map.row_shapes import level_of, surroundings, with_edges
 from probe.detection.map.sideways import SQUEEZED
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from drivers.core.arrays import Array
+from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import TRUSTED, WIDTHS, chance
 from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, among, shape
@@ -19,7 +20,6 @@ UNKNOWNS = 4
 """Of a line: direction, place, width and height; of a spot as many."""
 MIN_ODDS = 19.0
 """Of a line against spots, to call it one: 95 %."""
-NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from drivers.core.arrays import Array
+from probe.core.finding_words import NORMAL_95
 from probe.detection.classify.classifier import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import (
@@ -25,7 +26,7 @@ from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.pulse.search import Search
 from probe.detection.repeats import places_of
 
-NORMAL_95, ONE_SIGMA = 1.96, 0.683
+ONE_SIGMA = 0.683
 BEAT_SCATTER = 0.08
 """What a heart's pulses differ by from press to press, over the largest."""
 TAIL = 2.0
