@@ -13,6 +13,7 @@ import numpy as np
 from drivers import Block, Channel
 from drivers.core.arrays import columns_of
 from probe.acquisition.stuck_sensor import Alive
+from probe.core.contact_stress import FORCE_ROLES
 from probe.planning.limits import LEVER_M, Limits
 
 FUTURE_S = 0.1
@@ -21,7 +22,6 @@ SMOOTH = 5
 # readings that say what a sensor's noise is, and how few may: known to a quarter, where a contact
 # takes ten times as much (`press_guard.NOISE_SIGMAS`)
 NOISE_OF, MIN_NOISE_READINGS = 50, 10
-FORCE_ROLES = ("force", "pressure", "taxel")
 VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
 
 

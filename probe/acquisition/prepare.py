@@ -6,12 +6,11 @@ from typing import Any, Protocol
 
 from drivers import ConfigError, Sensor, Stage
 from drivers.core import abilities
-from probe.acquisition.force_limit import FORCE_ROLES
 from probe.acquisition.press_guard import ROUNDING, check_speed, press_speeds_m_s
 from probe.acquisition.rehearsal import in_the_air, lift_m, needs_rehearsal
 from probe.config.rig import Rig, RigError
 from probe.config.snapshot import run_config
-from probe.core.contact_stress import square_metres
+from probe.core.contact_stress import FORCE_ROLES, square_metres
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
 from sim_backend.scene.scene_file import Scene

@@ -12,7 +12,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from drivers import ConfigError, Pose, Sensor
-from probe.acquisition.force_limit import FORCE_ROLES, SensorGuard
+from probe.acquisition.force_limit import SensorGuard
+from probe.core.contact_stress import FORCE_ROLES
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
 

@@ -8,7 +8,7 @@ is air.
 from dataclasses import replace
 
 from drivers import ConfigError, Sensor, Stage
-from probe.acquisition.force_limit import FORCE_ROLES
+from probe.core.contact_stress import FORCE_ROLES
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan, check_reach
 

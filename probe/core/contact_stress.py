@@ -12,12 +12,12 @@ from drivers.core.arrays import Array
 from drivers.core.units import to_si, units_of
 from probe.core.errors import RunFileError
 
-ROLES = ("force", "pressure", "taxel")
+FORCE_ROLES = ("force", "pressure", "taxel")
 
 
 def tactile_or_none(channels: Mapping[str, tuple[Channel, ...]]) -> str | None:
     """The device the signal is taken from: the first with a force, pressure or taxel channel."""
-    feels = (d for d, own in channels.items() if any(channel.role in ROLES for channel in own))
+    feels = (d for d, own in channels.items() if any(c.role in FORCE_ROLES for c in own))
     return next(feels, None)
 
 
@@ -48,7 +48,7 @@ def stress_conversion(channels: Sequence[Channel], face_m2: float) -> StressConv
     share it. Raises `RunFileError` for a unit that is neither a force nor a pressure, and for a
     force where ``face_m2`` is NaN.
     """
-    role = next((r for r in ROLES if any(c.role == r for c in channels)), None)
+    role = next((r for r in FORCE_ROLES if any(c.role == r for c in channels)), None)
     columns = tuple(n for n, channel in enumerate(channels) if channel.role == role)
     share = len(columns) if role == "taxel" else 1
     gains = [_pa_per_unit(channels[n], face_m2 / share) for n in columns]

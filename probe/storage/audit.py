@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from probe.core.contact_stress import ROLES
+from probe.core.contact_stress import FORCE_ROLES
 from probe.core.events import (
     Event,
     Finish,
@@ -206,7 +206,7 @@ class Audit:
             yield f"samples of {device} at {first:.4f} s do not belong to station {number}"
             return
         press.last_s = max(press.last_s, last)
-        if any(channel.role in ROLES for channel in channels):
+        if any(channel.role in FORCE_ROLES for channel in channels):
             press.last_sample_s = max(press.last_sample_s, last)
 
     def _break_off(self) -> None:
