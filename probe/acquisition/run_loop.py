@@ -24,14 +24,13 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.core.states import follow
+from probe.core.states import PRESSING, follow
 from probe.planning.limits import ARRIVED_M, Limits
 from probe.planning.plan import Place, Plan
 
 TICK_S = 0.005  # the engine's own pace with the wall clock
 FINE_S = 0.0005  # its pace around the expected end of a move, so that phases start on time
 PUBLISH_S = 0.05  # samples leave in blocks of about this length
-PRESSING = (Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
 MAX_JUMPS = 3  # of a clock, in one press
 SLOWEST_PACE = 0.01  # a slower controller is taken for one that stands
 

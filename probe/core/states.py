@@ -5,15 +5,13 @@ docs/pictures/states.py draws it; a test keeps the drawing equal to this file.
 
 from probe.core.events import Phase
 
+PRESSING = (Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
 _RUNNING = (
     Phase.CONNECTING,
     Phase.HOMING,
     Phase.TRAVELLING,
     Phase.TARING,
-    Phase.APPROACHING,
-    Phase.INDENTING,
-    Phase.HOLDING,
-    Phase.RETRACTING,
+    *PRESSING,
     Phase.PAUSED,
 )
 

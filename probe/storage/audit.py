@@ -25,10 +25,9 @@ from probe.core.events import (
     StationStarted,
 )
 from probe.core.places import planned
-from probe.core.states import ALLOWED
+from probe.core.states import ALLOWED, PRESSING
 
 TAIL_S = 0.25  # a press must be measured to within this of its end
-PRESS = (Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
 POSITION_M = 1e-9
 RECENT = 4  # presses that samples just read may belong to
 MAX_PROBLEMS = 100  # kept; more are counted
@@ -170,7 +169,7 @@ class Audit:
             return
         self.complete.add(event.station)
         scanned = self._scanned()
-        if scanned and (missing := [phase for phase in PRESS if phase not in press.phases]):
+        if scanned and (missing := [phase for phase in PRESSING if phase not in press.phases]):
             yield f"station {event.station + 1} is complete without {', '.join(missing)}"
         # an imported recording ends one of its own periods after its last sample
         if scanned and press.last_sample_s < event.time_s - TAIL_S:
