@@ -5,13 +5,11 @@ and the Modbus CRC16 of all before it, low byte first. The stream starts when 0x
 register 410 and ends with fifty 0xFF.
 """
 
-import struct
 import time
 from contextlib import suppress
 from typing import Literal
 
-from pymodbus.framer import FramerRTU
-
+from drivers.core.frame_cutter import FrameCutter
 from drivers.core.ports import Port, open_port, read_some
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample, Source
@@ -24,7 +22,6 @@ DEVICE_ID = 9
 STREAM_HZ = 100.0
 POLL_HZ = 50.0
 HEADER = b"\x20\x4e"
-FRAME_BYTES = 16
 START = bytes.fromhex("0910019A0001020200CDCA")
 STOP = b"\xff" * 50
 FULL_SCALE_N, FULL_SCALE_NM = 300.0, 30.0
@@ -36,35 +33,6 @@ POLL_TIMEOUT_S = 0.1
 Normal = Literal["+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
 
-class Frames:
-    """Cuts a byte stream into frames; what is not one is skipped and counted."""
-
-    def __init__(self) -> None:
-        self._buffer = b""
-        self._skipped = 0
-
-    def feed(self, data: bytes) -> list[tuple[tuple[int, ...], int]]:
-        """Whole frames as six counts, each with the bytes skipped right before it."""
-        self._buffer += data
-        found: list[tuple[tuple[int, ...], int]] = []
-        while True:
-            start = self._buffer.find(HEADER)
-            if start < 0:  # the last byte may be half a header
-                start = max(len(self._buffer) - 1, 0)
-            self._skipped += start
-            self._buffer = self._buffer[start:]
-            if len(self._buffer) < FRAME_BYTES:
-                return found
-            body, crc = self._buffer[:14], self._buffer[14:16]
-            if FramerRTU.compute_CRC(body).to_bytes(2, "big") != crc:
-                self._skipped += 1  # these two bytes were not a header: look on behind the first
-                self._buffer = self._buffer[1:]
-                continue
-            found.append((struct.unpack("<6h", body[2:]), self._skipped))
-            self._skipped = 0
-            self._buffer = self._buffer[FRAME_BYTES:]
-
-
 class StreamSource:
     """The stream; see `drivers.core.reader.Source`."""
 
@@ -74,7 +42,7 @@ class StreamSource:
         self._clock = clock
         self._line: Port = open_port(name, port, BAUD)
         self._normal = normal
-        self._frames = Frames()
+        self._frames = FrameCutter(HEADER, "<6h", "crc16-modbus")
         self._time = FrameTime(1 / STREAM_HZ, latency_s)
         try:
             self._line.write(STOP)  # a stream left on by someone else deafens the sensor
@@ -91,7 +59,7 @@ class StreamSource:
         now = self._clock.now()
         samples = []
         for counts, skipped in self._frames.feed(data):
-            time_s, lost = self._time.stamp(now, round(skipped / FRAME_BYTES))
+            time_s, lost = self._time.stamp(now, round(skipped / self._frames.frame_bytes))
             samples.append(Sample(time_s, _channels(counts, self._normal), lost))
         return samples
 
@@ -102,7 +70,7 @@ class StreamSource:
         self._line.close()
 
 
-def _channels(counts: tuple[int, ...], normal: Normal) -> list[float]:
+def _channels(counts: tuple[float, ...], normal: Normal) -> list[float]:
     values = [scale * count for scale, count in zip(SCALES, counts, strict=True)]
     sign = 1.0 if normal[0] == "+" else -1.0
     return [sign * values[AXES.index(normal[1:])], *values]

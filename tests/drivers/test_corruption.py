@@ -9,44 +9,22 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from pymodbus.framer import FramerRTU
 
-from drivers import DeviceFault, WallClock, ft300
+from drivers import DeviceFault, WallClock
+from drivers.core.frame_cutter import Check, FrameCutter, crc16_modbus, crc16_x25, sum8
 from drivers.core.reader import Sample
 from drivers.modbus import ModbusSource, Register, rtu_bus
-from drivers.taxels import Check, FrameCutter, crc16_modbus, crc16_x25, sum8
 from sim_backend.emulators.modbus import ModbusSlave
 from sim_backend.emulators.serving import damaged, served
 
 DAMAGES = 1000
 
 
-def ft300_frame(counts: list[int]) -> bytes:
-    body = ft300.HEADER + struct.pack("<6h", *counts)
-    return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
-
-
-def test_ft300_frames() -> None:
-    rng = np.random.default_rng(3)
-    frames = ft300.Frames()
-    sent: set[tuple[int, ...]] = set()
-    read: list[tuple[int, ...]] = []
-    for _ in range(DAMAGES):
-        counts = rng.integers(-32768, 32768, 6).tolist()
-        sent.add(tuple(counts))
-        read += [c for c, _ in frames.feed(damaged(ft300_frame(counts), rng))]
-        good = rng.integers(-32768, 32768, 6).tolist()
-        sent.add(tuple(good))
-        read += [c for c, _ in frames.feed(ft300_frame(good))]
-    assert set(read) <= sent
-    assert len(read) > 0.9 * DAMAGES  # and the good frames between them are found
-
-
 @pytest.mark.parametrize(
     ("check", "of"),
     [("crc16-modbus", crc16_modbus), ("crc16-x25", crc16_x25), ("sum8", sum8)],
 )
-def test_taxel_frames(check: Check, of: Callable[[bytes], bytes]) -> None:
+def test_frames(check: Check, of: Callable[[bytes], bytes]) -> None:
     rng = np.random.default_rng(4)
     cutter = FrameCutter(b"\xaa\x55", ">B28H", check)
     sent: set[tuple[float, ...]] = set()

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from pymodbus.framer import FramerRTU
 
 from drivers import DeviceAbsent, DeviceFault, WallClock
+from drivers.core.frame_cutter import FrameCutter
 from drivers.core.reader import LineSensor
-from drivers.ft300 import Frames, Ft300Settings, open_sensor
+from drivers.ft300 import HEADER, Ft300Settings, open_sensor
 from sim_backend.emulators import ft300
 from sim_backend.emulators.serving import Served
 from sim_backend.phantom.phantom import Phantom
@@ -137,7 +138,7 @@ def test_silence_at_connection_is_absence(
 
 
 def frame(counts: tuple[int, ...]) -> bytes:
-    body = b"\x20\x4e" + struct.pack("<6h", *counts)
+    body = HEADER + struct.pack("<6h", *counts)
     return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
 
 
@@ -149,7 +150,7 @@ def test_frames_are_found_however_they_are_cut(
     sent: list[tuple[int, ...]], piece: int, before: bytes
 ) -> None:
     data = before + b"".join(frame(c) for c in sent) + frame((0,) * 6)
-    cutter = Frames()
+    cutter = FrameCutter(HEADER, "<6h", "crc16-modbus")
     found = [f for k in range(0, len(data), piece) for f in cutter.feed(data[k : k + piece])]
     assert [counts for counts, _ in found][-len(sent) - 1 :] == [*sent, (0,) * 6]
     assert sum(skipped for _, skipped in found) == len(before)
@@ -159,7 +160,7 @@ def test_frames_are_found_however_they_are_cut(
 def test_one_wrong_byte_costs_one_frame(sent: list[tuple[int, ...]], place: int, flip: int) -> None:
     first, spoilt, last = (bytearray(frame(c)) for c in sent)
     spoilt[place] ^= flip
-    found = Frames().feed(bytes(first + spoilt + last))
+    found = FrameCutter(HEADER, "<6h", "crc16-modbus").feed(bytes(first + spoilt + last))
     values = [counts for counts, _ in found]
     assert values == [sent[0], sent[2]]
 

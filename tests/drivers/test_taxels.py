@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 from drivers import ConfigError, WallClock
+from drivers.core.frame_cutter import FrameCutter
 from drivers.core.reader import Sample
-from drivers.taxels import FrameCutter, TaxelSource, open_sensor
+from drivers.taxels import TaxelSource, open_sensor
 from sim_backend import load_scene
 from sim_backend.emulators import taxels
 from sim_backend.emulators.serving import Served
