@@ -14,13 +14,13 @@ from typing import Annotated, Literal
 import re2
 from pydantic import Field
 
+from drivers.core.channel_table import ChannelTable
 from drivers.core.errors import ConfigError, DeviceFault
 from drivers.core.ports import open_port, read_some
-from drivers.core.protocols import Channel, Clock
+from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
-from drivers.core.table import Table
 from drivers.core.timestamps import INSTANT_S, DeviceTime
-from drivers.core.units import SI, to_si
+from drivers.core.units import SI
 
 # The longest match takes program x line steps: 1 ms, a quarter of two samples at 500 Hz.
 LINE_MAX = 256
@@ -31,17 +31,12 @@ TIME, UNIT = "time", "unit"
 UNMATCHED, UNMATCHED_S = 5, 0.2
 GREETING_S = 3.0  # ... or this long before the first that does: boards print what they are
 MAX_SHOWN_BYTES = 60
-Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
-class TextChannel(Table):
+class TextChannel(ChannelTable):
     """A named group of the pattern: ``scale`` x the number is in ``unit``, stored in SI."""
 
     name: Annotated[str, Field(pattern="^[A-Za-z_][A-Za-z0-9_]*$")]
-    unit: str
-    role: Role = "other"
-    scale: float = 1.0
-    full_scale: float | None = None
 
 
 class LinePattern:
@@ -104,7 +99,7 @@ class LineSource:
         self._unmatched = 0
         self._line = open_port(name, port, baud)
         self._pattern = pattern
-        self._factors = [(pattern.groups[c.name], c.scale * to_si(c.unit)[1]) for c in channels]
+        self._factors = [(pattern.groups[c.name], c.si_per_number) for c in channels]
         self._time_group = pattern.groups.get(TIME)
         self._ask = ask
         self._ask_s = -math.inf
@@ -265,11 +260,5 @@ def open_sensor(
         )  # fmt: skip
 
     return LineSensor(
-        clock, name, tuple(_channel(c) for c in channel), rate_hz, open_source, simulated=simulated
+        clock, name, tuple(c.channel() for c in channel), rate_hz, open_source, simulated=simulated
     )
-
-
-def _channel(text: TextChannel) -> Channel:
-    unit, factor = to_si(text.unit)
-    full = None if text.full_scale is None else factor * text.full_scale
-    return Channel(text.name, unit, text.role, full_scale=full)

@@ -13,10 +13,9 @@ from typing import TYPE_CHECKING
 
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.core.extras import missing, needs
-from drivers.core.protocols import Channel, Clock
+from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import INSTANT_S
-from drivers.core.units import to_si
 from drivers.lines import TextChannel
 
 if TYPE_CHECKING:
@@ -105,17 +104,8 @@ def open_sensor(
         raise ConfigError(f"rate_hz = {rate_hz:g}: must be above 0")
     if not channel:
         raise ConfigError("channel: give one [[sensor.channel]] for each channel of the stream")
-    units = [to_si(one.unit) for one in channel]
-    channels = tuple(
-        Channel(
-            one.name,
-            unit,
-            one.role,
-            full_scale=None if one.full_scale is None else factor * one.full_scale,
-        )
-        for one, (unit, factor) in zip(channel, units, strict=True)
-    )
-    factors = [one.scale * factor for one, (_, factor) in zip(channel, units, strict=True)]
+    channels = tuple(one.channel() for one in channel)
+    factors = [one.si_per_number for one in channel]
 
     def open_source() -> LslSource:
         found = pylsl.resolve_byprop("name", stream, timeout=RESOLVE_S)

@@ -20,13 +20,12 @@ from pymodbus.exceptions import ModbusException
 from pymodbus.framer import FramerType
 from pymodbus.pdu import ModbusPDU
 
+from drivers.core.channel_table import ChannelTable
 from drivers.core.errors import DeviceAbsent, DeviceFault
 from drivers.core.ports import SOCKET, tcp_address
-from drivers.core.protocols import Channel, Clock
+from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.settings import NonNegative, Positive, Settings
-from drivers.core.table import Table
-from drivers.core.units import to_si
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # faults say what matters
 MAX_REGISTERS = 125
@@ -39,22 +38,16 @@ FUNCTIONS = {"holding": 3, "input": 4}
 Client = ModbusTcpClient | ModbusSerialClient
 Kind = Literal["int16", "uint16", "int32", "uint32", "int64", "uint64", "float32", "float64"]
 Order = Literal["ABCD", "BADC", "CDAB", "DCBA"]
-Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
-class Register(Table):
+class Register(ChannelTable):
     """One channel: ``scale`` x the register's number is in ``unit``, and stored in SI.
 
     ``full_scale`` is in ``unit`` too.
     """
 
-    name: str
     address: Annotated[int, Field(ge=0, le=65535)]
-    unit: str
     type: Kind = "int16"
-    scale: float = 1.0
-    role: Role = "other"
-    full_scale: float | None = None
 
     @property
     def words(self) -> int:
@@ -269,7 +262,7 @@ class ModbusSource:
             word_order="big" if self._byte_order in ("ABCD", "BADC") else "little",
         )
         assert isinstance(number, int | float)
-        return register.scale * to_si(register.unit)[1] * number
+        return register.si_per_number * number
 
     def _recover(self, why: str) -> None:
         """Let a reply that may still come pass, then start afresh."""
@@ -281,12 +274,6 @@ class ModbusSource:
         _close(self._client)
         if not self._client.connect():
             raise DeviceFault(self._name, f"connection lost ({why})")
-
-
-def _channel(register: Register) -> Channel:
-    unit, factor = to_si(register.unit)
-    full = None if register.full_scale is None else factor * register.full_scale
-    return Channel(register.name, unit, register.role, full_scale=full)
 
 
 def _close(client: Client) -> None:
@@ -308,7 +295,7 @@ def connect_rtu(port: str, baud: int, parity: str, stopbits: int, timeout_s: flo
 def open_sensor(clock: Clock, settings: ModbusSettings) -> LineSensor:
     """A Modbus sensor, not yet connected."""
     keys = settings
-    channels = tuple(_channel(r) for r in keys.registers)
+    channels = tuple(r.channel() for r in keys.registers)
 
     def open_source() -> ModbusSource:
         timeout_s = 1e-3 * keys.timeout_ms
