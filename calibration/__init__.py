@@ -20,7 +20,7 @@ from calibration.store import Calibration, Record, load, record, restore, save, 
 from calibration.surface import SurfaceCalibration, fit_surface
 from calibration.tare import TareCalibration, fit_tare
 from calibration.taxels import TaxelCalibration, fit_taxels
-from calibration.tissue import TissueCalibration, best_model, fit_tissue
+from calibration.tissue import TissueCalibration, fit_tissue
 from calibration.tool import ToolCalibration, fit_tool
 
 __all__ = [
@@ -39,7 +39,6 @@ __all__ = [
     "TaxelCalibration",
     "TissueCalibration",
     "ToolCalibration",
-    "best_model",
     "fit_axes",
     "fit_compliance",
     "fit_force",

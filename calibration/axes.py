@@ -36,11 +36,6 @@ class AxesCalibration:
         """True places less the expected ones (3 n,) [m]."""
         return np.asarray((np.asarray(true_m) - self.true(read_m)).ravel())
 
-    @property
-    def scale_errors(self) -> Array:
-        """(3,): how much longer each axis is than it reads, as a fraction."""
-        return np.asarray(np.linalg.norm(self.matrix, axis=0) - 1)
-
 
 def fit_axes(read_m: Array, true_m: Array) -> AxesCalibration:
     """Axis errors from points (n, 3) the stage read and where they were (a gauge, a tracker).

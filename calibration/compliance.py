@@ -44,14 +44,6 @@ class ComplianceCalibration:
     curvature: float
     fit: Fit = field(repr=False)
 
-    def true_depth(self, depth_m: Array, force_n: Array) -> Array:
-        """Indentation of the tissue [m] from the commanded one and the force on the tip."""
-        return np.asarray(np.asarray(depth_m) - np.asarray(force_n) / self.stiffness_n_m)
-
-    def command(self, depth_m: Array, force_n: Array) -> Array:
-        """The commanded depth [m] that gives ``depth_m`` while ``force_n`` acts."""
-        return np.asarray(np.asarray(depth_m) + np.asarray(force_n) / self.stiffness_n_m)
-
     def misses(self, depth_m: Array, force_n: Array) -> Array:
         """Forces under load less the expected ones (n,) [N], wherever contact began."""
         force = np.asarray(force_n, dtype=float)

@@ -7,7 +7,7 @@ d force / d modulus of the model itself. Relaxation is quasi-linear (Fung 1993, 
     F = F_e - sum g_i (F_e - H_i),   dH_i/dt = dF_e/dt - H_i / tau_i
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -126,27 +126,6 @@ def fit_tissue(
         cannot_identify=limits,
         fit=Fit(fit.names, fit.values, fit.covariance, size * fit.residuals, fit.dof),
     )
-
-
-def best_model(fits: Mapping[str, TissueCalibration]) -> tuple[str | None, str]:
-    """Which of several models of the same data (homogeneous, with a lump, ...) they support.
-
-    By the Bayesian information criterion; a difference below 6 decides nothing (Kass & Raftery
-    1995: "strong" from 6). Returns the name, or None, and a sentence.
-    """
-    scores = {}
-    for name, one in fits.items():
-        r = one.fit.residuals
-        n, k = len(r), len(one.fit.values)
-        scores[name] = n * np.log(float(r @ r) / n) + k * np.log(n)
-    if len({len(one.fit.residuals) for one in fits.values()}) > 1:
-        raise CalibrationError("models can only be compared on the same samples; use robust=False")
-    order = sorted(scores, key=lambda name: float(scores[name]))
-    if not fits[order[0]].adequate:
-        return None, f"not even {order[0]} explains the data: its residuals follow a trend"
-    if len(order) > 1 and scores[order[1]] - scores[order[0]] < 6:
-        return None, f"the data do not choose between {order[0]} and {order[1]}"
-    return order[0], f"the data support {order[0]}"
 
 
 def _best(

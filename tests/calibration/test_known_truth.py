@@ -109,7 +109,6 @@ def test_stiffness_of_the_rig() -> None:
     force = 25e3 * np.maximum(depth - 3e-5, 0) + NOISE_N * rng.standard_normal(60)
     found = fit_compliance(depth, force)
     assert found.stiffness_n_m == pytest.approx(25e3, rel=0.01)
-    assert found.true_depth(np.array([2e-3]), np.array([5.0]))[0] == pytest.approx(1.8e-3, rel=0.01)
     with pytest.raises(CalibrationError, match="force varies"):
         fit_compliance(depth, NOISE_N * rng.standard_normal(60))
 
@@ -150,7 +149,7 @@ def test_axes_and_tare() -> None:
     matrix = np.array([[1.002, 0.001, 0], [0, 0.999, 0.002], [0, 0, 1.001]])
     axes = fit_axes(read, read @ matrix.T + 0.01)
     assert np.abs(axes.true(axes.command(read)) - read).max() < 1e-9
-    assert np.abs(axes.scale_errors - [0.002, -0.001, 0.001]).max() < 1e-4
+    assert np.abs(axes.matrix - matrix).max() < 1e-4
     t = np.arange(0, 20, 0.01)
     values = 0.3 + 0.01 * t + 0.02 * rng.standard_normal(len(t))
     tare = fit_tare(t, values)

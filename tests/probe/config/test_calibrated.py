@@ -176,12 +176,6 @@ def test_bad_tables_are_explained(
     assert told in capsys.readouterr().err
 
 
-def test_stiffness_is_what_a_run_corrects_depth_by() -> None:
-    depth = np.linspace(-1e-4, 8e-4, 40)
-    found = fit_compliance(depth, 2000 * np.maximum(depth, 0))
-    assert found.true_depth(np.array([2.5e-3]), np.array([0.9]))[0] == pytest.approx(2.05e-3)
-
-
 def saved(one: Calibration, path: Path, device: str, days_old: float = 0.0) -> dict[str, str]:
     now = datetime.now(UTC) - timedelta(days=days_old)
     save(record(one, device, {}, now=now), path)
