@@ -238,12 +238,6 @@ class GrblStage:
         if stops != self._stops:
             raise DeviceFault(self.name, "stopped on the way to its home")
 
-    def unlock(self) -> None:
-        """Leave an alarm whose cause is gone. The position may be wrong until homed again."""
-        talk = self._line()
-        talk.alarm = None
-        talk.command("$X", self._settings.answer_s)
-
     def _park(self, stops: int) -> None:
         """From the switches to where the scan's workspace begins."""
         if self._settings.park_mm is None:

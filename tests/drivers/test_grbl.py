@@ -228,14 +228,11 @@ def test_a_slow_axis_is_told_at_connection(board: Served, caplog: pytest.LogCapt
     assert "moves x" not in caplog.text
 
 
-def test_after_an_alarm_the_board_can_be_unlocked(stage: GrblStage) -> None:
+def test_after_an_alarm_nothing_moves(stage: GrblStage) -> None:
     with pytest.raises(DeviceFault, match="alarm 5"):
         stage.probe(0.001, 0.02)
     with pytest.raises(DeviceFault, match="alarm 5"):
         stage.move(Pose(0.031, 0.0, 0.004), 0.02)
-    stage.unlock()
-    stage.move(Pose(0.031, 0.0, 0.004), 0.02)
-    until(lambda: not stage.moving())
 
 
 def test_a_board_after_a_limit_alarm_can_be_connected_and_homed(phantom: Phantom) -> None:

@@ -36,10 +36,6 @@ class Contact:
         """Detect from now on."""
         self.steps_back, self._free, self._looked_s = 0, self.misled, now
 
-    @property
-    def detects(self) -> bool:
-        return self._looked_s is not None
-
     def end(self) -> None:
         """Detect no more."""
         self._looked_s = None
