@@ -28,7 +28,9 @@ from probe.studies.charts.speed_accuracy import (
     spent_s,
 )
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.small_strain import scan_small
+from sim_backend.fem.model import build_section
+from sim_backend.fem.newton import Load
+from sim_backend.fem.small_strain import candidates_near, condense, solve_contact
 from sim_backend.models.plane_response import element_size_m
 from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import Scene, load_scene
@@ -65,11 +67,25 @@ def whole_scan(scene: Scene, workers: int) -> list[np.ndarray]:
 
 
 def small_scan(scene: Scene, coarser: float) -> np.ndarray:
-    """Forces (stations, 1, 2) [N/m] at small strain, on elements so many times the usual size."""
-    levels = np.array(LEVELS_MMHG) * PA_PER_MMHG
-    return scan_small(
-        scene, STATIONS_M, np.array([DEPTH_M]), levels, coarser * element_size_m(scene)
-    )
+    """Forces (stations, 2) [N/m] at small strain from one mesh and one factorisation, on elements
+    so many times the usual size; stations that mirror each other are solved once."""
+    half = STATIONS_M[: len(STATIONS_M) // 2 + 1]
+    section = build_section(
+        scene, float(STATIONS_M.mean()), depth_m=DEPTH_M,
+        size_m=coarser * element_size_m(scene), along_surface=True,
+    )  # fmt: skip
+    near = [candidates_near(section, float(x), DEPTH_M) for x in half]
+    body = condense(section, np.unique(np.concatenate(near)))
+    found = []
+    for x, touched in zip(half, near, strict=True):
+        at = np.searchsorted(body.candidates, touched)
+        columns = np.stack([2 * at, 2 * at + 1], axis=1).ravel()
+        local = replace(body, candidates=touched,
+                        compliance_columns=body.compliance_columns[:, columns])  # fmt: skip
+        finger = replace(section.finger, x=float(x))
+        loads = [Load(DEPTH_M, p * PA_PER_MMHG) for p in LEVELS_MMHG]
+        found.append([solve_contact(local, finger, load).force_n_per_m for load in loads])
+    return np.array([*found, *found[-2::-1]])
 
 
 def one_press(scene: Scene, size_m: float) -> tuple[list[float], int]:

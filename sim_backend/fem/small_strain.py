@@ -2,12 +2,13 @@
 
 Linear elasticity (the tangent at rest of the finite-strain law) with exact contact: finger
 normals turn with the deformed surface. One factorisation serves every depth, pressure and, on a
-mesh that is fine all along the surface, every station. At 2.5 mm it misses 11 % of the force and
-two thirds of a deep vessel's pulse; see the speed-accuracy chart before choosing it.
+mesh that is fine all along the surface, every station (`benchmarks/speed_accuracy.py`). At 2.5 mm
+it misses 11 % of the force and two thirds of a deep vessel's pulse; see the speed-accuracy chart
+before choosing it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.model import Grading, Section, build_section
 from sim_backend.fem.newton import MIN_AREA_RATIO, CannotSolve, Load, Solution
-from sim_backend.scene.scene_file import Scene, mirrored
+from sim_backend.scene.scene_file import Scene
 
 MAX_ITERATIONS = 60
 CLOSED_M = 1e-9
@@ -141,47 +142,6 @@ def candidates_near(section: Section, x_m: float, depth_m: float) -> Ints:
     half = finger.half_flat + np.sqrt(2 * finger.radius * min(depth_m, finger.radius))
     x = section.mesh.nodes[section.mesh.surface, 0]
     return np.flatnonzero(np.abs(x - x_m) <= 1.1 * half)
-
-
-def scan_small(
-    scene: Scene, stations_m: Array, depths_m: Array, pressures_pa: Array, size_m: float
-) -> Array:
-    """Forces (stations, depths, pressures) [N/m] from one mesh and one factorisation.
-
-    Stations that mirror each other in a scene that is its own mirror image are solved once.
-    """
-    if scene.tissue is not None and mirrored(scene) == scene:
-        width = 1e-3 * scene.tissue.width_mm
-        folded = np.round(np.minimum(stations_m, width - stations_m), 9)
-        stations_m, every = np.unique(folded, return_inverse=True)
-    else:
-        every = np.arange(len(stations_m))
-    middle = float(np.mean(stations_m))
-    deepest = float(depths_m.max())
-    section = build_section(scene, middle, depth_m=deepest, size_m=size_m, along_surface=True)
-    close = [candidates_near(section, x, deepest) for x in stations_m]
-    candidates = np.unique(np.concatenate(close))
-    body = condense(section, candidates)
-    result = np.empty((len(stations_m), len(depths_m), len(pressures_pa)))
-    for i, x in enumerate(stations_m):
-        local = _restricted(body, np.searchsorted(candidates, close[i]))
-        finger = replace(section.finger, x=float(x))
-        for j, d in enumerate(depths_m):
-            for k, p in enumerate(pressures_pa):
-                result[i, j, k] = solve_contact(
-                    local, finger, Load(float(d), float(p))
-                ).force_n_per_m
-    return np.asarray(result[every])
-
-
-def _restricted(body: Condensed, chosen: Ints) -> Condensed:
-    columns = np.stack([2 * chosen, 2 * chosen + 1], axis=1).ravel()
-    return Condensed(
-        body.section,
-        body.candidates[chosen],
-        body.compliance_columns[:, columns],
-        body.pressure_response,
-    )
 
 
 def _solution(
