@@ -105,12 +105,3 @@ def unit_pressure(sides: Sides, u: Array) -> tuple[Array, Array]:
     slimmer = (thinner[:, :, None] @ sides.operator)[:, :, 0]
     turn = (thickness @ sides.turn).reshape(s, 2 * k, 2 * k)
     return force, turn + np.swapaxes(push, 1, 2) @ slimmer
-
-
-def lumen_area_m2(sides: Sides, u: Array) -> float:
-    """Area [m2] inside the deformed lumen."""
-    place = sides.place + u[sides.nodes]
-    tangent = np.einsum("qk,ski->sqi", sides.along, place)
-    at = np.einsum("qk,ski->sqi", sides.value, place)
-    cross = at[..., 0] * tangent[..., 1] - at[..., 1] * tangent[..., 0]
-    return float(-0.5 * np.einsum("q,sq->", _WEIGHTS, cross))

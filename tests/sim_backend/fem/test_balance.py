@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from lumen_area import lumen_area_m2
 from small_block import BLOCK
 
 from sim_backend.fem import newton
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.internal import deformation
-from sim_backend.fem.lumen import lumen_area_m2
 from sim_backend.fem.material import energy_density, plane_stress
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load

@@ -2,13 +2,14 @@
 
 import numpy as np
 import pytest
+from lumen_area import lumen_area_m2
 
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.contact.lumen_self_contact import wall_gaps
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.elements import ELEMENTS
 from sim_backend.fem.internal import forces_and_tangents
-from sim_backend.fem.lumen import lumen_area_m2, unit_pressure
+from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
 from sim_backend.fem.section_pairs import contact_pairs
