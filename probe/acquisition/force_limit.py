@@ -16,8 +16,11 @@ from probe.acquisition.stuck_sensor import Alive
 from probe.core.contact_stress import FORCE_ROLES
 from probe.planning.limits import LEVER_M, Limits
 
-FUTURE_S = 0.1
-LEVEL_MEMORY_S = 2.0
+# None of these three is critical: halved or doubled together, with the monitor's own periods, all
+# tests of false sensors, limits and ways out pass but one. With three readings in a mean, a sensor
+# that clips in the last of a press stops it there and is not only noted at the lift.
+FUTURE_S = 0.1  # a sample may be ahead of the clock; silence after it is found later by as much
+LEVEL_MEMORY_S = 2.0  # twice `levels.MAX_LEVEL_S`, the furthest that a level looks back
 SMOOTH = 5
 # readings that say what a sensor's noise is, and how few may: known to a quarter, where a contact
 # takes ten times as much (`press_guard.NOISE_SIGMAS`)

@@ -28,10 +28,11 @@ from probe.acquisition.retreat import Retreat, lift_speed_m_s
 from probe.planning.limits import Limits
 from probe.planning.surfaces import Surface
 
-STAGE_PERIOD_S = 0.008
-LOCK_S = 0.25
 SUPERVISOR = "supervisor"
-SUPERVISOR_PERIOD_S = 0.01
+# None of these three is critical: halved or doubled, the same tests pass (`force_limit.FUTURE_S`).
+STAGE_PERIOD_S = 0.008  # at a scan's usual 20 mm/s a tip goes 0.16 mm from one pose to the next
+SUPERVISOR_PERIOD_S = 0.01  # a silence is found late by this at most, a tenth of `PAUSE_S`
+LOCK_S = 0.25  # the second stop waits so long for an order under way; a way out stops again
 # The supervisor only sleeps and looks. Late by this much, it is the program that did not run, and
 # nobody else is to blame for having been silent meanwhile.
 PAUSE_S = 0.1
