@@ -29,8 +29,7 @@ from probe.planning.limits import Limits
 from probe.planning.surfaces import Surface
 
 SUPERVISOR = "supervisor"
-# None of these three is critical: halved or doubled, the same tests pass (`force_limit.FUTURE_S`).
-STAGE_PERIOD_S = 0.008  # at a scan's usual 20 mm/s a tip goes 0.16 mm from one pose to the next
+STAGE_PERIOD_S = 0.008  # 0.16 mm at 20 mm/s; none is critical, see `force_limit.FUTURE_S`
 SUPERVISOR_PERIOD_S = 0.01  # a silence is found late by this at most, a tenth of `PAUSE_S`
 LOCK_S = 0.25  # the second stop waits so long for an order under way; a way out stops again
 # The supervisor only sleeps and looks. Late by this much, it is the program that did not run, and
