@@ -22,7 +22,7 @@ from probe.detection.map.field import (
     spacing_m,
     spot_at,
 )
-from probe.detection.map.field_rivals import odds_of_a_step
+from probe.detection.map.field_rivals import odds_of_a_straight_rise
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import (
     AT_AN_END,
@@ -95,7 +95,7 @@ def objects_in_field(
         if near is not None and same:
             beating.remove(near)
         still = None if same else _still(spot, judged, levels, vessels)
-        step = odds_of_a_step(levels, bumps, spot)
+        step = odds_of_a_straight_rise(levels, bumps, spot)
         one = _object(spot, spot, judged, levels, moving, still, step)
         found.append(_inside(one, spot, levels))
     for spot in beating:

@@ -86,6 +86,22 @@ def test_a_step_in_any_direction_is_no_lump(across_deg: float, seed: int) -> Non
     assert found.finding == "undecided"
 
 
+@pytest.mark.parametrize("seed", [22, 25, 40])
+def test_the_end_of_a_ridge_in_a_corner_is_no_lump(seed: int) -> None:
+    """Of a bone that runs across a corner only so much shows as a spot would: each of these is a
+    tumour to a search without ridges."""
+    rng = np.random.default_rng(seed)
+    x, y = rng.uniform(0, 36, (2, 50))
+    ridge = np.exp(-np.abs(0.8 * x + 0.6 * y - 9) / 4)
+    level = 9000 * (1 + 0.7 * ridge) * (1 + 0.003 * rng.standard_normal(50))
+    found = detect(recording([
+        station(rng, index=i, x_mm=x[i], y_mm=y[i], level_pa=level[i], hold_s=2.5, sample_hz=50.0,
+                noise_pa=2.0)
+        for i in range(50)
+    ]))  # fmt: skip
+    assert found.finding == "undecided"
+
+
 @pytest.mark.parametrize(("seed", "said"), [(3, "undecided"), (7, "tumour")])
 def test_a_lump_in_a_map_with_an_artery_is_not_called_stenotic(seed: int, said: str) -> None:
     """What its presses feel of the artery's pulse is not its own."""
