@@ -208,7 +208,8 @@ def _run_all(tree: Path, log: Path, mutants: tuple[Mutant, ...]) -> int:
             rows[mutant.name] = row = kill(mutant, tree)
             out.write(json.dumps(row) + "\n")
             out.flush()
-            print("noticed " if row["noticed"] else "SURVIVES", mutant.name, *row["noticed"][:1])
+            said = "noticed " if row["noticed"] else "SURVIVES"
+            print(said, mutant.name, *row["noticed"][:1], flush=True)  # else a fork says it again
     known = [row for name, row in rows.items() if name in NAMES]
     survivors = [row["mutant"] for row in known if not row["noticed"]]
     print(f"{len(known) - len(survivors)} of {len(known)} noticed; survivors: {survivors}")
