@@ -109,7 +109,7 @@ ELSEWHERE = (
     Mutant("a soft rig presses deeper", "probe/core/cut_stations.py",
            "depth = depth - self.compliance_m_per_n", "depth = depth + self.compliance_m_per_n",
            SOFT_RIG),
-    Mutant("a soft rig is told to press less", "probe/acquisition/engine.py",
+    Mutant("a soft rig is sent less deep", "probe/acquisition/engine.py",
            "depth = plan.indentation_m + yielded_m", "depth = plan.indentation_m - yielded_m",
            SOFT_RIG),
     Mutant("a steep surface is pressed straight down", "probe/planning/press_direction.py",

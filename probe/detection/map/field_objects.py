@@ -95,8 +95,8 @@ def objects_in_field(
         if near is not None and same:
             beating.remove(near)
         still = None if same else _still(spot, judged, levels, vessels)
-        step = odds_of_a_straight_rise(levels, bumps, spot)
-        one = _object(spot, spot, judged, levels, moving, still, step)
+        rise = odds_of_a_straight_rise(levels, bumps, spot)
+        one = _object(spot, spot, judged, levels, moving, still, rise)
         found.append(_inside(one, spot, levels))
     for spot in beating:
         one = _object(spot, spot_at(levels, spot), judged, levels, moving, None)
@@ -175,11 +175,11 @@ def _still(spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ..
 
 def _object(
     spot: Spot, level: Spot, judged: list[Press], levels: Map, moving: float | None,
-    still: Array | None, step: float = 0.0,
+    still: Array | None, rise: float = 0.0,
 ) -> ObjectFinding:  # fmt: skip
     """An object at ``spot``; ``level`` is its spot in the level map, ``still`` the likelihood of
-    pulses of `SIZES` where it shows none of its own, and ``step`` the odds that the map is higher
-    on one side instead."""
+    pulses of `SIZES` where it shows none of its own, and ``rise`` the odds that the map is higher
+    on one side or along a line instead."""
     off = np.hypot(*(levels.place_m - spot.place_m).T)
     nearest = judged[int(np.argmin(off))]
     assert nearest.pulse is not None
@@ -192,7 +192,7 @@ def _object(
         seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, spot.p_value,
                     1.0 if moving is None else moving)  # fmt: skip
     else:
-        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still, uneven=step)
+        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still, uneven=rise)
     return _placed(spot, level, pulse, judge(seen), levels)
 
 

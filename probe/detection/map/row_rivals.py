@@ -1,9 +1,11 @@
 """What else a row of stations may show than a bump: one odd press, waves, far edges or a step."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from drivers.core.arrays import Array
-from probe.detection.map.row_shapes import EDGE_M, weighted
+from probe.detection.map.row_shapes import EDGE_M, step, weighted
 
 CLOSE_M, FURTHER = 3e-3, (1.5, 2.0, 3.0, 4.0)
 """Stations that show how far a block's sides reach in, and what is tried over `EDGE_M`: a section
@@ -13,8 +15,8 @@ LEFT_OUT, MAX_LOG_ODDS = 1e6, 10.0
 MIN_TURNS, PITCHES_OF_A_WAVE, TURNS_STEP = 1.5, 2.5, 0.125
 """Of a wave along a row: fewer turns are its curvature, stations show none that is shorter, and two
 that differ by less than the step part by an eighth of a turn at most."""
-STEP_WIDTHS = (0.5, 1.0, 2.0, 4.0)
-"""Of a step from one level to another, in station distances."""
+RISE_WIDTHS = (0.5, 1.0, 2.0, 4.0)
+"""Of a step from one level to another, or of a ridge, in station distances."""
 
 
 def odds_of_one_press(
@@ -37,7 +39,8 @@ def odds_of_uneven_row(
     """Odds that the row waves, that its edges reach further or that it is stiffer on one side,
     instead of the bump ``known[k]``, or of all ``known``; each has three unknowns, as a bump."""
     pitch_m = float(np.median(np.diff(x_m)))
-    rivals = [c / sd[:, None] for c in (_waves(x_m), _further_edges(x_m), steps(x_m, pitch_m))]
+    rises = rises_anywhere(x_m, pitch_m, step)
+    rivals = [c / sd[:, None] for c in (_waves(x_m), _further_edges(x_m), rises)]
     fits = []
     for others in {(*known[:k], *known[k + 1 :]), ()}:
         _, a, _, left = weighted(x_m, value, sd, base, list(others))
@@ -66,12 +69,14 @@ def least_left(a: Array, left: Array, rivals: Array) -> float:
     return float(left @ left - ((left @ basis) ** 2).sum(axis=-1).max(initial=0.0))
 
 
-def steps(x_m: Array, pitch_m: float) -> Array:
-    """Columns (m, n, 1) of a level that is higher on one side, as over a bone's edge: from anywhere
-    along ``x_m`` (n,), or just beyond, to anywhere on a scale of `STEP_WIDTHS`."""
-    middles = np.arange(x_m.min() - pitch_m, x_m.max() + 1.5 * pitch_m, pitch_m / 2)
-    widths_m = pitch_m * np.array(STEP_WIDTHS)[:, None, None]
-    return np.tanh((x_m - middles[:, None]) / widths_m).reshape(-1, len(x_m), 1)
+def rises_anywhere(
+    x_m: Array, pitch_m: float, rise: Callable[[Array, Array, Array], Array]
+) -> Array:
+    """Columns (m, n, 1) of ``rise``, a function of ``x_m`` (n,), middles and widths: from anywhere
+    along ``x_m``, or just beyond, to anywhere on a scale of `RISE_WIDTHS`."""
+    middles_m = np.arange(x_m.min() - pitch_m, x_m.max() + 1.5 * pitch_m, pitch_m / 2)
+    widths_m = pitch_m * np.array(RISE_WIDTHS)[:, None, None]
+    return rise(x_m, middles_m[:, None], widths_m).reshape(-1, len(x_m), 1)
 
 
 def _waves(x_m: Array) -> Array:

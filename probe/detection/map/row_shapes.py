@@ -20,6 +20,11 @@ def shape(x_m: Array, centre: Array | float, half_width: Array | float) -> Array
     return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / 1.5) ** -1.5)
 
 
+def step(x_m: Array, middle: Array | float, width: Array | float) -> Array:
+    """A level that is higher on one side, as over a bone's edge."""
+    return np.asarray(np.tanh((x_m - middle) / width))
+
+
 def slopes(x_m: Array, centre: float, half_width: float) -> Array:
     """Derivatives (n, 2) of `shape` by its place and the logarithm of its width."""
     u = (x_m - centre) / half_width

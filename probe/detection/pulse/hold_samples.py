@@ -154,9 +154,9 @@ def _averages_of(time_s: Array, each_s: float, step_s: float) -> Ints:
     seen through such averages beats.
     """
     many = round(step_s / each_s)
-    apart = np.rint(np.diff(time_s) / each_s)
-    if many > 1 and abs(step_s / each_s - many) <= WHOLE * many and (apart >= 1).all():
-        return np.concatenate([[0], np.cumsum(apart)]).astype(int) // many
+    gaps = np.rint(np.diff(time_s) / each_s)
+    if many > 1 and abs(step_s / each_s - many) <= WHOLE * many and (gaps >= 1).all():
+        return np.concatenate([[0], np.cumsum(gaps)]).astype(int) // many
     return np.asarray(np.floor((time_s - time_s[0]) / step_s + ROUNDING).astype(int))
 
 
