@@ -127,9 +127,12 @@ def _modulus(path: Path) -> tuple[float, float, float]:
     if main(["calibrate", "tissue", str(path), "--station", str(FAR + 1), "--scene", SCENE,
              "--out", str(out)]) != 0:  # fmt: skip
         raise RuntimeError(f"no modulus from {path}")
-    told = json.loads(out.read_text())
-    value = told["values"]["modulus_pa"]["value"][0]
-    log, sigma = told["estimates"]["values"][0], told["estimates"]["covariance"][0][0] ** 0.5
+    reported = json.loads(out.read_text())
+    value = reported["values"]["modulus_pa"]["value"][0]
+    log, sigma = (
+        reported["estimates"]["values"][0],
+        reported["estimates"]["covariance"][0][0] ** 0.5,
+    )
     return (
         1e-3 * value,
         1e-3 * float(np.exp(log - 2 * sigma)),

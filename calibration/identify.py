@@ -1,4 +1,4 @@
-"""What data cannot tell: read from a fit's covariance and residuals, said in words."""
+"""What data cannot show: read from a fit's covariance and residuals, said in words."""
 
 import numpy as np
 

@@ -116,7 +116,7 @@ class LineSource:
         self._lost = 0
 
     def read(self) -> list[Sample]:
-        """The whole lines that have arrived. Raises `DeviceFault` where they tell another unit, or
+        """The whole lines that have arrived. Raises `DeviceFault` where they state another unit, or
         no longer match.
         """
         now = self._clock.now()

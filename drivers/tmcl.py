@@ -97,7 +97,7 @@ class TmclAxes:
             mark = 1 + secrets.randbelow(2**31 - 1)
             self._ask(module, SGP, MARK, USER_VARIABLES, mark)
             self._marks[module] = mark
-        return ["a module does not tell whether its motors were homed since power was on"]
+        return ["a module does not report whether its motors were homed since power was on"]
 
     def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
         """Speeds first, so that all set off one right after the other."""

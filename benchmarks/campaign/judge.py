@@ -185,9 +185,9 @@ def _check_sideways(draw: Draw, truth: Truth) -> list[str]:
     if len(begins) == 0 or len(off) == 0:
         return []
     since_s = rows[off[0], T]
-    told = truth.stops[(truth.stops > since_s - 1.0)]
+    reported = truth.stops[(truth.stops > since_s - 1.0)]
     blind_s = SEEN_S + _blind_s(draw)
-    if (len(told) and told[0] < since_s + blind_s) or rows[-1, T] < since_s + blind_s:
+    if (len(reported) and reported[0] < since_s + blind_s) or rows[-1, T] < since_s + blind_s:
         return []
     return [f"dragged {1e3 * way[off].max():.1f} mm over the skin and not stopped"]
 

@@ -88,7 +88,7 @@ def adopt_orphans() -> None:
 def start(arguments: Sequence[str], folder: Path, answer: Path) -> Scan:
     """``palpate ARGUMENTS`` in ``folder``, its standard output to the file ``answer``."""
     terminal, far = os.openpty()
-    told, tell = os.pipe()
+    reported, tell = os.pipe()
     heard, inside = os.pipe()
     leader = os.fork()
     if leader == 0:
@@ -101,8 +101,8 @@ def start(arguments: Sequence[str], folder: Path, answer: Path) -> Scan:
     os.close(tell)
     os.close(heard)
     os.set_blocking(terminal, False)
-    pid = int(os.read(told, 20) or b"0")
-    os.close(told)
+    pid = int(os.read(reported, 20) or b"0")
+    os.close(reported)
     return Scan(pid, leader, terminal, inside)
 
 

@@ -175,8 +175,8 @@ def _check_station(
     if depth_off_m > DEPTH_OFF_M:
         wrong.append(f"{name} was {1e3 * depth_off_m:.2f} mm off its depth")
     true_n, said_n = float(held[:, FORCE].mean()), float(said.mean())
-    told = any(isinstance(e, Note) and e.level in ("warning", "fault") for e in events)
-    if abs(true_n - said_n) > FORCE_OFF_N + FORCE_OFF * true_n and not told:
+    reported = any(isinstance(e, Note) and e.level in ("warning", "fault") for e in events)
+    if abs(true_n - said_n) > FORCE_OFF_N + FORCE_OFF * true_n and not reported:
         wrong.append(f"{name} says {said_n:.2f} N of true {true_n:.2f} N")
     return wrong
 

@@ -37,7 +37,7 @@ DEVICES = (
     Mutant(
         "a line that is lost looks silent", READER,
         'self._fault = DeviceFault(self.name, f"connection lost ({error})")', "pass",
-        (f"{TEST_READER}::test_a_line_that_ends_is_told_after_the_last_sample",),
+        (f"{TEST_READER}::test_a_line_that_ends_is_reported_after_the_last_sample",),
     ),
     Mutant(
         "two programs on one port", PORTS,
@@ -85,7 +85,7 @@ DEVICES = (
     Mutant(
         "an alarm is not noticed", GRBL,
         'if talk.alarm is not None or status.state == "Alarm":', 'if status.state == "Never":',
-        (f"{TEST_GRBL}::test_a_fault_in_a_move_is_told_in_words",),
+        (f"{TEST_GRBL}::test_a_fault_in_a_move_is_reported_in_words",),
     ),
     Mutant(
         "a target beyond the limits", GRBL,

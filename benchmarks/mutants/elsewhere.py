@@ -24,7 +24,7 @@ TRAINED, FAST_SOLID = (
     "sim_backend/models/trained_states.py",
     (
         "tests/sim_backend/models/test_trained_states.py::"
-        "test_between_the_places_solved_force_and_pulse_are_told",
+        "test_between_the_places_solved_force_and_pulse_are_reported",
         "tests/sim_backend/models/test_trained_states.py::test_a_lump_is_felt_where_it_lies",
     ),
 )

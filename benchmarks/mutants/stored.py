@@ -61,7 +61,7 @@ STORED = (
         "the end of a run is not waited for", WRITER,
         "if isinstance(event, RunStarted | RunEnded):\n            self.flush()",
         "if isinstance(event, RunStarted):\n            self.flush()",
-        (f"{TEST_WRITER}::test_the_end_of_a_run_is_committed_when_it_is_told",),
+        (f"{TEST_WRITER}::test_the_end_of_a_run_is_committed_when_it_is_reported",),
     ),
     Mutant(
         "a failed disk is not told", WRITER,

@@ -13,7 +13,7 @@ def enable(stage: Stage) -> list[str]:
 
 
 def enable_s(stage: Stage) -> float:
-    """How long `enable` may take, where the rig file says so; 0 if the stage does not tell."""
+    """How long `enable` may take, where the rig file says so; 0 if the stage does not say."""
     return float(getattr(stage, "enable_s", 0.0))
 
 

@@ -95,7 +95,7 @@ class LineStage:
         return found
 
     def pose(self) -> Pose:
-        """The tip as the controller tells it, asked for now."""
+        """The tip as the controller reports it, asked for now."""
         places = self._fresh().places_mm
         return Pose(*(1e-3 * (places[a] - self._origin[a]) if a in places else 0.0 for a in AXES))
 

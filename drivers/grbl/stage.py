@@ -28,7 +28,7 @@ HOME_S = 120.0
 INCH_MM = 25.4
 MOVING = ("Jog", "Run", "Hold", "Home", "Door")
 SETTINGS_S = 2.0
-OFFSET_REPORTS = 35  # GRBL 1.1 tells the offset every 10 to 30 reports
+OFFSET_REPORTS = 35  # GRBL 1.1 reports the offset every 10 to 30 reports
 REPORT_S = 0.02  # between two reports, at least
 REPORT_MASK = 10
 REPORT_INCHES, SOFT_LIMITS, HOMING = 13, 20, 22
@@ -132,7 +132,7 @@ class GrblStage:
         return notes
 
     def _read_settings(self, talk: Conversation, *, locked: bool) -> None:
-        """After some alarms a board tells its settings only once it was reset, as homing does."""
+        """After some alarms a board reports its settings only once it was reset, as homing does."""
         try:
             talk.command("$$", SETTINGS_S)
         except DeviceFault:
@@ -219,7 +219,7 @@ class GrblStage:
             self._reset(talk)
             asked = self._restarts
             talk.wait(lambda: talk.restarts >= asked, HELLO_S, "no greeting after a reset")
-            talk.fresh(HELLO_S)  # grblHAL tells ALARM:11, homing required, after its greeting
+            talk.fresh(HELLO_S)  # grblHAL reports ALARM:11, homing required, after its greeting
         talk.alarm = None
         self._read_settings(talk, locked=False)
         self._homing = True

@@ -20,7 +20,7 @@ from drivers.core.protocols import UNIT_OF_ROLE, Block, Pose, Sensor, Stage
 from drivers.testing.awake import AwakeTime
 from drivers.testing.contract import Bench
 
-PROMPT_S = 0.25  # no call may take longer, connecting and closing apart
+PROMPT_S = 0.25  # no call may take longer, except connecting and closing
 SOON_S = 3.0
 ARRIVED_M = 0.1e-3
 TRIES = 5

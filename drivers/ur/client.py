@@ -258,7 +258,7 @@ class _Client:
         self._guarded = False
         self._kick_s = setup.watchdog_s / WATCHDOG_RESETS
         self.control = control
-        payload_kg = setup.payload_kg  # what the stream tells may still be from before
+        payload_kg = setup.payload_kg  # the stream's may still be from before
         if payload_kg is None:
             payload_kg = self._receive.getPayload()
         return True, {"tcp": tcp, "payload_kg": payload_kg}
@@ -286,7 +286,7 @@ class _Client:
             self._starved_s = now_s
 
     def _begin_operation(self) -> None:
-        """What tells of moves is another stream than the poses, and may lag behind them."""
+        """Moves are reported by another stream than the poses, and may lag behind them."""
         self._before = (self._operation(), time.monotonic())
 
     def _operation(self) -> int:

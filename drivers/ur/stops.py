@@ -27,7 +27,7 @@ def why_stopped(state: State, *, controls: bool) -> str | None:
     """None if the robot works; with ``controls`` its control program must run."""
     if (words := SAFETY_STOPS.get(state.safety_mode)) is not None:
         return words
-    # A playing program implies a running robot; the mode only tells why none plays.
+    # A playing program implies a running robot; the mode only says why none plays.
     if state.runtime_state != PLAYING and state.robot_mode != RUNNING:
         return f"the robot is not running ({MODES.get(state.robot_mode, str(state.robot_mode))})"
     if controls and state.runtime_state != PLAYING:

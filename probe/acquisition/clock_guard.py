@@ -32,6 +32,6 @@ class ClockGuard:
 
 
 def _since_boot() -> float:
-    """Seconds since boot, those asleep included where the system tells."""
+    """Seconds since boot, those asleep included where the system counts those."""
     number = getattr(time, "CLOCK_BOOTTIME", None)
     return time.monotonic() if number is None else time.clock_gettime(number)

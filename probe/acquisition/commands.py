@@ -32,7 +32,7 @@ class Control:
 
     Examples
     --------
-    A scan that was told to end before its first station stores an aborted run:
+    A scan that was ordered to end before its first station stores an aborted run:
 
     >>> import palpate
     >>> control = palpate.Control()

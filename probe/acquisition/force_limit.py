@@ -125,10 +125,10 @@ class SensorGuard:
         if np.count_nonzero(block.saturated) and block.saturated[:, self._clips].any():
             return "the sensor is saturated: the true force is unknown"
         if self.feels:
-            felt = block.values[:, self._used]
+            values = block.values[:, self._used]
             # lists: blocks are short, and numpy is slow on those
-            used: list[list[float]] = felt.tolist()
-            each: list[list[float]] = (felt * self._gains).tolist()
+            used: list[list[float]] = values.tolist()
+            each: list[list[float]] = (values * self._gains).tolist()
             force = [sum(one) for one in each] if self._array else [one[0] for one in each]
             self.force_n = force[-1]
             if (dead := self._alive.check(used)) is not None:

@@ -27,7 +27,7 @@ from probe.acquisition.remote_devices import RemoteHoming, RemoteRetreat, Remote
 ANSWER_S = 20.0  # longer than any call takes: a tare, or a stage that hangs
 COMMAND_LOOK_S = 0.005
 CLOSE_S = 70.0  # it may still be lifting the probe
-STATUS_S = 5.0  # a status is at hand: a process that does not tell it hangs
+STATUS_S = 5.0  # a status is at hand: a process that does not report it hangs
 LONG_S = 1.0  # most answers take milliseconds; who takes longer is asked whether it lives
 LIVES_S = STATUS_S - LONG_S
 OPEN_S = 30.0  # to take the devices over: imports on a busy machine, and an arm's program

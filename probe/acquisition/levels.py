@@ -13,7 +13,7 @@ MAX_HIDDEN_SHARE = 0.1  # share of the force limit that a tare may hide at most
 MIN_STANDARD_ERRORS = 6.0  # of a difference between two levels: by chance once in 500 million
 UNSTEADY = 4.0  # of two readings, the fewest, 0.7 % are as far apart by chance: one more level
 MAX_UNSTEADY_S = 2.0  # a cough is over by then
-STILL = 2.0  # times its usual error, which 20 readings of noise tell to a sixth
+STILL = 2.0  # times its usual error, which 20 readings of noise give to a sixth
 
 Levels = Mapping[str, tuple[float, float]]  # sensor -> mean force [N] and its standard error
 
@@ -87,7 +87,7 @@ def no_force(levels: Levels, rates_hz: Mapping[str, float], most_n: float) -> st
     """Says so if no sensor measures a force that its own noise does not explain; else None.
 
     A level of fewer than two readings (NaN) says nothing. Nor is what `little` says of the limit
-    ``most_n`` a force if single readings do not show it: `press_guard` could not tell whether it
+    ``most_n`` a force if single readings do not show it: `press_guard` could not decide whether it
     rose with the depth, so a sensor that clips there would be believed.
     """
 
@@ -103,8 +103,8 @@ def no_force(levels: Levels, rates_hz: Mapping[str, float], most_n: float) -> st
 
 
 def least_touch_n(noise_n: float, rate_hz: float, readings: float) -> float:
-    """The least force that the mean of ``readings`` tells from a sensor's noise, ``noise_n`` rms,
-    beside a zero that is itself a mean over `LEVEL_S`."""
+    """The least force that the mean of ``readings`` distinguishes from a sensor's noise,
+    ``noise_n`` rms, beside a zero that is itself a mean over `LEVEL_S`."""
     zeroed = max(LEVEL_S * rate_hz, 1.0)
     return MIN_STANDARD_ERRORS * noise_n * math.sqrt(1 / max(readings, 1.0) + 1 / zeroed)
 

@@ -41,7 +41,7 @@ FAINT_WAY_M = 1e-3
 # moved it by then. That part is as long as noise needs to let a rise show; if that is more than
 # this share of the way in contact, the end is not judged.
 LAST_SHARE = 0.05
-SLACK = 1.2  # a stage may be that much faster than it was told
+SLACK = 1.2  # a stage may be that much faster than it was ordered
 WAY_M = 50e-6  # five of a GRBL board's digits
 POLLS = 2.0  # a pose may be older than the newest by that many of the stage's periods
 ROUNDING = 1e-9
@@ -267,7 +267,7 @@ class PressGuard:
             return None
         moved_n = max(self._forces[began:]) - min(self._forces[began:])
         if still and not 0 < moved_n <= STILL_SIGMAS * self._noise_n:
-            return None  # none at all: a resolution so coarse that it hides what a live one tells
+            return None  # none at all: a resolution so coarse that it hides what shows a live one
         return _flat(rose_n, went_m, foretold_n)
 
     def _stood_still(self, now: float) -> str | None:

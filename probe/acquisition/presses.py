@@ -12,9 +12,9 @@ from probe.planning.surfaces import Surface
 class Presses:
     """The guards of all sensors that feel a force, for each move of the tip.
 
-    A sensor that reads its own noise and nothing else is not to be told from one in the air, but
-    for the place of the tip: beneath ``surface`` there is tissue, and it must be felt before the
-    press is `Limits.contact_within_m` deep.
+    A sensor that reads its own noise and nothing else cannot be distinguished from one in the
+    air, but for the place of the tip: beneath ``surface`` there is tissue, and its force must be
+    measured before the press is `Limits.contact_within_m` deep.
     """
 
     def __init__(

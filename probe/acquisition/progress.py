@@ -23,7 +23,7 @@ class StationCount:
         self._began_s = time.monotonic()
 
     def started(self, run: RunStarted) -> None:
-        """The run begins: a grid's stations are told apart by x and y."""
+        """The run begins: a grid's stations are named by x and y."""
         self._in_grid = plans_rows(run.config)
 
     def ended(self) -> None:

@@ -16,8 +16,8 @@ def find_surface(loop: RunLoop, planned: Pose, touch_n: float) -> Pose:
     """Go down from above ``planned`` until the force reaches ``touch_n``, or the stage itself has
     found contact; where that was.
 
-    Where single readings do not tell ``touch_n`` from noise, the mean of the latest is asked, of
-    up to `LEVEL_S`: it is late by half of that, 0.05 mm.
+    Where single readings do not distinguish ``touch_n`` from noise, the mean of the latest is
+    asked, of up to `LEVEL_S`: it is late by half of that, 0.05 mm.
     """
     name, (_, error_n) = next(iter((loop.known_levels or {"": (0.0, 0.0)}).items()))
     rate_hz = next((s.rate_hz for s in loop.sensors if s.name == name), 1 / LEVEL_S)

@@ -129,7 +129,7 @@ def show_finding(found: Mapping[str, Any]) -> None:
 
 
 def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
-    """A table with a line per station, counted from 1; y only where it tells stations apart."""
+    """A table with a line per station, counted from 1; y only where stations differ in it."""
     from rich.box import SIMPLE_HEAD
     from rich.console import Console
     from rich.table import Table

@@ -31,7 +31,7 @@ class _Terminal(logging.StreamHandler):  # type: ignore[type-arg]
         super().emit(record)
 
 
-def already_told(reason: str) -> bool:
+def already_reported(reason: str) -> bool:
     """Whether the terminal's last fault was this one."""
     shown = [one for one in logging.getLogger("palpate").handlers if isinstance(one, _Terminal)]
     return any(one.last_fault.endswith(reason) for one in shown)

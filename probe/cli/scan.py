@@ -14,7 +14,7 @@ import typer
 from probe.cli import ABORTED
 from probe.cli.arguments import RunFile, scene_names
 from probe.cli.errors import FAULT
-from probe.cli.logs import already_told
+from probe.cli.logs import already_reported
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
 from probe.cli.windows import need_windows
 
@@ -239,7 +239,7 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
         if ended.finish is not Finish.COMPLETED:
             how = f"The scan was {ended.reason}"
             if ended.finish is Finish.FAULTED:
-                why = "this" if already_told(ended.reason) else "a"
+                why = "this" if already_reported(ended.reason) else "a"
                 how = f"{why} fault ended the scan".capitalize()
                 how += "" if why == "this" else f": {ended.reason}"
             inform(f"{how}. What was read is in {path}")

@@ -55,7 +55,7 @@ def face_mm2_of(rig: Rig, scene: Scene | None) -> float | None:
 
 
 def this_computer() -> str:
-    """What tells this computer from others, without its name."""
+    """An identifier of this computer, without its name."""
     return sha256(platform.node().encode()).hexdigest()[:16]
 
 

@@ -7,9 +7,9 @@ from probe.detection.pulse.possible_rates import RATE_VARIABILITY, SLOWEST_HZ
 from probe.detection.pulse.presses import Press
 
 WHOLE_BEAT = 1.2
-"""Beats that a hold must have for a rate to be told from slower ones. In 48 scans of TIHA that
-beats freely at 45 to 95 /min, holds of 0.6 to 2 s, rates of which fewer fit into the hold were up
-to 57 /min too fast, all others at most 2 /min off."""
+"""Beats that a hold must have for a rate to be distinguished from slower ones. In 48 scans of TIHA
+that beats freely at 45 to 95 /min, holds of 0.6 to 2 s, rates of which fewer fit into the hold were
+up to 57 /min too fast, all others at most 2 /min off."""
 
 
 def heart_rate(presses: tuple[Press, ...]) -> tuple[float, float, float] | None:
@@ -34,5 +34,5 @@ def heart_rate(presses: tuple[Press, ...]) -> tuple[float, float, float] | None:
     rate = 60 * float(np.average(rates, weights=weights))
     reach = 60 * NORMAL_95 * float(np.sum(weights) ** -0.5)
     longest_s = max(p.hold_s for p in presses if p.pulsing)
-    told = rate * longest_s >= 60 * WHOLE_BEAT
-    return rate, max(rate - reach, 0.0) if told else min(60 * SLOWEST_HZ, rate), rate + reach
+    distinct = rate * longest_s >= 60 * WHOLE_BEAT
+    return rate, max(rate - reach, 0.0) if distinct else min(60 * SLOWEST_HZ, rate), rate + reach

@@ -97,7 +97,7 @@ def pulsing_place(
 
     It lies where the pulse is largest, or beside any press whose pulse may be as large. A press of
     known place and depth compares with the solved vessels, in tissue and out of it. Of a recording
-    that tells neither, an artery is a vessel, healthy or not.
+    that decides neither, an artery is a vessel, healthy or not.
     """
     pulsing = [p for p in presses if p.pulsing and p.pulse is not None]
     if not pulsing:

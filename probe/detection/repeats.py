@@ -13,8 +13,8 @@ def places_of(x_m: Array) -> Ints:
     """The place (n,) of each station at ``x_m`` (n,), finite and in any order: 0 is the lowest."""
     order = np.argsort(x_m, kind="stable")
     gaps = np.diff(x_m[order])
-    apart = gaps[gaps > SAME_PLACE_M]
-    least_m = max(REPEATS * float(np.median(apart)), SAME_PLACE_M) if len(apart) else np.inf
+    pitches = gaps[gaps > SAME_PLACE_M]
+    least_m = max(REPEATS * float(np.median(pitches)), SAME_PLACE_M) if len(pitches) else np.inf
     place = np.empty(len(x_m), dtype=int)
     place[order] = np.concatenate([[0], np.cumsum(gaps > least_m)])[: len(x_m)]
     return place

@@ -251,7 +251,7 @@ def _reason(
         if np.isinf(least_pa):
             return (
                 f"the row is not finished; no pulse {where}, and a lump needs {MIN_WITH_EDGES} "
-                "stations to be told from the tissue's edge"
+                "stations to be distinguished from the tissue's edge"
             )
         return f"the row is not finished; nothing {where}, the tissue's edge aside"
     if kind == "cannot see":

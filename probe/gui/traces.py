@@ -64,7 +64,7 @@ class TracePanel(QWidget):
         if len(time_s):
             step = max(1, len(time_s) // MAX_POINTS)
             stress = state.stress_pa(name, values[::step]) / 1e3
-            if stress.shape[1] > MAX_CURVES:  # the taxel image tells them apart, curves cannot
+            if stress.shape[1] > MAX_CURVES:  # the taxel image shows each, curves cannot
                 stress = np.column_stack([stress.min(1), stress.mean(1), stress.max(1)])
             self._curves(stress.shape[1])
             for curve, channel in zip(self.curves, stress.T, strict=True):

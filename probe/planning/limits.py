@@ -26,8 +26,8 @@ class Limits:
     does nothing for ``engine_s`` is blocked. ``same_readings`` equal ones are a stuck sensor's.
     ``hardest_n_m`` is the stiffness [N/m] of the hardest thing that may lie beneath the probe: it
     says how soon a force that nobody reads may grow. A press that has gone ``contact_within_m``
-    below the surface must have felt the tissue.
-    ``in_the_air``: a rehearsal, in which no press must be felt.
+    below the surface must have measured the tissue's force.
+    ``in_the_air``: a rehearsal, in which no press must meet a force.
     """
 
     max_force_n: float

@@ -126,7 +126,7 @@ def _objects(objects: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _stations(stations: Sequence[Mapping[str, Any]]) -> str:
-    """Counted from 1; with y only where it tells stations apart."""
+    """Counted from 1; with y only where stations differ in it."""
     axes = ("x_mm", "y_mm") if has_rows(s["y_mm"] for s in stations) else ("x_mm",)
     rows = [
         (

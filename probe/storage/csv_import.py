@@ -54,7 +54,7 @@ FACE_MM2 = 100.0
 
 @dataclass(frozen=True)
 class Imported:
-    """What was written; ``notes`` tell what was left out or assumed.
+    """What was written; ``notes`` say what was left out or assumed.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """A fleet file: random phantoms of every kind, scanned, to train and to test detectors on.
 
 One Latin hypercube per kind, each from its own seed; every row is one press of one scan. What was
-drawn stands beside what is felt, so the file is its own ground truth.
+drawn stands beside what is measured, so the file is its own ground truth.
 """
 
 from collections.abc import Callable

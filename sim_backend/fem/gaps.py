@@ -76,9 +76,9 @@ def gap_sizes(found: Sequence[Gap], share: float) -> Callable[[Array], Array]:
 
 
 def _between(one: Circle, other: Circle, n: int, m: int) -> Gap:
-    apart = float(np.hypot(*(np.asarray(one[0]) - np.asarray(other[0]))))
+    centres = float(np.hypot(*(np.asarray(one[0]) - np.asarray(other[0]))))
     return Gap(
-        _outside(*one), _outside(*other), apart - one[1] - other[1],
+        _outside(*one), _outside(*other), centres - one[1] - other[1],
         f"inclusion[{m}] and inclusion[{n}]",
     )  # fmt: skip
 

@@ -1,6 +1,6 @@
 """No more model than the scene needs: what can be left out, and what leaving it out costs.
 
-Bounds measured on usual scenes tell what might be left out. Before it is, the effect itself is
+Bounds measured on usual scenes say what might be left out. Before it is, the effect itself is
 measured: the press is solved with and without it on the first, coarse mesh.
 """
 
@@ -79,9 +79,9 @@ def choose(
 ) -> Choice:
     """Leave out what costs at most half of ``budget_pct``; the mesh may use the rest.
 
-    Inclusions too far away to be felt go first, then finite strain. A filled vessel is always
-    kept, at finite strain: its pressure is felt tens of millimetres away, and small strain misses
-    about half of its pulse or more at any depth. ``solving`` is told of what is solved to find
+    Inclusions too far away to matter go first, then finite strain. A filled vessel is always
+    kept, at finite strain: its pressure acts tens of millimetres away, and small strain misses
+    about half of its pulse or more at any depth. ``solving`` receives what is solved to find
     out. Raises `CannotSolve`.
     """
     filled = any(p > 0 for p in pressures_mmhg)
@@ -135,7 +135,7 @@ class _FirstMesh:
 
 
 def _without_far(scene: Scene, x_mm: float, filled: bool, budget_pct: float) -> tuple[Scene, float]:
-    """The scene without what may be too far away to be felt, and what that costs [%]."""
+    """The scene without what may be too far away to matter, and what that costs [%]."""
     near, far_pct = [], 0.0
     for one in scene.inclusion:
         pct = far_error_pct(scene, one, x_mm)

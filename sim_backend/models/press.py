@@ -44,7 +44,7 @@ class State:
     ``force_n_per_mm``: NaN.
 
     ``force_n`` is the whole finger's. ``stable``: the body would stay so if it were nudged;
-    None where a solid's factors do not tell.
+    None where a solid's factors do not decide.
     """
 
     pressure_mmhg: float
@@ -227,7 +227,7 @@ def press(
     ``model`` names one: ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in
     space. Meshes are refined until what changes is
     small enough; where that cannot be reached, the stated error is above ``accuracy_pct``.
-    ``solving`` is told in words of each mesh before it is solved; without it a notebook shows
+    ``solving`` receives a line about each mesh before it is solved; without it a notebook shows
     them below the cell. Raises `SceneError` for a press that cannot be meant and `CannotSolve`
     where physics ends.
 

@@ -20,13 +20,14 @@ LEAST_FINER, MOST_FINER = 1.4, 2.0
 """How much finer each mesh is than the one before."""
 SECOND_FINER, SECOND_SAFETY = 3.3, 3.0
 """The second mesh may be finer than `MOST_FINER`, since it is known to be needed, whatever the
-first says. What two meshes so far apart tell of the error is then taken three times (Roache 1994,
-of two meshes); where walls fold the second would not carry over from the first."""
+first says. What the difference of two such meshes shows of the error is then taken
+three times (Roache 1994, of two meshes); where walls fold the second would not carry over from the
+first."""
 ORDER = 1.6
 """The error falls at least as this power of the size."""
 LONE_ORDER = 1.0
 """As `ORDER`, of a lone vessel on its support, where nodes touch and stick one by one: what two of
-its meshes tell is taken `SECOND_SAFETY` times too. With 36, 72 and 144 elements round it the vessel
+its meshes show is taken `SECOND_SAFETY` times too. With 36, 72 and 144 elements round it the vessel
 of press 61 of benchmarks/random_presses.py bears 38.49, 38.66 and 37.94 N/m."""
 FLOOR_PCT = np.array([6.0, 20.0])
 """What a mesh misses of force and pulse at least, over the square of the element size over the
@@ -52,7 +53,7 @@ COARSEST, COARSEST_POWER = 0.3, 0.5
 """Largest size over the block's height on the first mesh; it falls as this power of the others."""
 
 Solving = Callable[[str], None]
-"""Is told in words what is about to be solved."""
+"""Receives a line about what is to be solved next."""
 MODEL_WORDS = {
     "finite": "finite strain", "small": "small strain", "axisymmetric": "a body of revolution",
 }  # fmt: skip
@@ -100,9 +101,8 @@ def refine(
 
     With ``model`` axisymmetric, ``x_m`` is the radius of the round block, and the first mesh begins
     at what was solved for one ``near`` to it. ``first`` is what the first mesh says, where that is
-    known. A mesh too fine to be
-    solved, or to be worth it, ends the refinement too. ``solving`` is told of each mesh before it
-    is solved. Raises `CannotSolve`.
+    known. A mesh too fine to be solved, or to be worth it, ends the refinement too. ``solving``
+    receives a line about each mesh before it is solved. Raises `CannotSolve`.
     """
     half_m = 0.5e-3 * scene.indenter.width_mm_projected
     if scene.tissue is None:  # a wide finger says nothing of the vessel's own size

@@ -113,7 +113,9 @@ class SecondProcess(Generic[Answer]):
                 with self._news:
                     if what == BEGUN:
                         self._theirs.add(number)
-                    elif what == FAILED:  # who asks for it is told why, where it is solved again
+                    elif (
+                        what == FAILED
+                    ):  # who asks for it gets the reason, where it is solved again
                         self._failed.add(number)
                     else:
                         self._solved[number] = answer

@@ -21,8 +21,8 @@ ORDER = 1.6
 """The error falls at least as this power of the size, as in `sim_backend.models.refine`."""
 FLOOR_PCT = 30.0
 """What a mesh misses of force and of pulse at least, over the square of its share: two meshes may
-agree by chance. Under a cylinder of 5 x 10 mm over TIHA's vessel the first two tell forces 0.1 %
-and pulses 0.4 % apart, and one of share 0.21 tells a force 1.7 % and a pulse 2.0 % below the
+agree by chance. Under a cylinder of 5 x 10 mm over TIHA's vessel the first two give forces 0.1 %
+and pulses 0.4 % apart, and one of share 0.21 gives a force 1.7 % and a pulse 2.0 % below the
 second's; in a block of 24 x 20 mm the third's pulse, like CalculiX', is 1.6 % above the second's.
 """
 SOLID = "a solid in three dimensions"
@@ -39,11 +39,11 @@ def refine_solid(
     solving: Solving = lambda _what: None,
 ) -> tuple[SolvedSolid, Array]:
     """The finest solution needed for ``budget_pct`` (force, pulse), and what is left of both errors
-    [%]. ``solving`` is told of each mesh before it is solved. Raises `CannotSolve`."""
+    [%]. ``solving`` receives a line about each mesh before it is solved. Raises `CannotSolve`."""
     half_m = half_width_m(scene)
     error_pct = np.full(2, np.inf)
     solving(mesh_in_words(SOLID, SHARES[0] * half_m, error_pct))
-    # no first mesh without a second, which tells its error; how large finer ones are is foreseen
+    # no first mesh without a second, which shows its error; how large finer ones are is foreseen
     most = MOST_UNKNOWNS * (SHARES[1] / SHARES[0]) ** 2
     solved = solve_solid(scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m, most_unknowns=most)
     for before, share in pairwise(SHARES):

@@ -39,7 +39,7 @@ from sim_backend.scene.scene_file import Scene
 
 DEPTHS = np.array([0.2, 0.4, 0.6, 0.8, 1.0])
 """Shares of the greatest depth that are solved. The first is 0.5 mm of the usual 2.5: a contact
-that is narrower than two elements is told too roughly."""
+that is narrower than two elements is resolved too roughly."""
 FILLED = np.array([0, 2, 4])
 """Those of them at which systole is solved too."""
 LEFT = Left(rest=0.05, change=0.05, between=0.01, faint=0.0015)

@@ -124,7 +124,7 @@ class Surrogate:
             for i in np.argwhere(~np.broadcast_to(inside, result.shape)):
                 at = tuple(i)
                 one = float(x[at]), float(z[at]), float(d[at]), np.array([float(p[at])])
-                # nothing is felt out of contact
+                # no force out of contact
                 result[at] = states(self.scene, *one, finer=False)[0, which] if one[2] > 0 else 0.0
         return result
 

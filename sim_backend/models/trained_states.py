@@ -64,7 +64,7 @@ MOST_PLACES = 200
 the states held back say what that leaves."""
 SHALLOWEST = 1
 """First of `solid_response.DEPTHS` that a solid's model knows. Above it contact is narrow for the
-mesh: 0.65 mm deep in TIHA-solid, 11 mm beside the vessel, three first meshes tell a pulse 2 % below
+mesh: 0.65 mm deep in TIHA-solid, 11 mm beside the vessel, three first meshes give a pulse 2 % below
 to 22 % above a finer one's, and 1 mm deep all within 2 % of each other."""
 CLEAR_SHARE = 0.8
 """Least distance from the finger's middle to an end over its breadth. In a block of 30 x 28 mm over
@@ -76,7 +76,7 @@ END_DECAY = 3.0
 """Under TIHA-solid's finger the part that an end takes, 61, 38, 18, 6.7 and 2.2 hundredths of 1.5 N
 5, 7, 10, 14 and 20 mm away, falls by 2.5 to 3.4 times the distance over the height."""
 Z_NODES = 33
-"""Places along z at which the means of two symmetric blocks are told."""
+"""Places along z at which the means of two symmetric blocks are taken."""
 LONG_S = 1200.0
 """Training that will take longer says so."""
 
@@ -224,7 +224,7 @@ def _solid_states(
 
 
 def _all_solved(tasks: list[Station], depth: Array, pressure: Array) -> list[Array]:
-    """`column` of each. What will take long is said after the first, which tells how long."""
+    """`column` of each. What will take long is said after the first, which shows how long."""
     todo = [one for one in tasks if one.scene.plane == "solid" and not solid_response.is_kept(*one)]
     if todo:
         began_s = perf_counter()

@@ -151,7 +151,7 @@ class Phantom:
         return _up_to_grid(depth_m)
 
     def in_air(self, point: Point) -> bool:
-        """Whether the tip is felt by nothing there, however far a vessel lifts the surface."""
+        """Whether the tip touches nothing there, however far a vessel lifts the surface."""
         return self.surface(*point[:2]) - point[2] <= -BULGE_M
 
     def solved_m(self, place: tuple[float, float]) -> float:

@@ -96,7 +96,7 @@ def _tables(annotation: Any) -> list[type[BaseModel]]:
 
 
 def _kind(table: type[BaseModel]) -> str:
-    """The word that tells a table from others in its place, such as artery or cylinder."""
+    """The word that distinguishes a table from others in its place, such as artery or cylinder."""
     for key in ("kind", "shape"):
         if key in table.model_fields:
             return str(next(iter(get_args(table.model_fields[key].annotation)), ""))

@@ -16,24 +16,24 @@ def test_a_tare_is_good_until_its_drift_exceeds_what_is_tolerated() -> None:
 
 
 @pytest.mark.parametrize("channels", [1, 6])
-def test_a_sensor_that_got_three_times_as_noisy_is_told(channels: int) -> None:
+def test_a_sensor_that_got_three_times_as_noisy_is_reported(channels: int) -> None:
     """Also by one of several channels: residuals of all were held against one channel's freedom."""
     rng = np.random.default_rng(1)
     loads = rng.uniform(-10, 10, (40, channels))
     ideal = 100 * loads
     found = fit_force(ideal + rng.standard_normal(ideal.shape), loads)
     kept = record(found, "cell", {})
-    for noise, told in ((1.0, False), (3.0, True)):
+    for noise, reported in ((1.0, False), (3.0, True)):
         new = ideal + noise * rng.standard_normal(ideal.shape)
-        assert (worse_than(kept, found.misses(new, loads)) is not None) == told
+        assert (worse_than(kept, found.misses(new, loads)) is not None) == reported
 
 
-def test_an_array_that_lost_its_gain_is_told() -> None:
+def test_an_array_that_lost_its_gain_is_reported() -> None:
     rng = np.random.default_rng(1)
     pressure_pa = np.tile(np.linspace(0, 3e4, 10), 2)
     ideal = 100 + np.outer(pressure_pa, np.full(64, 0.01))
     found = fit_taxels(ideal + rng.standard_normal(ideal.shape), pressure_pa)
     kept = record(found, "array", {})
-    for gain, told in ((1.0, False), (0.97, True)):
+    for gain, reported in ((1.0, False), (0.97, True)):
         new = 100 + gain * (ideal - 100) + rng.standard_normal(ideal.shape)
-        assert (worse_than(kept, found.misses(new, pressure_pa)) is not None) == told
+        assert (worse_than(kept, found.misses(new, pressure_pa)) is not None) == reported

@@ -221,6 +221,6 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
 
 @pytest.mark.parametrize("case", REFUSED)
 def test_it_is_refused_with_the_reason_and_what_to_add(case: str) -> None:
-    fit, told = REFUSED[case]
-    with pytest.raises(CalibrationError, match=told):
+    fit, reported = REFUSED[case]
+    with pytest.raises(CalibrationError, match=reported):
         fit()

@@ -102,7 +102,7 @@ def test_a_target_outside_the_travel_is_refused_in_words(stage: GrblStage) -> No
         ("garbage", "no status|silent"),
     ],
 )
-def test_a_fault_in_a_move_is_told_in_words(
+def test_a_fault_in_a_move_is_reported_in_words(
     board: Served, phantom: Phantom, clock: WallClock, fault: str, words: str
 ) -> None:
     quiet = fault in ("silence", "garbage")
@@ -125,7 +125,7 @@ def test_probing_latches_where_the_contact_closed(stage: GrblStage) -> None:
     assert stage.pose().z < touched.z  # the machine stops a little later
 
 
-def test_probing_air_or_an_open_circuit_is_told(stage: GrblStage) -> None:
+def test_probing_air_or_an_open_circuit_is_reported(stage: GrblStage) -> None:
     with pytest.raises(DeviceFault, match="alarm 5: probe: no contact"):
         stage.probe(0.002, 0.02)
 
@@ -220,7 +220,9 @@ def test_settings_of_any_kind_are_read(board: Served) -> None:
     made.close()
 
 
-def test_a_slow_axis_is_told_at_connection(board: Served, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_slow_axis_is_reported_at_connection(
+    board: Served, caplog: pytest.LogCaptureFixture
+) -> None:
     made = stage_at(board, max_speed_mm_s=60.0)
     made.connect()
     made.close()
@@ -284,7 +286,7 @@ def test_a_work_zero_changes_no_pose(phantom: Phantom, clock: WallClock) -> None
         ("switch pressed", "limit switch of z"),
     ],
 )
-def test_who_else_commands_the_board_is_told_before_the_first_move(
+def test_who_else_commands_the_board_is_reported_before_the_first_move(
     stage: GrblStage, board: Served, fault: str, words: str
 ) -> None:
     board.fail(fault)
@@ -301,7 +303,7 @@ def test_a_feed_hold_in_a_move_is_a_fault_of_motion(stage: GrblStage, board: Ser
         until(lambda: not stage.moving())
 
 
-def test_an_unhomed_board_is_told(phantom: Phantom, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_unhomed_board_is_reported(phantom: Phantom, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(grbl.SETTINGS, 22, 0.0)
     with grbl.emulate(phantom, homed=True) as board:
         made = stage_at(board)
@@ -360,7 +362,7 @@ class CountingLine:
     def close(self) -> None: ...
 
 
-def test_status_is_asked_for_as_often_as_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_status_is_asked_for_as_often_as_set(monkeypatch: pytest.MonkeyPatch) -> None:
     """A read that waits 20 ms must not delay the next question."""
     clock = SlowTime()
     monkeypatch.setattr("drivers.grbl.line.time", clock)

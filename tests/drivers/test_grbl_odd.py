@@ -128,7 +128,7 @@ def test_why_the_board_refuses_is_said_in_words(number: int, words: str) -> None
     talk.close()
 
 
-def test_a_work_position_is_a_place_once_its_zero_is_told() -> None:
+def test_a_work_position_is_a_place_once_its_zero_is_reported() -> None:
     said = b"<Idle|WPos:1.000,2.000,3.000|WCO:10.000,20.000,-30.000>\nok\n"
     talk = Conversation("mine", Answers(said), 0.1)
     talk.command("$X", 2.0)
@@ -162,7 +162,7 @@ def test_a_long_way_to_the_park_is_given_its_time(
             stage._park(0)
 
 
-def test_a_board_that_a_limit_alarm_has_silenced_is_told(
+def test_a_board_that_a_limit_alarm_has_silenced_is_reported(
     line: Served, board: Board, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """GRBL 1.1 loops until it is reset, and answers no `?` meanwhile."""

@@ -132,7 +132,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("name", "fault", "words", "kind"), FAULTS, ids=lambda v: str(v))
-def test_a_fault_is_told_in_its_words(
+def test_a_fault_is_reported_in_its_words(
     name: str, fault: str, words: str, kind: type[DeviceFault], winkler: Respond
 ) -> None:
     with rig_of(name, winkler) as rig:
@@ -261,7 +261,7 @@ def test_a_reply_that_comes_too_late_is_not_taken_for_the_next(
     assert axes.read().places_mm == places_mm
 
 
-def test_a_motor_that_was_told_to_go_and_has_not_set_off_has_not_arrived(
+def test_a_motor_that_was_ordered_to_go_and_has_not_set_off_has_not_arrived(
     winkler: Respond, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = SimulatedClock()
@@ -288,7 +288,7 @@ def test_a_motor_that_was_told_to_go_and_has_not_set_off_has_not_arrived(
 
 
 @pytest.mark.parametrize("name", EMULATORS)
-def test_what_is_told_at_rest_was_read_at_rest(
+def test_what_is_reported_at_rest_was_read_at_rest(
     name: str, winkler: Respond, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """An axis that comes to rest between two exchanges of one reading."""

@@ -184,10 +184,10 @@ def test_every_order_of_bytes(order: str, kind: str, form: str, value: float) ->
 
 
 def test_not_a_number_is_a_lost_reading_and_then_a_fault() -> None:
-    told = [2.5]
+    reported = [2.5]
 
     def word(n: int) -> int:
-        return struct.unpack(">HH", struct.pack(">f", told[0]))[n]
+        return struct.unpack(">HH", struct.pack(">f", reported[0]))[n]
 
     slave = ModbusSlave({0: lambda: word(0), 1: lambda: word(1)}, 1, "rtu")
     with served(slave, "socket://127.0.0.1:0", "modbus") as device:
@@ -197,7 +197,7 @@ def test_not_a_number_is_a_lost_reading_and_then_a_fault() -> None:
         sensor.start()
         time.sleep(0.2)
         assert (sensor.read().values == 2.5).all()
-        told[0] = float("nan")
+        reported[0] = float("nan")
         with pytest.raises(DeviceFault, match="n: not a number, 3 times in a row"):
             while True:
                 assert not np.isnan(sensor.read().values).any()
@@ -325,7 +325,7 @@ def test_a_busy_device_is_waited_for_but_not_for_long() -> None:
         (b"\x00\xff" + READING, r"00 ff 01 03 02 00 07 .* is no answer: see baud, parity"),
     ],
 )
-def test_what_comes_instead_of_an_answer_is_told(
+def test_what_comes_instead_of_an_answer_is_reported(
     answer: bytes, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("drivers.modbus.LATE_S", 0.0)

@@ -127,7 +127,7 @@ def test_a_silent_box_is_a_fault(box: netft.NetFtBox, clock: WallClock) -> None:
     sensor.close()
 
 
-def test_a_rate_other_than_the_rig_says_is_told(box: netft.NetFtBox, clock: WallClock) -> None:
+def test_a_rate_other_than_the_rig_says_is_reported(box: netft.NetFtBox, clock: WallClock) -> None:
     sensor = opened(box, clock, rate_hz=500.0)
     with pytest.raises(DeviceFault, match="records a second; rate_hz = 500"):
         for _ in range(1000):

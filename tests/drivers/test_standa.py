@@ -102,7 +102,7 @@ def test_a_controller_that_is_not_there_is_absent() -> None:
         stage.connect()
 
 
-def test_a_rig_without_axes_is_told() -> None:
+def test_a_rig_without_axes_is_reported() -> None:
     pytest.importorskip("libximc.highlevel")
     with pytest.raises(ConfigError, match="name at least one axis"):
         open_stage(WallClock())
@@ -121,5 +121,7 @@ import sys, drivers
 loaded = {name.partition(".")[0] for name in sys.modules}
 print(sorted(loaded & {"serial", "pymodbus", "libximc", "pynetft", "rtde_control", "rtde_receive"}))
 """
-    told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert told.stdout.strip() == "[]"
+    reported = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    assert reported.stdout.strip() == "[]"

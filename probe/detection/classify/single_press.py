@@ -1,4 +1,4 @@
-"""What one press tells of a vessel: solved ones in tissue and out of it, by pulse and stiffness.
+"""What one press shows of a vessel: solved ones in tissue and out of it, by pulse and stiffness.
 
 ``python -m probe.detection.classify.single_press FILE SAMPLES`` solves them again, and goes on
 where the file ends. A sample is the pulse, change of force by a beat over the force, and the

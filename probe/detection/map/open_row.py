@@ -14,8 +14,8 @@ from probe.detection.map.row_shapes import level_of, surroundings, with_edges
 from probe.detection.map.sideways import SQUEEZED
 
 MIN_BEYOND = 3.0
-"""Pitches between an object and the open end: a vessel is felt two to either side, and a bump's
-half width is up to 2.8."""
+"""Pitches between an object and the open end: a vessel raises the force two to either side, and
+a bump's half width is up to 2.8."""
 MIN_NAMED = MIN_STATIONS + int(MIN_BEYOND)
 """Stations that show a bump beside what may follow."""
 LUMP_SHARE = 0.11
@@ -63,7 +63,7 @@ def _towards(end_m: float, ends_m: tuple[float, float], line: Line) -> tuple[flo
 
 def only_pulses(objects: list[ObjectFinding], line: Line) -> list[ObjectFinding]:
     """``objects`` of a finished row. In one of fewer than `MIN_NAMED` stations a lump cannot be
-    told from a block's end or from the flank of what lies beyond, and is undecided."""
+    distinguished from a block's end or from the flank of what lies beyond, and is undecided."""
     count = len(line.x_m)
     if count >= MIN_NAMED:
         return objects

@@ -153,7 +153,7 @@ def _crossed(place_m: Array, angle: float, at: float) -> Array:
     normal = np.array([-np.sin(angle), np.cos(angle)])
     along, aside = (1, 0) if abs(normal[0]) > abs(normal[1]) else (0, 1)
     places = distinct_m(place_m[:, along])
-    if 2 * len(places) > len(place_m):  # no grid: the ends tell the line
+    if 2 * len(places) > len(place_m):  # no grid: the ends give the line
         places = np.linspace(places[0], places[-1], 9)
     points = np.empty((len(places), 2))
     points[:, along] = places

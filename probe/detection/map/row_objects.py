@@ -162,8 +162,8 @@ def _joined(level: Bump, pulse: Bump) -> Place:
     one, other = _alone(level, level, None), _alone(pulse, None, pulse)
     weight = np.array([one.sd_m**-2, other.sd_m**-2])
     x_m = float(weight @ [one.x_m, other.x_m] / weight.sum())
-    apart = float(weight @ (np.array([one.x_m, other.x_m]) - x_m) ** 2)
-    sd = float(weight.sum() ** -0.5 * np.sqrt(max(1.0, apart)))
+    squared = float(weight @ (np.array([one.x_m, other.x_m]) - x_m) ** 2)
+    sd = float(weight.sum() ** -0.5 * np.sqrt(max(1.0, squared)))
     reach = NORMAL_95 * sd
     return Place(x_m, sd, x_m - reach, x_m + reach, level, pulse)
 

@@ -31,7 +31,7 @@ COARSE_S = 0.04
 """Samples closer than half of this are averaged in pairs: a beat's rise takes twice as long."""
 LONGEST_S = 20.0
 """Of a longer hold the first part is asked: what beat trains keep grows with the square of the
-samples, 0.9 GB at 30 s, and twenty beats tell what moves."""
+samples, 0.9 GB at 30 s, and twenty beats show what moves."""
 LINE_HZ = (0.3, 5.0)
 BREATHING_HARMONICS = (1, 2, 6)
 """Of a breath by itself: a faint one shows fewer, and each unknown costs."""

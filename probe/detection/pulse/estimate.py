@@ -168,7 +168,7 @@ def described(
 
 
 def harmonics_seen(hold: Hold, rate_hz: float, most: int) -> int:
-    """Harmonics of a rate, of up to ``most``, that the hold's samples can tell from noise."""
+    """Harmonics of a rate, of up to ``most``, that the hold's samples can separate from noise."""
     finest = FINEST * len(hold.time_s) / max(hold.span_s, 1e-9)
     return int(np.clip(finest // rate_hz, 1, most))
 

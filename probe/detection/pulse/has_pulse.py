@@ -18,7 +18,7 @@ from probe.detection.pulse.pooled_evidence import shared_chance, usual_excess
 from probe.detection.repeats import pitch_m
 
 REACH = 2
-"""Stations to either side that are judged together with one: a vessel is felt that far."""
+"""Stations to either side that are judged together with one: a vessel pulses that far."""
 MAX_PRESSES_ASKED = 3
 """Clearest presses that are asked what moves in them: more would not change the answer."""
 

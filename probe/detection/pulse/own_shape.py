@@ -1,7 +1,7 @@
 """A train of beats in the shape that the hold's own beats have on average.
 
 The train is found with the mean wave of other people. A loud pulse shows how its own differs: beats
-laid over each other (in phase, each in its own size) tell harmonics that the mean wave lacks.
+laid over each other (in phase, each in its own size) show harmonics that the mean wave lacks.
 """
 
 import numpy as np

@@ -33,7 +33,7 @@ def periodic(
 ) -> float:  # fmt: skip
     """Log evidence of up to ``count`` harmonics at one unknown rate, the first the largest.
 
-    ``likely`` tells how likely rates (r,) are beforehand, on average 1 (`possible_rates.weights`).
+    ``likely`` states how likely rates (r,) are beforehand, on average 1 (`possible_rates.weights`).
     ``memories`` are those of the noises that there may be.
     """
     count = max(1, min(count, int((len(hold.signal) / SAMPLES_EACH - 1) / 2)))

@@ -13,7 +13,7 @@ RATE_VARIABILITY = 0.05
 CROSSINGS, NUISANCE_S, MIN_RATES = 2.5, 0.9, 5.0
 """Independent rates to a Hz of a hold of a second: sqrt(2 ln(1/p)) 2 pi / sqrt(12) / sqrt(2 pi),
 the crossings of a sine's statistic (Davies 1987), at a chance p of 0.002. Level, drift and decays
-take what 0.9 s tell. With both, of 48,000 holds of white noise of 2 to 10 s at 10 Hz, 0.86 to 1.08
+take what 0.9 s show. With both, of 48,000 holds of white noise of 2 to 10 s at 10 Hz, 0.86 to 1.08
 times as many pass at a chance of 0.02 as should, and 0.7 times at 100 Hz; with `MIN_RATES`, below
 1.8 s, 0.6 times."""
 EVEN = 0.5

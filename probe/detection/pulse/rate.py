@@ -44,7 +44,7 @@ def shared_rate(clear: list[tuple[Hold, Wave, Search | None]]) -> Rates:
     tried = {int(k) for one in likely for k in np.argsort(one)[-CANDIDATES:]}
     if (
         smooth > TESTED_HARMONICS + 1
-    ):  # in a short hold the wave's shape tells more than the search knows
+    ):  # in a short hold the wave's shape shows more than the search knows
         tried = set(range(len(rates)))
     unlike = {float(rates[k]): unlikely(float(rates[k]), smooth) for k in tried}
     rate = min(unlike, key=lambda one: unlike[one])

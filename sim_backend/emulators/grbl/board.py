@@ -105,7 +105,7 @@ class GrblBoard(GrblMachine):
         pins = self._pins + ("P" if self._touching(self._time()) else "")
         self._reports += 1
         extra = f"|Pn:{pins}" if pins else ""
-        if self._settings[10] in (0, 2):  # work positions; grblHAL then never tells their offset
+        if self._settings[10] in (0, 2):  # work positions; grblHAL then never reports their offset
             where = "WPos:" + _numbers((np.array(self._place()) - self._work) / scale)
         else:
             where = "MPos:" + _numbers(np.array(self._place()) / scale)

@@ -32,7 +32,7 @@ TOOL_DOWN = (0.0, np.pi, 0.0)
 STOP_M_S2 = 10.0
 TICK_S = 0.01
 RUNNING_BIT, NUMBER_SHIFT, NUMBERS = 1 << 15, 24, 128
-"""Of the register in which the library's script tells of an asynchronous move."""
+"""Of the register in which the library's script reports an asynchronous move."""
 REMEMBERED = 250
 """Cycles whose measurement is kept: every client of a cycle gets the same."""
 

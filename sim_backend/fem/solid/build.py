@@ -39,7 +39,7 @@ under a ball of 5 mm is within 0.3 % of CalculiX in force and 0.1 % in pulse."""
 EDGE, EDGE_GROWTH = 0.75, 0.9
 """Layers where a finger's end is rounded, over the radius of that, on the mesh of `SHARE`; and how
 fast they grow from there. One node on an end of 1 mm between layers of 1.8 mm bears so much that it
-slides over it: TIHA in 30 mm, a cylinder 12 mm beside the vessel, tells a pulse 20 % smaller than
+slides over it: TIHA in 30 mm, a cylinder 12 mm beside the vessel, gives a pulse 20 % smaller than
 with these layers, which are a fifth of the unknowns more, or with still finer ones."""
 SLOWER = 0.8
 """Power of the contact's element size with which the others shrink."""
@@ -169,7 +169,7 @@ def _refuse_locking(scene: Scene) -> None:
         if one is not None and one.poisson > LOCKING_POISSON:
             raise SceneError(
                 f"{scene.name}: {key}: poisson = {one.poisson:g}: a solid's elements lock above "
-                f"{LOCKING_POISSON:g} and would tell too large a force. Write at most "
+                f"{LOCKING_POISSON:g} and would give too large a force. Write at most "
                 f"{LOCKING_POISSON:g}, or press by a round finger over nothing or over the middle "
                 "of one ball, which the axisymmetric model solves at any Poisson's ratio."
             )

@@ -138,7 +138,7 @@ class LinearSolver:
 
     def lowest_curvature(self, matrix: bsr_matrix) -> float | None:
         """Infinite where all pivots are positive; else x A x / x x of a displacement x for which it
-        is negative, None where the first negative pivot's is not: single precision does not tell
+        is negative, None where the first negative pivot's is not: single precision does not decide
         eigenvalues near zero. Its factors serve the next `solve`. Raises `Singular`."""
         self.forget()
         self._factors = factors = self.factor(matrix)

@@ -72,7 +72,7 @@ def test_one_that_does_not_end_is_gone_when_it_was_ended() -> None:
         os.kill(child.pid, 0)
 
 
-def test_who_reads_half_a_message_when_it_ends_is_told_the_end(
+def test_who_reads_half_a_message_when_it_ends_gets_the_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """In another thread, whose pipe was closed under its read: a `TypeError`."""

@@ -105,16 +105,16 @@ def test_an_old_reading_is_no_zero() -> None:
         (ZeroDivisionError("oops"), "driver: ZeroDivisionError: oops"),
     ],
 )
-def test_a_line_that_ends_is_told_after_the_last_sample(error: Exception, words: str) -> None:
+def test_a_line_that_ends_is_reported_after_the_last_sample(error: Exception, words: str) -> None:
     feed = Feed()
     sensor = sensor_on(feed)
     send(feed, [Sample(1.0, [1.0])])
     feed.error = error
     time.sleep(0.02)
     assert len(sensor.read().time_s) == 1
-    with pytest.raises(DeviceFault) as told:
+    with pytest.raises(DeviceFault) as reported:
         sensor.read()
-    assert told.value.reason == words
+    assert reported.value.reason == words
     sensor.close()
 
 

@@ -44,9 +44,9 @@ def test_keys_are_checked_and_given(driver: str) -> None:
     [({}, "port"), ({"port": "x", "rate_hz": "fast"}, "rate_hz"), ({"port": "x", "no": 1}, "no")],
 )
 def test_wrong_keys_are_named(driver: str, keys: dict[str, Any], named: str) -> None:
-    with pytest.raises(ValidationError) as told:
+    with pytest.raises(ValidationError) as reported:
         open_driver("sensors", driver, WallClock(), keys)
-    assert [error["loc"] for error in told.value.errors()] == [(named,)]
+    assert [error["loc"] for error in reported.value.errors()] == [(named,)]
 
 
 def test_the_schema_is_the_models(driver: str) -> None:

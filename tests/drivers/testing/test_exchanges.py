@@ -120,7 +120,7 @@ def test_a_driver_that_says_something_else_is_found_out() -> None:
     device.close()
 
 
-def test_a_file_that_is_none_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_none_is_reported(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text("pairs = 3")
     with pytest.raises(ConfigError, match="not an exchange file"):
         load(tmp_path / "a.toml")

@@ -129,7 +129,7 @@ def test_what_only_keeps_the_arm_from_going_on_is_no_contact(winkler: Respond) -
         assert not made.stage.touched
 
 
-def test_a_protective_stop_in_a_search_is_told(winkler: Respond) -> None:
+def test_a_protective_stop_in_a_search_is_reported(winkler: Respond) -> None:
     with searching(winkler) as (made, robot):
         time.sleep(0.05)
         robot.fail("protective stop")

@@ -57,7 +57,7 @@ def test_the_emulated_arm_s_joints_put_the_flange_where_it_was_asked_to_be() -> 
     ],
     ids=["usual", "wrist", "elbow"],
 )
-def test_a_singular_posture_is_told_by_name(joints: Six, why: str) -> None:
+def test_a_singular_posture_is_reported_by_name(joints: Six, why: str) -> None:
     assert hindrances(Ur5e(), [pose_of(joints)], 0.1) == [why]
 
 

@@ -32,13 +32,14 @@ class Cycles:
     def samples(self, _timeout_s: float) -> list[State]:
         """The next one."""
         self._clock.sleep_until(self._clock.now() + self._robot.until_s(self._cycle))
-        told = self._robot.outputs(self._cycle)
+        reported = self._robot.outputs(self._cycle)
         self._cycle += 1
         arrival_s = self._clock.now() + 3e-4 + min(float(self._rng.exponential(3e-4)), 2e-3)
         return [
             State(
-                told["timestamp"], arrival_s, told["actual_TCP_pose"], told["actual_TCP_force"],
-                told["target_TCP_speed"], 1, 7, 2, 1.0, busy=False,
+                reported["timestamp"], arrival_s, reported["actual_TCP_pose"],
+                reported["actual_TCP_force"], reported["target_TCP_speed"], 1, 7, 2, 1.0,
+                busy=False,
             )
         ]  # fmt: skip
 
@@ -47,7 +48,7 @@ class Cycles:
         return self._robot.until_s(self._cycle - 1) + self._clock.now()
 
 
-def test_missed_cycles_are_told_and_times_put_right(
+def test_missed_cycles_are_reported_and_times_put_right(
     winkler: Respond, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock = SimulatedClock()
@@ -64,9 +65,9 @@ def test_missed_cycles_are_told_and_times_put_right(
         (sample,) = source.read()
         off_s.append(sample.time_s - cycles.began_s())
         jumps.append(sample.jumped_s)
-    told = [jump for jump in jumps if jump > 0]
-    assert len(told) == 5
-    assert told == pytest.approx([MISSED_S] * 5, abs=1e-3)
+    reported = [jump for jump in jumps if jump > 0]
+    assert len(reported) == 5
+    assert reported == pytest.approx([MISSED_S] * 5, abs=1e-3)
     lasting = round(2 * LASTING_S / robot.period_s)
     right = np.abs([off for n, off in enumerate(off_s) if not AT <= n % EVERY < AT + lasting])
     assert right.max() < 1e-3

@@ -265,7 +265,7 @@ def test_a_tare_waits_until_the_robot_has_zeroed(monkeypatch: pytest.MonkeyPatch
     assert taken == [0.0]
 
 
-def test_a_robot_that_is_silent_after_its_program_has_started_is_told() -> None:
+def test_a_robot_that_is_silent_after_its_program_has_started_is_reported() -> None:
     """While the library starts it, nothing comes and nothing is wrong."""
     link = object.__new__(Link)
     link.name, link._starting, link._gone = "ur", False, "cut"

@@ -33,7 +33,7 @@ def test_reading_leaves_another_program_and_the_settings_alone(winkler: Respond)
         assert robot.robot.uploads == 0
 
 
-def test_another_program_is_replaced_only_if_told(winkler: Respond) -> None:
+def test_another_program_is_replaced_only_if_ordered(winkler: Respond) -> None:
     with connected(winkler) as (made, robot):
         robot.fail("other program")
         time.sleep(0.05)
@@ -48,7 +48,7 @@ def test_another_program_is_replaced_only_if_told(winkler: Respond) -> None:
         assert robot.robot.uploads == 1
 
 
-def test_what_holds_is_told(winkler: Respond) -> None:
+def test_what_holds_is_reported(winkler: Respond) -> None:
     with connected(winkler, keys=TCP) as (made, robot):
         robot.robot.slide(0.2)
         notes = " / ".join(made.stage.enable())
@@ -80,7 +80,7 @@ def test_a_cb3_is_read_at_its_own_rate(winkler: Respond) -> None:
         made.stage.connect()
 
 
-def test_polyscope_x_is_told_by_name(winkler: Respond) -> None:
+def test_polyscope_x_is_reported_by_name(winkler: Respond) -> None:
     with (
         connected(winkler, version=ur.POLYSCOPE_X) as (made, robot),
         pytest.raises(DeviceAbsent, match=r"PolyScope X 10\.7\.0.*only reading"),

@@ -67,8 +67,8 @@ def test_every_sample_is_whole(
     outputs = Robot.outputs
 
     def noted(robot: Robot, cycle: int) -> dict[str, Any]:
-        told = outputs(robot, cycle)
-        return sent.setdefault(told["timestamp"], told)
+        reported = outputs(robot, cycle)
+        return sent.setdefault(reported["timestamp"], reported)
 
     monkeypatch.setattr(Robot, "outputs", noted)
     clock = WallClock()
@@ -81,11 +81,14 @@ def test_every_sample_is_whole(
         leave_link(link)
     assert len(got) > 200  # of 1000; how many depends on what else this machine does
     for state in got:
-        told = sent[state.timestamp_s]
-        assert (state.wrench, state.pose) == (told["actual_TCP_force"], told["actual_TCP_pose"])
+        reported = sent[state.timestamp_s]
+        assert (state.wrench, state.pose) == (
+            reported["actual_TCP_force"],
+            reported["actual_TCP_pose"],
+        )
 
 
-def test_cycles_are_exact_however_late_they_are_told(winkler: Respond) -> None:
+def test_cycles_are_exact_however_late_they_are_reported(winkler: Respond) -> None:
     clock = SimulatedClock()
     phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.0))
     robot = Robot(phantom, Mounting(), 0.001, 0, 0.002)

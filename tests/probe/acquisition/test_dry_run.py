@@ -170,9 +170,9 @@ def test_what_would_stop_a_scan_is_a_fault_of_the_dry_run(
     box = {"workspace_mm": {"z": [-30.0, 50.0]}}
     report = dry_run(Rig.model_validate({"safety": box} | keys), thick, tmp_path)
     assert not report.can_scan
-    (told,) = (check for check in report.checks if check.name == where)
-    assert told.level == "fault"
-    assert text in told.text
+    (reported,) = (check for check in report.checks if check.name == where)
+    assert reported.level == "fault"
+    assert text in reported.text
 
 
 def test_a_calibration_of_another_device_is_a_fault(tmp_path: Path, winkler: Any) -> None:

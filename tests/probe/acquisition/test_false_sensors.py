@@ -192,7 +192,7 @@ def test_no_zero_is_taken_while_something_knocks_against_the_probe() -> None:
     assert hold_n(ran.events, station=1) == pytest.approx(SOFT_N_M * 2.5e-3, abs=0.02)
 
 
-def test_a_zero_that_was_taken_while_something_knocked_is_told() -> None:
+def test_a_zero_that_was_taken_while_something_knocked_is_reported() -> None:
     bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [ShakenForLong(bed)], rig=spring_rig(scan={"stations": 2}))
     assert ran.reason == "every station is complete"
@@ -288,9 +288,9 @@ def test_a_sensor_that_clips_in_the_last_of_a_press_is_noted_when_the_lift_begin
     bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [ClipsLast(bed)], rig=FAST)
     assert ran.reason == "every station is complete"
-    (told,) = [text for text in ran.notes if "the sensor clips there" in text]
-    assert told.startswith("cell: the force stayed at 0.960 N")
-    assert "while the tip rose by 0.07 mm" in told
+    (reported,) = [text for text in ran.notes if "the sensor clips there" in text]
+    assert reported.startswith("cell: the force stayed at 0.960 N")
+    assert "while the tip rose by 0.07 mm" in reported
 
 
 @pytest.mark.parametrize("sensor", [SpringSensor, Beats, Noisy, Coarse])
@@ -328,13 +328,13 @@ class ClipsAtOnce(SpringSensor):
         return min(self.bed.force_n(time_s), 0.006) + 0.5e-3 * float(self._rng.standard_normal())
 
 
-def test_a_press_that_feels_next_to_nothing_is_told_once() -> None:
+def test_a_press_that_feels_next_to_nothing_is_reported_once() -> None:
     bed, stage, _ = on_simulated_springs()
     ran = run_springs(bed, stage, [ClipsAtOnce(bed)])
     notes = [event.text for event in ran.events if isinstance(event, Note)]
-    (told,) = [text for text in notes if "a sensor that clips" in text]
-    assert told.startswith("cell 0.0")
-    assert "N in a hold, at max_force_n = 1.6" in told
+    (reported,) = [text for text in notes if "a sensor that clips" in text]
+    assert reported.startswith("cell 0.0")
+    assert "N in a hold, at max_force_n = 1.6" in reported
 
 
 class SlowAfterThePress(SpringSensor):

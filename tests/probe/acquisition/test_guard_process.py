@@ -258,7 +258,7 @@ def test_who_takes_over_lifts_without_a_sensor_that_is_gone_too(
         assert on.height_m() > 1.9e-3
 
 
-def test_when_all_who_take_over_die_too_it_is_told(winkler: Respond, tmp_path: Path) -> None:
+def test_when_all_who_take_over_die_too_it_is_reported(winkler: Respond, tmp_path: Path) -> None:
     with bench(winkler, tmp_path) as on:
         on.wait_for("holding")
         ended = threading.Event()
@@ -351,7 +351,7 @@ def test_who_takes_over_a_stage_that_was_homing_does_not_lift_it(
             assert client.collect() == []
 
 
-def test_a_guard_that_is_told_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:
+def test_a_guard_that_is_ordered_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:
     """By itself, as a scan that stands still has no other take over."""
     with bench(winkler, tmp_path) as on:
         on.wait_for("holding")

@@ -68,7 +68,7 @@ def test_a_scan_without_descriptors_hears_each_word(tmp_path: Path) -> None:
         assert scan.stdout.read() == "ABORT\n"
 
 
-def test_without_a_scan_the_user_is_told_what_to_do(tmp_path: Path) -> None:
+def test_without_a_scan_the_user_is_shown_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(NotRunning, match=r"rig's own stop"):
         ask(tmp_path / "a.run", "stop")
     with listening(Control(), tmp_path / "a.run"):

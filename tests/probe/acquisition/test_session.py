@@ -33,7 +33,7 @@ def test_real_devices_need_no_scene() -> None:
     assert resolve_rig(rig, None) == (rig, None)
 
 
-def test_who_called_is_told_what_went_wrong(tmp_path: Path, winkler: Any) -> None:
+def test_who_called_is_shown_what_went_wrong(tmp_path: Path, winkler: Any) -> None:
     def viewer(_event: Event) -> None:
         raise ValueError("no display")
 

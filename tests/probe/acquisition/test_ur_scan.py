@@ -54,8 +54,8 @@ def test_a_slowed_controller_makes_the_scan_slower_and_says_so(winkler: Respond)
         robot.fail("slow slider")
         ended, events = scan(made, robot, {})
         assert ended.finish is Finish.COMPLETED, ended.reason
-        told = " ".join(e.text for e in events if isinstance(e, Note))
-        assert "slows every move to 20 %" in told
+        reported = " ".join(e.text for e in events if isinstance(e, Note))
+        assert "slows every move to 20 %" in reported
 
 
 def test_a_scan_that_cannot_be_reached_moves_nothing(winkler: Respond) -> None:

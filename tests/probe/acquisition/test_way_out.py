@@ -77,7 +77,7 @@ def test_a_lift_that_was_refused_is_tried_again() -> None:
     assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
 
 
-def test_a_stage_that_does_not_stop_is_told_again_but_not_flooded() -> None:
+def test_a_stage_that_does_not_stop_is_ordered_again_but_not_flooded() -> None:
     """50 times a second, on a step every 10 ms: a controller's buffer holds that."""
     stage, stops = Stage(spring), []
     stage.stop = lambda: stops.append(stage.now_s)  # type: ignore[method-assign]

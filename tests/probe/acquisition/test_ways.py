@@ -57,7 +57,7 @@ def test_a_load_that_was_tared_is_no_drift() -> None:
     assert not [text for text in ran.notes if "in the air since the last tare" in text]
 
 
-def test_a_zero_that_moves_in_a_press_is_told() -> None:
+def test_a_zero_that_moves_in_a_press_is_reported() -> None:
     class Shifts(SpringSensor):
         shift_n = 0.0
 
@@ -68,8 +68,8 @@ def test_a_zero_that_moves_in_a_press_is_told() -> None:
     bed = Bed(SimulatedClock())
     ran = run_springs(bed, SpringStage(bed), [Shifts(bed)], rig=spring_rig(scan={"stations": 2}))
     assert ran.reason == "every station is complete"
-    (told,) = [text for text in ran.notes if "in the air since the last tare" in text]
-    assert "0.2" in told
+    (reported,) = [text for text in ran.notes if "in the air since the last tare" in text]
+    assert "0.2" in reported
 
 
 @pytest.mark.parametrize(

@@ -46,10 +46,10 @@ def test_without_readings_it_tells_how_to_take_them(
 def test_a_run_shows_where_the_surface_is(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "s.json"
     assert main(["calibrate", "surface", str(run), "--out", str(out)]) == 0
-    told = json.loads(out.read_text())
-    assert told["device"] == "virtual"
-    assert told["values"]["coefficients"]["value"][1] == pytest.approx(1 / 40, abs=1e-4)
-    assert len(told["raw"]["x_mm"]) == 12
+    reported = json.loads(out.read_text())
+    assert reported["device"] == "virtual"
+    assert reported["values"]["coefficients"]["value"][1] == pytest.approx(1 / 40, abs=1e-4)
+    assert len(reported["raw"]["x_mm"]) == 12
 
 
 def test_a_run_gives_stiffness_and_modulus(
@@ -69,7 +69,7 @@ def test_a_run_gives_stiffness_and_modulus(
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (["force", "RUN"], "a run has no readings for force; a run gives latency, compliance"),
         (["heart", "RUN"], "no channel of role reference"),
@@ -81,10 +81,10 @@ def test_a_run_gives_stiffness_and_modulus(
     ],
 )
 def test_what_cannot_be_is_explained(
-    run: Path, arguments: list[str], told: str, capsys: pytest.CaptureFixture[str]
+    run: Path, arguments: list[str], reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["calibrate", *(str(run) if a == "RUN" else a for a in arguments)]) == 2
-    assert told in " ".join(capsys.readouterr().err.split())
+    assert reported in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_table_says_not_whose_it_is_nor_what_a_word_means(tmp_path: Path) -> None:
@@ -121,7 +121,7 @@ def loads(path: Path, gain: float) -> Path:
     return path
 
 
-def test_a_calibration_that_no_longer_holds_is_told(
+def test_a_calibration_that_no_longer_holds_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = ["--device", "cell", "--out", str(tmp_path / "f.json")]

@@ -24,7 +24,7 @@ class Bench:
     def __init__(self, answers, wobble=()):
         self.clock = SimulatedClock()
         self.answers, self.wobble = list(answers), list(wobble)
-        self.load_n, self.moving, self.told = 0.0, False, []
+        self.load_n, self.moving, self.reported = 0.0, False, []
         self.rng = np.random.default_rng(2)
         self.sensor = FunctionSensor(self.clock, self.reading)
 
@@ -35,7 +35,7 @@ class Bench:
         return OFFSET + GAIN * self.load_n + noise + swing + hand
 
     def ask(self, question):
-        self.told.append(question)
+        self.reported.append(question)
         answer = self.answers.pop(0)
         self.clock.sleep_until(self.clock.now() + 1.0)
         self.began_s = self.clock.now()
@@ -46,7 +46,7 @@ class Bench:
 
 
 def take(bench, path):
-    take_weights(bench.sensor, bench.clock, path, bench.ask, bench.told.append)
+    take_weights(bench.sensor, bench.clock, path, bench.ask, bench.reported.append)
     return np.loadtxt(path, delimiter=",", skiprows=1)
 
 
@@ -63,7 +63,7 @@ def test_what_cannot_be_read_is_asked_again_and_a_moving_load_is_not_taken(tmp_p
     table = np.atleast_2d(take(bench, tmp_path / "loads.csv"))
     assert len(table) == 1
     assert table[0, 0] == pytest.approx(OFFSET + GAIN * 0.5, abs=0.001)
-    said = "\n".join(bench.told)
+    said = "\n".join(bench.reported)
     assert "'heavy' is no load" in said
     assert "1 numbers are needed" in said
     assert "still moving" in said
@@ -81,7 +81,7 @@ def test_a_mistyped_load_is_taken_back(tmp_path):
     bench = Bench(["undo", "0", "5", "undo", "-50g", "0.5", "-1", ""])
     table = take(bench, tmp_path / "loads.csv")
     assert table[:, 1] == pytest.approx([0, 0.5, -1])
-    said = "\n".join(bench.told)
+    said = "\n".join(bench.reported)
     assert "none to take back" in said
     assert "taken back: 5.0 N" in said
     assert "a weight is not negative" in said
@@ -107,7 +107,7 @@ def test_without_a_load_there_is_no_table_in_the_way(tmp_path):
     for answers in ([""], ["heavy", ""], ["1", "undo", ""]):
         bench = Bench(answers)
         take_weights(
-            bench.sensor, bench.clock, tmp_path / "loads.csv", bench.ask, bench.told.append
+            bench.sensor, bench.clock, tmp_path / "loads.csv", bench.ask, bench.reported.append
         )
         assert not list(tmp_path.iterdir())
 
@@ -122,7 +122,7 @@ def test_a_load_beyond_the_range_is_asked_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr(bench.sensor, "read", clipping)
     assert take(bench, tmp_path / "loads.csv")[:, 1] == pytest.approx([1, 2])
-    assert "at the end of its range" in "\n".join(bench.told)
+    assert "at the end of its range" in "\n".join(bench.reported)
 
 
 def test_an_older_table_is_not_overwritten(tmp_path):
@@ -154,9 +154,11 @@ def test_the_command_takes_fits_and_writes(tmp_path, monkeypatch, capfd):
         '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TI"\n'
     )
     assert main(["calibrate", "force", "--live", str(rig), "--json"]) == 0
-    told = json.loads(capfd.readouterr().out)
-    assert told["device"] == "gauge"
-    (gain,) = [q["value"] for name, q in told["values"].items() if name.startswith("sensitivity")]
+    reported = json.loads(capfd.readouterr().out)
+    assert reported["device"] == "gauge"
+    (gain,) = [
+        q["value"] for name, q in reported["values"].items() if name.startswith("sensitivity")
+    ]
     assert np.squeeze(gain) == pytest.approx(GAIN, rel=0.01)
     assert (tmp_path / "loads-gauge.csv").is_file()
     assert main(["calibrate", "tare", "--live", str(rig)]) == 2

@@ -153,7 +153,7 @@ def test_json_tells_errors_too(palpate) -> None:
     assert "TIXX" in outcome.err
 
 
-def test_what_the_system_refuses_is_told_by_file_and_reason() -> None:
+def test_what_the_system_refuses_is_reported_by_file_and_reason() -> None:
     denied = PermissionError(13, "Permission denied", "/root/x.csv")
     assert status_of(denied) == (2, "/root/x.csv: permission denied")
     there = FileExistsError(17, "File exists", "out.csv")

@@ -57,8 +57,8 @@ def test_no_help_shows_a_type_of_python() -> None:
     of_python = re.compile(
         r"<(?:[^<>]* range|path)>|\b(?:list|dict|tuple)\[|\b(?:str|int|float|bool)\b"
     )
-    told = {words: of_python.findall(text) for words, text in found.items()}
-    assert {words: types for words, types in told.items() if types} == {}
+    reported = {words: of_python.findall(text) for words, text in found.items()}
+    assert {words: types for words, types in reported.items() if types} == {}
     assert "--seed NUMBER" in found["palpate scan"]
     assert "<rig|scene|driver>" in found["palpate init"]  # what may be chosen stays
 

@@ -46,14 +46,14 @@ def samples(run: str | Path) -> list[tuple[Any, ...]]:
         return connection.execute(f"{query} ORDER BY id").fetchall()
 
 
-def scan_form(told: dict[str, Any]) -> None:
-    assert told.keys() >= SCAN_KEYS
-    assert told["finding"] in FINDINGS
-    assert told["finish"] in ("completed", "aborted", "faulted")
-    assert told["seconds"] > 0
-    for one in told["objects"]:
+def scan_form(reported: dict[str, Any]) -> None:
+    assert reported.keys() >= SCAN_KEYS
+    assert reported["finding"] in FINDINGS
+    assert reported["finish"] in ("completed", "aborted", "faulted")
+    assert reported["seconds"] > 0
+    for one in reported["objects"]:
         assert one.keys() >= OBJECT_KEYS
-    for one in told["stations"]:
+    for one in reported["stations"]:
         assert one.keys() >= STATION_KEYS
 
 
@@ -93,7 +93,7 @@ def test_progress_and_notes_stay_off_standard_output(palpate, tmp_path: Path) ->
     assert "left" in outcome.err
 
 
-def test_a_person_is_told_finding_run_and_what_next(palpate, tmp_path: Path) -> None:
+def test_a_person_is_shown_finding_run_and_what_next(palpate, tmp_path: Path) -> None:
     outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path / "my runs")
     assert outcome.status == 0
     assert "Finding: " in outcome.out
@@ -125,10 +125,10 @@ def test_one_seed_gives_the_same_bytes(palpate, tmp_path: Path) -> None:
 def test_lone_arteries_are_one_station(palpate, tmp_path: Path) -> None:
     runs = []
     for scene in ("HAOT", "SAOT"):
-        told = palpate("scan", "--scene", scene, "--out", tmp_path, "--json").json
-        scan_form(told)
-        assert len(told["stations"]) == 1
-        runs.append(told["run"])
+        reported = palpate("scan", "--scene", scene, "--out", tmp_path, "--json").json
+        scan_form(reported)
+        assert len(reported["stations"]) == 1
+        runs.append(reported["run"])
     compared = palpate("compare", *runs, "--json")
     assert compared.status == 0
     assert {"diseased", "peak_ratio", "pulse_ratio", "confidence"} <= compared.json.keys()
@@ -246,11 +246,11 @@ def test_press(palpate) -> None:
     command = ("press", "TI", "--x", "32", "--depth", "1", "--accuracy", "5")
     outcome = palpate(*command, "--pressure", "80", "--pressure", "120", "--json")
     assert outcome.status == 0, outcome.err
-    told = outcome.json
-    assert {"scene", "x_mm", "depth_mm", "model", "dofs", "seconds"} <= told.keys()
-    assert told["error_estimate_pct"] <= 5
-    assert [state["pressure_mmhg"] for state in told["states"]] == [80, 120]
-    for state in told["states"]:
+    reported = outcome.json
+    assert {"scene", "x_mm", "depth_mm", "model", "dofs", "seconds"} <= reported.keys()
+    assert reported["error_estimate_pct"] <= 5
+    assert [state["pressure_mmhg"] for state in reported["states"]] == [80, 120]
+    for state in reported["states"]:
         assert state["force_n_per_mm"] > 0
         assert state["contact_mm"][0] < 32 < state["contact_mm"][1]
         assert {"von_mises_pa", "min_jacobian"} <= state.keys()
@@ -260,18 +260,18 @@ def test_a_press_says_its_pulse_its_element_and_why(palpate, tmp_path: Path) -> 
     """Without pressures it beats as the scene does; the stress is the force over the face."""
     feb = tmp_path / "a.feb"
     command = ("press", "TIHA", "--x", "32", "--depth", "1", "--accuracy", "20")
-    told = palpate(*command, "--json").json
-    low, high = told["states"]
+    reported = palpate(*command, "--json").json
+    low, high = reported["states"]
     assert (low["pressure_mmhg"], high["pressure_mmhg"]) == (80, 120)
     face_m2 = 10e-3 * 10e-3
     assert low["contact_stress_pa"] == pytest.approx(low["force_n"] / face_m2)
-    assert told["pulse_pa"] == pytest.approx((high["force_n"] - low["force_n"]) / face_m2)
-    assert told["element"] == "T6"
+    assert reported["pulse_pa"] == pytest.approx((high["force_n"] - low["force_n"]) / face_m2)
+    assert reported["element"] == "T6"
     said = palpate(*command, "--feb", feb).out
     assert feb.read_text().count("<pt>") == 9  # three curves over 0, diastolic and systolic
     assert "finite strain, T6 elements" in said
-    assert f"why: {told['why']}" in said
-    assert f"{told['pulse_pa']:.1f} Pa of contact stress" in said
+    assert f"why: {reported['why']}" in said
+    assert f"{reported['pulse_pa']:.1f} Pa of contact stress" in said
     assert "N per mm of finger" in said
     assert "e+" not in said
 
@@ -374,7 +374,7 @@ def test_every_error_with_a_status_is_known(place: str) -> None:
     assert kind.__module__ == module
 
 
-def test_a_grid_is_told_with_x_and_y(palpate, tmp_path: Path) -> None:
+def test_a_grid_is_reported_with_x_and_y(palpate, tmp_path: Path) -> None:
     rig = tmp_path / "rig.toml"
     rig.write_text(
         '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TI"\n'
@@ -389,9 +389,9 @@ def test_a_grid_is_told_with_x_and_y(palpate, tmp_path: Path) -> None:
     assert "station 4 of 4, x = 20.0 mm, y = 2.0 mm" in scanned.err
     (run,) = tmp_path.glob("*.run")
     assert "station 4 at x = 20.0 mm, y = 2.0 mm" in palpate("replay", run).out
-    told = palpate("detect", run, "--json").json["stations"]
-    assert [one["y_mm"] for one in told] == pytest.approx([-2, -2, 2, 2])
-    assert all(one["baseline_sd_pa"] > 0 for one in told)
+    reported = palpate("detect", run, "--json").json["stations"]
+    assert [one["y_mm"] for one in reported] == pytest.approx([-2, -2, 2, 2])
+    assert all(one["baseline_sd_pa"] > 0 for one in reported)
 
 
 def test_a_run_without_a_press_shows_no_empty_table(capfd: pytest.CaptureFixture[str]) -> None:

@@ -50,9 +50,9 @@ def test_a_scan_writes_its_log(
     text = log.read_text(encoding="utf-8")
     assert "DEBUG station 1, attempt 1, at x = 32.00 mm" in text
     assert "DEBUG run completed" in text
-    told = capsys.readouterr()
-    assert ("debug: holding" in told.err) == verbose
-    assert "holding" not in told.out
+    reported = capsys.readouterr()
+    assert ("debug: holding" in reported.err) == verbose
+    assert "holding" not in reported.out
 
 
 def test_how_a_run_ended_is_logged(caplog: pytest.LogCaptureFixture) -> None:

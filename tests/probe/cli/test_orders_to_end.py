@@ -69,7 +69,7 @@ def test_a_hangup_that_nohup_had_ignored_ends_no_command(tmp_path: Path) -> None
     assert done.returncode == 42, done.stderr
 
 
-def test_an_order_to_end_while_an_end_is_told_costs_no_answer(
+def test_an_order_to_end_while_an_end_is_reported_costs_no_answer(
     palpate: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As of somebody who types Ctrl-C again and again."""

@@ -55,12 +55,12 @@ def test_ctrl_c_lifts_the_probe_and_ends_the_run(rig: Path) -> None:
         time.sleep(1.2)  # until it presses: a probe that is up already has nothing to lift
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=30)
-    told = json.loads(out)
+    reported = json.loads(out)
     assert process.returncode == 5, err
-    assert told["finish"] == "aborted"
-    assert len(told["stations"]) == 1
-    assert f"palpate resume {told['run']}" in err
-    with opened(told["run"]) as connection:
+    assert reported["finish"] == "aborted"
+    assert len(reported["stations"]) == 1
+    assert f"palpate resume {reported['run']}" in err
+    with opened(reported["run"]) as connection:
         query = "SELECT body FROM event WHERE kind = 'phase_entered' ORDER BY id"
         phases = [json.loads(body)["phase"] for (body,) in connection.execute(query)]
     assert phases[-2:] == ["retracting", "finished"]
@@ -80,9 +80,9 @@ def test_kill_9_keeps_every_station_and_resume_goes_on(rig: Path) -> None:
         [*PALPATE, "resume", str(run), "--json"], capture_output=True, text=True, check=False
     )
     assert resumed.returncode == 0, resumed.stderr
-    told = json.loads(resumed.stdout)
-    assert told["finish"] == "completed"
-    assert [one["x_mm"] for one in told["stations"]] == pytest.approx([28, 32, 36])
+    reported = json.loads(resumed.stdout)
+    assert reported["finish"] == "completed"
+    assert [one["x_mm"] for one in reported["stations"]] == pytest.approx([28, 32, 36])
     with opened(run) as connection:
         assert connection.execute(query).fetchall() == before
 

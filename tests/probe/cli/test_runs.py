@@ -108,10 +108,10 @@ def test_a_torn_run_stops_no_other(
     out = ("--out", tmp_path) if command[0] in ("export", "report") else ()
     outcome = palpate(*command, *runs, *out, "--json")
     assert outcome.status == 2
-    told = outcome.json["reports" if command[0] == "report" else "runs"]
-    assert [Path(one["run"]).name for one in told] == [run.name for run in runs]
-    assert [key in one and "error" not in one for one in told] == [
-        command[0] == "verify" and "error" not in told[0],
+    reported = outcome.json["reports" if command[0] == "report" else "runs"]
+    assert [Path(one["run"]).name for one in reported] == [run.name for run in runs]
+    assert [key in one and "error" not in one for one in reported] == [
+        command[0] == "verify" and "error" not in reported[0],
         True,
         True,
     ]

@@ -24,8 +24,8 @@ def scanned(scene: str, folder: Path) -> dict[str, Any]:
     command = [*PALPATE, "scan", "--scene", scene, "--seed", "1", "--out", str(folder), "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    told: dict[str, Any] = json.loads(done.stdout)
-    return told
+    reported: dict[str, Any] = json.loads(done.stdout)
+    return reported
 
 
 @pytest.mark.parametrize(
@@ -33,14 +33,14 @@ def scanned(scene: str, folder: Path) -> dict[str, Any]:
     [("TI", "nothing"), ("TIT", "tumour"), ("TIHA", "artery"), ("TISA", "stenotic artery")],
 )
 def test_finding_and_place(scene: str, finding: str, folder: Path) -> None:
-    told = scanned(scene, folder)
-    assert told["finding"] == finding
-    assert told["finish"] == "completed"
-    assert len(told["stations"]) == 15
+    reported = scanned(scene, folder)
+    assert reported["finding"] == finding
+    assert reported["finish"] == "completed"
+    assert len(reported["stations"]) == 15
     if finding == "nothing":
-        assert told["objects"] == []
+        assert reported["objects"] == []
         return
-    (found,) = told["objects"]
+    (found,) = reported["objects"]
     assert found["kind"] == finding
     assert found["position_mm"] == pytest.approx(32, abs=0.5)
     low, high = found["position_ci_mm"]

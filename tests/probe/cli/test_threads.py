@@ -11,9 +11,7 @@ from probe.cli.command_line import ONE_THREAD
 
 
 @pytest.mark.parametrize(("own", "then"), [(None, "1"), ("4", "4")])
-def test_one_thread_unless_told(
-    own: str | None, then: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_thread_unless_set(own: str | None, then: str, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ONE_THREAD:
         monkeypatch.setenv(name, own or "")
         if own is None:

@@ -155,25 +155,25 @@ def test_calibrate_force_from_a_table(tmp_path: Path) -> None:
     table.write_text("raw,load_n\n" + "\n".join(rows))
     out = tmp_path / "c.json"
     assert main(["calibrate", "force", str(table), "--device", "cell", "--out", str(out)]) == 0
-    told = json.loads(out.read_text())
-    assert told["device"] == "cell"
-    assert told["values"]["sensitivity"]["value"][0][0] == pytest.approx(1.3, rel=1e-3)
+    reported = json.loads(out.read_text())
+    assert reported["device"] == "cell"
+    assert reported["values"]["sensitivity"]["value"][0][0] == pytest.approx(1.3, rel=1e-3)
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("raw\n1\n2\n", "column load_n is missing; it has raw"),
         ("raw,load_n\n1,5\n1,5\n1,5\n1,5\n", "add readings"),
     ],
 )
 def test_bad_tables_are_explained(
-    tmp_path: Path, text: str, told: str, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, text: str, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     table = tmp_path / "t.csv"
     table.write_text(text)
     assert main(["calibrate", "force", str(table), "--device", "cell"]) == 2
-    assert told in capsys.readouterr().err
+    assert reported in capsys.readouterr().err
 
 
 def saved(one: Calibration, path: Path, device: str, days_old: float = 0.0) -> dict[str, str]:
@@ -289,7 +289,7 @@ def test_crosstalk_is_taken_out_of_the_channel_that_has_it(tmp_path: Path) -> No
     assert sensor.read().values == pytest.approx(true, abs=1e-3)
 
 
-def test_what_is_old_absent_or_unknown_is_told(tmp_path: Path) -> None:
+def test_what_is_old_absent_or_unknown_is_reported(tmp_path: Path) -> None:
     loads = np.arange(6.0)[:, None]
     one = fit_force(loads + 1e-3 * np.sin(9 * loads), loads)
     files = saved(one, tmp_path / "f.json", "cell", days_old=100)

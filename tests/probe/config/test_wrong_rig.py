@@ -17,7 +17,7 @@ from probe.storage.run import open_run
 LUMP_MM, DEPTH_MM, FORCE_N = 32.0, 2.5, 1.2  # of the lump: 480 N/m, 2.5 mm deep
 
 
-def told(rig: WrongRig) -> tuple[Recording, Finding]:
+def reported(rig: WrongRig) -> tuple[Recording, Finding]:
     recording = open_run(rig.scan("", seed=1).path).recording()
     return recording, detect(recording)
 
@@ -37,9 +37,9 @@ def rig(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> WrongRig:
 
 @pytest.mark.slow
 def test_calibrations_make_a_wrong_rig_right(rig: WrongRig) -> None:
-    before, wrong = told(rig)
+    before, wrong = reported(rig)
     rig.calibrate_all()
-    after, right = told(rig)
+    after, right = reported(rig)
 
     # Untold, it believes 2.5 mm everywhere, while springs of 480 N/m on 2000 N/m gave 2.0 mm.
     assert held(before, LUMP_MM)[0] == pytest.approx(DEPTH_MM, abs=0.01)

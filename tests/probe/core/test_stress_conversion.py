@@ -32,10 +32,10 @@ def events(channels: tuple[Channel, ...], face_mm2: float | None = FACE_MM2) -> 
     ]
 
 
-def shown_pa(told: list[Event]) -> float:
+def shown_pa(reported: list[Event]) -> float:
     """What the window's map shows."""
     state = ViewState()
-    for event in told:
+    for event in reported:
         state.update(event)
     return state.maps[0][0]
 
@@ -61,12 +61,12 @@ def test_units_are_as_large_as_scipy_says() -> None:
 @pytest.mark.parametrize("role", ["force", "pressure", "taxel"])
 def test_the_window_and_detection_see_the_same_stress(unit: str, role: str) -> None:
     count = 4 if role == "taxel" else 1
-    told = events(tuple(Channel(f"c{n}", unit, role) for n in range(count)))
+    reported = events(tuple(Channel(f"c{n}", unit, role) for n in range(count)))
     si, factor = to_si(unit)
     expected = 10.0 * factor if si == "Pa" else 10.0 * factor * count / (1e-6 * FACE_MM2)
-    (station,) = record(told).stations
+    (station,) = record(reported).stations
     assert station.signal_pa == pytest.approx(expected)
-    assert shown_pa(told) == pytest.approx(expected)
+    assert shown_pa(reported) == pytest.approx(expected)
 
 
 def test_a_force_goes_before_the_taxels_beside_it() -> None:
@@ -82,11 +82,11 @@ def test_a_force_goes_before_the_taxels_beside_it() -> None:
     [("raw", FACE_MM2, "'raw'; a tactile signal is in one of N, mN"), ("N", None, "face")],
 )
 def test_what_is_no_stress_is_not_drawn(unit: str, face_mm2: float | None, said: str) -> None:
-    told = events((Channel("f", unit, "force"),), face_mm2)
+    reported = events((Channel("f", unit, "force"),), face_mm2)
     with pytest.raises(RunFileError, match=said):
-        record(told)
+        record(reported)
     state = ViewState()
-    for event in told:
+    for event in reported:
         state.update(event)
     assert state.maps == {}
     assert state.signal_device == ""

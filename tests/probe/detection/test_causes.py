@@ -128,9 +128,9 @@ def test_what_beats_slower_or_faster_than_hearts_is_said(rate_bpm: float, sample
     one = station(rng, pulse_pa=300.0, rate_hz=rate_bpm / 60, sample_hz=sample_hz, noise_pa=10.0)
     found = detect(recording([one]))
     assert found.finding == "undecided"
-    told = re.search(r"beats about (\d+) times a minute", found.reason)
-    if told:  # else a rival of pulses is named
-        assert float(told[1]) == pytest.approx(rate_bpm, rel=0.1)
+    reported = re.search(r"beats about (\d+) times a minute", found.reason)
+    if reported:  # else a rival of pulses is named
+        assert float(reported[1]) == pytest.approx(rate_bpm, rel=0.1)
 
 
 def test_few_samples_do_not_let_motion_explain_a_loud_pulse() -> None:

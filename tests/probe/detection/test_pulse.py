@@ -94,7 +94,7 @@ def test_spikes_and_gaps_cost_nothing() -> None:
     assert hurt.level_pa == pytest.approx(clean.level_pa, rel=0.01)
 
 
-def test_clipped_samples_are_left_out_and_told() -> None:
+def test_clipped_samples_are_left_out_and_reported() -> None:
     rng = np.random.default_rng(15)
     one = station(rng, pulse_pa=400.0, relaxing=0.0)
     limit = 9100.0

@@ -94,7 +94,7 @@ def test_time_left_comes_from_the_stations_so_far() -> None:
     assert state.time_left_s() == 0
 
 
-def test_a_silent_a_lost_and_a_closed_device_are_told_apart() -> None:
+def test_a_silent_a_lost_and_a_closed_device_are_distinguished() -> None:
     state = view(started(), block(np.array([0.1]), np.array([0.0])))
     assert state.device_states() == {"virtual": "ok", "stage": "waiting"}
     state.update(PhaseEntered(3.1, Phase.HOLDING, 0))

@@ -106,9 +106,9 @@ def test_only_the_level_is_drawn_without_a_pulse() -> None:
 
 def test_a_grids_table_has_y_and_counts_from_one() -> None:
     recording = grid()
-    told = {"simulated": [], "finish": "completed", **finding(recording)}
-    told["heart_rate_bpm"], told["heart_rate_ci_bpm"] = 72.7, [72.0, 73.4]
-    text = page("a run", told, [], {}, {})
+    reported = {"simulated": [], "finish": "completed", **finding(recording)}
+    reported["heart_rate_bpm"], reported["heart_rate_ci_bpm"] = 72.7, [72.0, 73.4]
+    text = page("a run", reported, [], {}, {})
     assert "<th scope='col'>y [mm]</th>" in text
     assert "<td>1</td><td>16.00</td><td>0.00</td>" in text
     assert "heart rate 73 /min (95 %: 72 to 73)" in text
@@ -151,9 +151,9 @@ def test_the_section_is_that_of_the_row_which_was_pressed(
 
 
 def test_a_certain_finding_is_not_called_certain() -> None:
-    told = {"simulated": [], "finish": "completed", **finding(row())}
-    told["objects"][0]["confidence"] = 1.0  # type: ignore[index]
-    assert "99.9 %" in page("a run", told, [], {}, {})
+    reported = {"simulated": [], "finish": "completed", **finding(row())}
+    reported["objects"][0]["confidence"] = 1.0  # type: ignore[index]
+    assert "99.9 %" in page("a run", reported, [], {}, {})
 
 
 def test_an_anonymous_run_names_nobody() -> None:

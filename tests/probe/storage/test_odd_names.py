@@ -81,10 +81,10 @@ def test_channels_with_names_that_are_taken_are_all_in_every_table(tmp_path: Pat
     data = open_run(path).samples()
     assert set(data["station"].values) == {2}
     assert set(data["phase"].values) == {"idle"}
-    told = [str(name) for name, one in data.data_vars.items() if "role" in one.attrs]
-    for n, name in enumerate(told):
+    reported = [str(name) for name, one in data.data_vars.items() if "role" in one.attrs]
+    for n, name in enumerate(reported):
         assert np.array_equal(data[name], first_of(0, n))
-    assert len(told) == len(ODD) + 1
+    assert len(reported) == len(ODD) + 1
     files = dict(zip(FORMS, (export(path, [f], tmp_path / "out") for f in FORMS), strict=True))
     flat = pd.read_csv(files["csv"][2])
     assert np.array_equal(flat["x_mm_2"], first_of(0, 3))
@@ -94,7 +94,7 @@ def test_channels_with_names_that_are_taken_are_all_in_every_table(tmp_path: Pat
     assert units["station_2_V"] == b"V"
     assert units["x_mm_2"] == units["x_mm"] == b"mm"
     with xr.open_dataset(files["netcdf"][0], group="zelle_ü", engine="h5netcdf") as found:
-        for n, name in enumerate(told):
+        for n, name in enumerate(reported):
             assert np.array_equal(found[name], first_of(0, n))
     messages = ros_messages(files["mcap"][0])
     names = [k for k in vars(messages[0]) if k in telling(messages[0])]

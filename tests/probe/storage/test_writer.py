@@ -78,7 +78,7 @@ def same(a: Event, b: Event) -> bool:
 
 
 def test_every_event_comes_back_as_it_was(tmp_path: Path) -> None:
-    told: list[Event] = [
+    reported: list[Event] = [
         STARTED,
         PhaseEntered(0.0, Phase.CONNECTING, None),
         StationStarted(0.1, 0, 1, 1e-3, 0.0),
@@ -88,11 +88,11 @@ def test_every_event_comes_back_as_it_was(tmp_path: Path) -> None:
         RunEnded(0.3, Finish.ABORTED, "enough"),
     ]
     with create_store(tmp_path / "a.run") as store:
-        for event in told:
+        for event in reported:
             store(event)
     found = list(open_run(tmp_path / "a.run").events())
-    assert len(found) == len(told)
-    assert all(map(same, told, found))
+    assert len(found) == len(reported)
+    assert all(map(same, reported, found))
 
 
 @given(
@@ -160,7 +160,7 @@ def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
         assert min(waited_s) < 0.15  # nobody asked for it; the best, since others use the machine
 
 
-def test_the_end_of_a_run_is_committed_when_it_is_told(tmp_path: Path) -> None:
+def test_the_end_of_a_run_is_committed_when_it_is_reported(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
         short_run(store)
         store(RunEnded(1.0, Finish.ABORTED, "enough"))

@@ -32,7 +32,7 @@ def test_values(text: str, key: str, values: tuple[float | str, ...]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "reported"),
     [
         ("wal_mm=1", "no such key .did you mean wall_mm"),
         ("inner_diameter=3,4", "did you mean inner_diameter_mm"),
@@ -43,8 +43,8 @@ def test_values(text: str, key: str, values: tuple[float | str, ...]) -> None:
         ("wall_mm=0..1:log", "above 0"),
     ],
 )
-def test_wrong_ones_are_explained(text: str, told: str) -> None:
-    with pytest.raises(ConfigError, match=told):
+def test_wrong_ones_are_explained(text: str, reported: str) -> None:
+    with pytest.raises(ConfigError, match=reported):
         parse(text, TIHA)
 
 

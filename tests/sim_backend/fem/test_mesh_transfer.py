@@ -59,7 +59,7 @@ def test_a_lumen_that_is_shut_stays_shut_and_its_walls_push_back() -> None:
     assert fine[1][0].force_n_per_m == pytest.approx(coarse[1][0].force_n_per_m, rel=0.03)
 
 
-def test_a_wild_beginning_is_told_and_a_ramp_is_taken_instead() -> None:
+def test_a_wild_beginning_is_reported_and_a_ramp_is_taken_instead() -> None:
     here = scene("stress")
     section, (good, _) = solve_finite(here, 0.012, 1.0e-3, LEVELS_PA, 1.0e-3)
     rng = np.random.default_rng(1)

@@ -37,8 +37,8 @@ def test_the_stated_errors_hold(name):
 
 
 def test_a_single_pressure_has_no_pulse():
-    told = press(load_scene("TI"), 32.0, 1.0, accuracy_pct=5.0).as_json()
-    assert told["pulse_error_estimate_pct"] is None
+    reported = press(load_scene("TI"), 32.0, 1.0, accuracy_pct=5.0).as_json()
+    assert reported["pulse_error_estimate_pct"] is None
 
 
 def test_one_pressure_may_be_given_as_a_number():

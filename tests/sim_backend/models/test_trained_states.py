@@ -77,7 +77,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Scene, 
 
 @pytest.mark.usefixtures("asked")
 @pytest.mark.parametrize("scene", [OVER_VESSEL, OVER_LUMP], ids=["vessel", "lump"])
-def test_between_the_places_solved_force_and_pulse_are_told(scene: Scene) -> None:
+def test_between_the_places_solved_force_and_pulse_are_reported(scene: Scene) -> None:
     model = surrogate(scene, DEEPEST_MM)
     # 20 random states were within half of it
     assert (model.force_error_pct, model.pulse_error_pct) == (5.0, 5.0)

@@ -58,7 +58,7 @@ def test_samples_do_not_depend_on_how_they_are_read(winkler: Any, steps_s: list[
     assert pieces.tobytes() == joined(press(winkler, [], seed=3)).tobytes()
 
 
-def test_noise_and_steps_are_as_told(winkler: Any) -> None:
+def test_noise_and_steps_are_as_stated(winkler: Any) -> None:
     clock, phantom = world(winkler)
     sensor = virtual_sensor(clock, phantom=phantom, noise_mn=2.0, quantum_mn=0.5, bias_mn=30)
     sensor.start()

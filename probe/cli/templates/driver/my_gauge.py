@@ -17,7 +17,7 @@ class Stream:
     def __init__(self, clock: Clock, port: str, rate_hz: float, latency_s: float) -> None:
         self.clock = clock
         self.line = open_port("my_gauge", port, baud=115200)
-        # Lines arrive in bursts; the gauge's own milliseconds tell when each was measured.
+        # Lines arrive in bursts; the gauge's own milliseconds say when each was measured.
         self.time = DeviceTime(latency_s)
         self.period_s = 1 / rate_hz
         self.last_s: float | None = None

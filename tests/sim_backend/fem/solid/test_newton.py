@@ -84,8 +84,8 @@ def test_a_node_slides_over_an_edge_finer_than_the_elements() -> None:
 
     depth_mm = next(filter(fails, (1.2, 1.25, 1.3, 1.35, 1.4)))
     (found,) = newton.continuation(body, solver, before, [Load(1e-3 * depth_mm, 0.0)])
-    told_n = np.interp(depth_mm, [1.2, 1.4], [0.705, 0.82])
-    assert found.force_n == pytest.approx(told_n, rel=0.025)
+    stated_n = np.interp(depth_mm, [1.2, 1.4], [0.705, 0.82])
+    assert found.force_n == pytest.approx(stated_n, rel=0.025)
     assert newton.is_stable(body, solver, found)
 
 
