@@ -15,7 +15,7 @@ from probe.acquisition.interruption import Interrupted
 from probe.acquisition.levels import Levels, Usual
 from probe.acquisition.readiness import turned
 from probe.acquisition.retreat import STOP_AGAIN_S
-from probe.acquisition.safety_monitor import SafetyMonitor
+from probe.acquisition.safety_monitor import STAGE_PERIOD_S, SafetyMonitor
 from probe.acquisition.stop_rules import Seen, interrupted
 from probe.core.events import (
     Finish,
@@ -118,12 +118,14 @@ class RunLoop:
         self.monitor.arrived(self.monitor.pose())
 
     def wait_until(self, time_s: float) -> None:
+        """At rest, where a force changes as slowly as a lumen beats."""
+        rest_s = max(self.tick_s, STAGE_PERIOD_S)
         while self.clock.now() < time_s:
-            self.tick(time_s)
+            self.tick(time_s, at_most_s=rest_s)
 
-    def tick(self, until_s: float) -> None:
+    def tick(self, until_s: float, at_most_s: float | None = None) -> None:
         """Let time pass, at most one tick; read, publish, and obey guards and commands."""
-        self.clock.sleep_until(min(self.clock.now() + self.tick_s, until_s))
+        self.clock.sleep_until(min(self.clock.now() + (at_most_s or self.tick_s), until_s))
         if not self.monitor.threaded:
             self.monitor.step()
         self.monitor.engine_heartbeat()

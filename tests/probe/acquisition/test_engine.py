@@ -12,6 +12,7 @@ import pytest
 from drivers import Block, DeviceFault, Pose, SimulatedClock
 from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
+from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
@@ -105,6 +106,26 @@ def test_a_whole_scan(winkler: Any) -> None:
     ):
         assert hold_s - ramp_s == pytest.approx(1.0025, abs=0.0006)  # 2.5 mm/s up at 1 m/s2
         assert up_s - hold_s == pytest.approx(0.825, abs=1e-9)
+
+
+def test_guards_look_at_two_samples_while_the_tip_moves_and_every_8_ms_at_rest(
+    winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    looks_s: list[float] = []
+
+    def noted(monitor: SafetyMonitor) -> None:
+        looks_s.append(monitor.seen_s())
+        step(monitor)
+
+    step = SafetyMonitor.step
+    monkeypatch.setattr(SafetyMonitor, "step", noted)
+    _, events, opened = scan(winkler, stations=1)
+    ((ramp_s,), (hold_s,)) = (entered(events, p) for p in (Phase.INDENTING, Phase.HOLDING))
+    every_s, at_s = np.diff(looks_s), np.array(looks_s[1:])
+    down = every_s[(at_s > ramp_s + 0.01) & (at_s < hold_s)]
+    rest = every_s[(at_s > hold_s + 0.02) & (at_s < hold_s + 0.8)]
+    assert down.max() <= 2 / opened.sensors[0].rate_hz + 1e-9
+    assert rest.max() == pytest.approx(0.008, abs=1e-9)
 
 
 def test_every_sample_of_a_press_is_in_and_labelled(winkler: Any) -> None:
@@ -327,16 +348,16 @@ def test_a_retraction_that_fails_ends_at_rest(winkler: Any) -> None:
 
 def test_a_press_in_which_a_devices_clock_stood_still_is_made_again(winkler: Any) -> None:
     """A controller that missed cycles: what it stamped until that was told is early."""
-    told = [0.06]
+    reported = [0.06]
 
     def miss(event: Event, _control: Control, opened: Devices) -> None:
-        if not (isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING and told):
+        if not (isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING and reported):
             return
         (sensor,) = opened.sensors
         read = sensor.read
 
         def jumped() -> Block:
-            return replace(read(), jumped_s=told.pop() if told else 0.0)
+            return replace(read(), jumped_s=reported.pop() if reported else 0.0)
 
         sensor.read = jumped  # type: ignore[method-assign]
 

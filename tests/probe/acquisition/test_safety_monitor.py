@@ -208,8 +208,8 @@ def test_only_above_the_workspace_is_a_lift_the_wrong_way() -> None:
     above = PoseGuard(flat, LIMITS).check(Pose(0.05, 0.0, 21e-3), 1.0)
     beside = PoseGuard(flat, LIMITS).check(Pose(0.11, 0.0, 0.0), 1.0)
     below = PoseGuard(flat, replace(LIMITS, max_depth_m=1.0)).check(Pose(0.05, 0.0, -6e-3), 1.0)
-    told = [why is not None and "the workspace is" in why[0] for why in (above, beside, below)]
-    assert all(told)
+    reported = [why is not None and "the workspace is" in why[0] for why in (above, beside, below)]
+    assert all(reported)
     assert [why is not None and why[1] for why in (above, beside, below)] == [False, True, True]
 
 
@@ -250,8 +250,8 @@ def test_old_poses_and_slow_reads_make_no_speed(
 @pytest.mark.parametrize(("speed_m_s", "within_s"), [(40e-3, 0.3), (60e-3, 0.1), (0.25, 0.02)])
 def test_a_stage_that_is_too_fast_is_noticed(speed_m_s: float, within_s: float) -> None:
     guard = PoseGuard(flat, WIDE)
-    told = [guard.check(Pose(speed_m_s * t, 0, 0), t) for t in np.arange(0, within_s, 8e-3)]
-    assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in told)
+    reported = [guard.check(Pose(speed_m_s * t, 0, 0), t) for t in np.arange(0, within_s, 8e-3)]
+    assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in reported)
 
 
 @pytest.mark.parametrize("before_m_s", [0.0, 20e-3])
@@ -260,9 +260,9 @@ def test_a_stage_that_becomes_too_fast_is_noticed_as_soon(before_m_s: float) -> 
     guard = PoseGuard(flat, WIDE)
     times = np.arange(0, 10.1, 8e-3)
     way_m = before_m_s * np.minimum(times, 10.0) + 60e-3 * np.maximum(times - 10.0, 0.0)
-    told = [guard.check(Pose(x, 0, 0), t) for x, t in zip(way_m, times, strict=True)]
-    assert all(why is None for why, t in zip(told, times, strict=True) if t < 10.0)
-    assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in told)
+    reported = [guard.check(Pose(x, 0, 0), t) for x, t in zip(way_m, times, strict=True)]
+    assert all(why is None for why, t in zip(reported, times, strict=True) if t < 10.0)
+    assert any(why is not None and "the limit is 25 mm/s" in why[0] for why in reported)
 
 
 def alone(stage: SpringStage, sensor: SpringSensor) -> SafetyMonitor:
