@@ -71,6 +71,7 @@ class RunLoop:
         self.last_published_s = clock.now()
         fastest_hz = max((s.rate_hz for s in sensors), default=1 / TICK_S)
         self.tick_s = TICK_S if monitor.threaded else max(2 / fastest_hz, FINE_S)
+        self.rest_s = TICK_S if monitor.threaded else max(self.tick_s, STAGE_PERIOD_S)
 
     def go(
         self, target: Pose, speed_m_s: float, *, until: Callable[[], bool] | None = None
@@ -119,13 +120,15 @@ class RunLoop:
 
     def wait_until(self, time_s: float) -> None:
         """At rest, where a force changes as slowly as a lumen beats."""
-        rest_s = max(self.tick_s, STAGE_PERIOD_S)
-        while self.clock.now() < time_s:
-            self.tick(time_s, at_most_s=rest_s)
+        while (now := self.clock.now()) < time_s:
+            self._look_at(min(now + self.rest_s, time_s))
 
-    def tick(self, until_s: float, at_most_s: float | None = None) -> None:
+    def tick(self, until_s: float) -> None:
         """Let time pass, at most one tick; read, publish, and obey guards and commands."""
-        self.clock.sleep_until(min(self.clock.now() + (at_most_s or self.tick_s), until_s))
+        self._look_at(min(self.clock.now() + self.tick_s, until_s))
+
+    def _look_at(self, time_s: float) -> None:
+        self.clock.sleep_until(time_s)
         if not self.monitor.threaded:
             self.monitor.step()
         self.monitor.engine_heartbeat()

@@ -4,6 +4,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pytest
 from drivers import Block, DeviceFault, Pose, SimulatedClock
 from probe.acquisition.commands import Control
 from probe.acquisition.engine import run_scan
+from probe.acquisition.run_loop import RunLoop
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig
@@ -126,6 +128,24 @@ def test_guards_look_at_two_samples_while_the_tip_moves_and_every_8_ms_at_rest(
     rest = every_s[(at_s > hold_s + 0.02) & (at_s < hold_s + 0.8)]
     assert down.max() <= 2 / opened.sensors[0].rate_hz + 1e-9
     assert rest.max() == pytest.approx(0.008, abs=1e-9)
+
+
+@pytest.mark.parametrize(("threaded", "every_s"), [(True, 0.005), (False, 0.008)])
+def test_at_rest_the_engine_keeps_its_pace_with_the_wall_clock(
+    threaded: bool, every_s: float
+) -> None:
+    clock, looks_s, plan = SimulatedClock(), [0.0], plan_for(Rig())
+    monitor: Any = SimpleNamespace(
+        threaded=threaded, trip=None, jumped=None, step=lambda: None, collect=list,
+        engine_heartbeat=lambda: looks_s.append(clock.now()),
+    )  # fmt: skip
+    stage: Any = SimpleNamespace()
+    sensor: Any = SimpleNamespace(rate_hz=500.0)
+    bus: Any = SimpleNamespace(sink_error=None, samples=lambda _: None)
+    loop = RunLoop(plan, stage, [sensor], clock, limits_for(Rig(), plan), monitor, Control(), bus)
+    loop.wait_until(0.1)
+    assert np.diff(looks_s).max() == pytest.approx(every_s, abs=1e-9)
+    assert looks_s[-1] == pytest.approx(0.1, abs=1e-9)
 
 
 def test_every_sample_of_a_press_is_in_and_labelled(winkler: Any) -> None:

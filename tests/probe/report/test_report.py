@@ -152,7 +152,7 @@ def test_the_section_is_that_of_the_row_which_was_pressed(
 
 def test_a_certain_finding_is_not_called_certain() -> None:
     reported = {"simulated": [], "finish": "completed", **finding(row())}
-    reported["objects"][0]["confidence"] = 1.0  # type: ignore[index]
+    reported["objects"][0]["confidence"] = 1.0
     assert "99.9 %" in page("a run", reported, [], {}, {})
 
 
