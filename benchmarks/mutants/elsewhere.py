@@ -9,8 +9,9 @@ POOLED, REFERENCE = (
     "probe/detection/pulse/pooled_evidence.py",
     "probe/detection/pulse/reference.py",
 )
-HELD, CLASSIFIER = (
+HELD, LOST, CLASSIFIER = (
     "probe/detection/pulse/hold_samples.py",
+    "probe/detection/pulse/lost_samples.py",
     "probe/detection/classify/classifier.py",
 )
 BUMPS, STRESS = "probe/detection/map/bumps.py", "probe/core/contact_stress.py"
@@ -28,6 +29,7 @@ TRAINED, FAST_SOLID = (
         "tests/sim_backend/models/test_trained_states.py::test_a_lump_is_felt_where_it_lies",
     ),
 )
+DROPPED = ("tests/probe/detection/test_lost_samples.py",)
 BEATS = ("tests/probe/detection/test_reference.py",)
 TRUTH = ("tests/calibration/test_known_truth.py", "tests/calibration/test_applied.py")
 SOFT_RIG = ("tests/probe/config/test_calibrated.py"
@@ -71,9 +73,16 @@ ELSEWHERE = (
            "slope if float((slope**3).sum()) >= 0 else -slope", "slope", BEATS),
     Mutant("beats are found by height", REFERENCE,
            "find_peaks(energy, distance=closest)", "find_peaks(smooth, distance=closest)", BEATS),
-    Mutant("spikes are believed", HELD,
+    Mutant("spikes are believed", LOST,
            "return np.asarray(np.abs(off) <= SPIKE_SIGMAS * scatter)",
-           "return np.ones(len(signal), dtype=bool)", PULSE),
+           "return np.ones(len(signal), dtype=bool)", DROPPED),
+    Mutant("gaps of one value are readings", HELD, "np.where(stale & ~station.saturated, np.nan,",
+           "np.where(stale & False, np.nan,", DROPPED),
+    Mutant("a sensor that drops out is believed", HELD,
+           "kept[kept] = ~dropped_out(mean[kept])", "pass", DROPPED),
+    Mutant("coarse readings are gaps", LOST,
+           "far = ~(edge <= SPIKE_SIGMAS *", "far = ~(edge <= 0 *", DROPPED),
+    Mutant("a step is a gap", LOST, "<= BACK * size[k]]", "<= 2 * size[k]]", DROPPED),
     Mutant("clipped samples are believed", HELD,
            "kept = inside & whole & ~clipped", "kept = inside & whole", PULSE + DETECT),
     Mutant("a press in the air is contact", HELD,

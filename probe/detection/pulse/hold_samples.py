@@ -1,4 +1,4 @@
-"""One hold as even samples: spikes and clipped samples out, averaged to the pulse's bandwidth."""
+"""One hold as even samples: lost and clipped ones out, averaged to the pulse's bandwidth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,8 +8,14 @@ import numpy as np
 from drivers.core.arrays import Array, Bools, Ints
 from probe.core.recording import Station
 from probe.detection.pulse.hold_limits import MIN_SAMPLES, hold_limits
+from probe.detection.pulse.lost_samples import (
+    dropped_out,
+    filled,
+    mended,
+    repeated,
+    without_spikes,
+)
 from probe.detection.pulse.possible_rates import SLOWEST_HZ
-from probe.detection.pulse.running_median import running_median
 
 BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
@@ -28,8 +34,6 @@ SAME = 1e-6
 """Of a hold's swing: values that are closer differ by the computer's rounding."""
 MANY = 100
 """Averages of which the last may be left out, so that they are even: a hundredth of the hold."""
-SPIKE_SIGMAS = 8.0
-"""Robust standard deviations beyond which a sample is no sample."""
 LONGEST_STEP_S = 1 / (2 * SLOWEST_HZ)
 """Slower samples cannot tell any heart's rate (Nyquist)."""
 MIN_BINS = 7
@@ -54,11 +58,12 @@ class NoContact(NoHold):
 class Hold:
     """``signal_pa`` (n,) at ``time_s`` (n,) since the hold began; ``weight`` (n,) is how many
     samples each is the mean of, over the mean. ``clipped`` is the share lost to saturation,
-    ``start_s`` when the hold began on the recording's clock. A mean weakens what oscillates at f as
-    one over ``averaged_s`` without gaps does, by sinc(f averaged_s). Samples differ from
-    ``code_pa`` by multiples of ``quantum_pa``, which is 0 where no such steps show. Where noise
-    does not reach over these there are so many ``stretches`` of one value, else 0. Two are equal
-    only if they are the same one, so that what is made of one can be kept."""
+    ``lost`` the share that is missing otherwise, ``start_s`` when the hold began on the recording's
+    clock. A mean weakens what oscillates at f as one over ``averaged_s`` without gaps does, by
+    sinc(f averaged_s). Samples differ from ``code_pa`` by multiples of ``quantum_pa``, which is 0
+    where no such steps show. Where noise does not reach over these there are so many ``stretches``
+    of one value, else 0. Two are equal only if they are the same one, so that what is made of one
+    can be kept."""
 
     time_s: Array
     signal_pa: Array
@@ -69,6 +74,7 @@ class Hold:
     quantum_pa: float = 0.0
     code_pa: float = 0.0
     stretches: int = 0
+    lost: float = 0.0
 
     @property
     def step_s(self) -> float:
@@ -111,13 +117,14 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
         station = replace(
             station, signal_pa=station.signal_pa[:, ~dead], saturated=station.saturated[:, ~dead]
         )
-    time_s, signal, clipped = _between(_in_order(station))
-    good = _without_spikes(signal)
+    time_s, signal, clipped, lost = _between(_in_order(station))
+    good = without_spikes(signal)
     time_s, signal = time_s[good], signal[good]
     if len(time_s) < MIN_SAMPLES:
         raise NoHold(
             f"station {station.index + 1}: {len(time_s)} usable samples in the hold"
             + (f" ({100 * clipped:.0f} % are clipped)" if clipped else "")
+            + (f" ({100 * lost:.0f} % are missing)" if lost else "")
             + f"; at least {MIN_SAMPLES} are needed"
         )
     _check_contact(station, signal)
@@ -143,7 +150,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     weight = count[there] / count[there].mean()
     averaged_s = round(step_s * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0))), 4)
     return Hold(mean[0], mean[1], weight, clipped, start, averaged_s,
-                *_steps_of(station, signal))  # fmt: skip
+                *_steps_of(station, signal), lost)  # fmt: skip
 
 
 def _averages_of(time_s: Array, each_s: float, step_s: float) -> Ints:
@@ -200,51 +207,23 @@ def _in_order(station: Station) -> Station:
     )  # fmt: skip
 
 
-def _between(station: Station) -> tuple[Array, Array, float]:
-    """Times, channel means and the clipped share of the hold."""
+def _between(station: Station) -> tuple[Array, Array, float, float]:
+    """Times and channel means of the hold, and the shares of it that were clipped and lost."""
     clipped = np.asarray(station.saturated.any(axis=1))
-    each = station.signal_pa
+    stale = np.column_stack([repeated(channel) for channel in station.signal_pa.T])
+    each = np.where(stale & ~station.saturated, np.nan, station.signal_pa)
     if each.shape[1] > 1:
-        each = _filled(_mended(each))
+        each = filled(mended(each))
     whole = np.isfinite(each).all(axis=1) & np.isfinite(station.time_s)
     mean = np.where(whole, each.mean(axis=1), np.nan)
     begin, end = hold_limits(station, mean, whole)
     inside = (station.time_s >= begin) & (station.time_s <= end)
     kept = inside & whole & ~clipped
-    share = float(clipped[inside].mean()) if inside.any() else 0.0
-    return station.time_s[kept], mean[kept], share
-
-
-def _mended(signal: Array) -> Array:
-    """An array's channels (n, c), spikes replaced by the median around them: one channel's would
-    hide in the mean."""
-    middle = running_median(signal, 5)
-    scatter = 1.4826 * np.nanmedian(np.abs(np.diff(signal, axis=0)), axis=0) / np.sqrt(2)
-    off = np.abs(signal - middle) > SPIKE_SIGMAS * np.maximum(scatter, 1e-12 * np.abs(middle))
-    return np.asarray(np.where(off & (scatter > 0), middle, signal))
-
-
-def _filled(signal: Array) -> Array:
-    """An array's channels (n, c), what one misses for a while taken from those that miss nothing:
-    by its own gain over their mean, and its distance from it before and after. Else every sample
-    would be lost that any channel misses."""
-    lost = ~np.isfinite(signal)
-    whole = ~lost.any(axis=0)
-    if whole.all() or not whole.any():
-        return signal
-    mean = signal[:, whole].mean(axis=1)
-    filled = signal.copy()
-    for channel in np.flatnonzero(~whole):
-        there = ~lost[:, channel]
-        if there.sum() < MIN_SAMPLES:
-            continue
-        about = mean[there] - mean[there].mean()
-        power = float(about @ about)
-        gain = float(about @ signal[there, channel]) / power if power else 0.0
-        off = running_median(signal[there, channel] - gain * mean[there], 5)
-        gap, known = np.flatnonzero(~there), np.flatnonzero(there)
-        filled[gap, channel] = gain * mean[gap] + np.interp(gap, known, off)
-    return filled
+    kept[kept] = ~dropped_out(mean[kept])
+    count = max(int(np.count_nonzero(inside)), 1)
+    lost = inside & ~kept & ~clipped
+    share = np.count_nonzero(clipped & inside) / count
+    return station.time_s[kept], mean[kept], share, np.count_nonzero(lost) / count
 
 
 def _check_contact(station: Station, signal: Array) -> None:
@@ -268,12 +247,3 @@ def _check_contact(station: Station, signal: Array) -> None:
     near_zero = abs(float(np.median(signal))) <= CONTACT_SIGMAS * noise / np.sqrt(len(signal))
     if np.ptp(signal) == 0 or (near_zero and float(np.std(signal)) <= ONLY_NOISE * noise):
         raise NoContact(f"station {station.index + 1}: no contact (the signal is constant)")
-
-
-def _without_spikes(signal: Array) -> Bools:
-    if len(signal) < MIN_SAMPLES:
-        return np.ones(len(signal), dtype=bool)
-    off = signal - running_median(signal, 5)
-    scatter = 1.4826 * np.median(np.abs(np.diff(signal))) / np.sqrt(2)
-    scatter = max(scatter, 1e-12 * np.abs(signal).max(initial=1.0))
-    return np.asarray(np.abs(off) <= SPIKE_SIGMAS * scatter)

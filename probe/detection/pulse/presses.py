@@ -36,6 +36,8 @@ FOLLOWED_SIGMAS, MIN_BEATS = 8.0, 2.0
 a hold must have for that."""
 UNKNOWN_DEPTH = 0.005
 """Station scatter over the level where no depth was recorded."""
+LEAST_LOST = 0.005
+"""Share of a hold's samples that a note says are missing: fewer change nothing in it."""
 
 
 @dataclass(frozen=True)
@@ -193,7 +195,10 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     share = STIFFENING * REPEATABILITY_M / deep_m if deep_m > 0 else UNKNOWN_DEPTH
     scatter = float(np.hypot(pulse.baseline_sd_pa, share * abs(pulse.baseline_pa)))
     if hold.clipped > 0:
-        lost = f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep"
+        clipped = f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep"
+        note = f"{note}; {clipped}" if note else clipped
+    if hold.lost >= LEAST_LOST:
+        lost = f"the sensor dropped out or repeated itself for {100 * hold.lost:.0f} % of its hold"
         note = f"{note}; {lost}" if note else lost
     return Press(station, pulse, scatter, hold.clipped, note)
 
