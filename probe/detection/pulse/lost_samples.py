@@ -46,7 +46,7 @@ def dropped_out(signal: Array) -> Bools:
         return lost
     usual = max(1.4826 * float(np.median(size)), float(size[size > 0].min()))
     gone: list[int] = []  # the last samples before it left, of which it has not come back
-    for i in np.flatnonzero(size > SPIKE_SIGMAS * usual):
+    for i in np.flatnonzero(size > SPIKE_SIGMAS * usual).tolist():
         back = [k for k in gone if abs(signal[i + 1] - signal[k]) <= BACK * size[k]]
         if back:
             lost[back[-1] + 1 : i + 1] = True
