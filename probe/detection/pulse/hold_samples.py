@@ -113,6 +113,8 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
 
     Raises `NoHold`, of these `NoContact` where the probe met nothing.
     """
+    if not station.signal_pa.shape[1]:
+        raise NoHold(f"station {station.index + 1}: no channel of a sensor was recorded")
     if dead is not None and dead.any() and len(dead) == station.signal_pa.shape[1]:
         station = replace(
             station, signal_pa=station.signal_pa[:, ~dead], saturated=station.saturated[:, ~dead]

@@ -7,7 +7,7 @@ import pytest
 
 from drivers.core.arrays import Array
 from probe.core.recording import Station
-from probe.detection.pulse.hold_samples import hold_of
+from probe.detection.pulse.hold_samples import NoHold, hold_of
 from probe.detection.pulse.search import search
 
 SECONDS_SINCE_1970 = 1.7e9
@@ -51,3 +51,12 @@ def test_missing_samples_are_missing_where_they_were() -> None:
     assert hold.time_s == pytest.approx(every.time_s[at], abs=6e-3)
     assert len(every.time_s) - len(hold.time_s) == 2  # the other half averages are kept
     assert hold.weight.min() == pytest.approx(0.5, rel=0.02)
+
+
+@pytest.mark.parametrize("count", [0, 1, 100])
+def test_a_press_without_a_channel_says_so(count: int) -> None:
+    """It ended detection in an error."""
+    one = relaxing(0.01 * np.arange(count))
+    none = np.empty((count, 0))
+    with pytest.raises(NoHold, match="station 1: no channel of a sensor was recorded"):
+        hold_of(replace(one, signal_pa=none, saturated=none.astype(bool)))
