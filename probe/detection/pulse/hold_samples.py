@@ -222,10 +222,9 @@ def _between(station: Station) -> tuple[Array, Array, float, float]:
     inside = (station.time_s >= begin) & (station.time_s <= end)
     kept = inside & whole & ~clipped
     kept[kept] = ~dropped_out(mean[kept])
-    count = max(int(np.count_nonzero(inside)), 1)
     lost = inside & ~kept & ~clipped
-    share = np.count_nonzero(clipped & inside) / count
-    return station.time_s[kept], mean[kept], share, np.count_nonzero(lost) / count
+    share = [float(some[inside].mean()) if inside.any() else 0.0 for some in (clipped, lost)]
+    return station.time_s[kept], mean[kept], share[0], share[1]
 
 
 def _check_contact(station: Station, signal: Array) -> None:
