@@ -82,6 +82,8 @@ ELSEWHERE = (
            "kept[kept] = ~dropped_out(mean[kept])", "pass", DROPPED),
     Mutant("coarse readings are gaps", LOST,
            "far = ~(edge <= SPIKE_SIGMAS *", "far = ~(edge <= 0 *", DROPPED),
+    Mutant("held readings are drop-outs", LOST,
+           "1.4826 * float(np.median(size[size > 0]))", "1.4826 * float(np.median(size))", DROPPED),
     Mutant("a step is a gap", LOST, "<= BACK * size[k]]", "<= 2 * size[k]]", DROPPED),
     Mutant("clipped samples are believed", HELD,
            "kept = inside & whole & ~clipped", "kept = inside & whole", PULSE + DETECT),

@@ -223,8 +223,11 @@ def _between(station: Station) -> tuple[Array, Array, float, float]:
     kept = inside & whole & ~clipped
     kept[kept] = ~dropped_out(mean[kept])
     lost = inside & ~kept & ~clipped
-    share = [float(some[inside].mean()) if inside.any() else 0.0 for some in (clipped, lost)]
-    return station.time_s[kept], mean[kept], share[0], share[1]
+
+    def share(some: Bools) -> float:
+        return float(some[inside].mean()) if inside.any() else 0.0
+
+    return station.time_s[kept], mean[kept], share(clipped), share(lost)
 
 
 def _check_contact(station: Station, signal: Array) -> None:

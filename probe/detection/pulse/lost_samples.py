@@ -44,7 +44,7 @@ def dropped_out(signal: Array) -> Bools:
     size = np.abs(rise)
     if not size.any():
         return lost
-    usual = max(1.4826 * float(np.median(size)), float(size[size > 0].min()))
+    usual = 1.4826 * float(np.median(size[size > 0]))  # where readings differ: they may be held
     gone: list[int] = []  # the last samples before it left, of which it has not come back
     for i in np.flatnonzero(size > SPIKE_SIGMAS * usual).tolist():
         back = [k for k in gone if abs(signal[i + 1] - signal[k]) <= BACK * size[k]]

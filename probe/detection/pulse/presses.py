@@ -37,7 +37,7 @@ a hold must have for that."""
 UNKNOWN_DEPTH = 0.005
 """Station scatter over the level where no depth was recorded."""
 LEAST_LOST = 0.005
-"""Share of a hold's samples that a note says are missing: fewer change nothing in it."""
+"""Share of a hold's samples that a note says are missing: it gives whole per cent."""
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
         clipped = f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep"
         note = f"{note}; {clipped}" if note else clipped
     if hold.lost >= LEAST_LOST:
-        lost = f"the sensor dropped out or repeated itself for {100 * hold.lost:.0f} % of its hold"
+        lost = f"{100 * hold.lost:.0f} % of its samples are missing, or one reading repeated"
         note = f"{note}; {lost}" if note else lost
     return Press(station, pulse, scatter, hold.clipped, note)
 
