@@ -38,7 +38,7 @@ def with_gaps(seed: int, fill: str, pulse_pa: float, sample_hz: float = 500.0) -
 
 @pytest.mark.parametrize("fill", FILLS)
 def test_gaps_are_no_pulse_and_hide_none(fill: str) -> None:
-    """Gaps of zeros at 500 Hz were an artery in 18 of 40 holds, at 100 Hz in 31, and hid 13 of 20
+    """Gaps of zeros at 500 Hz were an artery in 18 of 40 holds, at 100 Hz in 31, and hid 12 of 20
     pulses."""
     empty = [detect(recording([with_gaps(seed, fill, 0.0)])).finding for seed in range(8)]
     assert empty.count("nothing") >= 7
