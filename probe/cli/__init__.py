@@ -27,10 +27,11 @@ def command() -> int:
     status = main()
     for number in _orders():
         signal.signal(number, signal.SIG_IGN)
-    try:
-        sys.stdout.flush()
-    except OSError:  # said by now; Python would try again as it ends, and end with 120
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    for place, stream in enumerate((sys.stdout, sys.stderr), 1):
+        try:
+            stream.flush()
+        except OSError:  # said by now; Python would try again as it ends, and end with 120
+            os.dup2(os.open(os.devnull, os.O_WRONLY), place)
     gc.freeze()  # else Python looks through all that was imported for garbage as it ends
     return status
 

@@ -47,7 +47,7 @@ class FrankaStage:
         self._way: tuple[np.ndarray, np.ndarray, float, float] | None = (
             None  # from, to, began, took
         )
-        self._target: np.ndarray | None = None
+        self._sent: object = None  # the way whose end is the set point
         self._fault: DeviceFault | None = None
 
     def connect(self) -> None:
@@ -89,9 +89,8 @@ class FrankaStage:
             raise DeviceFault(self.name, "this driver does not turn the tool")
         self.enable()
         here = np.array(self.pose()[:3]) + self._origin_m
-        self._target = np.array(target[:3]) + self._origin_m
-        took_s = math.dist(here, self._target) / speed_m_s
-        self._way = (here, self._target, time.monotonic(), took_s)
+        there = np.array(target[:3]) + self._origin_m
+        self._way = (here, there, time.monotonic(), math.dist(here, there) / speed_m_s)
 
     def moving(self) -> bool:
         """True until the set point rests and the tip is there."""
@@ -101,7 +100,7 @@ class FrankaStage:
         _, target, began_s, took_s = way
         late_s = time.monotonic() - began_s - took_s
         off_mm = 1e3 * math.dist(here, target)
-        if late_s < 0 or (off_mm > self._settings.arrived_mm and late_s < SETTLES_S):
+        if self._sent is not way or (off_mm > self._settings.arrived_mm and late_s < SETTLES_S):
             return True
         self._way = None
         if off_mm > self._settings.arrived_mm:
@@ -138,6 +137,8 @@ class FrankaStage:
                     here, target, began_s, took_s = way
                     share = min((time.monotonic() - began_s) / max(took_s, PERIOD_S), 1.0)
                     self._controller.set_control(here + share * (target - here), self._orientation)
+                    if share == 1.0:
+                        self._sent = way
         except (OSError, RuntimeError) as error:
             self._fault = DeviceFault(self.name, str(error))
 

@@ -85,6 +85,19 @@ def test_a_terminal_that_goes_while_its_bar_is_drawn_costs_no_answer(tmp_path: P
     assert json.loads((tmp_path / "answer.json").read_text())["finish"] == "completed"
 
 
+@pytest.mark.parametrize(("what", "status"), [("scan rig.toml --out .", 0), ("detect no.run", 2)])
+def test_words_that_cannot_be_written_change_no_status(
+    tmp_path: Path, what: str, status: int
+) -> None:
+    """Python ended with 120, and a whole scan counted as failed."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
+    command = [sys.executable, "-m", "probe.cli", *what.split()]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, cwd=tmp_path, env=buffered, stderr=full, check=False)
+    assert done.returncode == status
+
+
 def test_a_terminal_that_lacks_a_character_gets_the_answer(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text(RIG)
     command = [sys.executable, "-m", "probe.cli", "scan", "rig.toml", "--out", "."]
