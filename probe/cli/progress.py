@@ -41,7 +41,7 @@ class ScanProgress:
 
     def __enter__(self) -> Self:
         if self._bar is not None:
-            self._bar.start()
+            _try(self._bar.start)
         return self
 
     def __exit__(
@@ -51,7 +51,7 @@ class ScanProgress:
         _trace: TracebackType | None,
     ) -> None:
         if self._bar is not None:
-            _stop(self._bar)
+            _try(self._bar.stop)
 
     def __call__(self, event: Event) -> None:
         """Take one event of the scan."""
@@ -119,11 +119,11 @@ def counting(what: str) -> Iterator[Callable[[int, int], None]]:
     done_words = "{task.completed:.0f} of {task.total:.0f} " + what
     bar = _bar(TextColumn(done_words), BarColumn(), TimeRemainingColumn())
     task = bar.add_task(what)
-    bar.start()
+    _try(bar.start)
     try:
         yield lambda done, total: bar.update(task, completed=done, total=total)
     finally:
-        _stop(bar)
+        _try(bar.stop)
 
 
 def _bar(*columns: "ProgressColumn") -> "Progress":
@@ -133,6 +133,6 @@ def _bar(*columns: "ProgressColumn") -> "Progress":
     return Progress(*columns, console=Console(stderr=True), transient=True)
 
 
-def _stop(bar: "Progress") -> None:
+def _try(draw: Callable[[], None]) -> None:
     with suppress(OSError):  # the terminal is gone: what was found is still to be said
-        bar.stop()
+        draw()

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from probe.cli import main
+from probe.cli.progress import counting
 from probe.cli.say import inform
 from probe.core.events import Finish
 from probe.storage.run import open_run
@@ -20,18 +21,25 @@ from probe.storage.verify import verify
 
 
 class Gone(io.StringIO):
-    """Standard error after its terminal was closed."""
+    """Standard error whose terminal is closed after ``writes`` writes."""
 
-    def __init__(self) -> None:
+    def __init__(self, writes: int = 0) -> None:
         super().__init__()
         self.tried: list[str] = []
+        self._writes = writes
+
+    def isatty(self) -> bool:
+        return self._writes > 0
 
     def write(self, text: str) -> int:
         self.tried.append(text)
+        if len(self.tried) <= self._writes:
+            return len(text)
         raise OSError(errno.EIO, "Input/output error")
 
     def flush(self) -> None:
-        raise OSError(errno.EIO, "Input/output error")
+        if len(self.tried) >= self._writes:
+            raise OSError(errno.EIO, "Input/output error")
 
 
 RIG = """[scan]
@@ -61,6 +69,29 @@ def test_a_scan_ends_whole_without_its_terminal(
     (run,) = tmp_path.glob("*.run")
     assert verify(run).ok
     assert open_run(run).finish is Finish.COMPLETED
+
+
+@pytest.mark.parametrize("writes", [1, 2])
+def test_a_bar_that_cannot_be_drawn_ends_no_scan(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, writes: int
+) -> None:
+    """A bar begins with two writes: one hides the cursor, one draws."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    gone = Gone(writes)
+    monkeypatch.setattr(sys, "stderr", gone)
+    assert main(["scan", str(tmp_path / "rig.toml"), "--out", str(tmp_path)]) == 0
+    assert len(gone.tried) > writes
+
+
+@pytest.mark.parametrize("writes", [1, 2])
+def test_a_count_that_cannot_be_drawn_ends_no_work(
+    monkeypatch: pytest.MonkeyPatch, writes: int
+) -> None:
+    gone = Gone(writes)
+    monkeypatch.setattr(sys, "stderr", gone)
+    with counting("presses") as show:
+        show(1, 2)
+    assert len(gone.tried) > writes
 
 
 def test_a_scan_whose_streams_are_closed_ends_whole(tmp_path: Path) -> None:
