@@ -61,10 +61,11 @@ def design_of(hold: Hold) -> Design:
     return Design(t, drift, np.exp(-(t[:, None] - t[0]) / taus))
 
 
-def harmonics(time_s: Array, rate_hz: float, count: int) -> Array:
-    """(n, 2 count): cosines and sines of the rate's multiples."""
-    phase = 2 * np.pi * rate_hz * time_s[:, None] * np.arange(1, count + 1)
-    return np.hstack([np.cos(phase), np.sin(phase)])
+def harmonics(time_s: Array, rate_hz: float | Array, count: int) -> Array:
+    """(n, 2 count): cosines and sines of a rate's multiples; of rates (r,), (n, r, 2 count)."""
+    first = np.exp(2j * np.pi * np.multiply.outer(time_s, rate_hz))
+    turned = np.cumprod(np.repeat(first[..., None], count, axis=-1), axis=-1)
+    return np.concatenate([turned.real, turned.imag], axis=-1)
 
 
 def fit(
@@ -77,7 +78,9 @@ def fit(
     """
     free = np.hstack([design.drift, pulse])
     scale = np.sqrt(hold.weight)
-    y, a, b = (noise.whiten(scale_rows(v, scale)) for v in (hold.signal_pa, free, design.decays))
+    white = noise.whiten(scale_rows(np.column_stack([hold.signal_pa, free, design.decays]), scale))
+    y, a, b = np.split(white, [1, 1 + free.shape[1]], axis=1)
+    y = y[:, 0]
     if ridge is not None:
         held = np.hstack([np.zeros((len(ridge), design.drift.shape[1])), np.diag(ridge)])
         y = np.concatenate([y, np.zeros(len(ridge))])

@@ -8,6 +8,7 @@ import numpy as np
 
 from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.beat_train import MEMORIES, Coarse, whiten
+from probe.detection.pulse.fit import harmonics
 from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH
 from probe.detection.pulse.possible_rates import weights
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
@@ -122,9 +123,7 @@ def _as_wave(hold: Coarse, waves: _Waves, memory: float) -> Array:
 
 def _waves(n: int, step_s: float, rates: Array, count: int, memory: float) -> _Waves:
     seen = np.outer(rates, np.arange(1, count + 1)) <= max(NYQUIST_SHARE / step_s, rates[0])
-    first = np.exp(2j * np.pi * np.outer(np.arange(n) * step_s, rates))
-    turned = np.cumprod(np.repeat(first[..., None], count, axis=2), axis=2) * seen
-    white = whiten(np.concatenate([turned.real, turned.imag], axis=2), memory)
+    white = whiten(harmonics(step_s * np.arange(n, dtype=float), rates, count) * np.tile(seen, 2), memory)
     columns = np.ascontiguousarray(np.moveaxis(white, 0, 1))
     return _Waves(columns, np.swapaxes(columns, 1, 2) @ columns, seen)
 

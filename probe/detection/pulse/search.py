@@ -1,13 +1,13 @@
 """The search for a pulse in a hold: how well one explains it at each rate that hearts have."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from scipy.special import chdtri, fdtrc, logsumexp
 
-from drivers.core.arrays import Array, Bools
+from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise, family
@@ -158,13 +158,17 @@ def _single(gain: Array, columns: int, dof: int) -> Array:
 
 
 @dataclass(frozen=True)
-class _Rest:
-    """What a noise makes of a hold: nuisance ``q`` (n, k), signal ``y`` (n,) beside it, and the
-    restricted log likelihood without a pulse (Patterson & Thompson 1971)."""
+class _Rests:
+    """What each noise (m,) makes of a hold: nuisance ``q`` (m, n, k), signal ``y`` (m, n) beside
+    it, and the restricted log likelihood ``without`` (m,) a pulse (Patterson & Thompson 1971)."""
 
     q: Array
     y: Array
-    without: float
+    without: Array
+
+    def of(self, chosen: Ints) -> "_Rests":
+        """Those of some noises."""
+        return _Rests(self.q[chosen], self.y[chosen], self.without[chosen])
 
 
 def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> _Looks:
@@ -198,18 +202,14 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> 
             steady, most = columns[:, int(np.argmax(size))].copy(), float(size.max())
     members = family(hold.step_s, hold.averaged_s)
     whole = np.hstack([nuisance * scale[:, None], steady])
-    pairs = [_rests(hold.signal_pa * scale, whole, nuisance.shape[1], m, dof) for m in members]
-    rests, beside = zip(*pairs, strict=True)
+    rests, beside = _rests(hold.signal_pa * scale, whole, nuisance.shape[1], members, dof)
     count = SHAPE_HARMONICS if n >= SHORT else 1
     finest = FINEST * (n - 1) / max(hold.span_s, 1e-9)
     seen = rates[:, None] * np.arange(1, count + 1) <= finest
-    best, best_beside = (max(r.without for r in some) for some in (rests, beside))
-    counted = [
-        i
-        for i, (rest, other) in enumerate(zip(rests, beside, strict=True))
-        if not i or max(rest.without - best, other.without - best_beside) >= -FAR_BEHIND
-    ]
-    chosen, found = [rests[i] for i in counted], []
+    ahead = np.maximum(rests.without - rests.without.max(), beside - beside.max())
+    ahead[0] = 0.0  # white noise counts always
+    counted = np.flatnonzero(ahead >= -FAR_BEHIND)
+    chosen, found = rests.of(counted), []
     for some, visible in zip(parts, np.array_split(seen, len(parts)), strict=True):
         columns = columns_of(some)
         white = (
@@ -218,15 +218,14 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> 
         )
         found.append(_ratios(chosen, white, visible, _shapes(visible, phases), dof))
     return _Looks(
-        [members[i] for i in counted], np.array([rest.without for rest in chosen]),
+        [members[i] for i in counted], chosen.without,
         *(np.concatenate(each, axis=1) for each in zip(*found, strict=True)),
     )  # fmt: skip
 
 
 def _columns(time_s: Array, rates: Array) -> Array:
     """Harmonics (n, r, 2 count) of each rate."""
-    count = SHAPE_HARMONICS if len(time_s) >= SHORT else 1
-    return np.stack([harmonics(time_s, rate, count) for rate in rates], axis=1)
+    return harmonics(time_s, rates, SHAPE_HARMONICS if len(time_s) >= SHORT else 1)
 
 
 @lru_cache(maxsize=4)
@@ -261,19 +260,22 @@ def _even_white(
 
 
 def _rests(
-    signal: Array, columns: Array, nuisance: int, noise: Noise, dof: int
-) -> tuple[_Rest, _Rest]:
-    """Beside the first ``nuisance`` of ``columns`` (n, k), and beside all of them."""
-    q, r = np.linalg.qr(noise.whiten(columns))
-    y = noise.whiten(signal)
-    along = q.T @ y
-    size = np.log(np.maximum(np.abs(np.diag(r)), 1e-300))
-    found = []
-    for k in (nuisance, q.shape[1]):
-        left = y - q[:, :k] @ along[:k]
-        power = max(float(left @ left), 1e-300)
-        found.append(_Rest(q[:, :k], left, -0.5 * dof * np.log(power) - float(size[:k].sum())))
-    return found[0], found[1]
+    signal: Array, columns: Array, nuisance: int, noises: Sequence[Noise], dof: int
+) -> tuple[_Rests, Array]:
+    """Beside the first ``nuisance`` of ``columns`` (n, k), and what is ``without`` beside all."""
+    both = np.column_stack([columns, signal])
+    white = np.stack([noise.whiten(both) for noise in noises])
+    q, r = np.linalg.qr(white[..., :-1])
+    y = white[..., -1]
+    along = np.swapaxes(q, 1, 2) @ y[..., None]
+    size = np.log(np.maximum(np.abs(np.diagonal(r, axis1=1, axis2=2)), 1e-300))
+
+    def beside(k: int) -> _Rests:
+        left = y - (q[..., :k] @ along[:, :k])[..., 0]
+        power = np.maximum((left**2).sum(axis=1), 1e-300)
+        return _Rests(q[..., :k], left, -0.5 * dof * np.log(power) - size[:, :k].sum(axis=1))
+
+    return beside(nuisance), beside(columns.shape[1]).without
 
 
 def _shapes(seen: Bools, phases: int) -> Array:
@@ -290,19 +292,20 @@ def _shapes(seen: Bools, phases: int) -> Array:
 
 
 def _ratios(
-    rests: list[_Rest], white: Iterable[_Whitened], seen: Bools, shapes: Array, dof: int
+    rests: _Rests, white: Iterable[_Whitened], seen: Bools, shapes: Array, dof: int
 ) -> tuple[Array, Array, Array, Array]:
     """``shaped``, ``free``, ``along`` and ``power`` of `_Looks` at some rates. The second free
     harmonic counts only where it is no larger than a pulse's."""
     products, grams = [], []
-    for rest, one in zip(rests, white, strict=True):  # one by one: a table may be large
-        product = np.column_stack([rest.q, rest.y]).T @ one.columns
+    beside = np.concatenate([rests.q, rests.y[..., None]], axis=2)
+    for each, one in zip(beside, white, strict=True):  # one by one: a table may be large
+        product = each.T @ one.columns
         products.append(product.reshape(len(product), *one.gram.shape[:2]))
         grams.append(one.gram)
     product = np.stack(products)
     beside, right = np.moveaxis(product[:, :-1], 1, 3), product[:, -1]  # (m, r, count, k), (…count)
     gram = np.stack(grams) - beside @ np.swapaxes(beside, 2, 3)
-    rss = np.array([max(float(rest.y @ rest.y), 1e-300) for rest in rests])[:, None]
+    rss = np.maximum((rests.y**2).sum(axis=1), 1e-300)[:, None]
 
     def ratio(drop: Array) -> Array:
         return np.asarray(-0.5 * dof * np.log(np.clip(1 - drop / rss, 1e-12, 1.0)))
