@@ -18,6 +18,9 @@ FINER = 2
 """Centres that are tried along x or y for each distance between presses."""
 SPOT_UNKNOWNS = 4
 MAX_SPOTS = 4
+AT_ONCE = 1 << 19
+"""Numbers in a table of what spots make, 4 MB: all that 1,000 presses at random places may show took
+3.4 GB at once, and three times as long."""
 WITHIN = 0.999
 """A point on the edge, drawn in by the rest, is inside for whatever rounding does."""
 NARROW = 2.0
@@ -87,23 +90,13 @@ def find_spots(
         free = centres[np.logical_and.reduce(far)] if known else centres
         if not len(free):
             break
-        tried, spots = _tried(seen, free)
-        _, a, _, left = weighted(seen, known)
-        more = np.zeros((len(left), len(tried)))
-        more[: len(seen.value)] = spots / seen.sd[:, None]
-        q, _ = np.linalg.qr(a)
-        more -= q @ (q.T @ more)
-        along = left @ more
-        drop = along**2 / np.maximum((more**2).sum(axis=0), 1e-300)
-        if rising:
-            drop[along < 0] = 0.0
-        best, before = int(np.argmax(drop)), float(left @ left)
+        best, before, after = _clearest(seen, free, known, rising=rising)
         dof = len(seen.value) - seen.base.shape[1] - SPOT_UNKNOWNS * len(known)
         independent = 2 * max(len(free) / FINER**2, 1.0)
-        p_value = chance(before, before - float(drop[best]), SPOT_UNKNOWNS, dof, independent)
+        p_value = chance(before, after, SPOT_UNKNOWNS, dof, independent)
         if p_value > false_alarm or dof <= 2 * SPOT_UNKNOWNS:
             break
-        known = _refined(seen, [*known, tried[best]])
+        known = _refined(seen, [*known, best])
         chances.append(p_value)
     return _spots(seen, known, chances)
 
@@ -116,8 +109,13 @@ def spot_at(seen: Map, other: Spot) -> Spot:
 
 def shape(place_m: Array, spot: Array) -> Array:
     """What a ball makes, as a row's bump is: (n,) for a spot (x, y, half width)."""
-    square = ((place_m - spot[:2]) ** 2).sum(axis=1) / spot[2] ** 2
-    return np.asarray((1 + square / 1.5) ** -1.5)
+    return _of_square(((place_m - spot[:2]) ** 2).sum(axis=1) / spot[2] ** 2)
+
+
+def _of_square(square: Array) -> Array:
+    """By the square of the distance over the half width."""
+    fallen = 1 + square / 1.5
+    return np.asarray(1 / (fallen * np.sqrt(fallen)))
 
 
 def among(point_m: Array, place_m: Array) -> Bools:
@@ -131,12 +129,29 @@ def among(point_m: Array, place_m: Array) -> Bools:
     return np.asarray(hull.find_simplex(middle_m + WITHIN * (point_m - middle_m)) >= 0)
 
 
-def _tried(seen: Map, centres: Array) -> tuple[Array, Array]:
-    """Spots (m, 3) of all widths at ``centres`` (c, 2), and what they make (n, m)."""
+def _clearest(
+    seen: Map, centres: Array, known: list[Array], *, rising: bool
+) -> tuple[Array, float, float]:
+    """The spot (3,) at one of ``centres`` (c, 2) that explains most beside the ``known`` ones, and
+    the sum of squares without it and with it."""
     width = np.array(WIDTHS) * seen.spacing_m
-    tried = np.column_stack([centres.repeat(len(width), axis=0), np.tile(width, len(centres))])
-    square = ((seen.place_m[:, None] - centres) ** 2).sum(axis=2)[:, :, None] / width**2
-    return tried, ((1 + square / 1.5) ** -1.5).reshape(len(square), -1)
+    _, a, _, left = weighted(seen, known)
+    q, _ = np.linalg.qr(a)
+    n, before = len(seen.value), float(left @ left)
+    best, most = np.append(centres[0], width[0]), 0.0
+    for some in np.array_split(centres, -(-len(centres) * len(width) * n // AT_ONCE)):
+        square = ((seen.place_m[:, None] - some) ** 2).sum(axis=2)[:, :, None] / width**2
+        more = np.zeros((len(left), len(some) * len(width)))
+        more[:n] = _of_square(square).reshape(n, -1) / seen.sd[:, None]
+        more -= q @ (q.T @ more)
+        along = left @ more
+        drop = along**2 / np.maximum((more**2).sum(axis=0), 1e-300)
+        if rising:
+            drop[along < 0] = 0.0
+        k = int(np.argmax(drop))
+        if drop[k] > most:
+            best, most = np.append(some[k // len(width)], width[k % len(width)]), float(drop[k])
+    return best, before, before - most
 
 
 def _centres(seen: Map) -> Array:

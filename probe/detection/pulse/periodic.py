@@ -123,7 +123,8 @@ def _as_wave(hold: Coarse, waves: _Waves, memory: float) -> Array:
 
 def _waves(n: int, step_s: float, rates: Array, count: int, memory: float) -> _Waves:
     seen = np.outer(rates, np.arange(1, count + 1)) <= max(NYQUIST_SHARE / step_s, rates[0])
-    white = whiten(harmonics(step_s * np.arange(n, dtype=float), rates, count) * np.tile(seen, 2), memory)
+    turned = harmonics(step_s * np.arange(n, dtype=float), rates, count)
+    white = whiten(turned * np.tile(seen, 2), memory)
     columns = np.ascontiguousarray(np.moveaxis(white, 0, 1))
     return _Waves(columns, np.swapaxes(columns, 1, 2) @ columns, seen)
 

@@ -1,5 +1,6 @@
 """Maps whose presses lie at any places (x, y)."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -199,6 +200,21 @@ def test_a_ball_that_pulses_has_no_course() -> None:
 def test_a_map_that_is_not_finished_names_nothing() -> None:
     broken_off = replace(ball(np.random.default_rng(3), 40, 1.0), finish="aborted")
     assert detect(broken_off).finding == "undecided"
+
+
+def test_a_large_map_takes_no_more_memory_than_a_small_one() -> None:
+    """All spots that 400 presses may show at once took 540 MB."""
+    rng = np.random.default_rng(8)
+    place_m = rng.uniform(0, 0.08, (400, 2))
+    level = 9000 * (1 + 0.03 * rng.standard_normal(400))
+    bump = 3000 * np.exp(-((place_m - 0.04) ** 2).sum(axis=1) / 0.006**2)
+    seen = map_of(place_m, level + bump, np.full(400, 100.0))
+    tracemalloc.start()
+    (spot,) = find_spots(seen, 0.02)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 30e6
+    assert spot.place_m == pytest.approx([0.04, 0.04], abs=1e-3)
 
 
 def test_false_spots_are_as_rare_as_stated() -> None:
