@@ -19,8 +19,8 @@ FINER = 2
 SPOT_UNKNOWNS = 4
 MAX_SPOTS = 4
 AT_ONCE = 1 << 19
-"""Numbers in a table of what spots make, 4 MB: all that 1,000 presses at random places may show took
-3.4 GB at once, and three times as long."""
+"""Numbers in a table of what spots make, 4 MB: at once all that 1,000 presses at random places may
+show took 3.4 GB, and three times as long."""
 WITHIN = 0.999
 """A point on the edge, drawn in by the rest, is inside for whatever rounding does."""
 NARROW = 2.0
