@@ -94,8 +94,8 @@ class RunLoop:
             slowest = min(slowest, max(abilities.pace(self.stage), SLOWEST_PACE))
             if now > began_s + 2 * (expected_s - began_s) / slowest + 2.0:
                 raise MotionFault(self.stage.name, f"has not arrived after {now - began_s:.1f} s")
-            near = 0 <= now - expected_s < 20 * FINE_S
-            self.tick(now + FINE_S if near else max(expected_s, now + FINE_S))
+            finely = now - expected_s < 20 * FINE_S
+            self.tick(max(expected_s, now + FINE_S) if finely else math.inf)
             if until is not None and until():
                 self.halt()
                 return False
