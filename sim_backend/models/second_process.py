@@ -6,6 +6,7 @@ one task is done twice, and both answers are the same to the last bit. The other
 interpreter and no fork: where it is started there may be windows, guards and drivers with threads.
 """
 
+import atexit
 import os
 import signal
 import subprocess
@@ -136,6 +137,14 @@ def start_early(module: str) -> None:
     if not _started_early and processors() > 1:
         with no_ctrl_c():
             _started_early.append(interpreter(module))
+        atexit.register(_end_unused)
+
+
+def _end_unused() -> None:
+    """It would end by itself, and Python would say that nobody waited for it."""
+    for process in _started_early:
+        process.kill()
+        process.communicate()
 
 
 def all_answers(function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]]) -> list[Answer]:

@@ -130,9 +130,9 @@ def test_one_started_early_that_somebody_ended_is_replaced(monkeypatch: pytest.M
 def test_one_started_early_for_nothing_ends_with_its_starter() -> None:
     script = "from sim_backend.models import second_process as s; s.processors = lambda: 2; "
     script += "s.start_early('math'); print(s._started_early[0].pid)"
-    done = subprocess.run(
-        [sys.executable, "-c", script], stdout=subprocess.PIPE, text=True, check=True
-    )
+    command = [sys.executable, "-W", "always", "-c", script]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert not done.stderr
     until_s = time.monotonic() + 30.0
     with suppress(ProcessLookupError):
         while time.monotonic() < until_s:
