@@ -30,8 +30,7 @@ class Left(NamedTuple):
 class StationResponse:
     """A `sim_backend.models.force_model.ForceModel` of one place ``x_m`` down to ``max_depth_m``.
 
-    ``bulge_m``: how far the resting pressure lifts the surface; contact begins there. ``share``
-    is F(d, rest) / (d + bulge) and its slope by pressure; both with the stress.
+    ``bulge_m``: how far the resting pressure lifts the surface; contact begins there.
     """
 
     x_m: float
@@ -62,19 +61,17 @@ class StationResponse:
     def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
         touched = self.force_n(x_m, depth_m, pressure_pa) > 0
         sunk, pressure = np.broadcast_arrays(np.asarray(depth_m) + self.bulge_m, pressure_pa)
-        by_depth = self.force.rest.derivative(sunk)
-        by_depth = by_depth + self.force.slope.derivative(sunk) * self.force.gain(pressure)
-        by_pressure = self.force.slope(sunk) * self.force.gain_slope(pressure)
         return ForceSlope(
-            np.where(touched, self.length_m * by_depth, 0.0),
-            np.where(touched, self.length_m * by_pressure, 0.0),
+            np.where(touched, self.length_m * self.force.by_depth(sunk, pressure), 0.0),
+            np.where(touched, self.length_m * self.force.by_pressure(sunk, pressure), 0.0),
         )
 
     def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         rest_pa, force = self.force.rest_pa, self.force_n(x_m, depth_m, pressure_pa)
         rest = self.force_n(x_m, depth_m, rest_pa)
         deepest = self.force_n(x_m, self.max_depth_m, rest_pa)
-        off = self.left.rest * rest + self.left.change * np.abs(force - rest)
+        off = self.left.rest * rest
+        off += self.left.change * self._steepest(x_m, depth_m, rest_pa, pressure_pa)
         off += self.left.between * deepest
         return np.asarray(np.where(force > 0, off, 0.0))
 
@@ -85,37 +82,55 @@ class StationResponse:
         over pressure is the solved one."""
         low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
         full = (self.force_n(x_m, self.max_depth_m, p) for p in (low_pa, high_pa))
-        change, least = np.abs(high - low), np.abs(np.subtract(*full))
+        change = self._steepest(x_m, depth_m, low_pa, high_pa)
         faint = np.where(change > 0, self.left.faint * np.maximum(high, low), 0.0)
-        return np.asarray(self.left.change * np.maximum(change, least) + faint)
+        return np.asarray(self.left.change * np.maximum(change, np.abs(np.subtract(*full))) + faint)
+
+    def _steepest(
+        self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
+    ) -> Array:
+        """The change [N] between two pressures, or p dF/dp's if that is more: near the pressure at
+        which a wall inflates without bound, a wall that is a share off in stiffness is as much off
+        in pressure."""
+        ends = [np.asarray(pressure_pa, dtype=float) for pressure_pa in (low_pa, high_pa)]
+        low, high = (self.force_n(x_m, depth_m, p) for p in ends)
+        by_low, by_high = (p * self.slope(x_m, depth_m, p).by_pressure_n_pa for p in ends)
+        return np.asarray(np.maximum(np.abs(high - low), np.abs(by_high - by_low)))
 
     def _at(
         self, curve: "Curve", x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike
     ) -> Array:
         self.range.check(x_m, depth_m, pressure_pa)
         sunk = np.maximum(np.asarray(depth_m, dtype=float) + self.bulge_m, 0.0)
-        value = curve.rest(sunk) + curve.slope(sunk) * curve.gain(np.asarray(pressure_pa))
+        value = curve(sunk, np.asarray(pressure_pa))
         return np.asarray(np.where(sunk > 0, np.maximum(value, 0.0), 0.0))
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A quantity over sunk depth at rest, its slope by pressure, and the gain g(p): a polynomial of
-    the pressure over rest [Pa], highest power first. ``low_pa`` to ``high_pa`` is the wave."""
+    """A quantity over sunk depth: at rest, and what each power of the pressure over rest [Pa] adds,
+    the first power first. ``low_pa`` to ``high_pa`` is the wave."""
 
     rest: HermiteCurve
-    slope: HermiteCurve
+    powers: tuple[HermiteCurve, ...]
     rest_pa: float
     low_pa: float
     high_pa: float
-    powers: Array
 
-    def gain(self, pressure_pa: Array) -> Array:
-        return np.asarray(np.polyval(self.powers, pressure_pa - self.rest_pa))
+    def __call__(self, sunk: Array, pressure_pa: Array) -> Array:
+        over = pressure_pa - self.rest_pa
+        adds = (one(sunk) * over**k for k, one in enumerate(self.powers, 1))
+        return np.asarray(self.rest(sunk) + sum(adds))
 
-    def gain_slope(self, pressure_pa: Array) -> Array:
-        over = np.asarray(pressure_pa - self.rest_pa)
-        return np.asarray(np.polyval(np.polyder(self.powers), over))
+    def by_depth(self, sunk: Array, pressure_pa: Array) -> Array:
+        over = pressure_pa - self.rest_pa
+        adds = (one.derivative(sunk) * over**k for k, one in enumerate(self.powers, 1))
+        return np.asarray(self.rest.derivative(sunk) + sum(adds))
+
+    def by_pressure(self, sunk: Array, pressure_pa: Array) -> Array:
+        over = pressure_pa - self.rest_pa
+        each = (k * one(sunk) * over ** (k - 1) for k, one in enumerate(self.powers, 1))
+        return np.asarray(sum(each, np.zeros(np.broadcast_shapes(sunk.shape, over.shape))))
 
 
 def levels_pa(scene: Scene) -> tuple[float, float, float]:

@@ -65,11 +65,14 @@ def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
         at_rest, at_high = table["ramp"][:, which], table["filled"][:, which]
         lowest = float(table["lowest"][which])
         slope = (at_high - at_rest[FILLED]) / max(high - rest, 1.0)
+        shares = _bend(low - rest, high - rest, lowest - at_rest[-1], slope[-1])
         return Curve(
             from_nothing(sunk, at_rest, _slopes(sunk, at_rest)),
-            monotone(np.append(0.0, sunk[FILLED]), np.append(0.0, slope)),
+            tuple(
+                monotone(np.append(0.0, sunk[FILLED]), np.append(0.0, share * slope))
+                for share in shares
+            ),
             rest, low, high,
-            _bend(low - rest, high - rest, lowest - at_rest[-1], slope[-1]),
         )  # fmt: skip
 
     return StationResponse(x_m, max_depth_m, 1.0, float(table["bulge"]), curve(0), curve(1), LEFT)
@@ -198,8 +201,9 @@ def _slopes(x: Array, y: Array) -> Array:
 
 
 def _bend(low: float, high: float, at_low: float, slope: float) -> Array:
-    """Coefficients of g(p), p over rest [Pa]: g(0) = 0, g(high) = high, slope g(low) = at_low."""
+    """Coefficients of g(p), p over rest [Pa], of the first power on: g(high) = high, slope g(low) =
+    at_low."""
     if high <= 0 or low >= 0 or slope == 0:
-        return np.array([1.0, 0.0])
+        return np.ones(1)
     bend = (at_low / (slope * low) - 1) / (low - high)
-    return np.array([bend, 1 - bend * high, 0.0])
+    return np.array([1 - bend * high, bend])
