@@ -3,6 +3,7 @@ only in part."""
 
 import numpy as np
 import pytest
+from soft_walls import soft_walled
 
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.newton import CannotSolve, Load
@@ -10,7 +11,7 @@ from sim_backend.models.plane_response import section_for
 from sim_backend.models.press import press
 from sim_backend.models.response import levels_pa
 from sim_backend.models.station_response import respond
-from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTH_M = 2.5e-3
@@ -52,16 +53,6 @@ def test_between_solved_states_little_is_missed() -> None:
     assert ours[:4] == pytest.approx(truth[:4], abs=1.5e-3 * truth[3])
     pulse = np.ptp(found.force_n(x_m, np.full(2, DEPTH_M), np.array([low, high])))
     assert ours[4:] == pytest.approx(truth[4:], abs=2e-3 * pulse)
-
-
-def soft_walled(systolic_mmhg: float, tissue_kpa: float, **wall: float) -> Scene:
-    scene = load_scene("TIHA")
-    assert scene.tissue is not None
-    return scene.model_copy(update={
-        "tissue": scene.tissue.model_copy(update={"modulus_kpa": tissue_kpa}),
-        "inclusion": (scene.inclusion[0].model_copy(update=wall),),
-        "pulse": scene.pulse.model_copy(update={"systolic_mmhg": systolic_mmhg}),
-    })  # fmt: skip
 
 
 @pytest.mark.parametrize("depth_mm", [0.7, 1.4])
