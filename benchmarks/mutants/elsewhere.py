@@ -29,6 +29,8 @@ TRAINED, FAST_SOLID = (
         "tests/sim_backend/models/test_trained_states.py::test_a_lump_is_felt_where_it_lies",
     ),
 )
+LIMITS = "probe/detection/pulse/hold_limits.py"
+ENDS = ("tests/probe/detection/test_hold_limits.py",)
 DROPPED = ("tests/probe/detection/test_lost_samples.py",)
 BEATS = ("tests/probe/detection/test_reference.py",)
 TRUTH = ("tests/calibration/test_known_truth.py", "tests/calibration/test_applied.py")
@@ -84,6 +86,10 @@ ELSEWHERE = (
            "far = ~(edge <= SPIKE_SIGMAS *", "far = ~(edge <= 0 *", DROPPED),
     Mutant("held readings are drop-outs", LOST,
            "1.4826 * float(np.median(size[size > 0]))", "1.4826 * float(np.median(size))", DROPPED),
+    Mutant("a hold lasts to the middle of the lift", LIMITS,
+           "if not len(above) or smooth[-1] >= RAMP_RISE * level:", "if True:", ENDS),
+    Mutant("a lift's first step is hold", LIMITS,
+           "float(time_s[np.argmax(below)]) if below.any() else end_s", "end_s", ENDS),
     Mutant("a step is a gap", LOST, "<= BACK * size[k]]", "<= 2 * size[k]]", DROPPED),
     Mutant("clipped samples are believed", HELD,
            "kept = inside & whole & ~clipped", "kept = inside & whole", PULSE + DETECT),

@@ -33,6 +33,12 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     if one is None or other is None:
         which = "A" if one is None else "B"
         return _unknown(f"scan {which} has no press that can be judged")
+    for which, press in (("A", one), ("B", other)):
+        if press.level_pa <= 0:
+            return _unknown(
+                f"scan {which} reads no force above zero where it presses, so that stiffness does "
+                "not compare: turn its sign, or take the zero in the air"
+            )
     if not any(press.pulsing for some in presses for press in some):
         return _unknown("neither scan has a pulse: hold for more beats, or press deeper")
     stiffer = _above(one.level_pa, one.level_sd_pa, other.level_pa, other.level_sd_pa)
@@ -69,7 +75,7 @@ def _judge(stiffer: float, weaker: float) -> tuple[Diseased, float, str]:
 
 
 def _above(x: float, x_sd: float, y: float, y_sd: float) -> float:
-    """Probability that x is above y, by the logarithm of their ratio."""
+    """Probability that x is above y, by the logarithm of their ratio; even where one is no size."""
     if min(x, y) <= 0:
         return 0.5
     spread = ((x_sd / x) ** 2 + (y_sd / y) ** 2) ** 0.5

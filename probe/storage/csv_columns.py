@@ -135,7 +135,9 @@ def _parsed(text: io.BufferedReader, columns: tuple[str, ...]) -> tuple[pd.DataF
     except CsvError:
         raise
     except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
-        raise CsvError(f"not a table of comma-separated values ({error})") from None
+        raise CsvError(
+            f"not a table of comma-separated values ({str(error).strip()}); write '.' in numbers"
+        ) from None
     table = np.concatenate(parts)
     table = table[: len(table) - empty]
     if not len(table):
@@ -162,7 +164,8 @@ def _check_names(names: list[str]) -> None:
             raise CsvError(
                 f"columns are separated by {other!r}; write ',' between them, and '.' in numbers"
             )
-        raise CsvError(f"column 'time_s' is missing; allowed columns: {allowed}")
+        found = ", ".join(names)[:200]
+        raise CsvError(f"column 'time_s' is missing; allowed columns: {allowed}; found: {found}")
 
 
 def _numbers(column: "pd.Series[str]", name: str, first_row: int) -> Array:
@@ -176,5 +179,6 @@ def _numbers(column: "pd.Series[str]", name: str, first_row: int) -> Array:
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
         value = str(column.iloc[at])[:40]
-        raise CsvError(f"row {at + first_row}, column {name!r}: {value!r} is not a number")
+        wanted = "; seconds are wanted" if name == "time_s" else ""
+        raise CsvError(f"row {at + first_row}, column {name!r}: {value!r} is not a number{wanted}")
     return numbers

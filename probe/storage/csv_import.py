@@ -107,6 +107,8 @@ def import_csv(
     notes = read.notes
     if face_mm2 is None and read.signal == "force_n":
         notes = (*notes, f"the probe's face is not known; {FACE_MM2:g} mm2 is assumed")
+    if _mostly_negative(read):
+        notes = (*notes, f"{read.signal} is negative where it is largest: here pressed is positive")
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
     with create_store(out) as store:
         for event in _events(
@@ -115,6 +117,12 @@ def import_csv(
             store(event)
     samples = sum(len(press.time_s) for press in read.presses)
     return Imported(out, len(read.presses), samples, notes)
+
+
+def _mostly_negative(read: CsvRecording) -> bool:
+    """Whether most presses read less than nothing where they read most."""
+    down = [bool(press.signal[np.abs(press.signal).argmax()] < 0) for press in read.presses]
+    return sum(down) > len(down) / 2
 
 
 def _config(read: CsvRecording, source: Path) -> dict[str, Any]:

@@ -17,6 +17,7 @@ from probe.storage.csv_columns import PHASE, SIGNALS, CsvError, read_columns
 with needs("data", "palpate import"):
     import pandas as pd
 
+BETWEEN = -1  # the station of a row between two, as `palpate export` writes it
 MAX_STATION = 1_000_000
 GAP_S = 1.0
 MIN_READINGS = 4  # of a station
@@ -94,12 +95,20 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
     """The table cut into stations, rows without a reading left out."""
     time_s = _whole(table, "time_s")
     labels = _labels(table)
-    first_number = min(int(labels.min()), 1)  # what is printed counts from 1, a run from 0
+    at_stations = labels[labels != BETWEEN]
+    if not len(at_stations):
+        raise CsvError(f"column 'station': {BETWEEN} in every row, which is between two stations")
+    if len(at_stations) < len(labels):
+        left_out = len(labels) - len(at_stations)
+        notes.append(f"{left_out} rows between stations ({BETWEEN}) are left out")
+    first_number = min(int(at_stations.min()), 1)  # what is printed counts from 1, a run from 0
     starts = np.flatnonzero(np.diff(labels, prepend=labels[0] - 1))
     presses: dict[int, Press] = {}
     lost = doubled = only_beside = 0
     for first, end in zip(starts.tolist(), [*starts[1:].tolist(), len(labels)], strict=True):
         number, rows, times = int(labels[first]), table.iloc[first:end], time_s[first:end]
+        if number == BETWEEN:
+            continue
         if number in presses:
             raise CsvError(
                 f"row {first + 2}: station {number} again; its rows must follow each other"
@@ -184,12 +193,12 @@ def _labels(table: pd.DataFrame) -> Ints:
     """The station of each row (n,)."""
     if "station" in table:
         stations = _whole(table, "station")
-        wrong = (stations % 1 != 0) | (stations < 0) | (stations > MAX_STATION)
+        wrong = (stations % 1 != 0) | (stations < BETWEEN) | (stations > MAX_STATION)
         if wrong.any():
             row = int(np.flatnonzero(wrong)[0])
             raise CsvError(
                 f"row {row + 2}, column 'station': {stations[row]:g}; allowed are whole numbers "
-                f"from 0 to {MAX_STATION}"
+                f"from 0 to {MAX_STATION}, and {BETWEEN} between two stations"
             )
         return stations.astype(np.int64)
     moved = np.zeros(len(table), bool)

@@ -194,13 +194,14 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     deep_m = depth_m(station)
     share = STIFFENING * REPEATABILITY_M / deep_m if deep_m > 0 else UNKNOWN_DEPTH
     scatter = float(np.hypot(pulse.baseline_sd_pa, share * abs(pulse.baseline_pa)))
+    notes = [note] if note else []
+    if pulse.baseline_pa < 0:
+        notes.append("it reads less than nothing: turn the sign, or take the zero in the air")
     if hold.clipped > 0:
-        clipped = f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep"
-        note = f"{note}; {clipped}" if note else clipped
+        notes.append(f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep")
     if hold.lost >= LEAST_LOST:
-        lost = f"{100 * hold.lost:.0f} % of its samples are missing, or one reading repeated"
-        note = f"{note}; {lost}" if note else lost
-    return Press(station, pulse, scatter, hold.clipped, note)
+        notes.append(f"{100 * hold.lost:.0f} % of its samples are missing, or one reading repeated")
+    return Press(station, pulse, scatter, hold.clipped, "; ".join(notes))
 
 
 def depth_m(station: Station) -> float:

@@ -193,9 +193,18 @@ def test_compare_names_the_stiffer_with_the_weaker_pulse() -> None:
     within_doubt = recording([station(rng, level_pa=9045.0, pulse_pa=300.0, relaxing=0.0)])
     assert compare(healthy, within_doubt).diseased == "neither"  # presses repeat to 0.5 %
     turned = recording([station(rng, level_pa=-9000.0, pulse_pa=300.0, relaxing=0.0)])
-    assert np.isnan(compare(healthy, turned).peak_ratio)
+    for pair, which in (((healthy, turned), "B"), ((turned, healthy), "A")):
+        unknown = compare(*pair)
+        assert (unknown.diseased, unknown.confidence) == ("undecided", 0.0)
+        assert f"scan {which} reads no force above zero" in unknown.reason
     none = recording([station(rng, relaxing=0.0)])
     assert compare(none, none).diseased == "undecided"
+
+
+@pytest.mark.parametrize("level_pa", [9000.0, -9000.0])
+def test_a_press_that_reads_less_than_nothing_says_so(level_pa: float) -> None:
+    (one,) = detect(recording([station(np.random.default_rng(1), level_pa=level_pa)])).stations
+    assert ("turn the sign" in one.note) == (level_pa < 0)
 
 
 @pytest.mark.parametrize("false_alarm", [0.0, 1.0, -1.0, float("nan")])

@@ -50,6 +50,15 @@ def test_one_recording_without_a_place(tmp_path: Path) -> None:
     assert run.samples()["pressure"].attrs["units"] == "mbar"
 
 
+def test_a_force_that_is_negative_where_it_presses_is_noted(tmp_path: Path) -> None:
+    for sign, name in ((1, "up"), (-1, "down")):
+        rows = [f"{n / 100:g},{sign * (n % 7) + 0.5}" for n in range(50)]
+        source = csv(tmp_path / f"{name}.csv", table("time_s,pressure_mbar", *rows))
+        notes = import_csv(source, tmp_path / f"{name}.run").notes
+        assert [note for note in notes if "pressed is positive" in note] == list(notes)
+        assert len(notes) == (sign < 0)
+
+
 def test_stations_places_and_a_reference(tmp_path: Path) -> None:
     rows = [
         f"{n / 100:g},{station + 0.01 * n:g},{10 * station},{5},{station},{np.sin(n):.6f}"
@@ -81,6 +90,19 @@ def test_stations_that_count_from_0_or_from_1_are_the_same(tmp_path: Path, first
     path.write_text(table("time_s,force_n,station", *rows))
     imported = import_csv(path, tmp_path / "rows.run", face_mm2=50.0)
     assert [s.index for s in open_run(imported.path).recording().stations] == [0, 1, 2]
+
+
+def test_rows_between_stations_are_left_out(tmp_path: Path) -> None:
+    """As `palpate export` writes them."""
+    stations = [-1] * 9 + [1] * 20 + [-1] * 5 + [2] * 20
+    rows = [f"{n / 100:g},1,{station}" for n, station in enumerate(stations)]
+    imported = import_csv(csv(tmp_path / "a.csv", table("time_s,force_n,station", *rows)),
+                          tmp_path / "a.run", face_mm2=100.0)  # fmt: skip
+    assert imported.notes == ("14 rows between stations (-1) are left out",)
+    assert [s.time_s[0] for s in open_run(imported.path).recording().stations] == [0.09, 0.34]
+    nowhere = csv(tmp_path / "b.csv", table("time_s,force_n,station", *rows[:9]))
+    with pytest.raises(CsvError, match="-1 in every row"):
+        import_csv(nowhere, tmp_path / "b.run")
 
 
 def test_a_new_position_is_a_new_station(tmp_path: Path) -> None:
@@ -130,7 +152,10 @@ def test_gaps_doubles_and_uneven_times_are_kept_honestly(tmp_path: Path) -> None
         (table("time_s,force_n", "0,1", "2,1", "1,1", "3,1"), "row 4, .*1 goes back"),
         (table("time_s,force_n", "0,1", "1,1", "2,1"), "station 1 has only 3 readings, at least 4"),
         (table("time_s,force_n,station", "0,1,0.5", "1,1,1"), "row 2, column 'station': 0.5"),
-        (table("time_s,force_n,station", "0,1,-1", "1,1,1"), "row 2, column 'station': -1"),
+        (table("time_s,force_n,station", "0,1,-2", "1,1,1"), "row 2, column 'station': -2"),
+        (table("Time (s),force_n", "0,1"), r"'time_s' is missing; .*found: Time \(s\), force_n"),
+        (table("time_s,force_n", "09:15,1"), "'09:15' is not a number; seconds are wanted"),
+        (table("time_s,force_n", "0,01,0,5"), r"write '\.' in numbers|not a number"),
         (table("time_s,force_n,force_n", "0,1,2"), "twice"),
         ("time_s;force_n\n0;1,5\n", "separated by ';'; write ',' between them, and '.' in numbers"),
         ("time_s\tforce_n\n0\t1\n", r"separated by '\\t'"),

@@ -1,0 +1,96 @@
+"""Holds of records that do not say when they begin and end."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from known_presses import wave
+
+from drivers.core.arrays import Array
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.core.recording import Station
+from probe.detection import detect
+from probe.detection.pulse.hold_limits import hold_limits
+from probe.storage.run import open_run
+
+
+def pressed(rng: np.random.Generator, rate_hz: float, noise: float) -> tuple[Station, float, Array]:
+    """A press of any ramp, hold, force law, relaxation, pulse, and lift, which gathers speed; when
+    its hold ends; and how deep it is (n,), over the deepest."""
+    ramp_s, lift_s = rng.uniform(0.1, 2.0), rng.uniform(0.05, 2.0)
+    begins_s = 0.3 + ramp_s
+    ends_s = begins_s + rng.uniform(0.8, 6.0)
+    t = np.arange(0, ends_s + lift_s + rng.uniform(0, 1), 1 / rate_hz)
+    slow_s = max(rng.uniform(0, 0.3) * lift_s, 1e-9)
+    late = np.maximum(t - ends_s, 0.0)
+    lifted = np.where(late < slow_s, late**2 / (2 * slow_s), late - slow_s / 2)
+    depth = np.interp(t, [0.3, begins_s], [0.0, 1.0]) - lifted / (lift_s - slow_s / 2)
+    depth = np.clip(depth, 0.0, 1.0)
+    past = np.maximum(t - begins_s, 0.0)
+    relaxed = 1 - rng.uniform(0, 0.4) * (1 - np.exp(-past / rng.uniform(0.1, 3.0)))
+    beats = 1 + rng.choice([0, 0.005, 0.05, 0.15]) * wave(rng.uniform(0.8, 2.5) * t)
+    force = depth ** rng.uniform(1.0, 1.6) * relaxed * beats
+    signal = 5000.0 * (force + noise * rng.standard_normal(len(t)))
+    station = Station(
+        0, np.nan, np.nan, t, signal[:, None], np.zeros((len(t), 1), dtype=bool),
+        np.nan, np.nan, np.nan, np.full(len(t), np.nan),
+    )  # fmt: skip
+    return station, ends_s, depth
+
+
+def limits(station: Station) -> tuple[float, float]:
+    mean = station.signal_pa[:, 0]
+    return hold_limits(station, mean, np.isfinite(mean))
+
+
+@pytest.mark.parametrize("noise", [1e-4, 3e-3, 3e-2])
+@pytest.mark.parametrize("rate_hz", [500.0, 100.0, 30.0, 10.0])
+def test_a_hold_ends_before_the_lift(rate_hz: float, noise: float) -> None:
+    """It ended at half of its force: the lift passed for a pulse, or a relaxation."""
+    rng = np.random.default_rng(int(rate_hz))
+    lost_s, kept = [], 0
+    for _ in range(60):
+        station, ends_s, depth = pressed(rng, rate_hz, noise)
+        _, found_s = limits(station)
+        inside = (station.time_s <= found_s) & (station.time_s > ends_s)
+        kept += bool((depth[inside] < 0.99).any())
+        lost_s.append(ends_s - found_s)
+    assert kept <= 2
+    assert np.median(lost_s) < 0.1 + 2.5 / rate_hz
+    assert max(lost_s) < 2.0
+
+
+def test_a_hold_that_is_not_lifted_lasts_to_its_end() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        station, ends_s, _ = pressed(rng, 100.0, 3e-3)
+        whole = station.time_s < ends_s
+        held = replace(
+            station, time_s=station.time_s[whole], signal_pa=station.signal_pa[whole],
+            saturated=station.saturated[whole], depth_m=station.depth_m[whole],
+        )  # fmt: skip
+        assert limits(held)[1] == held.time_s[-1]
+
+
+def test_a_lift_that_begins_with_a_step_and_a_rest_is_no_hold() -> None:
+    t = np.arange(0, 4.0, 0.002)
+    depth = np.interp(t, [0, 0.5, 3.0, 3.01, 3.11, 3.5], [0, 1, 1, 0.97, 0.97, 0])
+    noise = np.random.default_rng(2).standard_normal(len(t))
+    signal = (5000.0 * depth + 2.0 * noise)[:, None]
+    station = Station(
+        0, np.nan, np.nan, t, signal, np.zeros(signal.shape, dtype=bool),
+        np.nan, np.nan, np.nan, np.full(len(t), np.nan),
+    )  # fmt: skip
+    assert limits(station)[1] == pytest.approx(3.0, abs=0.006)
+
+
+@pytest.mark.parametrize(("scene", "finding"), [("TI", "nothing"), ("TISA", "stenotic artery")])
+def test_a_scan_without_its_phases_finds_the_same(tmp_path: Path, scene: str, finding: str) -> None:
+    """As a laboratory's CSV has it: times, forces, places and stations."""
+    result = scan(Rig.model_validate({"scan": {"hold_s": 3.0}}), scene, tmp_path, seed=1)
+    recording = open_run(result.path).recording()
+    unknown = {"indent_s": np.nan, "hold_s": np.nan, "retract_s": np.nan}
+    bare = replace(recording, stations=tuple(replace(s, **unknown) for s in recording.stations))
+    assert detect(bare).finding == detect(recording).finding == finding
