@@ -75,7 +75,9 @@ def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
         raise CalibrationError(f"fewer than three loaded depths; {ADVICE}")
     slope, level = np.polyfit(depth[upper], force[upper], 1)
     if slope <= 0:
-        raise CalibrationError("the force falls with depth: depth_m must grow downwards")
+        raise CalibrationError(
+            "the force falls with depth: depths must grow downwards, and pressed is positive"
+        )
     contact = (low - level) / slope
     air = bool((depth < contact).sum() >= 3)
     if air:

@@ -50,6 +50,7 @@ Calibration = (
 KINDS: dict[str, type[Calibration]] = {kind.KIND: kind for kind in Calibration.__args__}
 VALID_DAYS = {"tare": 0.05, "surface": 1.0, "tissue": 1.0, "heart": 1.0}  # others: 90
 MAX_FILE_BYTES = 50_000_000
+ROUNDING = 1e-9  # of the estimates: residuals are no less, though a table of few digits may say so
 # Lengths that must agree within a file have one letter; values without a shape are one.
 SHAPES: dict[str, dict[str, str]] = {
     "force": {"sensitivity": "ca", "offset": "c", "temperature": "c"},
@@ -163,6 +164,8 @@ def save(one: Record, path: Path) -> None:
     >>> fitted = palpate.calibrate("force", "loads.csv")
     >>> palpate.save(palpate.record(fitted, "cell", {}), Path("force-cell.json"))
     """
+    if not path.parent.is_dir():
+        raise CalibrationError(f"{path}: there is no folder {path.parent}")
     draft = path.with_suffix(path.suffix + ".part")
     draft.write_text(one.model_dump_json(indent=1) + "\n", encoding="utf-8")
     draft.replace(path)
@@ -252,6 +255,7 @@ def worse_than(one: Record, residuals: Array) -> str | None:
     kept = len(one.estimates.residuals)
     dof = max(one.estimates.dof, kept - len(one.estimates.values))
     old = one.residual_rms**2 * kept / dof * (1 + (kept - dof) / kept)
+    old = max(old, (ROUNDING * float(np.abs(one.estimates.values).max(initial=0.0))) ** 2, 1e-300)
     new = float(np.mean(np.square(residuals)))
     if new <= old * fdtri(len(residuals), dof, 0.999):
         return None

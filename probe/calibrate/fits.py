@@ -95,6 +95,16 @@ def fit_measurements(
 ) -> calibration.Calibration:
     """The calibration of ``kind``. Raises `CalibrationError` naming file and column, or what the
     readings leave open."""
+    try:
+        return _fitted(kind, measured, choices)
+    except CalibrationError as error:
+        where = str(measured.path)
+        raise (
+            error if str(error).startswith(where) else CalibrationError(f"{where}: {error}")
+        ) from None
+
+
+def _fitted(kind: str, measured: Measurements, choices: Choices) -> calibration.Calibration:
     if kind == "tissue":
         return _tissue(measured, choices)
     arguments = _arguments(kind, measured)

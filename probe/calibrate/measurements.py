@@ -92,6 +92,10 @@ def read(path: Path, kind: str, device: str = "", station: int | None = None) ->
     with path.open("rb") as file:
         if file.read(len(SQLITE)) == SQLITE:
             return _from_run(open_run(path), kind, device, station)
+    if station is not None:
+        raise CalibrationError(
+            f"{path}: --station {station} takes a press of a run; this is a table"
+        )
     try:
         table = pd.read_csv(path, nrows=MAX_ROWS, comment="#", skipinitialspace=True)
     except (ValueError, UnicodeDecodeError) as error:

@@ -4,6 +4,7 @@ Keys carry their units. `probe.config.load_rig` reads one from a file, `probe.co
 makes the plan and the limits of one.
 """
 
+import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
@@ -183,6 +184,18 @@ class Rig(Table):
                 f"scan.stations and scan.repeats make {presses:g} presses; "
                 f"at most {MAX_PRESSES} are allowed"
             )
+        for axis, count, pitch_mm in zip(
+            "xy", (columns, rows), pair(scan.pitch_mm, 0.0), strict=True
+        ):
+            if count > 1 and pitch_mm == 0:
+                raise ValueError(
+                    f"scan.pitch_mm puts {count:g} stations at one {axis}: give their distance, "
+                    "of a grid as [along x, along y]; scan.repeats presses a place again"
+                )
+        for n, device in enumerate(self.sensor):
+            rate_hz = device.settings.get("rate_hz", 1.0)
+            if isinstance(rate_hz, int | float) and not 0 < rate_hz < math.inf:
+                raise ValueError(f"sensor[{n}].rate_hz = {rate_hz:g}: must be above 0")
         speeds = {
             "scan.travel_mm_s": scan.travel_mm_s,
             "scan.approach_mm_s": scan.approach_mm_s,

@@ -169,7 +169,7 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
     ),
     "compliance: the wrong sign of depth": (
         lambda: fit_compliance(-RAMP, 1e4 * RAMP + 1e-3 * NOISE[:, 0]),
-        "depth_m must grow downwards",
+        "depths must grow downwards",
     ),
     "tissue: one depth": (
         lambda: fit_tissue(np.full(40, 1e-3), LOADS, spring, [5e4]),

@@ -95,6 +95,47 @@ def test_a_table_says_not_whose_it_is_nor_what_a_word_means(tmp_path: Path) -> N
     assert main(["calibrate", "force", str(table)]) == 2
 
 
+def test_readings_without_any_noise_may_be_taken_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The second table was compared with no residual at all, and ended in a division by 0."""
+    table = tmp_path / "loads.csv"
+    for zero, holds in ((0.2, True), (0.2, True), (0.3, True)):
+        rows = [f"{zero + 1.25 * load},{load}" for load in range(1, 5)]
+        table.write_text("\n".join(["raw,load_n", *rows]) + "\n")
+        command = ["calibrate", "force", str(table), "--device", "a/b", "--out"]
+        assert main([*command, str(tmp_path / "force.json")]) == 0
+        assert ("no longer" in capsys.readouterr().err) != holds
+    assert main([*command, str(tmp_path / "none" / "force.json")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+
+
+def test_a_sensor_that_clips_is_no_straight_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, noise = tmp_path / "loads.csv", np.random.default_rng(3)
+    for most, warned in ((4.0, True), (9.0, False)):
+        loads = [*range(5), *range(3, -1, -1)] * 2
+        rows = [f"{min(0.2 + 1.25 * f, most) + 1e-3 * noise.normal()},{f}" for f in loads]
+        table.write_text("\n".join(["raw,load_n", *rows]) + "\n")
+        out = str(tmp_path / f"force-{most}.json")
+        assert main(["calibrate", "force", str(table), "--device", "s", "--out", out]) == 0
+        said = capsys.readouterr()
+        assert ("does the sensor clip" in said.err) == warned
+        assert "off a straight line by" in said.out
+
+
+def test_what_a_table_leaves_open_names_the_table(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = tmp_path / "rows.csv"
+    table.write_text("raw,load_n\n1,1\n1,1\n")
+    assert main(["calibrate", "force", str(table), "--device", "s"]) == 2
+    assert capsys.readouterr().err.startswith(f"{table}: ")
+    assert main(["calibrate", "force", str(table), "--device", "s", "--station", "3"]) == 2
+    assert "--station 3 takes a press of a run; this is a table" in capsys.readouterr().err
+
+
 def test_an_empty_cell_does_not_shift_a_column(tmp_path: Path) -> None:
     """One in each column: both have as many cells, which were paired with their neighbours'."""
     table, at_mm = tmp_path / "t.csv", np.linspace(-0.5, 1.5, 41)
