@@ -89,6 +89,9 @@ def verify(path: str | PathLike[str]) -> Report:
             for (text,) in connection.execute(f"PRAGMA integrity_check({MAX_PROBLEMS})"):
                 if text != "ok":
                     audit.add(f"database: {text}")
+        except sqlite3.Error as error:  # what the run holds may be whole nevertheless
+            audit.add(f"database: {error}")
+        try:
             chain = _audit(connection, audit)
             sealed = _judge_seal(connection, audit.events, chain, has_log=log.exists())
         except (sqlite3.Error, UnicodeDecodeError) as error:  # say so, and what came before

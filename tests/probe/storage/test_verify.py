@@ -1,5 +1,6 @@
 """What `palpate verify` finds; damage to the file itself is in test_run.py."""
 
+import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -57,6 +58,24 @@ def test_a_run_cut_off_anywhere_is_sound(events: list[Event], tmp_path: Path) ->
         report = stored(events[:length], tmp_path / f"{n}.run")
         assert report.ok, report.problems
         assert report.finish is None
+
+
+def test_what_a_damaged_index_leaves_whole_is_counted(events: list[Event], tmp_path: Path) -> None:
+    """Its check ended the count of events before it had begun."""
+    path = tmp_path / "a.run"
+    stored(events, path)
+    with sqlite3.connect(path) as database:
+        (page,) = database.execute(
+            "SELECT rootpage FROM sqlite_master WHERE name = 'ended_once'"
+        ).fetchone()
+        (size,) = database.execute("PRAGMA page_size").fetchone()
+    database.close()
+    with path.open("r+b") as file:
+        file.seek((page - 1) * size)
+        file.write(bytes(size))
+    report = verify(path)
+    assert not report.ok
+    assert report.events == len(events)
 
 
 def test_a_note_while_a_press_is_being_closed_is_in_order(
