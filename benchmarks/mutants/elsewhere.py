@@ -86,6 +86,12 @@ ELSEWHERE = (
            "far = ~(edge <= SPIKE_SIGMAS *", "far = ~(edge <= 0 *", DROPPED),
     Mutant("held readings are drop-outs", LOST,
            "1.4826 * float(np.median(size[size > 0]))", "1.4826 * float(np.median(size))", DROPPED),
+    Mutant("a map is looked at all at once", "probe/detection/map/field.py",
+           "AT_ONCE = 1 << 19", "AT_ONCE = 1 << 30",
+           ("tests/probe/detection/test_field.py::"
+            "test_a_large_map_takes_no_more_memory_than_a_small_one",)),
+    Mutant("a negative stiffness is equal", "probe/detection/compare.py",
+           "if press.level_pa <= 0:", "if False:", DETECT),
     Mutant("a hold lasts to the middle of the lift", LIMITS,
            "if not len(above) or smooth[-1] >= RAMP_RISE * level:", "if True:", ENDS),
     Mutant("a lift's first step is hold", LIMITS,

@@ -14,6 +14,9 @@ STABLE = ("tests/sim_backend/fem/test_stability.py",)
 FRONTS = ("tests/sim_backend/fem/test_assembly.py",)
 FINGERS = ("tests/sim_backend/fem/test_fingers.py",)
 REFINED = ("tests/sim_backend/models/test_refine.py",)
+PLACE, SCAN = "sim_backend/models/plane_response.py", "sim_backend/models/scan_estimate.py"
+SOFT = ("tests/sim_backend/models/test_station_response.py",)
+SWEPT = ("tests/sim_backend/models/test_scan_estimate.py",)
 CHOSEN = ("tests/sim_backend/models/test_choose.py",)
 
 NUMERICS = (
@@ -57,6 +60,15 @@ NUMERICS = (
            "_changes_pct(coarser[1], solved[1]) / 2 / (finer**order - 1)", REFINED),
     Mutant("meshes may agree by chance", REFINE,
            "FLOOR_PCT = np.array([6.0, 20.0])", "FLOOR_PCT = np.array([3.0, 10.0])", REFINED),
+    Mutant("a pulse bends everywhere as at the full depth", PLACE,
+           "if bend > MUCH * abs(straight):", "if False:", SOFT),
+    Mutant("a slope that points far off ends a press", PLACE,
+           "        (found,) = continuation(section, state, [load])\n    return found",
+           "        raise\n    return found", SOFT),
+    Mutant("a wall that nearly bursts is as well known", "sim_backend/models/response.py",
+           "np.maximum(np.abs(high - low), np.abs(by_high - by_low))", "np.abs(high - low)", SOFT),
+    Mutant("a sweep's pulse is its slope", SCAN,
+           "if abs(1 - fall) > MUCH else 1.0", "if False else 1.0", SWEPT),
     Mutant("what is left out is counted once", CHOOSE, "SAFETY = 2.0", "SAFETY = 1.0", CHOSEN),
     Mutant("far inclusions are dropped sooner", CHOOSE,
            "FAR_PCT, FAR_SHARE = 150.0, 0.121", "FAR_PCT, FAR_SHARE = 75.0, 0.121", CHOSEN),
