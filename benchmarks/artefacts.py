@@ -64,6 +64,16 @@ def walk(t: Array, rng: np.random.Generator) -> Array:
                       * np.sqrt(t[1]))  # fmt: skip
 
 
+def flicker(t: Array, rng: np.random.Generator) -> Array:
+    """Noise of a power like f^-0.8 to f^-1.3, as of electronics: 0.01 to 0.6 % of the force."""
+    hz = np.fft.rfftfreq(4 * len(t), t[1])
+    hz[0] = np.inf
+    power = hz ** (-0.5 * rng.uniform(0.8, 1.3))
+    noise = np.fft.irfft(power * (rng.standard_normal(len(hz)) + 1j * rng.standard_normal(len(hz))))
+    noise = noise[: len(t)]
+    return np.asarray(10 ** rng.uniform(-4, -2.2) * noise / noise.std())
+
+
 def tremor(t: Array, rng: np.random.Generator) -> Array:
     """8 to 13 Hz, its rate and size wandering; sampled at 10 Hz it folds onto the heart's rates."""
     fine = np.arange(0, t[-1] + 0.1, 1e-3)
@@ -120,7 +130,7 @@ ARTEFACTS: dict[str, Callable[[Array, np.random.Generator], Array]] = {
     "breathing 10 %": breathing(0.10), "bumps": bumps, "line 0.3 %": line, "random walk": walk,
     "tremor": tremor, "steps": steps,
     "pulse at 70": steady(70.0), "fibrillation": fibrillation, "ectopic beats": ectopic,
-    "pulse at 32": steady(32.0), "pulse at 200": steady(200.0),
+    "pulse at 32": steady(32.0), "pulse at 200": steady(200.0), "flicker": flicker,
 }  # fmt: skip
 
 

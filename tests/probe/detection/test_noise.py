@@ -11,7 +11,7 @@ from probe.detection.pulse.noise import Noise, family
 def test_innovations_are_those_of_the_recursion(shape):
     samples = np.random.default_rng(0).standard_normal(shape)
     before = samples.copy()
-    for member in family(0.002):
+    for member in family(0.02):
         expected = np.asarray(lfilter(member.ahead, member.back, samples, axis=0))
         expected[0] *= member.first
         np.testing.assert_allclose(member.whiten(samples), expected, rtol=1e-9, atol=1e-9)
@@ -42,3 +42,17 @@ def walks(knee: float, share: float) -> Noise:
     highest_hz = 8.0
     step_s = knee / highest_hz
     return [m for m in family(step_s, share * step_s) if m.name == "wander 8 Hz"][-1]
+
+
+@pytest.mark.parametrize("step_s", [0.02, 0.1])
+def test_flicker_falls_as_one_over_the_frequency_up_to_its_knee(step_s: float):
+    """Within a decibel of 1 + knee / f, from what a hold of 5 s shows to half of what it can."""
+    hz = np.geomspace(0.2, 0.25 / step_s, 40)
+    turn = np.exp(-2j * np.pi * hz * step_s)
+    members = [m for m in family(step_s) if m.name.startswith("flicker")]
+    assert len(members) == (3 if step_s == 0.02 else 2)
+    for member in members:
+        ahead, back = (np.polyval(p[::-1], turn) for p in (member.ahead, member.back))
+        knee_hz = float(member.name.split()[1])
+        power = np.abs(back / ahead) ** 2 / (1 + knee_hz / hz)
+        assert 10 * np.log10(power.max() / power.min()) < 2.5, member.name
