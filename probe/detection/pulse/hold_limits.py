@@ -17,8 +17,9 @@ FALLING = 0.25
 """Of the time from a hold's end to half its level, left out before: a stage gathers speed. Of 2,400
 presses (test_hold_limits.py: 10 to 500 Hz, noise of 0.01 to 3 %) 11 keep more than 1 % of the fall,
 and lose 0.12 s at the median; without it 452, and 0.01 s; with 0.5, 2 and 0.24 s."""
-MOST_STARTS = 200
-"""Of a fall, that are tried at once; it takes no longer in a long record."""
+MOST_SAMPLES, MOST_STARTS = 5000, 200
+"""Of a record that are looked at for its fall, and of what may be its start, 16 MB: a longer one is
+thinned, and looked at again where it falls."""
 NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
 """A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
 MIN_SAMPLES = 12
@@ -62,10 +63,11 @@ def _end_of_hold(time_s: Array, mean: Array, smooth: Array, step_s: float) -> fl
 
 def _start_of_fall(time_s: Array, mean: Array) -> float:
     """When a record (n,) that ends within a fall began to fall: where a line that breaks off, at
-    once or gathering speed, fits it best. First in all of it, then in what is near."""
+    once or gathering speed, fits it best. First in all of it, then twice in what is near."""
     start_s = time_s[0]
-    for _ in range(2):
-        near = time_s >= start_s
+    for _ in range(3):
+        near = np.flatnonzero(time_s >= start_s)
+        near = near[:: -(-len(near) // MOST_SAMPLES)]
         t, y = time_s[near] - start_s, mean[near]
         starts = t[:: -(-len(t) // MOST_STARTS)]
         past = np.maximum(t[:, None] - starts, 0.0)

@@ -1,5 +1,6 @@
 """Holds of records that do not say when they begin and end."""
 
+import tracemalloc
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,6 +73,22 @@ def test_a_hold_that_is_not_lifted_lasts_to_its_end() -> None:
             saturated=station.saturated[whole], depth_m=station.depth_m[whole],
         )  # fmt: skip
         assert limits(held)[1] == held.time_s[-1]
+
+
+def test_the_lift_of_a_long_record_is_found_in_little_memory() -> None:
+    t = np.arange(0, 600.0, 0.005)
+    depth = np.interp(t, [0, 1, 598.0, 599.0], [0, 1, 1, 0])
+    signal = 5000.0 * depth + 5.0 * np.random.default_rng(3).standard_normal(len(t))
+    station = Station(
+        0, np.nan, np.nan, t, signal[:, None], np.zeros((len(t), 1), dtype=bool),
+        np.nan, np.nan, np.nan, np.full(len(t), np.nan),
+    )  # fmt: skip
+    tracemalloc.start()
+    _, ends_s = limits(station)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert most < 150e6
+    assert ends_s == pytest.approx(598.0 - 0.25 * 0.5, abs=0.05)
 
 
 def test_a_lift_that_begins_with_a_step_and_a_rest_is_no_hold() -> None:
