@@ -112,7 +112,7 @@ def device_checks(
         prepared = prepare(rig, plan, limits, scene, Devices(stage, true, world.phantom, ()), 0)
     except (ConfigError, RigError, CalibrationError) as error:
         return [*checks, Check("devices together", "fault", str(error))], sensors
-    checks += [Check("rehearsal", "warning", note) for note in prepared.notes]
+    checks += [Check("note", "warning", note) for note in prepared.notes]
     if rig.stage.driver == "virtual":
         virtual = (sensor for sensor in sensors if isinstance(sensor, VirtualSensor))
         checks += [check for sensor in virtual for check in _at_rest(sensor, world.clock, limits)]

@@ -60,6 +60,11 @@ def prepare(
         config |= {"rehearsal_mm": up_mm}
         notes = (*notes, f"REHEARSAL: no real sensor feels the force, so the real stage makes the "
                  f"whole scan in the air, {up_mm:g} mm higher than planned")  # fmt: skip
+    places = len({(place.x_m, place.y_m) for place in plan.places})
+    if places * rig.scan.repeats < len(plan.places):
+        where = f"{places} place{'s' * (places != 1)}"
+        notes = (*notes, f"{len(plan.places)} stations lie at {where}: of a grid scan.pitch_mm is "
+                 "[along x, along y]; scan.repeats presses a place again")  # fmt: skip
     _check_stage(devices.stage, plan)
     check_speed(plan, limits, devices.sensors)
     return Prepared(plan, limits, config, notes)

@@ -184,14 +184,6 @@ class Rig(Table):
                 f"scan.stations and scan.repeats make {presses:g} presses; "
                 f"at most {MAX_PRESSES} are allowed"
             )
-        for axis, count, pitch_mm in zip(
-            "xy", (columns, rows), pair(scan.pitch_mm, 0.0), strict=True
-        ):
-            if count > 1 and pitch_mm == 0:
-                raise ValueError(
-                    f"scan.pitch_mm puts {count:g} stations at one {axis}: give their distance, "
-                    "of a grid as [along x, along y]; scan.repeats presses a place again"
-                )
         for n, device in enumerate(self.sensor):
             rate_hz = device.settings.get("rate_hz", 1.0)
             if isinstance(rate_hz, int | float) and not 0 < rate_hz < math.inf:

@@ -91,8 +91,6 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
         ("[scan\n", "not TOML"),
         ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
         ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),
-        ("[scan]\nstations = [3, 5]\n", r"puts 5 stations at one y.* \[along x, along y\]"),
-        ("[scan]\npitch_mm = 0\n", "puts 15 stations at one x: .* scan.repeats"),
         ('[[sensor]]\ndriver = "virtual"\nrate_hz = 0\n', r"sensor\[1\].rate_hz = 0: must be"),
         ('[[sensor]]\ndriver = "virtual"\nrate_hz = nan\n', r"sensor\[1\].rate_hz = nan"),
     ],
