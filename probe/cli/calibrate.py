@@ -121,9 +121,7 @@ def calibrate(
         )
     block = load_scene(scene)
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
-    path = out or Path(
-        f"{kind}-{''.join(c if c.isalnum() or c in '_.' else '-' for c in r.device)}.json"
-    )
+    path = out or Path(f"{kind}-{r.device.replace(' ', '-').replace('/', '-')}.json")
     if (drift := check_drift(path, kind, r)) is not None:
         inform(f"the calibration in {path} so far: {drift}")
     result = fit_measurements(kind, r, choices)

@@ -163,7 +163,8 @@ def estimate_scan(scene: Scene, x_m: Sequence[float], depth_m: float) -> ScanEst
     ratios = ratio[[0, 1, 0], None]
     force, swing, stiffness = 1e-3 * scene.indenter.length_mm * ratios * values
     off = np.abs(ratio - 1)
-    pulse_error = 2 * (PULSE_LEFT * np.nanmax(np.abs(swing)) + (off[1] + more - 1) * np.abs(swing))
+    share = off[1] + abs(more - 1)
+    pulse_error = 2 * (PULSE_LEFT * np.nanmax(np.abs(swing)) + share * np.abs(swing))
     force_error = (FORCE_LEFT + off[0]) * force + pulse_error / 2 + abs(bend) * np.abs(swing)
     return ScanEstimate(
         x, depth_m, (low, high), force - (1 - bend) * swing, 2 * more * swing, (1 - bend) * swing,

@@ -139,7 +139,8 @@ def _clearest(
     q, _ = np.linalg.qr(a)
     n, before = len(seen.value), float(left @ left)
     best, most = np.append(centres[0], width[0]), 0.0
-    for some in np.array_split(centres, -(-len(centres) * len(width) * n // AT_ONCE)):
+    parts = min(-(-len(centres) * len(width) * n // AT_ONCE), len(centres))
+    for some in np.array_split(centres, parts):
         square = ((seen.place_m[:, None] - some) ** 2).sum(axis=2)[:, :, None] / width**2
         more = np.zeros((len(left), len(some) * len(width)))
         more[:n] = _of_square(square).reshape(n, -1) / seen.sd[:, None]

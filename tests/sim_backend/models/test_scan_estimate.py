@@ -6,8 +6,9 @@ from soft_walls import soft_walled
 
 from sim_backend import load_scene
 from sim_backend.fem.newton import CannotSolve
+from sim_backend.models import scan_estimate
 from sim_backend.models.press import press
-from sim_backend.models.scan_estimate import estimate_scan
+from sim_backend.models.scan_estimate import ScanEstimate, estimate_scan
 from sim_backend.scene.scene_file import Scene, SceneError
 
 SCENES = {name: load_scene(name) for name in ("TI", "TIT", "TIHA", "TISA")}
@@ -59,6 +60,21 @@ def test_over_a_wall_that_nearly_bursts_the_pulse_is_known_as_well_as_stated(
     off_n = abs(scan.pulse_n[int(x_mm > 24.0)] - truth.pulse_n)
     assert off_n <= scan.errors_n[1, int(x_mm > 24.0)]
     assert off_n <= most_off * truth.pulse_n
+
+
+@pytest.mark.parametrize("more", [0.8, 1.2])
+def test_what_a_bend_adds_or_takes_from_a_pulse_is_stated(
+    more: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def scan() -> ScanEstimate:
+        return estimate_scan(SCENES["TIHA"], [32e-3], 2.5e-3)
+
+    straight = scan()
+    monkeypatch.setattr(scan_estimate, "_bends", lambda *_: (0.2, more))
+    bent = scan()
+    assert bent.pulse_n == pytest.approx(more * straight.pulse_n)
+    added_n = bent.errors_n[1] - straight.errors_n[1]
+    assert added_n == pytest.approx(0.2 * straight.pulse_n)
 
 
 def test_forces_scale_with_all_moduli_and_pressures() -> None:
