@@ -52,25 +52,6 @@ def test_what_lies_beside_the_stations_is_said(
 
 
 @pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"stations": [3, 2]}, ["6 stations lie at 3 places"]),
-        ({"stations": [3, 2], "pitch_mm": [4, 4]}, []),
-        ({"stations": 3, "repeats": 2}, []),
-        ({"stations": 3, "pitch_mm": 0}, ["3 stations lie at 1 place"]),
-    ],
-)
-def test_rows_that_lie_on_each_other_are_noted(
-    keys: dict[str, Any], said: list[str], tmp_path: Path, winkler: Any
-) -> None:
-    rig = Rig.model_validate({"scan": keys, "scene": {"name": "TI"}})
-    report = dry_run(rig, load_scene("TI"), tmp_path, winkler)
-    found = [check.text.partition(":")[0] for check in report.checks if check.name == "note"]
-    assert found == said
-    assert report.can_scan
-
-
-@pytest.mark.parametrize(
     ("name", "keys", "said"),
     [
         ("TIHA", {"start_mm": -3.0}, r"station 1 presses at x = -3 mm, .*between 0 and 64 mm"),

@@ -4,7 +4,6 @@ import threading
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -145,24 +144,6 @@ def test_a_stage_that_is_late_is_waited_for_at_the_usual_pace(
     every_s = np.diff([t for t in looks_s if up_s < t < end_s])
     assert end_s - up_s > 0.5
     assert np.count_nonzero(every_s < 1e-3) <= 2 * 20
-
-
-@pytest.mark.parametrize(("threaded", "every_s"), [(True, 0.005), (False, 0.008)])
-def test_at_rest_the_engine_keeps_its_pace_with_the_wall_clock(
-    threaded: bool, every_s: float
-) -> None:
-    clock, looks_s, plan = SimulatedClock(), [0.0], plan_for(Rig())
-    monitor: Any = SimpleNamespace(
-        threaded=threaded, trip=None, jumped=None, step=lambda: None, collect=list,
-        engine_heartbeat=lambda: looks_s.append(clock.now()),
-    )  # fmt: skip
-    stage: Any = SimpleNamespace()
-    sensor: Any = SimpleNamespace(rate_hz=500.0)
-    bus: Any = SimpleNamespace(sink_error=None, samples=lambda _: None)
-    loop = RunLoop(plan, stage, [sensor], clock, limits_for(Rig(), plan), monitor, Control(), bus)
-    loop.wait_until(0.1)
-    assert np.diff(looks_s).max() == pytest.approx(every_s, abs=1e-9)
-    assert looks_s[-1] == pytest.approx(0.1, abs=1e-9)
 
 
 def test_every_sample_of_a_press_is_in_and_labelled(winkler: Any) -> None:
