@@ -187,7 +187,7 @@ class Rig(Table):
         for n, device in enumerate(self.sensor):
             rate_hz = device.settings.get("rate_hz", 1.0)
             if isinstance(rate_hz, int | float) and not 0 < rate_hz < math.inf:
-                raise ValueError(f"sensor[{n}].rate_hz = {rate_hz:g}: must be above 0")
+                raise ValueError(f"sensor[{n}].rate_hz = {rate_hz}: must be above 0")
         speeds = {
             "scan.travel_mm_s": scan.travel_mm_s,
             "scan.approach_mm_s": scan.approach_mm_s,

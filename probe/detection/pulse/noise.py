@@ -23,9 +23,10 @@ SWAY_HZ = (0.25, 0.5, 1.0)
 SOFT_HZ = (1.0, 3.0, 8.0)
 """Knees, about an octave apart: between two a likelihood changes by less than a test sees."""
 FLICKER_HZ, FLICKER_LOWEST_HZ = (1.0, 4.0, 16.0), 0.05
-"""Knees, and where it ends: a level and a drift take what is slower. Without it 49 of 1,200 holds
-of noise like f^-0.8 to f^-1.3 (2.5 and 5 s, 10 to 500 Hz) are called an artery, with it 40, and of
-600 pulses of people the same 563 are found."""
+"""Knees, and where it ends: a level and a drift take what is slower. It matters little: of 1,200
+holds of noise like f^-0.8 to f^-1.3 (2.5 and 5 s, 10 to 500 Hz) 49 are called an artery without it
+and 40 with it, of 480 by benchmarks/artefacts.py 20 both times; of 600 pulses of people the same
+563 are found."""
 
 PURE, SMOOTH = 0.65, 0.25
 """Highest knee over the rate of the samples, of wander and of all else. With no wander above the
