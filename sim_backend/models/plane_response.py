@@ -89,9 +89,9 @@ def respond_plane(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
     sunk = np.array([load.depth_m + bulge for load in loads])
 
     def curve(
-        of: Callable[[Solution], float], over_depth: list[float], over_pressure: list[float]
-    ) -> Curve:
-        values = [of(state) for state in ramp]
+        of: Callable[[Solution], float], values: list[float], over_depth: list[float],
+        over_pressure: list[float],
+    ) -> Curve:  # fmt: skip
         powers = _powers(values, over_pressure, [
             [(s.load.pressure_pa - rest, of(s)) for s in some] for some in ends
         ])  # fmt: skip
@@ -106,19 +106,24 @@ def respond_plane(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
 
     force = curve(
         lambda state: state.force_n_per_m,
+        [state.force_n_per_m for state in ramp],
         [one.force_n_per_m for one in by_depth],
         [one.force_n_per_m for one in by_pressure],
     )
 
+    on_ramp = [stress_pa(state) for state in ramp]
+
     def stress_slopes(along: tuple[Slope, ...], step: float) -> list[float]:
         return [
-            (under_finger_pa(section, state.displacement + step * slope.displacement)
-             - stress_pa(state)) / step
-            for state, slope in zip(ramp, along, strict=True)
-        ]  # fmt: skip
+            (under_finger_pa(section, state.displacement + step * slope.displacement) - here) / step
+            for state, slope, here in zip(ramp, along, on_ramp, strict=True)
+        ]
 
     stress = curve(
-        stress_pa, stress_slopes(by_depth, PROBE_M), stress_slopes(by_pressure, PROBE_PA)
+        stress_pa,
+        on_ramp,
+        stress_slopes(by_depth, PROBE_M),
+        stress_slopes(by_pressure, PROBE_PA),
     )
     length_m = 1e-3 * scene.indenter.length_mm
     return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress, LEFT)
