@@ -7,6 +7,7 @@ FIELDS = "tests/probe/detection/test_field.py"
 HELD = "tests/probe/detection/test_hold_samples.py"
 FORCES = "tests/probe/acquisition/test_preflight.py"
 FAST = "tests/sim_backend/models/test_surrogate.py"
+LIMITS = "tests/sim_backend/fem/test_limits.py"
 ROOM = "tests/sim_backend/scene/test_room.py"
 SOLID = "tests/sim_backend/models/test_solid_press.py"
 
@@ -86,4 +87,10 @@ OUTSIDE = (
            "sim_backend/fem/solid/build.py", "LEAST_LAYER = 0.01", "LEAST_LAYER = 0.0",
            ("tests/sim_backend/fem/solid/test_build.py"
             "::test_no_layer_is_as_thin_as_rounding_leaves_it",)),
+    Mutant("what a guess opens is let go at once", "sim_backend/fem/newton.py",
+           "active = active | (multiplier > 0)", "active = active | (multiplier > 1e99)",
+           (f"{LIMITS}::test_a_wall_bursts_where_it_does_and_not_where_steps_are_long",)),
+    Mutant("a rate in words reaches the checks", "probe/config/rig.py",
+           'READ_BY_CHECKS = ("rate_hz", "noise_mn")', "READ_BY_CHECKS = ()",
+           ("tests/probe/config/test_rig.py::test_wrong_rigs_name_file_key_and_value",)),
 )  # fmt: skip

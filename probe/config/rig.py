@@ -25,6 +25,12 @@ Heights = (
 Fallback = Literal["virtual"]
 
 
+READ_BY_CHECKS = ("rate_hz", "noise_mn")
+"""Settings of sensors that are looked at before any driver has seen them."""
+LOUDEST_MN = 1e9
+"""Noise that may be written down; 1e308 would overflow as a square."""
+
+
 class RigError(ValueError):
     """A rig that cannot be: the text names file, key, value and what is allowed.
 
@@ -185,9 +191,16 @@ class Rig(Table):
                 f"at most {MAX_PRESSES} are allowed"
             )
         for n, device in enumerate(self.sensor):
-            rate_hz = device.settings.get("rate_hz", 1.0)
-            if isinstance(rate_hz, int | float) and not 0 < rate_hz < math.inf:
+            for key in READ_BY_CHECKS:
+                value = device.settings.get(key, 1.0)
+                if not isinstance(value, int | float) or math.isnan(value):
+                    raise ValueError(f"sensor[{n}].{key} = {value!r}: must be a number")
+            if not 0 < (rate_hz := device.settings.get("rate_hz", 1.0)) < math.inf:
                 raise ValueError(f"sensor[{n}].rate_hz = {rate_hz}: must be above 0")
+            if not 0 <= (noise_mn := device.settings.get("noise_mn", 0.0)) <= LOUDEST_MN:
+                raise ValueError(
+                    f"sensor[{n}].noise_mn = {noise_mn:g}: must be from 0 to {LOUDEST_MN:g}"
+                )
         speeds = {
             "scan.travel_mm_s": scan.travel_mm_s,
             "scan.approach_mm_s": scan.approach_mm_s,

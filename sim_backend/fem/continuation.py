@@ -29,6 +29,8 @@ from sim_backend.fem.newton import (
 from sim_backend.fem.section_pairs import contact_pairs, walls_cross
 
 MIN_STEP = 1 / 256
+GROWTH = 1.5
+"""Of a step after one that did not fail."""
 MAX_FAILURES = 14
 """Steps on the way to one load that may fail. Each may take `newton.MAX_ITERATIONS`; where walls
 fold one fold after another, this ends it."""
@@ -62,7 +64,7 @@ def continuation(section: Section, start: Solution, loads: Iterable[Load]) -> It
 
 
 def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> Solution:
-    origin, share, step, failures = now.load, 0.0, 1.0, 0
+    origin, share, step, growth, failures = now.load, 0.0, 1.0, GROWTH, 0
     while share < 1.0:
         target = origin.between(goal, min(1.0, share + step))
         try:
@@ -71,7 +73,7 @@ def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> S
             if not reached.stable:
                 reached = stable_branch(section, reached)
         except NotConverged as failure:
-            step /= 2
+            step, growth = step / 2, 1.0  # twice this one has just failed
             failures += 1
             if step < MIN_STEP or failures > MAX_FAILURES:
                 raise physical_limit(section, now, target, failure) from None
@@ -85,7 +87,7 @@ def _advance(section: Section, before: Solution, now: Solution, goal: Load) -> S
             continue
         before, now = now, reached
         share += step
-        step *= 1.5
+        step, growth = step * growth, GROWTH
     return now
 
 

@@ -198,7 +198,10 @@ def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 
 def _first_active(finger: ContactPairs, multiplier: Array, active: Bools) -> Bools:
     """Nodes (s,) under the finger in a step's first iteration: of those that it newly overlaps,
     the ones that it overlaps by more than half of the most. What overlaps before anything has
-    given way is more than what will touch (Johnson 1985, eq. 3.42: a^2 = R d, not 2 R d)."""
+    given way is more than what will touch (Johnson 1985, eq. 3.42: a^2 = R d, not 2 R d). And all
+    that touched: where the start only guesses how far a surface moved, a third of it is open, and
+    let go at once the tissue below would turn inside out."""
+    active = active | (multiplier > 0)
     new = active & (multiplier <= 0)
     if not new.any():
         return active

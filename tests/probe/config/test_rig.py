@@ -93,6 +93,13 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
         ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),
         ('[[sensor]]\ndriver = "virtual"\nrate_hz = 0\n', r"sensor\[1\].rate_hz = 0: must be"),
         ('[[sensor]]\ndriver = "virtual"\nrate_hz = nan\n', r"sensor\[1\].rate_hz = nan"),
+        (
+            '[[sensor]]\ndriver = "virtual"\nrate_hz = "5 Hz"\n',
+            r"sensor\[1\].rate_hz = '5 Hz': must",
+        ),
+        ('[[sensor]]\ndriver = "virtual"\nrate_hz = [5]\n', r"sensor\[1\].rate_hz = \[5\]: must"),
+        ('[[sensor]]\ndriver = "virtual"\nnoise_mn = "5"\n', r"sensor\[1\].noise_mn = '5': must"),
+        ('[[sensor]]\ndriver = "virtual"\nnoise_mn = inf\n', r"noise_mn = inf: must be from 0"),
     ],
 )
 def test_wrong_rigs_name_file_key_and_value(tmp_path: Path, text: str, said: str) -> None:

@@ -6,11 +6,12 @@ import pytest
 from small_block import BLOCK
 
 from sim_backend import load_scene
-from sim_backend.fem.continuation import unloaded
+from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.limits import physical_limit
-from sim_backend.fem.model import build_section
+from sim_backend.fem.model import build_section, usual_grading
 from sim_backend.fem.newton import Load, NotConverged, SkinPressedFlat
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 FILLED_PA = 12e3
 
@@ -30,3 +31,26 @@ def test_a_refusal_names_no_negative_depth(scene: Scene, failure: NotConverged) 
     assert "found no equilibrium deeper than 0.3 mm" in said(0.3e-3)
     assert "found no equilibrium once the finger touches" in said(-0.1153e-3)
     assert "-0.1" not in said(-0.1153e-3)
+
+
+def test_a_wall_bursts_where_it_does_and_not_where_steps_are_long() -> None:
+    """In small steps this one has equilibria up to 166.9 mmHg. In one from 80 to 165 mmHg, while
+    all that a guess opens was let go, none was found above 160.8."""
+    scene = load_scene("TIHA")
+    (vessel,) = scene.inclusion
+    thin = vessel.model_copy(update={"modulus_kpa": 188.0, "wall_mm": 0.435, "depth_mm": 6.27})
+    assert scene.tissue is not None
+    soft = scene.tissue.model_copy(update={"modulus_kpa": 10.3})
+    scene = scene.model_copy(update={"inclusion": (thin,), "tissue": soft})
+    depth_m, size_m = 1.391e-3, 0.18e-3
+    section = build_section(
+        scene, 32.64e-3, depth_m=depth_m, size_m=size_m, grading=usual_grading(size_m)
+    )
+
+    def force_n_per_m(*pressures_mmhg: float) -> float:
+        loads = [Load(depth_m, p * PA_PER_MMHG) for p in pressures_mmhg]
+        *_, last = continuation(section, unloaded(section), loads)
+        return last.force_n_per_m
+
+    small_steps = force_n_per_m(80, 140, 155, 160, 163, 165)
+    assert force_n_per_m(80, 165) == pytest.approx(small_steps, rel=1e-6)
