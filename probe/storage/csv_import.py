@@ -110,10 +110,13 @@ def import_csv(
     if _mostly_negative(read):
         notes = (*notes, f"{read.signal} is negative where it is largest: here pressed is positive")
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
+    broken_off = _broken_off(read)
+    if broken_off:
+        which = ", ".join(str(station + 1) for station in sorted(broken_off))
+        notes = (*notes, f"presses that broke off are kept, and not judged: station {which}")
+    simulated = foreign is not None and foreign.simulated
     with create_store(out) as store:
-        for event in _events(
-            read, config, notes, simulated=foreign is not None and foreign.simulated
-        ):
+        for event in _events(read, config, notes, broken_off, simulated=simulated):
             store(event)
     samples = sum(len(press.time_s) for press in read.presses)
     return Imported(out, len(read.presses), samples, notes)
@@ -123,6 +126,14 @@ def _mostly_negative(read: CsvRecording) -> bool:
     """Whether most presses read less than nothing where they read most."""
     down = [bool(press.signal[np.abs(press.signal).argmax()] < 0) for press in read.presses]
     return sum(down) > len(down) / 2
+
+
+def _broken_off(read: CsvRecording) -> set[int]:
+    """Stations whose press was stopped, or never lifted where others were."""
+    phases = {p.station: {tuple(Phase)[number] for _, number in p.phases} for p in read.presses}
+    lifted = {station for station, own in phases.items() if Phase.RETRACTING in own}
+    stopped = {station for station, own in phases.items() if Phase.STOPPING in own}
+    return stopped | (set(phases) - lifted if lifted else set())
 
 
 def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
@@ -146,7 +157,12 @@ def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
 
 
 def _events(
-    read: CsvRecording, config: dict[str, Any], notes: tuple[str, ...], *, simulated: bool
+    read: CsvRecording,
+    config: dict[str, Any],
+    notes: tuple[str, ...],
+    broken_off: set[int],
+    *,
+    simulated: bool,
 ) -> Iterator[Event]:
     channels = {DEVICE: (replace(CHANNELS[read.signal], simulated=simulated),)}
     if read.has_reference:
@@ -161,8 +177,10 @@ def _events(
             yield PhaseEntered(entered_s, tuple(Phase)[number], press.station)
         yield from _blocks(DEVICE, press.station, press.time_s, press.signal)
         yield from _blocks(REFERENCE, press.station, press.reference_s, press.reference)
-        yield StationEnded(press.end_s, press.station, 1, complete=True)
-    yield RunEnded(ended_s, Finish.COMPLETED, "imported")
+        complete = press.station not in broken_off
+        yield StationEnded(press.end_s, press.station, 1, complete=complete)
+    finish = Finish.ABORTED if broken_off else Finish.COMPLETED
+    yield RunEnded(ended_s, finish, "imported")
 
 
 def _blocks(device: str, station: int, time_s: Array, values: Array) -> Iterator[Samples]:

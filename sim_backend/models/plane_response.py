@@ -34,9 +34,10 @@ of 0.03 (TIHA) leaves 0.2 % of the pulse."""
 PROBE_PA, PROBE_M = 10.0, 1e-6
 """Steps of the stress's slopes by pressure and depth, along the exact displacement slopes."""
 MUCH = 0.2
-"""The same from which the ends are solved at each depth, for half as much time again. In 50 random
-presses over soft walls (50 to 400 kPa) pulses that bend less are 1 to 5 % off at half the depth;
-those that bend by 0.2 to 1.7 were 2 to 13 %, and are 0.5 to 8 %."""
+"""The same from which the ends are solved at each depth, for half as much time again. Of 50 random
+presses over soft walls (benchmarks/soft_walls.py) pulses that bend less are up to 5.4 % off at half
+the depth; those that bend more would be up to 20 %, 2.5 times what is stated, and are up to 6 %,
+0.5 times."""
 RELATIVE_SIZE = 0.1
 """Element size over the finger's half width: 0.3 % of force, 2 % of pulse on the paper's scenes."""
 GROWTH, COARSEST = 0.6, 0.24

@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from probe.config.rig import Rig
 from probe.core.events import (
     Event,
     Finish,
+    Phase,
     PhaseEntered,
     RunEnded,
     RunStarted,
@@ -36,6 +38,7 @@ from probe.storage.verify import verify
 from probe.storage.writer import create_store
 
 RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
+HOLDING_S = 4.8  # in the hold of the second press
 
 
 @pytest.fixture(scope="module")
@@ -211,6 +214,39 @@ def test_a_run_that_broke_off_before_its_hold_is_exported_and_imported(
     pressed = then.isel(time_s=then["station"].values >= 0)
     assert np.array_equal(back.samples()["force"].values, pressed["force"].values)
     assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+@pytest.mark.parametrize("says", [True, False])
+def test_a_press_that_broke_off_is_judged_nowhere(
+    form: str, says: bool, path: Path, tmp_path: Path
+) -> None:
+    """Whether its stop is in the file, or the file ends before."""
+    broken = cut_off(
+        path, tmp_path / "broken.run",
+        lambda e: isinstance(e, Samples) and e.block.time_s[-1] > HOLDING_S,
+    )  # fmt: skip
+    if says:
+        *events, end = [*open_run(path).events()]
+        stopped = tmp_path / "stopped.run"
+        with create_store(stopped) as store:
+            for event in events:
+                if isinstance(event, StationEnded) and event.station == 1:
+                    store(PhaseEntered(event.time_s - 0.01, Phase.STOPPING, 1))
+                    event = replace(event, complete=False)
+                store(event)
+            assert isinstance(end, RunEnded)
+            store(replace(end, finish=Finish.FAULTED))
+        broken = stopped
+    files = export(broken, [form], tmp_path)
+    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    imported = import_csv(file, tmp_path / "back.run", face_mm2=100.0)
+    back = open_run(imported.path)
+    assert "presses that broke off are kept, and not judged: station 2" in imported.notes
+    assert [one.x_m for one in back.recording().stations] == [0.028]
+    assert back.finish is not Finish.COMPLETED
+    assert len(back.stations()) == 2
+    assert verify(back.path).ok
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
