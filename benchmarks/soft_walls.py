@@ -32,6 +32,7 @@ WAYS: dict[str, Any] = {"model": plane_response, "quick": scan_estimate}
 TITLES = {"model": "force model of a scan", "quick": "quick scan of a sweep"}
 SOLVED = ("as it is", WITHOUT := "without")
 MIDDLE_M, ACCURACY_PCT = 0.032, 0.3
+TICKS = (0.05, 0.1, 0.2, 0.5, 1.0)
 
 
 class Drawn(NamedTuple):
@@ -164,6 +165,8 @@ def draw(pairs: pd.DataFrame) -> Figure:
         axes.axvline(module.MUCH, color="0.6", lw=1, ls="--")
         axes.axhline(1, color="0.6", lw=1)
         axes.set(xscale="log", yscale="log", xlabel="bend of the pulse", title=TITLES[way])
+        axes.minorticks_off()
+        axes.set_xticks(TICKS, [f"{tick:g}" for tick in TICKS])
     axes.legend(frameon=False)
     figure.axes[0].set_ylabel("error over what is stated")
     return figure
