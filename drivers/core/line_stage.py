@@ -56,6 +56,7 @@ class LineStage:
         self._job: _Job | None = None
         self._stopping = False
         self._stops = 0
+        self._homed = False
         self._target: Pose | None = None
 
     def connect(self) -> None:
@@ -85,8 +86,16 @@ class LineStage:
             raise DeviceAbsent(self.name, fault.reason) from None
 
     def enable(self) -> list[str]:
-        """Ask the controller whether it can move; what holds, in words. Raises `DeviceFault`."""
-        found = self._have(lambda axes: getattr(axes, "ready", list)())
+        """Ask the controller whether it can move; what holds, in words. Raises `DeviceFault`.
+
+        One that is homed first may not know yet where it is: `home` asks it again.
+        """
+        try:
+            found = self._have(lambda axes: getattr(axes, "ready", list)())
+        except DeviceFault:
+            if self.homes and not self._homed:
+                return []
+            raise
         if not isinstance(found, list):
             raise DeviceFault(
                 self.name,
@@ -151,6 +160,8 @@ class LineStage:
             self.move(Pose(*(1e-3 * v for v in self._settings.park_mm)),
                       1e-3 * self._settings.max_speed_mm_s)  # fmt: skip
             self._arrive(stops)
+        self._homed = True
+        self.enable()
 
     def stop(self) -> None:
         """Slow down now; does not wait."""

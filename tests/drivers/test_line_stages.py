@@ -87,6 +87,7 @@ def test_it_homes_z_first_and_parks(name: str, winkler: Respond) -> None:
     with rig_of(
         name, winkler, homed=False, home=True, max_speed_mm_s=100.0, park_mm=(-10.0, -15.0, 30.0)
     ) as rig:
+        enable(rig.stage)  # as a scan does, before it homes
         rig.stage.home()
         legs = rig.phantom.tip.all_legs()[1:]
         first = next(leg for leg in legs if leg.speed > 0)

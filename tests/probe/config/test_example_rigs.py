@@ -8,6 +8,7 @@ from paths import ROOT
 
 from drivers import Sensor, WallClock
 from drivers.core.arrays import Array
+from probe.acquisition.dry_run import dry_run
 from probe.config.devices import connect
 from probe.config.load_rig import load_rig
 from sim_backend import load_scene
@@ -28,6 +29,14 @@ def test_its_devices_know_every_key(path: Path, winkler: Respond) -> None:
     rig, scene = load_rig(path), load_scene("TIHA")
     with connect(rig, WallClock(), scene, fallback="virtual", respond=winkler) as devices:
         assert len(devices.sensors) == len(rig.sensor)
+
+
+@pytest.mark.parametrize("path", sorted(RIGS.glob("*.toml")), ids=lambda path: path.stem)
+def test_its_scan_breaks_no_limit(path: Path, winkler: Respond, tmp_path: Path) -> None:
+    if path.stem in NEEDS:
+        pytest.importorskip(NEEDS[path.stem])
+    report = dry_run(load_rig(path), load_scene("TIHA"), tmp_path, winkler)
+    assert not [check.text for check in report.checks if check.level == "fault"]
 
 
 def test_a_transmitter_and_an_array_are_read_together(winkler: Respond, tmp_path: Path) -> None:
