@@ -193,8 +193,9 @@ class Rig(Table):
         for n, device in enumerate(self.sensor):
             for key in READ_BY_CHECKS:
                 value = device.settings.get(key, 1.0)
-                if not isinstance(value, int | float) or math.isnan(value):
-                    raise ValueError(f"sensor[{n}].{key} = {value!r}: must be a number")
+                if not isinstance(value, int | float):
+                    text = f"sensor[{n}].{key} = {value!r}: must be a number"
+                    raise ValueError(text)  # noqa: TRY004 - pydantic reports a ValueError
             if not 0 < (rate_hz := device.settings.get("rate_hz", 1.0)) < math.inf:
                 raise ValueError(f"sensor[{n}].rate_hz = {rate_hz}: must be above 0")
             if not 0 <= (noise_mn := device.settings.get("noise_mn", 0.0)) <= LOUDEST_MN:

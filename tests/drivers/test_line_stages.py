@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+import drivers.pi
 import drivers.tmcl
 import drivers.zaber
 from drivers import DeviceFault, MotionFault, Pose, SimulatedClock, WallClock
@@ -103,6 +104,18 @@ def test_it_does_not_move_where_it_does_not_know_its_place(name: str, winkler: R
         pytest.raises(DeviceFault, match=r"reference.*home it \(home = true"),
     ):
         enable(rig.stage)
+
+
+@pytest.mark.parametrize("name", ["zaber", "pi"])
+def test_what_does_not_know_its_place_when_homed_goes_no_further(
+    name: str, winkler: Respond, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    axes = {"zaber": drivers.zaber.ZaberAxes, "pi": drivers.pi.PiAxes}[name]
+    monkeypatch.setattr(axes, "home", lambda _self, _axis: None)
+    with rig_of(name, winkler, homed=False, home=True) as rig:
+        enable(rig.stage)
+        with pytest.raises(DeviceFault, match="reference"):
+            rig.stage.home()
 
 
 @each
