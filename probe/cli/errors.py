@@ -21,7 +21,7 @@ STATUSES = {
     "probe.config.rig:RigError": BAD_INPUT,
     "probe.core.errors:RunFileError": BAD_INPUT,
     "probe.core.errors:StoreError": BAD_INPUT,
-    "probe.storage.csv_columns:CsvError": BAD_INPUT,
+    "probe.storage.import_table:CsvError": BAD_INPUT,
     "calibration.errors:CalibrationError": BAD_INPUT,
     "builtins:OSError": BAD_INPUT,
 }

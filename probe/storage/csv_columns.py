@@ -4,7 +4,6 @@ import csv
 import gzip
 import io
 import zlib
-from contextlib import ExitStack
 from hashlib import sha256
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -14,14 +13,14 @@ import numpy as np
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.files import FileRefused, open_file
+from probe.storage.import_table import SIGNALS, CsvError, check_size
 
 with needs("data", "palpate import"):
     import pandas as pd
 
-
-SIGNALS = ("force_n", "pressure_pa", "pressure_mbar")
 COLUMNS = ("time_s", *SIGNALS, "x_mm", "y_mm", "station", "reference")
-PHASE = "phase_number"  # only in what other formats are turned into: which of `Phase`, from 0
+UNITS = {name: one.unit for name, one in SIGNALS.items()} | {"time_s": "s"}
+UNITS |= {"x_mm": "mm", "y_mm": "mm"}
 NOTHING = ("", "nan", "na", "n/a", "null", "none", "-")
 MAX_BYTES = 256 * 1024**2
 MAX_LINE_BYTES = 4096
@@ -30,10 +29,6 @@ MAX_EMPTY_ROWS = 100_000
 # zlib packs nothing more than 1032 times; readings with their noise, not more than ten times.
 MAX_RATIO, RATIO_FROM_BYTES = 100, 4 * 1024**2
 ROWS = 10_000  # parsed at a time: 40 MB of the longest lines
-
-
-class CsvError(ValueError):
-    """A recording that cannot be imported: the text names file, column, row and what is allowed."""
 
 
 def first_line(source: Path) -> str:
@@ -48,27 +43,22 @@ def first_line(source: Path) -> str:
         raise CsvError(f"{source}: cannot be read ({error})") from None
 
 
-def read_columns(source: Path, content: bytes | None = None) -> tuple[pd.DataFrame, list[str], str]:
+def read_columns(source: Path) -> tuple[pd.DataFrame, list[str], str]:
     """The known columns as float64 (NaN: nothing there), the others' names, the text's SHA-256.
 
     Raises `CsvError` naming column and row (1 is the header's).
     """
-    with ExitStack() as stack:
-        try:
-            packed: BinaryIO = stack.enter_context(
-                open_file(source) if content is None else io.BytesIO(content)
-            )
-            packs = content is None and source.suffix == ".gz"
-            plain = gzip.GzipFile(fileobj=packed) if packs else packed
+    try:
+        with open_file(source) as packed:
+            plain = gzip.GzipFile(fileobj=packed) if source.suffix == ".gz" else packed
             text = _Bounded(cast(BinaryIO, plain), packed)
-            columns = COLUMNS if content is None else (*COLUMNS, PHASE)
-            return *_parsed(io.BufferedReader(text, 2**16), columns), text.digest.hexdigest()
-        except FileRefused as error:
-            raise CsvError(str(error)) from None
-        except UnicodeDecodeError:
-            raise CsvError("not UTF-8 text") from None
-        except (OSError, EOFError, zlib.error, csv.Error) as error:
-            raise CsvError(f"cannot be read ({error})") from None
+            return *_parsed(io.BufferedReader(text, 2**16)), text.digest.hexdigest()
+    except FileRefused as error:
+        raise CsvError(str(error)) from None
+    except UnicodeDecodeError:
+        raise CsvError("not UTF-8 text") from None
+    except (OSError, EOFError, zlib.error, csv.Error) as error:
+        raise CsvError(f"cannot be read ({error})") from None
 
 
 class _Bounded(io.RawIOBase):
@@ -101,12 +91,12 @@ class _Bounded(io.RawIOBase):
         return len(part)
 
 
-def _parsed(text: io.BufferedReader, columns: tuple[str, ...]) -> tuple[pd.DataFrame, list[str]]:
-    """Those of the ``columns`` that are there, and the names of the others."""
+def _parsed(text: io.BufferedReader) -> tuple[pd.DataFrame, list[str]]:
+    """Those of `COLUMNS` that are there, and the names of the others."""
     head = text.peek(MAX_LINE_BYTES).partition(b"\n")[0].decode("utf-8-sig")
     names = [name.strip() for name in next(csv.reader([head.rstrip("\r")]), [])]
     _check_names(names)
-    known = {n: name for n, name in enumerate(names) if name in columns}
+    known = {n: name for n, name in enumerate(names) if name in COLUMNS}
     parts: list[Array] = []
     row, empty = 1, 0
     try:
@@ -123,7 +113,7 @@ def _parsed(text: io.BufferedReader, columns: tuple[str, ...]) -> tuple[pd.DataF
             lines = chunk.iloc[1:] if row == 1 else chunk
             lines = lines.fillna("")
             first = max(row, 2)
-            part = np.column_stack([_numbers(lines[n], name, first) for n, name in known.items()])
+            part = np.column_stack([numbers(lines[n], name, first) for n, name in known.items()])
             row += len(chunk)
             filled = np.flatnonzero(np.isfinite(part).any(axis=1))
             empty = len(part) - 1 - int(filled[-1]) if len(filled) else empty + len(part)
@@ -142,7 +132,7 @@ def _parsed(text: io.BufferedReader, columns: tuple[str, ...]) -> tuple[pd.DataF
     table = table[: len(table) - empty]
     if not len(table):
         raise CsvError("no rows below the column names")
-    left_out = [name for name in names if name not in columns]
+    left_out = [name for name in names if name not in COLUMNS]
     return pd.DataFrame(table, columns=list(known.values())), left_out
 
 
@@ -168,17 +158,18 @@ def _check_names(names: list[str]) -> None:
         raise CsvError(f"column 'time_s' is missing; allowed columns: {allowed}; found: {found}")
 
 
-def _numbers(column: "pd.Series[str]", name: str, first_row: int) -> Array:
+def numbers(column: "pd.Series[str]", name: str, first_row: int = 2) -> Array:
     """A column as numbers. Raises `CsvError` naming the row (1 is the header's)."""
     stripped = column.str.strip()
-    numbers: Array = pd.to_numeric(stripped, errors="coerce").to_numpy(np.float64, copy=True)
+    found: Array = pd.to_numeric(stripped, errors="coerce").to_numpy(np.float64, copy=True)
     # pandas 2 is the last bit off: "0.3" would not be 0.3
-    known = np.isfinite(numbers)
-    numbers[known] = stripped.to_numpy(dtype=np.str_)[known].astype(np.float64)
-    wrong = ~np.isfinite(numbers) & ~stripped.str.lower().isin(NOTHING).to_numpy()
+    known = np.isfinite(found)
+    found[known] = stripped.to_numpy(dtype=np.str_)[known].astype(np.float64)
+    wrong = ~np.isfinite(found) & ~stripped.str.lower().isin(NOTHING).to_numpy()
     if wrong.any():
         at = int(np.flatnonzero(wrong)[0])
         value = str(column.iloc[at])[:40]
         wanted = "; seconds are wanted" if name == "time_s" else ""
         raise CsvError(f"row {at + first_row}, column {name!r}: {value!r} is not a number{wanted}")
-    return numbers
+    check_size(found, name, UNITS.get(name.lower(), ""), first_row)
+    return found

@@ -13,7 +13,7 @@ if known ``x_mm``, ``y_mm``, ``station`` and ``reference`` (a PPG or ECG beside 
 
 import os
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from drivers import Block, Channel
-from drivers.core.arrays import Array
+from drivers.core.arrays import Array, Bools
+from drivers.core.units import to_si
 from probe.config.snapshot import library_versions
 from probe.core.events import (
     Event,
@@ -35,18 +36,14 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.storage.csv_columns import CsvError, first_line
-from probe.storage.csv_table import CsvRecording, read_csv
-from probe.storage.import_formats import ENDINGS, as_csv, is_exported
+from probe.storage.csv_columns import first_line
+from probe.storage.csv_table import CsvRecording, cut, read_csv
+from probe.storage.import_formats import ENDINGS, is_exported, read_format
+from probe.storage.import_table import CsvError, check_face
 from probe.storage.writer import create_store
 
 __all__ = ["CsvError", "Imported", "import_csv"]
 
-CHANNELS = {
-    "force_n": Channel("force", "N", "force"),
-    "pressure_pa": Channel("pressure", "Pa", "pressure"),
-    "pressure_mbar": Channel("pressure", "mbar", "pressure"),
-}
 DEVICE, REFERENCE = "imported", "reference"
 BLOCK = 1000  # samples
 FACE_MM2 = 100.0
@@ -80,7 +77,7 @@ def import_csv(
 
     ``face_mm2`` is the probe's face, which turns a force into the stress that detection works on;
     it scales what is found and does not change what is found. Where it is not given it is the
-    file's own, as ``palpate export`` writes it to netCDF, HDF5 and MCAP.
+    file's own, as ``palpate export`` writes it to netCDF, HDF5, Parquet and MCAP.
     Raises `CsvError` for a bad recording, `StoreError` if ``out`` exists or cannot be written.
 
     Examples
@@ -93,30 +90,31 @@ def import_csv(
     ('imported.force',)
     """
     source, out = Path(source), Path(out)
-    foreign = None
-    if is_exported(first_line(source)) or source.suffix in ENDINGS:
-        foreign = as_csv(source, topic)
-        face_mm2 = foreign.face_mm2 if face_mm2 is None else face_mm2
-    if face_mm2 is not None and not 0 < face_mm2 < 1e6:
-        raise CsvError(f"{source}: face_mm2 = {face_mm2:g}: must be above 0 and below 1e6")
+    check_face(face_mm2, f"{source}: face_mm2")
     try:
-        read = read_csv(source, foreign.csv if foreign else None)
+        if is_exported(first_line(source)) or source.suffix in ENDINGS:
+            table = read_format(source, topic)
+        else:
+            table = read_csv(source)
+        check_face(table.face_mm2, "the face_mm2 of its run")
+        read = cut(table)
     except CsvError as error:
         text = str(error)
         raise CsvError(text if text.startswith(str(source)) else f"{source}: {text}") from None
+    face_mm2 = table.face_mm2 if face_mm2 is None else face_mm2
     notes = read.notes
-    if face_mm2 is None and read.signal == "force_n":
+    if face_mm2 is None and to_si(read.channels[0].unit)[0] == "N":
         notes = (*notes, f"the probe's face is not known; {FACE_MM2:g} mm2 is assumed")
     if _mostly_negative(read):
-        notes = (*notes, f"{read.signal} is negative where it is largest: here pressed is positive")
+        what = read.channels[0].role
+        notes = (*notes, f"{what} is negative where it is largest: here pressed is positive")
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
     broken_off = _broken_off(read)
     if broken_off:
         which = ", ".join(str(station + 1) for station in sorted(broken_off))
         notes = (*notes, f"presses that broke off are kept, and not judged: station {which}")
-    simulated = foreign is not None and foreign.simulated
     with create_store(out) as store:
-        for event in _events(read, config, notes, broken_off, simulated=simulated):
+        for event in _events(read, config, notes, broken_off):
             store(event)
     samples = sum(len(press.time_s) for press in read.presses)
     return Imported(out, len(read.presses), samples, notes)
@@ -124,7 +122,8 @@ def import_csv(
 
 def _mostly_negative(read: CsvRecording) -> bool:
     """Whether most presses read less than nothing where they read most."""
-    down = [bool(press.signal[np.abs(press.signal).argmax()] < 0) for press in read.presses]
+    means = [np.nanmean(press.signal, axis=1) for press in read.presses]
+    down = [bool(mean[np.abs(mean).argmax()] < 0) for mean in means]
     return sum(down) > len(down) / 2
 
 
@@ -157,14 +156,9 @@ def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
 
 
 def _events(
-    read: CsvRecording,
-    config: dict[str, Any],
-    notes: tuple[str, ...],
-    broken_off: set[int],
-    *,
-    simulated: bool,
+    read: CsvRecording, config: dict[str, Any], notes: tuple[str, ...], broken_off: set[int]
 ) -> Iterator[Event]:
-    channels = {DEVICE: (replace(CHANNELS[read.signal], simulated=simulated),)}
+    channels = {DEVICE: read.channels}
     if read.has_reference:
         channels[REFERENCE] = (Channel("reference", "", "reference"),)
     began_s, ended_s = read.presses[0].start_s, read.presses[-1].end_s
@@ -175,20 +169,22 @@ def _events(
         yield StationStarted(press.start_s, press.station, 1, press.x_m, press.y_m)
         for entered_s, number in press.phases:
             yield PhaseEntered(entered_s, tuple(Phase)[number], press.station)
-        yield from _blocks(DEVICE, press.station, press.time_s, press.signal)
-        yield from _blocks(REFERENCE, press.station, press.reference_s, press.reference)
+        yield from _blocks(DEVICE, press.station, press.time_s, press.signal, press.saturated)
+        beside = press.reference[:, None]
+        known = np.zeros(beside.shape, bool)
+        yield from _blocks(REFERENCE, press.station, press.reference_s, beside, known)
         complete = press.station not in broken_off
         yield StationEnded(press.end_s, press.station, 1, complete=complete)
     finish = Finish.ABORTED if broken_off else Finish.COMPLETED
     yield RunEnded(ended_s, finish, "imported")
 
 
-def _blocks(device: str, station: int, time_s: Array, values: Array) -> Iterator[Samples]:
+def _blocks(
+    device: str, station: int, time_s: Array, values: Array, saturated: Bools
+) -> Iterator[Samples]:
     for first in range(0, len(time_s), BLOCK):
         part = slice(first, first + BLOCK)
-        column = values[part, None]
-        block = Block(time_s[part], column, np.zeros(column.shape, bool))
-        yield Samples(device, block, station, 1)
+        yield Samples(device, Block(time_s[part], values[part], saturated[part]), station, 1)
 
 
 def _mm(length_m: float) -> float | None:

@@ -1,4 +1,4 @@
-"""Reads a recording made elsewhere: a CSV whose columns carry their unit, cut into stations.
+"""A recording made elsewhere, cut into stations: a CSV whose columns carry their unit, or a table.
 
 See `probe.storage.csv_import` for what is allowed.
 """
@@ -9,10 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from drivers.core.arrays import Array, Ints
+from drivers import Channel
+from drivers.core.arrays import Array, Bools, Ints
 from drivers.core.extras import needs
 from probe.core.places import SAME_PLACE_M
-from probe.storage.csv_columns import PHASE, SIGNALS, CsvError, read_columns
+from probe.storage.csv_columns import read_columns
+from probe.storage.import_table import PHASE, SIGNALS, CsvError, Table, saturated, signal
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -28,9 +30,9 @@ MAX_DRIFT_MM = 1.0  # a quarter of the paper's pitch: places further apart are n
 class Press:
     """One station's rows.
 
-    ``time_s`` and ``signal`` (n,) in the file's unit; ``reference_s`` and ``reference`` (m,).
-    All times lie in [``start_s``, ``end_s``). ``phases``: when which was entered, where that is
-    known.
+    ``time_s`` (n,), ``signal`` (n, channels) in the file's units and where it is ``saturated``;
+    ``reference_s`` and ``reference`` (m,). All times lie in [``start_s``, ``end_s``). ``phases``:
+    when which was entered, where that is known.
     """
 
     station: int
@@ -38,6 +40,7 @@ class Press:
     y_m: float
     time_s: Array
     signal: Array
+    saturated: Bools
     reference_s: Array
     reference: Array
     start_s: float
@@ -49,11 +52,12 @@ class Press:
 class CsvRecording:
     """A whole recording.
 
-    ``signal`` is the name of its column, ``notes`` what was left out, ``sha256`` of the text.
+    ``channels`` are those of the signal, ``columns`` the names in the file, ``notes`` what was left
+    out, ``sha256`` of the file, of a CSV as it is unpacked.
     """
 
     presses: tuple[Press, ...]
-    signal: str
+    channels: tuple[Channel, ...]
     has_reference: bool
     columns: tuple[str, ...]
     rows: int
@@ -61,37 +65,36 @@ class CsvRecording:
     sha256: str
 
 
-def read_csv(source: Path, content: bytes | None = None) -> CsvRecording:
-    """Read a CSV or .csv.gz, or the ``content`` that another format was turned into.
-
-    Raises `CsvError` naming column and row (1 is the header's).
-    """
-    notes: list[str] = []
-    table, left_out, digest = read_columns(source, content)
-    if left_out:
-        notes.append(f"columns left out: {', '.join(left_out)}")
-    signal = _signal(table)
-    presses = _apart(_presses(table, signal, notes), notes)
-    return CsvRecording(
-        tuple(presses),
-        signal,
-        "reference" in table,
-        tuple(map(str, table.columns)),
-        len(table),
-        tuple(notes),
-        digest,
-    )
-
-
-def _signal(table: pd.DataFrame) -> str:
-    given = [name for name in SIGNALS if name in table]
+def read_csv(source: Path) -> Table:
+    """A CSV or .csv.gz. Raises `CsvError` naming column and row (1 is the header's)."""
+    rows, left_out, digest = read_columns(source)
+    given = [name for name in SIGNALS if name in rows]
     if len(given) != 1:
         what = "none is there" if not given else f"{' and '.join(given)} are there"
         raise CsvError(f"exactly one of the columns {', '.join(SIGNALS)} is needed; {what}")
-    return given[0]
+    names, channel = tuple(map(str, rows.columns)), SIGNALS[given[0]]
+    rows = rows.rename(columns={given[0]: signal(0)}).assign(**{saturated(0): 0.0})
+    return Table(rows, (channel,), names, tuple(left_out), sha256=digest)
 
 
-def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
+def cut(table: Table) -> CsvRecording:
+    """The recording's stations. Raises `CsvError` naming column and row (1 is the header's)."""
+    if not len(table.rows):
+        raise CsvError("no rows below the column names")
+    notes = [f"columns left out: {', '.join(table.left_out)}"] if table.left_out else []
+    presses = _apart(_presses(table.rows, len(table.channels), notes), notes)
+    return CsvRecording(
+        tuple(presses),
+        table.channels,
+        "reference" in table.rows,
+        table.names,
+        len(table.rows),
+        tuple(notes),
+        table.sha256,
+    )
+
+
+def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press]:
     """The table cut into stations, rows without a reading left out."""
     time_s = _whole(table, "time_s")
     labels = _labels(table)
@@ -121,8 +124,9 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
                 "within a station"
             )
         fresh = np.append(True, steps > 0)
-        values = rows[signal].to_numpy()
-        read = fresh & np.isfinite(values)
+        values = rows[[signal(n) for n in range(channels)]].to_numpy(np.float64)
+        clipped = rows[[saturated(n) for n in range(channels)]].to_numpy(np.float64) > 0
+        read = fresh & np.isfinite(values).any(axis=1)
         doubled += int((~fresh).sum())
         if read.sum() < MIN_READINGS:
             raise CsvError(
@@ -139,6 +143,7 @@ def _presses(table: pd.DataFrame, signal: str, notes: list[str]) -> list[Press]:
             1e-3 * _middle(rows, "y_mm"),
             times[read],
             values[read],
+            clipped[read],
             times[known],
             beside[known],
             float(times[0]),

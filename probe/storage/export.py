@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 CONVENTIONS = "CF-1.11"
 OURS = ("stations", "config")
 PLACES = ("x_mm", "y_mm")
+SAID = ("units", "role", "simulated")
 UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 
 
@@ -73,7 +74,7 @@ def _csv(run: Run, out_dir: Path) -> list[Path]:
 
 
 def _parquet(run: Run, out_dir: Path) -> list[Path]:
-    """Tables with the units in their schema's metadata, which Arrow readers show."""
+    """Tables with what each column is in their schema's metadata, which Arrow readers show."""
     require("pyarrow", "export", "Parquet")
     import pyarrow
     from pyarrow import parquet
@@ -81,14 +82,13 @@ def _parquet(run: Run, out_dir: Path) -> list[Path]:
     stem = out_dir / run.path.stem
     written = [Path(f"{stem}-stations.parquet")]
     table = run.stations()
-    tables = [(table, {str(name): unit_of(str(name)) for name in table})]
+    tables = [(table, {str(n): {"units": unit} for n in table if (unit := unit_of(str(n)))})]
     for device, part in _file_parts(run).items():
         written.append(Path(f"{stem}-{part}.parquet"))
         tables.append(_frame(run, device))
-    for path, (frame, units) in zip(written, tables, strict=True):
+    for path, (frame, said) in zip(written, tables, strict=True):
         table = pyarrow.Table.from_pandas(frame, preserve_index=False)
-        fields = [f.with_metadata({"units": units[f.name]} if units.get(f.name) else None)
-                  for f in table.schema]  # fmt: skip
+        fields = [f.with_metadata(said.get(f.name)) for f in table.schema]
         about = {**(table.schema.metadata or {}), b"palpate": _about(run).encode()}
         parquet.write_table(table.cast(pyarrow.schema(fields, about)), path)
     return written
@@ -107,7 +107,7 @@ def _hdf5(run: Run, out_dir: Path) -> list[Path]:
     import h5py
 
     path = out_dir / f"{run.path.stem}.h5"
-    with h5py.File(path, "w") as file:
+    with h5py.File(path, "w", track_order=True) as file:
         file["config"] = _about(run)  # a dataset: attributes hold only 64 KiB
         file.attrs["Conventions"] = CONVENTIONS
         file.attrs["started_utc"] = run.started.started_utc
@@ -117,7 +117,7 @@ def _hdf5(run: Run, out_dir: Path) -> list[Path]:
         file.attrs["tactile"] = groups.get(tactile_or_none(run.channels) or "", "")
         for device, name in groups.items():
             data = run.samples(device)
-            group = file.create_group(name)
+            group = file.create_group(name, track_order=True)
             for column, variable in data.variables.items():
                 group[str(column)] = _storable(variable.values)
                 group[str(column)].attrs.update(variable.attrs)
@@ -174,8 +174,9 @@ def unit_of(column: str) -> str:
     return unit if unit in UNITS else ""
 
 
-def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, str]]:
-    """Samples as a table, each column's name ending in its unit; the units by column.
+def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, dict[str, str]]]:
+    """Samples as a table, each column's name ending in its unit; by column what is said of it: its
+    units, and of a channel its name, its role and whether it is simulated.
 
     The last two are where the station is, NaN between stations.
     """
@@ -191,12 +192,18 @@ def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, str]]:
         PLACES,
     )
     columns = {names[name]: variable.values for name, variable in variables}
-    units = {names[name]: variable.attrs.get("units", "") for name, variable in variables}
+    said = {
+        names[name]: {
+            key: str(variable.attrs[key]) for key in SAID if variable.attrs.get(key, "") != ""
+        }
+        | ({"channel": name} if "role" in variable.attrs else {})
+        for name, variable in variables
+    }
     places = run.stations().drop_duplicates("station").set_index("station")
     for axis in PLACES:
         columns[axis] = places[axis].reindex(data["station"].to_numpy()).to_numpy()
-        units[axis] = "mm"
-    return pd.DataFrame(columns), units
+        said[axis] = {"units": "mm"}
+    return pd.DataFrame(columns), said
 
 
 def _columns(group: "h5py.Group", table: pd.DataFrame) -> None:

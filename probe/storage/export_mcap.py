@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from drivers import Channel
 from drivers.core.extras import needs
+from probe.core.contact_stress import tactile_or_none
 from probe.core.events import Event, Note, Phase, RunEnded, RunStarted
 from probe.storage.distinct_names import ENDINGS, LABELS, channel_names, distinct
 
@@ -92,12 +93,15 @@ def write_mcap(run: "Run", path: Path) -> None:
     """Write the whole run; an existing file is replaced."""
     notable = [e for e in run.events() if isinstance(e, RunStarted | Note | RunEnded)]
     clock = WallClock([e for e in notable if isinstance(e, RunStarted)])
+    topics = distinct({device: field(device) for device in run.channels})
+    tactile = tactile_or_none(run.channels)
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="palpate")
         about = {
             "started_utc": run.started.started_utc,
             "simulated": ", ".join(run.simulated),
+            "tactile": f"/{topics[tactile]}/sample" if tactile else "",
             "finish": str(run.finish or ""),
             "clock_zero_unix_s": repr(float(clock.zeros_s[0])),
         }
@@ -105,7 +109,6 @@ def write_mcap(run: "Run", path: Path) -> None:
         config = json.dumps(run.config, indent=1, default=str).encode()
         at = int(clock.ns(np.array([run.started.time_s]))[0])
         writer.add_attachment(at, at, "config.json", "application/json", config)
-        topics = distinct({device: field(device) for device in run.channels})
         for device, topic in topics.items():
             _write_device(writer, device, topic, run.channels[device], run.samples(device), clock)
         _write_events(writer, notable, clock)

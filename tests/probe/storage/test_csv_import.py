@@ -13,7 +13,7 @@ from paths import SHARED
 
 from probe.core.events import Finish, Note
 from probe.storage.csv_import import CsvError, import_csv
-from probe.storage.csv_table import read_csv
+from probe.storage.csv_table import cut, read_csv
 from probe.storage.run import open_run
 from probe.storage.verify import verify
 from probe.storage.writer import StoreError
@@ -161,6 +161,21 @@ def test_gaps_doubles_and_uneven_times_are_kept_honestly(tmp_path: Path) -> None
         ("time_s\tforce_n\n0\t1\n", r"separated by '\\t'"),
         (table("time_s,force_n", "0,1,2,3"), "not a table|every row|not a number"),
         (
+            table("time_s,force_n", "0,1", "1,-1e300"),
+            r"row 3, column 'force_n': -1e\+300; -1e\+06 to",
+        ),
+        (
+            table("time_s,pressure_mbar", "0,2e7"),
+            r"column 'pressure_mbar': 2e\+07; .* 1e\+07 mbar is",
+        ),
+        (
+            table("time_s,force_n,x_mm", "0,1,1", "1,1,1e308"),
+            r"row 3, column 'x_mm': 1e\+308; .*mm",
+        ),
+        (table("time_s,force_n,y_mm", "0,1,-4000"), "column 'y_mm': -4000; -3000 to 3000 mm is"),
+        (table("time_s,force_n", "0,1", "1e15,1"), r"row 3, column 'time_s': 1e\+15; .* s is"),
+        (table("time_s,force_n,reference", "0,1,1e20"), r"row 2, column 'reference': 1e\+20"),
+        (
             table("time_s,force_n,station", *[f"{n},1,{s}" for s in (1, 2, 1) for n in range(5)]),
             "row 12: station 1 again",
         ),
@@ -172,6 +187,13 @@ def test_what_is_wrong_is_said_with_column_and_row(text: str, said: str, tmp_pat
         import_csv(source, tmp_path / "a.run")
     assert str(source) in str(caught.value)
     assert not (tmp_path / "a.run").exists()
+
+
+@pytest.mark.parametrize("face_mm2", [1e-300, 0.0, -1.0, 1e7, np.nan])
+def test_a_face_that_no_probe_has_is_refused(face_mm2: float, tmp_path: Path) -> None:
+    source = csv(tmp_path / "a.csv", table("time_s,force_n", *STEADY))
+    with pytest.raises(CsvError, match=r"face_mm2 = .*: must be from 1e-06 to 1e\+06 mm2"):
+        import_csv(source, tmp_path / "a.run", face_mm2=face_mm2)
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
@@ -210,7 +232,7 @@ def test_a_run_is_not_overwritten(tmp_path: Path) -> None:
 def test_no_bytes_break_the_reader(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "a.csv").write_bytes(content)
     try:
-        read = read_csv(tmp_path / "a.csv")
+        read = cut(read_csv(tmp_path / "a.csv"))
     except CsvError:
         return
     for press in read.presses:

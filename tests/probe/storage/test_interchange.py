@@ -263,7 +263,8 @@ def test_a_run_without_a_sample_is_exported_and_no_recording(
 def test_parquet_carries_units(path: Path, tmp_path: Path) -> None:
     file = next(f for f in export(path, ["parquet"], tmp_path) if "-force-" in f.name)
     schema = parquet.read_schema(file)
-    assert schema.field("force_N").metadata == {b"units": b"N"}
+    said = {b"units": b"N", b"role": b"force", b"simulated": b"1", b"channel": b"force"}
+    assert schema.field("force_N").metadata == said
     assert schema.field("time_s").metadata == {b"units": b"s"}
 
 

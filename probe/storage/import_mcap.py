@@ -1,0 +1,153 @@
+"""Samples in MCAP files: those that ``palpate export`` wrote, and WrenchStamped messages of others.
+
+Ours come to the bit, with the plan's places; geometry_msgs WrenchStamped in CDR or JSON.
+"""
+
+import json
+import struct
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drivers import Channel
+from drivers.core.arrays import Array
+from drivers.core.extras import needs
+from probe.core.contact_stress import tactile_or_none
+from probe.core.places import planned
+from probe.storage.import_device import PLACES, Device, face_mm2_of, judged, placed
+from probe.storage.import_table import (
+    PHASE,
+    SIGNALS,
+    CsvError,
+    Table,
+    check_size,
+    saturated,
+    signal,
+)
+
+with needs("data", "palpate import"):
+    import pandas as pd
+
+SAMPLE, WRENCH = "palpate_msgs/msg/", "WrenchStamped"
+ROLE = "role of "
+
+
+def read_mcap(source: Path, topic: str | None) -> Table:
+    """The samples of the device that the run was judged on, or the wrenches of ``topic``."""
+    with needs("export", "MCAP"):
+        from mcap.exceptions import McapError
+        from mcap.reader import make_reader
+
+    try:
+        with source.open("rb") as file:
+            reader = make_reader(file)
+            summary = reader.get_summary()
+            if summary is None:
+                raise CsvError("has no summary; `mcap recover` repairs it")
+            names = {
+                c.topic: summary.schemas[c.schema_id].name
+                for _, c in sorted(summary.channels.items())
+                if c.schema_id in summary.schemas
+            }
+            ours = [t for t, name in names.items() if name.startswith(SAMPLE)]
+            if ours and topic is None:
+                return _own_samples(reader, summary, ours)
+            wrenches = [t for t, name in names.items() if name.rpartition("/")[2] == WRENCH]
+            chosen = [t for t in wrenches if topic in (None, t)]
+            if len(chosen) != 1:
+                found = ", ".join(sorted(wrenches)) or "none"
+                raise CsvError(f"--topic must name one topic of WrenchStamped; found: {found}")
+            rows = [_wrench(c.message_encoding, m) for _, c, m in reader.iter_messages(chosen)]
+    except McapError as error:
+        raise CsvError(f"not a whole MCAP file ({error})") from None
+    table = pd.DataFrame(rows, columns=["time_s", signal(0)], dtype=float)
+    check_size(table["time_s"].to_numpy(), f"time of {chosen[0]}", "s")
+    check_size(table[signal(0)].to_numpy(), f"force.z of {chosen[0]}", "N")
+    return Table(table.assign(**{saturated(0): 0.0}), (SIGNALS["force_n"],), ("force_n",))
+
+
+def _wrench(encoding: str, message: Any) -> tuple[float, float]:
+    """Time [s] of the header, or of the log where it has none, and the force along z [N]."""
+    if encoding == "json":
+        decoded = json.loads(message.data)
+        stamp = decoded["header"]["stamp"]
+        nanosec = stamp.get("nanosec", stamp.get("nsec", 0))
+        return _time_s(stamp["sec"], nanosec, message), float(decoded["wrench"]["force"]["z"])
+    if encoding != "cdr":
+        raise CsvError(f"messages in {encoding!r}: cdr and json are read")
+    order = "<" if message.data[1] & 1 else ">"
+    seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", message.data, 4)
+    at = 12 + length
+    (force_z,) = struct.unpack_from(f"{order}d", message.data, 4 + at + -at % 8 + 16)
+    return _time_s(seconds, nanoseconds, message), force_z
+
+
+def _time_s(seconds: int, nanoseconds: int, message: Any) -> float:
+    total = int(seconds) * 1_000_000_000 + int(nanoseconds) or int(message.log_time)
+    return total * 1e-9
+
+
+def _own_samples(reader: Any, summary: Any, topics: list[str]) -> Table:
+    channels = {c.topic: c for c in summary.channels.values()}
+    devices = {topic: _device(reader, summary, channels[topic]) for topic in topics}
+    said = {one.name: one.metadata for one in reader.iter_metadata()}.get("palpate", {})
+    first = tactile_or_none({t: tuple(own.channels.values()) for t, own in devices.items()})
+    table = judged(devices, said.get("tactile") or first)
+    attached = {a.name: a.data for a in reader.iter_attachments()}
+    config = attached.get("config.json", b"{}")
+    places = planned(json.loads(config))
+    at_mm = {
+        name: {index + 1: round(1e3 * place[n], 9) for index, place in places.items()}
+        for n, name in enumerate(PLACES)
+    }
+    return placed(table, at_mm)._replace(face_mm2=face_mm2_of(config))
+
+
+def _device(reader: Any, summary: Any, channel: Any) -> Device:
+    layout = _layout(summary.schemas[channel.schema_id].data.decode())
+    said = channel.metadata
+
+    @cache
+    def samples() -> Any:
+        topics = [channel.topic]
+        bodies = (m.data[4:][: layout.itemsize] for _, _, m in reader.iter_messages(topics))
+        return np.frombuffer(b"".join(bodies), layout)
+
+    def read(name: str) -> Array:
+        return np.asarray(samples()["phase" if name == PHASE else name], np.float64)
+
+    channels = {
+        name: Channel(
+            name, said.get(f"unit of {name}", ""), role, simulated=bool(said.get("simulated"))
+        )
+        for name in layout.names or ()
+        if (role := said.get(ROLE + name)) is not None
+    }
+    return Device(channels, {*(layout.names or ()), PHASE}, read)
+
+
+def _layout(text: str) -> np.dtype[np.void]:
+    """Fields of the message behind its header."""
+    kinds = {"float64": "<f8", "int32": "<i4", "uint8": "<u1", "bool": "<u1"}
+    at, names, formats, offsets = 12 + len("scan") + 1, [], [], []
+    for kind, name in _fields(text):
+        if "=" in name or kind not in kinds:
+            continue
+        size = np.dtype(kinds[kind]).itemsize
+        at += -at % size
+        names.append(name)
+        formats.append(kinds[kind])
+        offsets.append(at)
+        at += size
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at})
+
+
+def _fields(text: str) -> Iterator[tuple[str, str]]:
+    """Type and name of each field of the first message of a ROS 2 definition."""
+    for line in text.split("=" * 80)[0].splitlines():
+        words = line.partition("#")[0].split()
+        if len(words) == 2:
+            yield words[0], words[1]

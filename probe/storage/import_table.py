@@ -1,0 +1,83 @@
+"""A recording from elsewhere as numbers, whatever its file is, and which numbers are possible."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from drivers import Channel
+from drivers.core.arrays import Array
+from drivers.core.extras import needs
+from drivers.core.protocols import MAX_RATE_HZ
+from drivers.core.units import to_si
+from probe.core.recording import FARTHEST_M
+
+with needs("data", "palpate import"):
+    import pandas as pd
+
+SIGNALS = {
+    "force_n": Channel("force", "N", "force"),
+    "pressure_pa": Channel("pressure", "Pa", "pressure"),
+    "pressure_mbar": Channel("pressure", "mbar", "pressure"),
+}
+PHASE = "phase_number"  # which of `Phase`, from 0
+LARGEST = {
+    "s": 2**52 / MAX_RATE_HZ,  # beyond, the times of the fastest sensor's samples are the same
+    "N": 1e6,  # an FT-300 reads 300 N, and testing machines that press so hard fill a hall
+    "Pa": 1e9,  # steel yields below
+    "m": FARTHEST_M,
+    "": 2.0**63,  # counts: no converter has more bits
+}
+FACE_MM2 = (1e-6, 1e6)
+"""The least and the largest face of a probe: the tip of a force microscope, and a square metre."""
+
+
+class CsvError(ValueError):
+    """A recording that cannot be imported: the text names file, column, row and what is allowed."""
+
+
+class Table(NamedTuple):
+    """A recording's ``rows`` as numbers, NaN where nothing is there.
+
+    Their columns: ``time_s``; `signal` and `saturated` of each of ``channels``, in its unit; and of
+    ``x_mm``, ``y_mm``, ``station``, ``reference`` and `PHASE` those that are known. ``names`` are
+    the columns by their names in the file, ``left_out`` those not taken, ``face_mm2`` the probe's
+    face where the file has it, ``sha256`` that of the file.
+    """
+
+    rows: pd.DataFrame
+    channels: tuple[Channel, ...]
+    names: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+    face_mm2: float | None = None
+    sha256: str = ""
+
+
+def signal(number: int) -> str:
+    """The column of the readings of a channel."""
+    return f"signal_{number}"
+
+
+def saturated(number: int) -> str:
+    """The column that is 1 where a channel clipped."""
+    return f"saturated_{number}"
+
+
+def check_size(values: Array, name: str, unit: str, first_row: int = 1) -> None:
+    """Raises `CsvError`, naming column and row, for numbers (n,) that no device says."""
+    base, factor = to_si(unit)
+    largest = LARGEST.get(base, LARGEST[""]) / factor
+    wrong = np.flatnonzero(np.abs(values) > largest)
+    if len(wrong):
+        raise CsvError(
+            f"row {wrong[0] + first_row}, column {name!r}: {values[wrong[0]]:g}; "
+            f"{-largest:g} to {largest:g} {unit}".rstrip()
+            + " is allowed, and no device says more; is it in another unit?"
+        )
+
+
+def check_face(face_mm2: float | None, said_by: str) -> None:
+    """Raises `CsvError`, naming who said it, for a face that no probe has."""
+    if face_mm2 is not None and not FACE_MM2[0] <= face_mm2 <= FACE_MM2[1]:
+        raise CsvError(
+            f"{said_by} = {face_mm2:g}: must be from {FACE_MM2[0]:g} to {FACE_MM2[1]:g} mm2"
+        )

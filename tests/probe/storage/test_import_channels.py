@@ -1,0 +1,162 @@
+"""What an export brings back: the channels that its run was judged on, and what clipped."""
+
+import math
+from collections.abc import Mapping
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from drivers import Block, Channel
+from drivers.core.arrays import Array, Bools
+from probe.core.events import Finish, RunEnded, RunStarted, Samples, StationEnded, StationStarted
+from probe.storage.csv_import import CsvError, import_csv
+from probe.storage.export import export
+from probe.storage.run import open_run
+from probe.storage.writer import create_store
+
+FORMS = ["csv", "parquet", "hdf5", "netcdf", "mcap"]
+SAYING = FORMS[1:]  # what their channels are
+TAXELS = tuple(Channel(f"r0c{n}", "Pa", "taxel", simulated=True) for n in range(12))
+CELL = (Channel("force", "N", "force"), Channel("fx", "N"))
+Devices = Mapping[str, tuple[Channel, ...]]
+
+
+def run_of(
+    folder: Path, channels: Devices, force: Array | None = None, clipped: Bools | None = None
+) -> Path:
+    """A run of one station; each channel reads another ramp, all of them ``force`` if given."""
+    time_s = 0.01 * np.arange(1, 41)
+    with create_store(folder / "a.run") as store:
+        config = {"face_mm2": 25.0, "plan": {"stations": [[0, 5.0, None]], "columns": ["index"]}}
+        store(RunStarted(0.0, "2026-01-02T03:04:05+00:00", config, channels))
+        store(StationStarted(0.0, 0, 1, 5e-3, math.nan))
+        for d, (device, own) in enumerate(channels.items()):
+            values = 100.0 * d + np.arange(len(own)) + 0.1 * np.arange(40.0)[:, None]
+            if force is not None:
+                values = np.repeat(force[:, None], len(own), axis=1)
+            marks = np.zeros(values.shape, bool)
+            if clipped is not None:
+                marks[:, 0] = clipped
+            store(Samples(device, Block(time_s, values, marks), 0, 1))
+        store(StationEnded(1.0, 0, 1, complete=True))
+        store(RunEnded(1.0, Finish.COMPLETED, ""))
+    return folder / "a.run"
+
+
+def exported(run: Path, form: str, device: str) -> Path:
+    files = export(run, [form], run.parent / "out")
+    (file,) = (f for f in files if len(files) == 1 or f"-{device}" in f.name)
+    return file
+
+
+def same(run: Path, back: Path) -> bool:
+    """Whether detection works on the same of both, to the bit."""
+    (then,), (now,) = (open_run(one).recording().stations for one in (run, back))
+    return np.array_equal(now.signal_pa, then.signal_pa, equal_nan=True) and np.array_equal(
+        now.saturated, then.saturated
+    )
+
+
+@pytest.mark.parametrize("form", SAYING)
+def test_taxels_come_back_although_a_load_cell_is_beside_them(form: str, tmp_path: Path) -> None:
+    run = run_of(tmp_path, {"skin": TAXELS, "cell": CELL})
+    back = import_csv(exported(run, form, "skin"), tmp_path / "b.run").path
+    assert same(run, back)
+    recording = open_run(back).recording()
+    assert recording.channels == tuple(f"imported.{one.name}" for one in TAXELS)
+    assert recording.face_m2 == pytest.approx(25e-6)
+    assert len(recording.simulated) == len(TAXELS)
+
+
+@pytest.mark.parametrize("form", SAYING)
+@pytest.mark.parametrize("unit", ["N", "mN", "kPa"])
+def test_a_channel_comes_back_whatever_its_name_and_unit(
+    form: str, unit: str, tmp_path: Path
+) -> None:
+    role = "force" if unit.endswith("N") else "pressure"
+    channels = {"a": (Channel("ecg", "mV"), Channel("pressed", unit, role)), "cell": CELL}
+    run = run_of(tmp_path, channels)
+    back = import_csv(exported(run, form, "a."), tmp_path / "b.run").path
+    assert same(run, back)
+    assert open_run(back).samples()["pressed"].attrs["units"] == unit
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("role", ["force", "taxel"])
+def test_what_clipped_is_still_known_to_have_clipped(form: str, role: str, tmp_path: Path) -> None:
+    channels = {"cell": CELL if role == "force" else TAXELS}
+    if (role, form) == ("taxel", "csv"):
+        pytest.skip("a CSV says of no column that it is a taxel")
+    force = np.minimum(np.arange(40.0), 30.0)
+    run = run_of(tmp_path, channels, force, force == 30.0)
+    assert open_run(run).recording().stations[0].saturated[:, 0].sum() == 10
+    back = import_csv(exported(run, form, "cell"), tmp_path / "b.run", face_mm2=25.0).path
+    assert same(run, back)
+
+
+@pytest.mark.parametrize("form", SAYING)
+def test_a_taxel_that_is_missing_for_a_while_is_missing_still(form: str, tmp_path: Path) -> None:
+    events = list(open_run(run_of(tmp_path, {"skin": TAXELS})).events())
+    with create_store(tmp_path / "gaps.run") as store:
+        for event in events:
+            if isinstance(event, Samples):
+                event.block.values[[3, 9], 0] = math.nan
+            store(event)
+    back = import_csv(exported(tmp_path / "gaps.run", form, "skin"), tmp_path / "b.run").path
+    assert same(tmp_path / "gaps.run", back)
+
+
+def test_a_csv_of_taxels_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    file = exported(run_of(tmp_path, {"skin": TAXELS, "cell": CELL}), "csv", "skin")
+    with pytest.raises(CsvError, match=r"no column of force_n, .*it has .*r0c0_Pa.*HDF5") as caught:
+        import_csv(file, tmp_path / "b.run")
+    assert str(file) in str(caught.value)
+    assert not (tmp_path / "b.run").exists()
+
+
+def test_a_mark_of_clipping_that_is_no_mark_is_refused(tmp_path: Path) -> None:
+    file = exported(run_of(tmp_path, {"cell": CELL}), "csv", "cell")
+    file.write_text(file.read_text().replace("False", "perhaps", 1))
+    with pytest.raises(CsvError, match="row 2, column 'force_saturated': 'perhaps'; True or False"):
+        import_csv(file, tmp_path / "b.run")
+
+
+def test_an_older_file_that_does_not_say_which_sensor_is_refused(tmp_path: Path) -> None:
+    """Exports had no attribute `tactile` once: with one sensor they are imported as they were."""
+    for channels, known in (({"skin": TAXELS, "cell": CELL}, False), ({"cell": CELL}, True)):
+        folder = tmp_path / str(known)
+        folder.mkdir()
+        file = exported(run_of(folder, channels), "hdf5", "")
+        with h5py.File(file, "a") as opened:
+            del opened.attrs["tactile"]
+        if known:
+            assert import_csv(file, folder / "b.run").samples == 40
+            continue
+        with pytest.raises(CsvError, match=r"which of skin, cell .*and 4 more.*import the CSV"):
+            import_csv(file, folder / "b.run")
+
+
+def test_no_other_sensor_is_taken_where_that_of_the_run_is_not_there(tmp_path: Path) -> None:
+    file = exported(run_of(tmp_path, {"skin": TAXELS, "cell": CELL}), "hdf5", "")
+    with h5py.File(file, "a") as opened:
+        del opened["skin"]
+    with pytest.raises(CsvError, match=r"judged on 'skin'.*it has cell \(force, fx\)"):
+        import_csv(file, tmp_path / "b.run")
+
+
+@pytest.mark.parametrize("form", SAYING)
+def test_an_export_with_nothing_of_a_sensor_says_what_is_there(form: str, tmp_path: Path) -> None:
+    run = run_of(tmp_path, {"ecg": (Channel("lead", "mV", "reference"),)})
+    with pytest.raises(CsvError, match=r"no force, pressure or taxel channel.* \(lead\)"):
+        import_csv(exported(run, form, "ecg"), tmp_path / "b.run")
+
+
+@pytest.mark.parametrize("form", ["parquet", "hdf5", "mcap"])
+def test_a_reading_that_no_device_says_is_refused(form: str, tmp_path: Path) -> None:
+    force = np.arange(40.0)
+    force[6] = 1e300
+    file = exported(run_of(tmp_path, {"cell": CELL}, force), form, "cell")
+    with pytest.raises(CsvError, match=r"row 7, column '.*/force': 1e\+300; -1e\+06 to 1e\+06 N"):
+        import_csv(file, tmp_path / "b.run")
