@@ -71,6 +71,11 @@ def unfinished(path: str | PathLike[str]) -> Unfinished:
     """Read what is left to do. Raises `RunFileError` for a damaged file or one without a rig."""
     path = path_of(path, "a run or the name of its file")
     run = open_run(path)
+    if "imported" in run.config:
+        raise RunFileError(
+            f"{path}: was imported, not scanned here: no stage moved for it, so there is nothing "
+            "to go on with; `palpate detect` says what is in it, `palpate scan` makes a new run"
+        )
     try:
         rig = Rig.model_validate(run.config["rig"])
         scene = run.config.get("scene")

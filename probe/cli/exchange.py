@@ -69,12 +69,11 @@ def import_run(
 
     Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar; if known
     x_mm, y_mm, station, reference. What `palpate export` wrote is read too, and MCAP files with
-    geometry_msgs/WrenchStamped: the force along z is taken as the normal force.
+    geometry_msgs/WrenchStamped: the force along z is taken as the normal force. Of an export with
+    several sensors the one that the run was judged on is taken.
     """
     from probe.storage.csv_import import import_csv
 
-    if face_mm2 is not None and not face_mm2 > 0:
-        raise typer.BadParameter(f"--face-mm2 {face_mm2:g}: must be above 0")
     made = import_csv(file, out, face_mm2=face_mm2, topic=topic)
     for note in made.notes:
         inform(f"note: {note}")

@@ -71,9 +71,10 @@ def _pa_per_unit(channel: Channel, area_m2: float) -> float:
 
 def face_m2_of(config: Mapping[str, Any], face_mm2: float | None = None) -> float:
     """The probe's face [m2]: ``face_mm2``, or the run's, or NaN. Raises `RunFileError`."""
-    face_mm2 = face_mm2 or config.get("face_mm2")
-    if face_mm2 is not None and not (isinstance(face_mm2, int | float) and face_mm2 > 0):
-        raise RunFileError(f"config.face_mm2 = {face_mm2!r}: must be above 0")
+    said_by = "config.face_mm2" if face_mm2 is None else "face_mm2"
+    face_mm2 = config.get("face_mm2") if face_mm2 is None else face_mm2
+    if face_mm2 is not None and not (isinstance(face_mm2, int | float) and 0 < face_mm2 < math.inf):
+        raise RunFileError(f"{said_by} = {face_mm2!r}: must be above 0, in mm2")
     face_m2 = square_metres(face_mm2)
     return math.nan if face_m2 is None else face_m2
 

@@ -69,8 +69,8 @@ def detect(
     recording = recording_of(source)
     if asked_pa is None:
         asked_pa = HEALTHY_PULSE_N / recording.face_m2
-    elif not asked_pa > 0:
-        raise ValueError(f"asked_pa is {asked_pa:g}; it is a pulse in Pa, more than 0")
+    elif not 0 < asked_pa < np.inf:
+        raise ValueError(f"asked_pa is {asked_pa:g}; it is a pulse in Pa, more than 0 and finite")
     rows = recording.rows()
     in_rows = _most_places(recording, rows) >= MIN_STATIONS
     mapped = in_rows or is_field(recording.stations, rows)

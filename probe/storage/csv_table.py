@@ -160,9 +160,10 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
 
 
 def _phases(rows: pd.DataFrame, times: Array) -> tuple[tuple[float, int], ...]:
-    """The first time of each phase."""
+    """When each phase was entered: between its first sample and the one before."""
     numbers = rows[PHASE].to_numpy() if PHASE in rows else np.full(len(rows), np.nan)
     at, known = times[np.isfinite(numbers)], numbers[np.isfinite(numbers)].astype(int)
+    at = np.concatenate([at[:1], (at[:-1] + at[1:]) / 2])
     entered = np.flatnonzero(np.diff(known, prepend=-1))
     return tuple(zip(at[entered].tolist(), known[entered].tolist(), strict=True))
 

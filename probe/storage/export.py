@@ -6,7 +6,7 @@ conventions have them. MCAP: see `probe.storage.export_mcap`.
 """
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -48,9 +48,9 @@ def export(
     >>> sorted(file.name for file in files)[0]
     'TIHA-config.json'
     """
-    if isinstance(formats, str):
-        formats = [name.strip() for name in formats.split(",")]
-    if unknown := [name for name in formats if name not in WRITERS]:
+    if isinstance(formats, str) or not isinstance(formats, Iterable):
+        formats = [name.strip() for name in str(formats).split(",")]
+    if unknown := [str(name) for name in formats if name not in WRITERS]:
         raise ValueError(f"format {', '.join(unknown)!r}: known are {', '.join(WRITERS)}")
     run, out_dir = open_run(run_path), Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)

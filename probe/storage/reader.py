@@ -37,6 +37,8 @@ class NotBegun(RunFileError):
 @contextmanager
 def reading(path: Path) -> Iterator[sqlite3.Connection]:
     """A connection to one consistent state of the run. Raises `RunFileError`."""
+    if "\0" in str(path):
+        raise RunFileError(f"{str(path)!r}: no such run file; no file's name has a zero byte")
     try:
         with ExitStack() as stack:
             yield _opened(path.resolve(), stack)  # a log lies beside the file, not beside a link

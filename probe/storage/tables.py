@@ -135,8 +135,13 @@ def with_samples(
     """``events`` with the rows of ``changed`` in place of the samples of its device.
 
     ``changed`` is what `samples` gives. A press with no row left is left out. Raises `RunFileError`
-    for a device or column that is missing, and for times that go back.
+    for a device or column that is missing, and for times that go back; `TypeError` for no table.
     """
+    if not isinstance(changed, xr.Dataset | pd.DataFrame):
+        raise TypeError(
+            "samples: what Run.samples gives is needed, or a pandas table of it; what was given is "
+            f"of type {type(changed).__name__}"
+        )
     device = str(changed.attrs.get("device") or tactile_device(run.channels))
     if device not in run.channels:
         raise RunFileError(f"samples of {device!r}: the run has {', '.join(run.channels)}")

@@ -133,6 +133,25 @@ def test_a_face_or_a_place_in_other_units_is_refused() -> None:
     assert np.isnan(replace(good, face_m2=np.nan).face_m2)
 
 
+def test_a_value_that_says_nothing_is_refused(run: palpate.Run, tmp_path: Path) -> None:
+    """In place of being passed over, or of an error from deep inside."""
+    three: Any = 3
+    nothing: Any = None
+    for face_mm2 in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(palpate.RunFileError, match=r": face_mm2 = .*: must be above 0"):
+            run.recording(face_mm2=face_mm2)
+    with pytest.raises(TypeError, match=r"samples: what Run\.samples gives is needed.*type int"):
+        run.recording(samples=three)
+    for asked_pa in (0.0, np.inf, np.nan):
+        with pytest.raises(ValueError, match=r"asked_pa is .*more than 0 and finite"):
+            palpate.detect(run, asked_pa=asked_pa)
+    for formats in (nothing, three, [nothing], "doc"):
+        with pytest.raises(ValueError, match=r"format '(None|3|doc)': known are csv, hdf5"):
+            palpate.export(run, formats, tmp_path)
+    with pytest.raises(palpate.RunFileError, match=r"'a\\x00b': no such run file; .*zero byte"):
+        palpate.open_run("a\0b")
+
+
 def test_a_grids_finding_is_shown_as_maps() -> None:
     def shown(*places_m: tuple[float, float]) -> str:
         stations = tuple(

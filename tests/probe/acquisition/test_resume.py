@@ -22,6 +22,7 @@ from probe.acquisition.resume import resume, unfinished
 from probe.acquisition.session import ScanResult, scan
 from probe.config.rig import Device, Rig
 from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples
+from probe.storage.csv_import import import_csv
 from probe.storage.run import RunFileError, follow, open_run
 from probe.storage.verify import verify
 from probe.storage.writer import StoreError, create_store, reopen_store
@@ -170,6 +171,15 @@ def test_a_complete_run_is_left_alone(undisturbed: Path, winkler: Any) -> None:
     with pytest.raises(RunFileError, match="all 5 stations are complete"):
         resume(undisturbed, respond=winkler)
     assert undisturbed.read_bytes() == before
+
+
+def test_an_imported_recording_cannot_be_gone_on_with(tmp_path: Path) -> None:
+    """Nothing was moved for it here."""
+    rows = "\n".join(f"{n / 100:g},{n}" for n in range(50))
+    (tmp_path / "press.csv").write_text(f"time_s,pressure_pa\n{rows}\n")
+    path = import_csv(tmp_path / "press.csv", tmp_path / "a.run").path
+    with pytest.raises(RunFileError, match=r"a\.run: was imported, not scanned.*palpate detect"):
+        unfinished(path)
 
 
 def test_a_run_is_not_resumed_while_it_is_scanned(tmp_path: Path, winkler: Any) -> None:

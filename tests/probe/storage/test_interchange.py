@@ -125,6 +125,9 @@ def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) ->
     ):
         assert one.hold_s == pytest.approx(other.hold_s, abs=5e-3)  # to a sample
         assert one.retract_s == pytest.approx(other.retract_s, abs=5e-3)
+        assert np.array_equal(one.time_s, other.time_s)  # since the tare
+        held = [(s.time_s >= s.hold_s) & (s.time_s <= s.retract_s) for s in (one, other)]
+        assert np.array_equal(*held)
     assert verify(back.path).problems == ()
 
 
