@@ -22,7 +22,7 @@ SIGNALS = {
 PHASE = "phase_number"  # which of `Phase`, from 0
 LARGEST = {
     "s": 2**52 / MAX_RATE_HZ,  # beyond, the times of the fastest sensor's samples are the same
-    "N": 1e6,  # an FT-300 reads 300 N, and testing machines that press so hard fill a hall
+    "N": 1e6,  # an FT-300, of all sensors here with the largest range, reads 300 N
     "Pa": 1e9,  # steel yields below
     "m": FARTHEST_M,
     "": 2.0**63,  # counts: no converter has more bits
