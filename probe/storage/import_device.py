@@ -50,16 +50,14 @@ def judged(devices: Mapping[str, Device], tactile: str | None) -> Table:
         picked = [listed[n] for n in stress_conversion([c for _, c in listed], 1.0).columns]
     except RunFileError as error:
         raise CsvError(f"{name}: {error}") from None
-    rows = _labelled(device)
+    added: dict[str, Array | float] = {}
     for n, (column, _) in enumerate(picked):
-        rows[signal(n)] = _readings(name, device, column)
+        added[signal(n)] = _readings(name, device, column)
         clipped = f"{column}_saturated"
-        rows[saturated(n)] = device.read(clipped) if clipped in device.columns else 0.0
-    if PHASE in device.columns:
-        rows[PHASE] = device.read(PHASE)
-    for place in PLACES:
-        if place in device.columns:
-            rows[place] = device.read(place)
+        added[saturated(n)] = device.read(clipped) if clipped in device.columns else 0.0
+    added |= {other: device.read(other) for other in (PHASE, *PLACES) if other in device.columns}
+    labels = _labelled(device)
+    rows = pd.concat([labels, pd.DataFrame(added, labels.index)], axis=1)
     rows = _with_reference(rows, name, devices)
     columns = tuple(f"{column}_{channel.unit}".lower() for column, channel in picked)
     return placed(Table(_last_attempts(rows), tuple(c for _, c in picked), columns))
