@@ -8,6 +8,7 @@ the stage while nothing is wrong.
 import math
 import time
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -21,7 +22,7 @@ from probe.acquisition.levels import LEVEL_S, little
 from probe.acquisition.lifting import begin_lift
 from probe.acquisition.readiness import make_ready
 from probe.acquisition.readings import STAGE, STAGE_CHANNELS
-from probe.acquisition.retreat import STOP_AGAIN_S
+from probe.acquisition.retreat import STOP_AGAIN_S, UP_M
 from probe.acquisition.run_loop import FINE_S, TICK_S, RunLoop
 from probe.acquisition.safety_monitor import SafetyMonitor
 from probe.acquisition.stop_rules import ABORTED, no_contact
@@ -144,15 +145,42 @@ class _Scan(RunLoop):
                 sensor.connect()
                 sensor.start()
         except DeviceFault as fault:
+            self._note_not_lifted()
             raise self._interruption(fault) from fault
         homes = getattr(self.stage, "homes", False)
         self.monitor.start(homes=homes)
-        self.handle()
         if homes:
             self._home()
+            return
+        try:
+            self.handle()
+        except Interrupted as error:  # the tip may stand in the tissue, left there by another scan
+            if (why := self._leave(error)).finish is not None:
+                raise why from error
+            self._pause()
+
+    def _note_not_lifted(self) -> None:
+        """A stage that is not ready is not moved: say so where its tip is not known to be up."""
+        where = "where it stands is not known"
+        with suppress(DeviceFault):
+            here = self.monitor.pose()
+            if here.z >= self.plan.travel_z_m - UP_M:
+                return
+            x, y, z = (1e3 * at for at in here[:3])
+            where = f"it stands at {x:.2f}, {y:.2f}, {z:.2f} mm"
+        self._warn_not_lifted(f"nothing was moved; {where}")
+
+    def _warn_not_lifted(self, why: str) -> None:
+        text = f"the probe was not lifted: {why}; look at it before anything moves it"
+        self.bus.note("warning", self.stage.name, text)
 
     def _home(self) -> None:
         """Have the stage find its switches: the only way it goes that no plan shows."""
+        try:
+            self.handle()
+        except Interrupted:
+            self._warn_not_lifted("nothing was moved; where it stands is known once it was homed")
+            raise
         self.enter(Phase.HOMING)
         self.bus.note("info", self.stage.name, "moves to its limit switches and to its park")
         over = self.monitor.home()
@@ -165,6 +193,7 @@ class _Scan(RunLoop):
             while not over.is_set() and self.clock.now() - began_s < HOME_STOPS_S:
                 self.stage.stop()
                 over.wait(STOP_AGAIN_S)
+            self._warn_not_lifted("its homing was broken off; where it stands is not known")
             by_user = why.device == "user"
             finish = Finish.ABORTED if by_user else Finish.FAULTED
             reason = STOPPED if by_user else why.reason
