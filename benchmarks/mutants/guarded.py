@@ -343,6 +343,11 @@ GUARDED = (
         (f"{TEST_ENGINE}::test_a_resumed_run_skips_what_is_complete",),
     ),
     Mutant(
+        "a tip that stands in the tissue as a scan connects is left there", ENGINE,
+        "if (why := self._leave(error)).finish is not None:", "if (why := error).finish is not None:",
+        ("tests/probe/acquisition/test_connecting.py",),
+    ),
+    Mutant(
         "a probe that was not lifted is not told", ENGINE,
         "if retreat.why_not is not None or not retreat.done:", "if not retreat.done:",
         (), ("simulated 24 board restarts",),

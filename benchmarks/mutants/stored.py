@@ -143,4 +143,14 @@ STORED = (
         ("tests/probe/storage/test_lost_files.py::"
          "test_what_came_during_the_last_commit_is_kept_too",),
     ),
+    Mutant(
+        "a run that is cut short is not noticed", "probe/storage/moved_away.py",
+        "if found.st_size < seen.st_size and", "if False and",
+        ("tests/probe/storage/test_cut_files.py",),
+    ),
+    Mutant(
+        "an emptied log is always lost", "probe/storage/moved_away.py",
+        "return frames <= 0 or", "return False and",
+        ("tests/probe/storage/test_cut_files.py::test_another_programs_checkpoint_is_no_harm",),
+    ),
 )  # fmt: skip

@@ -102,20 +102,20 @@ def scan(
     labels = labels_of(operator, specimen, note or [])
     whole, _ = resolve_rig(rig, scene)
     control = Control()
-    with keeping(live) as opened:
-        with ctrl_c(control), ScanProgress(len(plan_for(whole).places)) as progress:
-            scanned = scan_with(
-                whole,
-                out=out,
-                seed=seed,
-                labels=labels,
-                fallback=fallback,
-                real_time=real_time or live,
-                control=control,
-                observers=[progress, *publishers(lsl)],
-                opened=opened,
-            )
-        status = print_result(scanned, began_s, report=report, as_json=json)
+    shown = ScanProgress(len(plan_for(whole).places))
+    with keeping(live) as opened, ctrl_c(control), shown as progress:
+        scanned = scan_with(
+            whole,
+            out=out,
+            seed=seed,
+            labels=labels,
+            fallback=fallback,
+            real_time=real_time or live,
+            control=control,
+            observers=[progress, *publishers(lsl)],
+            opened=opened,
+        )
+    status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)
 
 
@@ -155,18 +155,17 @@ def resume(
     began_s = time.perf_counter()
     left, control = unfinished(run), Control()
     total, done = len(left.plan.places), len(left.completed)
-    with keeping(live) as opened:
-        with ctrl_c(control), ScanProgress(total, done) as progress:
-            scanned = go_on(
-                run,
-                fallback=fallback,
-                real_time=real_time or live,
-                control=control,
-                observers=[progress],
-                opened=opened,
-                trust=trust,
-            )
-        status = print_result(scanned, began_s, report=report, as_json=json)
+    with keeping(live) as opened, ctrl_c(control), ScanProgress(total, done) as progress:
+        scanned = go_on(
+            run,
+            fallback=fallback,
+            real_time=real_time or live,
+            control=control,
+            observers=[progress],
+            opened=opened,
+            trust=trust,
+        )
+    status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)
 
 
@@ -201,7 +200,7 @@ def keeping(live: bool) -> Iterator[Callable[[Path, Sequence[str]], None]]:
         yield opened
     except BaseException:
         if files:
-            inform(f"What was read is kept in {files[-1]}")
+            inform(what_is_left(files[-1]))
         raise
 
 
@@ -220,7 +219,7 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
     from probe.core.events import Finish
     from probe.storage.run import open_run
 
-    path, ended = scanned.path, scanned.ended
+    path, ended, shown = scanned.path, scanned.ended, False
     try:
         recording = open_run(path).recording()
         found = finding_json(path, recording, began_s)
@@ -235,6 +234,7 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
             answer(f"Run: {path}")
             if recording.stations:  # without one there is nothing to report
                 answer(f"Report: {found.get('report', next_command('report', path))}")
+        shown = True
     finally:  # how the scan ended is said even if its file cannot be read now
         if ended.finish is not Finish.COMPLETED:
             how = f"The scan was {ended.reason}"
@@ -242,6 +242,25 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
                 why = "this" if already_reported(ended.reason) else "a"
                 how = f"{why} fault ended the scan".capitalize()
                 how += "" if why == "this" else f": {ended.reason}"
-            inform(f"{how}. What was read is in {path}")
+            inform(f"{how}. {what_is_left(path)}")
             inform(f"To go on where it broke off: {next_command('resume', path)}")
+        elif not shown:
+            inform(what_is_left(path))
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)
+
+
+def what_is_left(path: Path) -> str:
+    """Where what a scan has read is, once it was looked at, or what is left of it."""
+    from probe.core.errors import RunFileError
+    from probe.storage.verify import verify
+
+    try:
+        report = verify(path)
+    except RunFileError as error:
+        return f"What was read cannot be read now: {error}"
+    if report.ok:
+        return f"What was read is in {path}"
+    return (
+        f"Of what was read {report.events} events are left in {path}, which is damaged: "
+        f"{report.problems[0].splitlines()[0]}"
+    )

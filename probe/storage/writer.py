@@ -42,8 +42,8 @@ class Store:
     """A sink of the scan's events; made by `create_store` or `reopen_store`.
 
     ``committed`` counts the events that are safe; ``slowest_s`` is the longest that one has waited
-    for that. ``path`` is where they are: a run that is deleted, moved or replaced while it is
-    written goes on under another name.
+    for that. ``path`` is where they are: a run that is deleted, replaced or cut short while it is
+    written is kept under another name.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection, lock: int) -> None:
@@ -52,7 +52,8 @@ class Store:
         self.slowest_s = 0.0
         self._connection = connection
         self._lock = lock
-        self._in_place = InPlace(path, lock)
+        self._in_place = InPlace(path, lock, connection)
+        self._whole = True
         last = connection.execute("SELECT id, chain FROM event ORDER BY id DESC LIMIT 1").fetchone()
         self._id: int = last[0] if last else 0
         self._chain: bytes = last[1] if last else FIRST
@@ -140,6 +141,7 @@ class Store:
         try:
             while self._wait():
                 self._commit_waiting()
+            self._look(committed=0)
         except (sqlite3.Error, OSError, ValueError, StoreError) as error:
             with self._change:
                 known = isinstance(error, StoreError)
@@ -147,7 +149,8 @@ class Store:
                 self._waiting.clear()
                 self._change.notify_all()
         finally:
-            _seal(self._connection)
+            if self._whole:
+                _seal(self._connection)
             self._connection.close()
             release(self._lock)
 
@@ -161,13 +164,9 @@ class Store:
     def _commit_waiting(self) -> None:
         with self._change:
             batch = [self._waiting[n] for n in range(min(len(self._waiting), ROWS))]
+        self._look(committed=0)
         self._commit([event for _, event in batch])
-        if (lost := self._in_place.lost()) is not None:
-            with self._change:
-                came_since = [event for _, event in self._waiting][len(batch) :]
-            for n in range(0, len(came_since), ROWS):
-                self._commit(came_since[n : n + ROWS])
-            raise StoreError(self._rescued(lost))
+        self._look(committed=len(batch))
         with self._change:
             for _ in batch:
                 self._waiting.popleft()
@@ -175,14 +174,27 @@ class Store:
             self.committed += len(batch)
             self._change.notify_all()
 
-    def _rescued(self, lost: Path) -> str:
-        """Keep what was committed although ``lost`` is gone; what happened, in words."""
-        happened = f"{lost}: was deleted, moved or replaced while the scan wrote it"
+    def _look(self, committed: int) -> None:
+        """Raises `StoreError` where the run is lost, once all that waits is kept elsewhere too, but
+        for the first ``committed``, which are in it."""
+        if (lost := self._in_place.lost()) is None:
+            return
+        self._whole = False  # nothing more is written to it
+        if self._connection.in_transaction:
+            self._connection.execute("ROLLBACK")
         try:
-            self.path = rescue(self._connection, self.path)
+            path, copy = rescue(self._connection, self.path)
         except (sqlite3.Error, OSError) as error:
-            return f"{happened}; it could not be kept elsewhere ({explain(error)})"
-        return f"{happened}; everything read until then is kept in {self.path}"
+            why = f"it could not be kept elsewhere ({explain(error)})"
+            raise StoreError(f"{lost}; {why}; `palpate verify` says what is left of it") from None
+        self._connection.close()
+        self.path, self._connection = path, copy
+        with self._change:
+            came_since = [event for _, event in self._waiting][committed:]
+        for n in range(0, len(came_since), ROWS):
+            self._commit(came_since[n : n + ROWS])
+        seal(copy)
+        raise StoreError(f"{lost}; everything read until then is kept in {path}")
 
     def _must_commit(self) -> bool:
         return self._hurry or self._closing or len(self._waiting) >= ROWS
@@ -202,6 +214,8 @@ class Store:
                 f"INSERT INTO event (id, {COLUMNS}, sha256, chain) VALUES {places}",
                 [value for row in rows for value in row],
             )
+            if self._whole:  # only the next line writes to the log
+                self._look(committed=0)
             self._connection.execute("COMMIT")
         except BaseException:
             if self._connection.in_transaction:

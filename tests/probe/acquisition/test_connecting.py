@@ -44,7 +44,7 @@ def test_an_abort_lifts_a_tip_that_stands_in_the_tissue(clock: Any) -> None:
 
 
 def test_an_abort_moves_no_tip_that_is_up() -> None:
-    bed, stage, _ = on_springs(home=HIGH)
+    _, stage, _ = on_springs(home=HIGH)
     ran = ended_early(stage, "abort")
     assert ran.reason == "aborted by the user"
     assert "move" not in {what for _, what in stage.orders}
@@ -52,7 +52,7 @@ def test_an_abort_moves_no_tip_that_is_up() -> None:
 
 
 def test_a_stop_moves_nothing_and_says_so() -> None:
-    bed, stage, _ = on_springs(home=DEEP)
+    _, stage, _ = on_springs(home=DEEP)
     ran = ended_early(stage, "abort", "stop")
     assert ran.reason == "stopped by the user"
     assert "move" not in {what for _, what in stage.orders}

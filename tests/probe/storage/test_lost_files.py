@@ -9,45 +9,25 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from databases import opened
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from paths import ROOT
+from small_runs import log, samples, write
 
-from drivers import Block, Channel
 from probe.acquisition.commands import Control, RunCommand
 from probe.acquisition.remote import ask, listening
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.errors import RunFileError
-from probe.core.events import Event, Finish, RunEnded, RunStarted, Samples, StationStarted
+from probe.core.events import Event, Finish, RunEnded, StationStarted
 from probe.storage.rows import Row, link
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify
-from probe.storage.writer import Store, StoreError, create_store, reopen_store
+from probe.storage.writer import StoreError, create_store, reopen_store
 
-CHANNELS = {"cell": (Channel("force", "N", "force", simulated=True),)}
-STARTED = RunStarted(
-    0.0, "2026-01-01T00:00:00+00:00", {"plan": {"stations": [[0, 1, 0]]}}, CHANNELS
-)
 HEADER, FRAME = 32, 24 + 4096  # bytes of the log's header and of each page in it
-
-
-def samples(n: int) -> Samples:
-    time_s = 0.05 * n + 2e-3 * np.arange(1, 26)
-    values = np.sin(time_s)[:, None]
-    return Samples("cell", Block(time_s, values, values > 2), 0, 1)
-
-
-def write(store: Store, blocks: int) -> None:
-    """Events, one commit each; the last stay in the log."""
-    store(STARTED)
-    store(StationStarted(0.0, 0, 1, 1e-3, 0.0))
-    for n in range(blocks):
-        store(samples(n))
-        store.flush()
 
 
 def killed(folder: Path, blocks: int = 60) -> Path:
@@ -64,10 +44,6 @@ def killed(folder: Path, blocks: int = 60) -> Path:
 @pytest.fixture(scope="module")
 def killed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return killed(tmp_path_factory.mktemp("killed"))
-
-
-def log(path: Path) -> Path:
-    return path.with_name(path.name + "-wal")
 
 
 def delete(path: Path) -> None:

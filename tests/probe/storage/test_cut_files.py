@@ -1,0 +1,136 @@
+"""Runs, or their logs, that another program cuts short while a scan writes them."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from databases import opened
+from small_runs import log, samples, write
+
+from probe.acquisition.session import scan
+from probe.config.rig import Rig
+from probe.core.events import Event, Finish, StationStarted
+from probe.storage import moved_away
+from probe.storage.run import open_run
+from probe.storage.verify import verify
+from probe.storage.writer import Store, StoreError, create_store
+
+
+def cut(path: Path) -> None:
+    os.truncate(path, 4096)
+
+
+def empty(path: Path) -> None:
+    os.truncate(path, 0)
+
+
+def cut_log(path: Path) -> None:
+    os.truncate(log(path), 1000)
+
+
+def empty_log(path: Path) -> None:
+    os.truncate(log(path), 0)
+
+
+HARMS = [cut, empty, cut_log, empty_log]
+
+
+def write_more(store: Store, first: int, last: int) -> None:
+    for n in range(first, last):
+        store(samples(n))
+        store.flush()
+
+
+@pytest.mark.parametrize("blocks", [20, 300])
+@pytest.mark.parametrize("harm", HARMS)
+def test_a_run_that_is_cut_short_stops_the_scan_and_is_kept(
+    harm: Callable[[Path], None], blocks: int, tmp_path: Path
+) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, blocks)
+        harm(path)
+        with pytest.raises(StoreError, match=r"cut short.*kept in .*rescued"):
+            write_more(store, blocks, blocks + 4)
+    assert store.path == path.with_name("a-rescued.run")
+    report = verify(store.path)
+    assert report.ok, report.problems
+    assert report.samples["cell"] == (blocks + 1) * 25
+
+
+def test_a_long_run_that_is_cut_short_is_kept(tmp_path: Path) -> None:
+    """Longer than what SQLite keeps in memory unasked, 2 MB."""
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 1)
+        for n in range(1, 3500):
+            store(samples(n))
+        store.flush()
+        cut(path)
+        with pytest.raises(StoreError, match=r"cut short.*kept in .*rescued"):
+            write_more(store, 3500, 3504)
+    report = verify(store.path)
+    assert report.ok, report.problems
+    assert report.samples["cell"] == 3501 * 25
+
+
+@pytest.mark.parametrize("harm", [cut, empty, empty_log])
+def test_a_scan_says_where_a_run_is_kept_that_was_cut_short(
+    harm: Callable[[Path], None], tmp_path: Path, winkler: Any
+) -> None:
+    def look(event: Event) -> None:
+        if isinstance(event, StationStarted) and event.station == 2:
+            for path in tmp_path.glob("*.run"):
+                harm(path)
+
+    rig = Rig.model_validate({"scan": {"start_mm": 24, "stations": 4}})
+    done = scan(rig, "TIHA", tmp_path, observers=[look], respond=winkler)
+    assert done.ended.finish is Finish.FAULTED
+    assert str(done.path) in done.ended.reason
+    report = verify(done.path)
+    assert report.ok, report.problems
+    assert report.stations_complete >= 2
+
+
+@pytest.mark.parametrize("mode", ["PASSIVE", "FULL", "RESTART", "TRUNCATE"])
+def test_another_programs_checkpoint_is_no_harm(mode: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 30)
+        with opened(path, isolation_level=None) as other:
+            other.execute(f"PRAGMA wal_checkpoint({mode})")
+        write_more(store, 30, 40)
+    assert store.path == path
+    assert verify(path).samples["cell"] == 40 * 25
+
+
+def test_a_log_that_nobody_could_copy_costs_no_more_than_the_log(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise OSError("no room")
+
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 300)
+        empty_log(path)
+        monkeypatch.setattr(moved_away.os, "open", fails)
+        with pytest.raises(StoreError, match=r"cut short.*could not be kept elsewhere.*no room"):
+            write_more(store, 300, 304)
+    monkeypatch.undo()
+    assert store.path == path
+    assert sum(1 for _ in open_run(path).events()) > 100
+
+
+def test_a_run_of_which_too_little_is_in_memory_is_not_said_to_be_kept(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        store._connection.execute("PRAGMA cache_size = 10")
+        write(store, 600)
+        cut(path)
+        with pytest.raises(StoreError, match=r"cut short.*could not be kept elsewhere"):
+            write_more(store, 600, 604)
