@@ -12,12 +12,12 @@ from typing import Any
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
+from drivers.core.stage_limits import Limits, check_target
 
 AXES = "xyz"
 STILL_MM = 1e-6  # a way this short is rounding: a microstep of the finest screws is 10 nm
 LOST = (ConnectionError, OSError, RuntimeError, ValueError)
 """What libximc raises where an axis does not answer or refuses."""
-BoxMm = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class StandaStage:
@@ -29,7 +29,7 @@ class StandaStage:
         uris: Mapping[str, str],
         steps_per_mm: Mapping[str, float],
         origin_mm: Mapping[str, float],
-        limits_mm: BoxMm | None,
+        limits_mm: Limits | None,
         max_speed_mm_s: float,
         acceleration_mm_s2: float,
     ) -> None:
@@ -38,7 +38,7 @@ class StandaStage:
         self._uris = uris
         self._steps_per_mm = steps_per_mm
         self._origin_mm = origin_mm
-        self._limits_mm = limits_mm
+        self.limits_mm = limits_mm
         self.max_speed_m_s = 1e-3 * max_speed_mm_s
         self._max_speed_mm_s = max_speed_mm_s
         self._acceleration_mm_s2 = acceleration_mm_s2
@@ -172,12 +172,7 @@ class StandaStage:
             at_mm = 1e3 * target[n]
             if axis not in self._uris and abs(target[n] - here[n]) > 1e-3 * STILL_MM:
                 raise DeviceFault(self.name, f"{axis} = {at_mm:g} mm: there is no {axis} axis")
-            if self._limits_mm is not None:
-                low, high = self._limits_mm[n]
-                if not low <= at_mm <= high:
-                    raise DeviceFault(
-                        self.name, f"{axis} = {at_mm:g} mm; allowed: {low:g} to {high:g} mm"
-                    )
+        check_target(self.name, self.limits_mm, target)
 
 
 def open_stage(
@@ -188,7 +183,7 @@ def open_stage(
     z_uri: str | None = None,
     steps_per_mm: float | tuple[float, float, float] = 400.0,
     origin_mm: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    limits_mm: BoxMm | None = None,
+    limits_mm: Limits | None = None,
     max_speed_mm_s: float = 10.0,
     acceleration_mm_s2: float = 100.0,
     name: str = "standa",

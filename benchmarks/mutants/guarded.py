@@ -344,7 +344,8 @@ GUARDED = (
     ),
     Mutant(
         "a tip that stands in the tissue as a scan connects is left there", ENGINE,
-        "if (why := self._leave(error)).finish is not None:", "if (why := error).finish is not None:",
+        "if (why := self._leave(error)).finish is not None:",
+        "if (why := error).finish is not None:",
         ("tests/probe/acquisition/test_connecting.py",),
     ),
     Mutant(

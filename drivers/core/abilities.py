@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 from drivers.core.protocols import Pose, Stage
+from drivers.core.stage_limits import Limits, outside
 
 
 def enable(stage: Stage) -> list[str]:
@@ -53,6 +54,26 @@ def pace(stage: Stage) -> float:
 def max_speed_m_s(stage: Stage) -> float:
     """The speed above which it refuses a move; infinite if it does not say."""
     return float(getattr(stage, "max_speed_m_s", math.inf))
+
+
+def limits_mm(stage: Stage) -> Limits | None:
+    """Bounds of its own targets; None if it does not say."""
+    own: Limits | None = getattr(stage, "limits_mm", None)
+    return own
+
+
+def beyond_limits(stage: Stage, poses: Sequence[Pose]) -> dict[Pose, str]:
+    """Those of ``poses`` that its key ``limits_mm`` forbids, and why; the device is not asked."""
+    if (own := getattr(stage, "beyond_limits", None)) is not None:
+        return dict(own(poses))
+    why = {pose: outside(limits_mm(stage), pose) for pose in poses}
+    return {pose: words for pose, words in why.items() if words is not None}
+
+
+def park(stage: Stage) -> Pose | None:
+    """Where it goes once it has found its switches; None if it stays there, or does not home."""
+    park_mm = getattr(stage, "park_mm", None) if getattr(stage, "homes", False) else None
+    return None if park_mm is None else Pose(*(1e-3 * at for at in park_mm))
 
 
 def unreachable(stage: Stage, poses: Sequence[Pose]) -> dict[Pose, str]:

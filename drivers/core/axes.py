@@ -7,9 +7,9 @@ from pydantic import Field
 
 from drivers.core.errors import ConfigError
 from drivers.core.settings import Point, Positive, Settings
+from drivers.core.stage_limits import Limits
 
 AXES = "xyz"
-Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class LineStageSettings(Settings):

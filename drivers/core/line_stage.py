@@ -14,6 +14,7 @@ from drivers.core.axes import AXES, Axes, LineStageSettings, Reading
 from drivers.core.errors import DeviceAbsent, DeviceFault, MotionFault
 from drivers.core.line import NoAnswer
 from drivers.core.protocols import Pose
+from drivers.core.stage_limits import check_target
 
 HOMING_ORDER = "zxy"  # the probe goes up before anything goes sideways
 STILL_MM = 1e-6  # a shorter way of an axis is none
@@ -41,6 +42,7 @@ class LineStage:
         self.simulated = settings.simulated
         self.homes = settings.home
         self.max_speed_m_s = 1e-3 * settings.max_speed_mm_s
+        self.limits_mm, self.park_mm = settings.limits_mm, settings.park_mm
         self._settings = settings
         self._open = open_axes
         self._names = ""
@@ -203,11 +205,7 @@ class LineStage:
             at_mm = 1e3 * target[n]
             if axis not in self._names and abs(target[n] - here[n]) > 1e-3 * STILL_MM:
                 raise DeviceFault(self.name, f"{axis} = {at_mm:g} mm: there is no {axis} axis")
-            low, high = (-math.inf, math.inf) if keys.limits_mm is None else keys.limits_mm[n]
-            if not low <= at_mm <= high:
-                raise DeviceFault(
-                    self.name, f"{axis} = {at_mm:g} mm; allowed: {low:g} to {high:g} mm"
-                )
+        check_target(self.name, self.limits_mm, target)
 
     # --- between the threads -----------------------------------------------------------------
 

@@ -18,6 +18,7 @@ from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, MotionFa
 from drivers.core.ports import open_port
 from drivers.core.protocols import Clock, Pose
 from drivers.core.settings import Point, Positive, Settings
+from drivers.core.stage_limits import Limits, check_target
 from drivers.grbl.line import HOLD, JOG_CANCEL, RESET, Conversation, Status
 from drivers.grbl.words import STATES, pins_in_words
 
@@ -33,8 +34,6 @@ REPORT_S = 0.02  # between two reports, at least
 REPORT_MASK = 10
 REPORT_INCHES, SOFT_LIMITS, HOMING = 13, 20, 22
 MAX_RATE = (110, 111, 112)  # mm/min
-
-Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 
 class GrblSettings(Settings):
@@ -68,6 +67,7 @@ class GrblStage:
         self.simulated = settings.simulated
         self.homes = settings.home
         self.max_speed_m_s = 1e-3 * settings.max_speed_mm_s
+        self.limits_mm, self.park_mm = settings.limits_mm, settings.park_mm
         self._settings = settings
         self._period_s = 1 / settings.status_hz
         self._talk: Conversation | None = None
@@ -349,12 +349,7 @@ class GrblStage:
             raise DeviceFault(self.name, "has no axes to tilt the probe")
 
     def _machine_mm(self, target: Pose) -> Point:
-        if self._settings.limits_mm is not None:
-            for axis, at, (low, high) in zip("xyz", target, self._settings.limits_mm, strict=False):
-                if not low <= 1e3 * at <= high:
-                    raise DeviceFault(
-                        self.name, f"{axis} = {1e3 * at:g} mm; allowed: {low:g} to {high:g} mm"
-                    )
+        check_target(self.name, self.limits_mm, target)
         x, y, z = (1e3 * at + o for at, o in zip(target, self._settings.origin_mm, strict=False))
         return (x, y, z)
 

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from drivers import ConfigError, Sensor, Stage
+from drivers import ConfigError, Pose, Sensor, Stage
 from drivers.core import abilities
+from drivers.core.stage_limits import outside
 from probe.acquisition.press_guard import ROUNDING, check_speed, press_speeds_m_s
 from probe.acquisition.rehearsal import in_the_air, lift_m, needs_rehearsal
 from probe.config.rig import Rig, RigError
@@ -13,6 +14,7 @@ from probe.config.snapshot import run_config
 from probe.core.contact_stress import FORCE_ROLES, square_metres
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
+from probe.planning.press_direction import pressed
 from sim_backend.scene.scene_file import Scene
 
 
@@ -66,6 +68,7 @@ def prepare(
         notes = (*notes, f"{len(plan.places)} stations lie at {where}: of a grid scan.pitch_mm is "
                  "[along x, along y]; scan.repeats presses a place again")  # fmt: skip
     _check_stage(devices.stage, plan)
+    _check_reach(devices.stage, plan, limits)
     check_speed(plan, limits, devices.sensors)
     return Prepared(plan, limits, config, notes)
 
@@ -79,6 +82,27 @@ def _check_stage(stage: Stage, plan: Plan) -> None:
                 f"{key} = {1e3 * speed_m_s:g} mm/s: stage {stage.name!r} allows at most "
                 f"{1e3 * most_m_s:g} mm/s (stage.max_speed_mm_s); scan slower, or allow it more"
             )
+
+
+def _check_reach(stage: Stage, plan: Plan, limits: Limits) -> None:
+    """The workspace is the rig's, and checked; here is what the stage itself refuses."""
+    stations: dict[Pose, int] = {}
+    for place in plan.places:
+        above, deepest = plan.above(place), pressed(plan.at_surface(place), plan.deepest_m)
+        for pose in (above, deepest, plan.away(above, limits.workspace_m[2][1])):
+            stations.setdefault(pose, place.index + 1)
+    for pose, why in abilities.beyond_limits(stage, list(stations)).items():
+        raise ConfigError(
+            f"stage.limits_mm: station {stations[pose]} needs {why}; change the scan, or allow "
+            "more where the stage has room"
+        )
+    if (park := abilities.park(stage)) is None:
+        return
+    x, y, z = ((1e3 * low, 1e3 * high) for low, high in limits.workspace_m)
+    for key, box in (("stage.limits_mm", abilities.limits_mm(stage)),
+                     ("safety.workspace_mm", (x, y, z))):  # fmt: skip
+        if (beyond := outside(box, park)) is not None:
+            raise ConfigError(f"stage.park_mm: {beyond} ({key})")
 
 
 def _check_face(face_mm2: float | None, sensors: Sequence[Sensor]) -> None:

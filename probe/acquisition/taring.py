@@ -22,13 +22,12 @@ def take_zero(loop: RunLoop, above: Pose) -> None:
     near = _levels(loop)
     _note_drift(loop, near)
     if loop.known_levels is None or changed(near, loop.known_levels, loop.most_n):
-        room_m = loop.top_m - above.z
-        away = above._replace(z=above.z + min(loop.plan.clearance_m, room_m))
+        away = loop.plan.away(above, loop.top_m)
         if away.z - above.z < AWAY_M:
             raise Interrupted(
                 Finish.FAULTED,
-                f"the workspace leaves {1e3 * room_m:g} mm over the place of the tare; "
-                f"{1e3 * AWAY_M:g} mm are needed to see that the probe is in the air",
+                f"the workspace leaves {1e3 * (loop.top_m - above.z):g} mm over the place of the "
+                f"tare; {1e3 * AWAY_M:g} mm are needed to see that the probe is in the air",
                 "engine", retract=True,
             )  # fmt: skip
         loop.go(away, loop.plan.travel_m_s)

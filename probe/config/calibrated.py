@@ -152,8 +152,17 @@ class CalibratedStage:
 
     def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
         """Those true poses whose readings the device cannot go to, and why."""
+        return self._of_true(poses, abilities.unreachable)
+
+    def beyond_limits(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        """Those true poses whose readings are out of its bounds, and why."""
+        return self._of_true(poses, abilities.beyond_limits)
+
+    def _of_true(
+        self, poses: Sequence[Pose], ask: Callable[[Stage, Sequence[Pose]], dict[Pose, str]]
+    ) -> dict[Pose, str]:
         readings = [_placed(pose, self._axes.command) for pose in poses]
-        far = abilities.unreachable(self._stage, readings)
+        far = ask(self._stage, readings)
         both = zip(poses, readings, strict=True)
         return {pose: far[reading] for pose, reading in both if reading in far}
 

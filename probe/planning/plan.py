@@ -73,6 +73,10 @@ class Plan:
         """The travelling pose over a station."""
         return self.at_surface(place)._replace(z=self.travel_z_m)
 
+    def away(self, above: Pose, top_m: float) -> Pose:
+        """Where a probe from over a station is seen to be in the air, at most ``top_m`` high."""
+        return above._replace(z=min(above.z + self.clearance_m, top_m))
+
     def at_surface(self, place: Place) -> Pose:
         """The pose at which a press at a station begins, turned to the surface's normal."""
         return self._starts[place.x_m, place.y_m]

@@ -11,10 +11,9 @@ import numpy as np
 
 from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Stage
 from drivers.core.protocols import MAX_RATE_HZ
+from drivers.core.stage_limits import Limits, check_target
 from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.phantom.phantom import Phantom
-
-Limits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 AHEAD_S = 0.25  # samples are computed this far ahead; a new command discards what it changes
 TARE_S = 0.1  # a tare is the mean over this long
@@ -38,7 +37,7 @@ class VirtualStage:
         self.name = "virtual"
         self._clock = clock
         self._tip = phantom.tip
-        self._limits_mm = limits_mm
+        self.limits_mm = limits_mm
         self.max_speed_m_s = max_speed_m_s
         self._acceleration = acceleration
 
@@ -58,11 +57,7 @@ class VirtualStage:
                 self.name,
                 f"speed {1e3 * speed_m_s:g} mm/s; allowed: up to {1e3 * self.max_speed_m_s:g} mm/s",
             )
-        for axis, at, (low, high) in zip("xyz", target[:3], self._limits_mm, strict=True):
-            if not low <= 1e3 * at <= high:
-                raise DeviceFault(
-                    self.name, f"{axis} = {1e3 * at:g} mm; allowed: {low:g} to {high:g} mm"
-                )
+        check_target(self.name, self.limits_mm, target)
         self._tip.move(self._clock.now(), target[:3], speed_m_s, self._acceleration)
 
     def moving(self) -> bool:
