@@ -147,7 +147,7 @@ OVERLOOKED = (
            "full = self.full_scale",
            ("tests/drivers/test_lines.py::test_a_gauge_that_speaks_when_asked_in_grams",)),
     Mutant("guards that are told to end do so at once", "probe/acquisition/guard_process.py",
-           "    signal.signal(signal.SIGTERM, lambda _number, _frame: calls.close())", "    pass",
+           "        signal.signal(number, lambda _number, _frame: calls.close())", "        pass",
            (GUARDED_BY + "::test_a_guard_that_is_ordered_to_end_lifts_first",)),
     Mutant("readings without a tare are stored after a take-over",
            "probe/acquisition/guard_client.py",

@@ -21,7 +21,7 @@ from typing import Any
 
 from drivers import Block, Channel, Clock, DeviceFault, Pose
 from drivers.core import abilities
-from probe.acquisition.commands import Control, RunCommand
+from probe.acquisition.commands import ENDING, Control, RunCommand
 from probe.acquisition.guard_threads import come_first
 from probe.acquisition.interruption import Trip
 from probe.acquisition.levels import Levels
@@ -214,7 +214,8 @@ def main() -> None:
     come_first()  # all threads of drivers too: a guard waits for what they read
     calls, urgent, life = (Connection(int(number)) for number in sys.argv[1:4])
     threading.Thread(target=_echo, args=(life,), daemon=True).start()
-    signal.signal(signal.SIGTERM, lambda _number, _frame: calls.close())  # as if the scan had gone
+    for number in ENDING:  # as if the scan had gone
+        signal.signal(number, lambda _number, _frame: calls.close())
     order: Order = calls.recv()
     try:
         devices = connect(

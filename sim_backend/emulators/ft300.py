@@ -25,7 +25,7 @@ class Ft300:
 
     def __init__(self, phantom: Phantom, noise_n: float, seed: int) -> None:
         self._phantom = phantom
-        self._noise_n = noise_n
+        self._noise_n = self._usual_noise_n = noise_n
         self._rng = np.random.default_rng(seed)
         registers = {180 + n: (lambda n=n: self._counts(self._now())[n]) for n in range(6)}
         registers |= {190 + n: (lambda n=n: (0, 0, 1000)[n]) for n in range(3)}
@@ -35,7 +35,7 @@ class Ft300:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """``saturate``: it reads its full scale from now on."""
+        """``saturate``: it reads its full scale."""
         return ("saturate", *self._slave.faults)
 
     def fail(self, fault: str) -> None:
@@ -44,6 +44,11 @@ class Ft300:
             self._noise_n = 1e6
         else:
             self._slave.fail(fault)
+
+    def mend(self) -> None:
+        """End all faults."""
+        self._noise_n = self._usual_noise_n
+        self._slave.mend()
 
     def received(self, data: bytes) -> bytes:
         """While it streams it hears nothing but the stop."""

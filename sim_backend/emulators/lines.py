@@ -14,7 +14,7 @@ class LoadCell:
     def __init__(self, phantom: Phantom, rate_hz: float, noise_n: float, seed: int) -> None:
         self._phantom = phantom
         self._period_s = 1 / rate_hz if rate_hz else np.inf
-        self._noise_n = noise_n
+        self._noise_n = self._usual_noise_n = noise_n
         self._rng = np.random.default_rng(seed)
         self._start_s = phantom.clock.now()
         self._next_s = self._start_s + self._period_s
@@ -30,6 +30,10 @@ class LoadCell:
             self._noise_n = np.nan
         else:
             self._start_s = self._phantom.clock.now()
+
+    def mend(self) -> None:
+        """Print numbers again."""
+        self._noise_n = self._usual_noise_n
 
     def received(self, data: bytes) -> bytes:
         """One line per ``?``."""

@@ -46,6 +46,10 @@ class ModbusSlave:
         """Begin to answer with exceptions."""
         self.broken = True
 
+    def mend(self) -> None:
+        """Answer again."""
+        self.broken = False
+
     def due(self) -> bytes:
         """A slave speaks only when spoken to."""
         return b""

@@ -22,7 +22,10 @@ LINE_FAULTS = ("silence", "drop", "garbage", "bad crc", "noise", "late")
 
 
 class Device(Protocol):
-    """An emulated device: bytes in, bytes out. Called by one thread."""
+    """An emulated device: bytes in, bytes out. Called by one thread.
+
+    One whose faults last has ``mend()``, which ends them; others need what a real one needs.
+    """
 
     @property
     def faults(self) -> tuple[str, ...]: ...
@@ -177,13 +180,15 @@ class Served:
         self._thread.start()
 
     def fail(self, fault: str | None) -> None:
-        """Begin a fault of ``faults``; None: mend the line. Raises `ValueError`."""
+        """Begin a fault of ``faults``; None: mend line and device. Raises `ValueError`."""
         if fault is not None and fault not in self.faults:
             raise ValueError(f"fault {fault!r}: known are {', '.join(self.faults)}")
         if fault in self._device.faults:
             self._device.fail(fault)
         else:
             self._fault = fault
+        if fault is None and (mend := getattr(self._device, "mend", None)) is not None:
+            mend()
 
     def close(self) -> None:
         """End the thread and the line."""

@@ -33,16 +33,21 @@ class TaxelArray:
         self._face_m2 = 1e-6 * phantom.scene.face_mm2
         x = (np.arange(columns) + 0.5) / columns * 2 - 1
         row: Array = np.sqrt(1 - x**2)
-        self._share = np.tile(row / row.mean(), rows)
+        self._whole = np.tile(row / row.mean(), rows)
+        self.mend()
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """``dead``: the first taxel reads 0 from now on."""
+        """``dead``: the first taxel reads 0."""
         return ("dead",)
 
     def fail(self, _fault: str) -> None:
         """Lose the first taxel; `Served.fail` refuses any other fault."""
         self._share[0] = 0.0
+
+    def mend(self) -> None:
+        """Have all taxels read."""
+        self._share = self._whole.copy()
 
     def received(self, _data: bytes) -> bytes:
         """It only speaks."""

@@ -81,6 +81,11 @@ def test_tare_and_saturation(
     gather(sensor, 0.1)
     time.sleep(0.1)
     assert sensor.read().saturated[:, 0].all()
+    device.fail(None)
+    time.sleep(0.1)
+    gather(sensor, 0.1)
+    _, values, _ = gather(sensor, 0.2)
+    assert np.abs(values[:, 0]).max() < 0.05
 
 
 def test_unplugged_and_plugged_in_again(sensor: LineSensor, device: Served) -> None:

@@ -351,13 +351,16 @@ def test_who_takes_over_a_stage_that_was_homing_does_not_lift_it(
             assert client.collect() == []
 
 
-def test_a_guard_that_is_ordered_to_end_lifts_first(winkler: Respond, tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_guard_that_is_ordered_to_end_lifts_first(
+    number: int, winkler: Respond, tmp_path: Path
+) -> None:
     """By itself, as a scan that stands still has no other take over."""
     with bench(winkler, tmp_path) as on:
         on.wait_for("holding")
         guard = on.guard()
         os.kill(on.scanning.pid, signal.SIGSTOP)
-        os.kill(guard, signal.SIGTERM)
+        os.kill(guard, number)
         on.lifted_within(8.0)
         os.kill(on.scanning.pid, signal.SIGCONT)
         assert "END faulted" in on.wait_for("END")
