@@ -119,7 +119,7 @@ class _Scan(RunLoop):
             if isinstance(error, KeyboardInterrupt):  # a notebook's cell was interrupted
                 finish, reason, whose = Finish.ABORTED, ABORTED, "user"
             try:
-                self._leave(Interrupted(finish, reason, whose, retract=True))
+                reason = self._leave(Interrupted(finish, reason, whose, retract=True)).reason
             finally:
                 self.stage.stop()
                 self._end(finish, reason)

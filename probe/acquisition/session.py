@@ -19,6 +19,7 @@ from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.core.errors import StoreError
 from probe.core.events import Event, Finish, Note, RunEnded
 from probe.core.log import log_event
 from probe.storage.writer import Store, create_store
@@ -135,10 +136,13 @@ def run_prepared(
     attempts: Mapping[int, int] | None = None,
 ) -> ScanResult:
     """Run what was prepared, to its end. ``completed`` and ``attempts`` as `run_scan` has them."""
-    notes = list(prepared.notes)
+    notes, reason = list(prepared.notes), "the scan did not end"
 
     def keep(event: Event) -> None:
-        """Store it; a warning is for whoever called, too."""
+        """Store it; a warning, and why it ended, are for whoever called, too."""
+        nonlocal reason
+        if isinstance(event, RunEnded):
+            reason = event.reason
         sink(event)
         if isinstance(event, Note) and event.level == "warning":
             notes.append(event.words)
@@ -160,9 +164,7 @@ def run_prepared(
             monitor=devices.monitor,
         )
     except KeyboardInterrupt:
-        raise KeyboardInterrupt(
-            f"the probe was lifted and what was read is kept; {to_go_on(sink.path)} goes on"
-        ) from None
+        raise KeyboardInterrupt(f"{reason}; {to_go_on(sink.path)} goes on") from None
     return ScanResult(sink.path, ended, tuple(notes))
 
 
@@ -193,8 +195,12 @@ def clock_for(rig: Rig, *, real_time: bool) -> Clock:
 
 
 def new_run_path(folder: Path, name: str) -> Path:
-    """A file in ``folder`` that does not exist yet; the folder is made."""
-    folder.mkdir(parents=True, exist_ok=True)
+    """A file in ``folder`` that does not exist yet; the folder is made. Raises `StoreError`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = f"no folder for runs can be made there ({error.strerror})"
+        raise StoreError(f"{folder}: {why}; name another with out, in the shell --out") from None
     plain = "".join(c if c.isalnum() or c in " -_." else "_" for c in name).strip(". ") or "run"
     stem = f"{plain[:100]}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
     number = 1

@@ -19,8 +19,13 @@ MARGIN_MM = 4.0
 """The paper's stations: 4 mm apart, and the outer ones as far from the block's ends."""
 Positive = Annotated[float, Field(gt=0)]
 Pair = tuple[float, float]
+FINEST_MM = 1e-6
+"""A shorter press is none: a microstep of the finest screws is 10 nm."""
+FARTHEST_MM = 10_000.0
+"""No arm reaches so far."""
+Place = Annotated[float, Field(ge=-FARTHEST_MM, le=FARTHEST_MM)]
 Heights = (
-    float | Annotated[tuple[tuple[float, float, float], ...], Field(min_length=3, max_length=500)]
+    Place | Annotated[tuple[tuple[Place, Place, Place], ...], Field(min_length=3, max_length=500)]
 )
 Fallback = Literal["virtual"]
 
@@ -70,7 +75,7 @@ class Scan(Table):
         | tuple[Annotated[int, Field(ge=1, le=1000)], Annotated[int, Field(ge=1, le=1000)]]
     ) = 15
     """How many, or [columns, rows] of a grid, which is scanned to and fro."""
-    indentation_mm: Annotated[float, Field(gt=0, le=50)] = 2.5
+    indentation_mm: Annotated[float, Field(ge=FINEST_MM, le=50)] = 2.5
     """How deep each press goes, from the surface along its normal."""
     ramp_s: Annotated[float, Field(gt=0, le=3600)] = 1.0
     """How long the press takes."""

@@ -22,6 +22,8 @@ def limits_for(rig: Rig, plan: Plan) -> Limits:
     >>> palpate.limits_for(rig, palpate.plan_for(rig)).max_force_n
     5.0
     """
+    if not (isinstance(rig, Rig) and isinstance(plan, Plan)):
+        raise TypeError("a Rig and its Plan are needed; palpate.plan_for(rig) makes the plan")
     safety = rig.safety
     deepest_mm = 1e3 * plan.deepest_below_m
     if safety.max_depth_mm is not None and safety.max_depth_mm < deepest_mm - ROUNDING_MM:

@@ -8,6 +8,7 @@ import pytest
 from drivers import SimulatedClock, WallClock
 from probe.acquisition.session import clock_for, resolve_rig, scan
 from probe.config.rig import Rig
+from probe.core.errors import StoreError
 from probe.core.events import Event
 
 REAL_CELL = {"driver": "ft300", "port": "/dev/null"}
@@ -40,3 +41,9 @@ def test_who_called_is_shown_what_went_wrong(tmp_path: Path, winkler: Any) -> No
     rig = Rig.model_validate({"scan": {"stations": 1, "hold_s": 0.1}})
     done = scan(rig, "TI", tmp_path, observers=[viewer], respond=winkler)
     assert "observer: ValueError: no display" in done.notes
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path, winkler: Any) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(StoreError, match=r"file/runs: no folder for runs can be made there"):
+        scan(None, "TI", tmp_path / "file" / "runs", respond=winkler)

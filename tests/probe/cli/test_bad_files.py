@@ -32,7 +32,7 @@ WRONG_RIGS = [
     ("stations = 3", "stations = 0", ["scan.stations", "0", "must be greater than or equal to 1"]),
     ("stations = 3", "stations = 30", ["station", "72 mm", "workspace"]),
     ("stations = 3", "statons = 3", ["scan.statons", "3"]),
-    ("stations = 3", "indentation_mm = -1.0", ["scan.indentation_mm", "-1", "greater than 0"]),
+    ("stations = 3", "indentation_mm = -1.0", ["scan.indentation_mm", "-1", "0.000001"]),
     ("stations = 3", "indentation_mm = 20.0\nramp_s = 2.0", ["20", "workspace"]),
     ("stations = 3", "travel_mm_s = 80.0", ["scan.travel_mm_s", "80", "max_speed_mm_s"]),
     ("stations = 3", "hold_s = nan", ["scan.hold_s", "nan", "finite"]),

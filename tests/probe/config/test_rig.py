@@ -87,6 +87,9 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
             "[safety]\nmax_depth_mm = 2.6\n",
             "safety.max_depth_mm = 2.6: the scan goes 2.88",  # 2.5 mm along the normal, at 30 deg
         ),
+        ("[scan]\nindentation_mm = 1e-320\n", "scan.indentation_mm = 1e-320: must be greater"),
+        (SCENE + "surface_mm = 1e308\n", r"scene.surface_mm = 1e\+308: must be less than"),
+        (SCENE + "surface_mm = [[0,0,0],[1,0,0],[0,1,1e308]]\n", r"scene.surface_mm.2.2 = 1e\+308"),
         ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
         ("[scan\n", "not TOML"),
         ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
@@ -106,6 +109,11 @@ def test_wrong_rigs_name_file_key_and_value(tmp_path: Path, text: str, said: str
     with pytest.raises(RigError, match=said) as caught:
         load_rig(write(tmp_path, VIRTUAL + text))
     assert str(caught.value).startswith(str(tmp_path))
+
+
+def test_limits_need_a_plan() -> None:
+    with pytest.raises(TypeError, match="plan_for"):
+        limits_for(Rig(), None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
