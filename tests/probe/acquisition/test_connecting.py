@@ -1,13 +1,13 @@
-"""A scan that ends before its first move, when the tip may stand in the tissue since another one."""
+"""A scan that ends before its first move: the tip may stand in the tissue since an earlier one."""
 
 from typing import Any
 
 import pytest
 from springs import Bed, Ran, SpringSensor, SpringStage, on_springs, run_springs
 
-from drivers import DeviceFault, Pose, SimulatedClock
+from drivers import DeviceFault, SimulatedClock
 from probe.acquisition.commands import Control
-from probe.core.events import Event, Finish, Phase, PhaseEntered, RunEnded
+from probe.core.events import Event, Finish, Phase, PhaseEntered
 
 DEEP, HIGH = (0.0, 0.0, -2.5e-3), (0.0, 0.0, 5e-3)
 
@@ -94,24 +94,3 @@ def test_a_pause_while_the_scan_connects_is_a_pause() -> None:
 
     ran = run_springs(bed, stage, [sensor], control=control, sink=go_on)
     assert ran.reason == "every station is complete"
-
-
-def test_an_interrupted_cell_says_if_the_probe_was_not_lifted() -> None:
-    class Refuses(SpringStage):
-        armed = False
-
-        def move(self, target: Pose, speed_m_s: float) -> None:
-            if self.armed:
-                raise DeviceFault(self.name, "not now")
-            super().move(target, speed_m_s)
-
-    def interrupt(event: Event) -> None:
-        if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:
-            stage.armed = True
-            raise KeyboardInterrupt
-
-    stage = Refuses(Bed(SimulatedClock()))
-    ran = run_springs(stage.bed, stage, [SpringSensor(stage.bed)], observers=[interrupt])
-    assert isinstance(ran.raised, KeyboardInterrupt)
-    (ended,) = [event for event in ran.events if isinstance(event, RunEnded)]
-    assert "the probe was not lifted: the stage: stage of springs: not now" in ended.reason

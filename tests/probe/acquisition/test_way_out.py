@@ -3,10 +3,12 @@
 from collections.abc import Callable
 
 import pytest
+from springs import Bed, SpringSensor, SpringStage, run_springs
 
-from drivers import DeviceFault, Pose
+from drivers import DeviceFault, Pose, SimulatedClock
 from probe.acquisition.levels import no_force
 from probe.acquisition.retreat import LIFTS, Retreat
+from probe.core.events import Event, Phase, PhaseEntered, RunEnded
 
 STEP_S, UP_M, DOWN_M = 0.01, 2e-3, -2e-3
 
@@ -205,3 +207,24 @@ def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() ->
 )
 def test_a_press_is_felt_as_a_push(levels: dict[str, tuple[float, float]], felt: bool) -> None:
     assert (no_force(levels, {"cell": 100.0, "other": 100.0}, 5.0) is None) == felt
+
+
+def test_an_interrupted_cell_says_if_the_probe_was_not_lifted() -> None:
+    class Refuses(SpringStage):
+        armed = False
+
+        def move(self, target: Pose, speed_m_s: float) -> None:
+            if self.armed:
+                raise DeviceFault(self.name, "not now")
+            super().move(target, speed_m_s)
+
+    def interrupt(event: Event) -> None:
+        if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:
+            stage.armed = True
+            raise KeyboardInterrupt
+
+    stage = Refuses(Bed(SimulatedClock()))
+    ran = run_springs(stage.bed, stage, [SpringSensor(stage.bed)], observers=[interrupt])
+    assert isinstance(ran.raised, KeyboardInterrupt)
+    (ended,) = [event for event in ran.events if isinstance(event, RunEnded)]
+    assert "the probe was not lifted: the stage: stage of springs: not now" in ended.reason
