@@ -42,12 +42,12 @@ STRESSED = ("tests/probe/core/test_stress_conversion.py",)
 
 ELSEWHERE = (
     Mutant("volume is kept by half the bulk modulus", MATERIAL,
-           "stress = rigid.stress + (bulk * (j - 1))[..., None] * cofactor",
-           "stress = rigid.stress + (0.5 * bulk * (j - 1))[..., None] * cofactor", LAW),
+           "stress = rigid.stress + (bulk * volume_change)[..., None] * cofactor",
+           "stress = rigid.stress + (0.5 * bulk * volume_change)[..., None] * cofactor", LAW),
     Mutant("the thickness does not thin", MATERIAL,
            "thin.by_h * thin.h) / -thin.stiffness", "thin.by_h * thin.h) / thin.stiffness", LAW),
     Mutant("a tangent without its turning pressure", MATERIAL,
-           "turning = (bulk * (j - 1 - lag))[..., None, None] * _TWIST",
+           "turning = (bulk * (volume_change - lag))[..., None, None] * _TWIST",
            "turning = 0 * _TWIST", LAW),
     Mutant("a finger's edge is sharp", FINGER,
            "gap = np.where(flat, self.y - points[:, 1], distance - self.radius)",

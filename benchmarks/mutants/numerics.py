@@ -8,6 +8,7 @@ CHOOSE = "sim_backend/models/choose.py"
 KERNEL = "sim_backend/fem/kernel"
 LAW = ("tests/sim_backend/fem/test_material.py",)
 TANGENTS = ("tests/sim_backend/fem/test_tangents.py",)
+TINY = ("tests/sim_backend/fem/test_tiny_presses.py",)
 RING = ("tests/sim_backend/fem/test_inflated_ring.py",)
 AS_COMPILED = ("tests/sim_backend/fem/test_kernel.py::test_cells_and_lumens_of_random_states",)
 STABLE = ("tests/sim_backend/fem/test_stability.py",)
@@ -39,8 +40,14 @@ NUMERICS = (
     Mutant("a thickness of the first guess, compiled", f"{KERNEL}/material.h",
            "if (fabs(change) < 1e-8 * root) break;", "break;", TANGENTS),
     Mutant("the pressure does not stiffen, compiled", f"{KERNEL}/material.h",
-           "s.turning = s.scale * s.i1 / 3 - bulk * (s.volume - 1) * s.volume;",
-           "s.turning = s.scale * s.i1 / 3 - bulk * (s.volume - 1);", TANGENTS),
+           "s.scale * s.i1 / 3 - bulk * d->swelling * s.volume;",
+           "s.scale * s.i1 / 3 - bulk * d->swelling;", TANGENTS),
+    Mutant("a bulk modulus magnifies the rounding of det F - 1", "sim_backend/fem/internal.py",
+           "f, swelling = gradient + _AT_REST, area_change(gradient)",
+           "f, swelling = gradient + _AT_REST, area_ratio(gradient + _AT_REST) - 1", TINY),
+    Mutant("a bulk modulus magnifies the rounding of det F - 1, compiled", f"{KERNEL}/material.h",
+           "    d.j = d.f[0] * d.f[3] - d.f[1] * d.f[2];\n",
+           "    d.j = d.f[0] * d.f[3] - d.f[1] * d.f[2];\n    d.swelling = d.j - 1;\n", TINY),
     Mutant("what cannot stand is stable", f"{KERNEL}/fronts.c",
            "all->negative += pivot < 0;", "all->negative += 0;", STABLE),
     Mutant("a pivot of zero is divided by", f"{KERNEL}/fronts.c",

@@ -9,6 +9,7 @@ from sim_backend.fem import kernel
 from sim_backend.fem.elements import HOURGLASS, Cells
 from sim_backend.fem.material import (
     Stressed,
+    area_change,
     area_ratio,
     cofactor_tangent,
     isochoric,
@@ -23,13 +24,15 @@ _AT_REST = np.array([1.0, 0.0, 0.0, 1.0])
 
 def deformation(section: Section, u: Array) -> Array:
     """F (m, q, 4) at the quadrature points for displacements ``u`` (n, 2) [m]."""
+    return np.asarray(displacement_gradient(section, u) + _AT_REST)
+
+
+def displacement_gradient(section: Section, u: Array) -> Array:
+    """F - 1 (m, q, 4), as `deformation`."""
     cells = section.cells
     m, q, _, d = cells.operator.shape
     local = u[cells.nodes].reshape(m, d, 1)
-    f = (cells.operator.reshape(m, q * 4, d) @ local).reshape(m, q, 4)
-    f[..., 0] += 1.0
-    f[..., 3] += 1.0
-    return f
+    return np.asarray((cells.operator.reshape(m, q * 4, d) @ local).reshape(m, q, 4))
 
 
 def smallest_area_ratio(section: Section, u: Array) -> tuple[float, int]:
@@ -98,15 +101,16 @@ def _by_kernel(
 def _by_numpy(
     section: Section, u: Array, change: Array | None
 ) -> tuple[Array, Callable[[], Array]]:
-    f = deformation(section, u)
+    gradient = displacement_gradient(section, u)
+    f, swelling = gradient + _AT_REST, area_change(gradient)
     shear, bulk = section.shear[:, None], section.bulk[:, None]
     if section.plane_stress:
         return _integrated(section, plane_stress(f, shear, bulk))
-    moved = deformation(section, change) - _AT_REST if change is not None else 0 * f
+    moved = displacement_gradient(section, change) if change is not None else 0 * f
     lag = area_ratio(moved)
     if section.cells.dilatation:
-        return _one_dilatation(section, f, lag)
-    return _integrated(section, plane_strain(f, shear, bulk, lag))
+        return _one_dilatation(section, f, swelling, lag)
+    return _integrated(section, plane_strain(f, shear, bulk, lag, swelling))
 
 
 def _integrated(section: Section, solid: Stressed) -> tuple[Array, Callable[[], Array]]:
@@ -128,13 +132,15 @@ def _tangents(cells: Cells, tangent: Array) -> Array:
     return np.asarray(np.swapaxes(cells.operator.reshape(m, q * v, d), 1, 2) @ moved)
 
 
-def _one_dilatation(section: Section, f: Array, lag: Array) -> tuple[Array, Callable[[], Array]]:
+def _one_dilatation(
+    section: Section, f: Array, swelling: Array, lag: Array
+) -> tuple[Array, Callable[[], Array]]:
     """K/2 (mean J - 1)^2 on the element's mean volume change (Nagtegaal et al. 1974; the mean
     dilatation method of Simo, Taylor and Pister 1985 with a constant pressure)."""
     cells = section.cells
-    rigid, j, cofactor = isochoric(f, section.shear[:, None])
+    rigid, _, cofactor = isochoric(f, section.shear[:, None])
     area = cells.weight.sum(axis=1)
-    pressure = section.bulk * ((j * cells.weight).sum(axis=1) / area - 1)
+    pressure = section.bulk * (swelling * cells.weight).sum(axis=1) / area
 
     def tangents() -> Array:
         foreseen = pressure - section.bulk * (lag * cells.weight).sum(axis=1) / area

@@ -46,19 +46,29 @@ def area_ratio(f: Array) -> Array:
     return np.asarray(f[..., 0] * f[..., 3] - f[..., 1] * f[..., 2])
 
 
-def plane_strain(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) -> Stressed:
-    """``f`` (..., 4), ``shear`` and ``bulk`` (...) [Pa].
+def area_change(gradient: Array) -> Array:
+    """det F - 1 (...) from F - 1, the displacement ``gradient`` (..., 4). Of F itself, det F - 1
+    is only known to the rounding of 1, which a bulk modulus makes a stress."""
+    return np.asarray(gradient[..., 0] + gradient[..., 3] + area_ratio(gradient))
+
+
+def plane_strain(
+    f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0, swelling: Array | None = None
+) -> Stressed:
+    """``f`` (..., 4), ``shear`` and ``bulk`` (...) [Pa]; ``swelling`` (...) is the `area_change`,
+    where it is known better than from ``f``.
 
     ``lag`` (...) is taken off J where the pressure turns the tangent, and only there: see
     `sim_backend.fem.internal.forces_and_tangents`.
     """
     rigid, j, cofactor = isochoric(f, shear)
-    stress = rigid.stress + (bulk * (j - 1))[..., None] * cofactor
+    volume_change = j - 1 if swelling is None else swelling
+    stress = rigid.stress + (bulk * volume_change)[..., None] * cofactor
 
     def tangent() -> Array:
-        swelling = bulk[..., None, None] * cofactor[..., :, None] * cofactor[..., None, :]
-        turning = (bulk * (j - 1 - lag))[..., None, None] * _TWIST
-        return np.asarray(rigid.tangent + swelling + turning)
+        stiff = bulk[..., None, None] * cofactor[..., :, None] * cofactor[..., None, :]
+        turning = (bulk * (volume_change - lag))[..., None, None] * _TWIST
+        return np.asarray(rigid.tangent + stiff + turning)
 
     return Stressed(stress, rigid.thickness, tangent)
 
@@ -67,7 +77,9 @@ def plane_stress(f: Array, shear: Array, bulk: Array) -> Stressed:
     """As `plane_strain`, with the thickness condensed out of the tangent."""
     f, shear, bulk = _first(f, shear, bulk)
     # the thickness adjusts until P33 = 0, which takes a a / m off the tangent
-    return _in_plane(f, _thinned(f, shear, bulk), bulk)
+    thin = _thinned(f, shear, bulk)
+    # G J^(-2/3) I1 / 3 - K (J - 1) J by P33 = 0: so the bulk modulus magnifies no rounding of J - 1
+    return _in_plane(f, thin, bulk, thin.scale * thin.l3**2)
 
 
 def thinning(f: Array, shear: Array, bulk: Array) -> tuple[Array, Array]:
@@ -135,7 +147,7 @@ def isochoric(f: Array, shear: Array) -> tuple[Stressed, Array, Array]:
     one, cofactor = np.ones_like(j), _cofactor(f)
     i1 = (f * f).sum(axis=0) + 1
     rigid = _Thin(one, j, j, cofactor / j, i1, shear / np.cbrt(j) ** 2, none, none, one)
-    return _in_plane(f, rigid, none), j, _last(cofactor)
+    return _in_plane(f, rigid, none, rigid.scale * i1 / 3), j, _last(cofactor)
 
 
 def cofactor_tangent() -> Array:
@@ -165,13 +177,13 @@ def von_mises(f: Array, thickness: Array, shear: Array) -> Array:
     return np.asarray(shear * volume ** (-5 / 3) * np.sqrt(1.5 * square))
 
 
-def _in_plane(f: Array, thin: _Thin, bulk: Array) -> Stressed:
-    """P = dW/dF and dP/dF with the thickness' a a / m taken off; ``f`` (4, ...)."""
+def _in_plane(f: Array, thin: _Thin, bulk: Array, turning: Array) -> Stressed:
+    """P = dW/dF and dP/dF with the thickness' a a / m taken off; ``f`` (4, ...). ``turning`` (...)
+    is what F^-T is taken by."""
     h, volume, i1, scale = thin.h, thin.volume, thin.i1, thin.scale
-    # d(F^-T)/dF = -(H H - eps eps / j) with the two inner indices swapped
-    turning = scale * i1 / 3 - bulk * (volume - 1) * volume
 
     def tangent() -> Array:
+        # d(F^-T)/dF = -(H H - eps eps / j) with the two inner indices swapped
         soft = thin.by_h / thin.stiffness
         of_h = scale * 2 / 9 * i1 + bulk * (2 * volume - 1) * volume + turning - thin.by_h * soft
         of_both = -2 / 3 * scale - thin.by_f * soft

@@ -18,6 +18,14 @@ def determinant_and_cofactor(f: Array) -> tuple[Array, Array]:
     return np.asarray((f[..., 0, :] * cofactor[..., 0, :]).sum(axis=-1)), cofactor
 
 
+def volume_change(gradient: Array) -> Array:
+    """J - 1 (...) from F - 1, the displacement ``gradient`` (..., 3, 3): its three invariants. Of F
+    itself, J - 1 is only known to the rounding of 1, which a bulk modulus makes a stress."""
+    third, cofactor = determinant_and_cofactor(gradient)
+    first, second = (np.trace(each, axis1=-2, axis2=-1) for each in (gradient, cofactor))
+    return np.asarray(first + second + third)
+
+
 def unforeseen_volume(f: Array, step: Array) -> Array:
     """The part of J (...) at ``f`` that a Newton ``step`` (..., 3, 3) of F did not foresee:
     what is quadratic and cubic in it."""
@@ -43,8 +51,11 @@ class Response:
     fh: Array
 
 
-def response(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) -> Response:
-    """At F ``f`` (..., 3, 3).
+def response(
+    f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0, swelling: Array | None = None
+) -> Response:
+    """At F ``f`` (..., 3, 3); ``swelling`` (...) is the `volume_change`, where it is known better
+    than from ``f``.
 
     ``lag`` (...) is taken off J where the pressure turns the tangent, and only there: see
     `sim_backend.fem.internal.forces_and_tangents`.
@@ -52,9 +63,10 @@ def response(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) -> R
     j, cofactor = determinant_and_cofactor(f)
     by_f = shear * np.cbrt(j) ** -2
     third = by_f * (f * f).sum(axis=(-1, -2)) / 3
-    pressure = bulk * (j - 1) * j
+    swelling = j - 1 if swelling is None else swelling
+    pressure = bulk * swelling * j
     # dF^-T_iJ / dF_kL = -F^-T_iL F^-T_kJ
-    turning = bulk * (j - 1 - lag) * j
+    turning = bulk * (swelling - lag) * j
     return Response(
         cofactor / _over(j), by_f, pressure - third,
         third * 2 / 3 + bulk * j**2 + turning, third - turning, 2 / 3 * by_f,
@@ -62,10 +74,11 @@ def response(f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0) -> R
 
 
 def stress_and_tangent(
-    f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0
+    f: Array, shear: Array, bulk: Array, lag: Array | float = 0.0, swelling: Array | None = None
 ) -> tuple[Array, Array]:
-    """First Piola-Kirchhoff stress (..., 3, 3) [Pa] and dP_iJ/dF_kL (..., 3, 3, 3, 3)."""
-    its = response(f, shear, bulk, lag)
+    """First Piola-Kirchhoff stress (..., 3, 3) [Pa] and dP_iJ/dF_kL (..., 3, 3, 3, 3), as
+    `response`."""
+    its = response(f, shear, bulk, lag, swelling)
     stress = _over(its.by_f) * f + _over(its.by_h) * its.h
     hh = its.h[..., :, :, None, None] * its.h[..., None, None, :, :]
     fh = f[..., :, :, None, None] * its.h[..., None, None, :, :]

@@ -16,6 +16,7 @@ from sim_backend.fem.material_3d import (
     determinant_and_cofactor,
     stress_and_tangent,
     unforeseen_volume,
+    volume_change,
 )
 
 _IN_USE = np.array([0, 1, 3, 4, 8])
@@ -46,18 +47,18 @@ def revolved_forces_and_tangents(
     `sim_backend.fem.internal.forces_and_tangents`; ``shear``, ``bulk`` (m,) [Pa]."""
     assert cells.hoop is not None
     operator = np.concatenate([cells.operator, cells.hoop[:, :, None]], axis=2)
-    f = _deformation(operator, _local(cells, u)) + np.eye(3)
+    gradient = _displacement_gradient(operator, _local(cells, u))
+    f, swelling = gradient + np.eye(3), volume_change(gradient)
     lag = np.zeros(f.shape[:2])
     if change is not None:
-        lag = unforeseen_volume(f, _deformation(operator, _local(cells, change)))
+        lag = unforeseen_volume(f, _displacement_gradient(operator, _local(cells, change)))
     if not cells.dilatation:
-        stress, tangent = stress_and_tangent(f, shear[:, None], bulk[:, None], lag)
+        stress, tangent = stress_and_tangent(f, shear[:, None], bulk[:, None], lag, swelling)
         return _integrate(operator, cells.weight, stress, tangent)
     stress, tangent = stress_and_tangent(f, shear[:, None], np.zeros((len(f), 1)))
-    j, cofactor = determinant_and_cofactor(f)
+    _, cofactor = determinant_and_cofactor(f)
     volume = cells.weight.sum(axis=1)
-    mean = (j * cells.weight).sum(axis=1) / volume
-    pressure = bulk * (mean - 1)
+    pressure = bulk * (swelling * cells.weight).sum(axis=1) / volume
     foreseen = pressure - bulk * (lag * cells.weight).sum(axis=1) / volume
     stress = stress + pressure[:, None, None, None] * cofactor
     tangent = tangent + foreseen[:, None, None, None, None, None] * cofactor_tangent(f)
@@ -72,7 +73,7 @@ def _local(cells: Cells, u: Array) -> Array:
     return np.asarray(u[cells.nodes].reshape(len(cells.nodes), -1))
 
 
-def _deformation(operator: Array, local: Array) -> Array:
+def _displacement_gradient(operator: Array, local: Array) -> Array:
     """F - 1 (m, q, 3, 3)."""
     five = np.einsum("mqvd,md->mqv", operator, local)
     f = np.zeros((*five.shape[:2], 9))

@@ -26,12 +26,12 @@ FAST double least_area_ratio(const Cells *c, const double *u) {
 /* What the volume change of the whole element adds to the pressure at every point. */
 static inline double dilatation_pressure(const Cells *c, int m, const Deformation *d) {
     const double *weight = c->weight + (size_t)m * c->q;
-    double area = 0, now = 0;
+    double area = 0, more = 0;
     for (int q = 0; q < c->q; q++) {
         area += weight[q];
-        now += weight[q] * d[q].j;
+        more += weight[q] * d[q].swelling;
     }
-    return c->bulk[m] * (now / area - 1);
+    return c->bulk[m] * more / area;
 }
 
 FAST void cell_forces(const Cells *c, const double *u, double *force, double *root) {
@@ -50,7 +50,7 @@ FAST void cell_forces(const Cells *c, const double *u, double *force, double *ro
             double stress[4], weight = c->weight[point];
             root[point] = c->law == PLANE_STRESS ? stress_free_root(d + q, c->shear[m], bulk)
                                                  : cbrt(d[q].j);
-            Strained s = strained(d + q, root[point], c->shear[m], bulk);
+            Strained s = strained(c->law == PLANE_STRESS, d + q, root[point], c->shear[m], bulk);
             for (int v = 0; v < 4; v++)
                 stress[v] = s.scale * d[q].f[v] + (pressure * d[q].j - s.turning) * d[q].h[v];
             for (int a = 0; a < c->k; a++) {
@@ -64,7 +64,7 @@ FAST void cell_forces(const Cells *c, const double *u, double *force, double *ro
 /* dP/dF (4, 4), but for the whole element's volume change; `pressure` turns with the body. */
 static inline void find_moduli(int law, const Deformation *d, double root, double shear, double bulk,
                                double pressure, double moduli[4][4]) {
-    Strained s = strained(d, root, shear, bulk);
+    Strained s = strained(law == PLANE_STRESS, d, root, shear, bulk);
     double of_h = s.scale * 2 / 9 * s.i1 + bulk * (2 * s.volume - 1) * s.volume + s.turning;
     double of_both = -2.0 / 3 * s.scale, of_f = 0;
     if (law == PLANE_STRESS) {

@@ -28,7 +28,7 @@ FAST void unit_pressure(const Sides *sides, const double *u, double *force, doub
             if (sides->free) {
                 Deformation f = deformed(k, g, here);
                 double root = stress_free_root(&f, sides->shear[s], sides->bulk[s]), by[4];
-                Strained strain = strained(&f, root, sides->shear[s], sides->bulk[s]);
+                Strained strain = strained(1, &f, root, sides->shear[s], sides->bulk[s]);
                 Thinning t = thinning(&f, &strain, sides->bulk[s]);
                 l3 = strain.l3;
                 for (int v = 0; v < 4; v++)

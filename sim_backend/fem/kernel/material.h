@@ -5,9 +5,9 @@
 
 #include <math.h>
 
-/* F as [F11, F12, F21, F22], F^-T and det F in the plane. */
+/* F as [F11, F12, F21, F22], F^-T, det F in the plane, and det F - 1 without the rounding of 1. */
 typedef struct {
-    double f[4], h[4], j;
+    double f[4], h[4], j, swelling;
 } Deformation;
 
 /* The cube root of J, J itself, the thickness l3, I1, G J^(-2/3), and what F^-T is taken by. */
@@ -24,13 +24,16 @@ static inline void local(const long long *nodes, int k, const double *u, double 
 
 /* Of displacements `u` (k, 2) with `gradient` (2, k). */
 static inline Deformation deformed(int k, const double *gradient, const double *u) {
-    Deformation d = {.f = {1, 0, 0, 1}};
+    Deformation d = {.f = {0}};
     for (int a = 0; a < k; a++) {
         d.f[0] += u[2 * a] * gradient[a];
         d.f[1] += u[2 * a] * gradient[k + a];
         d.f[2] += u[2 * a + 1] * gradient[a];
         d.f[3] += u[2 * a + 1] * gradient[k + a];
     }
+    d.swelling = d.f[0] + d.f[3] + (d.f[0] * d.f[3] - d.f[1] * d.f[2]);
+    d.f[0] += 1;
+    d.f[3] += 1;
     d.j = d.f[0] * d.f[3] - d.f[1] * d.f[2];
     double inverse = 1 / d.j;
     d.h[0] = d.f[3] * inverse;
@@ -58,13 +61,16 @@ static inline double stress_free_root(const Deformation *d, double shear, double
     return root;
 }
 
-static inline Strained strained(const Deformation *d, double root, double shear, double bulk) {
+/* Where the section is `free` to thin, P33 = 0 gives what F^-T is taken by: `plane_stress`. */
+static inline Strained strained(int free, const Deformation *d, double root, double shear,
+                                double bulk) {
     Strained s;
     s.volume = root * root * root;
     s.l3 = s.volume / d->j;
     s.i1 = in_plane(d) + s.l3 * s.l3;
     s.scale = shear / (root * root);
-    s.turning = s.scale * s.i1 / 3 - bulk * (s.volume - 1) * s.volume;
+    s.turning = free ? s.scale * s.l3 * s.l3
+                     : s.scale * s.i1 / 3 - bulk * d->swelling * s.volume;
     return s;
 }
 
