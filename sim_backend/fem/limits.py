@@ -26,7 +26,8 @@ def physical_limit(
     # A vessel is filled with the finger in the air, so the last depth may be negative.
     deeper = f"deeper than {depth_mm:.4g} mm" if depth_mm > 0 else "once the finger touches"
     instead = "Press less deep" if depth_mm > 0 else "Take a lower pressure or a stiffer body"
-    where = f"at x = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
+    across = "x" if section.cells.hoop is None else "r"  # from the axis that a section turns about
+    where = f"at {across} = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
     lone = not (section.mesh.region == TISSUE).any()
     fills = goal.pressure_pa > last.load.pressure_pa
     if fills and (lone or depth_mm <= 0 or not isinstance(failure, Unstable)):

@@ -126,6 +126,12 @@ def solve_small(
 
 def _refuse_nonsense(section: Section, solution: Solution) -> None:
     """Small strain has an answer to everything; not every one is a body. Raises `CannotSolve`."""
+    if solution.load.depth_m > 0 and not solution.multiplier[0].any():
+        raise CannotSolve(
+            "small strain",
+            f"the finger touches no node of the mesh {1e3 * solution.load.depth_m:.3g} mm deep: "
+            "its lowest point is between two. Press deeper.",
+        )
     ratio, _ = smallest_area_ratio(section, solution.displacement)
     if ratio > MIN_AREA_RATIO and (solution.force_n_per_m > 0 or solution.load.depth_m <= 0):
         return

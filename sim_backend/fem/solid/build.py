@@ -105,8 +105,9 @@ def build_body(
         wedges = wedges_of(placed, wedges_at)
     except ValueError as error:
         raise SceneError(
-            f"{scene.name}: inclusions leave no room for elements: {error}. Move them apart, also "
-            "as seen along z, and away from surface and bottom."
+            f"{scene.name}: inclusions leave no room for elements: {error}. {_least_room(drawn)}. "
+            "Move inclusions further from each other, also as seen along z, and from surface and "
+            "bottom."
         ) from None
     region = _regions(scene, section, edges)[solid]
     shear, bulk = materials(flat, region)
@@ -188,6 +189,22 @@ def _refuse_behind(scene: Scene) -> None:
                     f"along z, in which they would overlap. Move one aside until they are more "
                     f"than {room_mm:g} mm apart in x and depth."
                 )
+
+
+def _least_room(scene: Scene) -> str:
+    """Where, as seen along z, least is left for elements, in words."""
+    left: list[tuple[float, int, str]] = []
+    for n, one in enumerate(scene.inclusion):
+        r = one.outer_radius_mm
+        left.append((one.depth_mm - r, n, "the surface"))
+        left.append((scene.surface_mm - one.depth_mm - r, n, "the bottom"))
+        for m, other in enumerate(scene.inclusion[:n]):
+            aside_mm = float(np.hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm))
+            left.append((aside_mm - r - other.outer_radius_mm, n, f"inclusion[{m}]"))
+    left_mm, n, beside = min(left)
+    return (
+        f"inclusion[{n}].x_mm or depth_mm: {left_mm:.2g} mm lie between inclusion[{n}] and {beside}"
+    )
 
 
 def footprint(indenter: Indenter) -> tuple[Finger, Finger]:

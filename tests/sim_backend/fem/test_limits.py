@@ -6,9 +6,10 @@ import pytest
 from small_block import BLOCK
 
 from sim_backend import load_scene
+from sim_backend.fem.axisymmetric import build_axisymmetric
 from sim_backend.fem.continuation import continuation, unloaded
 from sim_backend.fem.limits import physical_limit
-from sim_backend.fem.model import build_section, usual_grading
+from sim_backend.fem.model import Grading, build_section, usual_grading
 from sim_backend.fem.newton import Load, NotConverged, SkinPressedFlat
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -54,3 +55,18 @@ def test_a_wall_bursts_where_it_does_and_not_where_steps_are_long() -> None:
 
     small_steps = force_n_per_m(80, 140, 155, 160, 163, 165)
     assert force_n_per_m(80, 165) == pytest.approx(small_steps, rel=1e-6)
+
+
+def test_a_body_of_revolution_is_crushed_at_a_radius() -> None:
+    tissue = {"width_mm": 24.0, "height_mm": 12.0, "length_mm": 24.0, "modulus_kpa": 50.0,
+              "poisson": 0.45}  # fmt: skip
+    scene = Scene.model_validate(
+        {"name": "block", "plane": "solid", "tissue": tissue,
+         "indenter": {"shape": "sphere", "radius_mm": 5.0}}
+    )  # fmt: skip
+    grading = Grading(0.5e-3, lambda radius: 0.3 * radius, 0.35, 4e-3)
+    section = build_axisymmetric(scene, 12e-3, 1e-3, grading)
+    last = replace(unloaded(section), load=Load(0.3e-3, 0.0))
+    said = str(physical_limit(section, last, Load(1e-3, 0.0), NotConverged("crushed")))
+    assert " at r = " in said
+    assert "x = " not in said

@@ -12,6 +12,7 @@ from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.material import moduli
 from sim_backend.fem.model import Grading, Section, build_section, usual_grading
+from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene
@@ -102,3 +103,9 @@ def test_a_ball_a_hair_deep() -> None:
     _, (found,) = solve_axisymmetric(block("solid"), 32e-3, depth_m, grading)
     hertz = 4 / 3 * 20e3 / (1 - POISSON**2) * np.sqrt(4e-3) * depth_m**1.5
     assert found.force_n_per_m == pytest.approx(hertz, rel=0.02)
+
+
+def test_a_finger_that_comes_down_between_nodes_is_said_to() -> None:
+    """Nothing was turned inside out."""
+    with pytest.raises(CannotSolve, match="touches no node of the mesh 1e-05 mm deep"):
+        press(block("stress"), 43.3, 1e-5)

@@ -1,5 +1,6 @@
 """Meshes of solids: volumes, lumps that are balls, lumens that hold pressure."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -53,6 +54,24 @@ def test_a_stenosis_lies_in_its_stretch_only() -> None:
     body = body_of({**ARTERY, "stenosis": ring})
     narrow = 2.25 * 0.7
     assert volume_mm3(body, 2) == pytest.approx(8 * np.pi * (2.25**2 - narrow**2), rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "named"),
+    [
+        ({"x_mm": 11.0, "diameter_mm": 4.0}, {"x_mm": 15.02, "diameter_mm": 4.0},
+         "inclusion[1].x_mm or depth_mm: 0.02 mm lie between inclusion[1] and inclusion[0]"),
+        ({"x_mm": 8.0}, {"x_mm": 22.0, "depth_mm": 13.49}, "inclusion[1].x_mm or depth_mm: "
+         "0.01 mm lie between inclusion[1] and the bottom"),
+        ({"x_mm": 8.0, "depth_mm": 2.51}, {"x_mm": 22.0}, "inclusion[0].x_mm or depth_mm: "
+         "0.01 mm lie between inclusion[0] and the surface"),
+    ],
+)  # fmt: skip
+def test_what_leaves_no_room_for_elements_is_named(
+    first: dict[str, float], second: dict[str, float], named: str
+) -> None:
+    with pytest.raises(SceneError, match=re.escape(named)):
+        body_of({**BALL, **first}, {**BALL, **second})
 
 
 @pytest.mark.parametrize("end_mm", [1e-4, 9.9999])
