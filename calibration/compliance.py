@@ -81,32 +81,37 @@ def fit_compliance(depth_m: Array, force_n: Array) -> ComplianceCalibration:
     contact = (low - level) / slope
     air = bool((depth < contact).sum() >= 3)
     if air:
-        fit = nonlinear_fit(
-            lambda p: p[2] + p[0] * np.maximum(depth - p[1], 0) - force,
-            np.array([slope, contact, float(np.median(force[depth < contact]))]),
-            ("stiffness", "contact", "zero"),
-            ADVICE,
-            jacobian=lambda p: np.column_stack(
-                [
-                    np.maximum(depth - p[1], 0),
-                    np.where(depth > p[1], -p[0], 0),
-                    np.ones(len(depth)),
-                ]
-            ),
+        fit = _hinge(
+            depth, force, np.array([slope, contact, float(np.median(force[depth < contact]))])
         )
     else:  # all in contact: the zero must be trusted
         middle = float(depth.mean())
-        line = linear_fit(
-            np.column_stack([depth - middle, np.ones(len(depth))]), force, ("k", "F"), ADVICE
-        )
+        design = np.column_stack([depth - middle, np.ones(len(depth))])
+        line = correlated(linear_fit(design, force, ("k", "F"), ADVICE), design)
         k, f = line.values
         fit = line.derived(
             ("stiffness", "contact"),
             np.array([k, middle - f / k]),
             np.array([[1, 0], [f / k**2, -1 / k]]),
         )
-    fit = correlated(fit)
     stiffness, contact = float(fit.values[0]), float(fit.values[1])
     pressed = depth > contact
     bend = np.polyfit((depth[pressed] - contact) / np.ptp(depth[pressed]), force[pressed], 2)
     return ComplianceCalibration(stiffness, contact, high, float(bend[0] / abs(bend[1])), fit)
+
+
+def _hinge(depth: Array, force: Array, start: Array) -> Fit:
+    """Stiffness, contact and zero of readings that begin in the air."""
+
+    def misfit(p: Array) -> Array:
+        return np.asarray(p[2] + p[0] * np.maximum(depth - p[1], 0) - force)
+
+    def slopes(p: Array) -> Array:
+        deep = depth > p[1]
+        return np.column_stack(
+            [np.where(deep, depth - p[1], 0), np.where(deep, -p[0], 0), np.ones(len(depth))]
+        )
+
+    names = ("stiffness", "contact", "zero")
+    fit = nonlinear_fit(misfit, start, names, ADVICE, jacobian=slopes)
+    return correlated(fit, slopes(fit.values))

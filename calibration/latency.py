@@ -100,7 +100,9 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
         )
     turn = np.zeros((2, len(fit.values)))
     turn[0, 0], turn[1, 1] = 1, 1 / span
-    both = correlated(fit).derived(("delay", "skew"), turn @ fit.values + [start, 0.0], turn)
+    both = correlated(fit, slopes(fit.values)).derived(
+        ("delay", "skew"), turn @ fit.values + [start, 0.0], turn
+    )
     return LatencyCalibration(float(both.values[0]), float(both.values[1]), middle, both)
 
 

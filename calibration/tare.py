@@ -57,7 +57,7 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     fits = []
     for channel in values.T:
         fit = linear_fit(design, channel, ("bias", "drift"), "record longer")
-        fits.append(correlated(fit))
+        fits.append(correlated(fit, design))
     bias = np.array([fit.values[0] for fit in fits])
     drift = np.array([fit.values[1] for fit in fits])
     return TareCalibration(at_s, bias, drift, stacked(fits))
