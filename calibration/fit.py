@@ -1,8 +1,8 @@
 """Least squares with honest intervals, shared by every calibration.
 
 All fits assume independent normal residuals of one unknown variance, estimated from the
-residuals; intervals are Student's t, and those of readings in time allow for residuals that follow one
-another (`correlated`). Data that leave a parameter undetermined are refused.
+residuals; intervals are Student's t, and those of readings in time allow for residuals that
+follow one another (`correlated`). Data that leave a parameter undetermined are refused.
 """
 
 from collections.abc import Callable, Sequence
@@ -212,7 +212,7 @@ def correlated(fit: Fit, design: Array) -> Fit:
 
     How often 95 % intervals hold, least of their parameters, of 2000 draws each: stiffness and
     contact from 200 readings, and a tare of 500, hold in 96 and 96 % under white noise, in 95 and
-    96 % at a correlation of 0.9, and in 86 and 90 % at 0.99 (84, 90 and 60, 66 % by (1 + r)/(1 - r)
+    96 % at a correlation of 0.9, and in 86 and 90 % at 0.99 (87, 91 and 61, 63 % by (1 + r)/(1 - r)
     of the residuals' r). From fewer than 100 readings, under strong correlation, they hold less
     often: from 40 readings at 0.9 in 81 to 94 %.
     """

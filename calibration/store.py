@@ -54,7 +54,7 @@ ROUNDING = 1e-9  # of the estimates: residuals are no less, though a table of fe
 # Lengths that must agree within a file have one letter; values without a shape are one.
 SHAPES: dict[str, dict[str, str]] = {
     "force": {"sensitivity": "ca", "offset": "c", "temperature": "c"},
-    "taxels": {"gain": "t", "offset": "t", "dead": "t", "ceiling": "t"},
+    "taxels": {"gain": "t", "offset": "t", "dead": "t", "ceiling": "t", "floor": "t", "bent": "t"},
     "gravity": {"centre_m": "3", "bias": "6", "gravity_m_s2": "3"},
     "tare": {"bias": "c", "drift": "c"},
     "tool": {"tip_m": "3", "pivot_m": "3"},
@@ -191,12 +191,13 @@ def load(path: Path) -> Record:
 def restore(one: Record, source: str = "calibration") -> Calibration:
     """The calibration a record holds, ready to be applied. Raises `CalibrationError`."""
     kind, e = KINDS[one.kind], one.estimates
-    if missing := [name for name in kind.UNITS if name not in one.values]:
+    added = [name for name in getattr(kind, "ADDED", ()) if name not in one.values]
+    if missing := [name for name in kind.UNITS if name not in (*one.values, *added)]:
         raise CalibrationError(f"{source}: values lack {', '.join(missing)}")
     hints, shapes = get_type_hints(kind), SHAPES.get(one.kind, {})
     values: dict[str, Any] = {}
     lengths: dict[str, int] = {}
-    for name in kind.UNITS:
+    for name in (name for name in kind.UNITS if name not in added):
         written = one.values[name].value
         try:
             if name in shapes:
@@ -214,6 +215,7 @@ def restore(one: Record, source: str = "calibration") -> Calibration:
                 f"{source}: values.{name} = {shown} cannot be one of a calibration of {one.kind}; "
                 "calibrate again, or restore the file"
             ) from None
+    values |= {name: np.full(next(iter(lengths.values())), np.nan) for name in added}
     fit = Fit(e.names, np.array(e.values), np.array(e.covariance), np.array(e.residuals), e.dof)
     return kind(**values, fit=fit)
 

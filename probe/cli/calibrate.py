@@ -26,11 +26,6 @@ UNITS: dict[str, dict[str, str]] = {
 """What is printed behind a value, by the beginning of its name; nothing for pure numbers."""
 
 
-STRAIGHT = 0.02
-"""Share of the span. A sensor that clips at the highest of four loads is 16 % off and its gain 14
-%, while the 95 % interval allows 11; a straight one with 0.07 % of noise is 0.04 % off."""
-
-
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
     app.command()(calibrate)
@@ -109,6 +104,7 @@ def calibrate(
         return
     from calibration import record, save
     from calibration.errors import CalibrationError
+    from probe.calibrate.doubts import doubts
     from probe.calibrate.fits import Choices, check_drift, fit_measurements, raw_columns
     from probe.calibrate.measurements import read
     from sim_backend.scene.scene_file import load_scene
@@ -131,6 +127,8 @@ def calibrate(
         answer_json(plain(_as_json(path, one)))
     else:
         _show(result, path, one)
+    for doubt in doubts(result):
+        inform(f"warning: {doubt}")
     if scene_out is not None:
         _write_scene_found(block, result, scene_out)
         inform(f"scene: {scene_out}")
@@ -211,8 +209,6 @@ def _show(result: Any, path: Path, one: Any) -> None:
             f"off a straight line by {100 * result.linearity:.2g} % of the span, rising loads off "
             f"falling ones by {100 * result.hysteresis:.2g} %"
         )
-        if result.linearity > STRAIGHT:
-            inform("warning: no straight line fits these readings: does the sensor clip?")
     if one.kind == "compliance":
         way_mm = 1e3 * result.force_max_n / result.stiffness_n_m
         answer(f"gives way by {way_mm:.3g} mm at the largest force, {result.force_max_n:.3g} N")

@@ -96,9 +96,9 @@ class CalibratedSensor:
         for where, gains in self._gains:
             values[:, where] = values[:, where] @ gains
         if self._taxels is not None:
-            span = self._taxels.ceiling - self._taxels.offset
+            share = block.values[:, self._where] / self._taxels.span
             saturated = saturated.copy()
-            saturated[:, self._where] |= block.values[:, self._where] >= CLIPPED * span
+            saturated[:, self._where] |= share >= CLIPPED
         if self._latency is not None:
             time_s = self._latency.true_time(time_s)
         return Block(time_s, values, saturated, block.lost, block.jumped_s)

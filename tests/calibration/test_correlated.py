@@ -1,4 +1,4 @@
-"""Noise that follows itself in time: 95 % intervals of stiffness and tare hold as often as stated."""
+"""Noise that follows itself in time: intervals hold as often as they say."""
 
 from collections.abc import Callable
 

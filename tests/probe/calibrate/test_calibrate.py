@@ -125,6 +125,30 @@ def test_a_sensor_that_clips_is_no_straight_line(
         assert "off a straight line by" in said.out
 
 
+def test_taxels_that_stand_still_or_bend_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A good one, one of a dead zone to 4 kPa, one that falls and clips at 12 kPa, a bent one."""
+    table, noise = tmp_path / "taxels.csv", np.random.default_rng(4)
+    pressure = np.repeat(1e3 * np.array([0, 2, 4, 6, 8, 10, 15, 20]), 3)
+    line = 0.01 * np.outer(pressure, [1, 1, -1, 1]) + [20, 20, 400, 20]
+    line[:, 3] += 1e-7 * pressure**2
+    raw = line + 0.5 * noise.standard_normal(line.shape)
+    raw = np.clip(raw, [-1e3, 61, 280, -1e3], 1e4)
+    rows = [",".join(map(str, [*r, p])) for r, p in zip(raw, pressure, strict=True)]
+    table.write_text("\n".join(["raw_0,raw_1,raw_2,raw_3,pressure_pa", *rows]) + "\n")
+    out = ["--device", "skin", "--out", str(tmp_path / "t.json")]
+    assert main(["calibrate", "taxels", str(table), *out]) == 0
+    said = capsys.readouterr().err
+    assert re.search(r"readings of raw_1 stand still up to 4\.?\d* kPa and were left out", said)
+    assert re.search(r"readings of raw_2 stand still from 1[12]\.?\d* kPa on and were left", said)
+    assert re.search(r"no straight line fits raw_3, off it by up to \d\.?\d* %", said)
+    assert "raw_0" not in said
+    values = json.loads((tmp_path / "t.json").read_text())["values"]
+    assert values["floor"]["value"][1:3] == [61, 280]
+    assert values["bent"]["value"][0] == 0
+
+
 def test_what_a_table_leaves_open_names_the_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -191,7 +215,7 @@ def test_a_tare_says_how_long_it_is_good_for(
     said = capsys.readouterr().out
     (found,) = re.findall(r"good for (\S+) s: then drift alone may exceed (\S+),", said)
     good_s, known_to = map(float, found)
-    assert known_to == pytest.approx(2 * 0.01 / 20, rel=0.2)
+    assert known_to == pytest.approx(2 * 0.01 / 20, rel=0.3)  # 66 batches know it to 9 %
     assert 0.2 < good_s < 1.0
 
 

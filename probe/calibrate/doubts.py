@@ -1,0 +1,57 @@
+"""What a fitted calibration does not say by its values: where its model does not hold, in words."""
+
+import numpy as np
+
+from calibration import Calibration, ForceCalibration, TaxelCalibration
+from drivers.core.arrays import Array, Bools
+
+STRAIGHT = 0.02
+"""Share of the span. A sensor that clips at the highest of four loads is 16 % off and its gain 14
+%, while the 95 % interval allows 11; a straight one with 0.07 % of noise is 0.04 % off."""
+
+SHOWN = 6  # columns by name: a line of a terminal
+
+
+def doubts(result: Calibration) -> tuple[str, ...]:
+    """Each in a sentence, with what to do."""
+    match result:
+        case ForceCalibration() if result.linearity > STRAIGHT:
+            return ("no straight line fits these readings: does the sensor clip?",)
+        case TaxelCalibration():
+            return _of_taxels(result)
+        case _:
+            return ()
+
+
+def _of_taxels(result: TaxelCalibration) -> tuple[str, ...]:
+    found = []
+    if (still := np.isfinite(result.dead_zone_pa)).any():
+        found.append(
+            f"readings of {_columns(still)} stand still up to {_kpa(result.dead_zone_pa[still])} "
+            "and were left out there; in a scan pressures read too low by as much: load the array "
+            "beforehand, or exchange it"
+        )
+    if (clips := np.isfinite(result.clips_pa)).any():
+        found.append(
+            f"readings of {_columns(clips)} stand still from {_kpa(result.clips_pa[clips])} on and "
+            "were left out there; a scan marks such readings as saturated: press less than that"
+        )
+    if (bent := result.bent > 0).any():
+        found.append(
+            f"no straight line fits {_columns(bent)}, off it by up to "
+            f"{100 * result.bent.max():.2g} % of the span: leave out pressures at which readings "
+            "hardly change, or calibrate over the pressures of your scans alone"
+        )
+    return tuple(found)
+
+
+def _columns(which: Bools) -> str:
+    """The table's columns of these taxels."""
+    names = [f"raw_{n}" for n in np.flatnonzero(which)]
+    more = f" and {len(names) - SHOWN} more" if len(names) > SHOWN else ""
+    return ", ".join(names[:SHOWN]) + more
+
+
+def _kpa(pressures: Array) -> str:
+    low, high = 1e-3 * pressures.min(), 1e-3 * pressures.max()
+    return f"{low:.3g} kPa" if high - low < 0.01 * abs(high) else f"{low:.3g} to {high:.3g} kPa"
