@@ -215,7 +215,8 @@ def restore(one: Record, source: str = "calibration") -> Calibration:
                 f"{source}: values.{name} = {shown} cannot be one of a calibration of {one.kind}; "
                 "calibrate again, or restore the file"
             ) from None
-    values |= {name: np.full(next(iter(lengths.values())), np.nan) for name in added}
+    for name in added:  # by a later version
+        values[name] = np.full(lengths[shapes[name]], np.nan) if name in shapes else np.nan
     fit = Fit(e.names, np.array(e.values), np.array(e.covariance), np.array(e.residuals), e.dof)
     return kind(**values, fit=fit)
 

@@ -2,7 +2,12 @@
 
 import numpy as np
 
-from calibration import Calibration, ForceCalibration, TaxelCalibration
+from calibration import (
+    Calibration,
+    ComplianceCalibration,
+    ForceCalibration,
+    TaxelCalibration,
+)
 from drivers.core.arrays import Array, Bools
 
 STRAIGHT = 0.02
@@ -19,8 +24,21 @@ def doubts(result: Calibration) -> tuple[str, ...]:
             return ("no straight line fits these readings: does the sensor clip?",)
         case TaxelCalibration():
             return _of_taxels(result)
+        case ComplianceCalibration() if result.bend:
+            return (_of_rig(result),)
         case _:
             return ()
+
+
+def _of_rig(result: ComplianceCalibration) -> str:
+    start, end = result.stiffness_start_n_m, result.stiffness_end_n_m
+    return (
+        f"the rig {'stiffens' if end > start else 'softens'}: from {start:.4g} N/m at the touch to "
+        f"{end:.4g} at {result.force_max_n:.3g} N, {100 * abs(result.bend):.2g} % of the "
+        f"{result.stiffness_n_m:.4g} that a scan takes for all loads, which puts its depths off by "
+        f"up to {1e3 * result.depth_off_m:.2g} mm. Press the block no harder than your scans do, "
+        "and look for play or something soft in the mounting"
+    )
 
 
 def _of_taxels(result: TaxelCalibration) -> tuple[str, ...]:
