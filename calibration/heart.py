@@ -8,11 +8,14 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, same_length
+from calibration.fit import Array, Fit, as_columns, correlated, linear_fit, same_length
 
 RATES_HZ = (0.5, 3.5)  # 30 to 210 beats per minute
 PHASES = 128
 MAX_STEP_S, GRID_S = 0.05, 0.02  # a wave's 8th harmonic at 70 beats per minute has 9 Hz
+NEARER_TO_ONE = 0.5  # of the usual beat: what is off by more is nearer to two beats, or to none
+STEEP = 0.6  # of the usual upstroke; 0.4 took noise of 30 % of the pulse for beats: rates 8 % off
+OUTLYING, NORMAL_MEDIAN = 3.0, 0.6745  # in standard deviations: one normal beat of 370; the median
 ADVICE = "record at least ten quiet beats with the sensor well seated"
 
 
@@ -62,7 +65,15 @@ def fit_heart(
 
     ``cuff_mmhg`` (systolic, diastolic) scales the wave. ``is_pressure``: the channel is a
     pressure or force (tonometer); a PPG or ECG gives the rate only, since its shape is not the
-    pressure's. Raises `CalibrationError` when no steady beat is found.
+    pressure's.
+
+    The mean rate's interval is of all beats that are seen, however irregular, less those nearer to
+    two usual beats or to none, with their correlation in time (`correlated`). In 30 s of atrial
+    fibrillation (RR 20 %; one of six recordings is refused) it holds the heart's mean rate in 92 %
+    of 400 draws, with 10 % of ectopic beats and breathing in 99 % and more. From longer and wilder
+    ones (60 s, 25 %) in 80 %: early beats within half a usual one are not seen.
+
+    Raises `CalibrationError` when no steady beat is found.
     """
     systolic, diastolic = check_cuff(*cuff_mmhg)
     t, y = as_columns(time_s, "time_s", 1)[:, 0], as_columns(reference, "reference", 1)[:, 0]
@@ -78,12 +89,13 @@ def fit_heart(
     feet_s = _feet(grid, level, step)
     rr = np.diff(feet_s)
     usual = float(np.median(rr))
-    good = np.abs(rr - usual) < 0.3 * usual  # a missed or an extra beat
+    scatter = float(np.median(np.abs(rr - usual))) / NORMAL_MEDIAN
+    good = np.abs(rr - usual) < max(NEARER_TO_ONE * usual, OUTLYING * scatter)
     if good.sum() < 5:
         raise CalibrationError(f"only {int(good.sum())} steady beats found; {ADVICE}")
     mean, sd = float(rr[good].mean()), float(rr[good].std(ddof=1))
-    variance = np.array([[max(sd**2 / good.sum(), 1e-12)]])
-    period = Fit(("period",), np.array([mean]), variance, rr[good] - mean, int(good.sum()) - 1)
+    ones = np.ones((int(good.sum()), 1))
+    period = correlated(linear_fit(ones, rr[good], ("period",), ADVICE), ones)
     rate = period.derived(("rate",), np.array([60 / mean]), np.array([[-60 / mean**2]]))
     wave = np.empty(0)
     if is_pressure:
@@ -130,8 +142,8 @@ def _feet(grid: Array, level: Array, step: float) -> Array:
     strong = peaks[likeness[lags][peaks] > 0.8 * likeness[lags][peaks].max()]
     period = lags[strong[0]] * step  # the first of equals: not two beats taken for one
     rise = np.gradient(calm, step)
-    steep, _ = find_peaks(rise, distance=max(round(0.6 * period / step), 1))
-    steep = steep[rise[steep] > 0.4 * np.median(rise[steep])]
+    steep, _ = find_peaks(rise, distance=max(round(NEARER_TO_ONE * period / step), 1))
+    steep = steep[rise[steep] > STEEP * np.median(rise[steep])]
     back = round(0.25 * period / step)
     feet = []
     for n in steep.tolist():
