@@ -1,4 +1,4 @@
-"""Which stations of a row are repeats at one place."""
+"""Which stations of a row are repeats at one place, and how far its places lie from each other."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ def places_of(x_m: Array) -> Ints:
     order = np.argsort(x_m, kind="stable")
     gaps = np.diff(x_m[order])
     pitches = gaps[gaps > SAME_PLACE_M]
-    least_m = max(REPEATS * float(np.median(pitches)), SAME_PLACE_M) if len(pitches) else np.inf
+    least_m = max(REPEATS * _usual_m(pitches), SAME_PLACE_M) if len(pitches) else np.inf
     place = np.empty(len(x_m), dtype=int)
     place[order] = np.concatenate([[0], np.cumsum(gaps > least_m)])[: len(x_m)]
     return place
@@ -32,4 +32,13 @@ def distinct_m(x_m: Array) -> Array:
 def pitch_m(x_m: Array) -> float:
     """The usual distance from one place to the next; NaN where there is only one."""
     places_m = distinct_m(x_m)
-    return float(np.median(np.diff(places_m))) if len(places_m) > 1 else float("nan")
+    return _usual_m(np.diff(places_m)) if len(places_m) > 1 else float("nan")
+
+
+def _usual_m(gaps_m: Array) -> float:
+    """The median, each gap weighted by the square root of its length. By number alone, the gaps
+    within clusters of stations decide, which say nothing about what the row can show; by length, a
+    single hole does."""
+    longest = np.sort(gaps_m)[::-1]
+    weight = np.cumsum(np.sqrt(longest))
+    return float(longest[np.searchsorted(weight, weight[-1] / 2)])

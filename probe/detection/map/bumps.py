@@ -3,15 +3,18 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import least_squares
 from scipy.special import chdtrc, fdtrc, fdtri, ncfdtrinc, stdtrit
 
 from drivers.core.arrays import Array
+from probe.detection.map.bump_doubts import doubts, other_shapes_sd_m
+from probe.detection.map.bump_fit import refined, widest_m
 from probe.detection.map.row_rivals import odds_of_one_press, odds_of_uneven_row
-from probe.detection.map.row_shapes import shape, slopes, weighted
+from probe.detection.map.row_shapes import shape, weighted
+from probe.detection.repeats import pitch_m
 
 WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
-"""Half widths that are tried, in station distances."""
+"""Half widths that are tried, in station distances, and wider ones by `WIDER` each."""
+WIDER = 1.4
 PLACES_PER_PITCH = 4
 TRUSTED = 5
 """How many stations' worth the stated scatter is believed against the one that is seen."""
@@ -19,11 +22,6 @@ MIN_DISTANCE = 1.5
 """Least distance between two objects, in station distances."""
 MAX_OBJECTS, TOGETHER = 4, 3
 """Bumps of a row at most, and how many are looked for at once."""
-SETTLED = 1e-4
-"""Of places and widths in station distances: a hundredth of what is ever known of them."""
-NARROWEST, WIDEST = 0.45, 4.0
-"""Half widths of a fit, in station distances; any between is as likely, in the logarithm."""
-WIDTH_SD = float(np.log(WIDEST / NARROWEST) / np.sqrt(12))
 MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
 MIN_LEVELS = 7
@@ -75,21 +73,20 @@ def find_bumps(
     n = len(x_m)
     if n < MIN_STATIONS:
         return Row((), np.full(n, np.median(value)), float(np.median(sd)))
-    pitch = float(np.median(np.diff(x_m)))
     known: list[tuple[float, float]] = []
     chances: list[float] = []
     while len(known) < most and (left := n - base.shape[1] - 3 * len(known)) > 3:
-        new, p_value = _next(x_m, value, sd, pitch, base, known, rising)
+        new, p_value = _next(x_m, value, sd, base, known, rising)
         # those that are equally clear hide each other: each looks like the others' scatter
         for _ in range(2, min(TOGETHER, most - len(known), (left - 1) // 3) + 1):
             if p_value <= false_alarm:
                 break
-            new, p_value = _together(x_m, value, sd, pitch, base, known, new, rising)
+            new, p_value = _together(x_m, value, sd, base, known, new, rising)
         if p_value > false_alarm:
             break
-        known = _refined(x_m, value, sd, pitch, base, [*known, *new], rising)
+        known = refined(x_m, value, sd, base, [*known, *new], rising)
         chances += [p_value] * len(new)
-    return _row(x_m, value, sd, base, known, chances)
+    return _row(x_m, value, sd, base, known, chances, rising)
 
 
 def least_height(x_m: Array, value: Array, sd: Array, base: Array, false_alarm: float) -> float:
@@ -98,10 +95,9 @@ def least_height(x_m: Array, value: Array, sd: Array, base: Array, false_alarm: 
     n = len(x_m)
     if n < MIN_STATIONS or n - base.shape[1] <= 3:
         return float("inf")
-    pitch = float(np.median(np.diff(x_m)))
     _, fitted, _, rest = weighted(x_m, value, sd, base, [])
     column = np.zeros(len(fitted))
-    column[:n] = shape(x_m, float(x_m.mean()), 2 * pitch) / sd
+    column[:n] = shape(x_m, float(x_m.mean()), 2 * pitch_m(x_m)) / sd
     q, _ = np.linalg.qr(fitted)
     column -= q @ (q.T @ column)
     one = -np.expm1(np.log1p(-false_alarm) / _independent(PLACES_PER_PITCH * (n - 2)))
@@ -122,18 +118,19 @@ def at_places(x_m: Array, value: Array, sd: Array, base: Array, bumps: tuple[Bum
     if len(x_m) < MIN_STATIONS or not bumps:
         return Row((), np.full(len(x_m), np.median(value)), float(np.median(sd)))
     known = [(one.x_m, one.half_width_m) for one in bumps]
-    return _row(x_m, value, sd, base, known, [1.0] * len(known), fixed=True)
+    return _row(x_m, value, sd, base, known, [1.0] * len(known), None)
 
 
 def _next(
-    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
+    x_m: Array, value: Array, sd: Array, base: Array,
     known: list[tuple[float, float]], rising: bool,
 ) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
     """The clearest further bump and its chance."""
+    pitch = pitch_m(x_m)
     end = 0.0 if rising else pitch
     inner = np.arange(x_m[0] + end, x_m[-1] - end + 1e-9, pitch / PLACES_PER_PITCH)
     free = [c for c in inner if all(abs(c - k[0]) >= MIN_DISTANCE * pitch for k in known)]
-    tried = [(float(c), w * pitch) for c in free for w in WIDTHS]
+    tried = [(float(c), w * pitch) for c in free for w in _widths(x_m)]
     if not tried:
         return [(float(x_m.mean()), pitch)], 1.0
     _, a, _, left = weighted(x_m, value, sd, base, known)
@@ -152,12 +149,12 @@ def _next(
 
 
 def _together(
-    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
+    x_m: Array, value: Array, sd: Array, base: Array,
     known: list[tuple[float, float]], new: list[tuple[float, float]], rising: bool,
 ) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
     """``new`` bumps with the one that is clearest beside them, and the chance of all together."""
-    more, _ = _next(x_m, value, sd, pitch, base, [*known, *new], rising)
-    every = _refined(x_m, value, sd, pitch, base, [*known, *new, *more], rising)
+    more, _ = _next(x_m, value, sd, base, [*known, *new], rising)
+    every = refined(x_m, value, sd, base, [*known, *new, *more], rising)
     *_, before = weighted(x_m, value, sd, base, known)
     *_, after = weighted(x_m, value, sd, base, every)
     count = len(new) + 1
@@ -179,66 +176,23 @@ def chance(before: float, after: float, unknowns: int, dof: int, independent: fl
     return float(-np.expm1(independent * np.log1p(-one)))
 
 
+def _widths(x_m: Array) -> tuple[float, ...]:
+    """`WIDTHS`, and wider ones up to what a fit may reach."""
+    most = widest_m(x_m) / pitch_m(x_m) / WIDER
+    more = max(int(np.log(most / WIDTHS[-1]) / np.log(WIDER) + 1e-9), 0)
+    return WIDTHS + tuple(WIDTHS[-1] * WIDER ** np.arange(1, more + 1))
+
+
 def _independent(places: int) -> float:
     """Of ``places`` tried, `PLACES_PER_PITCH` to each pitch, with all widths."""
     return 2 * max(places / PLACES_PER_PITCH, 1.0)
 
 
-def _refined(
-    x_m: Array, value: Array, sd: Array, pitch: float, base: Array,
-    known: list[tuple[float, float]], rising: bool,
-) -> list[tuple[float, float]]:  # fmt: skip
-    """Places and widths of all bumps together, by least squares."""
-    n = len(x_m)
-    _, a, _, left = weighted(x_m, value, sd, base, [])
-    q, _ = np.linalg.qr(a)
-
-    def beside(columns: Array) -> Array:
-        """What the base cannot explain of columns (n, k), weighted, above its prior's rows."""
-        whole = np.zeros((len(a), columns.shape[1]))
-        whole[:n] = columns / sd[:, None]
-        return np.asarray(whole - q @ (q.T @ whole))
-
-    def bumps(p: Array) -> tuple[Array, Array, Array]:
-        """The bumps beside the base, an orthonormal basis of them, and what both leave."""
-        shapes = np.column_stack([shape(x_m, c, w) for c, w in _bumps(p, pitch)])
-        own = beside(shapes)
-        basis, _ = np.linalg.qr(own)
-        return own, basis, left - basis @ (basis.T @ left)
-
-    def residual(p: Array) -> Array:
-        return bumps(p)[2][:n]
-
-    def jacobian(p: Array) -> Array:
-        """Of variable projection (Golub and Pereyra 1973)."""
-        own, basis, rest = bumps(p)
-        inverse = np.linalg.pinv(own)
-        height = np.repeat(inverse @ left, 2)
-        moved = beside(np.column_stack([slopes(x_m, c, w) for c, w in _bumps(p, pitch)]))
-        across = moved - basis @ (basis.T @ moved)
-        found = across * height + np.repeat(inverse.T, 2, axis=1) * (rest @ moved)
-        return -found[:n]
-
-    start = np.array([v for c, w in known for v in (c, np.log(w / pitch))])
-    end = 0.0 if rising else pitch / 2
-    low = np.tile([x_m[0] + end, np.log(NARROWEST)], len(known))
-    high = np.tile([x_m[-1] - end, np.log(WIDEST)], len(known))
-    found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
-                          bounds=(low, high), x_scale=np.tile([pitch, 0.3], len(known)),
-                          xtol=SETTLED, ftol=SETTLED**2)  # fmt: skip
-    return _bumps(found.x, pitch)
-
-
-def _bumps(p: Array, pitch: float) -> list[tuple[float, float]]:
-    """Places and widths out of places and logarithms of widths in pitches."""
-    return list(zip(p[::2].tolist(), (pitch * np.exp(p[1::2])).tolist(), strict=True))
-
-
 def _row(
     x_m: Array, value: Array, sd: Array, base: Array,
-    known: list[tuple[float, float]], chances: list[float], *, fixed: bool = False,
+    known: list[tuple[float, float]], chances: list[float], rising: bool | None,
 ) -> Row:  # fmt: skip
-    """``fixed``: places and widths are known, from another map."""
+    """``rising``: as in `find_bumps`; None where places and widths are known, from another map."""
     columns, a, b, left = weighted(x_m, value, sd, base, known)
     rss = float(left @ left)
     coefficients = np.linalg.pinv(a) @ b
@@ -246,7 +200,10 @@ def _row(
     dof = max(len(x_m) - count - 3 * len(known), 1)
     scatter = (rss + TRUSTED) / (dof + TRUSTED)
     heights = coefficients[count:]
-    height_sd, place_sd = _doubts(x_m, sd, a, known, heights, scatter, fixed)
+    height_sd, place_sd = doubts(x_m, sd, a, known, heights, scatter, rising is None)
+    if known and rising is not None:
+        rest = other_shapes_sd_m(x_m, value, sd, base, known, rss, scatter, rising)
+        place_sd = np.hypot(place_sd, rest)
     reach = float(stdtrit(dof + TRUSTED, 0.975)) * place_sd
     alone = [
         odds_of_one_press(x_m, value, sd, base, known, k, rss, scatter) for k in range(len(known))
@@ -262,22 +219,3 @@ def _row(
     ]
     bumps.sort(key=lambda b: b.p_value)
     return Row(tuple(bumps), columns[:, :count] @ coefficients[:count], float(np.sqrt(scatter)))
-
-
-def _doubts(
-    x_m: Array, sd: Array, fitted: Array, known: list[tuple[float, float]], heights: Array,
-    scatter: float, fixed: bool,
-) -> tuple[Array, Array]:  # fmt: skip
-    """Standard deviations (k,) of heights and of places. Columns ``fitted`` are of the base and all
-    heights; unless ``fixed``, places and widths are as unknown: a wider bump may be higher."""
-    n, count, each = len(x_m), fitted.shape[1], len(known)
-    half = np.array([w for _, w in known])
-    whole = np.zeros((len(fitted) + each, count + 2 * each))
-    whole[: len(fitted), :count] = fitted
-    if known and not fixed:
-        moved = np.array([h * slopes(x_m, *one) for one, h in zip(known, heights, strict=True)])
-        whole[:n, count : count + each] = (half[:, None] * moved[:, :, 0] / sd).T
-        whole[:n, count + each :] = (moved[:, :, 1] / sd).T
-        whole[len(fitted) :, count + each :] = np.eye(each) * np.sqrt(scatter) / WIDTH_SD
-    spread = np.sqrt(scatter * np.diag(np.linalg.pinv(whole.T @ whole)))
-    return spread[count - each : count], half * spread[count : count + each]

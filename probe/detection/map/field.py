@@ -9,7 +9,8 @@ from scipy.special import stdtrit
 
 from drivers.core.arrays import Array, Bools
 from probe.core.places import SAME_PLACE_M
-from probe.detection.map.bumps import MIN_DISTANCE, SETTLED, TRUSTED, WIDTHS, chance
+from probe.detection.map.bump_fit import SETTLED
+from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, WIDTHS, chance
 from probe.detection.map.row_shapes import CURVATURE, level_of
 
 MIN_PRESSES = 15

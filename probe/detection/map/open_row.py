@@ -12,6 +12,7 @@ from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps, least_
 from probe.detection.map.row_objects import Line, objects_in
 from probe.detection.map.row_shapes import level_of, surroundings, with_edges
 from probe.detection.map.sideways import SQUEEZED
+from probe.detection.repeats import pitch_m
 
 MIN_BEYOND = 3.0
 """Pitches between an object and the open end: a vessel raises the force two to either side, and
@@ -37,7 +38,7 @@ def open_objects(
     follow, is undecided.
     """
     found = objects_in(line, pulse, false_alarm, with_edges)
-    pitch = float(np.median(np.diff(line.x_m))) if len(line.x_m) > 1 else 0.0
+    pitch = pitch_m(line.x_m) if len(line.x_m) > 1 else 0.0
     short = len(line.x_m) < MIN_NAMED
     begin_m, end_m = sorted(line.x_m[[0, -1]].tolist(), key=lambda x: -abs(x - end_x_m))
     settled = []

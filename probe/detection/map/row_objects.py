@@ -24,7 +24,7 @@ from probe.detection.map.sideways import reach_inwards_m
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press, depth_m
 from probe.detection.pulse.search import Search
-from probe.detection.repeats import places_of
+from probe.detection.repeats import pitch_m, places_of
 
 ONE_SIGMA = 0.683
 BEAT_SCATTER = 0.08
@@ -121,7 +121,7 @@ def objects_in(
     base = under(line.x_m)
     levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
     beats = _beats(line, false_alarm / 2) if pulse is not None else ()
-    places = _together(levels.bumps, beats, float(np.median(np.diff(line.x_m))))
+    places = _together(levels.bumps, beats, pitch_m(line.x_m))
     return [_object(place, line, pulse, beats, levels, base) for place in places]
 
 
@@ -135,7 +135,7 @@ def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
         found = find_bumps(x_m, pulse_pa, even, base, chance, most, rising=True).bumps
         if rising := tuple(bump for bump in found if bump.height > 0):
             return rising
-    at, pitch = float(x_m[int(np.argmax(pulse_pa))]), float(np.median(np.diff(x_m)))
+    at, pitch = float(x_m[int(np.argmax(pulse_pa))]), pitch_m(x_m)
     return (Bump(at, at - pitch, at + pitch, float(pulse_pa.max()), sd_pa, pitch, 1.0),)
 
 
@@ -209,7 +209,7 @@ def _unseen(line: Line, place: Place, size_pa: Array) -> Array:
     """Likelihood (n,) of pulses of ``size_pa`` (n,) at a place, by all stations that would feel
     one."""
     bump = place.level
-    width = bump.half_width_m if bump else float(np.median(np.diff(line.x_m)))
+    width = bump.half_width_m if bump else pitch_m(line.x_m)
     near = [
         (float(share), one)
         for share, there in zip(shape(line.x_m, place.x_m, width), line.searches, strict=True)

@@ -6,6 +6,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from probe.detection.map.row_shapes import EDGE_M, step, weighted
+from probe.detection.repeats import pitch_m
 
 CLOSE_M, FURTHER = 3e-3, (1.5, 2.0, 3.0, 4.0)
 """Stations that show how far a block's sides reach in, and what is tried over `EDGE_M`: a section
@@ -38,8 +39,7 @@ def odds_of_uneven_row(
 ) -> float:  # fmt: skip
     """Odds that the row waves, that its edges reach further or that it is stiffer on one side,
     instead of the bump ``known[k]``, or of all ``known``; each has three unknowns, as a bump."""
-    pitch_m = float(np.median(np.diff(x_m)))
-    rises = rises_anywhere(x_m, pitch_m, step)
+    rises = rises_anywhere(x_m, pitch_m(x_m), step)
     rivals = [c / sd[:, None] for c in (_waves(x_m), _further_edges(x_m), rises)]
     fits = []
     for others in {(*known[:k], *known[k + 1 :]), ()}:
@@ -70,18 +70,18 @@ def least_left(a: Array, left: Array, rivals: Array) -> float:
 
 
 def rises_anywhere(
-    x_m: Array, pitch_m: float, rise: Callable[[Array, Array, Array], Array]
+    x_m: Array, scale_m: float, rise: Callable[[Array, Array, Array], Array]
 ) -> Array:
     """Columns (m, n, 1) of ``rise``, a function of ``x_m`` (n,), middles and widths: from anywhere
     along ``x_m``, or just beyond, to anywhere on a scale of `RISE_WIDTHS`."""
-    middles_m = np.arange(x_m.min() - pitch_m, x_m.max() + 1.5 * pitch_m, pitch_m / 2)
-    widths_m = pitch_m * np.array(RISE_WIDTHS)[:, None, None]
+    middles_m = np.arange(x_m.min() - scale_m, x_m.max() + 1.5 * scale_m, scale_m / 2)
+    widths_m = scale_m * np.array(RISE_WIDTHS)[:, None, None]
     return rise(x_m, middles_m[:, None], widths_m).reshape(-1, len(x_m), 1)
 
 
 def _waves(x_m: Array) -> Array:
     """Pairs of columns (m, n, 2) of waves that are no curvature and that stations show."""
-    pitch, along = float(np.median(np.diff(x_m))), x_m - x_m[0]
+    pitch, along = pitch_m(x_m), x_m - x_m[0]
     turns = np.arange(MIN_TURNS, along[-1] / pitch / PITCHES_OF_A_WAVE, TURNS_STEP)
     angles = 2 * np.pi * turns[:, None] * along / along[-1]
     return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
@@ -90,7 +90,7 @@ def _waves(x_m: Array) -> Array:
 def _further_edges(x_m: Array) -> Array:
     """Pairs of columns (m, n, 2) of edges that reach further, as a high block's do, where stations
     are so close that they show the difference from a lump."""
-    if round(float(np.median(np.diff(x_m))), 4) > CLOSE_M:  # to what poses are exact to, 0.1 mm
+    if round(pitch_m(x_m), 4) > CLOSE_M:  # to what poses are exact to, 0.1 mm
         return np.zeros((0, len(x_m), 2))
     off_m = np.abs(x_m[:, None] - x_m[[0, -1]])
     return np.exp(-off_m / (EDGE_M * np.array(FURTHER)[:, None, None]))

@@ -3,6 +3,7 @@
 import numpy as np
 
 from drivers.core.arrays import Array
+from probe.detection.repeats import pitch_m
 
 EDGE_PITCHES, EDGE_M = 0.45, 1.8e-3
 """How far the free sides of a block lower its level (an exponential): in station distances, and at
@@ -11,13 +12,18 @@ CURVATURE, EDGE = 0.2, 0.3
 """Prior standard deviations over the level: of the square over the row's length, and of an edge."""
 LEAST_LEVEL = 1e-6
 """Over the largest: a row that is as uneven as this shows that nothing is pressed."""
+TAIL, OTHER_TAILS = 1.5, (1.0, 50.0)
+"""Of a bump's `shape`: what is fitted, and what it may be as well, a Lorentzian or (to 0.3 % of its
+height) a Gaussian."""
 MIN_WITH_EDGES = 9
 """Stations that can show a bump apart from a block's edges too: eight unknowns and one more."""
 
 
-def shape(x_m: Array, centre: Array | float, half_width: Array | float) -> Array:
+def shape(
+    x_m: Array, centre: Array | float, half_width: Array | float, tail: float = TAIL
+) -> Array:
     """The bump that an inclusion makes: between a Gaussian and a Lorentzian."""
-    return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / 1.5) ** -1.5)
+    return np.asarray((1 + ((x_m - centre) / half_width) ** 2 / tail) ** -tail)
 
 
 def step(x_m: Array, middle: Array | float, width: Array | float) -> Array:
@@ -25,10 +31,10 @@ def step(x_m: Array, middle: Array | float, width: Array | float) -> Array:
     return np.asarray(np.tanh((x_m - middle) / width))
 
 
-def slopes(x_m: Array, centre: float, half_width: float) -> Array:
+def slopes(x_m: Array, centre: float, half_width: float, tail: float = TAIL) -> Array:
     """Derivatives (n, 2) of `shape` by its place and the logarithm of its width."""
     u = (x_m - centre) / half_width
-    slope = 2 * u * (1 + u**2 / 1.5) ** -2.5
+    slope = 2 * u * (1 + u**2 / tail) ** -(tail + 1)
     return np.column_stack([slope / half_width, slope * u])
 
 
@@ -40,9 +46,8 @@ def surroundings(x_m: Array) -> Array:
 
 def with_edges(x_m: Array) -> Array:
     """Columns (n, 5) of a tilted, curved level and of its two edges."""
-    pitch = float(np.median(np.diff(x_m)))
     u = (x_m - x_m.mean()) / np.ptp(x_m)
-    reach_m = max(EDGE_PITCHES * pitch, EDGE_M)
+    reach_m = max(EDGE_PITCHES * pitch_m(x_m), EDGE_M)
     edges = [np.exp(-np.abs(x_m - end) / reach_m) for end in (x_m[0], x_m[-1])]
     return np.column_stack([np.ones_like(u), u, u**2, *edges])
 
@@ -58,10 +63,11 @@ def level_of(value: Array) -> float:
 
 
 def weighted(
-    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]]
-) -> tuple[Array, Array, Array, Array]:
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]],
+    tail: float = TAIL,
+) -> tuple[Array, Array, Array, Array]:  # fmt: skip
     """Columns, and weighted with what holds them: columns, values, residual."""
-    columns = np.column_stack([base, *(shape(x_m, *one) for one in known)])
+    columns = np.column_stack([base, *(shape(x_m, *one, tail) for one in known)])
     held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
     prior = np.diag(np.append(held, np.zeros(len(known)))) / level_of(value)
     a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
