@@ -7,14 +7,11 @@ from scipy.special import chdtrc, fdtrc, fdtri, ncfdtrinc, stdtrit
 
 from drivers.core.arrays import Array
 from probe.detection.map.bump_doubts import doubts, other_shapes_sd_m
-from probe.detection.map.bump_fit import refined, widest_m
+from probe.detection.map.bump_fit import refined, tried_m
 from probe.detection.map.row_rivals import odds_of_one_press, odds_of_uneven_row
 from probe.detection.map.row_shapes import shape, weighted
 from probe.detection.repeats import pitch_m
 
-WIDTHS = (0.7, 1.0, 1.4, 2.0, 2.8)
-"""Half widths that are tried, in station distances, and wider ones by `WIDER` each."""
-WIDER = 1.4
 PLACES_PER_PITCH = 4
 TRUSTED = 5
 """How many stations' worth the stated scatter is believed against the one that is seen."""
@@ -130,7 +127,8 @@ def _next(
     end = 0.0 if rising else pitch
     inner = np.arange(x_m[0] + end, x_m[-1] - end + 1e-9, pitch / PLACES_PER_PITCH)
     free = [c for c in inner if all(abs(c - k[0]) >= MIN_DISTANCE * pitch for k in known)]
-    tried = [(float(c), w * pitch) for c in free for w in _widths(x_m)]
+    widths_m = tried_m(pitch, float(np.ptp(x_m))).tolist()
+    tried = [(float(c), w) for c in free for w in widths_m]
     if not tried:
         return [(float(x_m.mean()), pitch)], 1.0
     _, a, _, left = weighted(x_m, value, sd, base, known)
@@ -174,13 +172,6 @@ def chance(before: float, after: float, unknowns: int, dof: int, independent: fl
     ratio = max(before - after, 0.0) / unknowns / scatter
     one = min(float(fdtrc(unknowns, left, ratio)), 1 - 1e-16)
     return float(-np.expm1(independent * np.log1p(-one)))
-
-
-def _widths(x_m: Array) -> tuple[float, ...]:
-    """`WIDTHS`, and wider ones up to what a fit may reach."""
-    most = widest_m(x_m) / pitch_m(x_m) / WIDER
-    more = max(int(np.log(most / WIDTHS[-1]) / np.log(WIDER) + 1e-9), 0)
-    return WIDTHS + tuple(WIDTHS[-1] * WIDER ** np.arange(1, more + 1))
 
 
 def _independent(places: int) -> float:

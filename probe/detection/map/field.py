@@ -9,8 +9,8 @@ from scipy.special import stdtrit
 
 from drivers.core.arrays import Array, Bools
 from probe.core.places import SAME_PLACE_M
-from probe.detection.map.bump_fit import SETTLED
-from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, WIDTHS, chance
+from probe.detection.map.bump_fit import NARROWEST, SETTLED, tried_m, widest_m
+from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, chance
 from probe.detection.map.row_shapes import CURVATURE, level_of
 
 MIN_PRESSES = 15
@@ -53,6 +53,11 @@ class Map:
     base: Array
     held: Array
     spacing_m: float
+
+    @property
+    def span_m(self) -> float:
+        """Its longer side."""
+        return float(np.ptp(self.place_m, axis=0).max())
 
 
 def spacing_m(place_m: Array) -> float:
@@ -135,7 +140,7 @@ def _clearest(
 ) -> tuple[Array, float, float]:
     """The spot (3,) at one of ``centres`` (c, 2) that explains most beside the ``known`` ones, and
     the sum of squares without it and with it."""
-    width = np.array(WIDTHS) * seen.spacing_m
+    width = tried_m(seen.spacing_m, seen.span_m)
     _, a, _, left = weighted(seen, known)
     q, _ = np.linalg.qr(a)
     n, before = len(seen.value), float(left @ left)
@@ -177,6 +182,7 @@ def weighted(seen: Map, known: list[Array]) -> tuple[Array, Array, Array, Array]
 def _refined(seen: Map, known: list[Array]) -> list[Array]:
     """Places and widths of all spots together, by least squares."""
     unit = seen.spacing_m
+    widest = widest_m(unit, seen.span_m) / unit
 
     def spots(p: Array) -> list[Array]:
         return [np.append(one[:2], unit * np.exp(one[2])) for one in p.reshape(-1, 3)]
@@ -185,8 +191,8 @@ def _refined(seen: Map, known: list[Array]) -> list[Array]:
         return weighted(seen, spots(p))[3][: len(seen.value)]
 
     start = np.concatenate([np.append(k[:2], np.log(k[2] / unit)) for k in known])
-    low = np.tile(np.append(seen.place_m.min(axis=0), np.log(0.45)), len(known))
-    high = np.tile(np.append(seen.place_m.max(axis=0), np.log(4.0)), len(known))
+    low = np.tile(np.append(seen.place_m.min(axis=0), np.log(NARROWEST)), len(known))
+    high = np.tile(np.append(seen.place_m.max(axis=0), np.log(widest)), len(known))
     found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), bounds=(low, high),
                           x_scale=np.tile([unit, unit, 0.3], len(known)),
                           xtol=SETTLED, ftol=SETTLED**2)  # fmt: skip

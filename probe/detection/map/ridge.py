@@ -7,7 +7,8 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
-from probe.detection.map.bumps import TRUSTED, WIDTHS, chance
+from probe.detection.map.bump_fit import tried_m
+from probe.detection.map.bumps import TRUSTED, chance
 from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, among, shape
 from probe.detection.map.row_shapes import shape as bump
 from probe.detection.repeats import distinct_m
@@ -89,7 +90,7 @@ def _best_line(seen: Map) -> tuple[float, tuple[float, float, float]]:
     q, _ = np.linalg.qr(a)
     rest = np.append(seen.value / seen.sd, np.zeros(k))
     rest -= q @ (q.T @ rest)
-    widths = np.array(WIDTHS) * seen.spacing_m
+    widths = tried_m(seen.spacing_m, seen.span_m)
     best, tried = np.inf, (0.0, 0.0, 0.0)
     for angle in ANGLES_RAD.tolist():
         across = _across(seen.place_m, angle)
