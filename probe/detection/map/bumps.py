@@ -9,7 +9,7 @@ from drivers.core.arrays import Array
 from probe.detection.map.bump_doubts import doubts, other_shapes_sd_m
 from probe.detection.map.bump_fit import refined, tried_m
 from probe.detection.map.row_rivals import odds_of_one_press, odds_of_uneven_row
-from probe.detection.map.row_shapes import shape, weighted
+from probe.detection.map.row_shapes import OTHER_TAILS, TAIL, shape, weighted
 from probe.detection.repeats import pitch_m
 
 PLACES_PER_PITCH = 4
@@ -17,6 +17,8 @@ TRUSTED = 5
 """How many stations' worth the stated scatter is believed against the one that is seen."""
 MIN_DISTANCE = 1.5
 """Least distance between two objects, in station distances."""
+BESIDE = np.array([0.75, 1.5, 2.5])
+"""Half widths of a bump from its middle to where the two that it may be are looked for."""
 MAX_OBJECTS, TOGETHER = 4, 3
 """Bumps of a row at most, and how many are looked for at once."""
 MIN_STATIONS = 6
@@ -81,6 +83,8 @@ def find_bumps(
             new, p_value = _together(x_m, value, sd, base, known, new, rising)
         if p_value > false_alarm:
             break
+        if len(new) == 1 and most - len(known) > 1 and left > 6:
+            new = _or_two_beside(x_m, value, sd, base, known, new, rising)
         known = refined(x_m, value, sd, base, [*known, *new], rising)
         chances += [p_value] * len(new)
     return _row(x_m, value, sd, base, known, chances, rising)
@@ -161,6 +165,35 @@ def _together(
     all_new = chance(float(before @ before), float(after @ after), 3 * count, dof,
                       _independent(places))  # fmt: skip
     return every[len(known) :], all_new
+
+
+def _or_two_beside(
+    x_m: Array, value: Array, sd: Array, base: Array,
+    known: list[tuple[float, float]], new: list[tuple[float, float]], rising: bool,
+) -> list[tuple[float, float]]:  # fmt: skip
+    """``new``, or the two bumps beside it if they explain the row better though they have three
+    unknowns more (Schwarz 1978), whatever the shape of one: between two lumps a row dips, and two
+    near each other are one that is wide.
+    """
+    count = base.shape[1]
+
+    def fit(
+        others: list[tuple[float, float]], tail: float = TAIL
+    ) -> tuple[float, list[tuple[float, float]], Array]:
+        every = refined(x_m, value, sd, base, [*known, *others], rising, tail)
+        _, a, b, left = weighted(x_m, value, sd, base, every, tail)
+        heights = (np.linalg.pinv(a) @ b)[count + len(known) :]
+        return float(left @ left), every[len(known) :], heights
+
+    as_one = min(fit(new, tail)[0] for tail in (TAIL, *OTHER_TAILS))
+    ((at, width),) = new
+    dof = max(len(x_m) - count - 3 * (len(known) + 2), 1)
+    for off in (BESIDE * width).tolist():
+        as_two, two, heights = fit([(at - off, width), (at + off, width)])
+        scatter = max((as_two + TRUSTED) / (dof + TRUSTED), 1.0)
+        if heights.min() > 0 and as_one - as_two > 3 * np.log(len(x_m)) * scatter:
+            as_one, new = as_two, two
+    return new
 
 
 def chance(before: float, after: float, unknowns: int, dof: int, independent: float) -> float:
