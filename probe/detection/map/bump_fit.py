@@ -33,10 +33,10 @@ def tried_m(pitch_m: float, span_m: float) -> Array:
 
 def refined(
     x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]],
-    rising: bool, tail: float = TAIL,
+    rising: bool, tail: float = TAIL, steps: int | None = None,
 ) -> list[tuple[float, float]]:  # fmt: skip
-    """Places and half widths [m] of bumps that are ``known`` roughly; ``rising`` ones may lie at
-    the row's ends."""
+    """Places and half widths [m] of bumps that are ``known`` roughly, in as many ``steps`` as it
+    takes or at most; ``rising`` ones may lie at the row's ends."""
     n, pitch = len(x_m), pitch_m(x_m)
     _, a, _, left = weighted(x_m, value, sd, base, [])
     q, _ = np.linalg.qr(a)
@@ -73,7 +73,7 @@ def refined(
     high = np.tile([x_m[-1] - end, np.log(widest_m(pitch, float(np.ptp(x_m))) / pitch)], len(known))
     found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
                           bounds=(low, high), x_scale=np.tile([pitch, 0.3], len(known)),
-                          xtol=SETTLED, ftol=SETTLED**2)  # fmt: skip
+                          xtol=SETTLED, ftol=SETTLED**2, max_nfev=steps)  # fmt: skip
     return _bumps(found.x, pitch)
 
 
