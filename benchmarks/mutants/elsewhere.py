@@ -117,6 +117,21 @@ ELSEWHERE = (
            "if n < MIN_STATIONS:\n        return Row((), np.full(n, np",
            "if n < 3:\n        return Row((), np.full(n, np",
            ("tests/probe/detection/test_bumps.py",)),
+    Mutant("close stations make narrow tissue", "probe/detection/map/bump_fit.py",
+           "max(WIDEST * pitch_m, min(WIDEST_M, WIDEST_SHARE * span_m))", "WIDEST * pitch_m",
+           ("tests/probe/detection/test_bumps.py"
+            "::test_an_artery_below_close_stations_is_one",)),
+    Mutant("clusters are a row's pitch", "probe/detection/repeats.py",
+           "np.cumsum(np.sqrt(longest))", "np.cumsum(np.ones(len(longest)))",
+           ("tests/probe/detection/test_bumps.py"
+            "::test_intervals_hold_where_stations_stand_in_clusters",)),
+    Mutant("a bump has one shape", "probe/detection/map/bump_doubts.py",
+           "weight, square = 1.0", "weight, square = 1e12",
+           ("tests/probe/detection/test_bumps.py"
+            "::test_an_interval_holds_whatever_the_shape_between_far_stations",)),
+    Mutant("one explains what two do", BUMPS, "COST_OF_TWO = 4", "COST_OF_TWO = 1e9",
+           ("tests/probe/detection/test_bumps.py"
+            "::test_two_arteries_near_each_other_are_two_and_one_is_one",)),
     Mutant("taxels are a face each", STRESS,
            'share = len(columns) if role == "taxel" else 1', "share = 1", STRESSED + DETECT),
     Mutant("units are not looked at", STRESS, "return factor / area_m2", "return 1 / area_m2",

@@ -69,8 +69,8 @@ def test_a_stage_that_is_not_ready_is_not_moved(
     ran = ended_early(stage)
     assert "alarm lock" in ran.reason
     assert "move" not in {what for _, what in stage.orders}
-    told = [text for text in ran.notes if "the probe was not lifted" in text]
-    assert [said in text for text in told] == ([] if said is None else [True])
+    noted = [text for text in ran.notes if "the probe was not lifted" in text]
+    assert [said in text for text in noted] == ([] if said is None else [True])
 
 
 def test_where_a_stage_without_a_pose_stands_is_not_known() -> None:
@@ -79,8 +79,8 @@ def test_where_a_stage_without_a_pose_stands_is_not_known() -> None:
             raise DeviceFault(self.name, "does not answer")
 
     ran = ended_early(Mute(Bed(SimulatedClock())), "abort")
-    (told,) = [text for text in ran.notes if "the probe was not lifted" in text]
-    assert "where it stands is not known" in told
+    (noted,) = [text for text in ran.notes if "the probe was not lifted" in text]
+    assert "where it stands is not known" in noted
 
 
 def test_a_pause_while_the_scan_connects_is_a_pause() -> None:

@@ -80,6 +80,8 @@ def test_a_long_run_that_is_cut_short_is_kept(tmp_path: Path) -> None:
 def test_a_scan_says_where_a_run_is_kept_that_was_cut_short(
     harm: Callable[[Path], None], tmp_path: Path, winkler: Any
 ) -> None:
+    """Or that it could not be, as where it is cut in the very moment in which it is written."""
+
     def look(event: Event) -> None:
         if isinstance(event, StationStarted) and event.station == 2:
             for path in tmp_path.glob("*.run"):
@@ -89,9 +91,10 @@ def test_a_scan_says_where_a_run_is_kept_that_was_cut_short(
     done = scan(rig, "TIHA", tmp_path, observers=[look], respond=winkler)
     assert done.ended.finish is Finish.FAULTED
     assert str(done.path) in done.ended.reason
-    report = verify(done.path)
-    assert report.ok, report.problems
-    assert report.stations_complete >= 2
+    if "could not be kept elsewhere" not in done.ended.reason:
+        report = verify(done.path)
+        assert report.ok, report.problems
+        assert report.stations_complete >= 2
 
 
 @pytest.mark.parametrize("mode", ["PASSIVE", "FULL", "RESTART", "TRUNCATE"])
