@@ -123,8 +123,8 @@ ELSEWHERE = (
             "::test_an_artery_below_close_stations_is_one",)),
     Mutant("clusters are a row's pitch", "probe/detection/repeats.py",
            "np.cumsum(np.sqrt(longest))", "np.cumsum(np.ones(len(longest)))",
-           ("tests/probe/detection/test_bumps.py"
-            "::test_intervals_hold_where_stations_stand_in_clusters",)),
+           ("tests/probe/detection/test_repeats.py"
+            "::test_neither_clusters_nor_a_hole_are_what_a_row_can_show",)),
     Mutant("a bump has one shape", "probe/detection/map/bump_doubts.py",
            "weight, square = 1.0", "weight, square = 1e12",
            ("tests/probe/detection/test_bumps.py"

@@ -70,3 +70,19 @@ def test_an_object_of_a_row_of_repeats_has_an_interval() -> None:
     two = [replace(s, index=n) for n, s in enumerate([s for s in ordered if 31 < s.x_m * 1e3 < 37])]
     low, high = detect(recording(two)).objects[0].position_ci_mm
     assert high - low > MIN_WIDTH_MM
+
+
+@pytest.mark.parametrize(
+    ("x_mm", "pitch_mm"),
+    [
+        (np.arange(4.0, 61.0, 4.0), 4.0),
+        (np.concatenate([np.arange(4.0, 61.0, 4.0), [200.0]]), 4.0),  # a hole of 140 mm
+        (np.concatenate([np.arange(4.0, 30.0, 4.0), np.arange(102.0, 130.0, 4.0)]), 4.0),
+        ([3, 3.5, 9, 10, 11, 18, 30, 31, 33, 40, 41, 55, 56, 57, 60], 7.0),
+        ([*np.arange(4.0, 61.0, 8.0), *np.arange(4.6, 61.0, 8.0)], 8.0),
+    ],
+)
+def test_neither_clusters_nor_a_hole_are_what_a_row_can_show(
+    x_mm: list[float], pitch_mm: float
+) -> None:
+    assert 1e3 * pitch_m(1e-3 * np.array(x_mm)) == pytest.approx(pitch_mm)
