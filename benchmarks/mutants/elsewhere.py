@@ -118,7 +118,7 @@ ELSEWHERE = (
            "if n < 3:\n        return Row((), np.full(n, np",
            ("tests/probe/detection/test_bumps.py",)),
     Mutant("close stations make narrow tissue", "probe/detection/map/bump_fit.py",
-           "max(WIDEST * pitch_m, min(WIDEST_M, WIDEST_SHARE * span_m))", "WIDEST * pitch_m",
+           "max(WIDEST * station_m, min(WIDEST_M, WIDEST_SHARE * span_m))", "WIDEST * station_m",
            ("tests/probe/detection/test_bumps.py"
             "::test_an_artery_below_close_stations_is_one",)),
     Mutant("clusters are a row's pitch", "probe/detection/repeats.py",

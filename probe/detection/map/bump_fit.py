@@ -19,16 +19,16 @@ FIRST, WIDER = 0.7, 2**0.5
 """Half widths that are tried: the first in station distances, and what each is over the last."""
 
 
-def widest_m(pitch_m: float, span_m: float) -> float:
-    """The widest half width in a row or map of ``span_m``, with a station every ``pitch_m``."""
-    return max(WIDEST * pitch_m, min(WIDEST_M, WIDEST_SHARE * span_m))
+def widest_m(station_m: float, span_m: float) -> float:
+    """The widest half width in a row or map of ``span_m``, with a station every ``station_m``."""
+    return max(WIDEST * station_m, min(WIDEST_M, WIDEST_SHARE * span_m))
 
 
-def tried_m(pitch_m: float, span_m: float) -> Array:
+def tried_m(station_m: float, span_m: float) -> Array:
     """Half widths (k,) that a bump is looked for with."""
-    most = widest_m(pitch_m, span_m) / pitch_m
+    most = widest_m(station_m, span_m) / station_m
     count = int(np.log(most / FIRST) / np.log(WIDER) + 1e-9)
-    return np.asarray(pitch_m * FIRST * WIDER ** np.arange(count))
+    return np.asarray(station_m * FIRST * WIDER ** np.arange(count))
 
 
 def refined(

@@ -222,7 +222,7 @@ def test_intervals_hold_where_stations_stand_in_clusters(x_m: Array, half_width_
 
 
 def test_an_interval_holds_whatever_the_shape_between_far_stations() -> None:
-    """Stations of 8 mm show a bump of 7 mm at three; 27 of 40 held with one shape alone."""
+    """Stations of 8 mm show a bump of 7 mm at three; 8 of 40 held with one shape alone."""
     rng = np.random.default_rng(3)
     x_m = 8e-3 * np.arange(8)
     held = []
