@@ -10,6 +10,7 @@ FAST = "tests/sim_backend/models/test_surrogate.py"
 LIMITS = "tests/sim_backend/fem/test_limits.py"
 ROOM = "tests/sim_backend/scene/test_room.py"
 SOLID = "tests/sim_backend/models/test_solid_press.py"
+UNEVEN = "tests/probe/detection/test_uneven_beats.py"
 
 OUTSIDE = (
     Mutant("a row that rises on one side is a lump", "probe/detection/map/row_rivals.py",
@@ -93,4 +94,17 @@ OUTSIDE = (
     Mutant("a rate in words reaches the checks", "probe/config/rig.py",
            'READ_BY_CHECKS = ("rate_hz", "noise_mn")', "READ_BY_CHECKS = ()",
            ("tests/probe/config/test_rig.py::test_wrong_rigs_name_file_key_and_value",)),
+    Mutant("an uneven heart beats at one rate", "probe/detection/pulse/at_heart_rate.py",
+           "sought = pulsing and (", "sought = False and (",
+           (f"{UNEVEN}::test_a_pulse_is_as_large_as_its_beats_are_however_they_come",)),
+    Mutant("a heart's beats are as even as usual hearts' are", "probe/detection/heart_rate.py",
+           "[pulse.variability**2 for _, pulse in pulsing]", "[0.05**2 for _, pulse in pulsing]",
+           ("tests/probe/detection/test_heart_rate.py"
+            "::test_the_interval_holds_the_rate_in_95_of_100_scans",)),
+    Mutant("beats of any length cost nothing", "probe/detection/pulse/at_heart_rate.py",
+           "if gain < 0.5 * len(beats.swing_pa)", "if gain < 0.0 * len(beats.swing_pa)",
+           (f"{UNEVEN}::test_a_steady_heart_is_not_taken_for_an_uneven_one",)),
+    Mutant("a beat over a joint counts twice", "probe/detection/pulse/uneven_beats.py",
+           "if pair[0] >= first_s]", "if pair[0] >= -1e9]",
+           (f"{UNEVEN}::test_beats_of_a_long_hold_are_found_part_by_part_and_counted_once",)),
 )  # fmt: skip

@@ -30,13 +30,15 @@ def own_beats_s(hold: Hold, wave: Wave) -> Array:
     """Time (n,) [s] counted in the hold's own beats, as if each took one period of ``wave``.
 
     Gauss-Newton on the wave and its timing at once. Beforehand the lengths of beats are normal
-    about their own mean, with a standard deviation of
-    `RATE_VARIABILITY` (so that timing is a random walk).
+    about their own mean, or where ``wave`` counts in beats already about what they have there, with
+    a standard deviation of `RATE_VARIABILITY` (so that timing is a random walk).
     """
-    t, period = hold.time_s, 1 / wave.rate_hz
+    period = 1 / wave.rate_hz
+    t = hold.time_s if wave.beating_s is None else wave.beating_s
     scale = np.sqrt(hold.weight)
     y = scale * (hold.signal_pa - wave.fit.rest_pa)
-    drift = scale[:, None] * np.column_stack([np.ones_like(t), (t - t.mean()) / hold.span_s])
+    since = hold.time_s - hold.time_s.mean()
+    drift = scale[:, None] * np.column_stack([np.ones_like(t), since / hold.span_s])
     count = int(np.clip(FINEST * len(t) / hold.span_s // wave.rate_hz, 1, FOLLOWED))
 
     def waves(time_s: Array, most: int) -> Array:
@@ -47,7 +49,7 @@ def own_beats_s(hold: Hold, wave: Wave) -> Array:
     q, _ = np.linalg.qr(tried)
     explained = ((y @ q) ** 2).sum(axis=1)
 
-    knots = np.linspace(t[0], t[-1], max(3, 1 + round(hold.span_s / period)))
+    knots = np.linspace(t[0], t[-1], max(3, 1 + round(float(np.ptp(t)) / period)))
     hats = np.array([np.interp(t, knots, one) for one in np.eye(len(knots))]).T
     steps = np.diff(np.eye(len(knots)), axis=0)
     walk = (steps - steps.mean(axis=0)) / (

@@ -88,14 +88,14 @@ class Cause:
         return max((name for name in self.share if name != "pulse"), key=lambda k: self.share[k])
 
 
-def coarse_of(hold: Hold, null: Fit) -> Coarse:
-    """A hold without relaxation and drift, at `COARSE_S` or what it has, up to `LONGEST_S`."""
+def coarse_of(hold: Hold, null: Fit, longest_s: float = LONGEST_S) -> Coarse:
+    """A hold without relaxation and drift, at `COARSE_S` or what it has, up to ``longest_s``."""
     design = design_of(hold)
     nuisance = np.hstack([design.drift, design.decays[:, null.decays]])
     q, _ = np.linalg.qr(nuisance)
     signal = null.residual_pa - q @ (q.T @ null.residual_pa)
     fold = max(1, round(COARSE_S / max(hold.step_s, 1e-9)))
-    kept = min(len(signal), round(LONGEST_S / max(hold.step_s, 1e-9))) // fold * fold
+    kept = int(min(len(signal), np.round(longest_s / max(hold.step_s, 1e-9)))) // fold * fold
 
     def folded(columns: Array) -> Array:
         return np.asarray(columns[:kept].reshape(-1, fold, *columns.shape[1:]).mean(axis=1))
@@ -116,7 +116,7 @@ def chance_without_pulse(hold: Coarse, train: BeatTrain) -> float:
 
 
 def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
-    """Log evidence of each cause that `PRIOR` names.
+    """Log evidence of each cause that `PRIOR` names, and of "uneven beats" as a part of a pulse's.
 
     Where a pulse is not sure, each but breathing is also judged `beside_breathing`, which takes as
     long again: whether somebody breathes does not depend on what else moves.
@@ -125,6 +125,7 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
     own = np.log(SHARE["train"]) + shape_evidence(hold, train, OWN_HARMONICS)
     found = {
         "pulse": float(np.logaddexp(repeating["pulse"], own)),
+        "uneven beats": float(own),
         "breathing": float(logsumexp([
             periodic(hold, *BREATHING_HZ, count) for count in BREATHING_HARMONICS
         ]) - np.log(len(BREATHING_HARMONICS))),

@@ -41,7 +41,8 @@ class Clearest:
     one at least as clear in a hold without any, at any rate.
 
     ``search`` is None where a reference gave the beats: then ``beating_s`` (n,) counts time in
-    them. ``noise`` and ``scale`` are what the wave leaves at its own rate.
+    them, whose lengths have the standard deviation ``variability`` over the mean. ``noise`` and
+    ``scale`` are what the wave leaves at its own rate.
     """
 
     rate_hz: float
@@ -50,6 +51,7 @@ class Clearest:
     scale: Scale
     search: Search | None
     beating_s: Array | None = None
+    variability: float = RATE_VARIABILITY
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,8 @@ class Pulse:
     deviation, and ``p_value`` and ``search`` as of `Clearest`.
 
     ``baseline_pa`` is the mean over the hold of all but the pulse, with its standard deviation.
-    ``sizes`` are what ``size_pa`` is the mean of.
+    ``sizes`` are what ``size_pa`` is the mean of. ``variability`` is the standard deviation of a
+    beat's length over the mean.
     """
 
     rate_hz: float
@@ -83,6 +86,7 @@ class Pulse:
     fit: Fit
     search: Search | None
     sizes: Sizes
+    variability: float = RATE_VARIABILITY
 
 
 def beside(
@@ -125,8 +129,8 @@ def pulse_of(hold: Hold, own: Clearest, wave: Wave, shared: Rates | None = None)
     if wave.beating_s is not None:
         spread = 0.0
     elif shared is not None:
-        spread = RATE_VARIABILITY / np.sqrt(max(hold.span_s * rate_hz, 1.0))
-    rates = Rates(np.array([rate_hz]), np.ones(1)) if shared is None else shared
+        spread = shared.variability / np.sqrt(max(hold.span_s * rate_hz, 1.0))
+    rates = shared or Rates(np.array([rate_hz]), np.ones(1), own.variability)
     parts = found.coefficients[2:].reshape(2, -1)
 
     def at(hz: float) -> Sizes:
@@ -141,7 +145,7 @@ def pulse_of(hold: Hold, own: Clearest, wave: Wave, shared: Rates | None = None)
     return Pulse(
         rate_hz, size_pa, size_sd_pa, own.p_value,
         float(found.rest_pa.mean()), unmodelled * found.rest_mean_sd_pa, found.noise_pa,
-        found, own.search, sizes,
+        found, own.search, sizes, rates.variability,
     )  # fmt: skip
 
 

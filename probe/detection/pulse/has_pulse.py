@@ -1,9 +1,11 @@
 """Which holds have a pulse: one that passes by itself or with its neighbours, and is no rival."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from probe.core.recording import Recording
-from probe.detection.pulse.beat_train import beat_train
+from probe.detection.pulse.beat_train import BeatTrain, beat_train
 from probe.detection.pulse.causes import (
     Cause,
     cause_of,
@@ -23,22 +25,29 @@ MAX_PRESSES_ASKED = 3
 """Clearest presses that are asked what moves in them: more would not change the answer."""
 
 
+@dataclass(frozen=True)
+class Beating:
+    """``stations`` that have a pulse, the clearest first; what moves in those that were asked, and
+    the likeliest ``trains`` of beats of those of them that are likelier uneven than steady."""
+
+    stations: list[int]
+    causes: dict[int, Cause]
+    trains: dict[int, BeatTrain]
+
+
 def which_pulse(
     measured: dict[int, tuple[Hold, Clearest]], recording: Recording, false_alarm: float
-) -> tuple[list[int], dict[int, Cause]]:
-    """Stations that have a pulse, the clearest first, and what moves in those that were asked.
+) -> Beating:
+    """Which stations have a pulse.
 
     ``measured`` are the holds of ``recording`` and their clearest pulses, by station;
     ``false_alarm`` is the chance for the whole recording.
     """
     clear = _clear({i: pulse for i, (_, pulse) in measured.items()}, recording, false_alarm)
-    causes, pulsing = _causes({i: measured[i] for i in clear}, least_posterior(false_alarm))
-    return pulsing, causes
+    return _causes({i: measured[i] for i in clear}, least_posterior(false_alarm))
 
 
-def _causes(
-    clear: dict[int, tuple[Hold, Clearest]], least: float
-) -> tuple[dict[int, Cause], list[int]]:
+def _causes(clear: dict[int, tuple[Hold, Clearest]], least: float) -> Beating:
     """What moves in the clearest presses, and which of ``clear`` then hold a pulse, with a
     posterior probability of ``least``.
 
@@ -46,25 +55,28 @@ def _causes(
     they share one heart.
     """
     asked = [i for i, (_, pulse) in clear.items() if pulse.search is not None][:MAX_PRESSES_ASKED]
-    evidence = {}
+    evidence, trains = {}, {}
     for i in asked:
         hold = clear[i][0]
         if hold.span_s < SHORTEST_TRAIN_S:
             continue
         coarse = coarse_of(hold, fit(hold, design_of(hold), np.empty((len(hold.time_s), 0))))
-        evidence[i] = evidence_of(coarse, beat_train(coarse))
+        train = beat_train(coarse)
+        evidence[i] = evidence_of(coarse, train)
+        if evidence[i]["uneven beats"] > evidence[i]["pulse"] - np.log(2):
+            trains[i] = train
     if not evidence:  # a reference has answered, or the holds are too short to ask
-        return {}, list(clear)
+        return Beating(list(clear), {}, {})
     causes = {i: cause_of([one]) for i, one in evidence.items()}
     disturbed = [i for i, cause in causes.items() if cause.is_no_pulse]
     steady = [i for i in evidence if i not in disturbed]
     if not steady:
-        return causes, [i for i in asked if i not in evidence]
+        return Beating([i for i in asked if i not in evidence], causes, trains)
     together = cause_of([evidence[i] for i in steady])
     causes |= dict.fromkeys(steady, together)
     if together.pulse < least:
-        return causes, []
-    return causes, [i for i in clear if i not in disturbed]
+        return Beating([], causes, trains)
+    return Beating([i for i in clear if i not in disturbed], causes, trains)
 
 
 def _clear(pulses: dict[int, Clearest], recording: Recording, false_alarm: float) -> list[int]:

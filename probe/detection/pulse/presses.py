@@ -6,34 +6,24 @@ import numpy as np
 
 from drivers.core.arrays import Bools
 from probe.core.recording import Recording, Station
-from probe.detection.pulse.beat_timing import own_beats_s
+from probe.detection.pulse.at_heart_rate import heart_of, pulse_at
 from probe.detection.pulse.calm_half import clearest_part
 from probe.detection.pulse.causes import Cause
-from probe.detection.pulse.estimate import (
-    Clearest,
-    Pulse,
-    Wave,
-    beside,
-    pulse_of,
-    wave_at,
-)
+from probe.detection.pulse.estimate import Clearest, Pulse
 from probe.detection.pulse.fit import design_of, fit
-from probe.detection.pulse.has_pulse import REACH, which_pulse
+from probe.detection.pulse.has_pulse import which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
 from probe.detection.pulse.least_noise import least_noise
-from probe.detection.pulse.rate import shared_rate
 from probe.detection.pulse.reference import find_pulse_by
 from probe.detection.pulse.rounding import unrounded, within_steps
 from probe.detection.pulse.search import beyond
-from probe.detection.pulse.size import Rates, averaged, together
+from probe.detection.pulse.size import averaged, together
+from probe.detection.pulse.uneven_beats import beats_of
 
 REPEATABILITY_M = 10e-6
 """What a stage's depth differs by from station to station."""
 STIFFENING = 1.15
 """Exponent of a cylinder's force against depth, between a flat face's 1 and a sphere's 1.5."""
-FOLLOWED_SIGMAS, MIN_BEATS = 8.0, 2.0
-"""Standard deviations of a pulse's size from which the beats found in it are believed, and how many
-a hold must have for that."""
 UNKNOWN_DEPTH = 0.005
 """Station scatter over the level where no depth was recorded."""
 LEAST_LOST = 0.005
@@ -89,12 +79,15 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
         for i, one in enumerate(found)
         if one.hold is not None and one.clearest is not None
     }
-    pulsing, causes = which_pulse(measured, recording, false_alarm)
+    beating = which_pulse(measured, recording, false_alarm)
+    pulsing, causes = beating.stations, beating.causes
     others = {} if pulsing or causes else _beyond(measured, false_alarm)
-    clear = [measured[i] for i in pulsing[: 2 * REACH + 1]]
-    shared = shared_rate([(h, _own_wave(h, c), c.search) for h, c in clear]) if clear else None
+    asked = {i: beats_of(measured[i][0], train) for i, train in beating.trains.items()}
+    heart = heart_of([(*measured[i], asked.get(i)) for i in pulsing])
     pulses = _sized([
-        _at(one.hold, one.clearest, shared) if one.hold and one.clearest else None for one in found
+        pulse_at(one.hold, one.clearest, heart, i in pulsing, asked.get(i))
+        if one.hold and one.clearest else None
+        for i, one in enumerate(found)
     ])  # fmt: skip
     return tuple(
         replace(
@@ -156,25 +149,6 @@ def _with_level(own: _Own, pulse: Pulse | None) -> Pulse | None:
     return replace(
         pulse, baseline_pa=float(whole.rest_pa.mean()), baseline_sd_pa=whole.rest_mean_sd_pa
     )
-
-
-def _own_wave(hold: Hold, own: Clearest) -> Wave:
-    return wave_at(hold, own.rate_hz, own.noise, own.scale, own.beating_s)
-
-
-def _at(hold: Hold, own: Clearest, shared: Rates | None) -> Pulse:
-    """The pulse at the heart's rate, its beats followed where it is clear enough."""
-    if shared is None or own.search is None:
-        return pulse_of(hold, own, _own_wave(hold, own))
-    rate_hz = float(shared.hz[0])
-    steady = wave_at(hold, rate_hz, *beside(hold, rate_hz, own.scale))
-    if hold.span_s * rate_hz >= MIN_BEATS:
-        beating_s = own_beats_s(hold, steady)
-        noise, scale = beside(hold, rate_hz, own.scale, beating_s)
-        followed = pulse_of(hold, own, wave_at(hold, rate_hz, noise, scale, beating_s))
-        if followed.size_pa >= FOLLOWED_SIGMAS * followed.size_sd_pa:
-            return followed
-    return pulse_of(hold, own, steady, shared)
 
 
 def _sized(pulses: list[Pulse | None]) -> list[Pulse | None]:

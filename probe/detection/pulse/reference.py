@@ -10,8 +10,9 @@ from probe.detection.pulse.estimate import Clearest, beside, scale_of
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
-from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
+from probe.detection.pulse.possible_rates import FASTEST_HZ, RATE_VARIABILITY, SLOWEST_HZ
 from probe.detection.pulse.search import TESTED_HARMONICS
+from probe.detection.pulse.uneven_beats import MIN_WHOLE
 
 SMOOTHED_S, INTEGRATED_S = 0.04, 0.1
 """Half of a QRS complex, which noise and mains are averaged over, and its length, over which its
@@ -19,6 +20,9 @@ steep slopes are summed (Pan and Tompkins 1985)."""
 MIN_ENERGY = 0.12
 """Least energy of a beat's slopes over the median one's: a beat 0.35 as steep. T waves have at most
 0.06 and whole beats at least 0.47 in the recordings of tests/data/beats, noise or not."""
+
+NEARER_TO_ONE = 0.5
+"""Of the usual beat: what is off by more is nearer to two beats, or to none."""
 
 
 def beats_s(time_s: Array, reference: Array) -> Array:
@@ -62,7 +66,9 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Clearest | Non
     between = np.diff(beats)
     if len(beats) < 2:
         return None
-    period = float(np.median(between))
+    usual = float(np.median(between))
+    whole = between[np.abs(between - usual) < NEARER_TO_ONE * usual]
+    period = float(whole.mean())
     if not SLOWEST_HZ / 2 <= 1 / period <= 2 * FASTEST_HZ:
         return None
     if hold.time_s[0] < beats[0] - period or hold.time_s[-1] > beats[-1] + period:
@@ -78,7 +84,10 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Clearest | Non
     ratio = max(without.rss - with_.rss, 0.0) / free / (with_.rss / max(with_.dof, 1))
     p_value = float(fdtrc(free, max(with_.dof, 1), ratio))
     noise, scale = beside(hold, rate, scale_of(without, with_), warped.time_s)
-    return Clearest(rate, p_value, noise, scale, None, warped.time_s)
+    seen = float(whole.std(ddof=1)) / period if len(whole) >= MIN_WHOLE else 0.0
+    return Clearest(
+        rate, p_value, noise, scale, None, warped.time_s, max(seen, RATE_VARIABILITY)
+    )  # fmt: skip
 
 
 def _in_beats(time_s: Array, beats: Array, period: float) -> Array:

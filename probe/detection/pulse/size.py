@@ -16,6 +16,7 @@ from drivers.core.arrays import Array
 from probe.detection.pulse.fit import design_of, harmonics, scale_rows
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise
+from probe.detection.pulse.possible_rates import RATE_VARIABILITY
 
 RELAXING = np.geomspace(1e-6, 1.0, 13)
 """Standard deviation of a decay's weight over the force, two to a decade: the weights of `fit` on
@@ -37,10 +38,11 @@ class Sizes:
 @dataclass(frozen=True)
 class Rates:
     """Rates (f,) that a scan leaves to its heart, the likeliest first, and their posterior
-    probabilities (f,)."""
+    probabilities (f,); the standard deviation of a beat's length over the mean one."""
 
     hz: Array
     share: Array
+    variability: float = RATE_VARIABILITY
 
 
 def sizes_at(
