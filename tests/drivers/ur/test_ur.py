@@ -49,14 +49,17 @@ def test_moves_in_the_scan_frame_and_feels_there(rig: tuple[Rig, ur.UrController
     assert made.stage.pose()[:3] == pytest.approx((0.032, 0.0, -0.002), abs=1e-4)
     assert made.stage.pose()[3:] == pytest.approx((0, 0, 0), abs=1e-6)
     began_s = made.clock.now()
-    time.sleep(0.5)
-    block = made.sensor.read()
-    felt = block.values[block.time_s > began_s, 0]
+    times, values = np.empty(0), np.empty(0)
+    while (times > began_s).sum() < 50:  # a tenth of a second, or what a busy machine takes
+        assert made.clock.now() < began_s + 20
+        time.sleep(0.1)
+        block = made.sensor.read()
+        times, values = np.append(times, block.time_s), np.append(values, block.values[:, 0])
+    felt = values[times > began_s][:50]
     assert felt.mean() == pytest.approx(made.phantom.force_n(np.array([began_s]))[0], rel=0.02)
     assert felt.mean() > 0.1
-    assert len(felt) >= 50  # how many of 250 depends on what else this machine does
-    assert (np.diff(block.time_s) > 0).all()
-    assert block.time_s[-1] <= made.clock.now()
+    assert (np.diff(times) > 0).all()
+    assert times[-1] <= made.clock.now()
 
 
 def test_every_sample_is_whole(
