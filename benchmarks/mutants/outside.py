@@ -107,4 +107,7 @@ OUTSIDE = (
     Mutant("a beat over a joint counts twice", "probe/detection/pulse/uneven_beats.py",
            "if pair[0] >= first_s]", "if pair[0] >= -1e9]",
            (f"{UNEVEN}::test_beats_of_a_long_hold_are_found_part_by_part_and_counted_once",)),
+    Mutant("a reference's beats are as even as usual hearts' are",
+           "probe/detection/pulse/reference.py", "max(seen, RATE_VARIABILITY)", "RATE_VARIABILITY",
+           (f"{UNEVEN}::test_beats_of_a_reference_have_their_mean_rate_and_their_scatter",)),
 )  # fmt: skip
