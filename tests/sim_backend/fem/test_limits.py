@@ -35,8 +35,8 @@ def test_a_refusal_names_no_negative_depth(scene: Scene, failure: NotConverged) 
 
 
 def test_a_wall_bursts_where_it_does_and_not_where_steps_are_long() -> None:
-    """In small steps this one has equilibria up to 166.9 mmHg. In one from 80 to 165 mmHg, while
-    all that a guess opens was let go, none was found above 160.8."""
+    """In small steps this one has equilibria up to 167 mmHg. In one from 80 mmHg, while all that a
+    guess opens was let go, none was found above 163."""
     scene = load_scene("TIHA")
     (vessel,) = scene.inclusion
     thin = vessel.model_copy(update={"modulus_kpa": 188.0, "wall_mm": 0.435, "depth_mm": 6.27})
@@ -45,7 +45,7 @@ def test_a_wall_bursts_where_it_does_and_not_where_steps_are_long() -> None:
     scene = scene.model_copy(update={"inclusion": (thin,), "tissue": soft})
     depth_m, size_m = 1.391e-3, 0.18e-3
     section = build_section(
-        scene, 32.64e-3, depth_m=depth_m, size_m=size_m, grading=usual_grading(size_m)
+        scene, 31.64e-3, depth_m=depth_m, size_m=size_m, grading=usual_grading(size_m)
     )
 
     def force_n_per_m(*pressures_mmhg: float) -> float:
@@ -53,8 +53,8 @@ def test_a_wall_bursts_where_it_does_and_not_where_steps_are_long() -> None:
         *_, last = continuation(section, unloaded(section), loads)
         return last.force_n_per_m
 
-    small_steps = force_n_per_m(80, 140, 155, 160, 163, 165)
-    assert force_n_per_m(80, 165) == pytest.approx(small_steps, rel=1e-6)
+    small_steps = force_n_per_m(80, 140, 155, 160, 163, 166)
+    assert force_n_per_m(80, 166) == pytest.approx(small_steps, rel=1e-6)
 
 
 def test_a_body_of_revolution_is_crushed_at_a_radius() -> None:
