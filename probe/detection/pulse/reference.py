@@ -58,9 +58,9 @@ def beats_s(time_s: Array, reference: Array) -> Array:
 def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Clearest | None:
     """The pulse that beats as ``reference`` (m,) does at ``time_s`` (m,), counted as the hold's.
 
-    None where the reference has fewer than two beats, or none near the hold. Beats may vary: time
-    is counted in beats before the harmonics are fitted, so a mean over many beats (synchronous
-    averaging) does not smear.
+    None where the reference has fewer than two beats, none near the hold, or two lengths so unlike
+    that neither is usual. Beats may vary: time is counted in beats before the harmonics are
+    fitted, so a mean over many beats (synchronous averaging) does not smear.
     """
     beats = beats_s(time_s, reference)
     between = np.diff(beats)
@@ -68,6 +68,8 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Clearest | Non
         return None
     usual = float(np.median(between))
     whole = between[np.abs(between - usual) < NEARER_TO_ONE * usual]
+    if not len(whole):
+        return None
     period = float(whole.mean())
     if not SLOWEST_HZ / 2 <= 1 / period <= 2 * FASTEST_HZ:
         return None

@@ -55,9 +55,9 @@ def test_moves_in_the_scan_frame_and_feels_there(rig: tuple[Rig, ur.UrController
         time.sleep(0.1)
         block = made.sensor.read()
         times, values = np.append(times, block.time_s), np.append(values, block.values[:, 0])
-    felt = values[times > began_s][:50]
-    assert felt.mean() == pytest.approx(made.phantom.force_n(np.array([began_s]))[0], rel=0.02)
-    assert felt.mean() > 0.1
+    forces_n = values[times > began_s][:50]
+    assert forces_n.mean() == pytest.approx(made.phantom.force_n(np.array([began_s]))[0], rel=0.02)
+    assert forces_n.mean() > 0.1
     assert (np.diff(times) > 0).all()
     assert times[-1] <= made.clock.now()
 

@@ -13,6 +13,7 @@ from probe.detection import detect
 from probe.detection.pulse.hold_samples import hold_of
 from probe.detection.pulse.possible_rates import RATE_VARIABILITY
 from probe.detection.pulse.presses import Press, presses_of
+from probe.detection.pulse.reference import find_pulse_by
 from probe.detection.pulse.uneven_beats import MIN_WHOLE, UNEVEN, beats_of
 
 Heart = Callable[[np.random.Generator, float, int], Array]
@@ -153,3 +154,14 @@ def test_beats_of_a_reference_have_their_mean_rate_and_their_scatter() -> None:
         off.append(rate / (60 / lengths.mean()) - 1)
     assert sum(held) >= 14
     assert abs(np.mean(off)) < 0.05
+
+
+def test_a_reference_of_two_unlike_beats_is_none() -> None:
+    """Of an early beat and a pause neither is the usual one: their mean was that of no number."""
+    rng = np.random.default_rng(1)
+    begins = np.array([-9.0, 1.0, 1.36, 3.2])
+    one = beating(station(rng, hold_s=5.0, sample_hz=100.0), begins, PULSE_PA)
+    t = np.arange(one.time_s[0] - 0.5, one.time_s[-1] + 0.5, 0.01)
+    ecg = np.exp(-0.5 * ((t[:, None] - one.time_s[0] - begins) / 0.015) ** 2).sum(axis=1)
+    hold = hold_of(one)
+    assert find_pulse_by(hold, t - one.time_s[0], ecg) is None
