@@ -18,7 +18,9 @@ from probe.detection.pulse.possible_rates import RATE_VARIABILITY
 from probe.detection.pulse.size import Rates
 
 UNEVEN = 2 * RATE_VARIABILITY
-"""Standard deviation of a hold's beats over their mean length from which its heart is uneven."""
+"""Standard deviation of a hold's beats over their mean length from which its heart is uneven. Of 60
+holds of 5 s (fibrillation, ectopic beats, a steady heart in loud noise) the rate's interval holds
+it in the same with 0.075, in one less with 0.15; sizes are the same."""
 MIN_WHOLE = 3
 """Whole beats whose lengths have a scatter: with fewer a hold says nothing of it."""
 
