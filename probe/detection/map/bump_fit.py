@@ -1,5 +1,8 @@
 """Places and widths of all bumps of a row together, by least squares, and how wide they may be."""
 
+from collections.abc import Sequence
+from functools import lru_cache
+
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -47,7 +50,8 @@ def refined(
         whole[:n] = columns / sd[:, None]
         return np.asarray(whole - q @ (q.T @ whole))
 
-    def bumps(p: Array) -> tuple[Array, Array, Array]:
+    @lru_cache(maxsize=1)  # the slopes are asked for where the residual just was
+    def bumps(p: tuple[float, ...]) -> tuple[Array, Array, Array]:
         """The bumps beside the base, an orthonormal basis of them, and what both leave."""
         shapes = np.column_stack([shape(x_m, c, w, tail) for c, w in _bumps(p, pitch)])
         own = beside(shapes)
@@ -55,14 +59,16 @@ def refined(
         return own, basis, left - basis @ (basis.T @ left)
 
     def residual(p: Array) -> Array:
-        return bumps(p)[2][:n]
+        return bumps(tuple(p.tolist()))[2][:n]
 
     def jacobian(p: Array) -> Array:
         """Of variable projection (Golub and Pereyra 1973)."""
-        own, basis, rest = bumps(p)
+        own, basis, rest = bumps(tuple(p.tolist()))
         inverse = np.linalg.pinv(own)
         height = np.repeat(inverse @ left, 2)
-        moved = beside(np.column_stack([slopes(x_m, c, w, tail) for c, w in _bumps(p, pitch)]))
+        moved = beside(
+            np.column_stack([slopes(x_m, c, w, tail) for c, w in _bumps(p.tolist(), pitch)])
+        )
         across = moved - basis @ (basis.T @ moved)
         found = across * height + np.repeat(inverse.T, 2, axis=1) * (rest @ moved)
         return -found[:n]
@@ -74,9 +80,9 @@ def refined(
     found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
                           bounds=(low, high), x_scale=np.tile([pitch, 0.3], len(known)),
                           xtol=SETTLED, ftol=SETTLED**2, max_nfev=steps)  # fmt: skip
-    return _bumps(found.x, pitch)
+    return _bumps(found.x.tolist(), pitch)
 
 
-def _bumps(p: Array, pitch: float) -> list[tuple[float, float]]:
+def _bumps(p: Sequence[float], pitch: float) -> list[tuple[float, float]]:
     """Places and widths out of places and logarithms of widths in pitches."""
-    return list(zip(p[::2].tolist(), (pitch * np.exp(p[1::2])).tolist(), strict=True))
+    return list(zip(p[::2], (pitch * np.exp(p[1::2])).tolist(), strict=True))

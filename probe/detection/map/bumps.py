@@ -86,16 +86,20 @@ def find_bumps(
     while len(known) < most and (left := n - base.shape[1] - 3 * len(known)) > 3:
         new, p_value = _next(x_m, value, sd, base, known, rising)
         # those that are equally clear hide each other: each looks like the others' scatter
-        for _ in range(2, min(TOGETHER, most - len(known), (left - 1) // 3) + 1):
-            if p_value <= false_alarm:
+        *_, rest = weighted(x_m, value, sd, base, known)
+        counts = range(2, min(TOGETHER, most - len(known), (left - 1) // 3) + 1)
+        best = [_chance_together(n, left, float(rest @ rest), 0.0, count) for count in counts]
+        for k in range(len(counts)):
+            if p_value <= false_alarm or min(best[k:]) > false_alarm:
                 break
             new, p_value = _together(x_m, value, sd, base, known, new, rising)
         if p_value > false_alarm:
             break
+        every = refined(x_m, value, sd, base, [*known, *new], rising)
         if len(new) == 1 and most - len(known) > 1 and left > 6:
-            new = _or_two_beside(x_m, value, sd, base, known, new, rising)
-        known = refined(x_m, value, sd, base, [*known, *new], rising)
-        chances += [p_value] * len(new)
+            every = _or_two_beside(x_m, value, sd, base, known, new, rising, every)
+        chances += [p_value] * (len(every) - len(known))
+        known = every
     return _row(x_m, value, sd, base, known, chances, rising)
 
 
@@ -173,28 +177,38 @@ def _together(
     if len(new) == 2:
         two, as_two = _two_beside(x_m, value, sd, base, known, new[:1], rising)
         new, after = (two, as_two) if as_two < after else (new, after)
-    places = (PLACES_PER_PITCH * len(x_m)) ** len(new) // PLACES_PER_PITCH ** (len(new) - 1)
     dof = len(x_m) - base.shape[1] - 3 * len(known)
-    all_new = chance(float(before @ before), after, 3 * len(new), dof, _independent(places))
-    return new, all_new
+    return new, _chance_together(len(x_m), dof, float(before @ before), after, len(new))
+
+
+def _chance_together(n: int, dof: int, before: float, after: float, count: int) -> float:
+    """`chance` of ``count`` bumps at any of n stations."""
+    places = (PLACES_PER_PITCH * n) ** count // PLACES_PER_PITCH ** (count - 1)
+    return chance(before, after, 3 * count, dof, _independent(places))
 
 
 def _or_two_beside(
-    x_m: Array, value: Array, sd: Array, base: Array,
-    known: list[tuple[float, float]], new: list[tuple[float, float]], rising: bool,
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]],
+    new: list[tuple[float, float]], rising: bool, every: list[tuple[float, float]],
 ) -> list[tuple[float, float]]:  # fmt: skip
-    """``new``, or the two bumps beside it if they explain the row better, whatever ``new`` looks
-    like: between two lumps a row dips, and two near each other look like one that is wide."""
+    """``every`` bump with the ``new`` one, or with the two beside it if they explain the row
+    better, whatever ``new`` looks like: between two lumps a row dips, and two near each other look
+    like one that is wide."""
+    cost = COST_OF_TWO * np.log(len(x_m))
+    *_, left = weighted(x_m, value, sd, base, every)
+    if left @ left < cost:  # two that leave nothing would not be better
+        return every
     two, as_two = _two_beside(x_m, value, sd, base, known, new, rising)
     dof = max(len(x_m) - base.shape[1] - 3 * (len(known) + 2), 1)
-    scatter = max((as_two + TRUSTED) / (dof + TRUSTED), 1.0)
-    most = as_two + COST_OF_TWO * np.log(len(x_m)) * scatter
+    most = as_two + cost * max((as_two + TRUSTED) / (dof + TRUSTED), 1.0)
     for tail in (TAIL, *OTHER_TAILS):
-        one = refined(x_m, value, sd, base, [*known, *new], rising, tail)
+        one = every if tail == TAIL else refined(
+            x_m, value, sd, base, [*known, *new], rising, tail
+        )  # fmt: skip
         *_, left = weighted(x_m, value, sd, base, one, tail)
         if left @ left < most:
-            return new
-    return two
+            return every
+    return refined(x_m, value, sd, base, [*known, *two], rising)
 
 
 def _two_beside(

@@ -6,15 +6,15 @@ forward algorithm of a hidden semi-Markov model (Rabiner 1989, section IV.D), an
 is Viterbi's. Regularity is not asked for; the prior of a beat's length is log-uniform.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import logsumexp
 
-from drivers.core.arrays import Array, Bools, Ints
+from drivers.core.arrays import Array, Ints
 from probe.detection.pulse.wave import brachial
 
 Form = Literal["arterial", "symmetric"]
@@ -137,7 +137,8 @@ def _places(n: int, step_s: float) -> _Places:
     lengths = np.arange(int(np.ceil(SHORTEST_S / grid)), int(LONGEST_S / grid) + 1)
     end = int(np.ceil((n - 1) * step_s / grid)) + 1
     prior = -np.log(lengths)
-    return _Places(grid, lengths, np.arange(-lengths[-1], end), end, prior - logsumexp(prior))
+    prior -= np.logaddexp.reduce(prior)
+    return _Places(grid, lengths, np.arange(-lengths[-1], end), end, prior)
 
 
 @lru_cache(maxsize=12)
@@ -170,17 +171,13 @@ def _each_beat(
     return -0.5 * np.log1p(v * g) + 0.5 * (mean**2 / spread - a * a / v), mean, spread
 
 
-def _steps(ratio: Array, p: _Places) -> tuple[Array, Array, Ints]:
-    """Scores (m, k, s) of beats, those that end at each start (s, m, k), and where they began."""
-    scores = ratio + p.log_prior[:, None]
+def _arriving(scores: Array, p: _Places) -> tuple[Array, Ints]:
+    """Scores of the beats that end at each start (s, m, k), -inf before the first may, and where
+    they began (s, k)."""
     at = np.arange(len(p.starts))[:, None] - p.lengths
-    arriving = np.where(
-        at[:, None, :] >= 0,
-        np.moveaxis(scores, 0, 1)[np.arange(len(p.lengths))[None], :, np.maximum(at, 0)]
-        .transpose(0, 2, 1),
-        -np.inf,
-    )  # fmt: skip
-    return scores, arriving, np.maximum(at, 0)
+    began = np.maximum(at, 0)
+    ending = np.moveaxis(scores, 0, 2)[np.arange(len(p.lengths)), began].transpose(0, 2, 1)
+    return np.where(at[:, None, :] >= 0, ending, -np.inf), began
 
 
 def _open(p: _Places, m: int) -> Array:
@@ -191,38 +188,50 @@ def _open(p: _Places, m: int) -> Array:
     return open_
 
 
-def _lasting(p: _Places) -> Bools:
-    """Beats (k, s) that are the hold's last."""
-    return np.asarray(p.starts[None] + p.lengths[:, None] >= p.end)
+def _blocks(p: _Places) -> Iterator[slice]:
+    """Starts whose beats before them all begin in earlier blocks: no beat is shorter than one."""
+    block = int(p.lengths[0])
+    for first in range(int(p.lengths[-1]) + 1, len(p.starts), block):
+        yield slice(first, min(first + block, len(p.starts)))
+
+
+def _last(open_: Array, scores: Array, p: _Places) -> Array:
+    """Scores (m, k s) of the beats that are the hold's last, -inf for all else."""
+    lasting = p.starts[None] + p.lengths[:, None] >= p.end
+    return np.where(lasting, open_[:, None, :] + scores, -np.inf).reshape(len(scores), -1)
 
 
 def _total(ratio: Array, p: _Places) -> Array:
     """Log of the sum over all trains (m,)."""
-    scores, arriving, at = _steps(ratio, p)
+    scores = ratio + p.log_prior[:, None]
+    arriving, began = _arriving(scores, p)
     open_ = _open(p, len(ratio))
-    for s in range(p.lengths[-1] + 1, len(p.starts)):
-        each = open_[:, at[s]] + arriving[s]
-        top = each.max(axis=1)
-        open_[:, s] = top + np.log(np.exp(each - top[:, None]).sum(axis=1))
-    last = np.where(_lasting(p), open_[:, None, :] + scores, -np.inf)
-    return np.asarray(logsumexp(last.reshape(len(ratio), -1), axis=1))
+    for now in _blocks(p):
+        each = np.moveaxis(open_[:, began[now]], 0, 1) + arriving[now]
+        open_[:, now] = _log_sum(each).T
+    return _log_sum(_last(open_, scores, p))
+
+
+def _log_sum(each: Array) -> Array:
+    """Logarithm of the sum of exponentials over the last axis, none of which is all -inf."""
+    top = each.max(axis=-1)
+    return np.asarray(top + np.log(np.exp(each - top[..., None]).sum(axis=-1)))
 
 
 def _best(ratio: Array, p: _Places) -> list[list[tuple[int, int]]]:
     """The likeliest train of each noise: (start, length) of its beats, as places in ``p``."""
-    scores, arriving, at = _steps(ratio, p)
+    scores = ratio + p.log_prior[:, None]
+    arriving, began = _arriving(scores, p)
     open_ = _open(p, len(ratio))
     came = np.full(open_.shape, -1)
-    rows = np.arange(len(ratio))
-    for s in range(p.lengths[-1] + 1, len(p.starts)):
-        each = open_[:, at[s]] + arriving[s]
-        came[:, s] = each.argmax(axis=1)
-        open_[:, s] = each[rows, came[:, s]]
-    last = np.where(_lasting(p), open_[:, None, :] + scores, -np.inf)
+    for now in _blocks(p):
+        each = np.moveaxis(open_[:, began[now]], 0, 1) + arriving[now]
+        came[:, now] = each.argmax(axis=2).T
+        open_[:, now] = each.max(axis=2).T
     paths = []
-    for m in range(len(ratio)):
-        ends = divmod(int(np.argmax(last[m])), len(p.starts))
-        path = [(ends[1], ends[0])]
+    for m, last in enumerate(_last(open_, scores, p)):
+        length, start = divmod(int(np.argmax(last)), len(p.starts))
+        path = [(start, length)]
         while (before := int(came[m, path[0][0]])) >= 0:
             path.insert(0, (path[0][0] - int(p.lengths[before]), before))
         paths.append(path)

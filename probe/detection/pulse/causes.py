@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
@@ -111,7 +110,7 @@ def chance_without_pulse(hold: Coarse, train: BeatTrain) -> float:
         q, _ = np.linalg.qr(noise.whiten(hold.nuisance))
         y = noise.whiten(hold.signal)
         found.append(-0.5 * n * np.log(max(float(y @ y - ((q.T @ y) ** 2).sum()), 1e-300) / n))
-    without = float(logsumexp(found)) - np.log(len(found)) - 0.5 * n
+    without = float(np.logaddexp.reduce(found)) - np.log(len(found)) - 0.5 * n
     return float(np.exp(min(without - train.log_evidence, 0.0)))
 
 
@@ -126,7 +125,7 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
     found = {
         "pulse": float(np.logaddexp(repeating["pulse"], own)),
         "uneven beats": float(own),
-        "breathing": float(logsumexp([
+        "breathing": float(np.logaddexp.reduce([
             periodic(hold, *BREATHING_HZ, count) for count in BREATHING_HARMONICS
         ]) - np.log(len(BREATHING_HARMONICS))),
         "a steady line": repeating["a steady line"],
@@ -151,7 +150,7 @@ def _repeating(hold: Coarse, memories: Sequence[float]) -> dict[str, float]:
     ``memories`` are those of the noises that there may be.
     """
     return {
-        "pulse": float(logsumexp([
+        "pulse": float(np.logaddexp.reduce([
             np.log(SHARE["shaped"]) + mean_wave(hold, SLOWEST_HZ, FASTEST_HZ, memories),
             *(np.log(SHARE["free"] / len(STEADY_HARMONICS))
               + periodic(hold, SLOWEST_HZ, FASTEST_HZ, count, weights, memories)
@@ -164,7 +163,7 @@ def _repeating(hold: Coarse, memories: Sequence[float]) -> dict[str, float]:
 def cause_of(evidences: Sequence[dict[str, float]]) -> Cause:
     """What moves in holds that all have the same cause."""
     score = np.array([np.log(p) + sum(e[name] for e in evidences) for name, p in PRIOR.items()])
-    share = np.exp(score - logsumexp(score))
+    share = np.exp(score - np.logaddexp.reduce(score))
     return Cause(dict(zip(PRIOR, share.tolist(), strict=True)))
 
 
@@ -196,7 +195,7 @@ def _motion(hold: Coarse) -> float:
             taken = np.column_stack([taken, one])
             choice = k * np.log(c.shape[1] / 4)
             found.append(float(log_evidence(y @ y, total, k)) - choice)
-        evidence = max(evidence, float(logsumexp(found) - np.log(most)))
+        evidence = max(evidence, float(np.logaddexp.reduce(found) - np.log(most)))
     return evidence
 
 

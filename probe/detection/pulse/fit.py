@@ -77,37 +77,41 @@ def fit(
     in the sum of squares counts in ``rss``.
     """
     free = np.hstack([design.drift, pulse])
-    scale = np.sqrt(hold.weight)
-    white = noise.whiten(scale_rows(np.column_stack([hold.signal_pa, free, design.decays]), scale))
-    y, a, b = np.split(white, [1, 1 + free.shape[1]], axis=1)
-    y = y[:, 0]
+    k, scale = free.shape[1], np.sqrt(hold.weight)
+    white = noise.whiten(scale_rows(np.column_stack([free, design.decays, hold.signal_pa]), scale))
     if ridge is not None:
-        held = np.hstack([np.zeros((len(ridge), design.drift.shape[1])), np.diag(ridge)])
-        y = np.concatenate([y, np.zeros(len(ridge))])
-        a, b = np.vstack([a, held]), np.vstack([b, np.zeros((len(ridge), b.shape[1]))])
-    q, r = np.linalg.qr(a)
-    decay_left = b - q @ (q.T @ b)
-    weight = _not_negative(decay_left, y - q @ (q.T @ y))
-    residual = y - b @ weight
-    coefficients = np.linalg.solve(r, q.T @ residual)
-    residual = residual - a @ coefficients
-    used = np.flatnonzero(weight > 0)
-    rss = float(residual @ residual)
-    whole = np.hstack([a, b[:, used]])
-    information = np.linalg.pinv(whole.T @ whole)
-    held_back = 0.0 if ridge is None else float(ridge**2 @ np.diag(information)[2 : a.shape[1]])
+        held = np.zeros((len(ridge), white.shape[1]))
+        held[:, design.drift.shape[1] : k] = np.diag(ridge)
+        white = np.vstack([white, held])
+    r = np.asarray(np.linalg.qr(white, mode="r"))
+    free_y, free_decays, beside_decays = r[:k, -1], r[:k, k:-1], r[k:, k:-1]
+    weight = _not_negative(beside_decays, r[k:, -1])
+    left = r[k:, -1] - beside_decays @ weight
+    inverse = np.linalg.inv(r[:k, :k])
+    coefficients = inverse @ (free_y - free_decays @ weight)
+    used, rss = np.flatnonzero(weight > 0), float(left @ left)
+    information = _information(inverse, inverse @ free_decays[:, used], beside_decays[:, used])
+    held_back = 0.0 if ridge is None else float(ridge**2 @ np.diag(information)[2:k])
     penalty = 0.0 if ridge is None else float(((ridge * coefficients[2:]) ** 2).sum())
     n = len(hold.time_s)
-    dof = max(round(n - a.shape[1] + held_back - len(used)), 1)
+    dof = max(round(n - k + held_back - len(used)), 1)
     variance = max(rss - penalty, 0.0) / dof
     mean = np.concatenate([free.mean(axis=0), design.decays[:, used].mean(axis=0)])
-    mean[2 : a.shape[1]] = 0.0
+    mean[2:k] = 0.0
     mean_sd = np.sqrt(max(mean @ information @ mean * variance, 0.0))
     rest = design.drift @ coefficients[:2] + design.decays @ weight
     plain = hold.signal_pa - rest - pulse @ coefficients[2:]
     return Fit(
         coefficients, rest, float(mean_sd), plain, rss, dof, float(np.sqrt(variance)), noise, used,
     )  # fmt: skip
+
+
+def _information(inverse: Array, taken: Array, left: Array) -> Array:
+    """Inverse of the normal matrix of free columns, of which ``inverse`` is their triangle's, and
+    decays: ``taken`` of the free ones, and what is ``left`` (n, d) of them beside those."""
+    decays = np.linalg.pinv(left.T @ left)
+    both = -taken @ decays
+    return np.block([[inverse @ inverse.T - both @ taken.T, both], [both.T, decays]])
 
 
 def _not_negative(columns: Array, y: Array) -> Array:

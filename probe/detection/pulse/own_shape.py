@@ -5,7 +5,6 @@ laid over each other (in phase, each in its own size) show harmonics that the me
 """
 
 import numpy as np
-from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
 from probe.detection.pulse.beat_train import MEMORIES, BeatTrain, Coarse, whiten
@@ -53,7 +52,7 @@ def shape_evidence(hold: Coarse, train: BeatTrain, most: int) -> float:
         score = -0.5 * rows * np.log(each / rows) - 0.5 * rows - np.arange(most + 1) * np.log(n)
         score[1:][[not _is_beat(r, along, k, size_pa) for k in range(1, most + 1)]] = -np.inf
         plain = max(plain, -0.5 * rows * np.log(max(power, 1e-300) / rows) - 0.5 * rows)
-        found = max(found, float(logsumexp(score)) - np.log(most + 1))
+        found = max(found, float(np.logaddexp.reduce(score)) - np.log(most + 1))
     return train.log_evidence + found - plain
 
 

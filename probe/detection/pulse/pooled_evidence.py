@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, logsumexp
+from scipy.special import chdtrc, chdtri
 
 from drivers.core.arrays import Array
 from probe.detection.pulse.possible_rates import anywhere, unusual, weights
@@ -37,7 +37,7 @@ def hidden(searches: Sequence[Search], profile: Array, size_pa: Array) -> Array:
     """
     longest = max(searches, key=lambda s: s.span_s)
     usual = -unusual(longest.rates_hz)
-    usual -= logsumexp(usual)
+    usual -= np.logaddexp.reduce(usual)
     excess = usual_excess(searches)
     ratio = np.zeros((len(size_pa), len(usual)))
     for one, share in zip(searches, profile, strict=True):
@@ -48,4 +48,4 @@ def hidden(searches: Sequence[Search], profile: Array, size_pa: Array) -> Array:
         same = len(one.rates_hz) == len(usual)
         at = one.rates_hz
         ratio += here if same else np.array([np.interp(longest.rates_hz, at, r) for r in here])
-    return np.asarray(np.exp(logsumexp(ratio + usual, axis=1)))
+    return np.asarray(np.exp(np.logaddexp.reduce(ratio + usual, axis=1)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.special import chdtri, fdtrc, logsumexp
+from scipy.special import chdtri, fdtrc
 
 from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.fit import Design, Fit, design_of, fit, harmonics
@@ -91,9 +91,9 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     null = fit(hold, design, np.empty((len(hold.time_s), 0)))
     n = len(hold.time_s)
     looks = _looks(hold, design, null, rates, PHASES)
-    without = logsumexp(looks.without)
+    without = np.logaddexp.reduce(looks.without)
     shaped, free = (
-        np.maximum(logsumexp(looks.without[:, None] + gain, axis=0) - without, 0.0)
+        np.maximum(np.logaddexp.reduce(looks.without[:, None] + gain) - without, 0.0)
         for gain in (looks.shaped, looks.free)
     )
     dof, lost = max(null.dof, 4 + 2 * TESTED_HARMONICS), 2 * TESTED_HARMONICS
@@ -127,7 +127,8 @@ def beyond(hold: Hold) -> tuple[float, float]:
     design = design_of(hold)
     null = fit(hold, design, np.empty((len(hold.time_s), 0)))
     looks = _looks(hold, design, null, rates, 0)
-    gain = logsumexp(looks.without[:, None] + looks.free, axis=0) - logsumexp(looks.without)
+    without = np.logaddexp.reduce(looks.without)
+    gain = np.logaddexp.reduce(looks.without[:, None] + looks.free) - without
     lost = 2 * TESTED_HARMONICS
     chance = _single(np.maximum(gain, 0.0), lost, max(null.dof, 4 + lost) - lost)
     wide = sum(max(high - low, 0.0) for low, high in ranges)
