@@ -153,4 +153,10 @@ STORED = (
         "return frames <= 0 or", "return False and",
         ("tests/probe/storage/test_cut_files.py::test_another_programs_checkpoint_is_no_harm",),
     ),
+    Mutant("a depth is a stage's height", "probe/core/cut_stations.py",
+           "if self.depth is None:", "if True:",
+           ("tests/probe/storage/test_csv_import.py::test_depths_are_those_of_the_file",)),
+    Mutant("depths stay behind", "probe/storage/csv_import.py",
+           "yield from _beside(DEPTH,", "_beside(DEPTH,",
+           ("tests/probe/storage/test_interchange.py::test_what_export_wrote_is_imported",)),
 )  # fmt: skip

@@ -35,7 +35,8 @@ class Channel:
 
     ``simulated`` is carried to every file, report and window that shows the channel.
     ``role``: ``force`` (normal force, positive when pressed), ``pressure`` (contact stress, Pa),
-    ``taxel`` (one of an array), ``reference`` (PPG or ECG), ``other``.
+    ``taxel`` (one of an array), ``reference`` (PPG or ECG), ``depth`` (of the probe's tip below the
+    surface, of recordings made elsewhere), ``other``.
     """
 
     name: str

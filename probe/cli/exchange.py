@@ -68,9 +68,9 @@ def import_run(
     """Make a run of a recording from elsewhere, to detect in it, show and report it.
 
     Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar; if known
-    x_mm, y_mm, station, reference. What `palpate export` wrote is read too, and MCAP files with
-    geometry_msgs/WrenchStamped: the force along z is taken as the normal force. Of an export with
-    several sensors the one that the run was judged on is taken.
+    x_mm, y_mm, depth_mm (below the surface), station, reference. What `palpate export` wrote is
+    read too, and MCAP files with geometry_msgs/WrenchStamped: the force along z is taken as the
+    normal force. Of an export with several sensors the one that the run was judged on is taken.
     """
     from probe.storage.csv_import import import_csv
 

@@ -127,8 +127,9 @@ class _Measured:
 class _Press:
     """What was recorded of one attempt, and when each phase began.
 
-    ``measured``: the tactile signal [Pa], the stage's height [m], the signal's first column as it
-    was read (for the step of the readings, of the first press) and the reference, where there are.
+    ``measured``: the tactile signal [Pa], the stage's height or the depth as recorded elsewhere
+    [m], the signal's first column as it was read (for the step of the readings, of the first
+    press) and the reference, where there are.
     """
 
     x_m: float
@@ -159,22 +160,30 @@ class _Signal:
         conversion = stress_conversion(own, self.face_m2)
         self.picked, self.gains = list(conversion.columns), conversion.pa_per_unit
         self.names = tuple(f"{self.device}.{own[n].name}" for n in self.picked)
-        self.reference = next(
-            ((d, n) for d, own in self.channels.items() for n, channel in enumerate(own)
-             if channel.role == "reference"), None,
-        )  # fmt: skip
+        self.reference, self.depth = self._first("reference"), self._first("depth")
         self.surface_m = _surface(config)
         self.incline = _incline(config)
         self.compliance_m_per_n = compliance_m_per_n(config)
         self.quantum_pa: float | None = None
 
+    def _first(self, role: str) -> tuple[str, int] | None:
+        """Device and column of the first channel with a role."""
+        with_role = (
+            (device, n)
+            for device, own in self.channels.items()
+            for n, channel in enumerate(own)
+            if channel.role == role
+        )
+        return next(with_role, None)
+
     def press(self, x_m: float, y_m: float) -> _Press:
         """An attempt without samples yet."""
+        height, column = self.depth or ("stage", 2)
         return _Press(
             x_m,
             y_m,
             _Measured(self.device, self.picked, self.gains),
-            _Measured("stage", [2]),
+            _Measured(height, [column]),
             _Measured(self.device, self.picked[:1]) if self.quantum_pa is None else None,
             self.reference and _Measured(self.reference[0], [self.reference[1]]),
         )
@@ -212,8 +221,8 @@ class _Signal:
         )
 
     def _depth(self, index: int, press: _Press, time_s: Array, signal_pa: Array) -> Array:
-        """Along the normal from the surface: the plan's, or where a touch found it (where the
-        ramp began), less what the rig has given way."""
+        """As recorded; or along the normal from the surface, the plan's or where a touch found it
+        (where the ramp began), less what the rig has given way."""
         poses_s, poses, _ = press.height.whole()
         if not len(poses_s):
             return np.full(len(time_s), math.nan)
@@ -222,12 +231,12 @@ class _Signal:
             surface = float(_between(np.array([press.phases[Phase.INDENTING]]), poses_s, poses)[0])
         found = Growing(np.float64)
         for part in press.signal.parts(len(time_s)):
-            depth = (surface - _between(time_s[part], poses_s, poses)) / math.cos(
-                self.incline.get(index, 0.0)
-            )
-            if self.compliance_m_per_n and math.isfinite(self.face_m2):
-                mean_pa = signal_pa[part].mean(axis=1)
-                depth = depth - self.compliance_m_per_n * self.face_m2 * mean_pa
+            depth = _between(time_s[part], poses_s, poses)
+            if self.depth is None:
+                depth = (surface - depth) / math.cos(self.incline.get(index, 0.0))
+                if self.compliance_m_per_n and math.isfinite(self.face_m2):
+                    mean_pa = signal_pa[part].mean(axis=1)
+                    depth = depth - self.compliance_m_per_n * self.face_m2 * mean_pa
             found.add(depth)
             press.height.rest()
         return found.whole()

@@ -69,6 +69,13 @@ class Station:
         held = self.signal_pa[(self.time_s >= begin) & (self.time_s < end)]
         return float(held.mean()) if held.size else float("nan")
 
+    @property
+    def hold_depth_m(self) -> float:
+        """How deep the hold was pressed; NaN where that was not recorded."""
+        held = self.time_s >= self.hold_s if np.isfinite(self.hold_s) else slice(None)
+        known = (depth_m := self.depth_m[held])[np.isfinite(depth_m)]
+        return float(np.median(known)) if len(known) else float("nan")
+
 
 @dataclass(frozen=True)
 class Recording:

@@ -13,7 +13,7 @@ from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, v
 from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS
 from probe.detection.map.row_shapes import shape
-from probe.detection.pulse.presses import Press, depth_m
+from probe.detection.pulse.presses import Press
 from probe.detection.repeats import distinct_m, pitch_m
 
 MORE = f"a row of {MIN_STATIONS} stations over it, or presses beside it that meet nothing"
@@ -140,7 +140,7 @@ def beside(x_m: float, presses: Sequence[Press]) -> tuple[float, float]:
 
 def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:
     """What a press that pulses by itself is called, how likely it is so, and why."""
-    deep_m = depth_m(press.station)
+    deep_m = press.station.hold_depth_m
     known = np.isfinite(press.station.x_m) and deep_m > 0 and press.level_pa > 0
     if not known or press.pulse is None:
         return "artery", _pulse(press), f"it pulses; whether it is stenosed needs {MORE}"

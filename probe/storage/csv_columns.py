@@ -13,14 +13,14 @@ import numpy as np
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.files import FileRefused, open_file
-from probe.storage.import_table import SIGNALS, CsvError, check_size
+from probe.storage.import_table import PER_STATION, SIGNALS, CsvError, check_size
 
 with needs("data", "palpate import"):
     import pandas as pd
 
-COLUMNS = ("time_s", *SIGNALS, "x_mm", "y_mm", "station", "reference")
+COLUMNS = ("time_s", *SIGNALS, *PER_STATION, "station", "reference")
 UNITS = {name: one.unit for name, one in SIGNALS.items()} | {"time_s": "s"}
-UNITS |= {"x_mm": "mm", "y_mm": "mm"}
+UNITS |= dict.fromkeys(PER_STATION, "mm")
 NOTHING = ("", "nan", "na", "n/a", "null", "none", "-")
 MAX_BYTES = 256 * 1024**2
 MAX_LINE_BYTES = 4096

@@ -1,13 +1,14 @@
 """``palpate import FILE.csv --out RUN``: a recording made elsewhere becomes a run file.
 
 Columns carry their unit: ``time_s``, one of ``force_n``, ``pressure_pa`` or ``pressure_mbar``, and
-if known ``x_mm``, ``y_mm``, ``station`` and ``reference`` (a PPG or ECG beside it).
+if known ``x_mm``, ``y_mm``, ``depth_mm`` (of the tip below the surface), ``station`` and
+``reference`` (a PPG or ECG beside it).
 
 - Rows without a reading (empty or NaN) are left out and counted; times may be uneven.
 - Without ``station``, a change of position begins a new one; without positions all is one. A
   recording that has the ways between stations, too, is refused.
 - Stations that do not follow in time (each begins at 0) are put one after the other, 1 s apart.
-- What no column says is not invented: no depth. Phases and what is simulated come from what
+- What no column says is not invented. Phases and what is simulated come from what
   ``palpate export`` wrote: else the way down would be taken for a part of the hold.
 """
 
@@ -44,7 +45,7 @@ from probe.storage.writer import create_store
 
 __all__ = ["CsvError", "Imported", "import_csv"]
 
-DEVICE, REFERENCE = "imported", "reference"
+DEVICE, REFERENCE, DEPTH = "imported", "reference", "depth"
 BLOCK = 1000  # samples
 FACE_MM2 = 100.0
 
@@ -108,6 +109,8 @@ def import_csv(
     if _mostly_negative(read):
         what = read.channels[0].role
         notes = (*notes, f"{what} is negative where it is largest: here pressed is positive")
+    if _never_below(read):
+        notes = (*notes, "depth_mm is never above 0: here it is positive below the surface")
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
     broken_off = _broken_off(read)
     if broken_off:
@@ -125,6 +128,13 @@ def _mostly_negative(read: CsvRecording) -> bool:
     means = [np.nanmean(press.signal, axis=1) for press in read.presses]
     down = [bool(mean[np.abs(mean).argmax()] < 0) for mean in means]
     return sum(down) > len(down) / 2
+
+
+def _never_below(read: CsvRecording) -> bool:
+    """Whether depths are known, and none is below the surface."""
+    known = np.concatenate([press.depth_m for press in read.presses])
+    known = known[np.isfinite(known)]
+    return bool(len(known)) and float(known.max()) <= 0
 
 
 def _broken_off(read: CsvRecording) -> set[int]:
@@ -161,6 +171,8 @@ def _events(
     channels = {DEVICE: read.channels}
     if read.has_reference:
         channels[REFERENCE] = (Channel("reference", "", "reference"),)
+    if any(np.isfinite(press.depth_m).any() for press in read.presses):
+        channels[DEPTH] = (Channel("depth", "m", "depth"),)
     began_s, ended_s = read.presses[0].start_s, read.presses[-1].end_s
     yield RunStarted(began_s, datetime.now(UTC).isoformat(timespec="seconds"), config, channels)
     for note in notes:
@@ -170,13 +182,18 @@ def _events(
         for entered_s, number in press.phases:
             yield PhaseEntered(entered_s, tuple(Phase)[number], press.station)
         yield from _blocks(DEVICE, press.station, press.time_s, press.signal, press.saturated)
-        beside = press.reference[:, None]
-        known = np.zeros(beside.shape, bool)
-        yield from _blocks(REFERENCE, press.station, press.reference_s, beside, known)
+        yield from _beside(REFERENCE, press.station, press.reference_s, press.reference)
+        known = np.isfinite(press.depth_m)
+        yield from _beside(DEPTH, press.station, press.time_s[known], press.depth_m[known])
         complete = press.station not in broken_off
         yield StationEnded(press.end_s, press.station, 1, complete=complete)
     finish = Finish.ABORTED if broken_off else Finish.COMPLETED
     yield RunEnded(ended_s, finish, "imported")
+
+
+def _beside(device: str, station: int, time_s: Array, values: Array) -> Iterator[Samples]:
+    """Of one channel, which does not clip."""
+    return _blocks(device, station, time_s, values[:, None], np.zeros((len(values), 1), bool))
 
 
 def _blocks(

@@ -14,7 +14,7 @@ from drivers.core.arrays import Array, Bools, Ints
 from drivers.core.extras import needs
 from probe.core.places import SAME_PLACE_M
 from probe.storage.csv_columns import read_columns
-from probe.storage.import_table import PHASE, SIGNALS, CsvError, Table, saturated, signal
+from probe.storage.import_table import DEPTH, PHASE, SIGNALS, CsvError, Table, saturated, signal
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -31,8 +31,8 @@ class Press:
     """One station's rows.
 
     ``time_s`` (n,), ``signal`` (n, channels) in the file's units and where it is ``saturated``;
-    ``reference_s`` and ``reference`` (m,). All times lie in [``start_s``, ``end_s``). ``phases``:
-    when which was entered, where that is known.
+    ``depth_m`` (n,), NaN where unknown; ``reference_s`` and ``reference`` (m,). All times lie in
+    [``start_s``, ``end_s``). ``phases``: when which was entered, where that is known.
     """
 
     station: int
@@ -41,6 +41,7 @@ class Press:
     time_s: Array
     signal: Array
     saturated: Bools
+    depth_m: Array
     reference_s: Array
     reference: Array
     start_s: float
@@ -133,7 +134,7 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
                 f"row {first + 2}: station {number} has only {int(read.sum())} readings, at least "
                 f"{MIN_READINGS} are needed; a column 'station' says which rows belong together"
             )
-        beside = rows["reference"].to_numpy() if "reference" in rows else np.full(len(rows), np.nan)
+        beside = _or_nothing(rows, "reference")
         known = fresh & np.isfinite(beside)
         lost += int((fresh & ~read & ~known).sum())
         only_beside += int((~read & known).sum())
@@ -144,6 +145,7 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
             times[read],
             values[read],
             clipped[read],
+            1e-3 * _or_nothing(rows, DEPTH)[read],
             times[known],
             beside[known],
             float(times[0]),
@@ -161,7 +163,7 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
 
 def _phases(rows: pd.DataFrame, times: Array) -> tuple[tuple[float, int], ...]:
     """When each phase was entered: between its first sample and the one before."""
-    numbers = rows[PHASE].to_numpy() if PHASE in rows else np.full(len(rows), np.nan)
+    numbers = _or_nothing(rows, PHASE)
     at, known = times[np.isfinite(numbers)], numbers[np.isfinite(numbers)].astype(int)
     at = np.concatenate([at[:1], (at[:-1] + at[1:]) / 2])
     entered = np.flatnonzero(np.diff(known, prepend=-1))
@@ -239,6 +241,11 @@ def _whole(table: pd.DataFrame, name: str) -> Array:
     if len(missing):
         raise CsvError(f"row {missing[0] + 2}, column {name!r}: every row needs a number")
     return values
+
+
+def _or_nothing(rows: pd.DataFrame, name: str) -> Array:
+    """A column (n,), NaN where it is not there."""
+    return np.asarray(rows[name] if name in rows else np.full(len(rows), np.nan), np.float64)
 
 
 def _middle(rows: pd.DataFrame, name: str) -> float:

@@ -16,6 +16,7 @@ import numpy as np
 from drivers.core.extras import needs, require
 from probe.core.contact_stress import tactile_or_none
 from probe.storage.distinct_names import distinct
+from probe.storage.import_table import PER_STATION
 from probe.storage.run import Run, open_run
 
 with needs("data", "an export"):
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
 
 CONVENTIONS = "CF-1.11"
 OURS = ("stations", "config")
-PLACES = ("x_mm", "y_mm")
 SAID = ("units", "role", "simulated")
 UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 
@@ -64,11 +64,12 @@ def export(
 def _csv(run: Run, out_dir: Path) -> list[Path]:
     stem = out_dir / run.path.stem
     written = [Path(f"{stem}-stations.csv"), Path(f"{stem}-config.json")]
-    run.stations().to_csv(written[0], index=False)
+    stations = run.stations()
+    stations.to_csv(written[0], index=False)
     written[1].write_text(_about(run) + "\n", encoding="utf-8")
     for device, part in _file_parts(run).items():
         written.append(Path(f"{stem}-{part}.csv"))
-        frame, _ = _frame(run, device)
+        frame, _ = _frame(run, device, stations)
         frame.to_csv(written[-1], index=False)
     return written
 
@@ -81,11 +82,11 @@ def _parquet(run: Run, out_dir: Path) -> list[Path]:
 
     stem = out_dir / run.path.stem
     written = [Path(f"{stem}-stations.parquet")]
-    table = run.stations()
-    tables = [(table, {str(n): {"units": unit} for n in table if (unit := unit_of(str(n)))})]
+    stations = run.stations()
+    tables = [(stations, {str(n): {"units": unit} for n in stations if (unit := unit_of(str(n)))})]
     for device, part in _file_parts(run).items():
         written.append(Path(f"{stem}-{part}.parquet"))
-        tables.append(_frame(run, device))
+        tables.append(_frame(run, device, stations))
     for path, (frame, said) in zip(written, tables, strict=True):
         table = pyarrow.Table.from_pandas(frame, preserve_index=False)
         fields = [f.with_metadata(said.get(f.name)) for f in table.schema]
@@ -174,11 +175,13 @@ def unit_of(column: str) -> str:
     return unit if unit in UNITS else ""
 
 
-def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, dict[str, str]]]:
+def _frame(
+    run: Run, device: str, stations: pd.DataFrame
+) -> tuple[pd.DataFrame, dict[str, dict[str, str]]]:
     """Samples as a table, each column's name ending in its unit; by column what is said of it: its
     units, and of a channel its name, its role and whether it is simulated.
 
-    The last two are where the station is, NaN between stations.
+    The last are where the station is and how deep it was held, NaN between stations.
     """
     data = run.samples(device)
     variables = [(str(name), variable) for name, variable in data.variables.items()]
@@ -189,7 +192,7 @@ def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, dict[str, str
             else name
             for name, variable in variables
         },
-        PLACES,
+        PER_STATION,
     )
     columns = {names[name]: variable.values for name, variable in variables}
     said = {
@@ -199,10 +202,10 @@ def _frame(run: Run, device: str) -> tuple[pd.DataFrame, dict[str, dict[str, str
         | ({"channel": name} if "role" in variable.attrs else {})
         for name, variable in variables
     }
-    places = run.stations().drop_duplicates("station").set_index("station")
-    for axis in PLACES:
-        columns[axis] = places[axis].reindex(data["station"].to_numpy()).to_numpy()
-        said[axis] = {"units": "mm"}
+    last = stations.drop_duplicates("station", keep="last").set_index("station")
+    for name in PER_STATION:
+        columns[name] = last[name].reindex(data["station"].to_numpy()).to_numpy()
+        said[name] = {"units": "mm"}
     return pd.DataFrame(columns), said
 
 

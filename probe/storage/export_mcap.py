@@ -109,6 +109,8 @@ def write_mcap(run: "Run", path: Path) -> None:
         config = json.dumps(run.config, indent=1, default=str).encode()
         at = int(clock.ns(np.array([run.started.time_s]))[0])
         writer.add_attachment(at, at, "config.json", "application/json", config)
+        stations = run.stations().to_csv(index=False).encode()
+        writer.add_attachment(at, at, "stations.csv", "text/csv", stations)
         for device, topic in topics.items():
             _write_device(writer, device, topic, run.channels[device], run.samples(device), clock)
         _write_events(writer, notable, clock)

@@ -12,13 +12,20 @@ from drivers.core.extras import needs
 from probe.core.contact_stress import FORCE_ROLES, stress_conversion
 from probe.core.errors import RunFileError
 from probe.core.events import Phase
-from probe.storage.import_table import PHASE, CsvError, Table, check_size, saturated, signal
+from probe.storage.import_table import (
+    PER_STATION,
+    PHASE,
+    CsvError,
+    Table,
+    check_size,
+    saturated,
+    signal,
+)
 
 with needs("data", "palpate import"):
     import pandas as pd
 
 LABELS = ["time_s", "station", "attempt"]
-PLACES = ("x_mm", "y_mm")
 REFERENCE = "reference"
 SHOWN = 8  # channels named in an error: an array has hundreds
 
@@ -55,7 +62,9 @@ def judged(devices: Mapping[str, Device], tactile: str | None) -> Table:
         added[signal(n)] = _readings(name, device, column)
         clipped = f"{column}_saturated"
         added[saturated(n)] = device.read(clipped) if clipped in device.columns else 0.0
-    added |= {other: device.read(other) for other in (PHASE, *PLACES) if other in device.columns}
+    added |= {
+        other: device.read(other) for other in (PHASE, *PER_STATION) if other in device.columns
+    }
     labels = _labelled(device)
     rows = pd.concat([labels, pd.DataFrame(added, labels.index)], axis=1)
     rows = _with_reference(rows, name, devices)
@@ -64,14 +73,14 @@ def judged(devices: Mapping[str, Device], tactile: str | None) -> Table:
 
 
 def placed(table: Table, places: Mapping[str, Mapping[int, float]] | None = None) -> Table:
-    """With the ``places`` by station, where a file has them beside the samples; a run without
-    places has columns of them with nothing in it. Raises `CsvError`."""
+    """With the ``places`` and depths by station, where a file has them beside the samples; a run
+    without has columns of them with nothing in it. Raises `CsvError`."""
     rows = table.rows
     for name, at_mm in (places or {}).items():
         rows = rows.assign(**{name: rows["station"].map(at_mm)})
-    empty = [name for name in PLACES if name in rows and rows[name].isna().all()]
+    empty = [name for name in PER_STATION if name in rows and rows[name].isna().all()]
     rows = rows.drop(columns=empty)
-    for name in PLACES:
+    for name in PER_STATION:
         if name in rows:
             check_size(rows[name].to_numpy(np.float64), name, "mm")
     return table._replace(rows=rows)

@@ -21,7 +21,6 @@ from drivers.core.extras import needs, require
 from probe.storage.csv_columns import numbers
 from probe.storage.import_device import (
     LABELS,
-    PLACES,
     REFERENCE,
     Device,
     face_mm2_of,
@@ -30,7 +29,7 @@ from probe.storage.import_device import (
     placed,
 )
 from probe.storage.import_mcap import read_mcap
-from probe.storage.import_table import PHASE, SIGNALS, CsvError, Table
+from probe.storage.import_table import PER_STATION, PHASE, SIGNALS, CsvError, Table
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -68,7 +67,10 @@ def read_format(source: Path, topic: str | None = None) -> Table:
         raise
     except BAD_FILE as error:
         raise CsvError(f"cannot be read ({error})") from None
-    names = (*table.names, *(n for n in table.rows if n in (REFERENCE, *PLACES, "station", PHASE)))
+    names = (
+        *table.names,
+        *(n for n in table.rows if n in (REFERENCE, *PER_STATION, "station", PHASE)),
+    )
     return table._replace(names=("time_s", *names), sha256=digest)
 
 
@@ -165,10 +167,11 @@ def _groups(source: Path) -> Table:
             raise CsvError("no group of samples as `palpate export` writes them")
         table = judged(devices, _text(file.attrs.get("tactile", "")) or None)
         stations = file.get("stations", file)
-        numbered, first = np.unique(stations["station"][:], return_index=True)
+        numbers = stations["station"][:].tolist()  # of several attempts the last counts
         places = {
-            name: dict(zip(numbered.tolist(), stations[name][:][first].tolist(), strict=True))
-            for name in PLACES
+            name: dict(zip(numbers, stations[name][:].tolist(), strict=True))
+            for name in PER_STATION
+            if name in stations
         }
         config = file.attrs.get("config") or file["config"][()]
         return placed(table, places)._replace(face_mm2=face_mm2_of(_text(config)))

@@ -7,6 +7,7 @@ import json
 import struct
 from collections.abc import Iterator
 from functools import cache
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +18,11 @@ from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from probe.core.contact_stress import tactile_or_none
 from probe.core.places import planned
-from probe.storage.import_device import PLACES, Device, face_mm2_of, judged, placed
+from probe.storage.import_device import Device, face_mm2_of, judged, placed
 from probe.storage.import_table import (
+    DEPTH,
     PHASE,
+    PLACES,
     SIGNALS,
     CsvError,
     Table,
@@ -103,6 +106,9 @@ def _own_samples(reader: Any, summary: Any, topics: list[str]) -> Table:
         name: {index + 1: round(1e3 * place[n], 9) for index, place in places.items()}
         for n, name in enumerate(PLACES)
     }
+    if "stations.csv" in attached:  # exports of older versions have none
+        stations = pd.read_csv(BytesIO(attached["stations.csv"]))
+        at_mm[DEPTH] = dict(zip(stations["station"], stations[DEPTH], strict=True))
     return placed(table, at_mm)._replace(face_mm2=face_mm2_of(config))
 
 

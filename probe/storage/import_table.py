@@ -19,6 +19,9 @@ SIGNALS = {
     "pressure_pa": Channel("pressure", "Pa", "pressure"),
     "pressure_mbar": Channel("pressure", "mbar", "pressure"),
 }
+PLACES = ("x_mm", "y_mm")
+DEPTH = "depth_mm"
+PER_STATION = (*PLACES, DEPTH)
 PHASE = "phase_number"  # which of `Phase`, from 0
 LARGEST = {
     "s": 2**52 / MAX_RATE_HZ,  # beyond, the times of the fastest sensor's samples are the same
@@ -39,7 +42,7 @@ class Table(NamedTuple):
     """A recording's ``rows`` as numbers, NaN where nothing is there.
 
     Their columns: ``time_s``; `signal` and `saturated` of each of ``channels``, in its unit; and of
-    ``x_mm``, ``y_mm``, ``station``, ``reference`` and `PHASE` those that are known. ``names`` are
+    `PER_STATION`, ``station``, ``reference`` and `PHASE` those that are known. ``names`` are
     the columns by their names in the file, ``left_out`` those not taken, ``face_mm2`` the probe's
     face where the file has it, ``sha256`` that of the file.
     """

@@ -136,7 +136,11 @@ class Run:
         """One row per press: see `probe.storage.tables.stations`."""
         from probe.storage.tables import stations  # here: reading events needs no pandas
 
-        return stations(self.started, self.events())
+        try:
+            depths_m = {one.index: one.hold_depth_m for one in self.recording().stations}
+        except RunFileError:  # nothing in it feels, or its face is not known
+            depths_m = {}
+        return stations(self.started, self.events(), depths_m)
 
     def samples(self, device: str | None = None, station: int | None = None) -> "xr.Dataset":
         """The samples of one device, by default the one that feels: see `probe.storage.tables`."""

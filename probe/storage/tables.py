@@ -1,7 +1,7 @@
 """A run as labelled tables and arrays: every quantity with its unit."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -27,11 +27,14 @@ with needs("data", "a run as tables and arrays"):
 MAX_SAMPLES = 100_000_000  # in memory at once, times channels
 
 
-def stations(run: RunStarted, events: Iterable[Event]) -> pd.DataFrame:
+def stations(
+    run: RunStarted, events: Iterable[Event], depths_m: Mapping[int, float]
+) -> pd.DataFrame:
     """One press per row, in the order in which they were made.
 
     Columns: station (from 1), attempt, x_mm, y_mm, started_s, ended_s (NaN: broken off by a crash),
-    complete, samples (of the device that feels; 0 where none does).
+    complete, samples (of the device that feels; 0 where none does), depth_mm (median of the hold,
+    NaN where unknown, and of attempts that are not judged). ``depths_m`` are those by index.
     """
     device = tactile_or_none(run.channels)
     counted: Counter[tuple[int, int]] = Counter()
@@ -47,6 +50,11 @@ def stations(run: RunStarted, events: Iterable[Event]) -> pd.DataFrame:
                 counted[station, attempt] += len(block.time_s)
     keys = [(e.station, e.attempt) for e in started]
     ends = [ended.get(key) for key in keys]
+    judged = {key[0]: n for n, (key, e) in enumerate(zip(keys, ends, strict=True))
+              if e is not None and e.complete}  # fmt: skip
+    depth_mm = np.full(len(keys), np.nan)
+    for index, row in judged.items():
+        depth_mm[row] = 1e3 * depths_m.get(index, np.nan)
     return pd.DataFrame(
         {
             "station": np.array([k[0] + 1 for k in keys], int),
@@ -57,6 +65,7 @@ def stations(run: RunStarted, events: Iterable[Event]) -> pd.DataFrame:
             "ended_s": np.array([np.nan if e is None else e.time_s for e in ends], float),
             "complete": np.array([e is not None and e.complete for e in ends], bool),
             "samples": np.array([counted[key] for key in keys], int),
+            "depth_mm": depth_mm,
         }
     )
 

@@ -22,7 +22,7 @@ from probe.detection.map.bumps import (
 from probe.detection.map.row_shapes import floor, shape, surroundings
 from probe.detection.map.sideways import reach_inwards_m
 from probe.detection.pulse.pooled_evidence import hidden
-from probe.detection.pulse.presses import Press, depth_m
+from probe.detection.pulse.presses import Press
 from probe.detection.pulse.search import Search
 from probe.detection.repeats import pitch_m, places_of
 
@@ -94,7 +94,8 @@ def line_of(presses: tuple[Press, ...]) -> Line:
         rows.append((float(np.mean([x_m for x_m, *_ in some])), *level, *pulse))
     searches = tuple(tuple(q.search for *_, q in some if q.search) for some in repeats)
     x_m, level_pa, level_sd, pulse_pa, pulse_sd = np.array(rows).reshape(-1, 5).T
-    pressed_m = float(np.median([depth_m(p.station) for _, p, _ in judged])) if judged else 0.0
+    depths_m = [p.station.hold_depth_m for _, p, _ in judged]
+    pressed_m = float(np.nan_to_num(np.median(depths_m))) if judged else 0.0
     return Line(x_m, level_pa, level_sd, pulse_pa, pulse_sd, searches, pressed_m)
 
 

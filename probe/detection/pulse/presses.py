@@ -165,7 +165,7 @@ def _sized(pulses: list[Pulse | None]) -> list[Pulse | None]:
 def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) -> Press:
     if hold is None or pulse is None:
         return Press(station, None, float("nan"), 1.0 if "clipped" in note else 0.0, note)
-    deep_m = depth_m(station)
+    deep_m = station.hold_depth_m
     share = STIFFENING * REPEATABILITY_M / deep_m if deep_m > 0 else UNKNOWN_DEPTH
     scatter = float(np.hypot(pulse.baseline_sd_pa, share * abs(pulse.baseline_pa)))
     notes = [note] if note else []
@@ -176,11 +176,3 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     if hold.lost >= LEAST_LOST:
         notes.append(f"{100 * hold.lost:.0f} % of its samples are missing, or one reading repeated")
     return Press(station, pulse, scatter, hold.clipped, "; ".join(notes))
-
-
-def depth_m(station: Station) -> float:
-    """How deep the hold was pressed [m]; 0 where that was not recorded."""
-    held = station.time_s >= station.hold_s if np.isfinite(station.hold_s) else station.time_s > 0
-    depth = station.depth_m[held] if len(station.depth_m) == len(held) else station.depth_m
-    depth = depth[np.isfinite(depth)]
-    return float(np.median(depth)) if len(depth) else 0.0

@@ -59,6 +59,24 @@ def test_a_force_that_is_negative_where_it_presses_is_noted(tmp_path: Path) -> N
         assert len(notes) == (sign < 0)
 
 
+def test_depths_are_those_of_the_file(tmp_path: Path) -> None:
+    """Of a probe that is followed by a camera, which did not see it at all times."""
+    rows = [f"{n / 100:g},{1 + n % 3},{2.5 if n % 4 else ''}" for n in range(80)]
+    (tmp_path / "a.csv").write_text("\n".join(["time_s,force_n,depth_mm", *rows]))
+    imported = import_csv(tmp_path / "a.csv", tmp_path / "a.run", face_mm2=50.0)
+    (station,) = open_run(imported.path).recording().stations
+    assert station.depth_m == pytest.approx(2.5e-3)
+    assert station.hold_depth_m == pytest.approx(2.5e-3)
+    assert imported.notes == ()
+
+
+def test_depths_that_grow_upwards_are_noted(tmp_path: Path) -> None:
+    rows = [f"{n / 100:g},{1 + n % 3},-2.5" for n in range(80)]
+    (tmp_path / "a.csv").write_text("\n".join(["time_s,force_n,depth_mm", *rows]))
+    imported = import_csv(tmp_path / "a.csv", tmp_path / "a.run", face_mm2=50.0)
+    assert imported.notes == ("depth_mm is never above 0: here it is positive below the surface",)
+
+
 def test_stations_places_and_a_reference(tmp_path: Path) -> None:
     rows = [
         f"{n / 100:g},{station + 0.01 * n:g},{10 * station},{5},{station},{np.sin(n):.6f}"

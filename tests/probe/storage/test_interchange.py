@@ -104,8 +104,9 @@ def test_mcap_has_what_viewers_know(path: Path, tmp_path: Path) -> None:
         assert summary is not None
         units = {c.topic: c.metadata.get("unit of force") for c in summary.channels.values()}
         assert units["/force/sample"] == "N"
-        (about,) = reader.iter_attachments()
+        about, stations = reader.iter_attachments()
         assert b'"TIHA"' in about.data
+        assert stations.data.startswith(b"station,attempt,x_mm")
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
@@ -118,6 +119,11 @@ def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) ->
     assert np.array_equal(now["force"].values, pressed["force"].values)
     assert np.array_equal(now["time_s"].values, pressed["time_s"].values)
     assert np.array_equal(now["station"].values, pressed["station"].values)
+    depths_m = [
+        [one.hold_depth_m for one in run.recording().stations] for run in (open_run(path), back)
+    ]
+    assert depths_m[1] == pytest.approx(depths_m[0], rel=1e-9)
+    assert min(depths_m[0]) > 1e-3
     assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
     assert back.simulated == ("imported.force",)
     for one, other in zip(
