@@ -37,9 +37,12 @@ CELLS = (1, 2, 3, 4)
 """Hexahedra to 45 degrees around the inclusion; layers under the ball are as fine."""
 FINE_TO_MM, FINE_AT_4_MM = 6.0, 0.75
 VESSELS = {
-    "vessel 9 mm deep": (9.0, 5.0), "vessel 7 mm deep": (7.0, 5.0), "vessel 11 mm deep": (11.0, 5.0),
-    "vessel 9 mm deep, ball of 4 mm": (9.0, 4.0), "vessel 9 mm deep, ball of 6.5 mm": (9.0, 6.5),
-}  # fmt: skip
+    "vessel 9 mm deep": (9.0, 5.0),
+    "vessel 7 mm deep": (7.0, 5.0),
+    "vessel 11 mm deep": (11.0, 5.0),
+    "vessel 9 mm deep, ball of 4 mm": (9.0, 4.0),
+    "vessel 9 mm deep, ball of 6.5 mm": (9.0, 6.5),
+}
 """Depth and the ball's radius [mm]: on one scene a coarse mesh may be right by chance."""
 LUMP_8 = "ball 8 mm deep"
 LIES = {
