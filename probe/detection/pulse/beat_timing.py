@@ -41,12 +41,13 @@ def own_beats_s(hold: Hold, wave: Wave) -> Array:
     drift = scale[:, None] * np.column_stack([np.ones_like(t), since / hold.span_s])
     count = int(np.clip(FINEST * len(t) / hold.span_s // wave.rate_hz, 1, FOLLOWED))
 
-    def waves(time_s: Array, most: int) -> Array:
-        return np.asarray(scale[:, None] * harmonics(time_s, wave.rate_hz, most))
+    def beside_drift(time_s: Array, most: int) -> Array:
+        """Columns (..., n, 2 + 2 most) of a drift and a wave's harmonics at times (..., n)."""
+        waves = scale[:, None] * harmonics(time_s, wave.rate_hz, most)
+        return np.concatenate([np.broadcast_to(drift, (*waves.shape[:-1], 2)), waves], axis=-1)
 
     stretched = t + STRETCHES[:, None] * (t - t.mean())
-    tried = np.stack([np.hstack([drift, waves(one, min(SMOOTH, count))]) for one in stretched])
-    q, _ = np.linalg.qr(tried)
+    q, _ = np.linalg.qr(beside_drift(stretched, min(SMOOTH, count)))
     explained = ((y @ q) ** 2).sum(axis=1)
 
     knots = np.linspace(t[0], t[-1], max(3, 1 + round(float(np.ptp(t)) / period)))
@@ -61,8 +62,7 @@ def own_beats_s(hold: Hold, wave: Wave) -> Array:
     prior = np.diag(noise / (np.tile(SHARES[:count], 2) * max(np.ptp(y), 1e-12)))
     coefficients = np.zeros(2 * count)
     for _ in range(ROUNDS):
-        columns = waves(t + hats @ late, count)
-        base = np.hstack([drift, columns])
+        base = beside_drift(t + hats @ late, count)
         shrunk = np.vstack([base, np.hstack([np.zeros((2 * count, 2)), prior])])
         found = np.linalg.lstsq(shrunk, np.concatenate([y, np.zeros(2 * count)]), rcond=None)[0]
         coefficients = found[first:]
@@ -70,7 +70,7 @@ def own_beats_s(hold: Hold, wave: Wave) -> Array:
             [order * coefficients[count:], -order * coefficients[:count]]
         ) * (2 * np.pi * wave.rate_hz)  # fmt: skip
         whole = np.zeros((len(t) + 2 * count + len(walk), last + len(knots)))
-        whole[: len(t)] = np.hstack([base, (columns @ turned)[:, None] * hats])
+        whole[: len(t)] = np.hstack([base, (base[:, first:] @ turned)[:, None] * hats])
         whole[len(t) : len(t) + 2 * count, first:last] = prior
         whole[len(t) + 2 * count :, last:] = noise * walk
         right = np.concatenate([y - base @ found, -prior @ coefficients, -noise * walk @ late])

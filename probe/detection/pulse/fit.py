@@ -62,7 +62,8 @@ def design_of(hold: Hold) -> Design:
 
 
 def harmonics(time_s: Array, rate_hz: float | Array, count: int) -> Array:
-    """(n, 2 count): cosines and sines of a rate's multiples; of rates (r,), (n, r, 2 count)."""
+    """(..., 2 count): cosines and sines of a rate's multiples at times (...); of rates (r,),
+    (..., r, 2 count)."""
     first = np.exp(2j * np.pi * np.multiply.outer(time_s, rate_hz))
     turned = np.cumprod(np.repeat(first[..., None], count, axis=-1), axis=-1)
     return np.concatenate([turned.real, turned.imag], axis=-1)
