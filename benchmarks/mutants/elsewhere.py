@@ -190,7 +190,7 @@ ELSEWHERE = (
            "math.hypot(1.0, rise, lift)", "math.hypot(1.0, rise)",
            ("tests/sim_backend/phantom/test_phantom.py",)),
     Mutant("an exported y is x", "probe/storage/export.py",
-           "columns[axis] = places[axis]", 'columns[axis] = places["x_mm"]',
+           "columns[name] = last[name]", 'columns[name] = last["x_mm"]',
            ("tests/probe/storage/test_export.py::test_csv",)),
     Mutant("a modulus is fitted to the block's middle", "probe/calibrate/tissue_force.py",
            "0.5 * width_mm if x_mm is None else x_mm", "0.5 * width_mm",

@@ -192,7 +192,7 @@ OVERLOOKED = (
            ("tests/probe/acquisition/test_dry_run.py"
             "::test_a_disk_with_less_than_the_run_needs_is_a_fault",)),
     Mutant("depth on a slope is the cosine's square too small", "probe/core/cut_stations.py",
-           "poses_s, poses)) / math.cos(", "poses_s, poses)) * math.cos(",
+           "(surface - depth) / math.cos(", "(surface - depth) * math.cos(",
            ("tests/probe/storage/test_run.py::test_depth_on_a_slope_is_along_its_normal",)),
     Mutant("only y tells imported stations apart", "probe/storage/csv_table.py",
            "moved |= np.abs(", "moved = np.abs(",

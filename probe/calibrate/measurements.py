@@ -88,7 +88,8 @@ class Measurements:
 def read(path: Path, kind: str, device: str = "", station: int | None = None) -> Measurements:
     """A CSV table or a run file; of a run, what ``kind`` needs. Raises `CalibrationError`."""
     if not path.is_file():
-        raise CalibrationError(f"{path}: no such file")
+        why = "a folder, pipe or device; a file is needed" if path.exists() else "no such file"
+        raise CalibrationError(f"{path}: {why}")
     with path.open("rb") as file:
         if file.read(len(SQLITE)) == SQLITE:
             return _from_run(open_run(path), kind, device, station)

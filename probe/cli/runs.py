@@ -67,7 +67,7 @@ def report(
 
     def write(run: Path) -> dict[str, Any]:
         name = f"report-{numbers[run]}" if anonymous else f"{run.stem}-report"
-        folder = run.with_name(name) if out is None else out / name if len(runs) > 1 else out
+        folder = run.parent / name if out is None else out / name if len(runs) > 1 else out
         page = write_report(run, folder, without_names=anonymous)
         if not json:
             answer(f"Report: {page}")

@@ -93,7 +93,7 @@ def judged_rows(
 def log_of(path: Path) -> Path:
     """The write-ahead log of a run: it lies beside the file itself, not beside a link to it."""
     path = path.resolve()
-    return path.with_name(path.name + "-wal")
+    return path.parent / f"{path.name}-wal"
 
 
 def _opened(path: Path, stack: ExitStack) -> sqlite3.Connection:

@@ -63,7 +63,12 @@ def parse(text: str, scene: Scene) -> Varied:
         raise ConfigError(f"--vary {text}: {SYNTAX}")
     key = full_key(key.strip(), scene)
     if ".." not in values:
-        return Varied(key, tuple(_value(v) for v in values.split(",")))
+        given = tuple(_value(v) for v in values.split(","))
+        now = _leaves(scene.model_dump(mode="json")).get(key, 0.0)
+        is_number = isinstance(now, int | float) and not isinstance(now, bool)
+        if is_number and (texts := [v for v in given if isinstance(v, str)]):
+            raise ConfigError(f"--vary {text}: {texts[0]!r} is no number")
+        return Varied(key, given)
     interval, _, rest = values.partition(":")
     try:
         low, high = (float(end) for end in interval.split(".."))
@@ -98,7 +103,7 @@ def full_key(key: str, scene: Scene) -> str:
     """``wall_mm`` as ``inclusion.0.wall_mm``. Raises `ConfigError` if none or several match."""
     if key in SCAN_KEYS:
         return key
-    known = list(_paths(scene.model_dump(mode="json")))
+    known = list(_leaves(scene.model_dump(mode="json")))
     matches = [k for k in known if k == key] or [k for k in known if k.endswith("." + key)]
     if len(matches) == 1:
         return matches[0]
@@ -154,15 +159,16 @@ def applied(scene: Scene, point: Point) -> Scene:
     return Scene.model_validate(raw)
 
 
-def _paths(raw: Any, prefix: str = "") -> list[str]:
-    found: list[str] = []
+def _leaves(raw: Any, prefix: str = "") -> dict[str, Any]:
+    """Values by their keys, as ``inclusion.0.wall_mm``, without lists and names."""
+    found: dict[str, Any] = {}
     items = raw.items() if isinstance(raw, dict) else enumerate(raw)
     for key, value in items:
         if isinstance(value, dict) or (isinstance(value, list) and value
                                        and isinstance(value[0], dict)):  # fmt: skip
-            found += _paths(value, f"{prefix}{key}.")
+            found |= _leaves(value, f"{prefix}{key}.")
         elif not isinstance(value, list) and key != "name":
-            found.append(f"{prefix}{key}")
+            found[f"{prefix}{key}"] = value
     return found
 
 

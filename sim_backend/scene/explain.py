@@ -42,6 +42,8 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
         value = fault["input"]
         shown = "" if isinstance(value, dict) or fault["type"] == "missing" else f" = {value!r}"
         text = allowed(fault)
+        if fault["type"] == "tuple_type" and isinstance(value, dict):
+            text = f"is a list of tables: write [[{key}]], in two brackets"
         if model is not None and fault["type"] == "extra_forbidden":
             text = _unknown_key(model, fault["loc"])
         between = " " if fault["type"] == "missing" else ": "

@@ -76,6 +76,7 @@ def test_a_run_gives_stiffness_and_modulus(
         (["tissue", "RUN", "--station", "99"], "no such complete station"),
         (["latency", "RUN"], "too short to tell a delay from a clock's drift; record a chirp"),
         (["force", "gone.csv"], "gone.csv: no such file"),
+        (["force", "."], ".: a folder, pipe or device; a file is needed"),
         (["heart", "RUN", "--cuff", "high"], "--cuff 'high': say it as 120/80"),
         (["wood", "RUN"], "kind 'wood': allowed are force"),
     ],

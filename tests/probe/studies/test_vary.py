@@ -40,6 +40,8 @@ def test_values(text: str, key: str, values: tuple[float | str, ...]) -> None:
         ("modulus_kpa=1", "which of"),
         ("wall_mm", "say KEY="),
         ("wall_mm=1..x", "say KEY="),
+        ("wall_mm=0.4,a", "'a' is no number"),
+        ("x_mm=left", "'left' is no number"),
         ("wall_mm=0..1:log", "above 0"),
     ],
 )
