@@ -133,7 +133,7 @@ ELSEWHERE = (
            ("tests/probe/detection/test_bumps.py"
             "::test_two_arteries_near_each_other_are_two_and_one_is_one",)),
     Mutant("two may not be looked for", BUMPS,
-           "float(rest @ rest), 0.0, count)", "float(rest @ rest), 1e9, count)",
+           "before, 0.0, count)", "before, 1e9, count)",
            ("tests/probe/detection/test_bumps.py::test_three_that_hide_each_other_are_found_together",)),
     Mutant("one always leaves little enough", BUMPS,
            "if left @ left < cost:", "if left @ left < 100 * cost:",

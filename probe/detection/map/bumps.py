@@ -87,12 +87,13 @@ def find_bumps(
         new, p_value = _next(x_m, value, sd, base, known, rising)
         # those that are equally clear hide each other: each looks like the others' scatter
         *_, rest = weighted(x_m, value, sd, base, known)
+        before = float(rest @ rest)
         counts = range(2, min(TOGETHER, most - len(known), (left - 1) // 3) + 1)
-        best = [_chance_together(n, left, float(rest @ rest), 0.0, count) for count in counts]
+        best = [_chance_together(n, left, before, 0.0, count) for count in counts]
         for k in range(len(counts)):
             if p_value <= false_alarm or min(best[k:]) > false_alarm:
                 break
-            new, p_value = _together(x_m, value, sd, base, known, new, rising)
+            new, p_value = _together(x_m, value, sd, base, known, new, rising, before)
         if p_value > false_alarm:
             break
         every = refined(x_m, value, sd, base, [*known, *new], rising)
@@ -164,21 +165,20 @@ def _next(
 
 
 def _together(
-    x_m: Array, value: Array, sd: Array, base: Array,
-    known: list[tuple[float, float]], new: list[tuple[float, float]], rising: bool,
+    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]],
+    new: list[tuple[float, float]], rising: bool, before: float,
 ) -> tuple[list[tuple[float, float]], float]:  # fmt: skip
     """``new`` bumps with the one that is clearest beside them, or in place of a single one the two
-    beside it, and the chance of all together."""
+    beside it, and the chance of all together; ``before`` is the sum of squares without them."""
     more, _ = _next(x_m, value, sd, base, [*known, *new], rising)
     every = refined(x_m, value, sd, base, [*known, *new, *more], rising, steps=FEW_STEPS)
-    *_, before = weighted(x_m, value, sd, base, known)
     *_, rest = weighted(x_m, value, sd, base, every)
     new, after = every[len(known) :], float(rest @ rest)
     if len(new) == 2:
         two, as_two = _two_beside(x_m, value, sd, base, known, new[:1], rising)
         new, after = (two, as_two) if as_two < after else (new, after)
     dof = len(x_m) - base.shape[1] - 3 * len(known)
-    return new, _chance_together(len(x_m), dof, float(before @ before), after, len(new))
+    return new, _chance_together(len(x_m), dof, before, after, len(new))
 
 
 def _chance_together(n: int, dof: int, before: float, after: float, count: int) -> float:
