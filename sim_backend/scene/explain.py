@@ -42,7 +42,7 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
         value = fault["input"]
         shown = "" if isinstance(value, dict) or fault["type"] == "missing" else f" = {value!r}"
         text = allowed(fault)
-        if fault["type"] == "tuple_type" and isinstance(value, dict):
+        if fault["type"] == "tuple_type" and isinstance(value, dict) and "." not in key:
             text = f"is a list of tables: write [[{key}]], in two brackets"
         if model is not None and fault["type"] == "extra_forbidden":
             text = _unknown_key(model, fault["loc"])

@@ -136,6 +136,7 @@ def test_limits_need_a_plan() -> None:
         ("safety.workspace_mm.x = 3", "safety.workspace_mm.x = 3: must be a list, in [ ]"),
         ("scene.name = 3", "scene.name = 3: must be text, in quotes"),
         ("sensor = []", "sensor = []: must have 1 or more entries"),
+        ("[safety.workspace_mm.x]", "safety.workspace_mm.x: must be a list, in [ ]"),
         ("[sensor]", "sensor: is a list of tables: write [[sensor]], in two brackets"),
     ],
 )
