@@ -157,6 +157,6 @@ STORED = (
            "if self.depth is None:", "if True:",
            ("tests/probe/storage/test_csv_import.py::test_depths_are_those_of_the_file",)),
     Mutant("depths stay behind", "probe/storage/csv_import.py",
-           "yield from _beside(DEPTH,", "_beside(DEPTH,",
+           "yield from _beside(DEPTHS,", "_beside(DEPTHS,",
            ("tests/probe/storage/test_interchange.py::test_what_export_wrote_is_imported",)),
 )  # fmt: skip

@@ -45,7 +45,7 @@ from probe.storage.writer import create_store
 
 __all__ = ["CsvError", "Imported", "import_csv"]
 
-DEVICE, REFERENCE, DEPTH = "imported", "reference", "depth"
+DEVICE, REFERENCE, DEPTHS = "imported", "reference", "depth"
 BLOCK = 1000  # samples
 FACE_MM2 = 100.0
 
@@ -172,7 +172,7 @@ def _events(
     if read.has_reference:
         channels[REFERENCE] = (Channel("reference", "", "reference"),)
     if any(np.isfinite(press.depth_m).any() for press in read.presses):
-        channels[DEPTH] = (Channel("depth", "m", "depth"),)
+        channels[DEPTHS] = (Channel("depth", "m", "depth"),)
     began_s, ended_s = read.presses[0].start_s, read.presses[-1].end_s
     yield RunStarted(began_s, datetime.now(UTC).isoformat(timespec="seconds"), config, channels)
     for note in notes:
@@ -184,7 +184,7 @@ def _events(
         yield from _blocks(DEVICE, press.station, press.time_s, press.signal, press.saturated)
         yield from _beside(REFERENCE, press.station, press.reference_s, press.reference)
         known = np.isfinite(press.depth_m)
-        yield from _beside(DEPTH, press.station, press.time_s[known], press.depth_m[known])
+        yield from _beside(DEPTHS, press.station, press.time_s[known], press.depth_m[known])
         complete = press.station not in broken_off
         yield StationEnded(press.end_s, press.station, 1, complete=complete)
     finish = Finish.ABORTED if broken_off else Finish.COMPLETED

@@ -9,6 +9,10 @@ from typing import Any
 
 import pytest
 
+from probe.detection import detect
+from probe.storage.csv_import import import_csv
+from probe.storage.export import export
+
 PALPATE = (sys.executable, "-m", "probe.cli")
 pytestmark = pytest.mark.slow
 
@@ -66,3 +70,15 @@ def test_of_two_lone_arteries_the_stenotic_one_is_named(folder: Path) -> None:
     compared = json.loads(done.stdout)
     assert compared["diseased"] == "B"
     assert compared["confidence"] > 0.9
+
+
+@pytest.mark.parametrize("form", ["csv", "mcap"])
+def test_a_lone_artery_is_called_the_same_once_it_was_elsewhere(form: str, folder: Path) -> None:
+    """Without the depth of its press any would be a healthy one."""
+    reported = scanned("SAOT", folder)
+    files = export(reported["run"], form, folder / form)
+    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    back = import_csv(file, folder / f"{form}.run", face_mm2=100.0)
+    (found,), (then,) = detect(back.path).as_json()["objects"], reported["objects"]
+    assert found["kind"] == then["kind"] == "stenotic artery"
+    assert found["confidence"] == pytest.approx(then["confidence"], abs=1e-3)
