@@ -143,7 +143,7 @@ ELSEWHERE = (
            "block = int(p.lengths[0])", "block = int(p.lengths[0]) + 1",
            ("tests/probe/detection/test_beat_train.py",)),
     Mutant("a decay has no doubt of its own", "probe/detection/pulse/fit.py",
-           "inverse @ inverse.T - both @ taken.T", "inverse @ inverse.T",
+           "inverse @ inverse.T - whole[:k, k:] @ taken.T", "inverse @ inverse.T",
            ("tests/probe/detection/test_fit.py",)),
     Mutant("taxels are a face each", STRESS,
            'share = len(columns) if role == "taxel" else 1', "share = 1", STRESSED + DETECT),

@@ -65,8 +65,11 @@ def harmonics(time_s: Array, rate_hz: float | Array, count: int) -> Array:
     """(..., 2 count): cosines and sines of a rate's multiples at times (...); of rates (r,),
     (..., r, 2 count)."""
     first = np.exp(2j * np.pi * np.multiply.outer(time_s, rate_hz))
-    turned = np.cumprod(np.repeat(first[..., None], count, axis=-1), axis=-1)
-    return np.concatenate([turned.real, turned.imag], axis=-1)
+    found, turned = np.empty((*first.shape, 2 * count)), first
+    for k in range(count):
+        found[..., k], found[..., count + k] = turned.real, turned.imag
+        turned = turned * first
+    return found
 
 
 def fit(
@@ -110,9 +113,16 @@ def fit(
 def _information(inverse: Array, taken: Array, left: Array) -> Array:
     """Inverse of the normal matrix of free columns, of which ``inverse`` is their triangle's, and
     decays: ``taken`` of the free ones, and what is ``left`` (n, d) of them beside those."""
-    decays = np.linalg.pinv(left.T @ left)
-    both = -taken @ decays
-    return np.block([[inverse @ inverse.T - both @ taken.T, both], [both.T, decays]])
+    k, gram = len(inverse), left.T @ left
+    whole = np.empty((k + len(gram), k + len(gram)))
+    try:
+        whole[k:, k:] = np.linalg.inv(gram)
+    except np.linalg.LinAlgError:  # two decays that are one in these samples
+        whole[k:, k:] = np.linalg.pinv(gram)
+    whole[:k, k:] = -taken @ whole[k:, k:]
+    whole[k:, :k] = whole[:k, k:].T
+    whole[:k, :k] = inverse @ inverse.T - whole[:k, k:] @ taken.T
+    return whole
 
 
 def _not_negative(columns: Array, y: Array) -> Array:

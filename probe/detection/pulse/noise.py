@@ -69,9 +69,15 @@ def _recursive(back: tuple[float, ...], columns: Array) -> Array:
     (Not scipy.signal.lfilter: importing it takes as long as all of a scan's detection.)"""
     if len(back) == 1 or not columns.size:
         return columns
-    bands = np.repeat(np.array(back)[:, None], len(columns), axis=1)
-    found, _ = dtbtrs(bands, columns.reshape(len(columns), -1), uplo="L", diag="U")
+    n = len(columns)
+    found, _ = dtbtrs(_bands(back, n), columns.reshape(n, -1), uplo="L", diag="U")
     return np.asarray(found.reshape(columns.shape))
+
+
+@lru_cache(maxsize=64)
+def _bands(back: tuple[float, ...], n: int) -> Array:
+    """Diagonals (bands, n) as LAPACK has them."""
+    return np.asfortranarray(np.repeat(np.array(back)[:, None], n, axis=1))
 
 
 WHITE = Noise("white", (1.0,), (1.0,))
