@@ -202,7 +202,7 @@ def stiffness_error(rng: Rng) -> tuple[float, Bools]:
 
 
 @lru_cache(maxsize=2)
-def solved(model: str) -> tuple[Forward, PchipInterpolator]:
+def solved(model: str) -> tuple[Forward, float, PchipInterpolator]:
     """The inversion's forward model, and the force of 50 kPa over depth by another solution."""
     scene = load_scene("TI")
     deepest = DEEPEST_M[model]
@@ -215,19 +215,19 @@ def solved(model: str) -> tuple[Forward, PchipInterpolator]:
             for d in depths[1:]
         ]
         other = scene.indenter.length_mm * np.array([0.0, *per_mm])
-    return force_of_modulus(scene, deepest, model), PchipInterpolator(depths, other)
+    return *force_of_modulus(scene, deepest, model), PchipInterpolator(depths, other)
 
 
 def modulus_error(model: str, noise_n: float) -> Callable[[Rng], tuple[float, Bools]]:
     """A ramp of a second at 500 Hz on 20 to 80 kPa; contact known to 0.1 mm."""
 
     def draw(rng: Rng) -> tuple[float, Bools]:
-        forward, force_n = solved(model)
+        forward, off, force_n = solved(model)
         modulus, contact = rng.uniform(20e3, 80e3), rng.uniform(0, 1e-4)
         depth = np.linspace(0, DEEPEST_M[model], 500)
         clean = modulus / 50e3 * force_n(np.maximum(depth - contact, 0))
         force = clean + noise_n * rng.standard_normal(500)
-        found = fit_tissue(depth, force, forward, [50e3])
+        found = fit_tissue(depth, force, forward, [50e3], forward_off=off)
         truth = np.array([np.log(modulus), 1e3 * contact])
         return 100 * (float(found.modulus_pa[0]) / modulus - 1), holds(found.fit, truth)
 
@@ -236,7 +236,7 @@ def modulus_error(model: str, noise_n: float) -> Callable[[Rng], tuple[float, Bo
 
 def relaxation_error(rng: Rng) -> tuple[float, Bools]:
     """The same ramp, then a hold of six seconds; one Prony term. The error is the weight's."""
-    forward, force_n = solved("finite")
+    forward, off, force_n = solved("finite")
     modulus, g, tau = rng.uniform(20e3, 80e3), rng.uniform(0.1, 0.4), rng.uniform(0.4, 1.5)
     time_s = np.arange(0, 7, 0.01)
     deepest = DEEPEST_M["finite"]
@@ -249,7 +249,8 @@ def relaxation_error(rng: Rng) -> tuple[float, Bools]:
         memory[n] = (memory[n - 1] + fine[n] - fine[n - 1]) * np.exp(-0.0005 / tau)
     force = elastic - g * (elastic - np.interp(time_s, fine_s, memory))
     force = force + NANO_N * rng.standard_normal(len(time_s))
-    found = fit_tissue(depth, force, forward, [50e3], time_s=time_s, relaxation_start_s=[0.8])
+    found = fit_tissue(depth, force, forward, [50e3], time_s=time_s, relaxation_start_s=[0.8],
+                       forward_off=off)  # fmt: skip
     truth = np.array([np.log(modulus), 0.0, g, np.log(tau)])
     return 100 * (float(found.relaxation_g[0]) - g), holds(found.fit, truth)
 

@@ -11,6 +11,8 @@ import numpy as np
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, as_columns, linear_fit, same_length, stacked
 
+LARGEST_SCALE = 1.5
+"""Times that an axis may go further than it reads, or less far: a wrong lead or gear is twofold."""
 ADVICE = "add points away from the line or plane through the others, across the whole travel"
 
 
@@ -40,7 +42,8 @@ class AxesCalibration:
 def fit_axes(read_m: Array, true_m: Array) -> AxesCalibration:
     """Axis errors from points (n, 3) the stage read and where they were (a gauge, a tracker).
 
-    Raises `CalibrationError` for coplanar or too few points, or a mirrored frame.
+    Raises `CalibrationError` for coplanar or too few points, a mirrored frame, or axes in another
+    unit.
     """
     read, true = as_columns(read_m, "read_m", 3), as_columns(true_m, "true_m", 3)
     same_length(read_m=read, true_m=true)
@@ -55,6 +58,13 @@ def fit_axes(read_m: Array, true_m: Array) -> AxesCalibration:
     if np.linalg.det(matrix) <= 0:
         raise CalibrationError(
             "the stage's frame is mirrored against the scan frame; swap two axes or turn one round"
+        )
+    lengths = np.linalg.svd(matrix, compute_uv=False)
+    if lengths[-1] < 1 / LARGEST_SCALE or lengths[0] > LARGEST_SCALE:
+        raise CalibrationError(
+            f"the stage goes {lengths[-1]:.3g} to {lengths[0]:.3g} times as far as it reads; "
+            f"{1 / LARGEST_SCALE:.2g} to {LARGEST_SCALE:g} are an error of its axes. Are both in "
+            "one unit? Set its steps per millimetre first"
         )
     shift = np.array([fit.values[3] for fit in fits]) - matrix @ mean
     return AxesCalibration(matrix, shift, stacked(fits))

@@ -22,6 +22,7 @@ Model = Literal["plane", "quadric", "map"]
 TERMS = {"plane": 3, "quadric": 6, "map": 3}
 ADVICE = "touch at more places, spread over the scanned area, not along one line"
 SEARCH = 6000  # subsets tried for the cleanest core of the touches
+STEEPEST = 1.73  # rise over run at 60 degrees; a scan refuses more than 30
 OUTLIER_SIGMAS = 4.0  # robust standard deviations from which a touch is none of a height map
 OUTLIER_CHANCE = 0.001  # chance that a good touch is called an outlier
 
@@ -84,7 +85,8 @@ def fit_surface(
 
     Up to ``max_outliers`` (a fifth of the touches) are found by least trimmed squares
     (Rousseeuw 1984): the cleanest core is fitted, then every touch that agrees with it at the
-    0.1 % level is taken back. Raises `CalibrationError` for collinear or too few touches.
+    0.1 % level is taken back. Raises `CalibrationError` for collinear or too few touches,
+    or a rise of more than 60 degrees.
     """
     touches = as_columns(touches_m, "touches_m", 3)
     if model not in TERMS:
@@ -104,6 +106,12 @@ def fit_surface(
     fit = linear_fit(design[kept], touches[kept, 2], names, ADVICE, weakest=0.03)
     scale = np.diag(size ** -np.array([0.0, 1, 1, 2, 2, 2])[:count])
     fit = fit.derived(names, scale @ fit.values, scale)
+    slopes = fit.values[1:3]
+    if (steepest := float(np.hypot(*slopes))) > STEEPEST:
+        raise CalibrationError(
+            f"the surface rises by {steepest:.3g} m per metre; {STEEPEST:g} (60 degrees) are "
+            "possible. Are heights in another unit than places?"
+        )
     if model == "map":  # its coefficients are those of the plane through it, not what it leaves
         missed, _ = _left_out(touches[kept], smoothing)
         fit = replace(fit, residuals=-missed)

@@ -52,6 +52,11 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
         raise CalibrationError(
             "a tare needs at least 10 readings in the order taken; record a second or more"
         )
+    if not np.ptp(values, axis=0).any():
+        raise CalibrationError(
+            "the readings never change, and say nothing of drift: the sensor stands still, or "
+            "rounds more coarsely than its noise; record for minutes, or look at its settings"
+        )
     at_s = float(time.mean())
     design = np.column_stack([np.ones(len(time)), time - at_s])
     fits = []

@@ -63,12 +63,15 @@ def fit_tissue(
     relaxation_start_s: Sequence[float] = (),
     find_surface: bool = True,
     robust: bool = True,
+    forward_off: float = 0.0,
 ) -> TissueCalibration:
     """The moduli that explain ``force_n`` (n,) [N] at ``depth_m`` (n,) [m, true indentation].
 
     ``relaxation_start_s``: one guess of tau for each Prony term wanted (needs ``time_s`` (n,)).
     ``find_surface``: the depth of first contact is a parameter too. Samples more than 4 robust
-    standard deviations off are left out. Raises `CalibrationError` on degenerate data.
+    standard deviations off are left out. ``forward_off``: the share by which all forces of
+    ``forward`` may be off together (95 %), which the moduli's intervals hold. Raises
+    `CalibrationError` on degenerate data.
     """
     depth, force = as_columns(depth_m, "depth_m", 1)[:, 0], as_columns(force_n, "force_n", 1)[:, 0]
     same_length(depth_m=depth, force_n=force)
@@ -87,7 +90,8 @@ def fit_tissue(
         raise CalibrationError(f"the depth hardly varies; {ADVICE}")
     model = _Model(depth, time, forward, moduli, find_surface, terms)
     elastic, _ = forward(np.array(start_pa, dtype=float), depth)
-    if not (elastic @ elastic > 0 and force @ elastic > 0):
+    rises = (force - force.mean()) @ (elastic - elastic.mean()) > 0
+    if not (elastic @ elastic > 0 and force @ elastic > 0 and rises):
         raise CalibrationError("the force does not rise with depth; check its sign and the tare")
     scale = float(force @ elastic) / float(elastic @ elastic)
     start = np.concatenate(
@@ -115,6 +119,8 @@ def fit_tissue(
     )  # fmt: skip
     p, first = fit.values, moduli + int(find_surface)
     tau = np.exp(p[first + terms :])
+    covariance = fit.covariance.copy()
+    covariance[:moduli, :moduli] += (forward_off / 2) ** 2
     spacing, length = float(np.median(np.diff(time))), float(np.ptp(time))
     adequate, limits = limits_of(fit, tau, spacing, length)
     return TissueCalibration(
@@ -124,7 +130,7 @@ def fit_tissue(
         relaxation_tau_s=tau,
         adequate=adequate,
         cannot_identify=limits,
-        fit=Fit(fit.names, fit.values, fit.covariance, size * fit.residuals, fit.dof),
+        fit=Fit(fit.names, fit.values, covariance, size * fit.residuals, fit.dof),
     )
 
 

@@ -17,7 +17,8 @@ from calibration.errors import CalibrationError
 from calibration.touch import find_contact
 from drivers.core.arrays import Array
 from probe.calibrate.measurements import Measurements, read
-from probe.calibrate.tissue_force import force_of_modulus
+from probe.calibrate.tissue_force import KNOWN, force_of_modulus
+from probe.calibrate.units import check_units
 from sim_backend.scene.scene_file import Scene, as_scene
 
 KINDS = (
@@ -105,6 +106,7 @@ def fit_measurements(
 
 
 def _fitted(kind: str, measured: Measurements, choices: Choices) -> calibration.Calibration:
+    check_units(kind, measured)
     if kind == "tissue":
         return _tissue(measured, choices)
     arguments = _arguments(kind, measured)
@@ -193,12 +195,23 @@ def _tissue(measured: Measurements, choices: Choices) -> calibration.TissueCalib
         depth = depth - float(find_contact(depth, force).values[0])
     plain = scene.model_copy(update={"inclusion": ()})
     at_mm = float(np.median(measured.column("x_mm"))) if "x_mm" in measured.table else None
-    forward = force_of_modulus(plain, float(depth.max()), x_mm=at_mm)
-    return calibration.fit_tissue(
-        depth, force, forward, [1e3 * scene.tissue.modulus_kpa],
-        time_s=columns[:, 2] if len(names) == 3 else None,
-        relaxation_start_s=choices.relaxation_s,
-    )  # fmt: skip
+    deepest_m = float(depth.max())
+    while deepest_m < 0.5e-3 * scene.tissue.height_mm:
+        forward, off = force_of_modulus(plain, deepest_m, x_mm=at_mm)
+        fitted = calibration.fit_tissue(
+            depth, force, forward, [1e3 * scene.tissue.modulus_kpa],
+            time_s=columns[:, 2] if len(names) == 3 else None,
+            relaxation_start_s=choices.relaxation_s, forward_off=off,
+        )  # fmt: skip
+        reached_m = float(depth.max()) - fitted.surface_m
+        if reached_m <= KNOWN * deepest_m:
+            return fitted
+        deepest_m = reached_m
+    raise CalibrationError(
+        f"the force would begin {1e3 * deepest_m:.3g} mm above the deepest reading, which is half "
+        f"of the block of {scene.tissue.height_mm:g} mm or more: check force_n, depth_mm and the "
+        "scene, and begin the press in the air"
+    )
 
 
 def raw_columns(measured: Measurements) -> dict[str, Array]:

@@ -58,9 +58,9 @@ class Measurements:
         values = pd.to_numeric(cells, errors="coerce").to_numpy(float)
         if (bad := ~np.isfinite(values)).any():
             row = int(cells.index[int(np.argmax(bad))]) + 1
+            said = str(cells.iloc[int(np.argmax(bad))])
             raise CalibrationError(
-                f"{self.path}: column {name}, row {row}: {cells.iloc[int(np.argmax(bad))]!r} is "
-                "not a number"
+                f"{self.path}: column {name}, row {row}: {said!r} is not a number"
             )
         return values
 
@@ -101,6 +101,11 @@ def read(path: Path, kind: str, device: str = "", station: int | None = None) ->
         table = pd.read_csv(path, nrows=MAX_ROWS, comment="#", skipinitialspace=True)
     except (ValueError, UnicodeDecodeError) as error:
         raise CalibrationError(f"{path}: not a CSV table ({error})") from None
+    if len(table.columns) == 1 and ";" in str(table.columns[0]):
+        raise CalibrationError(
+            f"{path}: its columns are separated by semicolons; save it with commas, and with "
+            "points in its numbers"
+        )
     return Measurements(path, table.rename(columns=str.strip), device)
 
 

@@ -129,6 +129,10 @@ def test_modulus_by_inverting_a_model() -> None:
         low, high = found.modulus_interval_pa()[0]
         inside.append(low <= 48e3 <= high)
     assert 0.88 <= np.mean(inside) <= 1.0
+    unsure = fit_tissue(depth, force, forward, [30e3], forward_off=0.01)
+    low, high = np.log(unsure.modulus_interval_pa()[0])
+    own_low, own_high = np.log(found.modulus_interval_pa()[0])
+    assert (high - low) ** 2 == pytest.approx((own_high - own_low) ** 2 + 0.02**2, rel=0.01)
 
 
 def test_gravity() -> None:

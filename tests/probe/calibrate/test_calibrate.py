@@ -57,7 +57,7 @@ def test_a_run_gives_stiffness_and_modulus(
 ) -> None:
     depths = np.linspace(0, 4e-3, 9)[1:]
     monkeypatch.setattr(
-        module, "force_of_modulus", lambda *_, **__: proportional(depths, 8e-3 * depths)
+        module, "force_of_modulus", lambda *_, **__: (proportional(depths, 8e-3 * depths), 0.0)
     )  # 400 N/m at 50 kPa
     found = {}
     for kind in ("compliance", "tissue"):
@@ -262,7 +262,7 @@ def test_a_block_that_is_none_gives_no_scene(
     """A stiff layer below 1 mm: the force bends where no homogeneous block's does."""
     depths = np.linspace(0, 4e-3, 9)[1:]
     monkeypatch.setattr(
-        module, "force_of_modulus", lambda *_, **__: proportional(depths, 8e-3 * depths)
+        module, "force_of_modulus", lambda *_, **__: (proportional(depths, 8e-3 * depths), 0.0)
     )
     rng, deep = np.random.default_rng(1), np.linspace(0, 2.0, 200)
     force = 0.4 * deep + 1.2 * np.maximum(deep - 1, 0) + 1e-3 * rng.standard_normal(200)

@@ -20,6 +20,6 @@ def test_the_modulus_is_that_of_the_block_in_space(monkeypatch: pytest.MonkeyPat
     depth_m = np.linspace(0.25e-3, 2e-3, 60)
     force_n = CubicSpline(DEPTHS_M, FORCES_N / DEPTHS_M**1.5)(depth_m) * depth_m**1.5
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    forward = tissue_force.force_of_modulus(scene, 2e-3)
+    forward, _ = tissue_force.force_of_modulus(scene, 2e-3)
     found = fit_tissue(depth_m, force_n, forward, [10e3], find_surface=False)
     assert found.modulus_pa[0] == pytest.approx(30e3, rel=0.02)
