@@ -3,6 +3,7 @@ only in part."""
 
 import numpy as np
 import pytest
+from flat_lumens import drawn
 from soft_walls import soft_walled
 
 from sim_backend.fem.continuation import continuation, unloaded
@@ -15,6 +16,17 @@ from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTH_M = 2.5e-3
+
+
+def test_a_vessel_pressed_flat_states_more_of_its_pulse() -> None:
+    """Of press 35 of benchmarks/flat_lumens.py the pulse is 7 % off, where 3 % were stated."""
+    scene, x_m, depth_m = drawn(35)
+    ends_pa = 80 * PA_PER_MMHG, 120 * PA_PER_MMHG
+    model = respond(scene, x_m, depth_m)
+    low, high = (model.force_n(x_m, depth_m, p) for p in ends_pa)
+    states = press(scene, 1e3 * x_m, 1e3 * depth_m, (80.0, 120.0), accuracy_pct=2.0).states
+    off_n = abs(high - low - (states[1].force_n - states[0].force_n))
+    assert off_n < model.pulse_error_n(x_m, depth_m, *ends_pa)
 
 
 @pytest.mark.parametrize("name", ["HAOT", "SAOT"])
