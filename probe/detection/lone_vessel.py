@@ -95,9 +95,10 @@ def pulsing_place(
 ) -> list[ObjectFinding]:
     """The one object that a pulse alone can show, where no row does: a vessel.
 
-    It lies where the pulse is largest, or beside any press whose pulse may be as large. A press of
-    known place and depth compares with the solved vessels, in tissue and out of it. Of a recording
-    that decides neither, an artery is a vessel, healthy or not.
+    It lies where the pulse is largest, or beside any press whose pulse may be as large; where that
+    is an end of what was scanned, up to `ASIDE_MM` beyond it. A press of known place and depth
+    compares with the solved vessels, in tissue and out of it. Of a recording that decides neither,
+    an artery is a vessel, healthy or not.
     """
     pulsing = [p for p in presses if p.pulsing and p.pulse is not None]
     if not pulsing:
@@ -107,6 +108,11 @@ def pulsing_place(
     around = [beside(p.station.x_m, presses) for p in pulsing if _as_strong(p, strongest)]
     ends = min(low for low, _ in around), max(high for _, high in around)
     kind, sure, reason = _vessel(strongest, face_m2)
+    every, aside_m = [p.station.x_m for p in presses], 1e-3 * ASIDE_MM[-1]
+    if not unfinished and np.ptp(every) > 0 and x_m in (min(every), max(every)):
+        low, high = ends
+        ends = (x_m - aside_m, high) if x_m == min(every) else (low, x_m + aside_m)
+        reason += "; it pulses most where the stations end, and lies here or beyond"
     if strongest.hold_s < MIN_HOLD_S:
         reason += (
             f"; in a hold as short as {strongest.hold_s:.1f} s breathing, tremor or a hand that "

@@ -363,3 +363,21 @@ def test_a_row_too_short_for_a_map_places_a_vessel_where_its_pulse_is_largest(
         (found,) = detect(recording(presses[first : first + stations])).objects
         nearest_m = min((s.x_m for s in presses), key=lambda x: abs(x - 1e-3 * centre_mm))
         assert found.position_m == pytest.approx(nearest_m)
+
+
+@pytest.mark.parametrize(
+    ("first_mm", "low_mm", "high_mm"), [(20, 24, 40), (36, 24, 40), (28, 28, 36)]
+)
+def test_a_few_presses_beside_a_vessel_say_that_it_may_lie_beyond(
+    first_mm: float, low_mm: float, high_mm: float
+) -> None:
+    """Three presses 4 mm from each other, the vessel at 32 mm."""
+    rng = np.random.default_rng(5)
+    places_mm = first_mm + 4.0 * np.arange(3)
+    presses = [
+        station(rng, index=k, x_mm=x, pulse_pa=600 * np.exp(-(((x - 32) / 12) ** 2)))
+        for k, x in enumerate(places_mm)
+    ]
+    (one,) = detect(recording(presses)).objects
+    assert np.round(1e3 * np.array(one.position_ci_m), 6).tolist() == [low_mm, high_mm]
+    assert ("here or beyond" in one.reason) == (first_mm != 28)
