@@ -36,6 +36,9 @@ finger's half width: two meshes may agree by chance. The pulse's grows with the 
 lumen in tissue is pressed, as its ends bend so much more sharply: TIHA 7.5 mm deep, pressed to
 0.47 of its height, has pulses within 1 % of each other on shares of 0.5 and 0.35, and both miss 8 %
 (benchmarks/flat_lumens.py)."""
+FEW_PCT = {"axisymmetric": 12.0, "finite": 6.0, "small": 6.0}
+"""What contact at nodes misses of the force in tissue at most, over how many are pressed, of a body
+of revolution along a radius: 0.1 to 8, there up to 15 (benchmarks/shallow_presses.py)."""
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
 ENTERING_PCT = 1.0
@@ -112,6 +115,7 @@ def refine(
     if scene.tissue is None:  # a wide finger says nothing of the vessel's own size
         half_m = min(half_m, 1e-3 * scene.inclusion[0].outer_radius_mm)
     floor_pct = FLOOR_PCT * [1.0, len(pressures_pa) > 1]
+    in_tissue = scene.tissue is not None  # else all that two meshes show is taken three times
 
     def solve(share: float, coarser: Solved | None) -> Solved:
         place = scene, x_m, depth_m, pressures_pa, share * half_m
@@ -126,7 +130,7 @@ def refine(
         must_carry = bool(np.isfinite(error_pct).all()) and coarser is not None and _folded(coarser)
         return solve_finite(*place, grading=grading, coarser=coarser, must_carry=must_carry)
 
-    order = ORDER if scene.tissue is not None else LONE_ORDER
+    order = ORDER if in_tissue else LONE_ORDER
     share = meshed_size_m(scene, FIRST_SHARE * half_m) / half_m
     error_pct = np.full(2, np.inf)
     solved = first or solve(share, near)
@@ -150,14 +154,16 @@ def refine(
             error_pct = error_pct * finer**order  # the mesh before, whose answer is kept
             break
         left_pct = _changes_pct(coarser[1], solved[1]) / (finer**order - 1)
-        if finer > MOST_FINER or scene.tissue is None:
+        if finer > MOST_FINER or not in_tissue:
             left_pct = SECOND_SAFETY * left_pct
         flat = max(flatness(solved[0].lumens, state.displacement) for state in solved[1])
-        least_pct = floor_pct * share**2 * [1.0, flat**2 if scene.tissue else 1.0]
-        error_pct = np.maximum(left_pct, least_pct)
+        least_pct = floor_pct * share**2 * [1.0, flat**2 if in_tissue else 1.0]
+        few_pct = np.array([FEW_PCT[model] / _pressed(solved[1]) if in_tissue else 0.0, 0.0])
+        error_pct = np.maximum(np.maximum(left_pct, least_pct), few_pct)
         enough_pct = np.maximum(budget_pct, [0.0, _entering_pct(solved[1])])
         over, least_over = (left_pct / enough_pct).max(), (least_pct / enough_pct).max()
-        finer = max(float(over) ** (1 / order), float(least_over) ** 0.5)
+        few_over = float((few_pct / enough_pct).max())
+        finer = max(float(over) ** (1 / order), float(least_over) ** 0.5, few_over)
     if error_pct[0] > WORTHLESS_PCT:
         raise CannotSolve(
             "mesh",
@@ -205,6 +211,11 @@ def _pulse_n_per_m(forces: Array) -> float:
     return max(float(np.ptp(forces)), SMALL_PULSE * max(float(np.abs(forces).max()), 1e-12))
 
 
+def _pressed(states: list[Solution]) -> int:
+    """How many nodes the finger presses in each at least, 1 or more."""
+    return max(min(int(np.count_nonzero(one.multiplier[0] > 0)) for one in states), 1)
+
+
 def _entering_pct(states: list[Solution]) -> float:
     """What nodes that enter the contact between two pressures may change of the pulse [%].
 
@@ -216,5 +227,9 @@ def _entering_pct(states: list[Solution]) -> float:
     borne = np.array([low.multiplier[0], high.multiplier[0]])
     largest = max(float(borne.sum(axis=1).max()), 1e-12)
     moved = float(np.abs(np.diff(borne, axis=0)).sum()) / largest
-    node = 1 / max(int(np.count_nonzero(borne > 0, axis=1).min()), 1)
-    return ENTERING_PCT * min(moved, node) * float(forces.max()) / _pulse_n_per_m(forces)
+    return (
+        ENTERING_PCT
+        * min(moved, 1 / _pressed([low, high]))
+        * float(forces.max())
+        / _pulse_n_per_m(forces)
+    )
