@@ -38,7 +38,8 @@ lumen in tissue is pressed, as its ends bend so much more sharply: TIHA 7.5 mm d
 (benchmarks/flat_lumens.py)."""
 FEW_PCT = {"axisymmetric": 12.0, "finite": 6.0, "small": 6.0}
 """What contact at nodes misses of the force in tissue at most, over how many are pressed, of a body
-of revolution along a radius: 0.1 to 8, there up to 15 (benchmarks/shallow_presses.py)."""
+of revolution along a radius: up to 8, there 15, of ten nodes or fewer
+(benchmarks/shallow_presses.py)."""
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
 ENTERING_PCT = 1.0
