@@ -14,7 +14,7 @@ import numpy as np
 
 from calibration import use
 from calibration.errors import CalibrationError
-from drivers import Clock, ConfigError, Sensor, SimulatedClock
+from drivers import Clock, ConfigError, DeviceFault, Sensor, SimulatedClock
 from drivers.core.registry import Kind
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.levels import touch_in_noise
@@ -288,7 +288,7 @@ def _made(checks: list[Check], kind: Kind, where: str, device: Device, world: Wo
     """The device, with a check of it appended; None if it cannot be made."""
     try:
         made = make_device(kind, where, device, world, {})
-    except (ConfigError, RigError, SceneError, ImportError) as error:
+    except (ConfigError, DeviceFault, RigError, SceneError) as error:
         checks.append(Check(where, "fault", str(error).removeprefix(f"{where}.")))
         return None
     checks.append(

@@ -82,3 +82,45 @@ def test_a_rig_that_names_a_broken_plug_in_is_refused(
     assert ran.status == 2
     assert BROKEN[driver][1] in ran.out + ran.err
     assert "sensor[0]" in ran.out + ran.err
+
+
+MISTAKEN = """
+from drivers import Channel
+from drivers.core.reader import LineSensor
+
+def raises(clock):
+    raise ValueError("no such mode")
+
+def nothing(clock):
+    return None
+
+def opens(clock):
+    def source():
+        raise ValueError("no such mode")
+    return LineSensor(clock, "opens", (Channel("force", "N", "force"),), 100.0, source)
+"""
+MISTAKES = {
+    "raises": "raises: driver: ValueError: no such mode",
+    "nothing": "nothing: driver: its factory returned None, and not a Sensor",
+    "opens": "opens: driver: ValueError: no such mode",
+}
+
+
+@pytest.fixture
+def mistaken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A package whose factories make no sensor, or one that cannot be connected."""
+    points = "[palpate.sensors]\n" + "".join(f"{n} = mistaken:{n}\n" for n in MISTAKES)
+    installed(tmp_path, monkeypatch, points, mistaken=MISTAKEN)
+
+
+@pytest.mark.usefixtures("mistaken")
+@pytest.mark.parametrize("driver", MISTAKES)
+def test_a_drivers_mistake_is_its_devices_fault(palpate: Any, tmp_path: Path, driver: str) -> None:
+    """As one that it makes when it is read."""
+    rig = rig_with(driver, tmp_path)
+    for command in (("watch", rig, "--seconds", "1"), ("scan", rig, "--out", tmp_path / "runs")):
+        ran = palpate(*command)
+        assert (ran.status, MISTAKES[driver] in ran.err) == (3, True), ran.err
+    if driver != "opens":  # nothing is opened
+        dry = palpate("scan", rig, "--dry-run")
+        assert (dry.status, MISTAKES[driver] in dry.out) == (2, True), dry.out
