@@ -20,7 +20,7 @@ from drivers import (
     open_driver,
 )
 from drivers.core.errors import as_fault
-from drivers.core.protocols import UNIT_OF_ROLE
+from drivers.core.protocols import ROLES, UNIT_OF_ROLE
 from drivers.core.registry import Kind, settings_of
 from probe.config.calibrated import calibrated
 from probe.config.rig import Device, Fallback, Rig, RigError
@@ -254,6 +254,12 @@ def make_device(kind: Kind, where: str, device: Device, world: World, extra: dic
             name, f"driver: its factory returned {made!r:.60}, and not a {wanted.__name__}: one "
             f"has all that drivers.{wanted.__name__} names"
         )  # fmt: skip
+    for channel in getattr(made, "channels", ()):  # a stage has none
+        if channel.role not in ROLES:
+            raise DeviceFault(
+                name, f"driver: channel {channel.name!r} has the role {channel.role!r}; allowed: "
+                f"{', '.join(ROLES)}"
+            )  # fmt: skip
     return made
 
 

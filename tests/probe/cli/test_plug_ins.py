@@ -94,6 +94,10 @@ def raises(clock):
 def nothing(clock):
     return None
 
+def unknown(clock):
+    channel = Channel("force", "N", role="Force")
+    return LineSensor(clock, "unknown", (channel,), 100.0, lambda: None)
+
 def opens(clock):
     def source():
         raise ValueError("no such mode")
@@ -102,6 +106,7 @@ def opens(clock):
 MISTAKES = {
     "raises": "raises: driver: ValueError: no such mode",
     "nothing": "nothing: driver: its factory returned None, and not a Sensor",
+    "unknown": "unknown: driver: channel 'force' has the role 'Force'; allowed: force, pressure, ",
     "opens": "opens: driver: ValueError: no such mode",
 }
 
