@@ -5,6 +5,7 @@ Nothing is opened and nothing is sent to a device.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,7 +16,7 @@ import numpy as np
 from calibration import use
 from calibration.errors import CalibrationError
 from drivers import Clock, ConfigError, DeviceFault, Sensor, SimulatedClock
-from drivers.core.registry import Kind
+from drivers.core.registry import Kind, settings_of
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.levels import touch_in_noise
 from probe.acquisition.prepare import prepare
@@ -68,11 +69,12 @@ class Check:
 
 
 class SensorNoise(NamedTuple):
-    """A sensor's rms noise [N], NaN if unknown, and its rate."""
+    """A sensor's rms noise [N], NaN if unknown, its rate, and how to make a noise known."""
 
     name: str
     noise_n: float
     rate_hz: float
+    advice: str = ""
 
 
 class ExpectedPress(NamedTuple):
@@ -159,7 +161,7 @@ def pulse_checks(
         pulse_n, source = _usual_pulse(rig)
     beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
     face_m2 = square_metres(face_mm2_of(rig, scene))
-    for n, (name, noise_n, rate_hz) in enumerate(sensors):
+    for n, (name, noise_n, rate_hz, advice) in enumerate(sensors):
         touch_n = rig.scan.touch_n if n == 0 else None
         if touch_n and (why := touch_in_noise(name, noise_n, rate_hz, touch_n)) is not None:
             checks.append(Check("touch", "fault", why))
@@ -167,8 +169,7 @@ def pulse_checks(
         if pulse_n is None:
             checks.append(Check(title, "ok", f"nothing to compare with: {source}"))
         elif not math.isfinite(noise_n):
-            text = "this sensor's noise is not known; give noise_mn"
-            checks.append(Check(title, "warning", text))
+            checks.append(Check(title, "warning", f"this sensor's noise is not known{advice}"))
         elif (least_s := shortest_hold_s(rate_hz)) > rig.scan.hold_s:
             text = f"no: scan.hold_s = {rig.scan.hold_s:g} is too short to judge a press by; "
             text += f"at least {least_s:.2g} s are needed, two heartbeats to see a pulse well"
@@ -192,7 +193,18 @@ def known_noise(device: Device) -> SensorNoise:
     noise_n, rate_hz = KNOWN_NOISE.get(device.driver, (math.nan, 100.0))
     noise_n = 1e-3 * float(device.settings.get("noise_mn", 1e3 * noise_n))
     rate_hz = float(device.settings.get("rate_hz", rate_hz))
-    return SensorNoise(device.driver, noise_n, rate_hz)
+    return SensorNoise(device.driver, noise_n, rate_hz, _advice(device.driver))
+
+
+def _advice(driver: str) -> str:
+    """How to make a sensor's noise known: by a key where its driver takes one."""
+    with suppress(ConfigError):  # a broken driver is a fault of its own
+        if "noise_mn" in settings_of("sensors", driver).model_fields:
+            return "; give noise_mn in the sensor's table"
+    return (
+        "; `palpate doctor RIG` measures it with the sensor unloaded, and `palpate plan RIG "
+        "--can-i-see --noise-mn MN` takes one that you know"
+    )
 
 
 def _usual_pulse(rig: Rig) -> tuple[float | None, str]:

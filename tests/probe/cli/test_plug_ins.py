@@ -129,3 +129,32 @@ def test_a_drivers_mistake_is_its_devices_fault(palpate: Any, tmp_path: Path, dr
     if driver != "opens":  # nothing is opened
         dry = palpate("scan", rig, "--dry-run")
         assert (dry.status, MISTAKES[driver] in dry.out) == (2, True), dry.out
+
+
+GAUGES = """
+from drivers import Channel
+from drivers.core.reader import LineSensor
+
+def plain(clock):
+    return LineSensor(clock, "gauge", (Channel("force", "N", "force"),), 100.0, lambda: None)
+
+def stated(clock, *, noise_mn: float | None = None):
+    return plain(clock)
+"""
+
+
+@pytest.mark.usefixtures("springs")
+@pytest.mark.parametrize(("driver", "takes"), [("plain", False), ("stated", True)])
+def test_a_key_is_advised_where_the_driver_takes_it(
+    palpate: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, driver: str, takes: bool
+) -> None:
+    points = "[palpate.sensors]\nplain = gauges:plain\nstated = gauges:stated\n"
+    installed(tmp_path, monkeypatch, points, gauges=GAUGES)
+    rig = rig_with(driver, tmp_path)
+    rig.write_text(rig.read_text().replace('"TI"', '"TIHA"'))
+    dry = palpate("scan", rig, "--dry-run", "--json")
+    (said,) = [c["text"] for c in dry.json["checks"] if c["name"] == f"pulse on {driver}"]
+    assert ("give noise_mn" in said) is takes
+    assert ("palpate doctor" in said) is not takes
+    rig.write_text(rig.read_text().replace("[scan]", "noise_mn = 1.0\n[scan]"))
+    assert (palpate("scan", rig, "--dry-run").status == 0) is takes
