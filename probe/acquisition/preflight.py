@@ -15,12 +15,12 @@ import numpy as np
 
 from calibration import use
 from calibration.errors import CalibrationError
-from drivers import Clock, ConfigError, DeviceFault, Sensor, SimulatedClock
+from drivers import Clock, ConfigError, DeviceFault, Sensor, SimulatedClock, Stage
 from drivers.core.registry import Kind, settings_of
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.levels import touch_in_noise
 from probe.acquisition.prepare import prepare
-from probe.config.calibrated import calibrated, named
+from probe.config.calibrated import calibrated, named, owner
 from probe.config.devices import Devices, World, check_names, check_units, make_device
 from probe.config.rig import Device, Rig, RigError
 from probe.config.scan_limits import limits_for
@@ -88,10 +88,10 @@ class ExpectedPress(NamedTuple):
 
 def device_checks(
     rig: Rig, plan: Plan, scene: Scene | None, respond: Respond | None = None
-) -> tuple[list[Check], list[Sensor]]:
+) -> tuple[list[Check], Stage | None, list[Sensor]]:
     """Every device is made but not connected: driver, library, settings, scene, calibrations.
 
-    With what was found, the sensors that could be made.
+    With what was found, the stage where every device could be made, and the sensors that could.
     """
     world = World(rig, plan, SimulatedClock(), scene, 0, respond)
     checks: list[Check] = []
@@ -101,24 +101,24 @@ def device_checks(
     ]
     sensors = [one for one in every if one is not None]
     if len(sensors) < len(every):
-        return checks, sensors
+        return checks, None, sensors
     face_m2 = square_metres(face_mm2_of(rig, scene))
     limits = replace(limits_for(rig, plan), face_m2=face_m2)
     checks.append(_force_limit(sensors, limits))
     if stage is None:
-        return checks, sensors
+        return checks, None, sensors
     try:
         check_names(sensors)
-        stage, true, _ = calibrated(stage, sensors, rig.calibration)
+        moved, true, _ = calibrated(stage, sensors, rig.calibration)
         check_units(true)
-        prepared = prepare(rig, plan, limits, scene, Devices(stage, true, world.phantom, ()), 0)
+        prepared = prepare(rig, plan, limits, scene, Devices(moved, true, world.phantom, ()), 0)
     except (ConfigError, RigError, CalibrationError) as error:
-        return [*checks, Check("devices together", "fault", str(error))], sensors
+        return [*checks, Check("devices together", "fault", str(error))], stage, sensors
     checks += [Check("note", "warning", note) for note in prepared.notes]
     if rig.stage.driver == "virtual":
         virtual = (sensor for sensor in sensors if isinstance(sensor, VirtualSensor))
         checks += [check for sensor in virtual for check in _at_rest(sensor, world.clock, limits)]
-    return checks, sensors
+    return checks, stage, sensors
 
 
 def _at_rest(sensor: VirtualSensor, clock: Clock, limits: Limits) -> Iterator[Check]:
@@ -129,11 +129,18 @@ def _at_rest(sensor: VirtualSensor, clock: Clock, limits: Limits) -> Iterator[Ch
         yield Check(f"sensor {sensor.name}", "fault", f"at rest in the air: {why}")
 
 
-def calibration_check(key: str, file: Path) -> Check:
-    """Whether a calibration can be used, and its age by its own date."""
+def calibration_check(
+    key: str, file: Path, stage: Stage | None, sensors: Sequence[Sensor]
+) -> Check:
+    """Whether a calibration can be used with these devices, and its age by its own date.
+
+    Without a ``stage`` not every device is known, and whose it is remains open.
+    """
     name = f"calibration {key}"
     try:
         one = named(key, file)
+        if stage is not None:
+            owner(key, file, stage.name, [sensor.name for sensor in sensors])
         _, warnings = use(file, one.device)
     except CalibrationError as error:
         return Check(name, "fault", str(error))

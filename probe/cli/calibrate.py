@@ -41,7 +41,11 @@ def calibrate(
         ),
     ] = None,
     device: Annotated[
-        str, typer.Option(help="The device's name in the rig file; a run names it itself.")
+        str,
+        typer.Option(
+            help="The device's name in the rig file; without one there, its driver's (virtual). "
+            "A run names it itself."
+        ),
     ] = "",
     out: Annotated[
         Path | None,
@@ -113,7 +117,8 @@ def calibrate(
     r = read(readings, kind, device, station)
     if not r.device:
         raise CalibrationError(
-            f"{readings}: a table does not say whose it is; add --device NAME as in the rig file"
+            f"{readings}: a table does not say whose it is; add --device NAME, the name in the "
+            "rig file or, without one there, the driver's (virtual)"
         )
     block = load_scene(scene)
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
