@@ -104,7 +104,10 @@ def calibrate(
             raise typer.BadParameter("--live takes the readings of kind force, without a table")
         readings, device = _take_live(live, device, readings_out)
     if readings is None:
-        answer(GUIDE[kind])
+        if json:
+            answer_json({"kind": kind, "guide": GUIDE[kind]})
+        else:
+            answer(GUIDE[kind])
         return
     from calibration import record, save
     from calibration.errors import CalibrationError
