@@ -1,12 +1,8 @@
 """A channel as a rig file describes it, in whatever unit its device sends."""
 
-from typing import Literal
-
-from drivers.core.protocols import Channel
+from drivers.core.protocols import Channel, Role
 from drivers.core.table import Table
 from drivers.core.units import to_si
-
-Role = Literal["force", "pressure", "taxel", "reference", "other"]
 
 
 class ChannelTable(Table):

@@ -53,3 +53,10 @@ class DeviceAbsent(DeviceFault):
 
 class MissingExtra(ConfigError):
     """An optional library is not installed; the text holds the exact ``pip install`` line."""
+
+
+def as_fault(device: str, error: Exception) -> DeviceFault:
+    """What a driver raised, as a fault of its device; a mistake of the driver's is called so."""
+    if isinstance(error, DeviceFault):
+        return error
+    return DeviceFault(device, f"driver: {type(error).__name__}: {error}")

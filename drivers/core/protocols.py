@@ -5,7 +5,7 @@ row of stations, y across the rows, z up out of the surface.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, get_args, runtime_checkable
 
 from drivers.core.arrays import Array, Bools
 
@@ -26,6 +26,9 @@ class Pose(NamedTuple):
 
 MAX_RATE_HZ = 1e5
 """Of a sensor: faster than any of force, and a mistyped rate reserves no memory."""
+Role = Literal["force", "pressure", "taxel", "reference", "other"]
+ROLES: tuple[Role, ...] = get_args(Role)
+"""What a sensor's channel may be; recordings made elsewhere have depths too."""
 UNIT_OF_ROLE = {"force": "N", "pressure": "Pa", "taxel": "Pa"}  # after calibration
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
+from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, as_fault
 from drivers.core.protocols import MAX_RATE_HZ, Block, Channel, Clock
 
 BUFFER_S = 5.0
@@ -177,12 +177,10 @@ class LineSensor:
             while not end.is_set():
                 for sample in source.read():
                     self._keep(sample)
-        except DeviceFault as fault:
-            self._fault = fault
         except (OSError, EOFError) as error:
             self._fault = DeviceFault(self.name, f"connection lost ({error})")
         except Exception as error:  # noqa: BLE001 - a dead reader must not look like a silent one
-            self._fault = DeviceFault(self.name, f"driver: {type(error).__name__}: {error}")
+            self._fault = as_fault(self.name, error)
         finally:
             self._first.set()
             source.close()

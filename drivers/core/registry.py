@@ -8,12 +8,12 @@ connected.
 
 import inspect
 from collections.abc import Callable, Mapping
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, get_type_hints
 
 from pydantic import BaseModel, create_model
 
-from drivers.core.errors import ConfigError
+from drivers.core.errors import ConfigError, MissingExtra
 from drivers.core.protocols import Clock
 from drivers.core.table import Table
 
@@ -26,12 +26,31 @@ def available(kind: Kind) -> list[str]:
 
 
 def find_driver(kind: Kind, name: str) -> Callable[..., Any]:
-    """The factory registered as ``name``. Raises `ConfigError` naming the known drivers."""
+    """The factory registered as ``name``.
+
+    Raises `ConfigError` naming the known drivers, or saying what is wrong with a broken one.
+    """
     for point in entry_points(group=f"palpate.{kind}"):
         if point.name == name:
-            factory: Callable[..., Any] = point.load()
-            return factory
+            return _loaded(point)
     raise ConfigError(f"driver = {name!r}: no such driver; known: {', '.join(available(kind))}")
+
+
+def _loaded(point: EntryPoint) -> Callable[..., Any]:
+    """Its factory. Raises `ConfigError` where the package that registered it is broken."""
+    try:
+        factory: Callable[..., Any] = point.load()
+        inspect.signature(factory)
+        get_type_hints(factory)
+    except MissingExtra:  # it says what to install
+        raise
+    except (Exception, SystemExit) as error:  # the code is of others: it may raise anything
+        raise ConfigError(
+            f"driver = {point.name!r}: the plug-in {point.value!r} is broken "
+            f"({type(error).__name__}: {error}); mend the package that registers it, or "
+            "uninstall it"
+        ) from error
+    return factory
 
 
 def settings_of(kind: Kind, name: str) -> type[BaseModel]:

@@ -16,7 +16,7 @@ import pytest
 from drivers.core.abilities import enable
 from drivers.core.arrays import Array
 from drivers.core.errors import DeviceFault
-from drivers.core.protocols import UNIT_OF_ROLE, Block, Pose, Sensor, Stage
+from drivers.core.protocols import ROLES, UNIT_OF_ROLE, Block, Pose, Sensor, Stage
 from drivers.testing.awake import AwakeTime
 from drivers.testing.contract import Bench
 
@@ -24,7 +24,6 @@ PROMPT_S = 0.25  # no call may take longer, except connecting and closing
 SOON_S = 3.0
 ARRIVED_M = 0.1e-3
 TRIES = 5
-ROLES = {"force", "pressure", "taxel", "reference", "other"}
 _awake = AwakeTime()
 
 

@@ -68,7 +68,7 @@ def machine() -> Iterator[Check]:
             try:
                 find_driver(kind, name)
                 require_library(name)
-            except (ConfigError, ImportError) as error:
+            except ConfigError as error:
                 yield Check(f"{kind}: {name}", "warning", str(error))
             else:
                 yield Check(f"{kind}: {name}", "ok", "installed")

@@ -63,7 +63,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     seconds, search_s = scan_seconds(plan), search_seconds(plan)
     known = available("sensors")
     noises = [known_noise(device) for device in rig.sensor if device.driver in known]
-    of_devices, sensors = device_checks(rig, plan, scene, respond)
+    of_devices, stage, sensors = device_checks(rig, plan, scene, respond)
     read = [(1 / STAGE_PERIOD_S, len(STAGE_CHANNELS))]
     read += [(sensor.rate_hz, len(sensor.channels)) for sensor in sensors]
     growth = sum(bytes_per_s(rate_hz, count, 1 / PUBLISH_S) for rate_hz, count in read)
@@ -75,7 +75,10 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
         *of_devices,
         Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),
         _disk(out, size_bytes),
-        *(calibration_check(key, Path(file)) for key, file in rig.calibration.items()),
+        *(
+            calibration_check(key, Path(file), stage, sensors)
+            for key, file in rig.calibration.items()
+        ),
     ]
     if not rig.calibration:
         checks.append(Check("calibration", "warning", "none named: forces are the sensors' own"))

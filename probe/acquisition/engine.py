@@ -148,6 +148,7 @@ class _Scan(RunLoop):
             self._note_not_lifted()
             raise self._interruption(fault) from fault
         homes = getattr(self.stage, "homes", False)
+        self.guarded = True
         self.monitor.start(homes=homes)
         if homes:
             self._home()
@@ -162,7 +163,7 @@ class _Scan(RunLoop):
     def _note_not_lifted(self) -> None:
         """A stage that is not ready is not moved: say so where its tip is not known to be up."""
         where = "where it stands is not known"
-        with suppress(DeviceFault):
+        with suppress(Exception):  # a driver that is not connected may raise anything
             here = self.monitor.pose()
             if here.z >= self.plan.travel_z_m - UP_M:
                 return
@@ -233,6 +234,9 @@ class _Scan(RunLoop):
         """Have the monitor stop and lift the probe; what else went wrong then belongs to why."""
         level = "fault" if why.finish is Finish.FAULTED else "info"
         self.bus.note(level, why.device, why.reason)
+        if not self.guarded:  # nothing has moved, and nobody would carry out a way out
+            self._note_not_lifted()
+            return why
         self.leaving = True
         try:
             if self.phase is not Phase.STOPPING:

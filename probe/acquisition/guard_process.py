@@ -21,6 +21,7 @@ from typing import Any
 
 from drivers import Block, Channel, Clock, DeviceFault, Pose
 from drivers.core import abilities
+from drivers.core.errors import as_fault
 from probe.acquisition.commands import ENDING, Control, RunCommand
 from probe.acquisition.guard_threads import come_first
 from probe.acquisition.interruption import Trip
@@ -108,9 +109,13 @@ class Service:
         self._homed: threading.Event | None = None
 
     def start(self, homes: bool) -> Status:
-        """Sensors first, then the guards."""
+        """Sensors first, then the guards, which begin also where a sensor has died meanwhile."""
         for sensor in self._devices.sensors:
-            sensor.start()
+            try:
+                sensor.start()
+            except Exception as error:  # noqa: BLE001 - without guards nobody lifts the probe
+                fault = as_fault(sensor.name, error)
+                self._monitor.object(fault.device, fault.reason, can_retract=not homes)
         self._monitor.start(homes=homes)
         self.started = True
         return self.status()

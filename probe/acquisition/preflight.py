@@ -5,6 +5,7 @@ Nothing is opened and nothing is sent to a device.
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,12 +15,12 @@ import numpy as np
 
 from calibration import use
 from calibration.errors import CalibrationError
-from drivers import Clock, ConfigError, Sensor, SimulatedClock
-from drivers.core.registry import Kind
+from drivers import Clock, ConfigError, DeviceFault, Sensor, SimulatedClock, Stage
+from drivers.core.registry import Kind, settings_of
 from probe.acquisition.force_limit import SensorGuard
 from probe.acquisition.levels import touch_in_noise
 from probe.acquisition.prepare import prepare
-from probe.config.calibrated import calibrated, named
+from probe.config.calibrated import calibrated, named, owner
 from probe.config.devices import Devices, World, check_names, check_units, make_device
 from probe.config.rig import Device, Rig, RigError
 from probe.config.scan_limits import limits_for
@@ -68,11 +69,12 @@ class Check:
 
 
 class SensorNoise(NamedTuple):
-    """A sensor's rms noise [N], NaN if unknown, and its rate."""
+    """A sensor's rms noise [N], NaN if unknown, its rate, and how to make a noise known."""
 
     name: str
     noise_n: float
     rate_hz: float
+    advice: str = ""
 
 
 class ExpectedPress(NamedTuple):
@@ -86,10 +88,10 @@ class ExpectedPress(NamedTuple):
 
 def device_checks(
     rig: Rig, plan: Plan, scene: Scene | None, respond: Respond | None = None
-) -> tuple[list[Check], list[Sensor]]:
+) -> tuple[list[Check], Stage | None, list[Sensor]]:
     """Every device is made but not connected: driver, library, settings, scene, calibrations.
 
-    With what was found, the sensors that could be made.
+    With what was found, the stage where every device could be made, and the sensors that could.
     """
     world = World(rig, plan, SimulatedClock(), scene, 0, respond)
     checks: list[Check] = []
@@ -99,24 +101,24 @@ def device_checks(
     ]
     sensors = [one for one in every if one is not None]
     if len(sensors) < len(every):
-        return checks, sensors
+        return checks, None, sensors
     face_m2 = square_metres(face_mm2_of(rig, scene))
     limits = replace(limits_for(rig, plan), face_m2=face_m2)
     checks.append(_force_limit(sensors, limits))
     if stage is None:
-        return checks, sensors
+        return checks, None, sensors
     try:
         check_names(sensors)
-        stage, true, _ = calibrated(stage, sensors, rig.calibration)
+        moved, true, _ = calibrated(stage, sensors, rig.calibration)
         check_units(true)
-        prepared = prepare(rig, plan, limits, scene, Devices(stage, true, world.phantom, ()), 0)
+        prepared = prepare(rig, plan, limits, scene, Devices(moved, true, world.phantom, ()), 0)
     except (ConfigError, RigError, CalibrationError) as error:
-        return [*checks, Check("devices together", "fault", str(error))], sensors
+        return [*checks, Check("devices together", "fault", str(error))], stage, sensors
     checks += [Check("note", "warning", note) for note in prepared.notes]
     if rig.stage.driver == "virtual":
         virtual = (sensor for sensor in sensors if isinstance(sensor, VirtualSensor))
         checks += [check for sensor in virtual for check in _at_rest(sensor, world.clock, limits)]
-    return checks, sensors
+    return checks, stage, sensors
 
 
 def _at_rest(sensor: VirtualSensor, clock: Clock, limits: Limits) -> Iterator[Check]:
@@ -127,11 +129,18 @@ def _at_rest(sensor: VirtualSensor, clock: Clock, limits: Limits) -> Iterator[Ch
         yield Check(f"sensor {sensor.name}", "fault", f"at rest in the air: {why}")
 
 
-def calibration_check(key: str, file: Path) -> Check:
-    """Whether a calibration can be used, and its age by its own date."""
+def calibration_check(
+    key: str, file: Path, stage: Stage | None, sensors: Sequence[Sensor]
+) -> Check:
+    """Whether a calibration can be used with these devices, and its age by its own date.
+
+    Without a ``stage`` not every device is known, and whose it is remains open.
+    """
     name = f"calibration {key}"
     try:
         one = named(key, file)
+        if stage is not None:
+            owner(key, file, stage.name, [sensor.name for sensor in sensors])
         _, warnings = use(file, one.device)
     except CalibrationError as error:
         return Check(name, "fault", str(error))
@@ -159,7 +168,7 @@ def pulse_checks(
         pulse_n, source = _usual_pulse(rig)
     beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
     face_m2 = square_metres(face_mm2_of(rig, scene))
-    for n, (name, noise_n, rate_hz) in enumerate(sensors):
+    for n, (name, noise_n, rate_hz, advice) in enumerate(sensors):
         touch_n = rig.scan.touch_n if n == 0 else None
         if touch_n and (why := touch_in_noise(name, noise_n, rate_hz, touch_n)) is not None:
             checks.append(Check("touch", "fault", why))
@@ -167,8 +176,7 @@ def pulse_checks(
         if pulse_n is None:
             checks.append(Check(title, "ok", f"nothing to compare with: {source}"))
         elif not math.isfinite(noise_n):
-            text = "this sensor's noise is not known; give noise_mn"
-            checks.append(Check(title, "warning", text))
+            checks.append(Check(title, "warning", f"this sensor's noise is not known{advice}"))
         elif (least_s := shortest_hold_s(rate_hz)) > rig.scan.hold_s:
             text = f"no: scan.hold_s = {rig.scan.hold_s:g} is too short to judge a press by; "
             text += f"at least {least_s:.2g} s are needed, two heartbeats to see a pulse well"
@@ -192,7 +200,18 @@ def known_noise(device: Device) -> SensorNoise:
     noise_n, rate_hz = KNOWN_NOISE.get(device.driver, (math.nan, 100.0))
     noise_n = 1e-3 * float(device.settings.get("noise_mn", 1e3 * noise_n))
     rate_hz = float(device.settings.get("rate_hz", rate_hz))
-    return SensorNoise(device.driver, noise_n, rate_hz)
+    return SensorNoise(device.driver, noise_n, rate_hz, _advice(device.driver))
+
+
+def _advice(driver: str) -> str:
+    """How to make a sensor's noise known: by a key where its driver takes one."""
+    with suppress(ConfigError):  # a broken driver is a fault of its own
+        if "noise_mn" in settings_of("sensors", driver).model_fields:
+            return "; give noise_mn in the sensor's table"
+    return (
+        "; `palpate doctor RIG` measures it with the sensor unloaded, and `palpate plan RIG "
+        "--can-i-see --noise-mn MN` takes one that you know"
+    )
 
 
 def _usual_pulse(rig: Rig) -> tuple[float | None, str]:
@@ -288,7 +307,7 @@ def _made(checks: list[Check], kind: Kind, where: str, device: Device, world: Wo
     """The device, with a check of it appended; None if it cannot be made."""
     try:
         made = make_device(kind, where, device, world, {})
-    except (ConfigError, RigError, SceneError, ImportError) as error:
+    except (ConfigError, DeviceFault, RigError, SceneError) as error:
         checks.append(Check(where, "fault", str(error).removeprefix(f"{where}.")))
         return None
     checks.append(

@@ -58,6 +58,7 @@ class RunLoop:
         self.bus = bus
         self.phase = Phase.IDLE
         self.leaving = False
+        self.guarded = False  # the monitor has begun, and can lift the probe
         self.known_levels: Levels | None = None
         self.zero_unseen = False  # since the last complete press
         self.usual = Usual()

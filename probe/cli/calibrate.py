@@ -41,7 +41,11 @@ def calibrate(
         ),
     ] = None,
     device: Annotated[
-        str, typer.Option(help="The device's name in the rig file; a run names it itself.")
+        str,
+        typer.Option(
+            help="The device's name in the rig file; without one there, its driver's (virtual). "
+            "A run names it itself."
+        ),
     ] = "",
     out: Annotated[
         Path | None,
@@ -100,7 +104,10 @@ def calibrate(
             raise typer.BadParameter("--live takes the readings of kind force, without a table")
         readings, device = _take_live(live, device, readings_out)
     if readings is None:
-        answer(GUIDE[kind])
+        if json:
+            answer_json({"kind": kind, "guide": GUIDE[kind]})
+        else:
+            answer(GUIDE[kind])
         return
     from calibration import record, save
     from calibration.errors import CalibrationError
@@ -113,7 +120,8 @@ def calibrate(
     r = read(readings, kind, device, station)
     if not r.device:
         raise CalibrationError(
-            f"{readings}: a table does not say whose it is; add --device NAME as in the rig file"
+            f"{readings}: a table does not say whose it is; add --device NAME, the name in the "
+            "rig file or, without one there, the driver's (virtual)"
         )
     block = load_scene(scene)
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from probe.cli.say import Json, answer, answer_json, key_values
+from probe.cli.say import Json, answer, answer_json, answer_table, key_values
 
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.storage.collection import Listed
@@ -147,4 +147,4 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
     needed = longest + sum(WIDTHS[head] for head in heads) + 3 * len(heads) + 2
     roomy = 0 if console.is_terminal else 1000  # a file or a pipe has no width: nothing is folded
     console.width = max(console.width, needed, roomy)  # else long paths would be cut
-    console.print(table)
+    answer_table(console, table)

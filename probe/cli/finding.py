@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from probe.cli.arguments import RunFiles
-from probe.cli.say import Json, answer, answer_json, plain
+from probe.cli.say import Json, answer, answer_json, answer_table, plain
 from probe.cli.several import of_each
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import number_words, percent, simulated_words, size_words, summary
@@ -142,4 +142,4 @@ def show_stations(stations: Sequence[Mapping[str, Any]]) -> None:
     for one in stations:
         places = [number_words(one[f"{axis}_mm"], ".1f") for axis in axes]
         table.add_row(str(one["station"]), *places, *size_words(one))
-    Console(width=80).print(table)
+    answer_table(Console(width=80), table)

@@ -51,7 +51,7 @@ def doctor(
     if rig is not None:
         whole, simulated = resolve_rig(rig, scene)
         clock = clock_for(whole, real_time=False)
-        own, _ = device_checks(whole, plan_for(whole), simulated)
+        own, *_ = device_checks(whole, plan_for(whole), simulated)
         checks += own
         if not any(check.level == "fault" for check in own):
             try:

@@ -37,7 +37,8 @@ def replay(
     from probe.storage.run import open_run
 
     for line in lines(open_run(run).events()):
-        answer(line)
+        if not answer(line):
+            break
 
 
 def live(run: RunFile) -> None:

@@ -9,11 +9,15 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from probe.cli import undisturbed
+
+if TYPE_CHECKING:  # only some commands draw tables
+    from rich.console import Console
+    from rich.table import Table
 
 Json = Annotated[
     bool, typer.Option("--json", help="Print exactly one JSON object on standard output.")
@@ -46,15 +50,33 @@ def inform(text: str) -> None:
         print(visible(text), file=sys.stderr, flush=True)
 
 
-def answer(text: str) -> None:
-    """A line of the answer that a person asked for."""
-    print(visible(text), flush=True)
+def answer(text: str) -> bool:
+    """A line of the answer that a person asked for; False where whoever read it has gone."""
+    return _print(visible(text) + "\n")
+
+
+def answer_table(console: "Console", table: "Table") -> bool:
+    """A table of the answer, as `answer` has a line."""
+    with console.capture() as drawn:
+        console.print(table)
+    return _print(drawn.get())
+
+
+def _print(text: str) -> bool:
+    try:
+        print(text, end="", flush=True)
+    except BrokenPipeError:  # `| head` has enough: no fault, and no more is printed
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+        return False
+    return True
 
 
 def answer_json(values: Mapping[str, Any]) -> None:
     """The one JSON object of ``--json``; not-a-number and infinity become null."""
     text = visible(json.dumps(plain(values), allow_nan=False, ensure_ascii=False)) + "\n"
-    with undisturbed():
+    with undisturbed(), suppress(BrokenPipeError):  # as in `answer`
         if _json_file:
             with open(_json_file[-1], "w", encoding="utf-8", closefd=False) as file:
                 file.write(text)

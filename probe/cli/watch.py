@@ -89,7 +89,9 @@ def _in_terminal(
                     screen.update(_table(last), refresh=True)
                 elif not quiet and clock.now() - said_s >= SAID_EVERY_S:
                     said_s = clock.now()
-                    widths = _say(last, widths)
+                    if (said := _say(last, widths)) is None:
+                        break
+                    widths = said
                 if all(one.fault for one in last):
                     break
     except KeyboardInterrupt:  # how it is usually left
@@ -97,8 +99,11 @@ def _in_terminal(
     return last
 
 
-def _say(readings: "list[Reading]", widths: list[int]) -> list[int]:
-    """A line per channel, in columns whose heads come first; their ``widths``, empty at first."""
+def _say(readings: "list[Reading]", widths: list[int]) -> list[int] | None:
+    """A line per channel, in columns whose heads come first; their ``widths``, empty at first.
+
+    None where nobody reads them any more.
+    """
     from probe.acquisition.watch import HEAD
 
     rows = [one.row() for one in readings]
@@ -106,7 +111,8 @@ def _say(readings: "list[Reading]", widths: list[int]) -> list[int]:
     widths = widths or [max(map(len, column)) for column in zip(*lines, strict=True)]
     for name, *cells in lines:
         padded = (cell.rjust(width) for cell, width in zip(cells[:-1], widths[1:], strict=False))
-        answer("  ".join((name.ljust(widths[0]), *padded, cells[-1])).rstrip())
+        if not answer("  ".join((name.ljust(widths[0]), *padded, cells[-1])).rstrip()):
+            return None
     return widths
 
 

@@ -13,12 +13,14 @@ from drivers import (
     Clock,
     ConfigError,
     DeviceAbsent,
+    DeviceFault,
     Sensor,
     SimulatedClock,
     Stage,
     open_driver,
 )
-from drivers.core.protocols import UNIT_OF_ROLE
+from drivers.core.errors import as_fault
+from drivers.core.protocols import ROLES, UNIT_OF_ROLE
 from drivers.core.registry import Kind, settings_of
 from probe.config.calibrated import calibrated
 from probe.config.rig import Device, Fallback, Rig, RigError
@@ -30,6 +32,7 @@ from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, load_scene, scene_names
 
 VIRTUAL = Device(driver="virtual")
+MADE: dict[Kind, type] = {"stages": Stage, "sensors": Sensor}
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,8 @@ def connect(
 
     ``scene`` overrides the rig's. ``fallback`` allows stand-ins for all devices. With the wall
     clock every station is solved here, so that no reading waits for the physics.
-    Raises `RigError`, `SceneError`, and `DeviceAbsent` where no stand-in is allowed.
+    Raises `RigError`, `SceneError`, `DeviceAbsent` where no stand-in is allowed, and `DeviceFault`
+    for a driver's own mistake.
 
     Examples
     --------
@@ -198,7 +202,7 @@ def _open(
     """One device, connected, or its stand-in if it is absent and one is allowed."""
     made = make_device(kind, where, device, world, extra)
     try:
-        made.connect()
+        _connect(made)
     except DeviceAbsent as missing:
         if (device.fallback or fallback) is None:
             raise
@@ -211,13 +215,27 @@ def _open(
     return made
 
 
+def _connect(made: Stage | Sensor) -> None:
+    """Raises `DeviceFault` also for a mistake of the driver's."""
+    try:
+        made.connect()
+    except ConfigError:
+        raise
+    except Exception as error:  # drivers of others may raise anything
+        raise as_fault(made.name, error) from error
+
+
 def make_device(kind: Kind, where: str, device: Device, world: World, extra: dict[str, Any]) -> Any:
-    """One device by its driver, not connected; ``where`` names its table. Raises `RigError`."""
+    """One device by its driver, not connected; ``where`` names its table.
+
+    Raises `RigError`, and `DeviceFault` for a driver's own mistake.
+    """
     settings = device.settings
+    name = str(settings.get("name", device.driver))
     try:
         if device.driver == "virtual":
             settings = {**extra, **settings, "phantom": world.get()}
-        return open_driver(kind, device.driver, world.clock, settings)
+        made = open_driver(kind, device.driver, world.clock, settings)
     except ValidationError as error:
         raise RigError(
             "\n".join(
@@ -226,6 +244,23 @@ def make_device(kind: Kind, where: str, device: Device, world: World, extra: dic
         ) from None
     except ConfigError as error:
         raise RigError(f"{where}.{error}") from None
+    except Exception as error:  # drivers of others may raise anything
+        if device.driver == "virtual":
+            raise
+        raise as_fault(name, error) from error
+    wanted = MADE[kind]
+    if not isinstance(made, wanted):
+        raise DeviceFault(
+            name, f"driver: its factory returned {made!r:.60}, and not a {wanted.__name__}: one "
+            f"has all that drivers.{wanted.__name__} names"
+        )  # fmt: skip
+    for channel in getattr(made, "channels", ()):  # a stage has none
+        if channel.role not in ROLES:
+            raise DeviceFault(
+                name, f"driver: channel {channel.name!r} has the role {channel.role!r}; allowed: "
+                f"{', '.join(ROLES)}"
+            )  # fmt: skip
+    return made
 
 
 def check_units(sensors: Sequence[Sensor]) -> None:

@@ -40,8 +40,8 @@ def rig_schema() -> dict[str, Any]:
         for name in available(kind):
             try:
                 keys = settings_model(find_driver(kind, name)).model_json_schema()
-            except (ConfigError, ImportError):  # a driver of others that does not load
-                keys = {"properties": {}, "additionalProperties": True}
+            except ConfigError as error:  # a driver of others that does not load
+                keys = {"properties": {}, "additionalProperties": True, "description": str(error)}
             defs.update(keys.pop("$defs", {}))
             keys["properties"] |= {
                 **common["properties"],

@@ -83,6 +83,26 @@ def test_where_a_stage_without_a_pose_stands_is_not_known() -> None:
     assert "where it stands is not known" in noted
 
 
+@pytest.mark.parametrize(
+    ("home", "said"), [(DEEP, "it stands at 0.00, 0.00, -2.50 mm"), (HIGH, None)]
+)
+def test_a_mistake_before_the_guards_begin_blames_no_stage(
+    home: tuple[float, float, float], said: str | None
+) -> None:
+    """Nothing has moved, and there is nobody yet to lift the probe: no use in waiting for it."""
+
+    class Mistaken(SpringSensor):
+        def connect(self) -> None:
+            raise ValueError("no such mode")
+
+    bed, stage, _ = on_springs(home=home)
+    ran = run_springs(bed, stage, [Mistaken(bed)])
+    assert isinstance(ran.raised, ValueError)
+    assert "move" not in {what for _, what in stage.orders}
+    noted = [text for text in ran.notes if "not lifted" in text.lower()]
+    assert [said in text for text in noted] == ([] if said is None else [True])
+
+
 def test_a_pause_while_the_scan_connects_is_a_pause() -> None:
     bed, stage, sensor = on_springs(home=DEEP)
     control = Control()

@@ -181,7 +181,7 @@ def test_a_calibration_of_another_device_is_a_fault(tmp_path: Path, winkler: Any
     save(record(fit_force(2.0 * load, load), "another cell", {"raw_0": 2.0 * load}), file)
     rig = default_rig().model_copy(update={"calibration": {"force": str(file)}})
     report = dry_run(rig, load_scene("TIHA"), tmp_path, winkler)
-    assert levels(report)["devices together"] == "fault"
+    assert levels(report)["devices together"] == levels(report)["calibration force"] == "fault"
     assert "made for 'another cell'" in str(report.checks)
 
 
@@ -298,7 +298,8 @@ def test_calibrations_are_read_and_old_ones_warned_of(tmp_path: Path) -> None:
     files["bad"].write_text("{}")
     save(record(tare, "cell", {}, now=now), files["other"])
     named = {f"force_{name}": str(file) for name, file in files.items()}
-    rig = Rig.model_validate({"calibration": named})
+    cell = {"driver": "virtual", "name": "cell"}
+    rig = Rig.model_validate({"calibration": named, "sensor": [cell]})
     report = dry_run(rig, None, tmp_path)
     found = levels(report)
     assert found["calibration force_new"] == "ok"

@@ -184,3 +184,46 @@ def test_who_takes_over_lifts_unless_the_stage_was_homing(lift: bool) -> None:
     _, stage, sensor = on_springs()
     leaving = taken_over(sensor, stage, lift=lift)
     assert ("move" in {what for _, what in stage.orders}) == lift == leaving.up
+
+
+class Unplugged(SpringSensor):
+    """Was there when it was opened."""
+
+    def __init__(self, stage: SpringStage, error: Exception) -> None:
+        super().__init__(stage.bed)
+        self.error = error
+
+    def start(self) -> None:
+        raise self.error
+
+    def read(self) -> Block:
+        raise self.error
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (DeviceFault("cell", "connection lost (unplugged)"), "connection lost (unplugged)"),
+        (ValueError("no such mode"), "driver: ValueError: no such mode"),
+    ],
+)
+def test_a_sensor_that_dies_before_the_guards_begin_has_the_probe_lifted(
+    error: Exception, said: str
+) -> None:
+    """Guards that did not begin carry out no way out, and the stage seems not to answer."""
+    _, stage, _ = on_springs(home=(0.0, 0.0, -2.5e-3))
+    sensor = Unplugged(stage, error)
+    monitor = monitored(sensor, stage, lift_z_m=2e-3)
+    service = Service(Devices(stage, (sensor,), None, ()), monitor)
+    try:
+        status, end_s = service.start(homes=False), time.monotonic() + 10.0
+        assert status.trip is not None
+        assert (status.trip.device, status.trip.reason) == ("cell", said)
+        while not (status.leaving and status.leaving.done) and time.monotonic() < end_s:
+            time.sleep(0.01)
+            status = service.status()
+    finally:
+        service.finish()
+    assert status.leaving is not None
+    assert status.leaving.up
+    assert stage.pose().z == pytest.approx(2e-3)

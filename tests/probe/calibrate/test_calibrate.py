@@ -37,10 +37,12 @@ def run(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
 
 @pytest.mark.parametrize("kind", GUIDE)
 def test_without_readings_it_tells_how_to_take_them(
-    kind: str, capsys: pytest.CaptureFixture[str]
+    kind: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["calibrate", kind]) == 0
-    assert f"palpate calibrate {kind}" in capsys.readouterr().out
+    assert f"palpate calibrate {kind}" in (said := capfd.readouterr().out)
+    assert main(["calibrate", kind, "--json"]) == 0
+    assert json.loads(capfd.readouterr().out) == {"kind": kind, "guide": said.rstrip("\n")}
 
 
 def test_a_run_shows_where_the_surface_is(run: Path, tmp_path: Path) -> None:

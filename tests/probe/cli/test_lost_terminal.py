@@ -149,3 +149,26 @@ def test_an_answer_that_cannot_be_written_is_said(more: list[str]) -> None:
         )
     assert done.returncode == 2
     assert done.stderr == "output could not be written: no space left on device\n"
+
+
+def unread(folder: Path, *words: str | Path) -> int:
+    """The status of a command whose answer nobody reads, as of one before `| head -0`."""
+    ours, theirs = os.pipe()
+    os.close(ours)
+    command = [sys.executable, "-m", "probe.cli", *map(str, words)]
+    done = subprocess.run(command, cwd=folder, stdout=theirs, timeout=60, check=False)
+    os.close(theirs)
+    return done.returncode
+
+
+def test_a_reader_who_has_enough_is_no_fault(tmp_path: Path) -> None:
+    """`palpate replay RUN | head -1` ended with 1, and a faulted scan's status was lost."""
+    (tmp_path / "rig.toml").write_text(RIG)
+    (tmp_path / "weak.toml").write_text(f"{RIG}[safety]\nmax_force_n = 0.5\nhardest_n_mm = 1.0\n")
+    assert unread(tmp_path, "scan", "rig.toml", "--out", ".") == 0
+    (run,) = tmp_path.glob("*.run")
+    assert verify(run).ok
+    assert unread(tmp_path, "replay", run) == 0
+    assert unread(tmp_path, "verify", run, "--json") == 0
+    assert unread(tmp_path, "scan", "weak.toml", "--out", "weak") == 3
+    assert unread(tmp_path, "watch", "rig.toml") == 0

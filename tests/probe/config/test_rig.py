@@ -10,6 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from paths import ROOT
 from pydantic import ValidationError
+from springs import SpringStage
 
 from drivers import ConfigError, DeviceAbsent, SimulatedClock
 from probe.config import devices
@@ -207,10 +208,12 @@ def test_a_measured_surface_is_a_plane_through_three_points() -> None:
     assert plan_for(rig).surface(0.030, 0.002) == pytest.approx(1.5e-3, abs=1e-6)
 
 
-class Absent:
+class Absent(SpringStage):
     """A device that is not there."""
 
     name = "absent"
+
+    def __init__(self) -> None: ...
 
     def connect(self) -> None:
         raise DeviceAbsent("absent", "no answer at 10.0.0.9")
