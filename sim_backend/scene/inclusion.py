@@ -78,7 +78,8 @@ class Artery(_Round):
     def _wall(self) -> Self:
         if self.wall_mm > self.outer_radius_mm - 0.01:
             raise ValueError(
-                f"wall_mm = {self.wall_mm:g} leaves no lumen: it must stay below the outer radius"
+                f"wall_mm = {self.wall_mm:g} leaves no lumen: it must stay 0.01 mm below the outer "
+                f"radius of {self.outer_radius_mm:g} mm"
             )
         if self.path and any(b[0] <= a[0] for a, b in zip(self.path, self.path[1:], strict=False)):
             raise ValueError("path: z_mm must increase from point to point")
