@@ -27,7 +27,7 @@ class Span(NamedTuple):
 
 
 SPANS = (
-    Span(("force",), ("load",), 0.0, 500.0, "N"),
+    Span(("force",), ("load",), 0.02, 500.0, "N"),
     Span(("gravity",), ("fx_n", "fy_n", "fz_n"), 0.0, 500.0, "N"),
     Span(("gravity",), ("mx_nm", "my_nm", "mz_nm"), 0.0, 100.0, "Nm"),
     Span(("compliance", "tissue", "latency"), ("force_n",), 0.0, 500.0, "N"),
@@ -37,9 +37,10 @@ SPANS = (
     Span(("axes", "tool"), ("x_mm", "y_mm", "z_mm"), 1.0, 2000.0, "mm"),
     Span(("axes",), ("true_x_mm", "true_y_mm", "true_z_mm"), 1.0, 2000.0, "mm"),
 )
-"""Forces: an FT300 reads 300 N. Places: a UR20 reaches 1,750 mm; what is calibrated over less than
-a millimetre is not used. Depths: no press of this package goes deeper than its block. Pressures:
-fingers press with some kPa; a table that means kilopascals stays below 200."""
+"""Forces: an FT300 reads 300 N, and 2 g are less than presses are held to. Places: a UR20 reaches
+1,750 mm; what is calibrated over less than a millimetre is not used. Depths: no press of this
+package goes deeper than its block. Pressures: fingers press with some kPa; a table that means
+kilopascals stays below 200."""
 
 
 def check_units(kind: str, measured: Measurements) -> None:
