@@ -96,7 +96,7 @@ OVERLOOKED = (
     Mutant("crosstalk is taken out of the other channel", CALIBRATED,
            "np.linalg.inv(force.sensitivity).T", "np.linalg.inv(force.sensitivity)",
            ("tests/probe/config/test_calibrated.py",)),
-    Mutant("the seal is not held to the chain", "probe/storage/verify.py",
+    Mutant("the seal is not held to the chain", "probe/storage/schema.py",
            "if sealed[1] != chain:", "if sealed[1] is None:", LOST),
     Mutant("a run is unsealed in its log only", "probe/storage/schema.py",
            '    connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()\n', "", LOST),

@@ -27,6 +27,7 @@ from probe.acquisition.readings import STAGE_CHANNELS
 from probe.acquisition.run_loop import PUBLISH_S
 from probe.acquisition.safety_monitor import STAGE_PERIOD_S
 from probe.acquisition.touching import TOUCH_GAP_M, TOUCH_M_S
+from probe.acquisition.unusual import unusual
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import beside_the_block, plan_for
@@ -71,6 +72,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     checks = [
         _reach(rig, plan),
         *_too_shallow(plan),
+        *unusual(rig),
         *_beside(rig, plan, scene),
         *of_devices,
         Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),

@@ -26,7 +26,7 @@ from probe.config.rig import Device, Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.config.snapshot import face_mm2_of
-from probe.core.contact_stress import square_metres
+from probe.core.contact_stress import FORCE_ROLES, square_metres
 from probe.detection.pulse.hold_limits import MIN_SAMPLES, SETTLING_S, SETTLING_SAMPLES
 from probe.detection.pulse.hold_samples import BIN_S, MIN_BINS
 from probe.detection.sensitivity import in_words, visibility
@@ -48,6 +48,10 @@ WEAK_PULSE_PA = 1300.0
 # Share of the force limit from which on another station may pass it: one is solved, and over the
 # stations of TIHA and TIT the force differs by 10 % (0.83 to 0.91 N). Twice that is left.
 NEAR_LIMIT = 0.8
+
+# What a sensor is taken to read at most where neither driver nor rig says: as much as an FT-300,
+# which reads the most of those that say.
+MOST_N = 300.0
 
 # (rms noise N, rate Hz) of sensors whose rig settings do not say, as in the table of
 # docs/how-to/rig.md: netft is the ATI Gamma there. The noise of ur is assumed: doctor measures it.
@@ -293,14 +297,34 @@ def _is_measured_as_solved(rig: Rig, scene: Scene) -> bool:
 
 
 def _force_limit(sensors: Sequence[Sensor], limits: Limits) -> Check:
-    """Whether ``max_force_n`` holds a sensor; pressures are forces only over a known face."""
-    if any(SensorGuard(sensor.channels, limits).feels for sensor in sensors):
-        return Check("force limit", "ok", f"at most {limits.max_force_n:g} N")
-    text = (
-        f"max_force_n = {limits.max_force_n:g} would hold nothing: no sensor of force, and none "
-        "of pressure over a known face; add one, or say face_mm2 = 100"
+    """Whether ``max_force_n`` holds a sensor, and one can read so much; pressures are forces only
+    over a known face."""
+    limit_n = limits.max_force_n
+    feeling = [one for one in sensors if SensorGuard(one.channels, limits).feels]
+    if not feeling:
+        text = (
+            f"max_force_n = {limit_n:g} would hold nothing: no sensor of force, and none "
+            "of pressure over a known face; add one, or say face_mm2 = 100"
+        )
+        return Check("force limit", "fault", text)
+    most_n, name = max((_most_n(one, limits.face_m2), one.name) for one in feeling)
+    if limit_n > most_n:
+        text = (
+            f"safety.max_force_n = {limit_n:g}: {name} reads up to {most_n:.3g} N, and no force "
+            "beyond is ever seen; allow less, 5 is usual"
+        )
+        return Check("force limit", "warning", text)
+    return Check("force limit", "ok", f"at most {limit_n:g} N")
+
+
+def _most_n(sensor: Sensor, face_m2: float | None) -> float:
+    """The greatest force [N] that one that feels is taken to read."""
+    area_m2 = {"force": 1.0, "pressure": face_m2, "taxel": face_m2}
+    return max(
+        MOST_N if one.full_scale is None else one.full_scale * (area_m2[one.role] or 0.0)
+        for one in sensor.channels
+        if one.role in FORCE_ROLES
     )
-    return Check("force limit", "fault", text)
 
 
 def _made(checks: list[Check], kind: Kind, where: str, device: Device, world: World) -> Any:

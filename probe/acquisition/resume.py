@@ -129,8 +129,8 @@ def resume(
     """Scan the stations that a run lacks, with the rig, scene and plan stored in it.
 
     A run from another computer opens real devices only with ``trust``. Raises `RunFileError` for
-    one without, if there is nothing to do or a file has changed since, and as
-    `probe.acquisition.session.scan`.
+    one without, if there is nothing to do, its last events are lost or a file has changed since,
+    and as `probe.acquisition.session.scan`.
 
     Examples
     --------

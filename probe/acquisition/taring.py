@@ -7,9 +7,10 @@ from probe.acquisition.interruption import Interrupted
 from probe.acquisition.levels import LEVEL_S, MAX_LEVEL_S, MAX_UNSTEADY_S, Levels, changed, unknown
 from probe.acquisition.run_loop import RunLoop
 from probe.core.events import Finish
+from probe.planning.plan import AWAY_M
 
 NOTED_SHARE = 0.5  # of the drift that a tare asks about (`levels.MAX_HIDDEN_SHARE`) is noted
-AWAY_M = 0.5e-3  # at least this far away a probe is moved to see that it was in the air
+ROUNDING_M = 1e-9  # of a height: 12.5 mm and 0.5 mm are a last digit less than 13
 
 
 def take_zero(loop: RunLoop, above: Pose) -> None:
@@ -23,11 +24,13 @@ def take_zero(loop: RunLoop, above: Pose) -> None:
     _note_drift(loop, near)
     if loop.known_levels is None or changed(near, loop.known_levels, loop.most_n):
         away = loop.plan.away(above, loop.top_m)
-        if away.z - above.z < AWAY_M:
+        if (room_m := away.z - above.z) < AWAY_M - ROUNDING_M:
+            short = loop.plan.clearance_m < AWAY_M - ROUNDING_M
             raise Interrupted(
                 Finish.FAULTED,
-                f"the workspace leaves {1e3 * (loop.top_m - above.z):g} mm over the place of the "
-                f"tare; {1e3 * AWAY_M:g} mm are needed to see that the probe is in the air",
+                f"{'safety.retract_mm' if short else 'safety.workspace_mm.z'} lets the probe rise "
+                f"{1e3 * room_m:g} mm over the place of the tare; {1e3 * AWAY_M:g} mm are needed "
+                "to see that it is in the air",
                 "engine", retract=True,
             )  # fmt: skip
         loop.go(away, loop.plan.travel_m_s)

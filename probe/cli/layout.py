@@ -47,7 +47,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "doctor": "palpate doctor rigs/ur5e.toml",
         "teach": "palpate teach rigs/ur5e.toml --write",
         "watch": "palpate watch rigs/ur5e.toml",
-        "record": "palpate record rigs/ur5e.toml --out tests/drivers/exchanges",
+        "record": "palpate record rigs/modbus_taxels.toml --out tests/drivers/exchanges",
     },
 }
 """Every command under its section, with one example."""

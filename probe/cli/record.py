@@ -34,7 +34,7 @@ def record(
     """Record every device of a rig that hangs on a serial line or a TCP port, byte by byte.
 
     The files go into `tests/drivers/exchanges`: from then on the driver is tested against your
-    device without it.
+    device without it. A UR arm is not recorded: its library opens several ports by itself.
     """
     from drivers import ConfigError
     from drivers.testing.exchange import save

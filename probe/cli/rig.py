@@ -43,6 +43,7 @@ def doctor(
     from probe.acquisition.doctor import Noise, listen, machine
     from probe.acquisition.preflight import Check, SensorNoise, device_checks, pulse_checks
     from probe.acquisition.session import clock_for, resolve_rig
+    from probe.acquisition.unusual import unusual
     from probe.config.devices import connect
     from probe.config.scan_plan import plan_for
     from sim_backend.models.station_response import respond
@@ -52,7 +53,7 @@ def doctor(
         whole, simulated = resolve_rig(rig, scene)
         clock = clock_for(whole, real_time=False)
         own, *_ = device_checks(whole, plan_for(whole), simulated)
-        checks += own
+        checks += [*unusual(whole), *own]
         if not any(check.level == "fault" for check in own):
             try:
                 with connect(whole, clock, fallback=fallback) as devices:

@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field, model_validator
 
 from drivers.core.table import Table
 from probe.config.calibrated import kind_of
+from probe.planning.plan import AWAY_M
 from sim_backend.scene.scene_file import Scene
 
 MAX_PRESSES = 100_000
@@ -134,8 +135,9 @@ class Safety(Table):
     max_speed_mm_s: Positive = 25.0
     """No move is commanded faster. A stage that is seen to move more than 1.2 times as fast, and
     further than in 0.1 s at this speed, ends the scan."""
-    retract_mm: Positive = 2.0
-    """How far above the highest station the probe travels, and lifts to."""
+    retract_mm: Annotated[float, Field(ge=1e3 * AWAY_M)] = 2.0
+    """How far above the highest station the probe travels, and lifts to. Before the first press it
+    rises as far again, where the workspace has room, to see that it was in the air."""
     silence_s: Annotated[float, Field(ge=0.02, le=10)] = 0.25
     """A device that says nothing for longer stops the scan. A busy machine may need more."""
     late_s: Annotated[float, Field(ge=0.01, le=10)] = 0.2

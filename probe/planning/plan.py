@@ -16,6 +16,8 @@ from probe.planning.surfaces import Surface, flat
 Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 
 STEEPEST_DEG = 30.0
+AWAY_M = 0.5e-3
+"""At least this far up a probe is moved to see that it was in the air where its zero is taken."""
 
 
 @dataclass(frozen=True)
@@ -139,3 +141,10 @@ def check_reach(plan: Plan, workspace_m: Box) -> None:
                         f"y = {1e3 * place.y_m:g} mm needs {axis} = {1e3 * at:g} mm; "
                         f"the workspace allows {1e3 * low:g} to {1e3 * high:g} mm"
                     )
+    highest_m = plan.travel_z_m + AWAY_M
+    if highest_m > workspace_m[2][1] + 1e-9:
+        raise ConfigError(
+            f"safety.workspace_mm.z ends at {1e3 * workspace_m[2][1]:g} mm: before the first press "
+            f"the probe is moved up to {1e3 * highest_m:g} mm at least, to see that it was in the "
+            "air; allow that, or travel lower (safety.retract_mm)"
+        )

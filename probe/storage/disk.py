@@ -10,7 +10,16 @@ from probe.core.errors import RunFileError, StoreError
 from probe.storage.lock import hold, release
 from probe.storage.log import unreadable_frames
 from probe.storage.reader import log_of
-from probe.storage.schema import BUSY_S, VERSION, create, migrate, unseal, version_of
+from probe.storage.rows import FIRST
+from probe.storage.schema import (
+    BUSY_S,
+    VERSION,
+    broken_seal,
+    create,
+    migrate,
+    unseal,
+    version_of,
+)
 
 # File systems whose shared memory other machines do not see: a write-ahead log breaks on them.
 NETWORK = (
@@ -26,7 +35,8 @@ LOG_PAGES = 100  # moved into the file often: little is missing if someone copie
 def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
     """A connection in the safe modes, and the lock: a descriptor to close after the connection.
 
-    An older file is brought up to date. Raises `StoreError`, and `RunFileError` for another file.
+    An older file is brought up to date. Raises `StoreError`, and `RunFileError` for another file or
+    one whose last events are lost.
     """
     kind = file_system(path)
     if kind.startswith(NETWORK):
@@ -52,6 +62,8 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
                 raise RunFileError("nothing has been stored in it yet; begin a new scan")
             elif version < VERSION:
                 migrate(connection)
+            if not new:
+                _check_seal(connection)
             unseal(connection)
         except BaseException:
             connection.close()
@@ -67,6 +79,19 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
         release(lock)
         raise
     return connection, lock
+
+
+def _check_seal(connection: sqlite3.Connection) -> None:
+    """Raises `RunFileError` where the end is lost: what is added would be sealed as if it were not.
+
+    A run that has no seal was killed, and goes on with what its log kept.
+    """
+    query = "SELECT id, chain FROM event ORDER BY id DESC LIMIT 1"
+    if why := broken_seal(connection, *(connection.execute(query).fetchone() or (0, FIRST))):
+        raise RunFileError(
+            f"{why}; nothing is added to a run whose end is lost: begin a new scan, and "
+            "`palpate detect` reads what is left of this one"
+        )
 
 
 def make_safe(connection: sqlite3.Connection, path: Path) -> None:

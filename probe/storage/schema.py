@@ -135,6 +135,27 @@ def seal(connection: sqlite3.Connection) -> None:
     )
 
 
+def is_open(connection: sqlite3.Connection) -> bool:
+    """Whether a scan writes the file, or was killed while it did: it has no seal then."""
+    found = connection.execute("SELECT events, chain FROM seal").fetchone()
+    return bool(found == (None, None))
+
+
+def broken_seal(connection: sqlite3.Connection, events: int, chain: bytes) -> str:
+    """What is wrong if the last event is not that of when the writer closed the file; empty if
+    nothing, or while it is open."""
+    sealed = connection.execute("SELECT events, chain FROM seal").fetchone()
+    if sealed is None:
+        return "seal: removed"
+    if sealed == (None, None):
+        return ""
+    if sealed[0] != events:
+        return f"seal: {events} events, but there were {sealed[0]} when the scan closed the file"
+    if sealed[1] != chain:
+        return "seal: the events are not those of when the scan closed the file; some were replaced"
+    return ""
+
+
 def _add_chain(connection: sqlite3.Connection) -> None:
     connection.execute("DROP VIEW station")
     for name in ("started_once", "ended_once", "complete_once", "samples_of"):

@@ -14,6 +14,7 @@ from probe.storage.audit import MAX_PROBLEMS, Audit
 from probe.storage.log import unreadable_frames
 from probe.storage.reader import judged_rows, log_of, reading
 from probe.storage.rows import from_row
+from probe.storage.schema import broken_seal, is_open
 
 WRITING_S = 0.3  # a scan writes its log every 0.05 s: one that rests this long is not being written
 
@@ -149,24 +150,17 @@ def _judge_log(log: Path) -> str:
 
 
 def _judge_seal(connection: sqlite3.Connection, events: int, chain: bytes, *, has_log: bool) -> str:
-    """Whether the last events are there: as many as there were when the writer closed the file."""
+    """Whether the last events are there, and the log of a file that nobody closed."""
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     if version < 3:
         return ""
-    sealed = connection.execute("SELECT events, chain FROM seal").fetchone()
-    if sealed is None:
-        return "seal: removed"
-    if sealed == (None, None):
-        return (
-            ""
-            if has_log
-            else (
-                "log: the scan did not close this file, and RUN-wal is not beside it: the events "
-                "that were committed last are missing if it was lost (copied without it?)"
-            )
+    if not is_open(connection):
+        return broken_seal(connection, events, chain)
+    return (
+        ""
+        if has_log
+        else (
+            "log: the scan did not close this file, and RUN-wal is not beside it: the events "
+            "that were committed last are missing if it was lost (copied without it?)"
         )
-    if sealed[0] != events:
-        return f"seal: {events} events, but there were {sealed[0]} when the scan closed the file"
-    if sealed[1] != chain:
-        return "seal: the events are not those of when the scan closed the file; some were replaced"
-    return ""
+    )

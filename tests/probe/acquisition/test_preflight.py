@@ -88,3 +88,33 @@ def test_of_a_sensor_that_is_none_no_pulse_is_said(tmp_path: Path) -> None:
     checks = dry_run(rig, None, tmp_path).checks
     assert [one.name for one in checks if one.name.startswith("pulse on")] == ["pulse on virtual"]
     assert any("no such driver" in one.text for one in checks if one.level == "fault")
+
+
+CELL = {"driver": "lines", "port": "x", "pattern": "(?P<f>.*)", "rate_hz": 10}
+
+
+def cell(unit: str, role: str, **more: float) -> dict[str, Any]:
+    return CELL | {"channel": [{"name": "f", "unit": unit, "role": role, **more}]}
+
+
+@pytest.mark.parametrize(
+    ("sensors", "limit_n", "said"),
+    [
+        ([{"driver": "ft300", "port": "x"}], 300, None),
+        ([{"driver": "ft300", "port": "x"}], 5000, "ft300 reads up to 300 N"),
+        ([cell("N", "force", full_scale=10.0)], 10, None),
+        ([cell("N", "force", full_scale=10.0)], 12, "lines reads up to 10 N"),
+        ([cell("kPa", "pressure", full_scale=100.0)], 12, "lines reads up to 10 N"),
+        ([cell("N", "force")], 300, None),
+        ([cell("N", "force")], 301, "lines reads up to 300 N"),
+        ([cell("N", "force", full_scale=10.0), {"driver": "ft300", "port": "x"}], 12, None),
+    ],
+)
+def test_a_limit_that_no_sensor_reads_up_to_is_said(
+    sensors: list[dict[str, Any]], limit_n: float, said: str | None, tmp_path: Path
+) -> None:
+    keys = {"sensor": sensors, "safety": {"max_force_n": limit_n}, "face_mm2": 100.0}
+    checks = dry_run(Rig.model_validate(keys), None, tmp_path).checks
+    (limit,) = (one for one in checks if one.name == "force limit")
+    assert (limit.level == "ok") == (said is None)
+    assert said is None or said in limit.text

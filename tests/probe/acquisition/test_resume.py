@@ -2,10 +2,12 @@
 
 import json
 import os
+import shutil
 import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -171,6 +173,30 @@ def test_a_complete_run_is_left_alone(undisturbed: Path, winkler: Any) -> None:
     with pytest.raises(RunFileError, match="all 5 stations are complete"):
         resume(undisturbed, respond=winkler)
     assert undisturbed.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "lost",
+    [
+        "kind = 'run_ended'",
+        "id >= (SELECT min(id) FROM event WHERE station = 3)",
+        "id > 1",
+    ],
+)
+def test_a_run_whose_end_is_lost_is_not_made_sound(
+    lost: str, tmp_path: Path, undisturbed: Path, winkler: Any
+) -> None:
+    """Events that were committed are gone, and a new seal would hide it."""
+    path = tmp_path / "cut.run"
+    shutil.copyfile(undisturbed, path)
+    with closing(sqlite3.connect(path, isolation_level=None)) as other:
+        other.execute(f"DELETE FROM event WHERE {lost}")
+    before = path.read_bytes()
+    (problem,) = (one for one in verify(path).problems if one.startswith("seal"))
+    with pytest.raises(RunFileError, match=f"cut.run: {problem}.*begin a new scan"):
+        resume(path, respond=winkler)
+    assert path.read_bytes() == before
+    assert problem in verify(path).problems
 
 
 def test_an_imported_recording_cannot_be_gone_on_with(tmp_path: Path) -> None:

@@ -1,6 +1,8 @@
 """Where a scan sends the tip, and what it takes as zero there: on springs and simulated time."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from springs import SOFT_N_M, Bed, SpringSensor, SpringStage, run_springs, sprin
 from drivers import Block, SimulatedClock
 from drivers.core.arrays import Array
 from probe.acquisition.engine import run_scan
+from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
@@ -43,6 +46,28 @@ def test_a_soft_rig_is_followed_no_further_than_the_plan_allows() -> None:
     assert ended.reason == "every station is complete"
     height_m, _ = bed.truth()
     assert -2.61e-3 < height_m.min() < -2.55e-3
+
+
+def test_a_probe_that_cannot_rise_before_its_tare_says_which_key_holds_it_down() -> None:
+    bed, rig = Bed(SimulatedClock()), spring_rig()
+    low = replace(plan_for(rig), clearance_m=0.3e-3)
+    reason = pressed(low, rig, SpringStage(bed)).reason
+    assert "safety.retract_mm lets the probe rise 0.3 mm" in reason
+    bed, plan = Bed(SimulatedClock(), home=(20e-3, 0.0, 2e-3)), plan_for(rig)
+    limits = limits_for(rig, plan)
+    roof = replace(limits, workspace_m=(*limits.workspace_m[:2], (-4e-3, 2.2e-3)))
+    stage, sensors = SpringStage(bed), [SpringSensor(bed)]
+    ended = run_scan(plan, stage, sensors, bed.clock, lambda _event: None, roof)
+    assert "safety.workspace_mm.z lets the probe rise 0.2 mm" in ended.reason
+
+
+def test_the_least_way_up_is_enough_at_any_height(tmp_path: Path, winkler: Any) -> None:
+    """0.5 mm above 15.1 mm, and again, are a last digit less."""
+    rig = Rig.model_validate({
+        "scan": {"start_mm": 28, "stations": 1, "surface_mm": 15.1}, "safety": {"retract_mm": 0.5},
+    })  # fmt: skip
+    ran = scan(rig, "TIHA", tmp_path, respond=winkler)
+    assert ran.ended.reason == "every station is complete"
 
 
 def test_a_load_that_was_tared_is_no_drift() -> None:

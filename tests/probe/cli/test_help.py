@@ -9,10 +9,13 @@ from typing import Any
 
 import pytest
 import typer
+from paths import ROOT
 
+from drivers.core.registry import settings_of
 from probe.cli import main
 from probe.cli.command_line import build
 from probe.cli.layout import SECTIONS
+from probe.config.load_rig import load_rig
 
 EXAMPLES = {name: line for each in SECTIONS.values() for name, line in each.items()}
 
@@ -73,3 +76,14 @@ def test_help_loads_nothing_that_only_work_needs() -> None:
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
     )
     assert done.stdout.splitlines()[-1] == "set()"
+
+
+def test_the_rig_that_record_is_shown_with_can_be_recorded() -> None:
+    """A relay takes a line, or a host with one port; a UR arm has several."""
+    rig = load_rig(ROOT / shlex.split(EXAMPLES["record"])[2])
+    real = [one for one in rig.sensor if one.driver != "virtual"]
+    assert real
+    assert rig.stage.driver == "virtual"  # one that must be homed first would be moved
+    for one in real:
+        keys = settings_of("sensors", one.driver).model_fields
+        assert "port" in one.settings or {"host", "tcp_port"} <= set(keys), one.driver

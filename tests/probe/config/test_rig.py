@@ -88,6 +88,8 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
             "[safety]\nmax_depth_mm = 2.6\n",
             "safety.max_depth_mm = 2.6: the scan goes 2.88",  # 2.5 mm along the normal, at 30 deg
         ),
+        ("[safety]\nretract_mm = 0.4\n", "safety.retract_mm = 0.4: must be .* 0.5"),
+        ("[safety]\nworkspace_mm.z = [-4, 2.2]\n", "workspace_mm.z ends at 2.2 mm: .*to 2.5 mm"),
         ("[scan]\nindentation_mm = 1e-320\n", "scan.indentation_mm = 1e-320: must be greater"),
         (SCENE + "surface_mm = 1e308\n", r"scene.surface_mm = 1e\+308: must be less than"),
         (SCENE + "surface_mm = [[0,0,0],[1,0,0],[0,1,1e308]]\n", r"scene.surface_mm.2.2 = 1e\+308"),
