@@ -90,8 +90,11 @@ class GrblStage:
             self._read_settings(talk, locked=status.state == "Alarm")
         except DeviceFault as fault:
             talk.close()
+            # an address can be opened twice, a serial port cannot
+            busy = "Another program may be connected to it: end that first. "
             raise DeviceAbsent(
-                self.name, f"no GRBL answers at {keys.port}: {fault.reason}. GRBL 1.1 is silent "
+                self.name, f"no GRBL answers at {keys.port}: {fault.reason}. "
+                f"{busy if '://' in keys.port else ''}GRBL 1.1 is silent "
                 "after a limit alarm until it is reset (its button, or power), and while it homes"
             ) from None  # fmt: skip
         self._stopping.clear()

@@ -1,6 +1,7 @@
 """The GRBL driver on a board with odd habits, written from GRBL 1.1's own documents and source."""
 
 import math
+import socket
 import re
 import time
 from collections.abc import Iterator
@@ -170,6 +171,15 @@ def test_a_board_that_a_limit_alarm_has_silenced_is_reported(
     board.mute = True
     with pytest.raises(DeviceAbsent, match="silent after a limit alarm until it is reset"):
         open_stage(WallClock(), GrblSettings(port=line.address)).connect()
+
+
+def test_a_silent_address_may_serve_another_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A board that another scan moves is not to be reset."""
+    monkeypatch.setattr("drivers.grbl.stage.HELLO_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = f"socket://127.0.0.1:{taken.getsockname()[1]}"
+        with pytest.raises(DeviceAbsent, match="Another program may be connected to it: end that"):
+            open_stage(WallClock(), GrblSettings(port=port)).connect()
 
 
 @pytest.mark.parametrize("ends", ["stop", "close"])
