@@ -1,8 +1,8 @@
 """The GRBL driver on a board with odd habits, written from GRBL 1.1's own documents and source."""
 
 import math
-import socket
 import re
+import socket
 import time
 from collections.abc import Iterator
 from types import SimpleNamespace
