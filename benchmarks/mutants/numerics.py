@@ -60,8 +60,8 @@ NUMERICS = (
            "share[middle] = whole / 2\n    np.add.at(share, middle - 1, whole / 4)\n"
            "    np.add.at(share, middle + 1, whole / 4)", FINGERS),
     Mutant("half of the error is stated", REFINE,
-           "error_pct = np.maximum(left_pct, least_pct)",
-           "error_pct = np.maximum(left_pct, least_pct) / 2", REFINED),
+           "error_pct = np.max([left_pct, least_pct, few_pct], axis=0)",
+           "error_pct = np.max([left_pct, least_pct, few_pct], axis=0) / 2", REFINED),
     Mutant("half of the meshes' change is stated", REFINE,
            "_changes_pct(coarser[1], solved[1]) / (finer**order - 1)",
            "_changes_pct(coarser[1], solved[1]) / 2 / (finer**order - 1)", REFINED),

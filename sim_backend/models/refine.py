@@ -160,7 +160,7 @@ def refine(
         flat = max(flatness(solved[0].lumens, state.displacement) for state in solved[1])
         least_pct = floor_pct * share**2 * [1.0, flat**2 if in_tissue else 1.0]
         few_pct = np.array([FEW_PCT[model] / _pressed(solved[1]) if in_tissue else 0.0, 0.0])
-        error_pct = np.maximum(np.maximum(left_pct, least_pct), few_pct)
+        error_pct = np.max([left_pct, least_pct, few_pct], axis=0)
         enough_pct = np.maximum(budget_pct, [0.0, _entering_pct(solved[1])])
         over, least_over = (left_pct / enough_pct).max(), (least_pct / enough_pct).max()
         few_over = float((few_pct / enough_pct).max())
