@@ -17,7 +17,7 @@ SLOWEST_S = 1.0
 
 
 class Span(NamedTuple):
-    """What columns of a kind may span together, in the unit of their names."""
+    """What columns of a kind may span together if they vary, in the unit of their names."""
 
     kinds: tuple[str, ...]
     columns: tuple[str, ...]
@@ -51,7 +51,7 @@ def check_units(kind: str, measured: Measurements) -> None:
             continue
         span = max(float(np.ptp(column)) for name in found
                    if len(column := measured.filled(name)))  # fmt: skip
-        if not one.least <= span <= one.most:
+        if 0 < span < one.least or span > one.most:  # what never varies is its fit's to refuse
             raise CalibrationError(
                 f"{measured.path}: {_named(found)}: {span:.3g} {one.unit} between the least and "
                 f"the greatest; {one.least:g} to {one.most:g} are possible. Are they in {one.unit}?"
