@@ -23,7 +23,7 @@ class Skin(Table):
     @property
     def m_per_pa(self) -> float:
         """How much the layer gives way under a pressure, not bulging sideways (Johnson 1985,
-        Contact Mechanics, eq. 4.57)."""
+        Contact Mechanics, section 4.3)."""
         nu = self.poisson
         confined = (1 - nu) / ((1 + nu) * (1 - 2 * nu)) * 1e3 * self.modulus_kpa
         return 1e-3 * self.thickness_mm / confined
