@@ -26,6 +26,9 @@ KINDS = (
     "tissue", "heart",
 )  # fmt: skip
 
+HALF = 0.5
+"""Of the block: a surface that a fit puts further above the deepest reading is none."""
+
 
 @dataclass(frozen=True)
 class Choices:
@@ -195,8 +198,8 @@ def _tissue(measured: Measurements, choices: Choices) -> calibration.TissueCalib
         depth = depth - float(find_contact(depth, force).values[0])
     plain = scene.model_copy(update={"inclusion": ()})
     at_mm = float(np.median(measured.column("x_mm"))) if "x_mm" in measured.table else None
-    deepest_m = float(depth.max())
-    while deepest_m < 0.5e-3 * scene.tissue.height_mm:
+    deepest_m, half_m = float(depth.max()), HALF * 1e-3 * scene.tissue.height_mm
+    while True:
         forward, off = force_of_modulus(plain, deepest_m, x_mm=at_mm)
         fitted = calibration.fit_tissue(
             depth, force, forward, [1e3 * scene.tissue.modulus_kpa],
@@ -206,12 +209,13 @@ def _tissue(measured: Measurements, choices: Choices) -> calibration.TissueCalib
         reached_m = float(depth.max()) - fitted.surface_m
         if reached_m <= KNOWN * deepest_m:
             return fitted
+        if reached_m >= half_m:
+            raise CalibrationError(
+                f"the force would begin {1e3 * reached_m:.3g} mm above the deepest reading; "
+                f"{1e3 * half_m:.3g}, half of the block, are believed: check force_n, depth_mm and "
+                "the scene, and begin the press in the air"
+            )
         deepest_m = reached_m
-    raise CalibrationError(
-        f"the force would begin {1e3 * deepest_m:.3g} mm above the deepest reading, which is half "
-        f"of the block of {scene.tissue.height_mm:g} mm or more: check force_n, depth_mm and the "
-        "scene, and begin the press in the air"
-    )
 
 
 def raw_columns(measured: Measurements) -> dict[str, Array]:

@@ -97,12 +97,18 @@ def test_another_unit_is_refused_with_what_is_possible(
         fit(kind, table)
 
 
-def pressed(begins_mm: float, force_n: Callable[[np.ndarray], np.ndarray]) -> object:
+def pressed(
+    begins_mm: float, force_n: Callable[[np.ndarray], np.ndarray], height_mm: float = 16.83
+) -> object:
     """A tissue's table whose depths count from ``begins_mm`` below its surface."""
+    scene = load_scene("TI")
+    assert scene.tissue is not None
+    tissue = scene.tissue.model_copy(update={"height_mm": height_mm})
+    scene = scene.model_copy(update={"tissue": tissue})
     depth = np.linspace(0.0, 1.0, N)
     table = {"depth_mm": depth, "force_n": noisy(force_n(depth + begins_mm), 1e-4)}
     measured = Measurements(Path("t.csv"), pd.DataFrame(table), "d")
-    return fit_measurements("tissue", measured, Choices(scene=load_scene("TI")))
+    return fit_measurements("tissue", measured, Choices(scene=scene))
 
 
 def test_a_press_that_begins_in_contact_is_fitted_as_deep_as_it_goes() -> None:
@@ -136,3 +142,14 @@ def test_a_table_says_what_is_wrong_with_it(tmp_path: Path, text: str, reported:
     kind = "tare" if text.startswith("time_s") else "force"
     with pytest.raises(CalibrationError, match=reported):
         fit_measurements(kind, read(file, kind, "d"), Choices())
+
+
+def test_a_press_past_half_of_its_block_is_fitted_where_it_begins_in_the_air() -> None:
+    from probe.calibrate.tissue_force import force_of_modulus
+
+    scene = load_scene("TI")
+    assert scene.tissue is not None
+    thin = scene.tissue.model_copy(update={"height_mm": 1.9})
+    truth, _ = force_of_modulus(scene.model_copy(update={"tissue": thin}), 1e-3)
+    found = pressed(0.0, lambda mm: truth(np.array([30e3]), 1e-3 * mm)[0], 1.9)
+    assert found.modulus_pa[0] == pytest.approx(30e3, rel=0.01)  # type: ignore[attr-defined]
