@@ -30,6 +30,10 @@ CONTACT_SHARE, GROWTH = 0.4, 0.45
 below 0.03 % of it, and growing faster from there costs no more unknowns."""
 LONE_FINER = 1.5
 """How much finer the elements of a lone vessel are than those asked for under the finger."""
+FARTHEST = 3.0
+"""How large elements grow far away, over `Grading.coarsest_m`. A ball of 4 mm on a block of 66 x 67
+x 8 mm: with 2 as many unknowns and 0.2 % of the force less, with 6 a seventh fewer and 0.8 % more.
+"""
 FINEST_WALL = 0.05
 """Smallest element size at an inclusion over its radius."""
 
@@ -108,13 +112,20 @@ class Section:
 
 class Grading(NamedTuple):
     """Element sizes [m]: in the contact, at an inclusion of a radius [m], how fast they grow from
-    there, and where that ends; and the largest in a narrow gap over its width."""
+    there, and where that ends; the largest in a narrow gap over its width; and how far from where
+    they ended growing they grow on, to `FARTHEST` times that size."""
 
     contact_m: float
     at_wall: Callable[[float], float]
     growth: float
     coarsest_m: float
     gap_share: float = GAP_SHARE
+    far_m: float = np.inf
+
+    def bounded(self, wanted: Array) -> Array:
+        """Sizes (n,) that would grow without end, bounded near and far."""
+        far = np.minimum(wanted - self.growth * self.far_m, FARTHEST * self.coarsest_m)
+        return np.minimum(wanted, np.maximum(self.coarsest_m, far))
 
 
 def build_section(
@@ -237,4 +248,4 @@ def element_sizes(
     for ring in rings:
         gap = np.abs(np.hypot(*(points - ring.centre).T) - ring.radii[0])
         wanted = np.minimum(wanted, grading.at_wall(ring.radii[0]) + grading.growth * gap)
-    return np.minimum(wanted, grading.coarsest_m)
+    return grading.bounded(wanted)
