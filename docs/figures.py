@@ -6,7 +6,8 @@ name that no stored result has stops the build. `make figures` measures them ane
 benchmarks keep case by case in ``docs/results``, ``{{ counts("six-scenes", "sensor", "scene") }}``
 is a table of the answers, ``{{ greatest("device-faults", "device", "ended_s") }}`` one of how many
 cases there are and of the greatest values, ``{{ spread("windows", "what", "ms") }}`` one of median,
-95th percentile and greatest value, and ``{{ kept("six-scenes") }}`` says of which code.
+95th percentile and greatest value, ``{{ rows("corruption", "sensor", "lost") }}`` one of every case
+and some of its columns, and ``{{ kept("six-scenes") }}`` says of which code.
 """
 
 import csv
@@ -133,16 +134,26 @@ def spread(name: str, down: str, column: str) -> str:
     return "\n".join(lines)
 
 
+def rows(name: str, *columns: str) -> str:
+    """Every case, and these of its columns."""
+    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
+    try:
+        lines += ["| " + " | ".join(row[one] for one in columns) + " |" for row in cases(name)]
+    except KeyError as missing:
+        raise NoFigure(f"{name}: it has no column {missing}") from None
+    return "\n".join(lines)
+
+
 def kept(name: str) -> str:
     """How many cases, of which code, when."""
-    rows = cases(name)
-    commits, dates = (", ".join(sorted({row[key] for row in rows})) for key in ("commit", "date"))
-    return f"{len(rows):,} cases of {commits} ({dates})"
+    every = cases(name)
+    commits, dates = (", ".join(sorted({row[key] for row in every})) for key in ("commit", "date"))
+    return f"{len(every):,} cases of {commits} ({dates})"
 
 
 KINDS = {
     "figure": figure, "table": table, "measured": measured, "counts": counts,
-    "greatest": greatest, "spread": spread, "kept": kept,
+    "greatest": greatest, "spread": spread, "rows": rows, "kept": kept,
 }  # fmt: skip
 
 

@@ -44,7 +44,8 @@ def test_every_figure_of_a_page_was_measured(page: Path) -> None:
      '{{ table("demo") }}', '{{ number("paper.presses") }}', '{{ kept("no_such_result") }}',
      '{{ counts("six-scenes", "scene", "no_such_column") }}',
      '{{ greatest("device-faults", "device", "no_such_column") }}',
-     '{{ spread("windows", "what", "no_such_column") }}'],
+     '{{ spread("windows", "what", "no_such_column") }}',
+     '{{ rows("guard-latency", "no_such_column") }}'],
 )  # fmt: skip
 def test_a_number_that_nothing_backs_stops_the_build(wrong: str) -> None:
     with pytest.raises(FILL.NoFigure):
@@ -67,6 +68,7 @@ def test_the_spread_of_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     FILL.cases.cache_clear()
     text = FILL.filled('{{ spread("made", "what", "ms") }}')
     assert text.splitlines()[2:] == ["| a | 20 | 1.1 | 1.9 | 2 |", "| b | 1 | 12 | 12 | 12 |"]
+    assert FILL.filled('{{ rows("made", "ms") }}').splitlines()[::21] == ["| ms |", "| 0.1 |"]
     FILL.cases.cache_clear()
 
 
