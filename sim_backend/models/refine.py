@@ -43,8 +43,8 @@ of revolution along a radius: up to 8, there 15, of ten nodes or fewer
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
 ENTERING_PCT = 1.0
-"""How much nodes that enter the contact one by one change the force, in per cent of the mean contact
-force of one node: peak to peak over depth 0.4 to 1.6 %, median 0.9 (benchmarks/entering_nodes.py).
+"""How much nodes that enter the contact one by one change the force, in per cent of the mean force
+of one node in contact: peak to peak over depth 0.4 to 1.6 %, median 0.9 (benchmarks/entering_nodes.py).
 It falls so slowly that no finer mesh is made for it, nor for less: it is stated."""
 WORTHLESS_PCT = 50.0
 """A force that meshes disagree on by more is no answer."""

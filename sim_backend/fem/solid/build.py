@@ -39,8 +39,8 @@ under a ball of 5 mm is within 0.3 % of CalculiX in force and 0.1 % in pulse."""
 EDGE, EDGE_GROWTH = 0.75, 0.9
 """Layers where a finger's end is rounded, over the radius of that, on the mesh of `SHARE`; and how
 fast they grow from there. One node on an end of 1 mm between layers of 1.8 mm carries so much that
-it slides over it: TIHA in 30 mm, a cylinder 12 mm beside the vessel, gives a pulse 20 % smaller than
-with these layers, which are a fifth of the unknowns more, or with still finer ones."""
+it slides over it: TIHA in 30 mm, a cylinder 12 mm beside the vessel, gives a pulse 20 % smaller
+than with these layers, which are a fifth of the unknowns more, or with still finer ones."""
 SLOWER = 0.8
 """Power of the contact's element size with which the others shrink."""
 MOST_UNKNOWNS = 60_000
