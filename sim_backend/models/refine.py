@@ -1,4 +1,4 @@
-"""Meshes refined until force and pulse stand still, and what is then still left of their errors."""
+"""Meshes refined until force and pulse converge, and the error that remains."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Spots in a map of presses at any places (x, y): what rows are to a grid, without the rows."""
+"""Spots in a map of presses at any places (x, y), which form no rows."""
 
 from dataclasses import dataclass
 

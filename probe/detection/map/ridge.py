@@ -1,4 +1,4 @@
-"""A vessel's course through a map of presses at any places: what pulses along a line."""
+"""A vessel's path through a map of presses at any places: a line of pulses."""
 
 from dataclasses import dataclass, replace
 

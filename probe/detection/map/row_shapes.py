@@ -1,4 +1,4 @@
-"""What a row of stations is fitted with: a tilted, curved level with edges, and bumps."""
+"""The model of a row of stations: a tilted, curved level with edges, and bumps."""
 
 import numpy as np
 

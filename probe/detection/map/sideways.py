@@ -1,4 +1,4 @@
-"""How far what lies beneath has moved aside when a press finds it: its place's interval is wider.
+"""How far an object has moved sideways under a press, which widens the interval of its place.
 
 A block that slides on its support is fixed at its middle, and a probe squeezes everything beneath
 it away from there; one that is bonded to its support hardly moves. Which of the two a scan is of is

@@ -1,4 +1,4 @@
-"""A pulse beside a breath: both move the tissue at once in whoever breathes.
+"""A pulse beside breathing, which moves the tissue at the same time.
 
 Alone, neither explains such a hold: the breath is noise to the pulse, and breathing with harmonics
 enough for both the likelier cause. So a pulse is also judged with a breath's harmonics taken out.

@@ -1,4 +1,4 @@
-"""How far to go along a step of Newton's method, so that energy falls and goes on falling.
+"""Line search along a step of Newton's method, on the energy.
 
 Where a finger's edge is rounded by less than the elements are long, a node that lies on it carries
 the contact force of its whole surroundings. The edge's curvature then takes as much from the

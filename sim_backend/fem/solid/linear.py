@@ -1,4 +1,4 @@
-"""Sparse tangents of solids: one pattern, single-precision factors now and then, Krylov always.
+"""Sparse tangents of solids: one pattern, single-precision factors as preconditioner of GMRES.
 
 Factors of an earlier tangent precondition GMRES (Saad and Schultz 1986) on the present one in
 double precision. New factors are made where that takes too long.
