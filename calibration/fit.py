@@ -24,6 +24,10 @@ KEPT_BY_BATCHES = 0.9
 """Share of the design's weakest direction that batch means must keep: intervals are up to 5 % wider
 for what is averaged away."""
 
+OUTLIER_RISK = 0.001
+"""A warning that is wrong in one calibration of a thousand disturbs nobody; a reading that is off
+by six times the noise is still named in a table of 30."""
+
 
 @dataclass(frozen=True)
 class Fit:
@@ -65,6 +69,23 @@ class Fit:
         """Functions of the estimates, by linear propagation; ``jacobian`` (q, p)."""
         covariance = jacobian @ self.covariance @ jacobian.T
         return Fit(tuple(names), np.asarray(values), covariance, self.residuals, self.dof)
+
+
+def outlier(residuals: Array, parameters: int) -> int | None:
+    """The one of ``residuals`` (n,) that noise alone puts so far off in `OUTLIER_RISK` of fits.
+
+    The largest by its deviation from a fit without it, by Student's t at that chance over n (Cook
+    and Weisberg, Residuals and Influence in Regression, 1982, section 2.2.2), leverage neglected.
+    """
+    from scipy.special import stdtrit
+
+    left = len(residuals) - parameters - 1
+    if left < 1:
+        return None
+    worst = int(np.argmax(np.abs(residuals)))
+    others = float(np.sum(np.delete(residuals, worst) ** 2))
+    limit = stdtrit(left, 1 - OUTLIER_RISK / (2 * len(residuals)))
+    return worst if residuals[worst] ** 2 * left > limit**2 * others else None
 
 
 def as_columns(data: object, name: str, columns: int | None = None) -> Array:

@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, Mask, as_columns, linear_fit, same_length, stacked
+from calibration.fit import Array, Fit, Mask, as_columns, linear_fit, outlier, same_length, stacked
 
 ADVICE = "add readings at other loads (each axis alone, both directions, at least three levels)"
 
@@ -127,10 +127,14 @@ def _check_answer(fits: Sequence[Fit], axes: int) -> None:
     for axis in range(axes):
         ends = np.array([fit.interval(0.99)[1 + axis] for fit in fits])
         if (ends[:, 0] * ends[:, 1] <= 0).all():
+            far = [outlier(fit.residuals, fit.values.size) for fit in fits]
+            first = next((row + 1 for row in far if row is not None), None)
             raise CalibrationError(
-                f"no reading changes with load {axis} by more than its noise: check that the loads "
-                "were on this sensor, its wiring and its columns, or take larger loads"
-            )
+                f"no reading changes with load {axis} by more than its noise: "
+                + (f"reading {first} is far from all others; look at it first" if first
+                   else "check that the loads were on this sensor, its wiring and its columns, or "
+                   "take larger loads")
+            )  # fmt: skip
 
 
 def hysteresis(load: Array, reading: Array) -> float:

@@ -10,7 +10,7 @@ from contextlib import suppress
 from typing import Literal
 
 from drivers.core.frame_cutter import FrameCutter
-from drivers.core.ports import Port, open_port, read_some
+from drivers.core.ports import Port, PortName, open_port, read_some
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample, Source
 from drivers.core.settings import NonNegative, Settings
@@ -84,7 +84,7 @@ class Ft300Settings(Settings):
     """
 
     name: str = "ft300"
-    port: str
+    port: PortName
     mode: Literal["stream", "poll"] = "stream"
     normal: Normal = "-fz"
     latency_ms: NonNegative = 0.0

@@ -16,7 +16,7 @@ from pydantic import Field
 
 from drivers.core.channel_table import ChannelTable
 from drivers.core.errors import ConfigError, DeviceFault
-from drivers.core.ports import open_port, read_some
+from drivers.core.ports import PortName, open_port, read_some
 from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import INSTANT_S, DeviceTime
@@ -218,7 +218,7 @@ def number_reader(decimal: str, thousands: str) -> Callable[[bytes], float]:
 def open_sensor(
     clock: Clock,
     *,
-    port: str,
+    port: PortName,
     pattern: str,
     channel: list[TextChannel],
     rate_hz: float,

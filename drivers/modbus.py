@@ -22,7 +22,7 @@ from pymodbus.pdu import ModbusPDU
 
 from drivers.core.channel_table import ChannelTable
 from drivers.core.errors import DeviceAbsent, DeviceFault
-from drivers.core.ports import SOCKET, tcp_address
+from drivers.core.ports import SOCKET, PortName, tcp_address
 from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.settings import NonNegative, Positive, Settings
@@ -63,7 +63,7 @@ class ModbusSettings(Settings):
 
     name: str = "modbus"
     registers: Annotated[tuple[Register, ...], Field(alias="register", min_length=1)]
-    port: str | None = None
+    port: PortName | None = None
     host: str | None = None
     tcp_port: Annotated[int, Field(ge=1, le=65535)] = 502
     baud: Annotated[int, Field(gt=0)] = 19200

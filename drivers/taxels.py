@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.core.errors import ConfigError
 from drivers.core.frame_cutter import Check, FrameCutter
-from drivers.core.ports import open_port, read_some
+from drivers.core.ports import PortName, open_port, read_some
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
 from drivers.core.timestamps import FrameTime
@@ -77,7 +77,7 @@ class TaxelSource:
 def open_sensor(
     clock: Clock,
     *,
-    port: str,
+    port: PortName,
     rows: int,
     columns: int,
     header: str,

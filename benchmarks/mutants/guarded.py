@@ -79,7 +79,7 @@ GUARDED = (
     ),
     Mutant(
         "samples of the past are believed", GUARDS,
-        "pairwise((self._last_s, *times))", "pairwise((-1e9, *times))",
+        "pairwise((before_s, *times))", "pairwise((-1e9, *times))",
         (SENSOR_CASES,),
     ),
     Mutant(

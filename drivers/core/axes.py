@@ -6,6 +6,7 @@ from typing import Annotated, NamedTuple, Protocol
 from pydantic import Field
 
 from drivers.core.errors import ConfigError
+from drivers.core.ports import PortName
 from drivers.core.settings import Point, Positive, Settings
 from drivers.core.stage_limits import Limits
 
@@ -23,7 +24,7 @@ class LineStageSettings(Settings):
     age at which the last known position is a fault (2.5 mm/s: half a millimetre).
     """
 
-    port: str
+    port: PortName
     baud: Annotated[int, Field(gt=0)] = 115200
     origin_mm: Point = (0.0, 0.0, 0.0)
     limits_mm: Limits | None = None

@@ -3,7 +3,7 @@
 import time
 
 from drivers.core.errors import DeviceFault
-from drivers.core.ports import Port, open_port, read_some
+from drivers.core.ports import Port, nobody_else, open_port, read_some
 
 MAX_ANSWER_BYTES = 4096  # bytes of an answer; what goes on beyond is none
 
@@ -21,6 +21,7 @@ class Line:
     def __init__(self, device: str, port: str, baud: int, answer_s: float) -> None:
         self.device = device
         self._answer_s = answer_s
+        self._in_use = nobody_else(port)  # until it has answered once
         self._line: Port = open_port(device, port, baud)
 
     def say(self, data: bytes) -> None:
@@ -43,8 +44,11 @@ class Line:
         while not (end and got.endswith(end)) and not (size and len(got) >= size):
             if time.monotonic() > due_s or len(got) > MAX_ANSWER_BYTES:
                 heard = f", only {got!r}" if got else ""
-                raise NoAnswer(self.device, f"no answer within {self._answer_s:g} s{heard}")
+                raise NoAnswer(
+                    self.device, f"no answer within {self._answer_s:g} s{heard or self._in_use}"
+                )
             got += read_some(self._line)
+        self._in_use = ""
         return got.removesuffix(end) if end else got[:size]
 
     def close(self) -> None:

@@ -5,9 +5,10 @@ import select
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import serial
+from pydantic import AfterValidator
 from serial.tools import list_ports
 
 from drivers.core.errors import DeviceAbsent
@@ -16,6 +17,7 @@ READ_S = 0.02  # a read returns after this long at the latest, so that its threa
 WRITE_S = 0.5
 SOCKET = "socket://"
 CHUNK = 4096
+HIGHEST_TCP_PORT = 65535
 
 
 class Port(Protocol):
@@ -115,9 +117,27 @@ def _as_os_error() -> Iterator[None]:
 def tcp_address(url: str) -> tuple[str, int]:
     """Host and port of ``socket://host:port``. Raises `ValueError`."""
     host, _, port = url.removeprefix(SOCKET).rpartition(":")
-    if not host or not port.isdigit():
-        raise ValueError("must be socket://host:port")
+    if not host or not port.isdigit() or not 1 <= int(port) <= HIGHEST_TCP_PORT:
+        raise ValueError(f"must be socket://host:port, with a port of 1 to {HIGHEST_TCP_PORT}")
     return host, int(port)
+
+
+def _port_name(port: str) -> str:
+    """As it was written. Raises `ValueError` for what can be no port on any machine."""
+    if port.startswith(SOCKET):
+        tcp_address(port)
+    elif not port.strip():
+        raise ValueError(f"must be a path such as /dev/ttyUSB0, COM3, or {SOCKET}host:port")
+    return port
+
+
+PortName = Annotated[str, AfterValidator(_port_name)]
+"""A port as a rig file gives it; whether there is one shows when it is opened."""
+
+
+def nobody_else(port: str) -> str:
+    """What else may be where nothing answers: an address can be opened twice, a port cannot."""
+    return "; or another program is connected to it: end that first" if "://" in port else ""
 
 
 def open_port(

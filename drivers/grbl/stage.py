@@ -15,7 +15,7 @@ from typing import Annotated
 from pydantic import Field
 
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, MotionFault
-from drivers.core.ports import open_port
+from drivers.core.ports import PortName, nobody_else, open_port
 from drivers.core.protocols import Clock, Pose
 from drivers.core.settings import Point, Positive, Settings
 from drivers.core.stage_limits import Limits, check_target
@@ -47,7 +47,7 @@ class GrblSettings(Settings):
     """
 
     name: str = "grbl"
-    port: str
+    port: PortName
     baud: Annotated[int, Field(gt=0)] = 115200
     origin_mm: Point = (0.0, 0.0, 0.0)
     limits_mm: Limits | None = None
@@ -90,11 +90,9 @@ class GrblStage:
             self._read_settings(talk, locked=status.state == "Alarm")
         except DeviceFault as fault:
             talk.close()
-            # an address can be opened twice, a serial port cannot
-            busy = "Another program may be connected to it: end that first. "
             raise DeviceAbsent(
-                self.name, f"no GRBL answers at {keys.port}: {fault.reason}. "
-                f"{busy if '://' in keys.port else ''}GRBL 1.1 is silent "
+                self.name, f"no GRBL answers at {keys.port}: {fault.reason}"
+                f"{nobody_else(keys.port)}. GRBL 1.1 is silent "
                 "after a limit alarm until it is reset (its button, or power), and while it homes"
             ) from None  # fmt: skip
         self._stopping.clear()

@@ -28,6 +28,18 @@ NOISE_OF, MIN_NOISE_READINGS = 50, 10
 VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
 
 
+def out_of_time(block: Block, before_s: float, now_s: float) -> str | None:
+    """Why a block with samples cannot follow one that ended ``before_s``: times that go back, or
+    run ahead of the clock, as those of another clock or in milliseconds do."""
+    times: list[float] = block.time_s.tolist()
+    first, last = times[0], times[-1]
+    onward = all(a < b for a, b in pairwise((before_s, *times)))
+    if onward and last <= now_s + FUTURE_S:  # neither for not-a-number
+        return None
+    then = f"{before_s:.4f} s, then " if math.isfinite(before_s) else ""
+    return f"sample times jump ({then}{first:.4f} to {last:.4f} s, where it is {now_s:.4f} s)"
+
+
 class SensorGuard:
     """Force, torque, saturation and timestamps of one sensor's samples.
 
@@ -72,15 +84,9 @@ class SensorGuard:
 
     def check_times(self, block: Block, now_s: float) -> str | None:
         """Why a block with samples cannot be placed in time."""
-        times: list[float] = block.time_s.tolist()
-        first, last = times[0], times[-1]
-        onward = all(a < b for a, b in pairwise((self._last_s, *times)))
-        if not (onward and last <= now_s + FUTURE_S):  # also true for not-a-number
-            return (
-                f"sample times jump ({self._last_s:.4f} s, then {first:.4f} to {last:.4f} s); "
-                "such samples are not stored"
-            )
-        self._last_s = last
+        if (jump := out_of_time(block, self._last_s, now_s)) is not None:
+            return f"{jump}; such samples are not stored"
+        self._last_s = float(block.time_s[-1])
         return None
 
     def level(self, from_s: float) -> tuple[float, float]:

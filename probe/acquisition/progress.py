@@ -20,7 +20,7 @@ class StationCount:
         self._total, self._each_s = total, each_s
         self._measured = 0
         self._in_grid = False
-        self._began_s = time.monotonic()
+        self._began_s: float | None = None
 
     def started(self, run: RunStarted) -> None:
         """The run begins: a grid's stations are named by x and y."""
@@ -30,10 +30,16 @@ class StationCount:
         """A station is complete."""
         self.done += 1
         self._measured += 1
+        assert self._began_s is not None, "a station ends that has begun"
         self._each_s = (time.monotonic() - self._began_s) / self._measured
 
-    def words(self, station: StationStarted) -> str:
-        """Which station begins, of how many, and where."""
+    def begun(self, station: StationStarted) -> str:
+        """A station begins: which, of how many, and where.
+
+        Stations are timed from the first of them: homing and what a simulation solves come before.
+        """
+        if self._began_s is None:
+            self._began_s = time.monotonic()
         place = place_words(station.x_m, station.y_m, in_grid=self._in_grid)
         return f"station {station.station + 1} of {self._total}, {place}"
 
@@ -58,7 +64,7 @@ def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
             case RunStarted():
                 count.started(event)
             case StationStarted():
-                say(", ".join(filter(None, (count.words(event), count.left()))))
+                say(", ".join(filter(None, (count.begun(event), count.left()))))
             case StationEnded(complete=True):
                 count.ended()
             case RunEnded():

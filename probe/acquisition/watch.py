@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from drivers import Channel, Clock, DeviceFault, Sensor
+from drivers import Block, Channel, Clock, DeviceFault, Sensor
 from drivers.core.arrays import Array, Bools
+from drivers.core.errors import as_fault
+from probe.acquisition.force_limit import out_of_time
 
 WINDOW_S = 1.0
 """Values are means, and noise is taken, over the last second."""
@@ -93,19 +95,24 @@ class _Kept:
     def take(self, now_s: float) -> None:
         if self.fault is None:
             try:
-                block = self.sensor.read()
-            except DeviceFault as fault:
-                self.fault = str(fault)
-            else:
-                self.lost += block.lost
-                self.time_s = np.concatenate([self.time_s, block.time_s])
-                self.values = np.concatenate([self.values, block.values])
-                self.saturated = np.concatenate([self.saturated, block.saturated])
+                self._keep(self.sensor.read(), now_s)
+            except Exception as error:  # noqa: BLE001 - of one sensor; the others are still read
+                self.fault = str(as_fault(self.sensor.name, error))
         # of a slow or silent sensor the last sample stays
         begin = np.searchsorted(self.time_s, now_s - WINDOW_S)
         recent = slice(min(int(begin), max(len(self.time_s) - 1, 0)), None)
         self.time_s = self.time_s[recent]
         self.values, self.saturated = self.values[recent], self.saturated[recent]
+
+    def _keep(self, block: Block, now_s: float) -> None:
+        if len(block.time_s):
+            before_s = float(self.time_s[-1]) if len(self.time_s) else -math.inf
+            if (jump := out_of_time(block, before_s, now_s)) is not None:
+                raise DeviceFault(self.sensor.name, jump)
+        self.lost += block.lost
+        self.time_s = np.concatenate([self.time_s, block.time_s])
+        self.values = np.concatenate([self.values, block.values])
+        self.saturated = np.concatenate([self.saturated, block.saturated])
 
     def readings(self, now_s: float) -> list[Reading]:
         count = len(self.time_s)
@@ -154,7 +161,10 @@ class Watch:
 
     def __enter__(self) -> "Watch":
         for kept in self._kept:
-            kept.sensor.start()
+            try:
+                kept.sensor.start()
+            except Exception as error:
+                raise as_fault(kept.sensor.name, error) from error
         self._began_s = self._clock.now()
         return self
 

@@ -8,6 +8,7 @@ from calibration import (
     ForceCalibration,
     TaxelCalibration,
 )
+from calibration.fit import outlier
 from drivers.core.arrays import Array, Bools
 
 STRAIGHT = 0.02
@@ -20,14 +21,27 @@ SHOWN = 6  # columns by name: a line of a terminal
 def doubts(result: Calibration) -> tuple[str, ...]:
     """Each in a sentence, with what to do."""
     match result:
-        case ForceCalibration() if result.linearity > STRAIGHT:
-            return ("no straight line fits these readings: does the sensor clip?",)
+        case ForceCalibration():
+            return _of_force(result)
         case TaxelCalibration():
             return _of_taxels(result)
         case ComplianceCalibration() if result.bend:
             return (_of_rig(result),)
         case _:
             return ()
+
+
+def _of_force(result: ForceCalibration) -> tuple[str, ...]:
+    channels, fit = len(result.sensitivity), result.fit
+    for channel, residuals in enumerate(np.split(fit.residuals, channels)):
+        if (row := outlier(residuals, len(fit.values) // channels)) is not None:
+            return (
+                f"reading {row + 1} of raw_{channel} is far from the line through the others: was "
+                "it mistyped, or the load another? Correct it or leave it out",
+            )
+    if result.linearity > STRAIGHT:
+        return ("no straight line fits these readings: does the sensor clip?",)
+    return ()
 
 
 def _of_rig(result: ComplianceCalibration) -> str:

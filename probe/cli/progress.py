@@ -59,7 +59,7 @@ class ScanProgress:
             case RunStarted():
                 self._count.started(event)
             case StationStarted():
-                self._show(self._count.words(event), self._count.left())
+                self._show(self._count.begun(event), self._count.left())
             case StationEnded(complete=True):
                 self._count.ended()
                 if self._bar is not None:

@@ -23,6 +23,7 @@ from calibration import (
 from calibration.errors import CalibrationError
 from calibration.heart import check_cuff
 from calibration.touch import find_contact
+from probe.calibrate.doubts import doubts
 
 RNG = np.random.default_rng(1)
 NOISE = RNG.standard_normal((40, 6))
@@ -224,3 +225,17 @@ def test_it_is_refused_with_the_reason_and_what_to_add(case: str) -> None:
     fit, reported = REFUSED[case]
     with pytest.raises(CalibrationError, match=reported):
         fit()
+
+
+@pytest.mark.parametrize("times", [1.02, 1.5, 1000.0])
+def test_a_mistyped_reading_is_named(times: float) -> None:
+    """As a warning where a gain can still be fitted, with the refusal where it cannot."""
+    loads = np.repeat(np.arange(11.0), 3)
+    raw = 100 + 20 * loads + 0.5 * NOISE[: len(loads), 0]
+    assert doubts(fit_force(raw, loads)) == ()
+    raw[7] *= times
+    try:
+        (said,) = doubts(fit_force(raw, loads))
+    except CalibrationError as error:
+        said = str(error)
+    assert "reading 8 " in said

@@ -178,7 +178,7 @@ def test_a_silent_address_may_serve_another_program(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("drivers.grbl.stage.HELLO_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = f"socket://127.0.0.1:{taken.getsockname()[1]}"
-        with pytest.raises(DeviceAbsent, match="Another program may be connected to it: end that"):
+        with pytest.raises(DeviceAbsent, match="or another program is connected to it: end that"):
             open_stage(WallClock(), GrblSettings(port=port)).connect()
 
 

@@ -24,7 +24,7 @@ HALF = """
 import os, struct, time
 def half(pipe):
     try:
-        for part in (b"\\0\\0", struct.pack("!h", 400), *10 * [bytes(40)]):
+        for part in (b"\\0\\0", struct.pack("!h", 30000), *600 * [bytes(40)]):
             os.write(pipe.fileno(), part)
             time.sleep(0.5)
     except BrokenPipeError:

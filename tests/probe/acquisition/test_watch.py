@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from one_sensor import FunctionSensor
 
-from drivers import SimulatedClock
+from drivers import DeviceFault, SimulatedClock
 from probe.acquisition.watch import Watch
 
 
@@ -75,3 +75,30 @@ def test_a_clipped_reading_is_marked():
     with Watch([FunctionSensor(clock, lambda t: np.where(t > 1, 2e3, 1.0))], clock) as watched:
         assert not follow(clock, watched, 0.9)[0].clipped
         assert follow(clock, watched, 2.0)[0].row()[-1] == "clipped"
+
+
+@pytest.mark.parametrize("as_given", [lambda t: 1e3 * t + 1e3, lambda t: -t, lambda t: t + 1.7e9])
+def test_times_that_are_not_the_clock_s_are_said(as_given):
+    """In milliseconds, backwards, and since 1970: a scan would refuse them when it has begun."""
+    clock = SimulatedClock()
+    sensor = FunctionSensor(clock, np.sin)
+    read = sensor.read
+    sensor.read = lambda: replace(block := read(), time_s=as_given(block.time_s))
+    with Watch([sensor, FunctionSensor(clock, np.sin)], clock) as watched:
+        wrong, right = follow(clock, watched, 1.0)
+    assert "sample times jump" in wrong.row()[-1]
+    assert right.fault is None
+
+
+def test_a_driver_s_own_mistake_is_its_sensor_s_fault():
+    """While others are still read; where it cannot begin, nothing is."""
+    clock = SimulatedClock()
+    broken = FunctionSensor(clock, lambda t: t / [])
+    with Watch([broken, FunctionSensor(clock, np.sin)], clock) as watched:
+        wrong, right = follow(clock, watched, 1.0)
+    assert "driver: " in wrong.row()[-1]
+    assert right.raw is not None
+    broken.start = lambda: 1 / 0
+    with pytest.raises(DeviceFault, match="gauge: driver: ZeroDivisionError"), \
+         Watch([broken], clock):  # fmt: skip
+        pass
