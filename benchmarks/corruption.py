@@ -4,7 +4,8 @@
 
 Each sensor reads an emulated device whose every answer is damaged (a byte changed, lost, added,
 doubled, a burst). The force is constant and known, so a wrong number shows. All run at once, until
-the last one has had its corruptions; Modbus waits after each, and takes some three minutes.
+the last one has had its corruptions; Modbus waits after each, and takes some three minutes. The
+table is kept in `docs/results/corruption.csv` (delete it to measure anew).
 """
 
 import sys
@@ -17,6 +18,7 @@ from functools import partial
 from importlib import import_module
 
 import numpy as np
+from kept import ROOT, Row, fill, read
 
 from drivers import DeviceFault, WallClock, ft300, lines, modbus, taxels
 from drivers.core.reader import LineSensor
@@ -27,6 +29,8 @@ from sim_backend.emulators.serving import Served
 from sim_backend.models.station_response import respond
 from sim_backend.phantom.phantom import Phantom
 
+OUT = ROOT / "docs" / "results" / "corruption.csv"
+ANSWERS = ("check sum", "corruptions", "read right", "read wrong", "lost", "faults", "crashes")
 TCP = "socket://127.0.0.1:0"
 PRESSED = (0.032, 0.0, -0.001)
 REGISTERS = [Register(name="force", address=100, unit="N", type="int32", scale=1e-3, role="force")]
@@ -146,18 +150,22 @@ TRIALS: dict[str, tuple[str, Emulate, Open]] = {
 
 
 def main(corruptions: int) -> None:
-    """Run all trials at once and print the table."""
+    """Run all trials at once, keep and print the table."""
     with ThreadPoolExecutor(len(TRIALS)) as pool:
         running = {
             name: pool.submit(partial(trial, emulate, open_sensor, corruptions))
             for name, (_, emulate, open_sensor) in TRIALS.items()
         }
-        print(f"{'sensor':16}{'check sum':16}{'corruptions':>12}{'read right':>12}"
-              f"{'read wrong':>12}{'lost':>8}{'faults told':>13}{'crashes':>9}")  # fmt: skip
-        for name, (check, _, _) in TRIALS.items():
-            t = running[name].result()
-            print(f"{name:16}{check:16}{t.corruptions:12}{t.right:12}{t.wrong:12}{t.lost:8}"
-                  f"{t.faults:13}{t.crashes:9}")  # fmt: skip
+        fill(OUT, ("sensor",), ANSWERS, [(name,) for name in TRIALS],
+             lambda name: row(TRIALS[name][0], running[name].result()))  # fmt: skip
+    for one in read(OUT):
+        print(", ".join(f"{key} {value}" for key, value in one.items()))
+
+
+def row(check: str, tally: Tally) -> Row:
+    """What is kept of a sensor."""
+    counted = (tally.corruptions, tally.right, tally.wrong, tally.lost, tally.faults, tally.crashes)
+    return dict(zip(ANSWERS, (check, *counted), strict=True))
 
 
 if __name__ == "__main__":

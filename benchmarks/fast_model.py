@@ -15,7 +15,7 @@ from time import perf_counter
 import numpy as np
 
 from sim_backend.models.surrogate import Surrogate, surrogate
-from sim_backend.models.trained_states import held, states
+from sim_backend.models.trained_states import states, validation
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -49,7 +49,7 @@ def errors_pct(model: Surrogate, rng: np.random.Generator, count: int) -> np.nda
         x, d, z = (float(rng.uniform(*ends)) for ends in (known.x_m, known.depth_m, known.z_m))
         truth = states(scene, x, z, d, levels, finer=True)[:, 0]
         ours = model.force_n(x, d, levels, z)
-        span = max(float(np.ptp(truth)), held(scene).small_pulse * float(truth.max()))
+        span = max(float(np.ptp(truth)), validation(scene).small_pulse * float(truth.max()))
         rows.append((np.abs(ours / truth - 1).max(), abs(np.ptp(ours) - np.ptp(truth)) / span))
     return 100 * np.array(rows)
 

@@ -7,7 +7,8 @@ killing it costs.
 stop is a click on the window's button at random instants of a scan; its time ends when the tip
 stands still in the phantom. Then a scan of the phantom in real time has its own window frozen for
 five seconds and killed: lost samples are those that the run file does not have. (The UR client
-polls: on a machine as busy as its emulator makes it, it loses some, window or not.)
+polls: on a machine as busy as its emulator makes it, it loses some, window or not.) Both are kept
+in `docs/results` (`window-stops.csv`, `window-killed.csv`; delete them to measure anew).
 """
 
 import os
@@ -23,6 +24,7 @@ from pathlib import Path
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 import numpy as np
+from kept import ROOT, fill
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
@@ -38,7 +40,8 @@ from sim_backend.emulators import ur
 from sim_backend.models.station_response import respond
 from sim_backend.phantom.phantom import Phantom
 
-RIG = Path(__file__).parent.parent / "rigs" / "ur5e.toml"
+RESULTS = ROOT / "docs" / "results"
+RIG = ROOT / "rigs" / "ur5e.toml"
 X_M = [4e-3 * n for n in range(1, 16)]
 FROZEN_S, RATE_HZ = 5.0, 500.0
 ADDRESS = "127.0.0.1"  # of the shipped rig
@@ -68,6 +71,8 @@ def stopped_after_s(phantom: Phantom, clock: WallClock, wait_s: float) -> tuple[
         window.timer.stop()
         time.sleep(wait_s)
         while not phantom.tip.moving(clock.now()):  # a tip that rests already shows nothing
+            if scan.poll() is not None:
+                raise RuntimeError("the scan ended before the click: is the machine busy?")
             time.sleep(0.001)
         began_s = clock.now()
         QTest.mouseClick(window.side.buttons["stop"], Qt.MouseButton.LeftButton)
@@ -122,7 +127,12 @@ def main() -> None:
             print(f"stop {n + 1}: tip at rest after {took[-1]:.0f} ms; {finish}", flush=True)
         print(f"click to rest: median {np.median(took):.0f} ms, largest {max(took):.0f} ms "
               f"of {stops}")  # fmt: skip
+        fill(RESULTS / "window-stops.csv", ("stop",), ("ms", "load"),
+             [(n,) for n in range(stops)],
+             lambda n: {"ms": f"{took[n]:.1f}", "load": f"{os.getloadavg()[0]:.1f}"})  # fmt: skip
         lost, there, finish = window_lost_samples()
+    fill(RESULTS / "window-killed.csv", ("frozen_s",), ("lost", "stored", "finish"), [(FROZEN_S,)],
+         lambda _: {"lost": lost, "stored": there, "finish": finish})  # fmt: skip
     print(
         f"window frozen {FROZEN_S:g} s, then killed: {lost} samples lost, {there} there; {finish}"
     )

@@ -1,8 +1,9 @@
 """How fast the windows draw: 64 channels at 1 kHz with a 256 x 256 map, and the phantom's feel.
 
 Run: QT_QPA_PLATFORM=offscreen python benchmarks/live_view.py [PICTURE.png]
-Prints frame times, the time from a sample to the picture that shows it, and how long a press of
-the phantom takes to the screen.
+Measures frame times, the time from a sample to the picture that shows it, and how long a press of
+the phantom takes to the screen. Prints percentiles, and keeps every frame in
+`docs/results/windows.csv` (delete it to measure anew).
 """
 
 import os
@@ -15,6 +16,7 @@ from time import perf_counter
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 import numpy as np
+from kept import ROOT, fill
 
 from drivers import Block, Channel
 from probe.core.events import Event, Phase, PhaseEntered, RunStarted, Samples, StationStarted
@@ -25,6 +27,7 @@ from probe.gui.table import Table, solve
 from probe.gui.window import FRAME_MS, RunWindow
 from sim_backend import load_scene
 
+OUT = ROOT / "docs" / "results" / "windows.csv"
 CHANNELS, RATE_HZ, SIDE, BLOCK_S, SECONDS = 64, 1000.0, 256, 0.02, 12.0
 
 
@@ -78,10 +81,19 @@ def main() -> None:
         window.grab().save(sys.argv[1])
     window.close()
     for name, values_s in (
-        ("frame", frames), ("sample to screen", latencies), ("feel", feel()),
+        ("one frame", frames), ("from sample to screen", latencies),
+        ("`feel`: from press to picture", feel()),
     ):  # fmt: skip
         p50, p95 = np.percentile(1e3 * np.array(values_s[10:]), (50, 95))
-        print(f"{name:17s} p50 {p50:6.1f} ms   p95 {p95:6.1f} ms   n {len(values_s)}")
+        print(f"{name:30s} p50 {p50:6.1f} ms   p95 {p95:6.1f} ms   n {len(values_s)}")
+        keep(name, values_s[10:])
+
+
+def keep(name: str, values_s: list[float]) -> None:
+    """A row for each frame, unless they are kept already."""
+    load = f"{os.getloadavg()[0]:.1f}"
+    fill(OUT, ("what", "n"), ("ms", "load"), [(name, n) for n in range(len(values_s))],
+         lambda _, n: {"ms": f"{1e3 * values_s[n]:.2f}", "load": load})  # fmt: skip
 
 
 def feel(frames: int = 300) -> list[float]:

@@ -1,15 +1,20 @@
 """The headline figures in one run: a whole scan, a whole small-strain scan, peers, cost by size.
 
-    python benchmarks/speed_accuracy.py [--ccx]
+    python benchmarks/speed_accuracy.py [--scans | --ccx]
 
+``--scans`` measures whole scans alone, and keeps them in `docs/results/whole-scan.csv` (delete that
+file to measure them again).
 Each part runs in processes of its own, from nothing, and its times are the least of three. Where
 the machine does other work, the seconds of processors say more than those of the clock. Errors are
 against solutions on elements of a third the size.
 ``--ccx`` adds CalculiX (minutes). `palpate chart speed-accuracy` draws one press by every model.
 """
 
+import os
 import resource
+import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
@@ -18,6 +23,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from kept import ROOT, Row, fill, read
 
 from probe.studies.charts.peers import felupe_forces, has_felupe
 from probe.studies.charts.speed_accuracy import (
@@ -36,6 +42,7 @@ from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import Scene, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
+OUT = ROOT / "docs" / "results" / "whole-scan.csv"
 STATIONS_M = 1e-3 * 4.0 * np.arange(1, 16)
 DEPTH_M = 1e-3 * DEPTH_MM
 RAMP = np.linspace(0.0, DEPTH_M, 501)[1:]
@@ -144,22 +151,66 @@ def off_pct(forces: Sequence[float], truth: Sequence[float]) -> str:
 
 
 def scans(scene: Scene) -> None:
-    """Whole scans at finite and at small strain."""
+    """Whole scans at finite and at small strain, and as the command, kept."""
+    fill(OUT, ("what",), ("clock_s", "processor_s", "peak_mb", "force_error_pct", "pulse_error_pct",
+         "load"), [(name,) for name in SCANS], lambda name: SCANS[name](scene))  # fmt: skip
+    for row in read(OUT):
+        print(", ".join(f"{key} {value}" for key, value in row.items() if value))
+
+
+def row_of_scan(timed: Timed, **errors: float) -> Row:
+    """What is kept of one."""
+    return {
+        "clock_s": f"{timed.seconds:.2f}", "processor_s": f"{timed.cpu_s:.2f}",
+        "peak_mb": f"{timed.peak_mb:.0f}", "load": f"{os.getloadavg()[0]:.1f}",
+        **{key: f"{value:.2g}" for key, value in errors.items()},
+    }  # fmt: skip
+
+
+def finite(scene: Scene, workers: int) -> Row:
+    """At finite strain; with one process the largest errors at three places too."""
+    timed = fresh(whole_scan, scene, workers)
+    if workers > 1:
+        return row_of_scan(timed)
     levels = [p * PA_PER_MMHG for p in LEVELS_MMHG]
-    for workers in (1, 2):
-        scan = fresh(whole_scan, scene, workers)
-        print(f"finite strain, 15 stations, ramp and beat, {workers} processes: {scan}; "
-              f"{scan.peak_mb:.0f} MB")  # fmt: skip
     length_m = 1e-3 * scene.indenter.length_mm
+    off = []
     for x in (16e-3, 24e-3, 32e-3):
-        ours = respond(scene, x, DEPTH_M).force_n(x, np.full(2, DEPTH_M), np.array(levels))
+        low, high = respond(scene, x, DEPTH_M).force_n(x, np.full(2, DEPTH_M), np.array(levels))
         _, found = solve_finite(scene, x, DEPTH_M, levels, element_size_m(scene) / 3)
-        truth = [length_m * one.force_n_per_m for one in found]
-        print(f"    at {1e3 * x:g} mm against converged: {off_pct(list(ours), truth)}")
-    small = fresh(small_scan, scene, 2.0)
+        a, b = (length_m * one.force_n_per_m for one in found)
+        off.append((100 * abs(low / a - 1), 100 * abs((high - low) / (b - a) - 1)))
+    force, pulse = np.max(off, axis=0)
+    return row_of_scan(timed, force_error_pct=force, pulse_error_pct=pulse)
+
+
+def small(scene: Scene) -> Row:
+    """At small strain, against its own limit."""
+    timed = fresh(small_scan, scene, 2.0)
     finer = fresh(small_scan, scene, 0.7, repeats=1)
-    off = 100 * np.abs(small.answer / finer.answer - 1).max()
-    print(f"small strain, 15 stations: {small}; force within {off:.2f} % of converged")
+    return row_of_scan(timed, force_error_pct=100 * np.abs(timed.answer / finer.answer - 1).max())
+
+
+def command(scene: Scene) -> Row:
+    """`palpate scan`, its interpreter's start included; the median of seven by the clock."""
+    times, spent = [], []
+    said = [sys.executable, "-m", "probe.cli", "scan", "--scene", str(scene.name), "--seed", "1"]
+    with tempfile.TemporaryDirectory() as folder:
+        for _ in range(7):
+            began, before = perf_counter(), spent_s()
+            subprocess.run([*said, "--out", folder], check=True, capture_output=True)
+            times.append(perf_counter() - began)
+            spent.append(spent_s() - before)
+    return {"clock_s": f"{np.median(times):.2f}", "processor_s": f"{np.median(spent):.2f}",
+            "load": f"{os.getloadavg()[0]:.1f}"}  # fmt: skip
+
+
+SCANS: dict[str, Callable[[Scene], Row]] = {
+    "finite strain, one process": lambda scene: finite(scene, 1),
+    "finite strain, two processes": lambda scene: finite(scene, 2),
+    "small strain": small,
+    "palpate scan --scene TIHA": command,
+}
 
 
 def peers(scene: Scene, names: Sequence[str]) -> None:
@@ -214,6 +265,8 @@ def main() -> None:
     scene = load_scene("TIHA")
     strain = scene.model_copy(update={"plane": "strain"})
     scans(scene)
+    if "--scans" in sys.argv:
+        return
     names = ["ours", *(["FElupe"] if has_felupe() else [])]
     peers(strain, [*names, *(["CalculiX"] if "--ccx" in sys.argv else [])])
     by_size(scene)

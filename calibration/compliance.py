@@ -1,4 +1,4 @@
-"""How much the rig itself gives way: presses on a rigid block.
+"""Compliance of the rig itself, from presses on a rigid block.
 
 The stage goes on after contact while the block does not, so force = k (travel - contact), and on
 tissue the true indentation is the commanded one less force / k.

@@ -1,4 +1,4 @@
-"""What a calibration says when its data cannot give an answer."""
+"""Errors of a calibration whose data do not determine a result."""
 
 
 class CalibrationError(ValueError):

@@ -1,4 +1,4 @@
-"""What data cannot show: read from a fit's covariance and residuals, said in words."""
+"""What data do not determine, from a fit's covariance and residuals, in words."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Tare: the reading at no load, and how fast it wanders."""
+"""Tare: the reading at no load, and how fast it drifts."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar

@@ -5,7 +5,9 @@ table and ``{{ measured("paper") }}`` for by what, of which code, when and where
 name that no stored result has stops the build. `make figures` measures them anew. Of what
 benchmarks keep case by case in ``docs/results``, ``{{ counts("six-scenes", "sensor", "scene") }}``
 is a table of the answers, ``{{ greatest("device-faults", "device", "ended_s") }}`` one of how many
-cases there are and of the greatest values, and ``{{ kept("six-scenes") }}`` says of which code.
+cases there are and of the greatest values, ``{{ spread("windows", "what", "ms") }}`` one of median,
+95th percentile and greatest value, ``{{ rows("corruption", "sensor", "lost") }}`` one of every case
+and some of its columns, and ``{{ kept("six-scenes") }}`` says of which code.
 """
 
 import csv
@@ -13,7 +15,9 @@ import json
 import re
 from collections import Counter
 from functools import lru_cache
+from math import ceil
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 STORED, RESULTS = Path(__file__).with_name("figures"), Path(__file__).with_name("results")
@@ -115,16 +119,41 @@ def greatest(name: str, down: str, *columns: str) -> str:
     return "\n".join(lines)
 
 
+def spread(name: str, down: str, column: str) -> str:
+    """A row for each value of the column ``down``: how many cases, and median, 95th percentile and
+    greatest number in ``column``."""
+    lines = [f"| {down} | cases | median {column} | 95th percentile | greatest |", "|---" * 5 + "|"]
+    try:
+        for one in dict.fromkeys(row[down] for row in cases(name)):
+            values = sorted(float(row[column]) for row in cases(name) if row[down] == one)
+            some = (median(values), values[ceil(0.95 * len(values)) - 1], values[-1])
+            shown = (f"{value:.2g}" if value < 10 else f"{value:.0f}" for value in some)
+            lines.append("| " + " | ".join([one, str(len(values)), *shown]) + " |")
+    except KeyError as missing:
+        raise NoFigure(f"{name}: it has no column {missing}") from None
+    return "\n".join(lines)
+
+
+def rows(name: str, *columns: str) -> str:
+    """Every case, and these of its columns."""
+    lines = ["| " + " | ".join(columns) + " |", "|---" * len(columns) + "|"]
+    try:
+        lines += ["| " + " | ".join(row[one] for one in columns) + " |" for row in cases(name)]
+    except KeyError as missing:
+        raise NoFigure(f"{name}: it has no column {missing}") from None
+    return "\n".join(lines)
+
+
 def kept(name: str) -> str:
     """How many cases, of which code, when."""
-    rows = cases(name)
-    commits, dates = (", ".join(sorted({row[key] for row in rows})) for key in ("commit", "date"))
-    return f"{len(rows):,} cases of {commits} ({dates})"
+    every = cases(name)
+    commits, dates = (", ".join(sorted({row[key] for row in every})) for key in ("commit", "date"))
+    return f"{len(every):,} cases of {commits} ({dates})"
 
 
 KINDS = {
     "figure": figure, "table": table, "measured": measured, "counts": counts,
-    "greatest": greatest, "kept": kept,
+    "greatest": greatest, "spread": spread, "rows": rows, "kept": kept,
 }  # fmt: skip
 
 

@@ -209,7 +209,7 @@ def main() -> int:
     drawn.set_defaults(do=lambda given: draw_picture(given.log, given.png))
     lag = commands.add_parser("latency")
     lag.add_argument("--trials", type=int, default=100)
-    lag.add_argument("--log", type=Path, default=Path("latency.jsonl"))
+    lag.add_argument("--log", type=Path, default=Path("latency.csv"))
     lag.add_argument("--jobs", type=int, default=3)
     lag.set_defaults(do=measure_latency)
     arguments = parser.parse_args()

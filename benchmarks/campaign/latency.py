@@ -3,11 +3,12 @@
 The cell's next line says several newtons more (the world sends it at a known time), the board
 notes when the first byte that ends a motion arrives. Real command, real drivers, real ports.
 
-    python -m campaign latency --trials 100 --jobs 3 --log latency.jsonl
+    python -m campaign latency --trials 100 --jobs 3 --log latency.csv
+
+The documentation's table is of `docs/results/guard-latency.csv`.
 """
 
-import json
-import math
+import csv
 import os
 from concurrent.futures import as_completed
 from datetime import UTC, datetime
@@ -15,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kept import commit, read
 
 from campaign.cell import RATE_HZ
 from campaign.faults import BY_NAME, Draw, Fault
@@ -31,6 +33,7 @@ CONDITIONS = {
 }
 PRESSED_M = 2.3e-3
 WHOLE = (1.0, 1.0, 1.0)
+COLUMNS = ("condition", "seed", "ms", "late_ms", "up", "load", "commit", "date")
 
 
 def trial(task: tuple[str, int]) -> dict[str, Any]:
@@ -49,23 +52,27 @@ def trial(task: tuple[str, int]) -> dict[str, Any]:
     return {
         "condition": name,
         "seed": seed,
-        "latency_s": verdict.latency_s,
-        "late_s": verdict.late_s,
+        "ms": round(1e3 * verdict.latency_s, 3),
+        "late_ms": round(1e3 * verdict.late_s, 3),
         "up": verdict.up,
         "load": round(os.getloadavg()[0], 2),
-        "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        "commit": commit(),
+        "date": datetime.now(UTC).date().isoformat(),
     }
 
 
 def run(trials: int, jobs: int, log: Path) -> int:
     """All trials that the log does not hold, then the table."""
-    rows = _rows(log)
-    held = {(row["condition"], row["seed"]) for row in rows}
+    rows = read(log)
+    have = {(row["condition"], int(row["seed"])) for row in rows}
     left = [(name, seed) for seed in range(trials) for name in CONDITIONS]
-    left = [task for task in left if task not in held]
-    with beside(jobs) as pool, log.open("a", encoding="utf-8") as out:
+    left = [task for task in left if task not in have]
+    with beside(jobs) as pool, log.open("a", newline="", encoding="utf-8") as out:
+        writer = csv.DictWriter(out, COLUMNS)
+        if not rows:
+            writer.writeheader()
         for future in as_completed([pool.submit(trial, task) for task in left]):
-            out.write(json.dumps(future.result()) + "\n")
+            writer.writerow(future.result())
             out.flush()
     print_table(log)
     return 0
@@ -73,23 +80,18 @@ def run(trials: int, jobs: int, log: Path) -> int:
 
 def print_table(log: Path) -> None:
     """Latency by condition, in milliseconds and in samples."""
-    rows = _rows(log)
+    rows = read(log)
     print("| condition | trials | without a stop | median ms | p99 ms | max ms | max samples | "
           "truth late max ms |")  # fmt: skip
     print("|---|---|---|---|---|---|---|---|")
     for name in CONDITIONS:
         some = [row for row in rows if row["condition"] == name]
-        late = np.array([r["latency_s"] for r in some if not math.isnan(r["latency_s"])])
-        if len(late) == 0:
+        ms = np.array([float(row["ms"]) for row in some])
+        ms = ms[np.isfinite(ms)]
+        if len(ms) == 0:
             continue
-        middle, rare = 1e3 * np.percentile(late, [50, 99])
-        figures = (middle, rare, 1e3 * late.max(), RATE_HZ * late.max(),
-                   1e3 * max(row["late_s"] for row in some))  # fmt: skip
-        cells = [name, len(some), len(some) - len(late), *(f"{value:.1f}" for value in figures)]
+        middle, rare = np.percentile(ms, [50, 99])
+        figures = (middle, rare, ms.max(), RATE_HZ * ms.max() / 1e3,
+                   max(float(row["late_ms"]) for row in some))  # fmt: skip
+        cells = [name, len(some), len(some) - len(ms), *(f"{value:.1f}" for value in figures)]
         print(f"| {' | '.join(map(str, cells))} |")
-
-
-def _rows(log: Path) -> list[dict[str, Any]]:
-    if not log.exists():
-        return []
-    return [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]

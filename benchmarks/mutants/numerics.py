@@ -54,7 +54,7 @@ NUMERICS = (
            "if (pivot == 0 || !isfinite(pivot)) return 0;", "", FRONTS),
     Mutant("a thickness of the first guess", MATERIAL,
            "root = np.maximum(root - change, 0.5 * root)", "root = 1.0 * root", LAW),
-    Mutant("a skin's nodes bear as those of straight sides", SKIN,
+    Mutant("a skin's nodes carry as those of straight sides", SKIN,
            "share[middle] = 2 * whole / 3\n    np.add.at(share, middle - 1, whole / 6)\n"
            "    np.add.at(share, middle + 1, whole / 6)",
            "share[middle] = whole / 2\n    np.add.at(share, middle - 1, whole / 4)\n"

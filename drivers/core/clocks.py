@@ -1,4 +1,4 @@
-"""Time as a device: the wall clock takes as long as it takes, the simulated one none at all."""
+"""Clocks: the wall clock, and a simulated one that takes no time."""
 
 import threading
 import time

@@ -1,4 +1,4 @@
-"""The clock of a scan held to another: has the computer slept, was the clock set?"""
+"""The scan's clock compared with another: has the computer slept, was the clock set?"""
 
 import time
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""A scan that is only thought through: reach, limits, time, disk, calibration, visibility.
+"""A scan checked without moving: reach, limits, time, disk, calibration, sensitivity.
 
 Nothing is opened and nothing is sent to a device.
 """

@@ -1,4 +1,4 @@
-"""The beginning of a lift: a force that stood still in the hold and does not fall was none.
+"""The beginning of a lift: a force that was constant in the hold must fall, or it was not measured.
 
 A sensor that clips so near to a press's bottom that the stage's poses, milliseconds old, cannot
 show it (`probe.acquisition.press_guard`) says the same a little higher, at rest.

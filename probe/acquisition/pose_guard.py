@@ -1,4 +1,4 @@
-"""Where the tip may be: above the depth limit, in the workspace, on its commanded way."""
+"""Where the tip may be: above the depth limit, in the workspace, on its commanded path."""
 
 import math
 

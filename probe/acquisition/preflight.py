@@ -1,4 +1,4 @@
-"""What is looked at before a scan, by ``doctor``, ``plan`` and ``scan --dry-run`` alike.
+"""Checks before a scan, shared by ``doctor``, ``plan`` and ``scan --dry-run``.
 
 Nothing is opened and nothing is sent to a device.
 """

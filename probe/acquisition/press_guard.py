@@ -1,4 +1,4 @@
-"""What a press must feel like: the force rises with the depth, and no faster than is possible.
+"""A press compared with its depth: the force rises with it, and no faster than is possible.
 
 A sensor that clips below its full scale, gives way or lost its gain sends live, noisy readings, and
 only the depth shows that they are not the force. And what grows faster than the hardest thing that

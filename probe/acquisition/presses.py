@@ -1,4 +1,4 @@
-"""One press as all sensors feel it: each by its own guard, and one at least feels it in time."""
+"""One press as all sensors measure it: each has a guard, and one at least must measure it."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""How far a scan is, in words: for the command, and for notebooks by itself."""
+"""Progress of a scan in words, for the command and for notebooks."""
 
 import time
 from collections.abc import Callable

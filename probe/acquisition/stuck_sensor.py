@@ -1,4 +1,4 @@
-"""Whether a sensor that still sends readings still feels: a stuck one says the same for ever."""
+"""Whether a sensor that sends readings still measures: a stuck one repeats the same value."""
 
 import math
 

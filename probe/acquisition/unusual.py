@@ -1,4 +1,4 @@
-"""Values of a rig that may be, but are seldom meant: those in another unit than their key's.
+"""Unusual values in a rig file, which may be in another unit than their key's.
 
 Metres given for millimetres, milliseconds for seconds, millinewtons for newtons. Nothing is opened.
 """

@@ -1,4 +1,4 @@
-"""What a fitted calibration does not say by its values: where its model does not hold, in words."""
+"""Warnings about a fitted calibration: where its model does not fit the readings."""
 
 import numpy as np
 

@@ -68,7 +68,7 @@ def calibrate(
         str, typer.Option(metavar="SYS/DIA", help="heart: the cuff's reading [mmHg].")
     ] = "120/80",
     station: Annotated[
-        int | None, typer.Option(min=1, help="The press of a run to take, counted from 1.")
+        int | None, typer.Option(min=1, help="Which press of a run to use, from 1.")
     ] = None,
     scene_out: Annotated[
         Path | None,
@@ -92,7 +92,7 @@ def calibrate(
     note: Annotated[str, typer.Option(help="A remark that is kept in the file.")] = "",
     json: Json = False,
 ) -> None:
-    """Fit one calibration to raw readings, show how well it holds, and write its file.
+    """Fit one calibration to raw readings, print its intervals, and write its file.
 
     The rig file then names it: [calibration] force = "force-NAME.json". Without readings, says
     how to take them.

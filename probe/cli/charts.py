@@ -49,7 +49,7 @@ def stability(
 ) -> None:
     """Go where methods fail, and draw what is solved, what is refused, and why.
 
-    Each cell is kept in stability.csv when it is solved. A run that is broken off goes on from
+    Each cell is stored in stability.csv when it is solved. An interrupted run continues from
     there; take another DIR, or delete the table, to begin again.
     """
     from probe.studies.charts.stability import chart

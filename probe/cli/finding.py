@@ -40,7 +40,7 @@ def detect(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Say what lies beneath, and where, from stored runs; a torn one stops no other."""
+    """Say what lies beneath, and where, from stored runs; one that cannot be read is named."""
     if not 0 < false_alarm < 1:
         raise typer.BadParameter(f"--false-alarm {false_alarm:g}: a chance between 0 and 1")
     if ask is not None and not 0 < ask < inf:

@@ -31,7 +31,7 @@ def record(
         ),
     ] = 0,
 ) -> None:
-    """Record every device of a rig that hangs on a serial line or a TCP port, byte by byte.
+    """Record every device of a rig on a serial line or a TCP port, byte by byte.
 
     The files go into `tests/drivers/exchanges`: from then on the driver is tested against your
     device without it. A UR arm is not recorded: its library opens several ports by itself.

@@ -27,7 +27,7 @@ def replay(
         Path | None, typer.Option(metavar="RUN", help="Another run, in step beside it.")
     ] = None,
 ) -> None:
-    """Tell what happened in a run, event by event, or play it in a window."""
+    """Print the events of a run, or play it in a window."""
     if live or beside is not None:
         need_windows()
         from probe.gui.app import run_replay

@@ -1,4 +1,4 @@
-"""Calibrations applied to a rig: true forces at true times, true places, and how far it gives way.
+"""Calibrations applied to a rig: true forces at true times, true places, and its compliance.
 
 A rig file names the files: ``[calibration] force = "force-ft300.json"``. Where two devices have
 one of a kind, a word is added: ``latency_ppg``. A file of another device is refused, an old one

@@ -1,4 +1,4 @@
-"""What a scan says while it runs: the only way out of the engine.
+"""The events of a running scan: the only output of the engine.
 
 The run file, the live view, the progress bar and a replay all see these and nothing else.
 Times are seconds on the scan's clock.

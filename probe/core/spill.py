@@ -1,4 +1,4 @@
-"""Arrays beyond what memory is for: kept in files without a name, which end with the process.
+"""Arrays too large for memory, in unnamed files that are deleted with the process.
 
 A run of a day holds more samples than a computer has memory. What is read from it beyond the first
 megabytes is written to temporary files and mapped from there, so that the system may drop it from

@@ -1,4 +1,4 @@
-"""What detection says: the finding of a scan, and of two scans compared."""
+"""The result of detection: the finding of a scan, and of two scans compared."""
 
 from dataclasses import dataclass
 from math import isfinite, nan

@@ -1,4 +1,4 @@
-"""The heart's rate in a scan, with its doubt."""
+"""The heart rate in a scan, with its interval."""
 
 import numpy as np
 

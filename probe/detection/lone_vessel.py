@@ -1,4 +1,4 @@
-"""What a pulse alone can say, where there is no row: a vessel, and out of tissue its health."""
+"""A pulse without a row of stations: a vessel, and out of tissue whether it is stenosed."""
 
 from collections.abc import Sequence
 from functools import lru_cache

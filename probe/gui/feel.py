@@ -99,7 +99,7 @@ class FeelWindow(QWidget):
         layout.addWidget(self.status)
 
     def touch(self, x_mm: float, depth_mm: float) -> None:
-        """Put the probe over ``x_mm`` at ``depth_mm``, both held to what can be reached."""
+        """Put the probe over ``x_mm`` at ``depth_mm``, both clamped to what can be reached."""
         self.x_mm = self._snap(x_mm)
         self.depth_mm = float(np.clip(depth_mm, LIFTED_MM, MAX_DEPTH_MM))
 

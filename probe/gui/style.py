@@ -1,4 +1,4 @@
-"""The windows' one look: sizes readable at arm's length, plots like the report's figures."""
+"""The style of all windows: sizes readable at arm's length, plots like the report's figures."""
 
 import gc
 import re

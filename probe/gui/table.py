@@ -58,12 +58,12 @@ class Table:
     forces: "Response"
 
     def force_n(self, depth_m: Array, pressure_pa: Array) -> Array:
-        """Total force (n,) at depths and lumen pressures (n,), both held to the solved range."""
+        """Total force (n,) at depths and lumen pressures (n,), both clamped to the solved range."""
         depth_m = np.clip(depth_m, 0.0, self.depth_m[-1])
         return self.forces.force_n(self.place_m, depth_m, np.clip(pressure_pa, *self.pressure_pa))
 
     def press(self, depth_m: float, pressure_pa: float) -> PressState:
-        """The answer at a depth (held to the solved range) and a lumen pressure."""
+        """The answer at a depth (clamped to the solved range) and a lumen pressure."""
         depth_m = float(np.clip(depth_m, 0.0, self.depth_m[-1]))
         low, high = self.pressure_pa
         at_pa = float(np.clip(pressure_pa, low, high))

@@ -89,8 +89,11 @@ class TracePanel(QWidget):
         if title != self._beat_title:
             self._beat_title = title
             self.beat.setTitle(title)
-        self.beat_curve.setSymbol(None if period_s is None else "o")
-        self.beat_curve.setData(time_s, change_pa)
+        folded = period_s is not None
+        self.beat_curve.setSymbol("o" if folded else None)
+        # thousands of noisy points in a wide or smoothed pen take Qt a third of a second a frame
+        self.beat_curve.setPen(pen(VERMILLION, 2) if folded else pg.mkPen(VERMILLION, width=1))
+        self.beat_curve.setData(time_s, change_pa, antialias=folded)
 
     def _curves(self, count: int) -> None:
         while len(self.curves) < count:

@@ -1,4 +1,4 @@
-"""A run's settings without what says who, where and when."""
+"""A run's settings without operator, place and time."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The one look of every picture and window: colours safe for colour-blind eyes, sizes, words.
+"""The style of every picture and window: colour-blind-safe colours, sizes, words.
 
 Hues and their names are Okabe & Ito's (2008); heat maps use cividis (Nuñez, Anderton & Renslow
 2018), whose lightness rises evenly and which looks alike with and without red-green vision.

@@ -1,4 +1,4 @@
-"""Names for devices and channels whose own names may hold any character, and be alike."""
+"""Unique names for devices and channels whose own names may contain any character, or be equal."""
 
 from collections.abc import Collection, Mapping, Sequence
 

@@ -1,4 +1,4 @@
-"""Run a sweep on this machine's processors or on a Dask cluster; what is done stays done.
+"""Run a sweep on this machine's processors or on a Dask cluster; finished points are stored.
 
 Points go at once into a log beside the table (``NAME.rows.jsonl``); a sweep that was interrupted
 goes on where the log ends. The table is written from the log, in the order of the points, so that

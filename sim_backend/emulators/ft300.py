@@ -1,4 +1,4 @@
-"""A Robotiq FT-300 that feels what the phantom's tip feels: Modbus RTU and the 100 Hz stream."""
+"""An emulated Robotiq FT-300 on the phantom's tip: Modbus RTU and the 100 Hz stream."""
 
 import struct
 from contextlib import AbstractContextManager

@@ -23,7 +23,7 @@ class Solver(Protocol):
         ...
 
     def solve(self, force: Array, x: Array, /) -> None:
-        """Displacements ``x`` (size,) under a ``force`` (size,); what is held is not touched."""
+        """Displacements ``x`` (size,) under a ``force`` (size,); fixed ones stay."""
         ...
 
 
@@ -32,7 +32,7 @@ class Assembly:
 
     ``blocks`` are groups of element displacement numbers (m, d); every group brings matrices
     (m, d, d) to `factor`, which are symmetric but for those of the groups numbered
-    ``unsymmetric``. ``fixed`` displacements are held.
+    ``unsymmetric``. ``fixed`` displacements are zero.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Factors:
     _solver: Solver
 
     def solve(self, force: Array) -> Array:
-        """Displacements (size,) or (size, r) under ``force`` of the same shape; 0 where held."""
+        """Displacements (size,) or (size, r) under ``force`` of the same shape; 0 where fixed."""
         if force.ndim == 2:
             return np.stack([self.solve(one) for one in force.T], axis=1)
         found = np.zeros(len(force))

@@ -82,9 +82,9 @@ def build_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: G
     )
     shear, bulk = materials(moved, mesh.region)
     on_axis = np.flatnonzero(mesh.nodes[:, 0] < 1e-12)
-    held = np.unique(np.concatenate([2 * on_axis, 2 * mesh.bottom + 1]))
+    fixed = np.unique(np.concatenate([2 * on_axis, 2 * mesh.bottom + 1]))
     nothing = SlidingConstraint(np.empty((1, 0), dtype=np.int64), np.empty(0), 0.0)
     return Section(
-        replace(mesh, lumens=()), revolved(cells, mesh.nodes), shear, bulk, False, held, (),
+        replace(mesh, lumens=()), revolved(cells, mesh.nodes), shear, bulk, False, fixed, (),
         finger, 1e3 * scene.tissue.modulus_kpa, nothing,
     )  # fmt: skip

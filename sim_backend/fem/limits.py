@@ -1,4 +1,4 @@
-"""Where physics ends: why there is no equilibrium beyond a load, in words."""
+"""The reason why there is no equilibrium beyond a load, in words."""
 
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
 from sim_backend.fem.internal import smallest_area_ratio

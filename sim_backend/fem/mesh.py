@@ -37,7 +37,7 @@ class Mesh:
 
     ``nodes`` (n, 2) [m]; ``cells`` (m, 6), corners counter-clockwise then mid-sides 01, 12, 20;
     ``region`` (m,) numbers the material. ``surface`` (s,) are the nodes a finger can touch, from
-    left to right; ``bottom`` (b,), left to right, are held by the support;
+    left to right; ``bottom`` (b,), left to right, are fixed by the support;
     ``resting`` (r,) may come to rest on it. ``lumens`` lists, for each lumen, the cells
     whose side 0-3-1 lies on it (the lumen to their right when walking from 0 to 1).
     """
@@ -178,7 +178,7 @@ def _relax(
             bars = _ends(np.unique(_side_numbers(corners, len(points))), len(points))
             wanted = size(points[bars].mean(axis=1))
         span = points[bars[:, 0]] - points[bars[:, 1]]
-        length = np.maximum(np.hypot(*span.T), TINY_M)  # two may be held in the same corner
+        length = np.maximum(np.hypot(*span.T), TINY_M)  # two may lie in the same corner
         scale = np.sqrt((length**2).sum() / (wanted**2).sum())
         thrust = np.maximum(1.15 * scale * wanted - length, 0) / length
         force = np.zeros_like(points)

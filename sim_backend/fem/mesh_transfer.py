@@ -31,7 +31,7 @@ def continued(coarse: Section, solution: Solution, fine: Section) -> Solution:
 
 def _carried(coarse: Section, solution: Solution, fine: Section) -> Solution:
     u = Field(coarse.mesh.nodes, solution.displacement)(fine.mesh.nodes)
-    u.ravel()[fine.held] = 0.0
+    u.ravel()[fine.fixed] = 0.0
     surface = fine.mesh.surface
     bonded_at_m: tuple[Array | None, ...] = (None, None)
     multiplier = [np.zeros(len(t.gap)) for t in contact_pairs(fine, fine.finger, u)]

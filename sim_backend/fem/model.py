@@ -40,7 +40,7 @@ FINEST_WALL = 0.05
 
 @dataclass(frozen=True)
 class Section:
-    """``shear`` and ``bulk`` (m,) [Pa] per cell; ``held`` displacement numbers are zero.
+    """``shear`` and ``bulk`` (m,) [Pa] per cell; ``fixed`` displacement numbers are zero.
 
     ``tissue_pa`` is the modulus that scales tolerances. Walls inside lumens touch only with
     ``self_contact``: looking for that costs time, and most presses leave lumens open.
@@ -51,7 +51,7 @@ class Section:
     shear: Array
     bulk: Array
     plane_stress: bool
-    held: Ints
+    fixed: Ints
     lumens: tuple[Sides, ...]
     finger: Finger
     tissue_pa: float
@@ -107,7 +107,7 @@ class Section:
         touching = [self.surface_dofs, self.resting_dofs, *around]
         groups = [self.cells.dofs, *sides, self.sliding.dofs, *touching]
         lumens = range(1, 1 + len(sides))
-        return Assembly(self.size, groups, self.held, unsymmetric=lumens)
+        return Assembly(self.size, groups, self.fixed, unsymmetric=lumens)
 
 
 class Grading(NamedTuple):
@@ -168,9 +168,9 @@ def build_section(
     stress = scene.plane == "stress"
     modulus_kpa = (scene.tissue or scene.inclusion[0]).modulus_kpa
     sides = lumen_sides(mesh, cells, shear, bulk, stress)
-    mesh, held, sliding = supported(mesh, scene, x_m)
+    mesh, fixed, sliding = supported(mesh, scene, x_m)
     return Section(
-        mesh, cells, shear, bulk, stress, held, sides, finger, 1e3 * modulus_kpa, sliding,
+        mesh, cells, shear, bulk, stress, fixed, sides, finger, 1e3 * modulus_kpa, sliding,
         bonded_support=scene.bonded_support,
     )  # fmt: skip
 

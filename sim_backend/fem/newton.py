@@ -150,7 +150,7 @@ def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 
         for bond in bonds:
             bond.add_force(u, residual)
         scale = np.abs(multiplier[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
-        residual[section.held] = 0.0
+        residual[section.fixed] = 0.0
         last_error, error = error, float(np.abs(residual).max())
         widest = max(
             float(np.abs(t.open(m)[a]).max(initial=0.0))
@@ -211,11 +211,11 @@ def _first_active(finger: ContactPairs, multiplier: Array, active: Bools) -> Boo
 
 def _bonds(section: Section, solution: Solution) -> tuple[BondedContact, BondedContact]:
     """What the finger and what the support hold along x."""
-    held = solution.bonded_at_m
+    bonded_at_m = solution.bonded_at_m
     penalty = PENALTY * section.tissue_pa
     return (
-        BondedContact(section.mesh.surface, held[0], section.finger.bonded, penalty),
-        BondedContact(section.mesh.resting, held[1], section.bonded_support, penalty),
+        BondedContact(section.mesh.surface, bonded_at_m[0], section.finger.bonded, penalty),
+        BondedContact(section.mesh.resting, bonded_at_m[1], section.bonded_support, penalty),
     )
 
 

@@ -1,4 +1,4 @@
-"""How a solution answers to a little more depth or lumen pressure: exact slopes by the tangent."""
+"""Derivatives of a solution by depth and lumen pressure, from the exact tangent."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Small strain: the body condensed once to the nodes that a finger may touch.
+"""Small strain: the body is condensed once to the nodes that a finger may touch.
 
 Linear elasticity (the tangent at rest of the finite-strain law) with exact contact: finger
 normals turn with the deformed surface. One factorisation serves every depth, pressure and, on a

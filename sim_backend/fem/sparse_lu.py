@@ -12,7 +12,7 @@ _OPTIONS = {"SymmetricMode": True}
 
 class SparseLU:
     """A `sim_backend.fem.assembly.Solver` of ``groups`` of element displacement numbers (m, d);
-    all but the ``free`` displacements of ``size`` are held."""
+    all but the ``free`` displacements of ``size`` are fixed."""
 
     def __init__(self, size: int, groups: tuple[Ints, ...], free: Ints) -> None:
         self._free, n = free, len(free)

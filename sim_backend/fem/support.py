@@ -10,11 +10,11 @@ from sim_backend.fem.mesh import Mesh
 from sim_backend.scene.scene_file import Scene
 
 HOLD_WIDTH_M = 2.4e-3
-"""Standard deviation of the stretch of bottom that is held along x."""
+"""Standard deviation of the stretch of bottom that is fixed along x."""
 HOLD_STIFFNESS = 1e4
 """Stiffness of that hold over the tissue's modulus."""
 PRESSED_SHARE = 0.5
-"""Half of the width of bottom under the finger that is held also where a block may lift, over the
+"""Half of the width of bottom under the finger that is fixed also where a block may lift, over the
 block's height. It is pressed in any case (TI's bottom is first pulled 21 mm, 1.25 heights, aside
 of the finger), and stops the block falling."""
 
@@ -26,7 +26,7 @@ FLANK_SHARE = 0.25
 class SlidingConstraint:
     """A block can slide on its support; the middle of its bottom does not, on average.
 
-    ``dofs`` (1, k) with ``weight`` (k,) that sum to 1. A single held node would carry the finger's
+    ``dofs`` (1, k) with ``weight`` (k,) that sum to 1. A single fixed node would carry the finger's
     force along x at a point, and the answer would depend on the mesh (by 0.5 % near an edge).
     """
 
@@ -39,14 +39,14 @@ class SlidingConstraint:
         return np.asarray(self.stiffness_pa * np.outer(self.weight, self.weight)[None])
 
     def force(self, u: Array) -> Array:
-        """(1, k) [N/m] that the body must bear."""
+        """(1, k) [N/m] that the body must carry."""
         mean = float(self.weight @ u.ravel()[self.dofs[0]])
         return np.asarray((self.stiffness_pa * mean * self.weight)[None])
 
 
 def supported(mesh: Mesh, scene: Scene, x_m: float) -> tuple[Mesh, Ints, SlidingConstraint]:
     """The mesh with the nodes that may come to rest on the support; displacement numbers that are
-    held; and what keeps the body from sliding. The finger is at ``x_m``.
+    fixed; and what keeps the body from sliding. The finger is at ``x_m``.
 
     A block rests on its bottom. A lone vessel is glued along its lowest arc, so that it cannot
     spin; and what it continues into along its length keeps it from rolling aside.
@@ -58,8 +58,8 @@ def supported(mesh: Mesh, scene: Scene, x_m: float) -> tuple[Mesh, Ints, Sliding
         half_m = PRESSED_SHARE * 1e-3 * scene.tissue.height_mm
         pressed = np.abs(mesh.nodes[mesh.bottom, 0] - x_m) <= half_m
         mesh, y = replace(mesh, resting=mesh.bottom[~pressed]), y[pressed]
-    held = np.sort(np.concatenate([x, y])) if scene.bonded_support else y
-    return mesh, held, _sliding(mesh, 1e3 * scene.tissue.modulus_kpa)
+    fixed = np.sort(np.concatenate([x, y])) if scene.bonded_support else y
+    return mesh, fixed, _sliding(mesh, 1e3 * scene.tissue.modulus_kpa)
 
 
 def _held_on_average(mesh: Mesh, scene: Scene) -> SlidingConstraint:

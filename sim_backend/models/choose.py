@@ -1,4 +1,4 @@
-"""No more model than the scene needs: what can be left out, and what leaving it out costs.
+"""The simplest model that a scene needs: what can be left out, and the error of leaving it out.
 
 Bounds measured on usual scenes say what might be left out. Before it is, the effect itself is
 measured: the press is solved with and without it on the first, coarse mesh.

@@ -1,4 +1,4 @@
-"""Smooth curves through a few points, with slopes where they are known.
+"""Smooth curves through a few points, with derivatives where they are known.
 
 (Not scipy.interpolate: importing it takes as long as a press.)
 """

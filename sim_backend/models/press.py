@@ -1,4 +1,4 @@
-"""One press into a scene, as accurate as asked for and no more."""
+"""One press into a scene, as accurate as asked for."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace

@@ -1,4 +1,4 @@
-"""Meshes refined until force and pulse stand still, and what is then still left of their errors."""
+"""Meshes refined until force and pulse converge, and the error that remains."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ ORDER = 1.6
 LONE_ORDER = 1.0
 """As `ORDER`, of a lone vessel on its support, where nodes touch and stick one by one: what two of
 its meshes show is taken `SECOND_SAFETY` times too. With 36, 72 and 144 elements round it the vessel
-of press 61 of benchmarks/random_presses.py bears 38.49, 38.66 and 37.94 N/m."""
+of press 61 of benchmarks/random_presses.py carries 38.49, 38.66 and 37.94 N/m."""
 FLOOR_PCT = np.array([6.0, 20.0])
 """What a mesh misses of force and pulse at least, over the square of the element size over the
 finger's half width: two meshes may agree by chance. The pulse's grows with the square of how flat a
@@ -43,9 +43,10 @@ of revolution along a radius: up to 8, there 15, of ten nodes or fewer
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
 ENTERING_PCT = 1.0
-"""What nodes that enter the contact one by one give the force, of a pressed node's mean share: peak
-to peak over depth 0.4 to 1.6 %, median 0.9 (benchmarks/entering_nodes.py). It falls so slowly that
-no finer mesh is made for it, nor for less: it is stated."""
+"""How much nodes that enter the contact one by one change the force, in per cent of the mean force
+of one node in contact: peak to peak over depth 0.4 to 1.6 %, median 0.9
+(benchmarks/entering_nodes.py). It falls so slowly that no finer mesh is made for it, nor for less:
+it is stated."""
 WORTHLESS_PCT = 50.0
 """A force that meshes disagree on by more is no answer."""
 MAX_UNKNOWNS = 20_000
@@ -53,8 +54,8 @@ MAX_UNKNOWNS = 20_000
 one's answer does not carry over, and the finger has to go all the way down again, that is a minute.
 """
 CONTACT_SHARE, WALL_SHARE, GROWTH = 0.1, 0.5, 0.45
-"""Sizes in the contact and at inclusions over the mesh's, and how fast they grow from there. Nodes
-that enter the contact one by one are what a pulse far from its vessel is lost in."""
+"""Sizes in the contact and at inclusions over the mesh's, and how fast they grow from there. Far
+from its vessel the error of a pulse is dominated by nodes that enter the contact one by one."""
 FIRST_WALL = (0.25, 0.5)
 """Bounds of the size at an inclusion over its radius, on the first mesh."""
 COARSEST, COARSEST_POWER = 0.3, 0.5
@@ -218,16 +219,16 @@ def _pressed(states: list[Solution]) -> int:
 
 
 def _entering_pct(states: list[Solution]) -> float:
-    """What nodes that enter the contact between two pressures may change of the pulse [%].
+    """How much nodes that enter the contact between two pressures may change the pulse [%].
 
-    The edge of the contact moves by a node where as much force as a node bears goes from some
-    nodes to others; where less does, less of a node's effect is met.
+    The edge of the contact moves by a whole node if the contact force of one node moves from some
+    nodes to others. If less force moves, the effect is that much smaller.
     """
     forces = np.array([one.force_n_per_m for one in states])
     low, high = states[int(forces.argmin())], states[int(forces.argmax())]
-    borne = np.array([low.multiplier[0], high.multiplier[0]])
-    largest = max(float(borne.sum(axis=1).max()), 1e-12)
-    moved = float(np.abs(np.diff(borne, axis=0)).sum()) / largest
+    contact_force = np.array([low.multiplier[0], high.multiplier[0]])
+    largest = max(float(contact_force.sum(axis=1).max()), 1e-12)
+    moved = float(np.abs(np.diff(contact_force, axis=0)).sum()) / largest
     return (
         ENTERING_PCT
         * min(moved, 1 / _pressed([low, high]))

@@ -1,4 +1,4 @@
-"""A force model of one place, as curves over depth and lumen pressure: what the phantom feels."""
+"""A force model of one place, as curves over depth and lumen pressure, for the phantom."""
 
 from dataclasses import dataclass
 from typing import NamedTuple

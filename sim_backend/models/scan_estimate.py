@@ -214,7 +214,7 @@ def _guess(scene: Scene, section: Section, load: Load, filled: Displacements) ->
     tissue = scene.tissue.model_copy(update={"modulus_kpa": CANONICAL_KPA})
     bare = _bare(Scene(name="bare", plane=scene.plane, tissue=tissue, indenter=scene.indenter),
                  load.depth_m)  # fmt: skip
-    nodes, held = section.mesh.nodes, section.sliding.dofs[0] // 2
+    nodes, bottom = section.mesh.nodes, section.sliding.dofs[0] // 2
 
     def moved(points: Array, slid: float) -> Array:
         across = np.clip(points[:, 0] + slid + width / 2 - section.finger.x, 1e-9, width - 1e-9)
@@ -222,9 +222,9 @@ def _guess(scene: Scene, section: Section, load: Load, filled: Displacements) ->
         found[:, 0] += slid
         return found
 
-    slid = 0.0  # the bare block was held under its finger, this one is held in its middle
+    slid = 0.0  # the bare block was fixed under its finger, this one is fixed in its middle
     for _ in range(3):
-        slid -= float(section.sliding.weight @ moved(nodes[held], slid)[:, 0])
+        slid -= float(section.sliding.weight @ moved(nodes[bottom], slid)[:, 0])
     return moved(nodes, slid) + np.asarray(filled(nodes))
 
 

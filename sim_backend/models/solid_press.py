@@ -1,4 +1,4 @@
-"""A press into a solid scene: meshes refined until force and pulse stand still."""
+"""A press into a solid scene: meshes refined until force and pulse converge."""
 
 from collections.abc import Sequence
 from dataclasses import replace

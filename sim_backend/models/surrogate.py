@@ -2,8 +2,9 @@
 
 What `sim_backend.models.trained_states` solves is kept: the logarithms of force and stress go
 through tensor-product splines, cubic over all; between places a fine table of them is linear.
-States that were held back measure the error. The table is kept on disk under the scene's content,
-so the second use costs nothing. Outside the grid nothing is extrapolated: the full model answers.
+Validation states, outside the grid, measure the error. The table is kept on disk under the scene's
+content, so the second use costs nothing. Outside the grid nothing is extrapolated: the full model
+answers.
 """
 
 from dataclasses import dataclass
@@ -22,12 +23,12 @@ from sim_backend.models.kept_tables import kept_table, table_file
 from sim_backend.models.response import levels_pa
 from sim_backend.models.second_process import all_answers
 from sim_backend.models.trained_states import (
-    HELD_NEAR,
     SHALLOWEST_M,
-    held,
+    VALIDATION_NEAR,
     influences,
     solve_grid,
     states,
+    validation,
 )
 from sim_backend.scene.scene_file import Scene, SceneError
 
@@ -39,7 +40,7 @@ PLACE_STEP_M = 0.5e-3
 FINER = 3
 """As many steps at least between two places that are solved: over a narrow bump they are close."""
 SAFETY = 2.0
-"""The stated error is this times the largest seen on states held back."""
+"""The stated error is this times the largest seen on validation states."""
 TABLE = 7
 """Number of the way of training; a table trained in another way is not used."""
 
@@ -49,7 +50,7 @@ class Surrogate:
     """A `sim_backend.models.force_model.ForceModel`. Outside its ``range`` force and stress come
     from the full model; slopes and errors are known inside only.
 
-    ``force_error_pct`` and ``pulse_error_pct`` bound what held-back states showed; a pulse is the
+    ``force_error_pct`` and ``pulse_error_pct`` bound what validation states showed; a pulse is the
     change of force between the ends of the wave, against 1 % of the force where it is smaller (of a
     solid 2 %).
     """
@@ -97,19 +98,19 @@ class Surrogate:
         self.range.check(x_m, depth_m, low_pa, z_m)
         self.range.check(x_m, depth_m, high_pa, z_m)
         low, high = (self.force_n(x_m, depth_m, p, z_m) for p in (low_pa, high_pa))
-        small = held(self.scene).small_pulse
+        small = validation(self.scene).small_pulse
         pulse = np.maximum(np.abs(high - low), small * np.maximum(low, high))
         return np.asarray(np.where(low == high, 0.0, 0.01 * self.pulse_error_pct * pulse))
 
     def _points(
         self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike, z_m: ArrayLike
     ) -> Array:
-        """Coordinates (..., 4) of the splines, held to the range."""
+        """Coordinates (..., 4) of the splines, clamped to the range."""
         known, at = self.range, (x_m, z_m, depth_m, pressure_pa)
         ends = known.x_m, known.z_m, known.depth_m, known.pressure_pa
         points = np.empty((*np.broadcast_shapes(*map(np.shape, at)), len(at)))
-        for axis, (asked, held_to) in enumerate(zip(at, ends, strict=True)):
-            points[..., axis] = np.clip(asked, *held_to)
+        for axis, (asked, limits) in enumerate(zip(at, ends, strict=True)):
+            points[..., axis] = np.clip(asked, *limits)
         points[..., 2] = np.log(points[..., 2])
         return points
 
@@ -162,9 +163,9 @@ def cache_file(scene: Scene, max_depth_m: float) -> Path:
 
 
 def train(scene: Scene, max_depth_m: float) -> dict[str, Array]:
-    """Solve the grid and the states held back."""
+    """Solve the grid and the validation states."""
     table = solve_grid(scene, max_depth_m)
-    return table | {"errors": _held_back(scene, table)}
+    return table | {"errors": _validation_errors(scene, table)}
 
 
 def _from_table(scene: Scene, table: dict[str, Array]) -> Surrogate:
@@ -210,10 +211,10 @@ def _spline(axes: tuple[Array, ...], values: Array) -> NdBSpline:
     return NdBSpline(tuple(knots), values, tuple(orders))
 
 
-def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
+def _validation_errors(scene: Scene, table: dict[str, Array]) -> Array:
     """Largest error of force and of pulse [%] over random states, times `SAFETY`."""
     model = _from_table(scene, table)
-    known, kept = model.range, held(scene)
+    known, kept = model.range, validation(scene)
     rng = np.random.default_rng(len(table["x"]))
     _, *ends = levels_pa(scene)
     beats = np.array(ends) if scene.arteries else np.zeros(1)
@@ -223,7 +224,7 @@ def _held_back(scene: Scene, table: dict[str, Array]) -> Array:
         x_m = max(bump.low, known.x_m[0]), min(bump.high, known.x_m[1])
         z_m = max(bump.along[0], known.z_m[0]), min(bump.along[1], known.z_m[1])
         seen = sum(x_m[0] <= x <= x_m[1] and z_m[0] <= z <= z_m[1] for x, z, _ in places)
-        lacking = round(HELD_NEAR * kept.states) - seen
+        lacking = round(VALIDATION_NEAR * kept.states) - seen
         if x_m[0] < x_m[1] and z_m[0] <= z_m[1] and lacking > 0:
             places += _spread(rng, lacking, x_m, z_m, known.depth_m)
     tasks = [(scene, *place, beats, True) for place in places]

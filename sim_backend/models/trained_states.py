@@ -48,7 +48,7 @@ PRESSURE_NODES = 3
 COARSER = 1.4
 """Element size over the usual one: 0.15 % of the force for a fifth of the time."""
 FINER = 1.5
-"""Element size over that of what is held back."""
+"""Element size over that of validation states."""
 
 NEAR_SHARE, END_SHARE, FAR_SHARE, STEP_GROWTH = 0.25, 0.2, 1 / 3, 0.3
 """Between places of a solid: at an inclusion over its depth, at a side, an end and far from all
@@ -61,7 +61,7 @@ LEAST_SHARE = 0.25
 meet a spline would swing."""
 MOST_PLACES = 200
 """Of a section that are solved, at 0.2 to 1 s each: steps over the narrowest bumps are longer, and
-the states held back say what that leaves."""
+the validation states say what that leaves."""
 SHALLOWEST = 1
 """First of `solid_response.DEPTHS` that a solid's model knows. Above it contact is narrow for the
 mesh: 0.65 mm deep in TIHA-solid, 11 mm beside the vessel, three first meshes give a pulse 2 % below
@@ -81,15 +81,15 @@ LONG_S = 1200.0
 """Training that will take longer says so."""
 
 
-HELD_BACK = 10
+VALIDATION_STATES = 10
 """States that measure the error of a section's model; of a solid's, which take longer, half."""
-HELD_NEAR = 0.4
+VALIDATION_NEAR = 0.4
 """Share of as many that lie over each inclusion at least, else there are more states: ten over
 64 mm rarely meet a bump 1 mm wide, which was off by 12 % where 0.7 % was stated."""
 
 
-class Held(NamedTuple):
-    """States that are held back: how many; what is stated of force and pulse at least [%]; and the
+class Validation(NamedTuple):
+    """Validation states: how many; what is stated of force and pulse at least [%]; and the
     share of the force against which a smaller pulse is judged."""
 
     states: int
@@ -97,13 +97,13 @@ class Held(NamedTuple):
     small_pulse: float
 
 
-def held(scene: Scene) -> Held:
+def validation(scene: Scene) -> Validation:
     """A section's mesh misses 0.2 % of force and 2 % of pulse; a solid's what `solid_response`
     says, and far from TIHA-solid's vessel 1 mN of a pulse of 8 mN and a force of 0.9 N."""
     if scene.plane != "solid":
-        return Held(HELD_BACK, (0.2, 2.0), 0.01)
+        return Validation(VALIDATION_STATES, (0.2, 2.0), 0.01)
     left = solid_response.LEFT
-    return Held(HELD_BACK // 2, (100 * left.rest, 100 * left.change), 0.02)
+    return Validation(VALIDATION_STATES // 2, (100 * left.rest, 100 * left.change), 0.02)
 
 
 def solve_grid(scene: Scene, max_depth_m: float) -> dict[str, Array]:

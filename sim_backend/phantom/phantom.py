@@ -1,4 +1,4 @@
-"""One world: where the tip is, how the lumen beats, and what the tip therefore feels.
+"""The phantom: where the tip is, the lumen's pressure, and the force on the tip.
 
 The simulated stage moves in it and the simulated sensor feels it, so place, time and force agree.
 The answer for any time is computed from the trajectory, never stepped: reading in small or large

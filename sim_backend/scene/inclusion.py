@@ -68,7 +68,7 @@ class Artery(_Round):
         return self.inner_diameter_mm / 2 + self.wall_mm
 
     def centre_mm(self, z_mm: float) -> tuple[float, float]:
-        """x and depth of the centre in the section at z: of a path, held beyond its ends."""
+        """x and depth of the centre in the section at z: of a path, constant beyond its ends."""
         if not self.path:
             return super().centre_mm(z_mm)
         z, x, depth = np.array(self.path).T

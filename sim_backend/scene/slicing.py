@@ -10,7 +10,7 @@ from sim_backend.scene.table import beyond_a_file
 def section_at(scene: Scene, z_mm: float) -> Scene:
     """The scene cut at ``z_mm``; the same object if nothing varies along z.
 
-    A vessel's ``path`` gives its interpolated centre (held beyond its ends), a stenosis with
+    A vessel's ``path`` gives its interpolated centre (constant beyond its ends), a stenosis with
     ``z_mm`` lies only in that stretch, and a lump with ``z_mm`` is a sphere: its cut is a circle
     of radius sqrt(r^2 - dz^2), or nothing. A solid is not cut but moved by -``z_mm``, as it is
     pressed above z = 0. Raises `SceneError` beyond a solid's ends.

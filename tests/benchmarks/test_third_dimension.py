@@ -1,6 +1,5 @@
 """The page of solids shows the table that is kept, and no other."""
 
-import solid_rows
 from kept import ROOT, read
 from third_dimension import TABLE, in_words
 
@@ -10,4 +9,3 @@ def test_the_page_s_table_is_the_kept_one() -> None:
     rows = read(TABLE)
     assert in_words(rows) in page
     assert f"{len(rows)} of its 48 cells" in page
-    assert solid_rows.in_words(read(solid_rows.OUT)) in page

@@ -1,4 +1,4 @@
-"""What an object is: its contrast and pulse against the population of solved ones."""
+"""The kind of an object: its contrast and pulse compared with a population of solved ones."""
 
 import math
 from dataclasses import dataclass

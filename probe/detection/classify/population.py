@@ -1,4 +1,4 @@
-"""What vessels and lumps answer, solved for random ones: the population that kinds are judged by.
+"""The population that kinds are judged by: random vessels and lumps, solved.
 
 ``python -m probe.detection.classify.population FILE`` solves it again (about 10 minutes on one
 core). A sample is the contrast,

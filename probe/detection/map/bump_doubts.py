@@ -1,4 +1,4 @@
-"""How well the heights and places of a row's bumps are known."""
+"""Uncertainty of the heights and places of a row's bumps."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Spots in a map of presses at any places (x, y): what rows are to a grid, without the rows."""
+"""Spots in a map of presses at any places (x, y), which form no rows."""
 
 from dataclasses import dataclass
 
@@ -45,13 +45,14 @@ class Spot:
 @dataclass(frozen=True)
 class Map:
     """Presses at ``place_m`` (n, 2), and values (n,) with their standard deviations (n,).
-    ``base`` (n, k) are the columns under the spots with what holds each (k,)."""
+    ``base`` (n, k) are the columns under the spots, ``prior_weight`` (k,) the inverse standard
+    deviations of their priors."""
 
     place_m: Array
     value: Array
     sd: Array
     base: Array
-    held: Array
+    prior_weight: Array
     spacing_m: float
 
     @property
@@ -78,8 +79,8 @@ def map_of(place_m: Array, value: Array, sd: Array, *, curved: bool = True) -> M
     u = (place_m - place_m.mean(axis=0)) / widest_m
     one, x, y = np.ones(len(u)), u[:, 0], u[:, 1]
     columns = np.column_stack([one, x, y, x * x, x * y, y * y] if curved else [one])
-    held = np.array([0.0, 0.0, 0.0, *[1 / CURVATURE] * 3])[: columns.shape[1]]
-    return Map(place_m, value, sd, columns, held / level_of(value), spacing_m(place_m))
+    weight = np.array([0.0, 0.0, 0.0, *[1 / CURVATURE] * 3])[: columns.shape[1]]
+    return Map(place_m, value, sd, columns, weight / level_of(value), spacing_m(place_m))
 
 
 def find_spots(
@@ -172,7 +173,7 @@ def _centres(seen: Map) -> Array:
 def weighted(seen: Map, known: list[Array]) -> tuple[Array, Array, Array, Array]:
     """Columns, and weighted with what holds them: columns, values, residual."""
     columns = np.column_stack([seen.base, *(shape(seen.place_m, one) for one in known)])
-    prior = np.diag(np.append(seen.held, np.zeros(len(known))))
+    prior = np.diag(np.append(seen.prior_weight, np.zeros(len(known))))
     a = np.vstack([columns / seen.sd[:, None], prior])
     b = np.append(seen.value / seen.sd, np.zeros(len(prior)))
     q, _ = np.linalg.qr(a)
@@ -216,9 +217,11 @@ def _spots(seen: Map, known: list[Array], chances: list[float]) -> list[Spot]:
             rise = shape(seen.place_m, spot + step) - shape(seen.place_m, spot - step)
             slopes.append(height * rise / 2e-3 / spot[2])
     jacobian = np.column_stack([columns, *slopes]) / seen.sd[:, None]
-    held = np.zeros((k, jacobian.shape[1]))
-    held[:, :k] = np.diag(seen.held)
-    sd = scatter * np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian + held.T @ held)))
+    prior_rows = np.zeros((k, jacobian.shape[1]))
+    prior_rows[:, :k] = np.diag(seen.prior_weight)
+    sd = scatter * np.sqrt(
+        np.diag(np.linalg.pinv(jacobian.T @ jacobian + prior_rows.T @ prior_rows))
+    )
     wide = float(stdtrit(dof + TRUSTED, 0.975))
     under = columns[:, :k] @ coefficients[:k]
     found = []

@@ -1,4 +1,4 @@
-"""What else a map of presses at any places may show than a spot: a step, or a ridge across it."""
+"""Rivals of a spot in a map of presses at any places: a step, or a ridge across it."""
 
 import numpy as np
 

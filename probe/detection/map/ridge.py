@@ -1,4 +1,4 @@
-"""A vessel's course through a map of presses at any places: what pulses along a line."""
+"""A vessel's path through a map of presses at any places: a line of pulses."""
 
 from dataclasses import dataclass, replace
 
@@ -74,8 +74,8 @@ def find_ridge(seen: Map, spots: list[Spot]) -> Ridge | None:
     p_value = chance(alone, as_line, UNKNOWNS, count - seen.base.shape[1], round(lines))
     near = at + seen.spacing_m * np.linspace(-1, 1, 81)
     left = [_fit(seen, bump(across, one, width)[:, None])[0] for one in near.tolist()]
-    held = near[np.array(left) < as_line + NORMAL_95**2 * scatter].tolist()
-    reach = max(abs(one - at) for one in [*held, at + seen.spacing_m / 80])
+    inside = near[np.array(left) < as_line + NORMAL_95**2 * scatter].tolist()
+    reach = max(abs(one - at) for one in [*inside, at + seen.spacing_m / 80])
     course = _crossed(seen.place_m, angle, at)
     if len(course) < 2:
         return None
@@ -85,8 +85,8 @@ def find_ridge(seen: Map, spots: list[Spot]) -> Ridge | None:
 
 def _best_line(seen: Map) -> tuple[float, tuple[float, float, float]]:
     """What the best line that rises leaves of the map; its direction, place and half width."""
-    k = len(seen.held)
-    a = np.vstack([seen.base / seen.sd[:, None], np.diag(seen.held)])
+    k = len(seen.prior_weight)
+    a = np.vstack([seen.base / seen.sd[:, None], np.diag(seen.prior_weight)])
     q, _ = np.linalg.qr(a)
     rest = np.append(seen.value / seen.sd, np.zeros(k))
     rest -= q @ (q.T @ rest)
@@ -140,7 +140,7 @@ def _fit(seen: Map, columns: Array) -> tuple[float, float, float]:
     k = columns.shape[1]
     a = np.vstack([
         np.column_stack([seen.base, columns]) / seen.sd[:, None],
-        np.diag(np.append(seen.held, np.zeros(k))),
+        np.diag(np.append(seen.prior_weight, np.zeros(k))),
     ])  # fmt: skip
     b = np.append(seen.value / seen.sd, np.zeros(len(a) - len(seen.value)))
     inverse = np.linalg.pinv(a)

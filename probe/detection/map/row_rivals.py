@@ -1,4 +1,4 @@
-"""What else a row of stations may show than a bump: one odd press, waves, far edges or a step."""
+"""Rivals of a bump in a row of stations: one odd press, waves, far edges or a step."""
 
 from collections.abc import Callable
 

@@ -1,7 +1,7 @@
-"""How far what lies beneath has moved aside when a press finds it: its place's interval is wider.
+"""How far an object has moved sideways under a press, which widens the interval of its place.
 
-A block that slides on its support is held at its middle, and a probe squeezes everything beneath it
-away from there; one that is bonded to its support hardly moves. Which of the two a scan is of is
+A block that slides on its support is fixed at its middle, and a probe squeezes everything beneath
+it away from there; one that is bonded to its support hardly moves. Which of the two a scan is of is
 seldom known, so that a place's interval reaches inwards by what a sliding block may have moved.
 """
 

@@ -1,4 +1,4 @@
-"""Objects of neighbouring rows that are one: a vessel's course, and where it is stenosed."""
+"""Objects of neighbouring rows linked to one vessel: its path, and where it is stenosed."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A pulse beside a breath: both move the tissue at once in whoever breathes.
+"""A pulse beside breathing, which moves the tissue at the same time.
 
 Alone, neither explains such a hold: the breath is noise to the pulse, and breathing with harmonics
 enough for both the likelier cause. So a pulse is also judged with a breath's harmonics taken out.
@@ -18,8 +18,9 @@ BREATHING_HZ = (0.1, 0.6)
 MOST_BESIDE = 2
 """Harmonics of a breath beside a pulse: further ones are at the rates of hearts."""
 BESIDE_MEMORIES = (0.0,)
-"""Noise beside a breath is white: a breath and a wandering noise would both explain what is slow.
-Of ten random walks in 80 that pass as a pulse two are taken for one; with wandering noise five."""
+"""Noise beside a breath is white: a breath and a random walk would both explain what is slow.
+Of ten random walks in 80 that pass as a pulse two are taken for one; were noise to be a random walk
+too, five."""
 
 
 def beside_breathing(hold: Coarse, slowest_hz: float, fastest_hz: float) -> tuple[Coarse, float]:

@@ -1,4 +1,4 @@
-"""The calm half of a hold in which something else moved once: an artery beats on when a hand rests.
+"""The calm half of a hold in which something else moved once, such as a hand.
 
 A movement larger than the pulse is noise to the search, and explains the hold better than a pulse
 does. So where one half swings much less than the other, it is also looked at by itself.

@@ -1,4 +1,4 @@
-"""What moves in a hold: a pulse, or breathing, a machine's line, motion, tremor.
+"""The cause of a movement in a hold: a pulse, or breathing, a machine's line, motion, tremor.
 
 Each is a model of the same hold with an evidence of its own, so that what passes as a pulse is
 judged by its shape: a fast rise and a slow fall again and again, and nothing slower beneath.

@@ -1,4 +1,4 @@
-"""One joint fit of a hold: relaxation, drift and a periodic pulse, in noise that may wander.
+"""One joint fit of a hold: relaxation, drift and a periodic pulse, in white or coloured noise.
 
 Relaxation is a sum of exponentials with weights >= 0 over a grid of times: any completely monotone
 decay, and nothing that could oscillate. So no filter is needed, though the fastest relaxation and

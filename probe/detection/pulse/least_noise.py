@@ -1,4 +1,4 @@
-"""The least noise of a hold: tissue relaxes as no sum of decays does to the last digit.
+"""The least noise assumed in a hold, since no sum of decays fits relaxing tissue to the last digit.
 
 What a fit leaves of a relaxation has a shape, and without noise it would pass for a pulse however
 small: three decays read without noise leave 5e-5 of the level, trough to crest.

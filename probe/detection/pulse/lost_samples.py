@@ -1,4 +1,4 @@
-"""Samples that are none: spikes, and stretches in which a sensor had nothing to say."""
+"""Samples that are not measurements: spikes, and gaps that a sensor filled."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""What neighbouring presses say together of one heart's pulse that is too faint for each alone."""
+"""Evidence pooled over neighbouring presses, for a pulse that is too faint for each alone."""
 
 from collections.abc import Sequence
 

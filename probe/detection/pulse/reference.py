@@ -1,4 +1,4 @@
-"""A pulse known from beside: a PPG or ECG gives the beats, so that only size and shape are open."""
+"""A pulse with a reference: a PPG or ECG gives the beats; size and shape are unknown."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What a sensor's steps make of a level that drifts: a sawtooth that beats, and is no pulse.
+"""Quantisation of a drifting level: a sawtooth that looks like a pulse.
 
 A smooth level s, read in steps q with noise of a standard deviation sigma, is off on average by the
 sum over k of (-1)^k q / (pi k) exp(-2 (pi k sigma / q)^2) sin(2 pi k s / q) (Widrow & Kollar 2008,

@@ -1,4 +1,4 @@
-"""The search for a pulse in a hold: how well one explains it at each rate that hearts have."""
+"""The search for a pulse in a hold: how well one explains it at each possible heart rate."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass

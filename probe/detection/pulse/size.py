@@ -1,4 +1,4 @@
-"""How large a pulse is, and how surely, in tissue that relaxes by nobody knows how much.
+"""The size of a pulse and its interval, in tissue that relaxes by an unknown amount.
 
 In a hold of one beat a slow decay looks much like the pulse, so that the interval depends on what
 is believed of relaxation. A fit that switches decays on and off would be sure where it has none and

@@ -27,7 +27,7 @@ class BondedContact:
 
     @cached_property
     def bonded(self) -> Bools:
-        """Which nodes (s,) are held."""
+        """Which nodes (s,) are bonded."""
         return np.isfinite(self.held_at_m)
 
     @property
@@ -37,7 +37,7 @@ class BondedContact:
         return np.asarray(np.where(self.bonded, self.penalty, 0.0)[:, None, None] * along)
 
     def add_force(self, u: Array, total: Array) -> None:
-        """Add to ``total`` (size,) what the springs bear at displacements ``u`` (n, 2) [m]."""
+        """Add to ``total`` (size,) the springs' force at displacements ``u`` (n, 2) [m]."""
         slip = np.where(self.bonded, u[self.nodes, 0] - self.held_at_m, 0.0)
         total[2 * self.nodes] += self.penalty * slip
 

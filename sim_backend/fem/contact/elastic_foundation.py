@@ -13,7 +13,8 @@ MAX_STRAIN = 0.5
 def surface_share(mesh: Mesh, cells: Cells) -> Array:
     """Length (s,) [m] of surface whose even pressure is the force of each of ``mesh.surface``.
 
-    A quadratic side bears a sixth, two thirds and a sixth (Simpson's rule), a linear one halves.
+    The nodes of a quadratic side carry a sixth, two thirds and a sixth of its force (Simpson's
+    rule), those of a linear one halves.
     """
     length = np.hypot(*np.diff(mesh.nodes[mesh.surface], axis=0).T)
     share = np.zeros(len(mesh.surface))

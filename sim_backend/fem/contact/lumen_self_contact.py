@@ -1,6 +1,6 @@
 """A lumen that closes: its upper wall comes to rest on its lower wall.
 
-Upper nodes meet lower sides (node to segment, one pass, so that nothing is held twice),
+Upper nodes meet lower sides (node to segment, one pass, so that nothing is constrained twice),
 frictionless. The pressure goes on acting between walls that touch, as a film of blood would.
 """
 
@@ -103,7 +103,7 @@ def nearest_walls(both: Walls, place: Array) -> NearestWalls:
 
 def wall_gaps(both: Walls, place: Array) -> tuple[Array, Array]:
     """Gap (a,) [m] from each upper node to the lower wall for ``place`` (l, 2), and its gradient
-    (a, 2l) by the loop's displacements, the normal held."""
+    (a, 2l) by the loop's displacements, the normal fixed."""
     found = nearest_walls(both, place)
     row, normal = np.arange(len(both.upper)), found.normal
     gradient = np.zeros((len(row), len(place), 2))

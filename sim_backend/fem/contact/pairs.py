@@ -35,7 +35,7 @@ class ContactPairs:
         return penalty / (1 + penalty * self.compliance)
 
     def add_force(self, multiplier: Array, total: Array) -> None:
-        """Add to ``total`` (size,) the force on the body when pairs bear ``multiplier`` (k,)."""
+        """Add to ``total`` (size,) the force on the body when pairs carry ``multiplier`` (k,)."""
         shared = len(self.dofs) != len(self.gap)
         each = multiplier @ self.gradient if shared else multiplier[:, None] * self.gradient
         total[self.dofs] += each  # no two pairs have a node in common, unless they share all

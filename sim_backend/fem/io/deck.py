@@ -146,7 +146,7 @@ def _support(section: Section) -> Iterator[str]:
         yield str(len(nodes))
         yield from (f"{n}, 1, {w:.9e}" for n, w in zip(1 + nodes, weights, strict=True))
     yield "*BOUNDARY"
-    yield from (f"{d // 2 + 1}, {d % 2 + 1}, {d % 2 + 1}, 0." for d in section.held)
+    yield from (f"{d // 2 + 1}, {d % 2 + 1}, {d % 2 + 1}, 0." for d in section.fixed)
     if len(section.mesh.resting):
         yield "SUPPORT, 1, 2, 0."
 

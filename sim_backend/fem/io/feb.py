@@ -234,12 +234,12 @@ def _surface(mesh: Element, name: str, kind: str, faces: Iterable[Ints]) -> str:
 
 def _support(parent: Element, mesh: Element, section: Section, slab: _Slab) -> None:
     planes = np.arange(slab.count) if section.plane_stress else np.arange(len(slab.nodes))
-    held = {
-        "x": slab.above(section.held[section.held % 2 == 0] // 2),
-        "y": slab.above(section.held[section.held % 2 == 1] // 2),
+    fixed = {
+        "x": slab.above(section.fixed[section.fixed % 2 == 0] // 2),
+        "y": slab.above(section.fixed[section.fixed % 2 == 1] // 2),
         "z": planes,
     }
-    for axis, nodes in held.items():
+    for axis, nodes in fixed.items():
         if len(nodes):
             name = _node_set(mesh, f"held_{axis}", nodes)
             bc = _add(parent, "bc", name=name, type="zero displacement", node_set=name)

@@ -58,7 +58,7 @@ def held_average(section: Section) -> tuple[Ints, Array]:
     The heaviest is the one that a solver eliminates. Empty where the support holds them anyway.
     """
     hold = section.sliding
-    if not hold.weight.size or np.isin(hold.dofs[0], section.held).all():
+    if not hold.weight.size or np.isin(hold.dofs[0], section.fixed).all():
         return np.empty(0, dtype=np.int64), np.empty(0)
     order = np.argsort(-hold.weight)
     return hold.dofs[0][order] // 2, hold.weight[order]

@@ -20,7 +20,7 @@ def unit_pressure(
 
 class Fronts:
     """A `sim_backend.fem.assembly.Solver` of ``groups`` of element matrices, of which the
-    ``symmetric`` ones are so; all but the ``free`` displacements of ``size`` are held."""
+    ``symmetric`` ones are so; all but the ``free`` displacements of ``size`` are fixed."""
 
     def __new__(
         cls, size: int, groups: tuple[Ints, ...], symmetric: tuple[bool, ...], free: Ints, /

@@ -61,7 +61,7 @@ Fronts *plan_fronts(int size, Groups groups, int unknowns, const long long *free
 void free_fronts(Fronts *fronts);
 /* Whether all pivots are numbers other than zero. `matrices[g]` (count[g], width[g], width[g]). */
 int factor_fronts(Fronts *fronts, const int *width, const double *const *matrices);
-/* Displacements `x` under `force`, both (size,); what is held is not touched. */
+/* Displacements `x` under `force`, both (size,); fixed ones stay. */
 void solve_fronts(const Fronts *fronts, const double *force, double *x);
 
 #endif

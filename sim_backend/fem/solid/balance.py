@@ -1,4 +1,4 @@
-"""What a deformed body holds against the finger: wedges, lumens under pressure, and what leans."""
+"""Balance of a deformed body: forces of wedges, lumens under pressure, average constraints."""
 
 import numpy as np
 

@@ -14,11 +14,12 @@ from sim_backend.fem.solid.prism import Wedges
 
 @dataclass(frozen=True)
 class Body:
-    """``shear`` and ``bulk`` (m,) [Pa] per wedge; ``held`` displacement numbers are zero.
+    """``shear`` and ``bulk`` (m,) [Pa] per wedge; ``fixed`` displacement numbers are zero.
 
     ``surface`` (s,) are the nodes that the finger may touch. ``leaning`` are averages of
-    displacements that are held, as (stiffness [N/m], weights (3n,)): a block slides on its support,
-    but not on average. ``share`` is the part of the whole body that is modelled, by symmetry.
+    displacements that springs fix, as (stiffness [N/m], weights (3n,)): a block slides on its
+    support, but not on average. ``share`` is the part of the whole body that is modelled, by
+    symmetry.
     ``contact_m`` is the element size in the contact, ``tissue_pa`` the modulus there: together they
     scale contact stiffness and tolerances. ``prism`` are the section's nodes (c, 2) and the planes
     (p,) along z that were extruded, [m], before lumps were bent: n = p c. ``thrust`` (3n,) [m2] are
@@ -29,7 +30,7 @@ class Body:
     region: Ints
     shear: Array
     bulk: Array
-    held: Ints
+    fixed: Ints
     lumens: tuple[Faces, ...]
     surface: Ints
     leaning: tuple[tuple[float, Array], ...]
@@ -49,7 +50,7 @@ class Body:
         """Displacement numbers that are solved for."""
         free = np.zeros(self.size, dtype=bool)
         free[self.wedges.dofs] = True
-        free[self.held] = False
+        free[self.fixed] = False
         return np.flatnonzero(free)
 
     @property
@@ -59,4 +60,4 @@ class Body:
     def solver(self) -> LinearSolver:
         """Groups of blocks: wedges, each lumen's faces, the surface."""
         groups = [self.wedges.cells, *(f.nodes for f in self.lumens), self.surface[:, None]]
-        return LinearSolver(self.wedges.nodes, groups, self.held, list(self.leaning))
+        return LinearSolver(self.wedges.nodes, groups, self.fixed, list(self.leaning))

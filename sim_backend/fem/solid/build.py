@@ -38,9 +38,9 @@ block's height, and those at an inclusion over its radius. With two thirds of al
 under a ball of 5 mm is within 0.3 % of CalculiX in force and 0.1 % in pulse."""
 EDGE, EDGE_GROWTH = 0.75, 0.9
 """Layers where a finger's end is rounded, over the radius of that, on the mesh of `SHARE`; and how
-fast they grow from there. One node on an end of 1 mm between layers of 1.8 mm bears so much that it
-slides over it: TIHA in 30 mm, a cylinder 12 mm beside the vessel, gives a pulse 20 % smaller than
-with these layers, which are a fifth of the unknowns more, or with still finer ones."""
+fast they grow from there. One node on an end of 1 mm between layers of 1.8 mm carries so much that
+it slides over it: TIHA in 30 mm, a cylinder 12 mm beside the vessel, gives a pulse 20 % smaller
+than with these layers, which are a fifth of the unknowns more, or with still finer ones."""
 FAR = 1.5
 """How far from where elements are largest they grow on, over the block's height. Without that, thin
 wide blocks were refused: a ball on 66 x 67 x 8 mm makes 104,339 unknowns in place of 57,391, for
@@ -55,7 +55,7 @@ LEAST_LAYER = 0.01
 end is moved onto what is nearer. An end 0.1 um from the finger made the tangent singular; one
 20 um from it, of a vessel of 2 mm, changes the pulse by 0.6 %."""
 HOLD_STIFFNESS = 100.0
-"""Of an average that is held, over the tissue's modulus times the width of the hold."""
+"""Stiffness that fixes an average, over the tissue's modulus times the width of the hold."""
 
 
 @dataclass(frozen=True)
@@ -338,14 +338,14 @@ def _room_mm(scene: Scene, one: Tumour) -> float:
 
 
 def _held(scene: Scene, nodes: Array, span: _Span) -> Ints:
-    """The bottom rests on its support; symmetry and held ends keep their places along z."""
+    """The bottom rests on its support; symmetry and fixed ends keep their places along z."""
     assert scene.tissue is not None
-    held = [3 * np.flatnonzero(nodes[:, 1] < 1e-9) + 1]
+    fixed = [3 * np.flatnonzero(nodes[:, 1] < 1e-9) + 1]
     levels = [span.low] if span.halved else []
     if scene.tissue.ends == "held":
         levels += [span.low, span.high]
-    held += [3 * np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9) + 2 for z in levels]
-    return np.unique(np.concatenate(held))
+    fixed += [3 * np.flatnonzero(np.abs(nodes[:, 2] - z) < 1e-9) + 2 for z in levels]
+    return np.unique(np.concatenate(fixed))
 
 
 def _leaning(scene: Scene, nodes: Array, span: _Span) -> tuple[tuple[float, Array], ...]:

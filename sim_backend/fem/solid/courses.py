@@ -113,11 +113,11 @@ def _followed(mesh: Mesh, now: Array, known: Ints, way: Array, height_m: float) 
     width_m = mesh.nodes[:, 0].max()
     found = np.zeros_like(now)
     for axis, end in ((0, width_m), (1, height_m)):
-        held = np.abs(mesh.nodes[:, axis] - end / 2) > end / 2 - 1e-9
-        held |= mesh.nodes[:, 1] > height_m - 1e-9
+        fixed = np.abs(mesh.nodes[:, axis] - end / 2) > end / 2 - 1e-9
+        fixed |= mesh.nodes[:, 1] > height_m - 1e-9
         found[known, axis] = way[:, axis]
-        held[known] = True
-        free = np.flatnonzero(~held)
+        fixed[known] = True
+        free = np.flatnonzero(~fixed)
         right = -(stiffness @ found[:, axis])[free]
         found[free, axis] = splu(csc_matrix(stiffness[free][:, free])).solve(right)
     return found

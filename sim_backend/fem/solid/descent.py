@@ -1,11 +1,11 @@
-"""How far to go along a step of Newton's method, so that energy falls and goes on falling.
+"""Line search along a step of Newton's method, on the energy.
 
-Where a finger's edge is rounded by less than the elements are long, a node that lies on it bears
-what its whole surroundings bear. The edge's curvature then takes as much from the tangent as the
-tissue adds: as the finger sinks or the pressure rises, the node's place of balance vanishes, and
-it slides over the edge. Plain steps leap to and fro where it was. TIHA in 30 mm under a cylinder of
-5 x 10 mm, 12 mm beside the vessel: at 117 mmHg the least imbalance there is 4e-5 of the force, and
-beyond the node's slide the force is 0.3 % smaller.
+Where a finger's edge is rounded by less than the elements are long, a node that lies on it carries
+the contact force of its whole surroundings. The edge's curvature then takes as much from the
+tangent as the tissue adds: as the finger sinks or the pressure rises, the node's place of balance
+vanishes, and it slides over the edge. Plain steps leap to and fro where it was. TIHA in 30 mm under
+a cylinder of 5 x 10 mm, 12 mm beside the vessel: at 117 mmHg the least imbalance there is 4e-5 of
+the force, and beyond the node's slide the force is 0.3 % smaller.
 """
 
 import numpy as np

@@ -103,8 +103,8 @@ def _best_cut(belongs: csr_matrix, middles: Array) -> tuple[Bools, Bools, Bools]
     for at in middles.T:
         for cut in np.unique(np.quantile(at, CUTS)):
             before = at < cut
-            held = belongs @ before.astype(np.float32)
-            low, high = held == count, held == 0
+            inside = belongs @ before.astype(np.float32)
+            low, high = inside == count, inside == 0
             between = len(count) - int(low.sum()) - int(high.sum())
             if between < fewest and min(low.sum(), high.sum()) > 0.2 * len(count):
                 best, fewest = (before, low, high), between

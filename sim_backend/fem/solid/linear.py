@@ -1,4 +1,4 @@
-"""Sparse tangents of solids: one pattern, single-precision factors now and then, Krylov always.
+"""Sparse tangents of solids: one pattern, single-precision factors as preconditioner of GMRES.
 
 Factors of an earlier tangent precondition GMRES (Saad and Schultz 1986) on the present one in
 double precision. New factors are made where that takes too long.
@@ -27,12 +27,12 @@ class LinearSolver:
     """Solves for the displacements of ``nodes`` (n, 3) that ``groups`` of node numbers (m, k) join:
     elements, and after them what lies on their sides.
 
-    ``held`` displacement numbers stay zero. ``leaning`` are (stiffness, weights (3n,)) of averages
-    that are held: dense, so that factors see their diagonals instead.
+    ``fixed`` displacement numbers stay zero. ``leaning`` are (stiffness, weights (3n,)) of averages
+    that are fixed: dense, so that factors see their diagonals instead.
     """
 
     def __init__(
-        self, nodes: Array, groups: list[Ints], held: Ints, leaning: list[tuple[float, Array]]
+        self, nodes: Array, groups: list[Ints], fixed: Ints, leaning: list[tuple[float, Array]]
     ) -> None:
         used = np.zeros(len(nodes), dtype=bool)
         for group in groups:
@@ -58,7 +58,7 @@ class LinearSolver:
         self._plan = Plan(fronts, self._starts, self._columns)
         self._dofs = (3 * np.flatnonzero(used)[order][:, None] + np.arange(3)).ravel()
         still = np.zeros(3 * len(nodes), dtype=bool)
-        still[held] = True
+        still[fixed] = True
         self._still = still[self._dofs].reshape(n, 3)
         touched = self._still.any(axis=1)
         self._partly = np.flatnonzero(touched[rows] | touched[self._columns])
@@ -75,7 +75,7 @@ class LinearSolver:
 
     def matrix(self, blocks: Sequence[Array | Singles]) -> bsr_matrix:
         """The tangent, without what leans, from one (m, 3k, 3k) array per group; one on the
-        diagonal of what is held."""
+        diagonal of what is fixed."""
         flat = np.bincount(
             self._index[0], weights=blocks[0].ravel(), minlength=9 * len(self._columns)
         )
@@ -171,7 +171,7 @@ class LinearSolver:
         return np.asarray(y)
 
     def _leaned(self, factors: Factors) -> Callable[[Array], Array]:
-        """The inverse of what ``factors`` are of and of the averages that are held, by the formula
+        """The inverse of what ``factors`` are of and of the averages that are fixed, by the formula
         of Sherman, Morrison and Woodbury: of the averages ``factors`` have the diagonal only. A
         vessel that runs obliquely through free ends turns the block by its pressure, which those
         alone would not hold."""
@@ -179,8 +179,8 @@ class LinearSolver:
             return factors.solve
         weights = np.array([weight for _, weight in self._leaning])
         gives = np.array([factors.solve(weight) for weight in weights])
-        held = np.diag([1 / s for s, _ in self._leaning]) + weights @ gives.T
-        share = np.linalg.solve(held, gives)
+        capacitance = np.diag([1 / s for s, _ in self._leaning]) + weights @ gives.T
+        share = np.linalg.solve(capacitance, gives)
 
         def solve(right: Array) -> Array:
             x = factors.solve(right)

@@ -16,7 +16,7 @@ def carried(coarse: Body, solution: SolidSolution, fine: Body) -> SolidSolution:
     between planes. The contact force is spread evenly over what touched: Newton's method only
     needs to know where that is."""
     u = _between(coarse, solution.displacement, fine)
-    u.ravel()[fine.held] = 0.0
+    u.ravel()[fine.fixed] = 0.0
     pressed = np.zeros((len(coarse.wedges.nodes), 1))
     pressed[coarse.surface[solution.multiplier > 0]] = 1.0
     within = _between(coarse, pressed, fine)[fine.surface, 0] > 0.5

@@ -177,7 +177,7 @@ def equilibrium(
 
 
 def is_stable(body: Body, solver: LinearSolver, solution: SolidSolution) -> bool | None:
-    """Whether the tangent has no negative eigenvalue, contact held as it is: True where all pivots
+    """Whether the tangent has no negative eigenvalue, contact unchanged: True where all pivots
     are positive, False where a displacement is found that releases energy, None where neither."""
     try:
         lowest = solver.lowest_curvature(_tangent(body, solver, solution))
@@ -209,7 +209,7 @@ def fallen(body: Body, solver: LinearSolver, unstable: SolidSolution) -> SolidSo
 
 
 def _tangent(body: Body, solver: LinearSolver, solution: SolidSolution) -> bsr_matrix:
-    """With contact held as it is."""
+    """With contact unchanged."""
     finger = body.finger.lowered_by(solution.load.depth_m)
     place = body.wedges.nodes + solution.displacement
     _, normal, hessian = finger.gap(place[body.surface])

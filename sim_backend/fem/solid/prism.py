@@ -1,6 +1,6 @@
 """A section's mesh extruded along z into 18-node wedges: six-node triangles times quadratic lines.
 
-All nodes of a wedge's quadrilateral faces bear positive shares of an even pressure (1, 4 and 16
+All nodes of a wedge's quadrilateral faces carry positive shares of an even pressure (1, 4 and 16
 thirty-sixths), which nodal contact needs; serendipity wedges and hexahedra do not have that.
 """
 

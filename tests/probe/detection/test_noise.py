@@ -41,7 +41,7 @@ def walks(knee: float, share: float) -> Noise:
     """The walk and white noise of the highest knee, over the sampling rate, that there is."""
     highest_hz = 8.0
     step_s = knee / highest_hz
-    return [m for m in family(step_s, share * step_s) if m.name == "wander 8 Hz"][-1]
+    return [m for m in family(step_s, share * step_s) if m.name == "random walk 8 Hz"][-1]
 
 
 @pytest.mark.parametrize("step_s", [0.02, 0.1])

@@ -57,7 +57,7 @@ def test_the_fast_model_is_trained_once_for_all_presses(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
-    for name, fewer in (("DEPTH_NODES", 4), ("PRESSURE_NODES", 2), ("HELD_BACK", 3)):
+    for name, fewer in (("DEPTH_NODES", 4), ("PRESSURE_NODES", 2), ("VALIDATION_STATES", 3)):
         monkeypatch.setattr(trained_states, name, fewer)
     trained = []
     train = fast.train

@@ -79,8 +79,8 @@ def layer_factor(ratio: float, poisson: float, *, bonded: bool, ball: bool) -> t
 
 def on_base(section: Section, bonded: bool) -> Section:
     bottom = section.mesh.bottom
-    held = np.union1d(section.held, 2 * bottom) if bonded else section.held
-    return replace(section, held=held)
+    fixed = np.union1d(section.fixed, 2 * bottom) if bonded else section.fixed
+    return replace(section, fixed=fixed)
 
 
 @pytest.mark.parametrize("bonded", [False, True])

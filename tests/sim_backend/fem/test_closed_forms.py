@@ -32,8 +32,8 @@ def tube(shop, element, plane, poisson, wall_m, n):
     body = shop.body(mesh, element, modulus_pa=MODULUS_PA, poisson=poisson, plane=plane)
     flat = 2 * np.flatnonzero(np.abs(body.nodes[:, 1]) < 1e-12) + 1
     upright = 2 * np.flatnonzero(np.abs(body.nodes[:, 0]) < 1e-12)
-    held = np.concatenate([flat, upright])
-    u = body.solve(held, np.zeros_like(body.nodes), np.zeros(body.section.size), p)
+    fixed = np.concatenate([flat, upright])
+    u = body.solve(fixed, np.zeros_like(body.nodes), np.zeros(body.section.size), p)
     r = np.hypot(*body.nodes.T)
     outward = (u * body.nodes).sum(axis=1) / r
     wanted = lame(r, INNER_M, outer, p, poisson, plane)
@@ -108,8 +108,8 @@ def cook(shop, element, poisson, n):
     small = 1e-4
     load = np.zeros(body.section.size)
     load[2 * edge + 1] = small * 100 * share / share.sum()
-    held = shop.dofs(np.flatnonzero(np.abs(body.nodes[:, 0]) < 1e-9))
-    u = body.solve(held, np.zeros_like(body.nodes), load)
+    fixed = shop.dofs(np.flatnonzero(np.abs(body.nodes[:, 0]) < 1e-9))
+    u = body.solve(fixed, np.zeros_like(body.nodes), load)
     return u[edge[-1], 1] / small
 
 

@@ -139,7 +139,7 @@ def test_the_pressure_acts_outwards_on_the_whole_lumen_and_follows_its_curve(tis
 def test_the_support_is_ours(tisa):
     _, section, root = tisa
     n = len(section.mesh.nodes)
-    low_y = {d // 2 for d in section.held if d % 2}
+    low_y = {d // 2 for d in section.fixed if d % 2}
     assert {v for v in node_set(root, "held_y") if v < n} == low_y
     places = nodes_mm(root)
     held_y = places[sorted(node_set(root, "held_y"))]
@@ -150,9 +150,9 @@ def test_the_support_is_ours(tisa):
     for bc in root.iterfind("Boundary/bc[@node_set]"):
         dofs = {axis for axis in "xyz" if bc.findtext(f"{axis}_dof") == "1"}
         assert dofs == {bc.get("node_set")[-1]}
-    (held,) = root.findall("Boundary/bc[@type='linear constraint']")
-    weight = {int(held.findtext("node")) - 1: -1.0}
-    for child in held.iterfind("child_dof"):
+    (fixed,) = root.findall("Boundary/bc[@type='linear constraint']")
+    weight = {int(fixed.findtext("node")) - 1: -1.0}
+    for child in fixed.iterfind("child_dof"):
         assert child.findtext("dof") == "x"
         weight[int(child.findtext("node")) - 1] = float(child.findtext("value"))
     total = sum(weight.values())

@@ -111,8 +111,8 @@ def test_what_a_bonded_finger_has_touched_keeps_its_place() -> None:
 def test_bonding_takes_freedom_away_and_so_stiffens(poisson: float) -> None:
     flat = {"shape": "flat", "width_mm": 6.0, "edge_radius_mm": 0.5}
     free = force(block(poisson=poisson, **flat), 0.6e-3)
-    held = force(block(poisson=poisson, bonded=True, **flat), 0.6e-3)
-    assert 1.002 < held / free < 1.05
+    fixed = force(block(poisson=poisson, bonded=True, **flat), 0.6e-3)
+    assert 1.002 < fixed / free < 1.05
 
 
 def test_a_bonded_finger_is_pressed_at_finite_strain() -> None:

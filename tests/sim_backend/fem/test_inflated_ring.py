@@ -63,9 +63,9 @@ def test_the_wall_goes_where_the_equation_says(shop, plane):
     body = shop.body(mesh, "T6", modulus_pa=MODULUS_PA, poisson=POISSON, plane=plane)
     flat = 2 * np.flatnonzero(np.abs(body.nodes[:, 1]) < 1e-12) + 1
     upright = 2 * np.flatnonzero(np.abs(body.nodes[:, 0]) < 1e-12)
-    held, u = np.concatenate([flat, upright]), np.zeros_like(body.nodes)
+    fixed, u = np.concatenate([flat, upright]), np.zeros_like(body.nodes)
     for share in (0.4, 0.7, 1.0):
-        u = body.solve(held, u, np.zeros(body.section.size), share * PRESSURE_PA)
+        u = body.solve(fixed, u, np.zeros(body.section.size), share * PRESSURE_PA)
     r = np.hypot(*body.nodes.T)
     moved = np.hypot(*(body.nodes + u).T) - r
     for at_m, wanted_m in zip((INNER_M, OUTER_M), by_shooting(plane), strict=True):

@@ -11,7 +11,7 @@ from sim_backend.scene.scene_file import load_scene
 
 
 def inf_sup(shop, element, n):
-    """Smallest non-zero inf-sup value of the unit square, its outline held (Chapelle and Bathe
+    """Smallest non-zero inf-sup value of the unit square, its outline fixed (Chapelle and Bathe
     1993, eq. 24): eigenvalues of B S^-1 B^T, S the H1 norm of displacements, B the volume change
     that each independent pressure sees.
     """

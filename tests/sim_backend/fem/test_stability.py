@@ -75,10 +75,10 @@ def test_a_lone_vessel_feels_the_same_a_little_aside(name: str, contact: str) ->
 
 
 def test_a_block_that_may_lift_lifts_beside_the_finger_and_is_softer() -> None:
-    held = load_scene("TI")
-    lifting = held.model_copy(update={"support": Support(lifts=True)})
+    fixed = load_scene("TI")
+    lifting = fixed.model_copy(update={"support": Support(lifts=True)})
     (_, (fixed,)), (section, (free,)) = (
-        solve_finite(scene, 32e-3, 2.5e-3, [0.0], 1e-3) for scene in (held, lifting)
+        solve_finite(scene, 32e-3, 2.5e-3, [0.0], 1e-3) for scene in (fixed, lifting)
     )
     assert 0.7 * fixed.force_n_per_m < free.force_n_per_m < 0.99 * fixed.force_n_per_m
     bottom = section.mesh.resting

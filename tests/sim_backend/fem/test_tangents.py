@@ -110,7 +110,7 @@ def _section(element="T6", plane="stress"):
 
 
 def test_touching_finger():
-    """Contact blocks are the slope of the contact force while its springs are held closed."""
+    """Contact blocks are the slope of the contact force while its springs stay closed."""
     section = _section()
     finger = section.finger.lowered_to(section.finger.y - 1e-3)
     u = np.zeros_like(section.mesh.nodes)
@@ -215,10 +215,10 @@ def test_a_solution_balances_itself(shop):
     for sides in section.lumens:
         unit, _ = unit_pressure(sides, solved.displacement)
         np.add.at(total, sides.dofs, -40 * PA_PER_MMHG * unit)
-    by_support = total[section.held].sum()
+    by_support = total[section.fixed].sum()
     assert by_support == pytest.approx(solved.force_n_per_m, rel=1e-4)
     inside = np.setdiff1d(
         np.arange(section.size),
-        np.concatenate([section.held, section.sliding.dofs[0], shop.dofs(section.mesh.surface)]),
+        np.concatenate([section.fixed, section.sliding.dofs[0], shop.dofs(section.mesh.surface)]),
     )
     assert np.abs(total[inside]).max() < 1e-4 * solved.force_n_per_m

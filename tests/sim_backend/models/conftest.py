@@ -16,5 +16,5 @@ def small_surrogate(tmp_path_factory: pytest.TempPathFactory) -> Surrogate:
         patch.setattr(
             kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path_factory.mktemp("c")
         )
-        patch.setattr(trained_states, "HELD_BACK", 4)
+        patch.setattr(trained_states, "VALIDATION_STATES", 4)
         return surrogate(BLOCK, DEEPEST_MM)

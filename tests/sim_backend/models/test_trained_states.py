@@ -70,7 +70,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[tuple[Scene, 
     monkeypatch.setattr(second_process, "processors", lambda: 1)
     monkeypatch.setattr(solid_response, "respond_solid", respond)
     monkeypatch.setattr(fast, "states", truth)
-    monkeypatch.setattr(trained_states, "HELD_BACK", 40)
+    monkeypatch.setattr(trained_states, "VALIDATION_STATES", 40)
     fast._known.cache_clear()
     return found
 
@@ -138,7 +138,7 @@ def test_a_solid_s_fast_model_is_its_presses_and_is_kept(
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
     monkeypatch.setattr(second_process, "processors", lambda: 1)
     monkeypatch.setattr(station_response, "_kept", {})
-    for name, value in (("HELD_BACK", 2), ("ENDS", 3)):
+    for name, value in (("VALIDATION_STATES", 2), ("ENDS", 3)):
         monkeypatch.setattr(trained_states, name, value)
     fast._known.cache_clear()
     model = surrogate(PLAIN, DEEPEST_MM)

@@ -25,12 +25,12 @@ def chequer(n: int = 5) -> tuple[Array, Ints]:
     return at.astype(float), np.stack(corners, axis=1)
 
 
-def solver_and_blocks(shift: float, held: Ints) -> tuple[LinearSolver, Array]:
+def solver_and_blocks(shift: float, fixed: Ints) -> tuple[LinearSolver, Array]:
     nodes, cells = chequer()
     rng = np.random.default_rng(1)
     part = rng.standard_normal((len(cells), 24, 24))
     blocks = part @ np.swapaxes(part, 1, 2) - shift * np.eye(24)
-    return LinearSolver(nodes, [cells], held, []), blocks
+    return LinearSolver(nodes, [cells], fixed, []), blocks
 
 
 def test_the_order_ends_with_what_parts_the_halves() -> None:
@@ -48,8 +48,8 @@ def test_the_order_ends_with_what_parts_the_halves() -> None:
 @pytest.mark.parametrize("shift", [0.0, 30.0])
 def test_solves_and_counts_as_dense_algebra_does(shift: float) -> None:
     """With a shift, pivots of some fronts are negative."""
-    held = np.array([0, 4, 100])
-    solver, blocks = solver_and_blocks(shift, held)
+    fixed = np.array([0, 4, 100])
+    solver, blocks = solver_and_blocks(shift, fixed)
     matrix = solver.matrix([blocks])
     dense = matrix.toarray()
     factors = solver.factor(matrix)
@@ -62,14 +62,14 @@ def test_solves_and_counts_as_dense_algebra_does(shift: float) -> None:
 
     whole = np.random.default_rng(3).standard_normal(len(dense))
     found = solver.solve(matrix, whole)
-    np.testing.assert_array_equal(found[held], 0.0)
+    np.testing.assert_array_equal(found[fixed], 0.0)
     curvature = solver.lowest_curvature(matrix)
     assert curvature is not None
     assert (curvature < 0) == (shift > 0)
     released = solver.released_by(matrix)
     assert (released is not None) == (shift > 0)
     if released is not None:
-        np.testing.assert_array_equal(released[held], 0.0)
+        np.testing.assert_array_equal(released[fixed], 0.0)
         _, cells = chequer()
         each = released.reshape(-1, 3)[cells].reshape(len(cells), 24)
         assert np.einsum("ci,cij,cj->", each, blocks, each) < 0

@@ -38,7 +38,7 @@ def test_a_long_finger_on_a_held_block_is_plane_strain() -> None:
 
 
 def test_a_press_off_the_middle_is_the_same_on_either_side() -> None:
-    """Then nothing is symmetric, and the block is held on average only."""
+    """Then nothing is symmetric, and the block is fixed on average only."""
     scene = Scene.model_validate(
         {"name": "side", "plane": "solid", "tissue": {**TISSUE, "length_mm": 20.0},
          "indenter": {"shape": "sphere", "radius_mm": 4.0}}
