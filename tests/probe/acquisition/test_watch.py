@@ -75,3 +75,68 @@ def test_a_clipped_reading_is_marked():
     with Watch([FunctionSensor(clock, lambda t: np.where(t > 1, 2e3, 1.0))], clock) as watched:
         assert not follow(clock, watched, 0.9)[0].clipped
         assert follow(clock, watched, 2.0)[0].row()[-1] == "clipped"
+
+
+class Untimely(FunctionSensor):
+    """Its samples carry ``stamp`` of their times."""
+
+    stamp = staticmethod(lambda time_s: time_s)
+
+    def read(self):
+        block = super().read()
+        return replace(block, time_s=self.stamp(block.time_s))
+
+
+@pytest.mark.parametrize(
+    ("stamp", "why"),
+    [
+        (lambda t: 1e3 * t, "sample times jump"),  # milliseconds
+        (lambda t: 1.8e9 + t, "the scan's clock says"),  # since 1970
+        (lambda t: t - 1e4, "late by their own times"),  # of a device that was just switched on
+        (lambda t: -t, "sample times jump"),
+    ],
+)
+def test_times_that_are_not_the_scans_are_a_fault(stamp, why):
+    clock = SimulatedClock(50.0)
+    odd, good = Untimely(clock, np.sin), FunctionSensor(clock, np.sin)
+    odd.stamp = stamp
+    with Watch([odd, good], clock) as watched:
+        wrong, right = follow(clock, watched, 53.0)
+    assert why in wrong.fault
+    assert right.fault is None
+
+
+def test_who_looks_seldom_finds_no_fault():
+    clock = SimulatedClock()
+    silent = FunctionSensor(clock, np.sin, silent_s=2.0)
+    with Watch([silent, FunctionSensor(clock, np.sin)], clock) as watched:
+        follow(clock, watched, 1.0)
+        clock.sleep_until(60.0)
+        assert [one.fault for one in watched.readings()] == [None, None]
+
+
+class Mistaken(FunctionSensor):
+    """A driver of others, with a mistake in ``start`` or ``read``."""
+
+    wrong = "start"
+
+    def start(self):
+        super().start()
+        if self.wrong == "start":
+            raise ValueError("no such mode")
+
+    def read(self):
+        if self.wrong == "read":
+            raise ValueError("no such mode")
+        return super().read()
+
+
+@pytest.mark.parametrize("wrong", ["start", "read"])
+def test_a_drivers_mistake_is_its_fault_and_others_go_on(wrong):
+    clock = SimulatedClock()
+    bad, good = Mistaken(clock, np.sin), FunctionSensor(clock, np.sin)
+    bad.wrong = wrong
+    with Watch([bad, good], clock) as watched:
+        gone, live = follow(clock, watched, 2.0)
+    assert gone.fault == "gauge: driver: ValueError: no such mode"
+    assert (live.fault, live.age_s < 0.05) == (None, True)
