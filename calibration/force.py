@@ -17,6 +17,8 @@ from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, Mask, as_columns, linear_fit, same_length, stacked
 
 ADVICE = "add readings at other loads (each axis alone, both directions, at least three levels)"
+FAR = 10.0
+"""Of a reading from the median, over the upper quartile of all: noise reaches 4, even loads 2."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ def fit_force(
     fits = [linear_fit(matrix, channel, names, advice) for channel in raw.T]
     values = np.array([fit.values for fit in fits])
     sensitivity = values[:, 1 : axes + 1]
-    _check_answer(fits, axes)
+    _check_answer(fits, axes, raw)
     if np.linalg.matrix_rank(sensitivity, tol=1e-6 * np.abs(sensitivity).max()) < axes:
         raise CalibrationError(
             "the channels answer all axes in the same proportion: check the wiring and that each "
@@ -121,15 +123,28 @@ def fit_force(
     )
 
 
-def _check_answer(fits: Sequence[Fit], axes: int) -> None:
+def _check_answer(fits: Sequence[Fit], axes: int, raw: Array) -> None:
     """Each axis must change a channel by more than noise does; dividing by such a gain would make
     newtons of noise. A dead channel passes once in a hundred times."""
     for axis in range(axes):
         ends = np.array([fit.interval(0.99)[1 + axis] for fit in fits])
         if (ends[:, 0] * ends[:, 1] <= 0).all():
+            _check_slips(raw)
             raise CalibrationError(
                 f"no reading changes with load {axis} by more than its noise: check that the loads "
                 "were on this sensor, its wiring and its columns, or take larger loads"
+            )
+
+
+def _check_slips(raw: Array) -> None:
+    """A reading written a thousand times too large hides what all others answer."""
+    for channel, readings in enumerate(raw.T):
+        off = np.abs(readings - np.median(readings))
+        most = float(np.quantile(off, 0.75))
+        if (far := readings[off > FAR * most]).size == 1 and most > 0:
+            raise CalibrationError(
+                f"channel {channel} reads {far[0]:.6g} once, where most of its readings are within "
+                f"{most:.3g} of {np.median(readings):.6g}: repair that row, or leave it out"
             )
 
 
