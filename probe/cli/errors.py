@@ -106,7 +106,8 @@ def _plain(error: BaseException) -> str:
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     if error.filename is None:  # not of a file that we opened by its name
-        return f"output could not be written: {error.strerror.lower()}"
+        advice = INSTEAD.get(error.errno or 0, "")
+        return f"output could not be written: {error.strerror.lower()}{advice}"
     if isinstance(error, FileExistsError | NotADirectoryError):
         return f"{error.filename}: there is a file; a folder is needed"
     unreadable = Path(error.filename).is_file() and not os.access(error.filename, os.R_OK)

@@ -198,6 +198,20 @@ def test_where_nothing_may_be_written_the_file_is_named_as_it_was_given(
     assert "Errno" not in said.err
 
 
+def test_half_a_file_is_not_left_where_there_was_no_room(
+    palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, text: str, **_more: object) -> None:
+        path.write_bytes(text[:9].encode())
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as limited:
+        limited.setattr(Path, "write_text", full)
+        said = palpate("init", "rig", tmp_path)
+    assert f"{tmp_path / 'rig.schema.json'}: no space left on device; make room" in said.err
+    assert palpate("init", "rig", tmp_path).status == 0
+
+
 def test_who_may_not_write_to_their_home_reads_nothing_of_matplotlib(tmp_path: Path) -> None:
     home = tmp_path / "home"
     home.touch()  # no folder can be made in it, also by root
@@ -227,5 +241,6 @@ def test_what_is_no_rig_and_what_takes_no_files_is_named(
         f"{tmp_path / 'e'}: no space left on device; make room there, or name another place\n",
     )
     assert status_of(OSError(errno.ENOSPC, "No space left on device")) == (
-        2, "output could not be written: no space left on device",
+        2, "output could not be written: no space left on device; make room there, or name another "
+        "place",
     )  # fmt: skip
