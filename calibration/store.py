@@ -167,8 +167,12 @@ def save(one: Record, path: Path) -> None:
     if not path.parent.is_dir():
         raise CalibrationError(f"{path}: there is no folder {path.parent}")
     draft = path.with_suffix(path.suffix + ".part")
-    draft.write_text(one.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    draft.replace(path)
+    try:
+        draft.write_text(one.model_dump_json(indent=1) + "\n", encoding="utf-8")
+        draft.replace(path)
+    except OSError as error:  # of a name that nobody gave
+        error.filename = str(path)
+        raise
 
 
 def load(path: Path) -> Record:

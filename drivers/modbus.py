@@ -29,6 +29,8 @@ from drivers.core.settings import NonNegative, Positive, Settings
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # faults say what matters
 MAX_REGISTERS = 125
+LEAST = 1e-30
+"""No sensor measures so little: whole numbers that are read as floats are from 1e-45 on."""
 MAX_FAILED = 3
 LATE_S = 0.5
 BUSY = {5: "acknowledged, not done yet", 6: "busy"}
@@ -204,7 +206,9 @@ class ModbusSource:
             names = [r.name for r, v in zip(self._registers, values, strict=True)
                      if not math.isfinite(v)]  # fmt: skip
             raise DeviceFault(
-                self._name, f"{', '.join(names)}: not a number, {MAX_FAILED} times in a row"
+                self._name,
+                f"{', '.join(names)}: not a number, {MAX_FAILED} times in a row; are the "
+                "register's type and byte_order right?",
             )
         return []
 
@@ -262,6 +266,8 @@ class ModbusSource:
             word_order="big" if self._byte_order in ("ABCD", "BADC") else "little",
         )
         assert isinstance(number, int | float)
+        if register.type.startswith("float") and 0 < abs(number) < LEAST:
+            return math.nan
         return register.si_per_number * number
 
     def _recover(self, why: str) -> None:

@@ -3,6 +3,7 @@
 from mutants.mutant import Mutant
 
 GUARDS, POSE = "probe/acquisition/force_limit.py", "probe/acquisition/pose_guard.py"
+TIMES = "probe/acquisition/sample_times.py"
 MONITOR, RETREAT = "probe/acquisition/safety_monitor.py", "probe/acquisition/retreat.py"
 ENGINE, ALIVE = "probe/acquisition/engine.py", "probe/acquisition/stuck_sensor.py"
 LOOP, RULES = "probe/acquisition/run_loop.py", "probe/acquisition/stop_rules.py"
@@ -73,13 +74,13 @@ GUARDED = (
         (f"{TEST_LIMIT}::test_a_rig_whose_limit_holds_nothing_does_not_move",),
     ),
     Mutant(
-        "samples of the future are believed", GUARDS,
+        "samples of the future are believed", TIMES,
         "last <= now_s + FUTURE_S", "last <= now_s + 1e9",
         (SENSOR_CASES,),
     ),
     Mutant(
-        "samples of the past are believed", GUARDS,
-        "pairwise((before_s, *times))", "pairwise((-1e9, *times))",
+        "samples of the past are believed", TIMES,
+        "pairwise((self._last_s, *times))", "pairwise((-1e9, *times))",
         (SENSOR_CASES,),
     ),
     Mutant(

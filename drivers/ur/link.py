@@ -147,7 +147,8 @@ class Link:
         done, found = self._answer(self._send(name, arguments), timeout_s)
         if not done:
             self.state()  # says more than the library does
-            raise DeviceFault(self.name, f"{name} refused" + (f": {found}" if found else ""))
+            why = (f": {found}" if found else "") + "; does another program run on the robot?"
+            raise DeviceFault(self.name, f"{name} refused{why}")
         return found
 
     def guarded(self) -> None:

@@ -43,6 +43,8 @@ TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep eno
 DEEP_ENOUGH_M = 5e-6
 HOME_STOPS_S = 5.0
 GIVE_UP_S = 30.0  # for a way out; the retreat itself is done long before, unless the stage hangs
+BY_HAND = "take its load off by hand or at the stage's own panel, before anything else moves it"
+"""What is left to a person where the program cannot lift the probe."""
 
 
 def run_scan(
@@ -258,7 +260,8 @@ class _Scan(RunLoop):
             why = interruption_of(trip)
         if retreat.why_not is not None or not retreat.done:
             what = retreat.why_not or "the stage does not answer"
-            self.bus.note("fault", self.stage.name, f"THE PROBE WAS NOT LIFTED: {what}")
+            said = f"THE PROBE WAS NOT LIFTED: {what}; {BY_HAND}"
+            self.bus.note("fault", self.stage.name, said)
             reason = f"{why.reason}; the probe was not lifted: {what}"
             why = Interrupted(Finish.FAULTED, reason, why.device, retract=False)
         elif not retreat.up:

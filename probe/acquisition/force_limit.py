@@ -6,38 +6,26 @@ monitor calls them for every sample and acts.
 
 import math
 from collections import deque
-from itertools import pairwise
 
 import numpy as np
 
 from drivers import Block, Channel
 from drivers.core.arrays import columns_of
+from probe.acquisition.sample_times import SampleTimes
 from probe.acquisition.stuck_sensor import Alive
 from probe.core.contact_stress import FORCE_ROLES
 from probe.planning.limits import LEVER_M, Limits
 
-# None of these three is critical: halved or doubled together, with the monitor's own periods, all
-# tests of false sensors, limits and ways out pass but one. With three readings in a mean, a sensor
-# that clips in the last of a press stops it there and is not only noted at the lift.
-FUTURE_S = 0.1  # a sample may be ahead of the clock; silence after it is found later by as much
+# Neither these nor `sample_times.FUTURE_S` are critical: halved or doubled together, with the
+# monitor's own periods, all tests of false sensors, limits and ways out pass but one. With three
+# readings in a mean, a sensor that clips in the last of a press stops it there and is not only
+# noted at the lift.
 LEVEL_MEMORY_S = 2.0  # twice `levels.MAX_LEVEL_S`, the furthest that a level looks back
 SMOOTH = 5
 # readings that say what a sensor's noise is, and how few may: known to a quarter, where a contact
 # takes ten times as much (`press_guard.NOISE_SIGMAS`)
 NOISE_OF, MIN_NOISE_READINGS = 50, 10
 VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers name components
-
-
-def out_of_time(block: Block, before_s: float, now_s: float) -> str | None:
-    """Why a block with samples cannot follow one that ended ``before_s``: times that go back, or
-    run ahead of the clock, as those of another clock or in milliseconds do."""
-    times: list[float] = block.time_s.tolist()
-    first, last = times[0], times[-1]
-    onward = all(a < b for a, b in pairwise((before_s, *times)))
-    if onward and last <= now_s + FUTURE_S:  # neither for not-a-number
-        return None
-    then = f"{before_s:.4f} s, then " if math.isfinite(before_s) else ""
-    return f"sample times jump ({then}{first:.4f} to {last:.4f} s, where it is {now_s:.4f} s)"
 
 
 class SensorGuard:
@@ -73,7 +61,8 @@ class SensorGuard:
         ]  # fmt: skip
         clips = {n for n, c in enumerate(channels) if c.role in FORCE_ROLES}
         self._clips = sorted(clips.union(*(where for where, _, _ in self._norms)))
-        self._last_s = self._tared_s = -math.inf
+        self.times = SampleTimes()
+        self._tared_s = -math.inf
 
     def tare(self) -> None:
         """The sensor has taken its present load as zero: what it said before has another zero."""
@@ -81,13 +70,6 @@ class SensorGuard:
         self._tared_s = self.newest_s()
         self._newest.clear()
         self.smooth_n = 0.0
-
-    def check_times(self, block: Block, now_s: float) -> str | None:
-        """Why a block with samples cannot be placed in time."""
-        if (jump := out_of_time(block, self._last_s, now_s)) is not None:
-            return f"{jump}; such samples are not stored"
-        self._last_s = float(block.time_s[-1])
-        return None
 
     def level(self, from_s: float) -> tuple[float, float]:
         """Mean force [N] since ``from_s`` and its standard error (NaN, inf without readings)."""

@@ -29,7 +29,7 @@ from probe.planning.limits import Limits
 from probe.planning.surfaces import Surface
 
 SUPERVISOR = "supervisor"
-STAGE_PERIOD_S = 0.008  # 0.16 mm at 20 mm/s; none is critical, see `force_limit.FUTURE_S`
+STAGE_PERIOD_S = 0.008  # 0.16 mm at 20 mm/s; none is critical, see `force_limit.LEVEL_MEMORY_S`
 SUPERVISOR_PERIOD_S = 0.01  # a silence is found late by this at most, a tenth of `PAUSE_S`
 LOCK_S = 0.25  # the second stop waits so long for an order under way; a way out stops again
 # The supervisor only sleeps and looks. Late by this much, it is the program that did not run, and
@@ -308,7 +308,7 @@ class SafetyMonitor:
             return
         if not len(block.time_s):
             return
-        if (jump := guard.check_times(block, self._clock.now())) is not None:
+        if (jump := guard.times.check(block, self._clock.now())) is not None:
             self.object(sensor.name, jump, can_retract=True)
             return
         self._readings.take(sensor.name, block)

@@ -9,7 +9,7 @@ import numpy as np
 from drivers import Block, Channel, Clock, DeviceFault, Sensor
 from drivers.core.arrays import Array, Bools
 from drivers.core.errors import as_fault
-from probe.acquisition.force_limit import out_of_time
+from probe.acquisition.sample_times import SampleTimes
 
 WINDOW_S = 1.0
 """Values are means, and noise is taken, over the last second."""
@@ -87,6 +87,8 @@ class _Kept:
     zero: Array | None = None
     lost: int = 0
     fault: str | None = None
+    times: SampleTimes = field(default_factory=SampleTimes)
+    looked_s: float = 0.0
 
     def __post_init__(self) -> None:
         self.values = np.empty((0, len(self.sensor.channels)))
@@ -95,24 +97,32 @@ class _Kept:
     def take(self, now_s: float) -> None:
         if self.fault is None:
             try:
-                self._keep(self.sensor.read(), now_s)
-            except Exception as error:  # noqa: BLE001 - of one sensor; the others are still read
+                block = self.sensor.read()
+                self._check_times(block, now_s)
+            except Exception as error:  # noqa: BLE001 - drivers of others may raise anything
                 self.fault = str(as_fault(self.sensor.name, error))
+            else:
+                self.lost += block.lost
+                self.time_s = np.concatenate([self.time_s, block.time_s])
+                self.values = np.concatenate([self.values, block.values])
+                self.saturated = np.concatenate([self.saturated, block.saturated])
         # of a slow or silent sensor the last sample stays
         begin = np.searchsorted(self.time_s, now_s - WINDOW_S)
         recent = slice(min(int(begin), max(len(self.time_s) - 1, 0)), None)
         self.time_s = self.time_s[recent]
         self.values, self.saturated = self.values[recent], self.saturated[recent]
 
-    def _keep(self, block: Block, now_s: float) -> None:
-        if len(block.time_s):
-            before_s = float(self.time_s[-1]) if len(self.time_s) else -math.inf
-            if (jump := out_of_time(block, before_s, now_s)) is not None:
-                raise DeviceFault(self.sensor.name, jump)
-        self.lost += block.lost
-        self.time_s = np.concatenate([self.time_s, block.time_s])
-        self.values = np.concatenate([self.values, block.values])
-        self.saturated = np.concatenate([self.saturated, block.saturated])
+    def _check_times(self, block: Block, now_s: float) -> None:
+        """Raises `DeviceFault` where samples are not of the time since the last look."""
+        looked_s, self.looked_s = self.looked_s, now_s
+        if not len(block.time_s):
+            return
+        newest_s = float(block.time_s[-1])
+        why = self.times.check(block, now_s)
+        if why is None and newest_s < looked_s - WINDOW_S:
+            why = f"samples arrive {now_s - newest_s:.4g} s late by their own times"
+        if why is not None:
+            raise DeviceFault(self.sensor.name, f"{why}; a scan would end here")
 
     def readings(self, now_s: float) -> list[Reading]:
         count = len(self.time_s)
@@ -163,9 +173,11 @@ class Watch:
         for kept in self._kept:
             try:
                 kept.sensor.start()
-            except Exception as error:
-                raise as_fault(kept.sensor.name, error) from error
+            except Exception as error:  # noqa: BLE001 - drivers of others may raise anything
+                kept.fault = str(as_fault(kept.sensor.name, error))
         self._began_s = self._clock.now()
+        for kept in self._kept:
+            kept.looked_s = self._began_s
         return self
 
     def __exit__(self, *_error: object) -> None:

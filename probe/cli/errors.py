@@ -1,8 +1,10 @@
 """The one place that turns what went wrong into a message and an exit status."""
 
+import errno
 import os
 import sys
 import traceback
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -26,7 +28,14 @@ STATUSES = {
     "builtins:OSError": BAD_INPUT,
 }
 
-
+ELSEWHERE = "; name a place that you may write to"
+INSTEAD = {
+    errno.EACCES: ELSEWHERE,
+    errno.EPERM: ELSEWHERE,
+    errno.EROFS: ELSEWHERE,
+    errno.ENOSPC: "; make room there, or name another place",
+}
+"""What to do where the system lets nothing be written."""
 EXTRA_OF = {
     "PySide6": "live",
     "pyqtgraph": "live",
@@ -97,10 +106,13 @@ def _plain(error: BaseException) -> str:
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
     if error.filename is None:  # not of a file that we opened by its name
-        return f"output could not be written: {error.strerror.lower()}"
+        advice = INSTEAD.get(error.errno or 0, "")
+        return f"output could not be written: {error.strerror.lower()}{advice}"
     if isinstance(error, FileExistsError | NotADirectoryError):
         return f"{error.filename}: there is a file; a folder is needed"
-    return f"{error.filename}: {error.strerror.lower()}"
+    unreadable = Path(error.filename).is_file() and not os.access(error.filename, os.R_OK)
+    advice = "" if unreadable else INSTEAD.get(error.errno or 0, "")
+    return f"{error.filename}: {error.strerror.lower()}{advice}"
 
 
 def _known(error: BaseException) -> int | None:

@@ -42,7 +42,12 @@ def init(
         raise typer.BadParameter(f"{there[0]} exists; give another folder")
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in sorted(files.items()):
-        (folder / name).write_text(text, encoding="utf-8")
+        try:
+            (folder / name).write_text(text, encoding="utf-8")
+        except OSError as error:  # a full disk names no file, and half of one would be in the way
+            error.filename = str(folder / name)
+            (folder / name).unlink(missing_ok=True)
+            raise
         answer(str(folder / name))
     inform("Next: " + NEXT[kind].format(folder=shlex.quote(str(folder))))
 

@@ -48,6 +48,8 @@ def log_to(file: Path | None, *, verbose: bool) -> None:
     terminal = _Terminal()
     terminal.setLevel(logging.DEBUG if verbose else logging.INFO)
     logger.addHandler(terminal)
+    # who may not write to their home need not read where matplotlib keeps its cache
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     if file is not None:
         kept = logging.FileHandler(file, encoding="utf-8")
         kept.setFormatter(logging.Formatter(FILE_FORMAT))

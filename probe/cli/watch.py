@@ -64,7 +64,7 @@ def watch(
             last = _in_terminal(watched, clock, seconds, quiet=json)
     if json:
         answer_json({"channels": [_as_json(one) for one in last]})
-    for fault in sorted({f"{one.sensor}: {one.fault}" for one in last if one.fault}):
+    for fault in sorted({one.fault for one in last if one.fault}):
         inform(fault)
     raise typer.Exit(FAULT if any(one.fault for one in last) else 0)
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
-from probe.core.finding_words import NORMAL_95, percent
+from probe.core.finding_words import NORMAL_95, percent, plain
 from probe.detection.classify.classifier import MIN_POSTERIOR, PULSE_BLUR, PULSE_FLOOR
 from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, vessels
 from probe.detection.finding import Kind, ObjectFinding, stated
@@ -29,6 +29,9 @@ MIN_HOLD_S = 4.5
 MODULUS_BLUR = 0.3
 """Width of a sample's kernel in the logarithm of the apparent modulus. Solved fingers are 10 mm
 long: one of 5 or 20 mm moves it by 0.35."""
+BEYOND = 10.0
+"""How many times softer or stiffer than every solved vessel a press may be to be compared with
+them: forces in another unit are a thousand times off."""
 
 
 def lone_vessel(presses: tuple[Press, ...], rows: list[list[int]]) -> ObjectFinding | None:
@@ -150,10 +153,17 @@ def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:
     known = np.isfinite(press.station.x_m) and deep_m > 0 and press.level_pa > 0
     if not known or press.pulse is None:
         return "artery", _pulse(press), f"it pulses; whether it is stenosed needs {MORE}"
+    modulus_pa = apparent_modulus_pa(press.level_pa, face_m2, deep_m)
+    softest_pa, stiffest_pa = _solved_moduli_pa()
+    if not softest_pa / BEYOND < modulus_pa < stiffest_pa * BEYOND:
+        return "undecided", _pulse(press), (
+            f"it pulses on what is {plain(1e-3 * modulus_pa, 2)} kPa stiff under the finger, where "
+            f"solved vessels have {1e-3 * softest_pa:.0f} to {1e-3 * stiffest_pa:.0f}: check the "
+            "sensor's scale and unit, and face_mm2"
+        )  # fmt: skip
     share = shares(
-        press.size_pa / press.level_pa, press.pulse.size_sd_pa / press.level_pa,
-        apparent_modulus_pa(press.level_pa, face_m2, deep_m), WORLDS,
-    )  # fmt: skip
+        press.size_pa / press.level_pa, press.pulse.size_sd_pa / press.level_pa, modulus_pa, WORLDS
+    )
     best = max(share, key=lambda kind: share[kind])
     sure = share[best] * _pulse(press)
     by = f"{best} is likeliest, {percent(stated(sure))} by pulse and stiffness of one press"
@@ -167,6 +177,12 @@ def _pulse(press: Press) -> float:
     if press.cause is not None:
         return press.cause.pulse
     return 1 - min(1.0, press.pulse.p_value) if press.pulse else 0.0
+
+
+def _solved_moduli_pa() -> tuple[float, float]:
+    """The least and the greatest apparent modulus of all solved vessels."""
+    every = np.concatenate([rows[:, 1] for kinds in _solved().values() for rows in kinds.values()])
+    return float(np.exp(every.min())), float(np.exp(every.max()))
 
 
 @lru_cache(maxsize=1)

@@ -132,6 +132,8 @@ def explain(error: Exception) -> str:
     text = str(error)
     if "full" in text or "No space" in text:
         return f"the disk is full ({text}); everything committed before is kept"
+    if isinstance(error, PermissionError):
+        return "permission denied; name a place that you may write to"
     return text
 
 

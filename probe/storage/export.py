@@ -5,10 +5,13 @@ as JSON. HDF5 and netCDF: one file with a group per device; units are attributes
 conventions have them. MCAP: see `probe.storage.export_mcap`.
 """
 
+import errno
 import json
+import os
 from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,8 +41,9 @@ def export(
     """Write a run into ``out_dir`` in each of ``formats``; the files written.
 
     ``formats``: csv, hdf5, netcdf, parquet, mcap; a list, or text as in the shell: ``"csv,mcap"``.
-    Files of an earlier export are replaced. Raises `ValueError` for another format, `RunFileError`
-    for a run that cannot be read, `OSError` where ``out_dir`` takes no files.
+    Files of an earlier export are replaced once all new ones are whole. Raises `ValueError` for
+    another format or none, `RunFileError` for a run that cannot be read, `OSError` where
+    ``out_dir`` takes no files.
 
     Examples
     --------
@@ -50,15 +54,22 @@ def export(
     """
     if isinstance(formats, str) or not isinstance(formats, Iterable):
         formats = [name.strip() for name in str(formats).split(",")]
+    if not (formats := list(dict.fromkeys(formats))):
+        raise ValueError(f"formats is empty: name one or several of {', '.join(WRITERS)}")
     if unknown := [str(name) for name in formats if name not in WRITERS]:
         raise ValueError(f"format {', '.join(unknown)!r}: known are {', '.join(WRITERS)}")
     run, out_dir = open_run(run_path), Path(out_dir)
     out_dir.mkdir(parents=True, exist_ok=True)
     try:
-        return tuple(path for name in formats for path in WRITERS[name](run, out_dir))
-    except OSError as error:  # a full disk names no file
-        error.filename = error.filename or str(out_dir)
-        raise
+        with TemporaryDirectory(dir=out_dir, prefix=".export-") as drafts:  # half a file is none
+            made = [path for name in formats for path in WRITERS[name](run, Path(drafts))]
+            return tuple(path.replace(out_dir / path.name) for path in made)
+    except (OSError, RuntimeError) as error:  # HDF5 tells a full disk in words of its own
+        full = "No space left" in str(error)
+        number = errno.ENOSPC if full else getattr(error, "errno", None)
+        if number is None:
+            raise
+        raise OSError(number, os.strerror(number), str(out_dir)) from None
 
 
 def _csv(run: Run, out_dir: Path) -> list[Path]:

@@ -7,7 +7,7 @@ centre. Impossible geometry is refused with the key, the value and what is allow
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -125,6 +125,16 @@ class Scene(Table):
     indenter: Indenter = Cylinder()
     support: Support = Support()
     pulse: Pulse = Pulse()
+
+    def __init__(self, **keys: Any) -> None:
+        """Raises `SceneError`, in the words that a scene file's author reads."""
+        try:
+            super().__init__(**keys)
+        except ValidationError as error:
+            raise SceneError("\n".join(explain(error, Scene))) from None
+
+    # not called where a file is read (`model_validate`), whose faults are explained with its name
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @property
     def surface_mm(self) -> float:

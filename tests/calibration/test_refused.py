@@ -73,6 +73,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: fit_force(NOISE[:, 0], LOADS),
         "no reading changes with load 0 by more than its noise: check that the loads were on this",
     ),
+    "force: one reading a thousand times too large": (
+        lambda: fit_force(np.where(LOADS[30] == LOADS, 1e3, 1.0) * (LOADS + NOISE[:, 0]), LOADS),
+        "reading 31 is far from all others; look at it first",
+    ),
     "force: one axis of two that no channel answers": (
         lambda: fit_force(np.outer(LOADS, [1, 2]) + NOISE[:, :2], np.c_[LOADS, NOISE[:, 2]]),
         "no reading changes with load 1 by more than its noise",

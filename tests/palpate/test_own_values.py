@@ -80,3 +80,19 @@ def test_times_in_milliseconds_are_asked_about(scan: palpate.Recording) -> None:
     found = palpate.detect(replace(scan, stations=tuple(slow)))
     assert found.finding == "undecided"
     assert "Are its times in seconds?" in str(found)
+
+
+@pytest.mark.parametrize(
+    ("make", "said"),
+    [
+        (lambda: palpate.Rig(scan={"stations": -1}), r"^scan\.stations = -1: must be greater"),
+        (lambda: palpate.Rig(scan={"pitch": 4}), r"^scan\.pitch = 4: .*did you mean pitch_mm"),
+        (lambda: palpate.Rig(face=3), r"^face = 3: unknown key"),
+        (lambda: palpate.Scene(name="bare"), r"^without a \[tissue\] table"),
+        (lambda: palpate.Scene(name="thin", tissue={"width_mm": -1}), r"^tissue\.width_mm = -1"),
+    ],
+)
+def test_rigs_and_scenes_made_in_python_are_refused_in_a_files_words(make: Any, said: str) -> None:
+    with pytest.raises((palpate.RigError, palpate.SceneError), match=said) as refused:
+        make()
+    assert "pydantic" not in str(refused.value)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from emulated_ur import Rig, connected, fresh_host
 
-from drivers import DeviceAbsent, DeviceFault
+from drivers import DeviceAbsent, DeviceFault, Pose
 from drivers.ur.stops import why_stopped
 from sim_backend.emulators import ur
 from sim_backend.emulators.ur.robot import SET_TCP
@@ -56,6 +56,15 @@ def test_what_holds_is_reported(winkler: Respond) -> None:
         assert "PolyScope 5.11.0 at 500 Hz, safety mode normal, speed slider 20 %" in notes
         assert "slows every move to 20 %" in notes
         assert made.stage.enable() == []  # nothing new
+
+
+def test_a_move_that_another_program_does_not_obey_says_so(winkler: Respond) -> None:
+    with connected(winkler, keys={"answer_s": 0.2}) as (made, robot):
+        made.stage.enable()
+        robot.fail("other program")
+        x, y, z = made.stage.pose()[:3]
+        with pytest.raises(DeviceFault, match=r"move refused.*does another program run"):
+            made.stage.move(Pose(x, y, z - 1e-3), 5e-3)
 
 
 def test_a_refused_setting_is_a_fault(winkler: Respond) -> None:

@@ -167,8 +167,8 @@ def block(*force_n: float, start_s: float = 1.0, clipped: bool = False) -> Block
 )
 def test_what_a_sensor_guard_objects_to(reading: Block, said: str | None) -> None:
     guard = SensorGuard((Channel("f", "N", "force"),), LIMITS)
-    assert guard.check_times(block(0.0, start_s=0.5), 1.0) is None
-    jump, why = guard.check_times(reading, 1.05), guard.check(reading)
+    assert guard.times.check(block(0.0, start_s=0.5), 1.0) is None
+    jump, why = guard.times.check(reading, 1.05), guard.check(reading)
     found = jump or why
     assert found is None if said is None else found is not None and said in found
 

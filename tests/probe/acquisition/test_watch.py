@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from one_sensor import FunctionSensor
 
-from drivers import DeviceFault, SimulatedClock
+from drivers import SimulatedClock
 from probe.acquisition.watch import Watch
 
 
@@ -77,28 +77,66 @@ def test_a_clipped_reading_is_marked():
         assert follow(clock, watched, 2.0)[0].row()[-1] == "clipped"
 
 
-@pytest.mark.parametrize("as_given", [lambda t: 1e3 * t + 1e3, lambda t: -t, lambda t: t + 1.7e9])
-def test_times_that_are_not_the_clock_s_are_said(as_given):
-    """In milliseconds, backwards, and since 1970: a scan would refuse them when it has begun."""
-    clock = SimulatedClock()
-    sensor = FunctionSensor(clock, np.sin)
-    read = sensor.read
-    sensor.read = lambda: replace(block := read(), time_s=as_given(block.time_s))
-    with Watch([sensor, FunctionSensor(clock, np.sin)], clock) as watched:
-        wrong, right = follow(clock, watched, 1.0)
-    assert "sample times jump" in wrong.row()[-1]
+class Untimely(FunctionSensor):
+    """Its samples carry ``stamp`` of their times."""
+
+    stamp = staticmethod(lambda time_s: time_s)
+
+    def read(self):
+        block = super().read()
+        return replace(block, time_s=self.stamp(block.time_s))
+
+
+@pytest.mark.parametrize(
+    ("stamp", "why"),
+    [
+        (lambda t: 1e3 * t, "sample times jump"),  # milliseconds
+        (lambda t: 1.8e9 + t, "the scan's clock says"),  # since 1970
+        (lambda t: t - 1e4, "late by their own times"),  # of a device that was just switched on
+        (lambda t: -t, "sample times jump"),
+    ],
+)
+def test_times_that_are_not_the_scans_are_a_fault(stamp, why):
+    clock = SimulatedClock(50.0)
+    odd, good = Untimely(clock, np.sin), FunctionSensor(clock, np.sin)
+    odd.stamp = stamp
+    with Watch([odd, good], clock) as watched:
+        wrong, right = follow(clock, watched, 53.0)
+    assert why in wrong.fault
     assert right.fault is None
 
 
-def test_a_driver_s_own_mistake_is_its_sensor_s_fault():
-    """While others are still read; where it cannot begin, nothing is."""
+def test_who_looks_seldom_finds_no_fault():
     clock = SimulatedClock()
-    broken = FunctionSensor(clock, lambda t: t / [])
-    with Watch([broken, FunctionSensor(clock, np.sin)], clock) as watched:
-        wrong, right = follow(clock, watched, 1.0)
-    assert "driver: " in wrong.row()[-1]
-    assert right.raw is not None
-    broken.start = lambda: 1 / 0
-    with pytest.raises(DeviceFault, match="gauge: driver: ZeroDivisionError"), \
-         Watch([broken], clock):  # fmt: skip
-        pass
+    silent = FunctionSensor(clock, np.sin, silent_s=2.0)
+    with Watch([silent, FunctionSensor(clock, np.sin)], clock) as watched:
+        follow(clock, watched, 1.0)
+        clock.sleep_until(60.0)
+        assert [one.fault for one in watched.readings()] == [None, None]
+
+
+class Mistaken(FunctionSensor):
+    """A driver of others, with a mistake in ``start`` or ``read``."""
+
+    wrong = "start"
+
+    def start(self):
+        super().start()
+        if self.wrong == "start":
+            raise ValueError("no such mode")
+
+    def read(self):
+        if self.wrong == "read":
+            raise ValueError("no such mode")
+        return super().read()
+
+
+@pytest.mark.parametrize("wrong", ["start", "read"])
+def test_a_drivers_mistake_is_its_fault_and_others_go_on(wrong):
+    clock = SimulatedClock()
+    bad, good = Mistaken(clock, np.sin), FunctionSensor(clock, np.sin)
+    bad.wrong = wrong
+    with Watch([bad, good], clock) as watched:
+        gone, live = follow(clock, watched, 2.0)
+    assert gone.fault == "gauge: driver: ValueError: no such mode"
+    assert (live.fault, live.age_s < 0.05) == (None, True)

@@ -6,9 +6,10 @@ import pytest
 from springs import Bed, SpringSensor, SpringStage, run_springs
 
 from drivers import DeviceFault, Pose, SimulatedClock
+from probe.acquisition.engine import BY_HAND
 from probe.acquisition.levels import no_force
 from probe.acquisition.retreat import LIFTS, Retreat
-from probe.core.events import Event, Phase, PhaseEntered, RunEnded
+from probe.core.events import Event, Note, Phase, PhaseEntered, RunEnded
 
 STEP_S, UP_M, DOWN_M = 0.01, 2e-3, -2e-3
 
@@ -228,3 +229,5 @@ def test_an_interrupted_cell_says_if_the_probe_was_not_lifted() -> None:
     assert isinstance(ran.raised, KeyboardInterrupt)
     (ended,) = [event for event in ran.events if isinstance(event, RunEnded)]
     assert "the probe was not lifted: the stage: stage of springs: not now" in ended.reason
+    (said,) = [e.text for e in ran.events if isinstance(e, Note) and "NOT LIFTED" in e.text]
+    assert said.endswith(f"stage of springs: not now; {BY_HAND}")

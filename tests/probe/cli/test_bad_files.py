@@ -1,6 +1,9 @@
 """A wrong rig or scene file: exit status 2, a message with key and value, no stack trace."""
 
 import errno
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -158,9 +161,67 @@ def test_json_tells_errors_too(palpate) -> None:
 
 def test_what_the_system_refuses_is_reported_by_file_and_reason() -> None:
     denied = PermissionError(13, "Permission denied", "/root/x.csv")
-    assert status_of(denied) == (2, "/root/x.csv: permission denied")
+    said = "/root/x.csv: permission denied; name a place that you may write to"
+    assert status_of(denied) == (2, said)
     there = FileExistsError(17, "File exists", "out.csv")
     assert status_of(there) == (2, "out.csv: there is a file; a folder is needed")
+
+
+def test_a_file_that_may_not_be_read_is_no_place_to_write_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "theirs.csv"
+    file.touch()
+    monkeypatch.setattr(os, "access", lambda _file, _mode: False)  # who is root may read all
+    denied = PermissionError(13, "Permission denied", str(file))
+    assert status_of(denied) == (2, f"{file}: permission denied")
+
+
+@pytest.mark.parametrize("write", ["calibration", "import"])
+def test_where_nothing_may_be_written_the_file_is_named_as_it_was_given(
+    palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: str
+) -> None:
+    def denied(path: Path, *_given: object, **_more: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    table, made = tmp_path / "table.csv", tmp_path / "made"
+    if write == "calibration":
+        table.write_text("raw_0,load_n\n0,0\n1,1\n2,2.01\n3,3\n4,4\n")
+        monkeypatch.setattr(Path, "write_text", denied)
+        said = palpate("calibrate", "force", table, "--device", "cell", "--out", made)
+    else:
+        table.write_text("time_s,force_n\n" + "".join(f"{n / 100},1\n" for n in range(50)))
+        monkeypatch.setattr("probe.storage.disk.hold", denied)
+        said = palpate("import", table, "--out", made, "--face-mm2", "100")
+    assert said.status == 2
+    assert f"{made}: permission denied; name a place that you may write to\n" in said.err
+    assert "Errno" not in said.err
+
+
+def test_half_a_file_is_not_left_where_there_was_no_room(
+    palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, text: str, **_more: object) -> None:
+        path.write_bytes(text[:9].encode())
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as limited:
+        limited.setattr(Path, "write_text", full)
+        said = palpate("init", "rig", tmp_path)
+    assert f"{tmp_path / 'rig.schema.json'}: no space left on device; make room" in said.err
+    assert palpate("init", "rig", tmp_path).status == 0
+
+
+def test_who_may_not_write_to_their_home_reads_nothing_of_matplotlib(tmp_path: Path) -> None:
+    home = tmp_path / "home"
+    home.touch()  # no folder can be made in it, also by root
+    own = {**os.environ, "HOME": str(home)}
+    for key in ("MPLCONFIGDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
+        own.pop(key, None)
+    words = [sys.executable, "-m", "probe.cli", "scan", "--scene", "TI", "--dry-run"]
+    ran = subprocess.run([*words, "--out", str(tmp_path)], env=own, capture_output=True, text=True)
+    assert (tmp_path / "path.png").exists(), ran.stderr
+    assert "atplotlib" not in ran.stderr
 
 
 def test_what_is_no_rig_and_what_takes_no_files_is_named(
@@ -175,7 +236,11 @@ def test_what_is_no_rig_and_what_takes_no_files_is_named(
     assert f"{large}: larger than 1000000 bytes; not a rig file" in palpate("scan", large).err
     monkeypatch.setitem(WRITERS, "csv", full)
     said = palpate("export", run, "--to", "csv", "--out", tmp_path / "e")
-    assert (said.status, said.err) == (2, f"{tmp_path / 'e'}: no space left on device\n")
+    assert (said.status, said.err) == (
+        2,
+        f"{tmp_path / 'e'}: no space left on device; make room there, or name another place\n",
+    )
     assert status_of(OSError(errno.ENOSPC, "No space left on device")) == (
-        2, "output could not be written: no space left on device",
+        2, "output could not be written: no space left on device; make room there, or name another "
+        "place",
     )  # fmt: skip

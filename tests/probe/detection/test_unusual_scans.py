@@ -381,3 +381,14 @@ def test_a_few_presses_beside_a_vessel_say_that_it_may_lie_beyond(
     (one,) = detect(recording(presses)).objects
     assert np.round(1e3 * np.array(one.position_ci_m), 6).tolist() == [low_mm, high_mm]
     assert ("here or beyond" in one.reason) == (first_mm != 28)
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1e3])
+def test_a_press_in_another_unit_is_compared_with_no_vessel(unit: float) -> None:
+    """A thousandth of the force was called a stenotic artery, at 99.9 %."""
+    one = station(np.random.default_rng(1), x_mm=4.0, noise_pa=3.0, pulse_pa=200.0)
+    one = replace(one, depth_m=np.full(len(one.time_s), 2.5e-3))
+    assert "likeliest" in detect(recording([one])).reason
+    odd = detect(recording([replace(one, signal_pa=unit * one.signal_pa)]))
+    assert odd.finding == "undecided"
+    assert "check the sensor's scale and unit, and face_mm2" in odd.reason

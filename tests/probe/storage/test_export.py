@@ -1,6 +1,7 @@
 """Runs for other programs: the numbers and their units arrive."""
 
 import csv
+import errno
 import json
 import struct
 from pathlib import Path
@@ -17,8 +18,8 @@ from drivers import Block, Channel
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import Finish, RunEnded, RunStarted, Samples
-from probe.storage.export import export
-from probe.storage.run import RunFileError, open_run
+from probe.storage.export import WRITERS, export
+from probe.storage.run import Run, RunFileError, open_run
 from probe.storage.writer import create_store
 
 RIG = Rig.model_validate({"scan": {"start_mm": 28, "stations": 2}})
@@ -89,8 +90,33 @@ def test_wrong_formats_and_runs_are_named(path: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="'matlab': known are csv, hdf5, netcdf"):
         export(path, ["csv", "matlab"], tmp_path / "out")
     assert not (tmp_path / "out").exists()
+    with pytest.raises(ValueError, match="formats is empty: name one or several of csv"):
+        export(path, [], tmp_path / "out")
     with pytest.raises(RunFileError):
         export(tmp_path / "missing.run", ["csv"], tmp_path)
+
+
+@pytest.mark.parametrize(
+    "full",
+    [
+        OSError(errno.ENOSPC, "No space left on device"),
+        RuntimeError("flush failed (errno = 28, error message = 'No space left on device')"),
+    ],
+)
+def test_half_an_export_is_not_left_and_an_earlier_one_stays(
+    path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, full: Exception
+) -> None:
+    def break_off(_run: Run, folder: Path) -> list[Path]:
+        (folder / f"{path.stem}.nc").write_bytes(b"half")
+        raise full
+
+    (whole,) = export(path, ["netcdf"], tmp_path)
+    before = whole.read_bytes()
+    monkeypatch.setitem(WRITERS, "netcdf", break_off)
+    with pytest.raises(OSError, match="No space left on device") as refused:
+        export(path, "csv,netcdf,csv", tmp_path)
+    assert refused.value.filename == str(tmp_path)
+    assert (list(tmp_path.iterdir()), whole.read_bytes()) == ([whole], before)
 
 
 @pytest.mark.parametrize("fmt", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
