@@ -148,7 +148,10 @@ def test_an_answer_that_cannot_be_written_is_said(more: list[str]) -> None:
             command, env=buffered, stdout=full, stderr=subprocess.PIPE, text=True, check=False
         )
     assert done.returncode == 2
-    assert done.stderr == "output could not be written: no space left on device\n"
+    assert done.stderr == (
+        "output could not be written: no space left on device; make room there, or name another "
+        "place\n"
+    )
 
 
 def unread(folder: Path, *words: str | Path) -> int:

@@ -93,7 +93,7 @@ def test_the_page_says_of_trends_and_readings_what_the_run_found() -> None:
              for n, ours in trends.items()}  # fmt: skip
     assert "Small strain turns tissue inside out where the finger goes deep" in page
     assert all("no answer at 8.5" in part for part in small["Fig. 7"])
-    assert "and loses the trend of Fig. 7" in page
+    assert "and does not show the trend of Fig. 7" in page
     lost = {n for n, parts in small.items() if any("only up to" in part for part in parts)}
     assert lost == {"Fig. 7"}
     assert "Pulses are proportional to the pressure's amplitude" in page
