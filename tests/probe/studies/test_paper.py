@@ -96,12 +96,12 @@ def test_the_page_says_of_trends_and_readings_what_the_run_found() -> None:
     assert "and does not show the trend of Fig. 7" in page
     lost = {n for n, parts in small.items() if any("only up to" in part for part in parts)}
     assert lost == {"Fig. 7"}
-    assert "Pulses are proportional to the pressure's amplitude" in page
+    assert "Pulses are proportional to the amplitude of the pressure" in page
     by, usual = data["by_reading_pa"], data["by_reading_pa"]["as documented"]
     for model in ("finite", "small"):
         shares = [by[f"wave: {name} mmHg"][model] / usual[model] for name in ("110/90", "130/70")]
         assert shares == pytest.approx([0.5, 1.5], rel=0.01)
-    assert f"Which reading of the paper gives {PAPER_PULSE_PA} Pa" in page
+    assert f"The paper gives a pulse of {PAPER_PULSE_PA} Pa" in page
 
 
 def test_a_press_is_a_row() -> None:
