@@ -35,14 +35,6 @@ def need_room(
             across, down = (r * np.sqrt(1 + (leans**2).max(axis=0))).tolist()
             points.append((f"path[{k}]: ", x_mm, depth_mm, across, down))
         for key, x_mm, depth_mm, across, down in points:
-            for size_mm, needs_mm, name in (
-                (width_mm, 2 * across, "width_mm"), (height_mm, 2 * down, "height_mm"),
-            ):  # fmt: skip
-                if size_mm <= needs_mm:
-                    raise ValueError(
-                        f"tissue.{name} = {size_mm:g}: too small for {where}, which is "
-                        f"{needs_mm:g} mm across; both are in millimetres"
-                    )
             if depth_mm - down <= 0:
                 raise ValueError(
                     f"{where}: {key}depth_mm = {depth_mm:g} breaks the surface; "
