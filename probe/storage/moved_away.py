@@ -17,6 +17,7 @@ class InPlace:
 
     def __init__(self, path: Path, handle: int, connection: sqlite3.Connection) -> None:
         self._connection = connection
+        self._page = int(connection.execute("PRAGMA page_size").fetchone()[0])
         self._log = path.with_name(f"{path.name}-wal")
         memory = path.with_name(f"{path.name}-shm")
         self._seen: dict[Path, os.stat_result | None] = {
@@ -27,7 +28,7 @@ class InPlace:
         """What became of the first of them that is not; None while all are.
 
         A log that appears later is adopted as it is. To be asked before SQLite writes too: it makes
-        a log that was cut short as long as before, with a hole in it.
+        a log that was cut short as long as before, with a hole in it, of which less can be kept.
         """
         for path, seen in self._seen.items():
             try:
@@ -37,21 +38,29 @@ class InPlace:
             if seen is not None:
                 if found is None or identity(found) != identity(seen):
                     return f"{path}: was deleted, moved or replaced while the scan wrote it"
-                if found.st_size < seen.st_size and not self._was_emptied(path):
+                short = found.st_size < seen.st_size and not self._was_emptied(path)
+                if short or (path == self._log and self._has_hole(seen, found)):
                     return f"{path}: was cut short while the scan wrote it"
             self._seen[path] = found
         return None
+
+    def _has_hole(self, seen: os.stat_result, found: os.stat_result) -> bool:
+        """Whether a log that grew was cut before: what was its last frame names no page then."""
+        if not HEADER < seen.st_size < found.st_size:
+            return False
+        with self._log.open("rb") as log:
+            log.seek(seen.st_size - FRAME_HEADER - self._page)
+            return log.read(4) == bytes(4)
 
     def _was_emptied(self, path: Path) -> bool:
         """A log by another program's checkpoint: as long as all that is still needed of it."""
         if path != self._log:
             return False
-        page = int(self._connection.execute("PRAGMA page_size").fetchone()[0])
         try:  # does nothing after such a checkpoint, and reads what it needs otherwise
             frames = int(self._connection.execute("PRAGMA wal_checkpoint").fetchone()[1])
         except sqlite3.Error:
             return False
-        return frames <= 0 or path.stat().st_size >= HEADER + frames * (FRAME_HEADER + page)
+        return frames <= 0 or path.stat().st_size >= HEADER + frames * (FRAME_HEADER + self._page)
 
 
 def rescue(connection: sqlite3.Connection, path: Path) -> tuple[Path, sqlite3.Connection]:

@@ -13,6 +13,7 @@ from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import Event, Finish, StationStarted
 from probe.storage import moved_away
+from probe.storage.moved_away import InPlace
 from probe.storage.run import open_run
 from probe.storage.verify import verify
 from probe.storage.writer import Store, StoreError, create_store
@@ -58,6 +59,31 @@ def test_a_run_that_is_cut_short_stops_the_scan_and_is_kept(
     report = verify(store.path)
     assert report.ok, report.problems
     assert report.samples["cell"] == (blocks + 1) * 25
+
+
+@pytest.mark.parametrize("looked", [0, 1, 2])
+@pytest.mark.parametrize("harm", [cut_log, empty_log])
+def test_a_log_that_is_cut_between_a_look_and_what_follows_is_noticed(
+    harm: Callable[[Path], None], looked: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Before the commit, within it and after it: SQLite writes on behind a hole without a word."""
+    path = tmp_path / "a.run"
+    looks = 0
+    look = InPlace.lost
+
+    def lost(self: InPlace) -> str | None:
+        nonlocal looks
+        found = look(self)
+        if looks == looked:
+            harm(path)
+        looks += 1
+        return found
+
+    with create_store(path) as store:
+        write(store, 20)
+        monkeypatch.setattr(InPlace, "lost", lost)
+        with pytest.raises(StoreError, match="cut short"):
+            write_more(store, 20, 24)
 
 
 def test_a_long_run_that_is_cut_short_is_kept(tmp_path: Path) -> None:
