@@ -145,8 +145,14 @@ STORED = (
     ),
     Mutant(
         "a run that is cut short is not noticed", "probe/storage/moved_away.py",
-        "if found.st_size < seen.st_size and", "if False and",
+        "short = found.st_size < seen.st_size and", "short = False and",
         ("tests/probe/storage/test_cut_files.py",),
+    ),
+    Mutant(
+        "a log that is cut while it is written on is not noticed", "probe/storage/moved_away.py",
+        "return log.read(4) == bytes(4)", "return False",
+        ("tests/probe/storage/test_cut_files.py::"
+         "test_a_log_that_is_cut_between_a_look_and_what_follows_is_noticed",),
     ),
     Mutant(
         "an emptied log is always lost", "probe/storage/moved_away.py",

@@ -105,14 +105,12 @@ def _plain(error: BaseException) -> str:
     """What an error says; those of the operating system as file and reason."""
     if not isinstance(error, OSError) or error.strerror is None:
         return str(error)
-    if error.filename is None:  # not of a file that we opened by its name
-        advice = INSTEAD.get(error.errno or 0, "")
-        return f"output could not be written: {error.strerror.lower()}{advice}"
-    if isinstance(error, FileExistsError | NotADirectoryError):
-        return f"{error.filename}: there is a file; a folder is needed"
-    unreadable = Path(error.filename).is_file() and not os.access(error.filename, os.R_OK)
+    file: str | None = error.filename  # None: not of a file that we opened by its name
+    if file and isinstance(error, FileExistsError | NotADirectoryError):
+        return f"{file}: there is a file; a folder is needed"
+    unreadable = file and Path(file).is_file() and not os.access(file, os.R_OK)
     advice = "" if unreadable else INSTEAD.get(error.errno or 0, "")
-    return f"{error.filename}: {error.strerror.lower()}{advice}"
+    return f"{file or 'output could not be written'}: {error.strerror.lower()}{advice}"
 
 
 def _known(error: BaseException) -> int | None:

@@ -5,14 +5,14 @@ makes the plan and the limits of one.
 """
 
 import math
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import ConfigDict, Field, ValidationError, model_validator
+from pydantic import ConfigDict, Field, model_validator
 
 from drivers.core.table import Table
 from probe.config.calibrated import kind_of
 from probe.planning.plan import AWAY_M
-from sim_backend.scene.explain import explain
+from sim_backend.scene.explain import Explained
 from sim_backend.scene.scene_file import Scene
 
 MAX_PRESSES = 100_000
@@ -167,9 +167,10 @@ class SceneChoice(Table):
     """Where its surface truly lies, as in `scan`; by default where the scan takes it to be."""
 
 
-class Rig(Table):
+class Rig(Explained, Table):
     """A whole rig file. ``calibration`` maps kinds to files, as `probe.config.calibrated` says."""
 
+    refusal: ClassVar = RigError
     stage: Device = Device(driver="virtual")
     """What moves the probe."""
     sensor: Annotated[tuple[Device, ...], Field(min_length=1)] = (Device(driver="virtual"),)
@@ -186,16 +187,6 @@ class Rig(Table):
     face_mm2: Positive | None = None
     """The probe's face: turns force into mean contact stress, and pressure into force for the
     limit. Known for simulated scenes."""
-
-    def __init__(self, **keys: Any) -> None:
-        """Raises `RigError`, in the words that a rig file's author reads."""
-        try:
-            super().__init__(**keys)
-        except ValidationError as error:
-            raise RigError("\n".join(explain(error, Rig))) from None
-
-    # not called where a file is read (`model_validate`), whose faults are explained with its name
-    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

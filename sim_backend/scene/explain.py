@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
-from typing import Any, get_args
+from typing import Any, ClassVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -49,6 +49,22 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
         between = " " if fault["type"] == "missing" else ": "
         lines.append(f"{key}{shown}{between}{text}".lstrip(": "))
     return lines
+
+
+class Explained(BaseModel):
+    """What a whole file holds: made in Python, it is refused in the words that its author reads."""
+
+    refusal: ClassVar[type[ValueError]]
+
+    def __init__(self, **keys: Any) -> None:
+        """Raises ``refusal``."""
+        try:
+            super().__init__(**keys)
+        except ValidationError as error:
+            raise self.refusal("\n".join(explain(error, type(self)))) from None
+
+    # not called where a file is read (`model_validate`), whose faults are explained with its name
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 def allowed(fault: Mapping[str, Any]) -> str:

@@ -7,7 +7,7 @@ centre. Impossible geometry is refused with the key, the value and what is allow
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -20,7 +20,7 @@ from pydantic import (
 
 from drivers.core.files import FileRefused, parse_toml, path_of, read_file
 from sim_backend import html
-from sim_backend.scene.explain import explain
+from sim_backend.scene.explain import Explained, explain
 from sim_backend.scene.inclusion import Artery, Inclusion, Poisson
 from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch, Sphere, mirrored_finger
 from sim_backend.scene.room import need_room
@@ -115,9 +115,10 @@ def _one_line(name: str) -> str:
     return name
 
 
-class Scene(Table):
+class Scene(Explained, Table):
     """A whole scene. Without ``tissue`` the one artery stands alone on a rigid flat support."""
 
+    refusal: ClassVar = SceneError
     name: Annotated[str, AfterValidator(_one_line)]
     plane: Literal["stress", "strain", "solid"] = "stress"
     tissue: Tissue | None = None
@@ -125,16 +126,6 @@ class Scene(Table):
     indenter: Indenter = Cylinder()
     support: Support = Support()
     pulse: Pulse = Pulse()
-
-    def __init__(self, **keys: Any) -> None:
-        """Raises `SceneError`, in the words that a scene file's author reads."""
-        try:
-            super().__init__(**keys)
-        except ValidationError as error:
-            raise SceneError("\n".join(explain(error, Scene))) from None
-
-    # not called where a file is read (`model_validate`), whose faults are explained with its name
-    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
     @property
     def surface_mm(self) -> float:
