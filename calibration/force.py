@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, Mask, as_columns, linear_fit, outlier, same_length, stacked
@@ -100,7 +101,7 @@ def fit_force(
     fits = [linear_fit(matrix, channel, names, advice) for channel in raw.T]
     values = np.array([fit.values for fit in fits])
     sensitivity = values[:, 1 : axes + 1]
-    _check_answer(fits, axes)
+    _check_answer(fits, axes, np.flatnonzero(kept))
     if np.linalg.matrix_rank(sensitivity, tol=1e-6 * np.abs(sensitivity).max()) < axes:
         raise CalibrationError(
             "the channels answer all axes in the same proportion: check the wiring and that each "
@@ -121,14 +122,14 @@ def fit_force(
     )
 
 
-def _check_answer(fits: Sequence[Fit], axes: int) -> None:
+def _check_answer(fits: Sequence[Fit], axes: int, rows: NDArray[np.intp]) -> None:
     """Each axis must change a channel by more than noise does; dividing by such a gain would make
     newtons of noise. A dead channel passes once in a hundred times."""
     for axis in range(axes):
         ends = np.array([fit.interval(0.99)[1 + axis] for fit in fits])
         if (ends[:, 0] * ends[:, 1] <= 0).all():
             far = [outlier(fit.residuals, fit.values.size) for fit in fits]
-            first = next((row + 1 for row in far if row is not None), None)
+            first = next((rows[row] + 1 for row in far if row is not None), None)
             raise CalibrationError(
                 f"no reading changes with load {axis} by more than its noise: "
                 + (f"reading {first} is far from all others; look at it first" if first

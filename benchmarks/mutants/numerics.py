@@ -84,4 +84,7 @@ NUMERICS = (
     Mutant("inclusions may cost the whole budget", CHOOSE,
            "        if effect_pct > budget_pct / 4:\n            kept, far_pct = scene, 0.0",
            "        if effect_pct > budget_pct:\n            kept, far_pct = scene, 0.0", CHOSEN),
+    Mutant("elements of solids are small far away", "sim_backend/fem/solid/build.py",
+           "FAR = 1.5", "FAR = 1e9", ("tests/sim_backend/fem/solid/test_build.py"
+           "::test_a_thin_wide_block_is_pressed_as_the_axisymmetric_model_does",)),
 )  # fmt: skip

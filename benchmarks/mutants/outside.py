@@ -110,4 +110,18 @@ OUTSIDE = (
     Mutant("a reference's beats are as even as usual hearts' are",
            "probe/detection/pulse/reference.py", "max(seen, RATE_VARIABILITY)", "RATE_VARIABILITY",
            (f"{UNEVEN}::test_beats_of_a_reference_have_their_mean_rate_and_their_scatter",)),
+    Mutant("a press in another unit is compared with solved vessels",
+           "probe/detection/lone_vessel.py", "BEYOND = 10.0", "BEYOND = 1e99",
+           ("tests/probe/detection/test_unusual_scans.py"
+            "::test_a_press_in_another_unit_is_compared_with_no_vessel",)),
+    Mutant("a whole number read as a float is a reading", "drivers/modbus.py",
+           "0 < abs(number) < LEAST", "False", ("tests/drivers/test_modbus.py"
+           "::test_not_a_number_is_a_lost_reading_and_then_a_fault",)),
+    Mutant("a mistyped load is not named", "calibration/fit.py",
+           "return worst if", "return None if",
+           ("tests/calibration/test_refused.py::test_a_mistyped_reading_is_named",)),
+    Mutant("a scan's time left counts what came before its stations",
+           "probe/acquisition/progress.py", "self._began_s: float | None = None",
+           "self._began_s: float | None = time.monotonic()",
+           ("tests/probe/acquisition/test_progress.py",)),
 )  # fmt: skip

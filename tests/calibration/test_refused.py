@@ -242,4 +242,7 @@ def test_a_mistyped_reading_is_named(times: float) -> None:
         (said,) = doubts(fit_force(raw, loads))
     except CalibrationError as error:
         said = str(error)
+        clipped = np.arange(len(raw))[:, None] == 2
+        with pytest.raises(CalibrationError, match="reading 8 is far"):  # of the table's
+            fit_force(raw, loads, saturated=clipped)
     assert "reading 8 " in said

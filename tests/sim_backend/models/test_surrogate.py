@@ -146,7 +146,7 @@ def test_a_bump_narrower_than_the_usual_step_is_known(x_mm: float) -> None:
 def test_a_bump_between_the_places_is_in_the_stated_error(
     x_mm: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Were places as far apart as elsewhere, the validation states would see the bump."""
+    """With the distances of places elsewhere, the validation states would see the bump."""
     monkeypatch.setattr(trained_states, "BUMP_SHARE", 1e3, raising=False)
     scene = over_a_small_lump(x_mm)
     model = surrogate(scene, 0.5)
