@@ -17,7 +17,6 @@ from probe.storage.schema import (
     broken_seal,
     create,
     migrate,
-    unseal,
     version_of,
 )
 
@@ -53,6 +52,7 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
             path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
         )
         try:
+            has_log = log_of(path).exists()
             if not new:
                 _keep_damaged(log_of(path))
             make_safe(connection, path)
@@ -62,9 +62,8 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
                 raise RunFileError("nothing has been stored in it yet; begin a new scan")
             elif version < VERSION:
                 migrate(connection)
-            if not new:
-                _check_seal(connection)
-            unseal(connection)
+            else:
+                _check_seal(connection, has_log=has_log)
         except BaseException:
             connection.close()
             raise
@@ -81,13 +80,14 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
     return connection, lock
 
 
-def _check_seal(connection: sqlite3.Connection) -> None:
+def _check_seal(connection: sqlite3.Connection, *, has_log: bool) -> None:
     """Raises `RunFileError` where the end is lost: what is added would be sealed as if it were not.
 
     A run that has no seal was killed, and goes on with what its log kept.
     """
     query = "SELECT id, chain FROM event ORDER BY id DESC LIMIT 1"
-    if why := broken_seal(connection, *(connection.execute(query).fetchone() or (0, FIRST))):
+    found = connection.execute(query).fetchone() or (0, FIRST)
+    if why := broken_seal(connection, *found, has_log=has_log):
         raise RunFileError(
             f"{why}; nothing is added to a run whose end is lost: begin a new scan, and "
             "`palpate detect` reads what is left of this one"
