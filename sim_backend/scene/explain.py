@@ -84,9 +84,11 @@ def _without_branches(fault: Mapping[str, Any]) -> tuple[int | str, ...]:
 
 def _for_what_was_meant(faults: Iterable[Any]) -> Iterable[Any]:
     """Where a number or a list may stand: of a list what is wrong within it, of anything else that
-    it is no number."""
+    it is no number. Of a list whose entries are wrong, not that too few are left."""
     for fault in faults:
         where, is_list = fault["loc"], isinstance(fault["input"], list | tuple)
+        if fault["type"] == "too_short" and len(fault["input"]) >= fault["ctx"]["min_length"]:
+            continue
         branch = next((part for part in where if BRANCH.fullmatch(str(part))), "")
         meant = is_list == str(branch).startswith(("tuple[", "list["))
         if not branch or meant or where[-1] != branch:
@@ -97,10 +99,10 @@ def _unknown_key(model: type[BaseModel], where: tuple[int | str, ...]) -> str:
     """What the table at ``where`` knows, the likeliest first."""
     tables = [model]
     for part in where[:-1]:
-        fields = [t.model_fields[part] for t in tables if part in t.model_fields]
+        fields = [f for t in tables for key, f in t.model_fields.items() if part in (key, f.alias)]
         tables = [one for f in fields for one in _tables(f.annotation)] or tables
         tables = [t for t in tables if str(part) == _kind(t)] or tables  # the tag of a union
-    known = sorted({key for table in tables for key in table.model_fields})
+    known = sorted({f.alias or key for table in tables for key, f in table.model_fields.items()})
     near = get_close_matches(str(where[-1]), known, 1)
     guess = f" (did you mean {near[0]}?)" if near else ""
     return f"unknown key{guess}; known here: {', '.join(known)}"

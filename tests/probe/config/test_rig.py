@@ -164,6 +164,9 @@ def test_a_value_of_another_kind_is_refused_in_the_words_of_the_file(
         ),
         (VIRTUAL + "colour = 1\n" + SCENE, "colour = 1: unknown key; known here: .*rate_hz"),
         (VIRTUAL + "rate = 1\n" + SCENE, "sensor.0..rate = 1: .*did you mean rate_hz"),
+        ("[[sensor]]\ndriver = 'modbus'\nport = 'x'\n[[sensor.register]]\nname = 'f'\nadress = 1\n"
+         + SCENE, r"adress = 1: .*did you mean address..; known here: address, full_scale, name, r"
+                  r"[^@]*$(?<!entries)"),
         (VIRTUAL, "scene.name is missing"),
         (VIRTUAL + "name = 'stage'\n" + SCENE, "name = 'stage': taken"),
         (VIRTUAL + "[[sensor]]\ndriver = 'virtual'\n" + SCENE, r"sensor\[1\].name = 'force'"),
