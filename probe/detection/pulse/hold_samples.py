@@ -42,6 +42,9 @@ CONTACT_SIGMAS = 5.0
 """Standard errors by which a hold must lie above what was measured before contact."""
 ONLY_NOISE = 1.5
 """Standard deviation of a signal that is noise and nothing else, over that of its differences."""
+MAX_STILL = 0.5
+"""Of a channel's readings in the air, how many may repeat themselves: of one that never rests more
+often, a station of 100 readings is all alike once in 1e30 times."""
 MAX_DEAD = 0.5
 """Share of a channel's samples that may be missing or clipped before it counts as dead."""
 
@@ -90,13 +93,15 @@ def dead_channels(stations: Sequence[Station]) -> Bools:
     means compare.
 
     Dead in a station is one whose samples are mostly missing or clipped there while another's are
-    not; stuck is one that shows the same value other than zero in every sample of every station.
-    A lone channel is never left out.
+    not, or one that shows a single value there, contact and all, though it does not rest in the air
+    of another; stuck is one that shows the same value other than zero in every sample of every
+    station. A lone channel is never left out.
     """
     count = max((s.signal_pa.shape[1] for s in stations), default=0)
     dead, stuck, value = np.zeros(count, bool), np.ones(count, bool), np.full(count, np.nan)
     if count < 2:
         return dead
+    still, restless = np.zeros(count, bool), np.zeros(count, bool)
     for station in stations:
         if station.signal_pa.shape[1] != count or not len(station.signal_pa):
             continue
@@ -105,6 +110,11 @@ def dead_channels(stations: Sequence[Station]) -> Bools:
         first = station.signal_pa[0]
         value = np.where(np.isnan(value), first, value)
         stuck &= (station.signal_pa == value).all(axis=0) & (value != 0)
+        still |= (station.signal_pa == first).all(axis=0)
+        air = station.signal_pa[station.time_s < station.indent_s]
+        if len(air) >= MIN_SAMPLES:
+            restless |= (np.diff(air, axis=0) != 0).mean(axis=0) > MAX_STILL
+    dead |= still & restless & ~still.all()
     return dead if (dead | stuck).all() else dead | stuck
 
 

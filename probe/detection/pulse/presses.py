@@ -1,5 +1,6 @@
 """Every press of a recording: its level, its pulse at a rate that all share, and their doubts."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -26,6 +27,8 @@ STIFFENING = 1.15
 """Exponent of a cylinder's force against depth, between a flat face's 1 and a sphere's 1.5."""
 UNKNOWN_DEPTH = 0.005
 """Station scatter over the level where no depth was recorded."""
+MOST_NAMED = 3
+"""Channels of an array that a note names."""
 LEAST_LOST = 0.005
 """Share of a hold's samples that a note says are missing: it gives whole per cent."""
 
@@ -73,6 +76,7 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     that heart's rate; p-values stay those of each station's own search.
     """
     dead = dead_channels(recording.stations)
+    out = [name for name, gone in zip(recording.channels, dead, strict=False) if gone]
     found = [_own(station, dead) for station in recording.stations]
     measured = {
         i: (one.hold, one.clearest)
@@ -91,7 +95,7 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     ])  # fmt: skip
     return tuple(
         replace(
-            _press(station, one.hold, _with_level(one, pulse), one.note),
+            _press(station, one.hold, _with_level(one, pulse), _noted(one.note, out)),
             pulsing=i in pulsing, cause=causes.get(i), touched=one.touched,
             step_s=one.hold.step_s if one.hold else 0.0, beyond_hz=others.get(i),
         )
@@ -99,6 +103,14 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
             zip(recording.stations, found, pulses, strict=True)
         )
     )  # fmt: skip
+
+
+def _noted(note: str, out: Sequence[str]) -> str:
+    if not out:
+        return note
+    names = ", ".join(out[:MOST_NAMED])
+    more = f" and {len(out) - MOST_NAMED} more" if len(out) > MOST_NAMED else ""
+    return "; ".join(filter(None, (note, f"dead or stuck, left out everywhere: {names}{more}")))
 
 
 def _beyond(measured: dict[int, tuple[Hold, Clearest]], false_alarm: float) -> dict[int, float]:

@@ -253,6 +253,29 @@ def test_a_dead_or_stuck_taxel_costs_nothing() -> None:
         assert found.stations[0].baseline_pa == pytest.approx(level, rel=0.01)
 
 
+def test_a_taxel_that_dies_in_a_scan_does_not_lower_the_levels_from_there_on() -> None:
+    """It reads nothing from the third press on; an edge taxel that touches nothing, and rests in
+    steps of the sensor, does so from the first."""
+    rng = np.random.default_rng(4)
+    presses = []
+    for n in range(5):
+        one = array(station(rng, index=n, x_mm=4.0 * n, noise_pa=5.0, hold_s=2.5), rng)
+        air = 20.0 * rng.standard_normal((50, 9))
+        signal = np.vstack([air, one.signal_pa])
+        signal[:, 8] = np.where(np.arange(len(signal)) % 40 == 5, 10.0, 0.0) if n == 0 else 0.0
+        if n >= 2:
+            signal[:, 3] = 0.0
+        presses.append(replace(
+            one, time_s=np.concatenate([one.indent_s - 0.1 + 0.002 * np.arange(50), one.time_s]),
+            signal_pa=signal, saturated=np.zeros(signal.shape, bool),
+            depth_m=np.concatenate([np.zeros(50), one.depth_m]),
+        ))  # fmt: skip
+    found = detect(Recording(tuple(presses), tuple("abcdefghi"), (), 1e-4))
+    levels = [one.baseline_pa for one in found.stations]
+    assert np.ptp(levels) < 0.01 * np.mean(levels)
+    assert all(one.note.endswith("left out everywhere: d") for one in found.stations)
+
+
 def test_what_taxels_miss_for_a_while_is_taken_from_the_others() -> None:
     """Three of nine, of unlike gain, for a second each: without them a mean is another's."""
     for seed in range(4):
