@@ -96,8 +96,13 @@ def detect(
     objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
     objects.sort(key=lambda one: (np.isnan(one.position_m), one.position_m))
     beats = heart_rate(presses)
-    stations = tuple(_station(p, beats is not None) for p in presses)
-    needed_pa = _needed_pa(presses, false_alarm / 2 if mapped else false_alarm)
+    shown_pa = _shown_pa(presses, false_alarm / 2 if mapped else false_alarm)
+    stations = tuple(
+        _station(one, least, beats is not None)
+        for one, least in zip(presses, shown_pa, strict=True)
+    )
+    known_pa = shown_pa[~np.isnan(shown_pa)]
+    needed_pa = float(np.median(known_pa)) if len(known_pa) else float("nan")
     kind = _whole(objects, presses, unfinished)
     if kind == "nothing" and needed_pa > asked_pa:
         kind = "cannot see"
@@ -204,18 +209,22 @@ def _most_places(recording: Recording, rows: list[list[int]]) -> int:
     return max((len(distinct_m(_x_m(recording, row))) for row in rows), default=0)
 
 
-def _needed_pa(presses: tuple[Press, ...], false_alarm: float) -> float:
-    """The smallest pulse that most presses would have shown; NaN where none can be judged.
+def _shown_pa(presses: tuple[Press, ...], false_alarm: float) -> Array:
+    """The smallest pulse that each press would have shown (n,); NaN where it cannot be judged.
 
     ``false_alarm`` is the chance of a false pulse in all of them.
     """
-    pulses = [p.pulse for p in presses if p.pulse is not None]
-    if not pulses:
-        return float("nan")
-    each = false_alarm / len(pulses) / (2 if len(pulses) > 1 else 1)  # half is for neighbours
-    return float(np.median([
-        least_pulse_pa(p.search, each) if p.search else SHOWN_SIGMAS * p.size_sd_pa for p in pulses
-    ]))  # fmt: skip
+    judged = sum(p.pulse is not None for p in presses)
+    each = false_alarm / max(judged, 1) / (2 if judged > 1 else 1)  # half is for neighbours
+
+    def shown(pulse: Pulse | None) -> float:
+        if pulse is None:
+            return float("nan")
+        if pulse.search is None:
+            return SHOWN_SIGMAS * pulse.size_sd_pa
+        return least_pulse_pa(pulse.search, each)
+
+    return np.array([shown(p.pulse) for p in presses])
 
 
 def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished: bool) -> Kind:
@@ -289,8 +298,9 @@ def _reasons(objects: list[ObjectFinding]) -> str:
     return "; ".join(dict.fromkeys(placed))
 
 
-def _station(press: Press, beats: bool) -> StationFinding:
-    """``beats``: a heart's pulse was found in the scan, at whose rate this press was measured."""
+def _station(press: Press, shown_pa: float, beats: bool) -> StationFinding:
+    """``shown_pa``: the smallest pulse that it would have shown. ``beats``: a heart's pulse was
+    found in the scan, at whose rate this press was measured."""
     s, p = press.station, press.pulse
     note = press.note
     if press.cause is not None and not press.pulsing:
@@ -306,15 +316,20 @@ def _station(press: Press, beats: bool) -> StationFinding:
         baseline_sd_pa=p.baseline_sd_pa,
         pulse_pa=p.size_pa,
         pulse_sd_pa=p.size_sd_pa,
-        pulse_below_pa=_below_pa(press, p, beats),
+        pulse_below_pa=_below_pa(press, p, shown_pa, beats),
         rate_hz=p.rate_hz,
         p_value=p.p_value,
     )
 
 
-def _below_pa(press: Press, pulse: Pulse, beats: bool) -> float:
-    """What the pulse is below where it may be noise's own; NaN where something moves."""
+def _below_pa(press: Press, pulse: Pulse, shown_pa: float, beats: bool) -> float:
+    """What the pulse is below where it may be noise's own; NaN where something moves.
+
+    Where no heart's rate is known, a pulse that would not have shown may be larger than what was
+    fitted at the clearest one.
+    """
     moves = press.pulsing or press.cause is not None or press.beyond_hz is not None
     if moves or (beats and pulse.size_pa >= NOISE_SIGMAS * pulse.size_sd_pa):
         return float("nan")
-    return pulse.size_pa + NORMAL_95 * pulse.size_sd_pa
+    fitted_pa = pulse.size_pa + NORMAL_95 * pulse.size_sd_pa
+    return fitted_pa if beats else max(fitted_pa, shown_pa)

@@ -54,7 +54,9 @@ def pulse_at(
     be followed in ``beats`` of any length, which are looked for where they are not known.
     """
     if heart is None or own.search is None:
-        return pulse_of(hold, own, _own_wave(hold, own))
+        wave = _own_wave(hold, own)
+        short = own.search is not None and hold.span_s < SHORTEST_TRAIN_S
+        return pulse_of(hold, own, wave, shared_rate([(hold, wave, own.search)]) if short else None)
     rate_hz = float(heart.hz[0])
     steady = wave_at(hold, rate_hz, *beside(hold, rate_hz, own.scale))
     found = None
@@ -85,7 +87,7 @@ def _followed(hold: Hold, own: Clearest, wave: Wave, beating_s: Array, variabili
     """The pulse of a wave's rate in beats of the hold's own."""
     rate_hz = wave.rate_hz
     noise, scale = beside(hold, rate_hz, own.scale, beating_s)
-    rates = Rates(np.array([rate_hz]), np.ones(1), variability)
+    rates = Rates(np.array([rate_hz]), variability)
     return pulse_of(hold, own, wave_at(hold, rate_hz, noise, scale, beating_s), rates)
 
 

@@ -12,7 +12,7 @@ from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
 from probe.detection.pulse.possible_rates import RATE_VARIABILITY, USUAL_SPREAD
 from probe.detection.pulse.search import FINEST, SHARE, TESTED_HARMONICS, Search, search
-from probe.detection.pulse.size import Rates, Sizes, averaged, mixed, sizes_at
+from probe.detection.pulse.size import Rates, Sizes, averaged, sizes_at, together
 
 SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
 """Harmonics that describe one: the brachial wave's over its swing from trough to crest."""
@@ -123,30 +123,39 @@ def pulse_of(hold: Hold, own: Clearest, wave: Wave, shared: Rates | None = None)
 
     ``shared`` are the rates that the scan leaves, of which the wave's is the likeliest.
     """
-    rate_hz, found, swing_pa = wave.rate_hz, wave.fit, wave.swing_pa
-    noise_pa = max(wave.scale.noise_pa, found.noise_pa, 1e-12)
-    spread = USUAL_SPREAD
-    if wave.beating_s is not None:
-        spread = 0.0
-    elif shared is not None:
-        spread = shared.variability / np.sqrt(max(hold.span_s * rate_hz, 1.0))
-    rates = shared or Rates(np.array([rate_hz]), np.ones(1), own.variability)
-    parts = found.coefficients[2:].reshape(2, -1)
-
-    def at(hz: float) -> Sizes:
-        count = min(harmonics_seen(hold, hz, len(SHARES)), parts.shape[1])
-        late = quickened(hold, hz, parts[:, :count]) * spread if spread else None
-        prior_pa = SHARES[:count] * max(swing_pa, 1e-12)
-        return sizes_at(hold, wave.noise, noise_pa, prior_pa, hz, late, wave.beating_s)
-
-    sizes = mixed([at(float(hz)) for hz in rates.hz], rates.share)
-    size_pa, size_sd_pa = averaged(sizes, sizes.evidence)
+    found, rates = wave.fit, shared or Rates(np.array([wave.rate_hz]), own.variability)
+    sizes = sizes_of(hold, wave, rates, None if shared else USUAL_SPREAD)
+    size_pa, size_sd_pa = averaged(sizes, *together([sizes]))
+    noise_pa = _noise_pa(wave)
     unmodelled = noise_pa / max(found.noise_pa, 1e-12)
     return Pulse(
-        rate_hz, size_pa, size_sd_pa, own.p_value,
+        wave.rate_hz, size_pa, size_sd_pa, own.p_value,
         float(found.rest_pa.mean()), unmodelled * found.rest_mean_sd_pa, found.noise_pa,
         found, own.search, sizes, rates.variability,
     )  # fmt: skip
+
+
+def sizes_of(hold: Hold, wave: Wave, rates: Rates, spread: float | None = None) -> Sizes:
+    """Sizes of a pulse like ``wave`` at each of ``rates``, which have a standard deviation of
+    ``spread`` over them: that of the hold's beats by default."""
+    parts = wave.fit.coefficients[2:].reshape(2, -1)
+
+    def at(hz: float) -> tuple[Array, Array, Array]:
+        count = min(harmonics_seen(hold, hz, len(SHARES)), parts.shape[1])
+        late = None
+        if wave.beating_s is None:
+            beats = max(hold.span_s * hz, 1.0)
+            off = spread or rates.variability / np.sqrt(beats)
+            late = quickened(hold, hz, parts[:, :count]) * off
+        prior_pa = SHARES[:count] * max(wave.swing_pa, 1e-12)
+        return sizes_at(hold, wave.noise, _noise_pa(wave), prior_pa, hz, late, wave.beating_s)
+
+    each = [np.array(v) for v in zip(*(at(float(hz)) for hz in rates.hz), strict=True)]
+    return Sizes(tuple(rates.hz.tolist()), *each)
+
+
+def _noise_pa(wave: Wave) -> float:
+    return max(wave.scale.noise_pa, wave.fit.noise_pa, 1e-12)
 
 
 def quickened(hold: Hold, rate_hz: float, coefficients: Array) -> Array:

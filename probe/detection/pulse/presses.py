@@ -164,11 +164,11 @@ def _with_level(own: _Own, pulse: Pulse | None) -> Pulse | None:
 
 
 def _sized(pulses: list[Pulse | None]) -> list[Pulse | None]:
-    """With sizes by what all presses say of relaxation."""
-    evidence = together([pulse.sizes for pulse in pulses if pulse is not None])
+    """With sizes by what all presses say of relaxation and heart."""
+    evidence = iter(together([pulse.sizes for pulse in pulses if pulse is not None]))
 
     def sized(pulse: Pulse) -> Pulse:
-        size_pa, size_sd_pa = averaged(pulse.sizes, evidence)
+        size_pa, size_sd_pa = averaged(pulse.sizes, next(evidence))
         return replace(pulse, size_pa=size_pa, size_sd_pa=size_sd_pa)
 
     return [pulse and sized(pulse) for pulse in pulses]

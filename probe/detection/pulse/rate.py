@@ -4,15 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.special import logsumexp
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.estimate import SHARES, Wave, harmonics_seen
+from probe.detection.pulse.estimate import SHARES, Wave, harmonics_seen, sizes_of
 from probe.detection.pulse.fit import design_of, harmonics, scale_rows
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import Noise
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ, rates_hz, unusual
 from probe.detection.pulse.search import TESTED_HARMONICS, Search
-from probe.detection.pulse.size import Rates
+from probe.detection.pulse.size import Rates, together
 
 SMOOTH = 0.75
 """Cycles that the last harmonic looked at may gain in a hold from one rate tried to the next: of
@@ -42,10 +43,8 @@ def shared_rate(clear: list[tuple[Hold, Wave, Search | None]]) -> Rates:
     span_s = max(hold.span_s for hold, *_ in clear)
     smooth = int(np.clip(round(SMOOTH / (reach * span_s)), TESTED_HARMONICS + 1, len(SHARES)))
     tried = {int(k) for one in likely for k in np.argsort(one)[-CANDIDATES:]}
-    if (
-        smooth > TESTED_HARMONICS + 1
-    ):  # in a short hold the wave's shape shows more than the search knows
-        tried = set(range(len(rates)))
+    if smooth > TESTED_HARMONICS + 1:  # a short hold: shape and relaxation show more than these
+        return _of_short(clear, rates)
     unlike = {float(rates[k]): unlikely(float(rates[k]), smooth) for k in tried}
     rate = min(unlike, key=lambda one: unlike[one])
     for most, share in ((smooth, 1.0), (len(SHARES), 0.25)):
@@ -57,8 +56,28 @@ def shared_rate(clear: list[tuple[Hold, Wave, Search | None]]) -> Rates:
     others = {one: float(np.exp(min(best - v, 0.0))) for one, v in unlike.items()
               if abs(one - rate) > reach / 2}  # fmt: skip
     others = {one: weight for one, weight in others.items() if weight >= PLAUSIBLE}
-    chance = np.array([1.0, *others.values()])
-    return Rates(np.array([rate, *others]), chance / chance.sum())
+    return Rates(np.array([rate, *others]))
+
+
+def _of_short(clear: list[tuple[Hold, Wave, Search | None]], rates: Array) -> Rates:
+    """The plausible of ``rates`` (f,) and of the peaks between them, whatever tissue relaxes by: in
+    a hold of about a beat relaxation makes one rate look like another."""
+
+    def likely(hz: Array) -> Array:
+        found = [sizes_of(hold, wave, Rates(hz)) for hold, wave, _ in clear]
+        return np.asarray(logsumexp(together(found)[0], axis=1))
+
+    chance, reach = likely(rates), float(rates[1] - rates[0])
+    beside = np.pad(chance, 1, constant_values=-np.inf)
+    peaks = np.flatnonzero((chance >= beside[:-2]) & (chance >= beside[2:]))
+    for k in peaks[np.argsort(chance[peaks])[-CANDIDATES:]]:
+        bounds = max(rates[k] - reach, SLOWEST_HZ), min(rates[k] + reach, FASTEST_HZ)
+        found = minimize_scalar(lambda hz: -likely(np.array([hz]))[0], bounds=bounds,
+                                method="bounded", options={"xatol": 10 * EXACT_HZ})  # fmt: skip
+        if -found.fun > chance[k]:
+            rates[k], chance[k] = found.x, -found.fun
+    order = np.argsort(-chance)
+    return Rates(rates[order[chance[order] >= chance.max() + np.log(PLAUSIBLE)]])
 
 
 @dataclass(frozen=True)

@@ -67,7 +67,7 @@ def mean_rate(uneven: Sequence[Beats]) -> Rates:
     """The mean rate of all whole beats of some holds."""
     lengths = np.concatenate([one.whole_s for one in uneven])
     mean_s = float(lengths.mean())
-    return Rates(np.array([1 / mean_s]), np.ones(1), float(lengths.std(ddof=1)) / mean_s)
+    return Rates(np.array([1 / mean_s]), float(lengths.std(ddof=1)) / mean_s)
 
 
 def beats_of(hold: Hold, train: BeatTrain | None = None) -> Beats:
