@@ -124,4 +124,21 @@ OUTSIDE = (
            "probe/acquisition/progress.py", "self._began_s: float | None = None",
            "self._began_s: float | None = time.monotonic()",
            ("tests/probe/acquisition/test_progress.py",)),
+    Mutant("slow hearts are likelier in a short hold", "probe/detection/pulse/size.py",
+           "taken - taken[0]", "taken", ("tests/probe/detection/test_size.py"
+           "::test_presses_of_one_beat_say_together_how_fast_the_heart_is",)),
+    Mutant("a wave costs nothing beside relaxation", "probe/detection/pulse/size.py",
+           "one.volume + taken - taken[0]", "one.volume", ("tests/probe/detection/test_size.py"
+           "::test_in_one_beat_relaxation_is_not_taken_for_a_pulse",)),
+    Mutant("a pulse that would not have shown is excluded", "probe/detection/scan.py",
+           "else max(fitted_pa, shown_pa)", "else fitted_pa", ("tests/probe/detection/test_size.py"
+           "::test_a_pulse_that_relaxation_explains_is_not_excluded",)),
+    Mutant("a taxel that dies goes on", "probe/detection/pulse/hold_samples.py",
+           "still & restless & ~still.all()", "still & ~still",
+           ("tests/probe/detection/test_unusual_scans.py"
+            "::test_a_taxel_that_dies_in_a_scan_does_not_lower_the_levels_from_there_on",)),
+    Mutant("a killed run goes on without its log", "probe/storage/schema.py",
+           'return "" if has_log else missing', 'return ""',
+           ("tests/probe/storage/test_lost_files.py"
+            "::test_a_lost_log_is_said_and_its_run_does_not_go_on",)),
 )  # fmt: skip
