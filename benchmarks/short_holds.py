@@ -36,7 +36,8 @@ def judge(seed: int) -> Row:
     beat_hz, begun = rng.uniform(50, 110) / 60, rng.uniform()
     t = np.arange(int(hold_s * sample_hz)) / sample_hz
     level = 1 - relaxing * sum(g * (1 - np.exp(-t / tau)) for g, tau in RELAXATION)
-    pressure_pa = load_wave(WAVES[int(rng.integers(2))]).pressure_pa(beat_hz * t + begun)
+    wave = WAVES[int(rng.integers(2))]
+    pressure_pa = load_wave(wave).pressure_pa(beat_hz * t + begun)
     signal = LEVEL_PA * level + pulse_pa / SWING_PA * pressure_pa
     signal = signal + noise_pa * rng.standard_normal(len(t))
     if step_pa:
@@ -48,21 +49,21 @@ def judge(seed: int) -> Row:
     else:
         off = abs(one.pulse_pa - pulse_pa) > 1.96 * one.pulse_sd_pa
         said = "outside the interval" if off else "in the interval"
-    return {"sample_hz": sample_hz, "relaxing": relaxing, "noise_pa": noise_pa, "hold_s": hold_s,
-            "beats": beats, "said": said, "true_pa": pulse_pa, "size_pa": f"{one.pulse_pa:.1f}",
-            "sd_pa": f"{one.pulse_sd_pa:.2f}"}  # fmt: skip
+    return {"wave": wave.wave, "sample_hz": sample_hz, "relaxing": relaxing, "noise_pa": noise_pa,
+            "hold_s": hold_s, "beats": beats, "found": said, "true_pa": pulse_pa,
+            "size_pa": f"{one.pulse_pa:.1f}", "sd_pa": f"{one.pulse_sd_pa:.2f}"}  # fmt: skip
 
 
 def main(holds: int) -> None:
     """Judge, tell."""
-    answers = ("sample_hz", "relaxing", "noise_pa", "hold_s", "beats", "said", "true_pa",
+    answers = ("wave", "sample_hz", "relaxing", "noise_pa", "hold_s", "beats", "found", "true_pa",
                "size_pa", "sd_pa")  # fmt: skip
     fill(OUT, ("seed",), answers, [(seed,) for seed in range(holds)], judge)
     table = pd.read_csv(OUT)
-    print(table.groupby(["beats", "said"]).size().unstack(fill_value=0).to_string())
-    for by in ("beats", "sample_hz", "relaxing"):
-        for name, cell in table[~table.said.str.startswith("bound")].groupby(by):
-            inside = int((cell.said == "in the interval").sum())
+    print(table.groupby(["beats", "found"]).size().unstack(fill_value=0).to_string())
+    for by in ("beats", "wave", "sample_hz", "relaxing"):
+        for name, cell in table[~table.found.str.startswith("bound")].groupby(by):
+            inside = int((cell.found == "in the interval").sum())
             print(f"{by} {name}: {exact(inside, len(cell))} % of {len(cell)}")
 
 
