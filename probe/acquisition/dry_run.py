@@ -72,7 +72,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     checks = [
         _reach(rig, plan),
         *_too_shallow(plan),
-        *unusual(rig),
+        *unusual(rig, scene),
         *_beside(rig, plan, scene),
         *of_devices,
         Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),

@@ -1,4 +1,4 @@
-"""Unusual values in a rig file, which may be in another unit than their key's.
+"""Unusual values in a rig file or a scene, which may be in another unit than their key's.
 
 Metres given for millimetres, milliseconds for seconds, millinewtons for newtons. Nothing is opened.
 """
@@ -10,6 +10,8 @@ from drivers import ConfigError
 from drivers.core.registry import Kind, settings_of
 from probe.acquisition.preflight import Check
 from probe.config.rig import Device, Rig
+from sim_backend.scene.odd_values import odd_values
+from sim_backend.scene.scene_file import Scene
 
 SLIP = 100.0
 """A value so many times as large or small as usual is in doubt. A slip of the unit makes it a
@@ -26,9 +28,11 @@ NEAREST_MM = 1.0
 into its own base: a scan's origin does not lie nearer to a machine's."""
 
 
-def unusual(rig: Rig) -> Iterator[Check]:
+def unusual(rig: Rig, scene: Scene | None = None) -> Iterator[Check]:
     """A warning for each quantity that may have been given in another unit, and a fault where
     positions come too seldom for any scan."""
+    if scene is not None:
+        yield from (Check("values", "warning", f"scene: {text}") for text in odd_values(scene))
     for table, one in (("scan", rig.scan), ("safety", rig.safety)):
         usual = {key: field.default for key, field in type(one).model_fields.items()}
         yield from _off(table, dict(one), usual)

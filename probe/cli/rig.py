@@ -53,7 +53,7 @@ def doctor(
         whole, simulated = resolve_rig(rig, scene)
         clock = clock_for(whole, real_time=False)
         own, *_ = device_checks(whole, plan_for(whole), simulated)
-        checks += [*unusual(whole), *own]
+        checks += [*unusual(whole, simulated), *own]
         if not any(check.level == "fault" for check in own):
             try:
                 with connect(whole, clock, fallback=fallback) as devices:

@@ -55,12 +55,15 @@ def press(
     """Press once into a scene and print force, contact stress, pulse and contact."""
     from probe.cli.progress import solving
     from sim_backend.models.press import press as press_once
+    from sim_backend.scene.odd_values import odd_values
     from sim_backend.scene.scene_file import SceneError, load_scene
     from sim_backend.scene.waves import load_wave
 
     chosen = {} if model is None else {"model": model}
     pressed_into = load_scene(scene)
     load_wave(pressed_into.pulse)  # so that what a scan refuses is refused here too
+    for doubt in odd_values(pressed_into):
+        inform(f"warning: {doubt}")
     if pressed_into.plane == "solid" and (deck or feb or vtu):
         raise SceneError(f"{scene}: --deck, --feb and --vtu write a plane section, not a solid")
     with solving() as show:

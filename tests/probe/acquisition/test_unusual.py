@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from paths import ROOT
 
+import palpate
 from probe.acquisition.unusual import unusual
 from probe.config.load_rig import load_rig
 from probe.config.rig import Rig
@@ -64,3 +65,15 @@ def test_of_no_rig_that_is_shipped_a_unit_is_in_doubt(path: Any) -> None:
 )
 def test_what_may_be_meant_is_not_doubted(keys: dict[str, Any]) -> None:
     assert not list(unusual(Rig.model_validate(keys)))
+
+
+def test_a_scene_is_doubted_with_its_rig() -> None:
+    scene = palpate.load_scene("TI")
+    assert scene.tissue is not None
+    soft = scene.model_copy(
+        update={"tissue": scene.tissue.model_copy(update={"modulus_kpa": 0.05})}
+    )
+    assert list(unusual(Rig(), scene)) == []
+    (check,) = unusual(Rig(), soft)
+    assert check.level == "warning"
+    assert check.text.startswith("scene: tissue.modulus_kpa = 0.05: 2,000 times less than usual")

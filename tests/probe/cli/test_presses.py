@@ -70,3 +70,11 @@ def test_can_i_see_refuses_a_driver_that_is_none(palpate: Any, tmp_path: Path) -
     result = palpate("plan", rig, "--scene", "TI", "--can-i-see")
     assert result.status == 2
     assert "driver = 'warp': no such driver" in result.err
+
+
+def test_a_press_says_what_may_be_in_another_unit(palpate: Any, tmp_path: Path) -> None:
+    scene = tmp_path / "mine.toml"
+    scene.write_text(OWN_SCENE.replace("modulus_kpa = 50.0", "modulus_kpa = 0.05"))
+    pressed = palpate("press", scene, "--x", "12", "--depth", "0.5", "--accuracy", "10")
+    assert "warning: tissue.modulus_kpa = 0.05" in pressed.err
+    assert "is its unit right?" in pressed.err
