@@ -137,8 +137,4 @@ OUTSIDE = (
            "still & restless & ~still.all()", "still & ~still",
            ("tests/probe/detection/test_unusual_scans.py"
             "::test_a_taxel_that_dies_in_a_scan_does_not_lower_the_levels_from_there_on",)),
-    Mutant("a killed run goes on without its log", "probe/storage/schema.py",
-           'return "" if has_log else missing', 'return ""',
-           ("tests/probe/storage/test_lost_files.py"
-            "::test_a_lost_log_is_said_and_its_run_does_not_go_on",)),
 )  # fmt: skip

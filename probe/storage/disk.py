@@ -17,6 +17,7 @@ from probe.storage.schema import (
     broken_seal,
     create,
     migrate,
+    unseal,
     version_of,
 )
 
@@ -52,7 +53,6 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
             path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
         )
         try:
-            has_log = log_of(path).exists()
             if not new:
                 _keep_damaged(log_of(path))
             make_safe(connection, path)
@@ -62,8 +62,9 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
                 raise RunFileError("nothing has been stored in it yet; begin a new scan")
             elif version < VERSION:
                 migrate(connection)
-            else:
-                _check_seal(connection, has_log=has_log)
+            if not new:
+                _check_seal(connection)
+            unseal(connection)
         except BaseException:
             connection.close()
             raise
@@ -80,14 +81,13 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
     return connection, lock
 
 
-def _check_seal(connection: sqlite3.Connection, *, has_log: bool) -> None:
+def _check_seal(connection: sqlite3.Connection) -> None:
     """Raises `RunFileError` where the end is lost: what is added would be sealed as if it were not.
 
     A run that has no seal was killed, and goes on with what its log kept.
     """
     query = "SELECT id, chain FROM event ORDER BY id DESC LIMIT 1"
-    found = connection.execute(query).fetchone() or (0, FIRST)
-    if why := broken_seal(connection, *found, has_log=has_log):
+    if why := broken_seal(connection, *(connection.execute(query).fetchone() or (0, FIRST))):
         raise RunFileError(
             f"{why}; nothing is added to a run whose end is lost: begin a new scan, and "
             "`palpate detect` reads what is left of this one"

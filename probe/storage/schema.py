@@ -135,19 +135,20 @@ def seal(connection: sqlite3.Connection) -> None:
     )
 
 
-def broken_seal(connection: sqlite3.Connection, events: int, chain: bytes, *, has_log: bool) -> str:
-    """What is wrong if the last event is not that of when the writer closed the file, or if nobody
-    closed it and its log is gone; empty if nothing."""
+def is_open(connection: sqlite3.Connection) -> bool:
+    """Whether a scan writes the file, or was killed while it did: it has no seal then."""
+    found = connection.execute("SELECT events, chain FROM seal").fetchone()
+    return bool(found == (None, None))
+
+
+def broken_seal(connection: sqlite3.Connection, events: int, chain: bytes) -> str:
+    """What is wrong if the last event is not that of when the writer closed the file; empty if
+    nothing, or while it is open."""
     sealed = connection.execute("SELECT events, chain FROM seal").fetchone()
     if sealed is None:
         return "seal: removed"
     if sealed == (None, None):
-        missing = (
-            "log: the scan did not close this file, and RUN-wal is not beside it: the events "
-            "that were committed last are missing if it was lost (copied without it? then put it "
-            "there)"
-        )
-        return "" if has_log else missing
+        return ""
     if sealed[0] != events:
         return f"seal: {events} events, but there were {sealed[0]} when the scan closed the file"
     if sealed[1] != chain:

@@ -23,7 +23,7 @@ from probe.storage.disk import explain, open_safely
 from probe.storage.lock import release
 from probe.storage.moved_away import InPlace, rescue
 from probe.storage.rows import FIRST, Row, from_row, link, to_row
-from probe.storage.schema import seal, unseal
+from probe.storage.schema import seal
 
 __all__ = ["Store", "StoreError", "create_store", "reopen_store"]
 
@@ -52,14 +52,13 @@ class Store:
         self.slowest_s = 0.0
         self._connection = connection
         self._lock = lock
+        self._in_place = InPlace(path, lock, connection)
         self._whole = True
         last = connection.execute("SELECT id, chain FROM event ORDER BY id DESC LIMIT 1").fetchone()
         self._id: int = last[0] if last else 0
         self._chain: bytes = last[1] if last else FIRST
         (self._last_s,) = connection.execute("SELECT max(time_s) FROM event").fetchone()
         self._channels = _channels(connection)
-        unseal(connection)  # once it was read: what is refused as damaged stays as it is
-        self._in_place = InPlace(path, lock, connection)
         self._waiting: deque[tuple[float, Event]] = deque()
         self._published = 0
         self._closing = self._hurry = False
@@ -236,7 +235,7 @@ def create_store(path: Path) -> Store:
     except OSError as error:
         raise StoreError(f"{path}: {explain(error)}") from None
     try:
-        return _store(path, *open_safely(path, new=True))
+        return Store(path, *open_safely(path, new=True))
     except BaseException:
         path.unlink(missing_ok=True)  # an empty file would only be in the way
         raise
@@ -247,16 +246,9 @@ def reopen_store(path: Path) -> Store:
     if not path.is_file():
         raise RunFileError(f"{path}: no such run file")
     path = path.resolve()
-    return _store(path, *open_safely(path, new=False))
-
-
-def _store(path: Path, connection: sqlite3.Connection, lock: int) -> Store:
+    connection, lock = open_safely(path, new=False)
     try:
         return Store(path, connection, lock)
-    except sqlite3.OperationalError as error:
-        connection.close()
-        release(lock)
-        raise StoreError(f"{path}: {explain(error)}") from None
     except (sqlite3.Error, UnicodeDecodeError, RunFileError) as error:
         connection.close()
         release(lock)
