@@ -18,7 +18,7 @@ from probe.detection.pulse.estimate import (
 )
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.possible_rates import RATE_VARIABILITY
-from probe.detection.pulse.rate import shared_rate
+from probe.detection.pulse.rate import is_short, shared_rate
 from probe.detection.pulse.size import Rates
 from probe.detection.pulse.uneven_beats import MIN_WHOLE, Beats, beats_of, mean_rate
 
@@ -55,7 +55,7 @@ def pulse_at(
     """
     if heart is None or own.search is None:
         wave = _own_wave(hold, own)
-        short = own.search is not None and hold.span_s < SHORTEST_TRAIN_S
+        short = own.search is not None and is_short(hold.span_s)
         return pulse_of(hold, own, wave, shared_rate([(hold, wave, own.search)]) if short else None)
     rate_hz = float(heart.hz[0])
     steady = wave_at(hold, rate_hz, *beside(hold, rate_hz, own.scale))

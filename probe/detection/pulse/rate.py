@@ -22,29 +22,30 @@ PLAUSIBLE = 0.02
 """Of the likeliest rate's likelihood: less changes no interval."""
 CANDIDATES, EXACT_HZ = 4, 1e-3
 """Rates that each way of searching proposes, and how exactly the best of them is wanted."""
+SHORT_EXACT_HZ = 0.01
+"""The same in a short hold: a heart's own variability, 5 % of 1 Hz over a beat, forgives more."""
 
 
 def shared_rate(clear: list[tuple[Hold, Wave, Search | None]]) -> Rates:
     """The rate that explains the clearest pulses best, given what rates hearts have; after it
     all others that were tried and are at least `PLAUSIBLE` times as likely."""
+    span_s = max(hold.span_s for hold, *_ in clear)
+    rates = rates_hz(span_s)
+    if is_short(span_s):
+        return _of_short(clear, rates)
     holds = [_whitened(hold, wave) for hold, wave, _ in clear]
-    rates = max((rates_hz(hold.span_s) for hold, *_ in clear), key=len)
 
     def unlikely(rate_hz: float, most: int) -> float:
         misfit = sum(_misfit(one, rate_hz, most) for one in holds)
         return float(unusual(rate_hz)) + misfit
 
-    reach = float(rates[1] - rates[0])
+    reach, smooth = float(rates[1] - rates[0]), _smooth(span_s)
     searches = [one for *_, one in clear if one is not None]
     likely = [
         np.sum([np.interp(rates, s.rates_hz, seen) for s, seen in each], axis=0) - unusual(rates)
         for each in ([(s, s.gain) for s in searches], [(s, s.clear / 2) for s in searches])
     ]
-    span_s = max(hold.span_s for hold, *_ in clear)
-    smooth = int(np.clip(round(SMOOTH / (reach * span_s)), TESTED_HARMONICS + 1, len(SHARES)))
     tried = {int(k) for one in likely for k in np.argsort(one)[-CANDIDATES:]}
-    if smooth > TESTED_HARMONICS + 1:  # a short hold: shape and relaxation show more than these
-        return _of_short(clear, rates)
     unlike = {float(rates[k]): unlikely(float(rates[k]), smooth) for k in tried}
     rate = min(unlike, key=lambda one: unlike[one])
     for most, share in ((smooth, 1.0), (len(SHARES), 0.25)):
@@ -57,6 +58,20 @@ def shared_rate(clear: list[tuple[Hold, Wave, Search | None]]) -> Rates:
               if abs(one - rate) > reach / 2}  # fmt: skip
     others = {one: weight for one, weight in others.items() if weight >= PLAUSIBLE}
     return Rates(np.array([rate, *others]))
+
+
+def is_short(span_s: float) -> bool:
+    """Whether shape and relaxation show more of a heart's rate than the search's harmonics do: in
+    about two seconds, where the likelihood is a smooth function of more of them."""
+    return _smooth(span_s) > TESTED_HARMONICS + 1
+
+
+def _smooth(span_s: float) -> int:
+    """How many harmonics may be looked at from one rate tried to the next."""
+    first, second, *_ = rates_hz(span_s)
+    return int(
+        np.clip(round(SMOOTH / ((second - first) * span_s)), TESTED_HARMONICS + 1, len(SHARES))
+    )
 
 
 def _of_short(clear: list[tuple[Hold, Wave, Search | None]], rates: Array) -> Rates:
@@ -73,7 +88,7 @@ def _of_short(clear: list[tuple[Hold, Wave, Search | None]], rates: Array) -> Ra
     for k in peaks[np.argsort(chance[peaks])[-CANDIDATES:]]:
         bounds = max(rates[k] - reach, SLOWEST_HZ), min(rates[k] + reach, FASTEST_HZ)
         found = minimize_scalar(lambda hz: -likely(np.array([hz]))[0], bounds=bounds,
-                                method="bounded", options={"xatol": 10 * EXACT_HZ})  # fmt: skip
+                                method="bounded", options={"xatol": SHORT_EXACT_HZ})  # fmt: skip
         if -found.fun > chance[k]:
             rates[k], chance[k] = found.x, -found.fun
     order = np.argsort(-chance)
