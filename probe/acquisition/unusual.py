@@ -10,12 +10,9 @@ from drivers import ConfigError
 from drivers.core.registry import Kind, settings_of
 from probe.acquisition.preflight import Check
 from probe.config.rig import Device, Rig
-from sim_backend.scene.odd_values import odd_values
+from sim_backend.scene.odd_values import doubt, odd_values
 from sim_backend.scene.scene_file import Scene
 
-SLIP = 100.0
-"""A value so many times as large or small as usual is in doubt. A slip of the unit makes it a
-thousand times, cm2 for mm2 a hundred; in ``rigs/`` the furthest is 12 times the usual."""
 UNITS = ("baud", "_mm", "_mm_s", "_s", "_n", "_hz", "_ms")
 """How keys of quantities end; counts and angles are not looked at."""
 NOT_SIZES = ("start_mm", "indentation_mm", "time_unit_s")
@@ -36,8 +33,8 @@ def unusual(rig: Rig, scene: Scene | None = None) -> Iterator[Check]:
     for table, one in (("scan", rig.scan), ("safety", rig.safety)):
         usual = {key: field.default for key, field in type(one).model_fields.items()}
         yield from _off(table, dict(one), usual)
-    if rig.face_mm2 is not None and _is_off(rig.face_mm2, FACE_MM2):
-        yield _doubt("face_mm2", rig.face_mm2, FACE_MM2)
+    if rig.face_mm2 is not None and (words := doubt("face_mm2", rig.face_mm2, FACE_MM2)):
+        yield Check("values", "warning", words)
     yield from _of_device("stages", "stage", rig.stage)
     for n, device in enumerate(rig.sensor):
         yield from _of_device("sensors", f"sensor[{n}]", device)
@@ -79,19 +76,9 @@ def _off(where: str, given: Mapping[str, Any], usual: Mapping[str, Any]) -> Iter
         if key in NOT_SIZES or not key.endswith(UNITS) or not _is_size(usual.get(key)):
             continue
         for one in value if isinstance(value, tuple) else (value,):
-            if _is_size(one) and _is_off(one, usual[key]):
-                yield _doubt(f"{where}.{key}", one, usual[key])
+            if _is_size(one) and (words := doubt(f"{where}.{key}", one, usual[key])):
+                yield Check("values", "warning", words)
 
 
 def _is_size(value: Any) -> TypeGuard[float]:
     return isinstance(value, int | float) and not isinstance(value, bool) and value > 0
-
-
-def _is_off(value: float, usual: float) -> bool:
-    return not 1 / SLIP < value / usual < SLIP
-
-
-def _doubt(key: str, value: float, usual: float) -> Check:
-    times = max(value / usual, usual / value)
-    text = f"{key} = {value:g}: {times:,.0f} times {'more' if value > usual else 'less'} than the "
-    return Check("values", "warning", f"{text}usual {usual:g}; is its unit right?")

@@ -8,7 +8,8 @@ from sim_backend.scene.scene_file import Scene
 
 SLIP = 100.0
 """How many times as large or small as usual a value in doubt is: a slip of the unit makes it a
-thousand times. Of the built-in scenes the furthest is 40 times the usual."""
+thousand times, cm2 for mm2 a hundred. Of the built-in scenes the furthest is 40 times the usual, in
+``rigs/`` 12 times."""
 USUAL = {"_mm": 10.0, "_kpa": 100.0, "_mmhg": 100.0}
 """A finger, soft tissue, blood: fat has 1 to 3 kPa, a stenosis in the paper 4000."""
 NOT_SIZES = ("x_mm", "z_mm", "depth_mm", "edge_radius_mm")
@@ -38,8 +39,14 @@ def _of(table: BaseModel, where: str) -> Iterator[str]:
                 if isinstance(one, BaseModel):
                     yield from _of(one, f"{name}[{n}].")
         elif key not in NOT_SIZES and isinstance(value, float) and value > 0:
-            usual = next((u for unit, u in USUAL.items() if key.endswith(unit)), None)
-            if usual and not 1 / SLIP < value / usual < SLIP:
-                times = f"{max(value / usual, usual / value):,.0f} times"
-                times += " more" if value > usual else " less"
-                yield f"{name} = {value:g}: {times} than usual; is its unit right?"
+            usual = next((u for unit, u in USUAL.items() if key.endswith(unit)), value)
+            if words := doubt(name, value, usual):
+                yield words
+
+
+def doubt(key: str, value: float, usual: float) -> str:
+    """Why a value above 0 may be in another unit; empty if it is near the usual one."""
+    if 1 / SLIP < value / usual < SLIP:
+        return ""
+    times = f"{max(value / usual, usual / value):,.0f} times {'more' if value > usual else 'less'}"
+    return f"{key} = {value:g}: {times} than the usual {usual:g}; is its unit right?"

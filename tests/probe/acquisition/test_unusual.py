@@ -76,4 +76,4 @@ def test_a_scene_is_doubted_with_its_rig() -> None:
     assert list(unusual(Rig(), scene)) == []
     (check,) = unusual(Rig(), soft)
     assert check.level == "warning"
-    assert check.text.startswith("scene: tissue.modulus_kpa = 0.05: 2,000 times less than usual")
+    assert check.text.startswith("scene: tissue.modulus_kpa = 0.05: 2,000 times less than")
