@@ -135,6 +135,6 @@ OUTSIDE = (
            "::test_a_pulse_that_relaxation_explains_is_not_excluded",)),
     Mutant("a taxel that dies goes on", "probe/detection/pulse/hold_samples.py",
            "still & restless & ~still.all()", "still & ~still",
-           ("tests/probe/detection/test_unusual_scans.py"
+           ("tests/probe/detection/test_taxels.py"
             "::test_a_taxel_that_dies_in_a_scan_does_not_lower_the_levels_from_there_on",)),
 )  # fmt: skip
