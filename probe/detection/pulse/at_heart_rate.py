@@ -17,7 +17,7 @@ from probe.detection.pulse.estimate import (
     wave_at,
 )
 from probe.detection.pulse.hold_samples import Hold
-from probe.detection.pulse.possible_rates import RATE_VARIABILITY
+from probe.detection.pulse.possible_rates import RATE_VARIABILITY, rates_hz
 from probe.detection.pulse.rate import is_short, shared_rate
 from probe.detection.pulse.size import Rates
 from probe.detection.pulse.uneven_beats import MIN_WHOLE, Beats, beats_of, mean_rate
@@ -56,7 +56,7 @@ def pulse_at(
     if heart is None or own.search is None:
         wave = _own_wave(hold, own)
         short = own.search is not None and is_short(hold.span_s)
-        return pulse_of(hold, own, wave, shared_rate([(hold, wave, own.search)]) if short else None)
+        return pulse_of(hold, own, wave, Rates(rates_hz(hold.span_s)) if short else None)
     rate_hz = float(heart.hz[0])
     steady = wave_at(hold, rate_hz, *beside(hold, rate_hz, own.scale))
     found = None

@@ -121,7 +121,7 @@ def wave_at(
 def pulse_of(hold: Hold, own: Clearest, wave: Wave, shared: Rates | None = None) -> Pulse:
     """How large a wave is, and how surely.
 
-    ``shared`` are the rates that the scan leaves, of which the wave's is the likeliest.
+    ``shared`` are the rates that the scan leaves, all that are tried where it shows none.
     """
     found, rates = wave.fit, shared or Rates(np.array([wave.rate_hz]), own.variability)
     sizes = sizes_of(hold, wave, rates, None if shared else USUAL_SPREAD)
