@@ -16,6 +16,7 @@ from probe.acquisition.levels import Levels, Usual
 from probe.acquisition.readiness import turned
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.safety_monitor import STAGE_PERIOD_S, SafetyMonitor
+from probe.acquisition.sensor_rates import SensorRates
 from probe.acquisition.stop_rules import Seen, interrupted
 from probe.core.events import (
     Finish,
@@ -62,6 +63,7 @@ class RunLoop:
         self.known_levels: Levels | None = None
         self.zero_unseen = False  # since the last complete press
         self.usual = Usual()
+        self.rates = SensorRates(sensors)
         self.most_n = limits.max_force_n
         self.top_m = limits.workspace_m[2][1]
         self.in_the_air = limits.in_the_air
@@ -190,7 +192,11 @@ class RunLoop:
         self.publish_samples()
         self.bus.publish(StationEnded(now, self.station, self.attempt, complete))
         self.station = self.attempt = None
+        for sensor, slow in self.rates.slow() if complete else ():
+            self.bus.note("warning", sensor, slow)
 
     def publish_samples(self) -> None:
         self.last_published_s = self.clock.now()
-        self.bus.samples(self.monitor.collect())
+        readings = self.monitor.collect()
+        self.rates.add(readings)
+        self.bus.samples(readings)

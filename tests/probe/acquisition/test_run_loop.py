@@ -24,7 +24,7 @@ def test_at_rest_the_engine_keeps_its_pace_with_the_wall_clock(
         engine_heartbeat=lambda: looks_s.append(clock.now()),
     )  # fmt: skip
     stage: Any = SimpleNamespace()
-    sensor: Any = SimpleNamespace(rate_hz=500.0)
+    sensor: Any = SimpleNamespace(name="cell", rate_hz=500.0)
     bus: Any = SimpleNamespace(sink_error=None, samples=lambda _: None)
     loop = RunLoop(plan, stage, [sensor], clock, limits_for(Rig(), plan), monitor, Control(), bus)
     loop.wait_until(0.1)

@@ -1,0 +1,51 @@
+"""Sensors that send fewer readings than the rig says."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from springs import SpringSensor, on_simulated_springs, run_springs, spring_rig
+
+from drivers import Block, Channel
+from probe.acquisition.sensor_rates import SensorRates
+
+
+class Sparse(SpringSensor):
+    """Sends one of ``every`` readings."""
+
+    every = 10
+
+    def block(self, time_s: Any, force: Any) -> Block:
+        sent = np.round(np.asarray(time_s) * self.rate_hz) % self.every == 0
+        return super().block(np.asarray(time_s)[sent], np.asarray(force)[sent])
+
+
+@pytest.mark.parametrize(("every", "said"), [(1, 0), (10, 1)])
+def test_a_sensor_slower_than_its_rig_says_is_noted_once(every: int, said: int) -> None:
+    bed, stage, _ = on_simulated_springs()
+    sensor = Sparse(bed)
+    sensor.every = every
+    ran = run_springs(bed, stage, [sensor], rig=spring_rig(scan={"stations": 3}))
+    assert ran.reason == "every station is complete"
+    slow = [text for text in ran.notes if "readings a second" in text]
+    assert len(slow) == said
+    if said:
+        assert slow[0].startswith(f"sends {sensor.rate_hz / every:.3g} readings a second")
+        assert f"rate_hz = {sensor.rate_hz:g}" in slow[0]
+
+
+def read(count: int, span_s: float, lost: int = 0) -> Block:
+    values = np.zeros((count, 1))
+    return Block(np.linspace(3.0, 3.0 + span_s, count), values, values.astype(bool), lost)
+
+
+@pytest.mark.parametrize(
+    ("count", "lost", "slow"), [(101, 0, 0), (85, 0, 0), (75, 0, 1), (75, 20, 0)]
+)
+def test_what_got_lost_was_sent(count: int, lost: int, slow: int) -> None:
+    """What a network loses is said elsewhere, with how much of it."""
+    sensor = type("Cell", (), {"name": "cell", "rate_hz": 100.0, "channels": (Channel("f", "N"),)})
+    rates = SensorRates([sensor])  # type: ignore[list-item]
+    rates.add([("stage", read(2, 1.0)), ("cell", read(count, 1.0, lost))])
+    assert len(rates.slow()) == slow
+    assert rates.slow() == []
