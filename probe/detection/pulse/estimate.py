@@ -139,34 +139,21 @@ def sizes_of(hold: Hold, wave: Wave, rates: Rates, spread: float | None = None) 
     """Sizes of a pulse like ``wave`` at each of ``rates``, which have a standard deviation of
     ``spread`` over them: that of the hold's beats by default."""
     parts = wave.fit.coefficients[2:].reshape(2, -1)
-
-    def at(hz: float) -> tuple[Array, Array, Array]:
-        count = min(harmonics_seen(hold, hz, len(SHARES)), parts.shape[1])
-        late = None
-        if wave.beating_s is None:
-            beats = max(hold.span_s * hz, 1.0)
-            off = spread or rates.variability / np.sqrt(beats)
-            late = quickened(hold, hz, parts[:, :count]) * off
-        prior_pa = SHARES[:count] * max(wave.swing_pa, 1e-12)
-        return sizes_at(hold, wave.noise, _noise_pa(wave), prior_pa, hz, late, wave.beating_s)
-
-    each = [np.array(v) for v in zip(*(at(float(hz)) for hz in rates.hz), strict=True)]
-    return Sizes(tuple(rates.hz.tolist()), *each)
+    count = parts.shape[1]
+    seen = np.array([harmonics_seen(hold, float(hz), count) for hz in rates.hz])
+    share = np.where(np.arange(count) < seen[:, None], SHARES[:count], 0.0)
+    prior_pa = share * max(wave.swing_pa, 1e-12)
+    late = None
+    if wave.beating_s is None:
+        usual = rates.variability / np.sqrt(np.maximum(hold.span_s * rates.hz, 1.0))
+        late = parts, np.full(len(rates.hz), spread) if spread else usual
+    noise_pa = _noise_pa(wave)
+    found = sizes_at(hold, wave.noise, noise_pa, prior_pa, rates.hz, late, wave.beating_s)
+    return Sizes(tuple(rates.hz.tolist()), *found)
 
 
 def _noise_pa(wave: Wave) -> float:
     return max(wave.scale.noise_pa, wave.fit.noise_pa, 1e-12)
-
-
-def quickened(hold: Hold, rate_hz: float, coefficients: Array) -> Array:
-    """What a rate higher by all of it adds to a wave of ``coefficients`` (2, k), to first order:
-    (n,)."""
-    cosines, sines = coefficients
-    order = np.arange(1, len(cosines) + 1)
-    turned = np.concatenate([order * sines, -order * cosines])
-    slope = harmonics(hold.time_s, rate_hz, len(order)) @ turned
-    t = hold.time_s - hold.time_s.mean()
-    return np.asarray(2 * np.pi * rate_hz * t * slope)
 
 
 def described(

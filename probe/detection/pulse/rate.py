@@ -22,7 +22,7 @@ PLAUSIBLE = 0.02
 """Of the likeliest rate's likelihood: less changes no interval."""
 CANDIDATES, EXACT_HZ = 4, 1e-3
 """Rates that each way of searching proposes, and how exactly the best of them is wanted."""
-SHORT_EXACT_HZ = 0.01
+SHORT_EXACT_HZ = 0.02
 """The same in a short hold: a heart's own variability, 5 % of 1 Hz over a beat, forgives more."""
 
 
@@ -85,12 +85,13 @@ def _of_short(clear: list[tuple[Hold, Wave, Search | None]], rates: Array) -> Ra
     chance, reach = likely(rates), float(rates[1] - rates[0])
     beside = np.pad(chance, 1, constant_values=-np.inf)
     peaks = np.flatnonzero((chance >= beside[:-2]) & (chance >= beside[2:]))
-    for k in peaks[np.argsort(chance[peaks])[-CANDIDATES:]]:
-        bounds = max(rates[k] - reach, SLOWEST_HZ), min(rates[k] + reach, FASTEST_HZ)
-        found = minimize_scalar(lambda hz: -likely(np.array([hz]))[0], bounds=bounds,
-                                method="bounded", options={"xatol": SHORT_EXACT_HZ})  # fmt: skip
-        if -found.fun > chance[k]:
-            rates[k], chance[k] = found.x, -found.fun
+    peaks = peaks[np.argsort(chance[peaks])[-CANDIDATES:]]
+    between = rates[peaks, None] + np.arange(SHORT_EXACT_HZ - reach, reach, SHORT_EXACT_HZ)
+    between = np.clip(between, SLOWEST_HZ, FASTEST_HZ)
+    found = likely(between.ravel()).reshape(between.shape)
+    better = found.max(axis=1) > chance[peaks]
+    rates[peaks[better]] = between[np.arange(len(peaks)), found.argmax(axis=1)][better]
+    chance[peaks[better]] = found.max(axis=1)[better]
     order = np.argsort(-chance)
     return Rates(rates[order[chance[order] >= chance.max() + np.log(PLAUSIBLE)]])
 

@@ -23,6 +23,8 @@ from probe.detection.pulse.possible_rates import RATE_VARIABILITY, unusual
 RELAXING = np.geomspace(1e-6, 1.0, 13)
 """Standard deviation of a decay's weight over the force, two to a decade: the weights of `fit` on
 30 holds of real tissue have 0.007 to 0.75, solved tissue has none."""
+UNSEEN = 1e-9
+"""Of what is known of a direction: if relaxation takes less, no digit that is shown changes."""
 PHASES = np.linspace(0.0, 1.0, 128, endpoint=False)
 """Of a beat, where its crest and trough are looked for."""
 
@@ -70,8 +72,10 @@ def _relaxing(hold: Hold, noise: Noise, noise_pa: float) -> _Relaxing:
     columns = _white(hold, noise, noise_pa, columns)
     columns -= level @ (level.T @ columns)
     shapes, singular, _ = np.linalg.svd(columns[:, 1:], full_matrices=False)
-    grown = 1 + np.outer(RELAXING * abs(float(hold.signal_pa.mean())), singular) ** 2
-    return _Relaxing(level, columns[:, 0], shapes, 1 - 1 / grown, np.log(grown).sum(axis=1))
+    grown = np.outer(RELAXING * abs(float(hold.signal_pa.mean())), singular) ** 2
+    seen = grown[-1] > UNSEEN
+    lost = grown[:, seen] / (1 + grown[:, seen])
+    return _Relaxing(level, columns[:, 0], shapes[:, seen], lost, np.log1p(grown).sum(axis=1))
 
 
 def _white(hold: Hold, noise: Noise, noise_pa: float, columns: Array) -> Array:
@@ -79,44 +83,98 @@ def _white(hold: Hold, noise: Noise, noise_pa: float, columns: Array) -> Array:
 
 
 def sizes_at(
-    hold: Hold, noise: Noise, noise_pa: float, prior_pa: Array, rate_hz: float, late: Array | None,
-    beating_s: Array | None = None,
+    hold: Hold, noise: Noise, noise_pa: float, prior_pa: Array, rates_hz: Array,
+    late: tuple[Array, Array] | None, beating_s: Array | None = None,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
-    """Size of a pulse at ``rate_hz``, its standard deviation and the log evidence, for each of
-    `RELAXING` (r,), in ``noise`` of innovations ``noise_pa``.
+    """Size of a pulse at each of ``rates_hz`` (f,), its standard deviation and the log evidence,
+    for each of `RELAXING` (f, r), in ``noise`` of innovations ``noise_pa``.
 
-    ``prior_pa`` (k,) are standard deviations of the harmonics' amplitudes beforehand. ``late`` (n,)
-    is what a rate one standard deviation higher adds to the signal, None where the beats are known.
-    ``beating_s`` (n,) where time is counted in another way for the harmonics.
+    ``prior_pa`` (f, k) are standard deviations of the harmonics' amplitudes beforehand, 0 for those
+    that are not seen. ``late``: cosines and sines of the wave (2, k) and the standard deviation of
+    each rate (f,) over itself, None where the beats are known. ``beating_s`` (n,) where time is
+    counted in another way for the harmonics.
     """
-    one, count = _relaxing(hold, noise, noise_pa), len(prior_pa)
-    time_s = hold.time_s if beating_s is None else beating_s
-    kept = np.tile(np.sinc(rate_hz * np.arange(1, count + 1) * hold.averaged_s), 2)
-    wave = harmonics(time_s, rate_hz, count) * (np.tile(prior_pa, 2) * kept)
-    if late is not None:
-        wave = np.column_stack([wave, late])
-    wave = _white(hold, noise, noise_pa, wave)
-    wave -= one.level @ (one.level.T @ wave)
-    along, across = one.shapes.T @ one.signal, one.shapes.T @ wave
-    rss = one.signal @ one.signal - one.lost @ along**2
-    gram = wave.T @ wave - (across.T * one.lost[:, None, :]) @ across
-    right = wave.T @ one.signal - (one.lost * along) @ across
+    one, prior = _relaxing(hold, noise, noise_pa), np.tile(prior_pa, 2)
+    columns = _columns(hold, prior, rates_hz, late, beating_s)
+    white = _white(hold, noise, noise_pa, columns.reshape(len(columns), -1))
+    white -= one.level @ (one.level.T @ white)
+    wave = _posterior(one, white.reshape(columns.shape))
 
-    # the wave's columns have unit variance beforehand
-    precision = gram + np.eye(gram.shape[1])
-    covariance = np.linalg.inv(precision)
-    found = np.squeeze(covariance @ right[:, :, None], axis=2)
+    count = prior.shape[1]
+    beat = harmonics(PHASES, 1.0, count // 2)
+    shape = (wave.mean[..., :count] * prior[:, None]) @ beat.T
+    slope = np.zeros_like(wave.mean)
+    highest, lowest = beat[shape.argmax(axis=2)], beat[shape.argmin(axis=2)]
+    slope[..., :count] = (highest - lowest) * prior[:, None]
+    within = slope @ wave.down
+    variance = ((slope @ wave.free) * slope).sum(axis=2)
+    variance += (np.squeeze(within[..., None, :] @ wave.taking, axis=2) * within).sum(axis=2)
+    return np.ptp(shape, axis=2), np.sqrt(np.maximum(variance, 0.0)), wave.evidence
+
+
+def _columns(
+    hold: Hold, prior: Array, rates_hz: Array, late: tuple[Array, Array] | None,
+    beating_s: Array | None,
+) -> Array:  # fmt: skip
+    """What amplitudes of one standard deviation beforehand add to the signal (n, f, c): cosines,
+    sines and, if there is a ``late``, a higher rate, to first order."""
+    count = prior.shape[1] // 2
+    order = np.arange(1, count + 1)
+    waves = harmonics(hold.time_s if beating_s is None else beating_s, rates_hz, count)
+    kept = np.tile(np.sinc(np.multiply.outer(rates_hz, order) * hold.averaged_s), 2)
+    columns = waves * (prior * kept)
+    if late is None:
+        return columns
+    (cosines, sines), off = late
+    turned = np.concatenate([order * sines, -order * cosines]) * (prior > 0)
+    t = hold.time_s - hold.time_s.mean()
+    higher = np.multiply.outer(t, 2 * np.pi * rates_hz * off) * (waves * turned).sum(axis=2)
+    return np.concatenate([columns, higher[..., None]], axis=2)
+
+
+@dataclass(frozen=True)
+class _Posterior:
+    """Mean weights of a wave's columns (f, r, c) and the log evidence (f, r). The covariance is
+    ``free`` (f, c, c) without relaxation, and ``down @ taking @ down.T``, (f, c, d) and
+    (f, r, d, d), is what relaxation adds."""
+
+    mean: Array
+    evidence: Array
+    free: Array
+    down: Array
+    taking: Array
+
+
+def _posterior(one: _Relaxing, white: Array) -> _Posterior:
+    """Of columns (n, f, c) with weights N(0, 1), in tissue that relaxes by each of `RELAXING`.
+
+    Relaxation is known in few directions, the wave in many: by Woodbury (1950) only a matrix of the
+    former is inverted for each of both.
+    """
+    across = np.moveaxis(np.tensordot(one.shapes, white, axes=(0, 0)), 0, 1)
+    right = np.tensordot(one.signal, white, axes=(0, 0))
+    each = np.ascontiguousarray(np.moveaxis(white, 0, 1))
+    precision = np.swapaxes(each, 1, 2) @ each + np.eye(white.shape[2])
+    free = np.asarray(np.linalg.inv(precision), float)
+    down = free @ np.swapaxes(across, 1, 2)
+
+    loss, shared = np.sqrt(one.lost), across @ down
+    left = np.eye(loss.shape[1]) - loss[:, :, None] * shared[:, None] * loss[:, None, :]
+    taking = loss[:, :, None] * np.linalg.inv(left) * loss[:, None, :]
+
+    along = one.shapes.T @ one.signal
+    lost = one.lost * along
+    pulled = right[:, None] @ down - lost @ shared
+    weight = np.squeeze(taking @ pulled[..., None], axis=3) - lost
+    mean = (free @ right[..., None])[:, None, :, 0] + weight @ np.swapaxes(down, 1, 2)
+
+    rss = one.signal @ one.signal - lost @ along
+    explained = (mean * (right[:, None] - lost @ across)).sum(axis=2)
     # the volume that a wave takes compares relaxations only: by it slow hearts would be likelier,
     # whose ten harmonics have fewer directions in a hold
-    taken = np.linalg.slogdet(precision)[1]
-    evidence = -0.5 * (rss - (found * right).sum(axis=1) + one.volume + taken - taken[0])
-
-    beat = np.zeros((len(PHASES), gram.shape[1]))
-    beat[:, : 2 * count] = harmonics(PHASES, 1.0, count) * np.tile(prior_pa, 2)
-    shape = found @ beat.T
-    slope = beat[shape.argmax(axis=1)] - beat[shape.argmin(axis=1)]
-    variance = ((slope[:, None, :] @ covariance)[:, 0] * slope).sum(axis=1)
-    return np.ptp(shape, axis=1), np.sqrt(np.maximum(variance, 0.0)), evidence
+    taken = np.linalg.slogdet(left)[1]
+    evidence = -0.5 * (rss - explained + one.volume + taken)
+    return _Posterior(mean, evidence, free, down, taking)
 
 
 def averaged(sizes: Sizes, evidence: Array) -> tuple[float, float]:
