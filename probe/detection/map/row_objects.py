@@ -129,15 +129,16 @@ def objects_in(
 def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
     """Where a row that pulses does: the clear bumps of its pulse map, or else the likeliest."""
     x_m, pulse_pa = line.x_m, line.pulse_pa
-    # presses count alike: what a hold shorter than a beat says of its own doubt is doubtful
-    sd_pa = float(np.hypot(np.median(line.pulse_sd_pa), BEAT_SCATTER * pulse_pa.max()))
-    even, base = np.full(len(x_m), sd_pa), floor(x_m)
+    # a hold shorter than a beat may say too little doubt: none counts more than the usual one
+    own_pa = np.maximum(line.pulse_sd_pa, np.median(line.pulse_sd_pa))
+    sd_pa, base = np.hypot(own_pa, BEAT_SCATTER * pulse_pa.max()), floor(x_m)
     for chance, most in ((false_alarm, MAX_OBJECTS), (1.0, 1)):
-        found = find_bumps(x_m, pulse_pa, even, base, chance, most, rising=True).bumps
+        found = find_bumps(x_m, pulse_pa, sd_pa, base, chance, most, rising=True).bumps
         if rising := tuple(bump for bump in found if bump.height > 0):
             return rising
-    at, pitch = float(x_m[int(np.argmax(pulse_pa))]), pitch_m(x_m)
-    return (Bump(at, at - pitch, at + pitch, float(pulse_pa.max()), sd_pa, pitch, 1.0),)
+    k, pitch = int(np.argmax(pulse_pa)), pitch_m(x_m)
+    at, height_pa = float(x_m[k]), float(pulse_pa[k])
+    return (Bump(at, at - pitch, at + pitch, height_pa, float(sd_pa[k]), pitch, 1.0),)
 
 
 def _together(levels: tuple[Bump, ...], beats: tuple[Bump, ...], pitch: float) -> list[Place]:

@@ -22,7 +22,7 @@ PLAUSIBLE = 0.02
 """Of the likeliest rate's likelihood: less changes no interval."""
 CANDIDATES, EXACT_HZ = 4, 1e-3
 """Rates that each way of searching proposes, and how exactly the best of them is wanted."""
-SHORT_EXACT_HZ = 0.02
+SHORT_EXACT_HZ = 0.01
 """The same in a short hold: a heart's own variability, 5 % of 1 Hz over a beat, forgives more."""
 
 
