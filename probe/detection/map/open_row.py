@@ -10,7 +10,7 @@ from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps, least_height
 from probe.detection.map.row_objects import Line, objects_in
-from probe.detection.map.row_shapes import level_of, surroundings, with_edges
+from probe.detection.map.row_shapes import level_of, shape, surroundings, with_edges
 from probe.detection.map.sideways import SQUEEZED
 from probe.detection.repeats import pitch_m
 
@@ -91,15 +91,21 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
     show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`.
 
     That is a bump with a chance below `DOUBT`, or, in a row that is more uneven than its presses
-    scatter, one as high as a lump: several lumps look like a scatter of each other. Since a curved
-    surface may have made the bump, a lump may lie anywhere in the row.
+    scatter, one as high as a lump: several lumps look like a scatter of each other. Or the row that
+    is bent most is bent at least as half a lump bends it. Since a curved surface may have made
+    either, a lump may lie anywhere in the row.
     """
-    found = []
+    found, bent = [], []
     for line, least in zip(lines, least_pa, strict=True):
         if len(line.x_m) < MIN_STATIONS:
             continue
         lump_pa = LUMP_SHARE * level_of(line.level_pa)
         if not least > lump_pa:
+            continue
+        bent_pa, bent_sd_pa = _bent(line)
+        if bent_pa > max(lump_pa / 2, NORMAL_95 * bent_sd_pa):  # nearer to a lump than to none
+            words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
+            bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
             continue
         row = line.x_m, line.level_pa, line.level_sd_pa, surroundings(line.x_m)
         chance = DOUBT / len(lines)
@@ -108,13 +114,26 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
             clear = abs(bump.height) > max(lump_pa, NORMAL_95 * bump.height_sd)
             if bump.p_value > chance and not (uneven and clear):
                 continue
-            at = int(np.argmin(np.abs(line.x_m - bump.x_m)))
             word = "stiffer" if bump.height > 0 else "softer"
-            found.append(ObjectFinding(
-                "undecided", bump.x_m, (float(line.x_m[0]), float(line.x_m[-1])), bump.height,
-                float(line.pulse_pa[at]), 0.0,
-                f"no pulse; {abs(bump.height):.0f} Pa {word}, which {len(line.x_m)} stations "
-                "cannot tell from a curved surface, a block's end or presses that differ: "
-                "a longer row can",
-            ))  # fmt: skip
-    return found
+            words = f"no pulse; {abs(bump.height):.0f} Pa {word}"
+            found.append(_doubted(line, bump.x_m, bump.height, words))
+    return found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
+
+
+def _doubted(line: Line, x_m: float, height_pa: float, words: str) -> ObjectFinding:
+    at = int(np.argmin(np.abs(line.x_m - x_m)))
+    return ObjectFinding(
+        "undecided", x_m, (float(line.x_m[0]), float(line.x_m[-1])), height_pa,
+        float(line.pulse_pa[at]), 0.0,
+        f"{words}, which {len(line.x_m)} stations cannot tell from a curved surface, a block's end "
+        "or presses that differ: a longer row can",
+    )  # fmt: skip
+
+
+def _bent(line: Line) -> tuple[float, float]:
+    """How high a bump in the middle, two station distances wide, bends a row as this one is bent,
+    and its standard deviation [Pa]: of a short row it is the level's curvature."""
+    x_m, sd = line.x_m, line.level_sd_pa
+    square = np.linalg.pinv(with_edges(x_m)[:, :3] / sd[:, None])[2] / sd
+    lump = float(square @ shape(x_m, float(x_m.mean()), 2 * pitch_m(x_m)))
+    return float(square @ line.level_pa) / lump, float(np.linalg.norm(square * sd) / abs(lump))
