@@ -14,7 +14,7 @@ farther beyond its base than a UR20's 1.75 m."""
 
 @dataclass(frozen=True)
 class Station:
-    """One press at one place.
+    """One press at one place. Lists and counts are taken, too, and made arrays of floats.
 
     ``time_s`` (n,) and ``signal_pa`` (n, channels): mean contact stress, positive when pressed.
     ``saturated`` (n, channels) marks clipped samples. ``indent_s``, ``hold_s`` and ``retract_s``
@@ -60,6 +60,9 @@ class Station:
                     f"station {self.index + 1}: {name} has the shape {found}; ({words}) is needed, "
                     f"with the {n} times of time_s"
                 )
+        for name in ("time_s", "signal_pa", "depth_m", "reference_s", "reference"):
+            object.__setattr__(self, name, np.asarray(getattr(self, name), float))
+        object.__setattr__(self, "saturated", np.asarray(self.saturated, bool))
 
     @property
     def hold_level_pa(self) -> float:

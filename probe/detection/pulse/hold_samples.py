@@ -130,8 +130,10 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
             station, signal_pa=station.signal_pa[:, ~dead], saturated=station.saturated[:, ~dead]
         )
     time_s, signal, clipped, lost = _between(_in_order(station))
-    good = without_spikes(signal)
-    time_s, signal = time_s[good], signal[good]
+    good = without_spikes(signal) & np.append(True, np.diff(time_s) > 0)[: len(signal)]
+    kept = _unbroken(time_s[good])
+    time_s, signal = time_s[good][kept], signal[good][kept]
+    lost += (1 - lost) * (1 - float(kept.mean())) if len(kept) else 0.0
     if len(time_s) < MIN_SAMPLES:
         raise NoHold(
             f"station {station.index + 1}: {len(time_s)} usable samples in the hold"
@@ -163,6 +165,15 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     averaged_s = round(step_s * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0))), 4)
     return Hold(mean[0], mean[1], weight, clipped, start, averaged_s,
                 *_steps_of(station, signal), lost)  # fmt: skip
+
+
+def _unbroken(time_s: Array) -> Bools:
+    """The samples (n,) of the longest stretch without a gap that is longer than all that was read:
+    a clock that jumped, or another press. Two of them have no sample's length in common."""
+    gaps_s = np.diff(time_s)
+    far = gaps_s > len(time_s) * np.median(gaps_s) if len(gaps_s) else np.empty(0, bool)
+    stretch = np.concatenate([[0], np.cumsum(far)])[: len(time_s)].astype(int)
+    return np.asarray(stretch == np.argmax(np.bincount(stretch, minlength=1)))
 
 
 def _averages_of(time_s: Array, each_s: float, step_s: float) -> Ints:
