@@ -130,7 +130,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
             station, signal_pa=station.signal_pa[:, ~dead], saturated=station.saturated[:, ~dead]
         )
     time_s, signal, clipped, lost = _between(_in_order(station))
-    good = without_spikes(signal) & np.append(True, np.diff(time_s) > 0)[: len(signal)]
+    good = without_spikes(signal)
     kept = _unbroken(time_s[good])
     time_s, signal = time_s[good][kept], signal[good][kept]
     lost += (1 - lost) * (1 - float(kept.mean())) if len(kept) else 0.0
@@ -220,10 +220,11 @@ def quantum_of(signal: Array) -> float:
 
 
 def _in_order(station: Station) -> Station:
-    """The same samples by their times."""
-    if (np.diff(station.time_s) >= 0).all():
+    """The same samples by their times, of several of one time the first: packets may come so."""
+    if (np.diff(station.time_s) > 0).all():
         return station
     order = np.argsort(station.time_s, kind="stable")
+    order = order[np.append(True, np.diff(station.time_s[order]) != 0)]
     return replace(
         station, time_s=station.time_s[order], signal_pa=station.signal_pa[order],
         saturated=station.saturated[order], depth_m=station.depth_m[order],

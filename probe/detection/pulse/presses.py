@@ -12,10 +12,10 @@ from probe.detection.pulse.calm_half import clearest_part
 from probe.detection.pulse.causes import Cause
 from probe.detection.pulse.estimate import Clearest, Pulse
 from probe.detection.pulse.fit import design_of, fit
-from probe.detection.pulse.has_pulse import which_pulse
+from probe.detection.pulse.has_pulse import Beating, which_pulse
 from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_channels, hold_of
 from probe.detection.pulse.least_noise import least_noise
-from probe.detection.pulse.reference import find_pulse_by
+from probe.detection.pulse.reference import contradicted, find_pulse_by
 from probe.detection.pulse.rounding import unrounded, within_steps
 from probe.detection.pulse.search import beyond
 from probe.detection.pulse.size import averaged, together
@@ -29,6 +29,7 @@ UNKNOWN_DEPTH = 0.005
 """Station scatter over the level where no depth was recorded."""
 MOST_NAMED = 3
 """Channels of an array that a note names."""
+CONTRADICTED = "its reference beats otherwise than its force: judged without it"
 LEAST_LOST = 0.005
 """Share of a hold's samples that a note says are missing: it gives whole per cent."""
 
@@ -77,13 +78,7 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     """
     dead = dead_channels(recording.stations)
     out = [name for name, gone in zip(recording.channels, dead, strict=False) if gone]
-    found = [_own(station, dead) for station in recording.stations]
-    measured = {
-        i: (one.hold, one.clearest)
-        for i, one in enumerate(found)
-        if one.hold is not None and one.clearest is not None
-    }
-    beating = which_pulse(measured, recording, false_alarm)
+    found, measured, beating = _found(recording, dead, false_alarm)
     pulsing, causes = beating.stations, beating.causes
     others = {} if pulsing or causes else _beyond(measured, false_alarm)
     asked = {i: beats_of(measured[i][0], train) for i, train in beating.trains.items()}
@@ -105,12 +100,47 @@ def presses_of(recording: Recording, false_alarm: float) -> tuple[Press, ...]:
     )  # fmt: skip
 
 
+def _found(
+    recording: Recording, dead: Bools, false_alarm: float
+) -> tuple[list["_Own"], dict[int, tuple[Hold, Clearest]], Beating]:
+    """Every station by its reference, or by itself where that beats otherwise; those that can be
+    judged; and which of these pulse."""
+    found = [_own(station, dead) for station in recording.stations]
+    measured = _measured(found)
+    beating = which_pulse(measured, recording, false_alarm)
+    if all(clearest.search is not None for _, clearest in measured.values()):
+        return found, measured, beating
+    alone = [_own(_without_reference(station), dead) for station in recording.stations]
+    by_itself = _measured(alone)
+    other = which_pulse(by_itself, recording, false_alarm)
+    both = ((*measured[i], by_itself[i][1]) for i in other.stations if i in measured)
+    if not contradicted(both):
+        return found, measured, beating
+    return [replace(one, note=_also(one.note, CONTRADICTED)) for one in alone], by_itself, other
+
+
+def _measured(found: Sequence["_Own"]) -> dict[int, tuple[Hold, Clearest]]:
+    return {
+        i: (one.hold, one.clearest)
+        for i, one in enumerate(found)
+        if one.hold is not None and one.clearest is not None
+    }
+
+
+def _without_reference(station: Station) -> Station:
+    return replace(station, reference=np.empty(0), reference_s=np.empty(0))
+
+
+def _also(note: str, more: str) -> str:
+    return f"{note}; {more}" if note else more
+
+
 def _noted(note: str, out: Sequence[str]) -> str:
     if not out:
         return note
     names = ", ".join(out[:MOST_NAMED])
     more = f" and {len(out) - MOST_NAMED} more" if len(out) > MOST_NAMED else ""
-    return "; ".join(filter(None, (note, f"dead or stuck, left out everywhere: {names}{more}")))
+    return _also(note, f"dead or stuck, left out everywhere: {names}{more}")
 
 
 def _beyond(measured: dict[int, tuple[Hold, Clearest]], false_alarm: float) -> dict[int, float]:
@@ -150,7 +180,7 @@ def _searched(hold: Hold, note: str = "") -> _Own:
         return _Own(hold, clearest, note)
     other = "first" if part.time_s[0] > hold.time_s[0] else "second"
     moved = f"something moves in the {other} half of its hold: its pulse is that of the other"
-    return _Own(part, clearest, f"{note}; {moved}" if note else moved, whole=hold)
+    return _Own(part, clearest, _also(note, moved), whole=hold)
 
 
 def _with_level(own: _Own, pulse: Pulse | None) -> Pulse | None:

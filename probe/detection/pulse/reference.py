@@ -1,12 +1,13 @@
 """A pulse with a reference: a PPG or ECG gives the beats; size and shape are unknown."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 from scipy.special import fdtrc
 
 from drivers.core.arrays import Array
-from probe.detection.pulse.estimate import Clearest, beside, scale_of
+from probe.detection.pulse.estimate import Clearest, beside, scale_of, wave_at
 from probe.detection.pulse.fit import design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import likeliest
@@ -90,6 +91,25 @@ def find_pulse_by(hold: Hold, time_s: Array, reference: Array) -> Clearest | Non
     return Clearest(
         rate, p_value, noise, scale, None, warped.time_s, max(seen, RATE_VARIABILITY)
     )  # fmt: skip
+
+
+def contradicted(both: Iterable[tuple[Hold, Clearest, Clearest]]) -> bool:
+    """Whether holds beat otherwise than their reference does: a light that nobody wears, a lead
+    that fell off, or another person's.
+
+    ``both`` are holds that pulse without it, their pulse by the reference and that by themselves.
+    The one has to explain them better than the other by more than its free rates may
+    (Schwarz 1978).
+    """
+    gain = 0.0
+    for hold, by_reference, alone in both:
+        rss = [
+            wave_at(hold, one.rate_hz, one.noise, one.scale, one.beating_s).fit.rss
+            for one in (by_reference, alone)
+        ]
+        n = len(hold.time_s)
+        gain += 0.5 * n * float(np.log(max(rss[0], 1e-300) / max(rss[1], 1e-300))) - np.log(n)
+    return gain > 0
 
 
 def _in_beats(time_s: Array, beats: Array, period: float) -> Array:

@@ -102,6 +102,19 @@ def line(pulse_pa: list[float], level_pa: Array) -> Line:
                 np.full(n, 15.0), ((),) * n, 2e-3)  # fmt: skip
 
 
+@pytest.mark.parametrize("wrong_pa", [20.0, 116.0, 400.0])
+def test_a_press_that_is_measured_badly_does_not_split_a_vessel(wrong_pa: float) -> None:
+    """A hand swayed in the middle of its pulses, whose neighbours show where it is: two vessels
+    were named, or one beside it."""
+    x_m = 4e-3 * np.arange(1, 16)
+    pulse_pa = 245.0 * shape(x_m, 31e-3, 6e-3)
+    pulse_pa[7] = wrong_pa
+    flat = line(pulse_pa.tolist(), 9000 * (1 + 0.1 * shape(x_m, 31e-3, 6e-3)))
+    swayed = replace(flat, pulse_sd_pa=np.where(x_m == x_m[7], 130.0, 4.0))
+    (one,) = objects_in(swayed, 0.999, 0.01)
+    assert one.position_ci_m[0] <= 31e-3 <= one.position_ci_m[1]
+
+
 def test_pulses_that_stray_by_more_than_they_say_name_nothing_else() -> None:
     """A vessel pulses near the row's first end, tremor is in all presses, a lump has the most."""
     x_m = 4e-3 * np.arange(1, 20)

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from known_presses import recording
 
 from drivers.core.arrays import Array
 from probe.core.recording import Station
 from probe.detection.pulse.hold_samples import NoHold, hold_of
+from probe.detection.pulse.presses import presses_of
 from probe.detection.pulse.search import search
 
 SECONDS_SINCE_1970 = 1.7e9
@@ -60,3 +62,34 @@ def test_a_press_without_a_channel_says_so(count: int) -> None:
     none = np.empty((count, 0))
     with pytest.raises(NoHold, match="station 1: no channel of a sensor was recorded"):
         hold_of(replace(one, signal_pa=none, saturated=none.astype(bool)))
+
+
+@pytest.mark.parametrize("jump_s", [100.0, 1e5])
+def test_of_a_hold_in_which_the_clock_jumps_the_longer_part_is_judged(jump_s: float) -> None:
+    """A gap of minutes made the samples' step a second, and of days took all of the memory."""
+    time_s = np.arange(0.0, 4.0, 0.01)
+    whole = hold_of(relaxing(time_s[time_s < 2.5]))
+    jumped = hold_of(replace(relaxing(time_s), time_s=time_s + jump_s * (time_s >= 2.5)))
+    assert jumped.signal_pa == pytest.approx(whole.signal_pa, abs=1e-9)
+    assert jumped.lost == pytest.approx(1.5 / 4.0)
+    half_way = replace(relaxing(time_s), time_s=time_s + jump_s * (time_s >= 2.0))
+    (press,) = presses_of(recording([half_way]), 0.02)
+    assert np.isfinite(press.size_pa)
+
+
+def test_samples_that_come_in_pairs_of_one_time_are_half_as_many() -> None:
+    time_s = np.arange(0.0, 4.0, 0.01)
+    station = relaxing(time_s)
+    paired = hold_of(replace(station, time_s=time_s[np.arange(len(time_s)) // 2 * 2]))
+    assert paired.step_s == pytest.approx(0.02, rel=0.01)
+    assert np.isin(paired.signal_pa, station.signal_pa[::2]).all()
+
+
+def test_a_press_may_be_made_of_lists_and_counts() -> None:
+    time_s = np.arange(0.0, 4.0, 0.01)
+    station = relaxing(time_s, 50.0)
+    counts = np.round(station.signal_pa).astype(int)
+    listed = replace(station, time_s=time_s.tolist(), signal_pa=counts,
+                     depth_m=len(time_s) * [np.nan])  # fmt: skip
+    floats = replace(station, signal_pa=counts.astype(float))
+    assert np.array_equal(hold_of(listed).signal_pa, hold_of(floats).signal_pa)

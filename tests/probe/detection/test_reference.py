@@ -1,10 +1,14 @@
 """Beats of a reference channel, against a simulator and peak finders that are not ours."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from known_presses import recording, row, wave
 from paths import ROOT
 
 from drivers.core.arrays import Array
+from probe.detection import detect
 from probe.detection.pulse.reference import beats_s
 
 MADE = np.load(ROOT / "tests" / "data" / "beats" / "reference.npz")  # by make.py there: neurokit2
@@ -60,3 +64,23 @@ def test_a_t_wave_is_no_beat(height: float, rate_hz: int, bpm: int) -> None:
 @pytest.mark.parametrize("signal", [np.zeros(500), np.full(500, np.nan), np.ones(2)])
 def test_no_beats_without_a_signal(signal: Array) -> None:
     assert len(beats_s(np.arange(len(signal)) / 100, signal)) == 0
+
+
+@pytest.mark.parametrize(("worn", "said"), [(True, 0), (False, 15)])
+def test_a_reference_that_nobody_wears_hides_no_pulse(worn: bool, said: int) -> None:
+    """Its noise has beats, too: by them a clear artery was stenotic, or none."""
+    rng = np.random.default_rng(31)
+    alone, beside = [], []
+    for one in row(rng, bump=0.1, hold_s=2.0, sample_hz=200.0, noise_pa=5.0):
+        t = one.time_s - one.time_s[0]
+        phase = 1.2 * t + rng.uniform()
+        near = 1 / (1 + ((1e3 * one.x_m - 33) / 5) ** 2) ** 1.5
+        beating = replace(one, signal_pa=one.signal_pa + 250.0 * near * wave(phase)[:, None])
+        light = 0.05 * rng.standard_normal(len(t)) + worn * wave(phase - 0.2)
+        alone.append(beating)
+        beside.append(replace(beating, reference_s=one.time_s, reference=light))
+    found, without = detect(recording(beside)), detect(recording(alone))
+    assert sum("beats otherwise" in one.note for one in found.stations) == said
+    assert found.finding == without.finding == "artery"
+    pulses = [max(one.pulse_pa for one in each.stations) for each in (found, without)]
+    assert pulses[0] == pytest.approx(pulses[1], rel=0.1 if worn else 1e-9)

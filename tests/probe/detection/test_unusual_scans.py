@@ -342,3 +342,18 @@ def test_a_press_in_another_unit_is_compared_with_no_vessel(unit: float) -> None
     odd = detect(recording([replace(one, signal_pa=unit * one.signal_pa)]))
     assert odd.finding == "undecided"
     assert "check the sensor's scale and unit, and face_mm2" in odd.reason
+
+
+@pytest.mark.parametrize("bump", [0.0, 0.12])
+def test_a_short_row_that_is_bent_as_by_a_lump_is_not_called_nothing(bump: float) -> None:
+    """Seven stations cannot show the lump, whose row is taken for curved tissue."""
+    rng = np.random.default_rng(5)
+    x_mm = 3.0 * np.arange(-3, 4)
+    form = bump * np.exp(-np.log(2) * (x_mm / 5.9) ** 2)
+    levels = 9000.0 * (1 + form) * (1 + 0.002 * rng.standard_normal(7))
+    found = detect(recording([
+        station(rng, index=i, x_mm=x, level_pa=level, noise_pa=5.0, hold_s=2.0, sample_hz=200.0)
+        for i, (x, level) in enumerate(zip(x_mm, levels, strict=True))
+    ]))  # fmt: skip
+    assert found.finding == ("undecided" if bump else "nothing")
+    assert bool(bump) == ("bent as if by a lump" in found.reason)
