@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_presses import recording, row, station
+from known_presses import recording, row, station, wave
 
 from drivers.core.arrays import Array
 from probe.core.recording import Recording, Station
@@ -342,6 +342,27 @@ def test_a_press_in_another_unit_is_compared_with_no_vessel(unit: float) -> None
     odd = detect(recording([replace(one, signal_pa=unit * one.signal_pa)]))
     assert odd.finding == "undecided"
     assert "check the sensor's scale and unit, and face_mm2" in odd.reason
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4])
+def test_a_hold_of_less_than_half_a_beat_makes_no_healthy_vessel_stenotic(seed: int) -> None:
+    """It was broken off over the vessel: its pulse was 56 +- 46 of 245 Pa."""
+    rng = np.random.default_rng(seed)
+    pressed = row(rng, bump=0.1, hold_s=2.0, sample_hz=250.0, noise_pa=5.0, relaxing=0.0)
+    for i, one in enumerate(pressed):
+        t = one.time_s - one.time_s[0]
+        near = 1 / (1 + ((1e3 * one.x_m - 33) / 6) ** 2) ** 1.5
+        relaxed = 540.0 * (1 + t / 0.15) ** -0.3 + 245.0 * near * wave(1.2 * t + rng.uniform())
+        kept = slice(None) if i != 7 else slice(100)
+        pressed[i] = replace(
+            one, time_s=one.time_s[kept], signal_pa=(one.signal_pa + relaxed[:, None])[kept],
+            saturated=one.saturated[kept], depth_m=one.depth_m[kept],
+            retract_s=one.retract_s if i != 7 else one.time_s[99],
+        )  # fmt: skip
+    found = detect(recording(pressed))
+    (one,) = found.objects
+    assert one.kind in ("artery", "undecided")
+    assert one.position_ci_m[0] <= 33e-3 <= one.position_ci_m[1]
 
 
 @pytest.mark.parametrize("bump", [0.0, 0.12])
