@@ -137,4 +137,28 @@ OUTSIDE = (
            "still & restless & ~still.all()", "still & ~still",
            ("tests/probe/detection/test_taxels.py"
             "::test_a_taxel_that_dies_in_a_scan_does_not_lower_the_levels_from_there_on",)),
+    Mutant("a reference that nobody wears is believed", "probe/detection/pulse/reference.py",
+           "return gain > 0", "return False",
+           ("tests/probe/detection/test_reference.py"
+            "::test_a_reference_that_nobody_wears_hides_no_pulse",)),
+    Mutant("a press that is measured badly counts like any other",
+           "probe/detection/map/row_objects.py",
+           "np.maximum(line.pulse_sd_pa, np.median(line.pulse_sd_pa))",
+           "np.full(len(x_m), np.median(line.pulse_sd_pa))",
+           ("tests/probe/detection/test_detect.py"
+            "::test_a_press_that_is_measured_badly_does_not_split_a_vessel",)),
+    Mutant("half a beat says how large a pulse is", "probe/detection/pulse/presses.py",
+           "own.hold.span_s * pulse.rate_hz >= LEAST_BEAT", "own.hold.span_s > 0",
+           ("tests/probe/detection/test_unusual_scans.py"
+            "::test_a_hold_of_less_than_half_a_beat_makes_no_healthy_vessel_stenotic",)),
+    Mutant("a slow heart in a short hold is slow", "probe/detection/heart_rate.py",
+           "max(rate + reach, 60 * MOST_BEATS / longest_s)", "rate + reach",
+           ("tests/probe/detection/test_heart_rate.py",)),
+    Mutant("a row that is bent as by a lump shows nothing", "probe/detection/map/open_row.py",
+           "bent_pa > max(lump_pa / 2,", "bent_pa > max(lump_pa * 99,",
+           ("tests/probe/detection/test_unusual_scans.py"
+            "::test_a_short_row_that_is_bent_as_by_a_lump_is_not_called_nothing",)),
+    Mutant("a sensor slower than its rig says goes unnoticed",
+           "probe/acquisition/sensor_rates.py", "ENOUGH * stated_hz", "0 * stated_hz",
+           ("tests/probe/acquisition/test_sensor_rates.py",)),
 )  # fmt: skip
