@@ -14,7 +14,7 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, nonlinear_fit, same_length
+from calibration.fit import Array, Fit, as_columns, ascending, nonlinear_fit, same_length
 from calibration.identify import limits_of
 
 Forward = Callable[[Array, Array], tuple[Array, Array]]
@@ -83,8 +83,7 @@ def fit_tissue(
     if time_s is not None:
         time = as_columns(time_s, "time_s", 1)[:, 0]
         same_length(depth_m=depth, time_s=time)
-        if (np.diff(time) <= 0).any():
-            raise CalibrationError("time_s must increase: sort the samples and drop duplicates")
+        ascending("time_s", time)
     if min(start_pa) <= 0 or (terms and min(relaxation_start_s) <= 0):
         raise CalibrationError("start values of moduli and relaxation times must be positive")
     if len(depth) < 10 or np.ptp(depth) < 0.05 * max(float(depth.max()), 1e-9) or depth.max() <= 0:
