@@ -63,7 +63,7 @@ def sweep(
     scene : a `Scene`, a built-in name or a scene file.
     vary : scene keys with their values: ``{"wall_mm": [0.4, 0.6]}``, or as the shell has them,
         ``{"wall_mm": "0.4..0.6:3"}``.
-    out : the table; ``.parquet``, ``.csv`` or ``.h5``.
+    out : the table; ``.parquet``, ``.csv`` or ``.h5``. A sweep's own is replaced.
     design : ``full`` (every combination), ``zip``, or a random ``lhs`` or ``sobol`` of ``count``
         points from intervals ``"0.4..0.6"``, drawn with ``seed``.
     x_mm : where to press, ``[20, 32]`` or ``"4..60:15"``; over the inclusion if empty.
@@ -78,7 +78,7 @@ def sweep(
 
     Raises
     ------
-    ConfigError : names the key or value that cannot be.
+    ConfigError : names the key or value that cannot be, or ``out`` if it is a file of yours.
 
     Examples
     --------
