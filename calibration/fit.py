@@ -115,6 +115,18 @@ def same_length(**arrays: Array) -> int:
     return next(iter(lengths.values()))
 
 
+def ascending(name: str, time_s: Array, each: str = "row") -> None:
+    """Raise `CalibrationError` unless ``time_s`` (n,) always increases, naming the first that does
+    not, counted from 1; ``each`` is what one of them is called."""
+    back = np.flatnonzero(np.diff(time_s) <= 0)
+    if len(back):
+        row = int(back[0]) + 1
+        raise CalibrationError(
+            f"{name}, {each} {row + 1}: {time_s[row]:g} does not come after {time_s[row - 1]:g}; "
+            f"times must increase: sort the {each}s by time, and drop those whose time is doubled"
+        )
+
+
 def require_rank(
     design: Array, names: Sequence[str], advice: str, weakest: float = MIN_SINGULAR_RATIO
 ) -> None:

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, correlated, linear_fit, same_length
+from calibration.fit import Array, Fit, as_columns, ascending, correlated, linear_fit, same_length
 
 RATES_HZ = (0.5, 3.5)  # 30 to 210 beats per minute
 PHASES = 128
@@ -78,8 +78,9 @@ def fit_heart(
     systolic, diastolic = check_cuff(*cuff_mmhg)
     t, y = as_columns(time_s, "time_s", 1)[:, 0], as_columns(reference, "reference", 1)[:, 0]
     same_length(time_s=t, reference=y)
-    if len(t) < 20 or t[-1] - t[0] < 5 or (np.diff(t) <= 0).any():
-        raise CalibrationError(f"less than 5 s of ascending times; {ADVICE}")
+    ascending("time_s", t)
+    if len(t) < 20 or t[-1] - t[0] < 5:
+        raise CalibrationError(f"less than 5 s of readings; {ADVICE}")
     if (usual_s := float(np.median(np.diff(t)))) > MAX_STEP_S:
         raise CalibrationError(
             f"{1 / usual_s:.0f} samples/s are too few for a wave; use {1 / MAX_STEP_S:.0f} or more"

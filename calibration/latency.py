@@ -12,7 +12,15 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, correlated, nonlinear_fit, same_length
+from calibration.fit import (
+    Array,
+    Fit,
+    as_columns,
+    ascending,
+    correlated,
+    nonlinear_fit,
+    same_length,
+)
 
 ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or more"
 MAX_DELAY_S = 0.25
@@ -59,8 +67,8 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     same_length(sensor_s=tf, sensor=f)
     if len(ts) < 20 or len(tf) < 20 or np.ptp(s) == 0 or np.ptp(f) == 0:
         raise CalibrationError(f"the stage or the sensor shows no movement; {ADVICE}")
-    if (np.diff(ts) <= 0).any() or (np.diff(tf) <= 0).any():
-        raise CalibrationError("times must increase: sort the samples and drop duplicates")
+    ascending("time_s", ts, "reading")  # a table's rows may be those of both, by turns
+    ascending("sensor_time_s", tf, "reading")
     start = _coarse(ts, s, tf, f)
     inside = (tf > ts[0] + MAX_DELAY_S) & (tf < ts[-1] - MAX_DELAY_S)
     if inside.sum() < 20 or np.ptp(tf[inside]) < SHORTEST_S:

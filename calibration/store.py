@@ -6,6 +6,7 @@ device is refused; an old one is used with a warning.
 
 from collections.abc import Mapping
 from datetime import UTC, datetime
+from os import PathLike
 from pathlib import Path
 from typing import Any, Literal, Self, get_type_hints
 
@@ -154,16 +155,16 @@ def record(
     )
 
 
-def save(one: Record, path: Path) -> None:
-    """Write a calibration file, whole or not at all.
+def save(one: Record, path: str | PathLike[str]) -> None:
+    """Write a calibration file, whole or not at all. Raises `CalibrationError` without its folder.
 
     Examples
     --------
-    >>> from pathlib import Path
     >>> import palpate
     >>> fitted = palpate.calibrate("force", "loads.csv")
-    >>> palpate.save(palpate.record(fitted, "cell", {}), Path("force-cell.json"))
+    >>> palpate.save(palpate.record(fitted, "cell", {}), "force-cell.json")
     """
+    path = Path(path)
     if not path.parent.is_dir():
         raise CalibrationError(f"{path}: there is no folder {path.parent}")
     draft = path.with_suffix(path.suffix + ".part")
@@ -175,8 +176,9 @@ def save(one: Record, path: Path) -> None:
         raise
 
 
-def load(path: Path) -> Record:
+def load(path: str | PathLike[str]) -> Record:
     """Read a calibration file. Raises `CalibrationError` naming file and key."""
+    path = Path(path)
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file")
     if path.stat().st_size > MAX_FILE_BYTES:
@@ -186,7 +188,8 @@ def load(path: Path) -> Record:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"])
-        raise CalibrationError(f"{path}: {key}: {first['msg']}; not a calibration file") from None
+        where = f"{path}: {key}" if key else str(path)
+        raise CalibrationError(f"{where}: {first['msg']}; not a calibration file") from None
     if one.kind not in KINDS:
         raise CalibrationError(f"{path}: kind = {one.kind!r}: known are {', '.join(KINDS)}")
     return one
@@ -226,7 +229,7 @@ def restore(one: Record, source: str = "calibration") -> Calibration:
 
 
 def use(
-    path: Path, device: str, *, now: datetime | None = None
+    path: str | PathLike[str], device: str, *, now: datetime | None = None
 ) -> tuple[Calibration, tuple[str, ...]]:
     """The calibration in ``path`` for ``device``, and warnings (stale).
 

@@ -6,7 +6,16 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, correlated, linear_fit, same_length, stacked
+from calibration.fit import (
+    Array,
+    Fit,
+    as_columns,
+    ascending,
+    correlated,
+    linear_fit,
+    same_length,
+    stacked,
+)
 
 
 @dataclass(frozen=True)
@@ -48,10 +57,11 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     time = as_columns(time_s, "time_s", 1)[:, 0]
     values = as_columns(values, "values")
     same_length(time_s=time, values=values)
-    if len(time) < 10 or (np.diff(time) <= 0).any():
+    if len(time) < 10:
         raise CalibrationError(
-            "a tare needs at least 10 readings in the order taken; record a second or more"
+            f"a tare needs at least 10 readings, there are {len(time)}; record a second or more"
         )
+    ascending("time_s", time)
     if not np.ptp(values, axis=0).any():
         raise CalibrationError(
             "the readings never change, and say nothing of drift: the sensor stands still, or "

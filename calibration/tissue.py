@@ -14,12 +14,13 @@ from typing import ClassVar
 import numpy as np
 
 from calibration.errors import CalibrationError
-from calibration.fit import Array, Fit, as_columns, nonlinear_fit, same_length
+from calibration.fit import Array, Fit, as_columns, ascending, nonlinear_fit, same_length
 from calibration.identify import limits_of
 
 Forward = Callable[[Array, Array], tuple[Array, Array]]
 ADVICE = "indent deeper, in a steady ramp of 20 samples or more, then hold"
 FACTORS = (1.0, 0.3, 3.0)  # times which the guesses of relaxation times are tried
+MOST_LOG_TAU = 50.0  # of tau in seconds: where nothing relaxes a fit may go on for ever
 STEP_M = 1e-6  # of the depth derivative
 
 
@@ -82,8 +83,7 @@ def fit_tissue(
     if time_s is not None:
         time = as_columns(time_s, "time_s", 1)[:, 0]
         same_length(depth_m=depth, time_s=time)
-        if (np.diff(time) <= 0).any():
-            raise CalibrationError("time_s must increase: sort the samples and drop duplicates")
+        ascending("time_s", time)
     if min(start_pa) <= 0 or (terms and min(relaxation_start_s) <= 0):
         raise CalibrationError("start values of moduli and relaxation times must be positive")
     if len(depth) < 10 or np.ptp(depth) < 0.05 * max(float(depth.max()), 1e-9) or depth.max() <= 0:
@@ -118,7 +118,7 @@ def fit_tissue(
         robust=robust,
     )  # fmt: skip
     p, first = fit.values, moduli + int(find_surface)
-    tau = np.exp(p[first + terms :])
+    tau = np.exp(np.clip(p[first + terms :], -MOST_LOG_TAU, MOST_LOG_TAU))
     covariance = fit.covariance.copy()
     covariance[:moduli, :moduli] += (forward_off / 2) ** 2
     spacing, length = float(np.median(np.diff(time))), float(np.ptp(time))
@@ -204,7 +204,8 @@ class _Model:
 
     def _prony(self, p: Array) -> tuple[Array, Array]:
         first = self.moduli + int(self.surface)
-        return p[first : first + self.terms], p[first + self.terms :]
+        log_tau = np.clip(p[first + self.terms :], -MOST_LOG_TAU, MOST_LOG_TAU)
+        return p[first : first + self.terms], log_tau
 
     def _relax(self, p: Array, elastic: Array) -> Array:
         force = elastic

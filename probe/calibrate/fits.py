@@ -126,7 +126,10 @@ def _fitted(kind: str, measured: Measurements, choices: Choices) -> calibration.
 
 def check_drift(file: Path, kind: str, measured: Measurements) -> str | None:
     """Whether the calibration in ``file`` still holds for new readings, by an F test, in words;
-    None if there is none, or if its kind cannot be checked so."""
+    None if there is none, or if its kind cannot be checked so.
+
+    Raises `CalibrationError` where the file's is of another kind, device or number of channels.
+    """
     if not file.is_file():
         return None
     one = calibration.load(file)
@@ -134,16 +137,40 @@ def check_drift(file: Path, kind: str, measured: Measurements) -> str | None:
         raise CalibrationError(
             f"{file}: holds a calibration of {one.kind} of {one.device!r}; give another --out"
         )
-    misses = getattr(calibration.restore(one, str(file)), "misses", None)
+    old = calibration.restore(one, str(file))
+    misses = getattr(old, "misses", None)
     if misses is None:
         return None
-    worn = calibration.worse_than(one, misses(*_arguments(kind, measured)))
+    arguments = _arguments(kind, measured)
+    _need_as_many(file, old, measured.path, arguments)
+    worn = calibration.worse_than(one, misses(*arguments))
     if worn is not None:
         return worn.removesuffix(": calibrate again")
     return (
         f"{kind} calibration of {one.device}: it still holds, readings miss it by no more than its "
         "residuals allow (F test)"
     )
+
+
+def _need_as_many(
+    file: Path, old: calibration.Calibration, table: Path, arguments: tuple[Array, ...]
+) -> None:
+    """Readings of another number of channels are another sensor's, or it was changed: neither says
+    whether the calibration in ``file`` holds, nor may take its place without a word."""
+    match old:
+        case calibration.ForceCalibration():
+            channels, loads = old.sensitivity.shape
+            has, what = f"{channels} x {loads}", "channels x loads"
+            new = f"{arguments[0].shape[1]} x {arguments[1].shape[1]}"
+        case calibration.TaxelCalibration():
+            has, new, what = str(len(old.gain)), str(arguments[0].shape[1]), "taxels"
+        case _:
+            return
+    if has != new:
+        raise CalibrationError(
+            f"{file}: holds a calibration of {has} {what}, {table} has readings of {new}: whether "
+            "it still holds cannot be said. Give another --out, or move the file"
+        )
 
 
 def _arguments(kind: str, measured: Measurements) -> tuple[Array, ...]:

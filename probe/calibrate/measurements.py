@@ -1,5 +1,6 @@
 """Raw readings for a calibration: a table of numbers, or a run in which the rig took them."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from calibration.touch import find_contact
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.units import to_si
+from probe.calibrate.table import read_table
 from probe.core.contact_stress import tactile_device
 from probe.core.cut_stations import compliance_m_per_n
 from probe.core.events import Phase
@@ -24,8 +26,21 @@ with needs("data", "palpate calibrate"):
 if TYPE_CHECKING:
     import xarray as xr
 
-MAX_ROWS = 5_000_000
 SQLITE = b"SQLite format 3\0"
+COLUMNS = {
+    "force": r"raw(_\d+)?|load(_\d+)?_n|temperature_c",
+    "taxels": r"raw(_\d+)?|pressure_pa",
+    "gravity": r"f[xyz]_n|m[xyz]_nm|r[xyz]_rad",
+    "tare": r"time_s|value(_\d+)?",
+    "tool": r"[xyz]_mm|r[xyz]_rad",
+    "axes": r"(true_)?[xyz]_mm",
+    "surface": r"[xyz]_mm",
+    "latency": r"time_s|depth_mm|sensor_time_s|force_n",
+    "compliance": r"depth_mm|force_n",
+    "tissue": r"depth_mm|force_n|time_s|x_mm|held",
+    "heart": r"time_s|reference|pressure",
+}
+"""What each kind may take of a table; whatever else is in it, numbers or words, is left out."""
 NO_STATION = "no such complete station; press to the end first"
 AROUND_S = 0.3
 GOING_IN = (Phase.APPROACHING, Phase.INDENTING)
@@ -35,21 +50,28 @@ GOING_IN = (Phase.APPROACHING, Phase.INDENTING)
 class Measurements:
     """A table's columns; asking for one that is not there says which file and what it has.
 
-    ``device`` is the name of the device they are of, empty where the file does not say.
+    ``device`` is the name of the device they are of, empty where the file does not say;
+    ``left_out`` are the columns that the kind of calibration has no use for.
     """
 
     path: Path
     table: pd.DataFrame
     device: str = ""
+    left_out: tuple[str, ...] = ()
 
     def column(self, name: str) -> Array:
         """(n,) of one column, without the empty cells at its end: columns may differ in length."""
         if name not in self.table:
-            has = ", ".join(map(str, self.table))
+            has = ", ".join([*map(str, self.table), *self.left_out])
             raise CalibrationError(f"{self.path}: column {name} is missing; it has {has}")
         cells = self.table[name]
         filled = cells.notna().to_numpy()
-        cells = cells[: len(cells) - int(np.argmax(filled[::-1]))] if filled.any() else cells[:0]
+        if not filled.any():
+            raise CalibrationError(
+                f"{self.path}: column {name} is empty: fill it, or leave it out where the kind of "
+                "calibration does without"
+            )
+        cells = cells[: len(cells) - int(np.argmax(filled[::-1]))]
         if (gap := cells.isna().to_numpy()).any():
             raise CalibrationError(
                 f"{self.path}: column {name}, row {int(cells.index[int(np.argmax(gap))]) + 1} is "
@@ -97,16 +119,16 @@ def read(path: Path, kind: str, device: str = "", station: int | None = None) ->
         raise CalibrationError(
             f"{path}: --station {station} takes a press of a run; this is a table"
         )
-    try:
-        table = pd.read_csv(path, nrows=MAX_ROWS, comment="#", skipinitialspace=True)
-    except (ValueError, UnicodeDecodeError) as error:
-        raise CalibrationError(f"{path}: not a CSV table ({error})") from None
-    if len(table.columns) == 1 and ";" in str(table.columns[0]):
-        raise CalibrationError(
-            f"{path}: its columns are separated by semicolons; save it with commas, and with "
-            "points in its numbers"
-        )
-    return Measurements(path, table.rename(columns=str.strip), device)
+    table = read_table(path)
+    names = [str(name) for name in table]
+    used = [name for name in names if re.fullmatch(COLUMNS[kind], name)]
+    # pandas names what has no name, as after a comma at the end of the header
+    left_out = [
+        name
+        for name in names
+        if name not in used and not (name.startswith("Unnamed: ") and table[name].isna().all())
+    ]
+    return Measurements(path, table[used], device, tuple(left_out))
 
 
 def _from_run(run: Run, kind: str, device: str, station: int | None) -> Measurements:

@@ -99,6 +99,10 @@ def calibrate(
     """
     if kind not in GUIDE:
         raise typer.BadParameter(f"kind {kind!r}: allowed are {', '.join(GUIDE)}")
+    if scene_out is not None:
+        from probe.calibrate.scene_from_measurement import check_scene_out
+
+        check_scene_out(scene_out, kind)
     if live is not None:
         if kind != "force" or readings is not None:
             raise typer.BadParameter("--live takes the readings of kind force, without a table")
@@ -114,6 +118,7 @@ def calibrate(
     from probe.calibrate.doubts import doubts
     from probe.calibrate.fits import Choices, check_drift, fit_measurements, raw_columns
     from probe.calibrate.measurements import read
+    from probe.calibrate.scene_from_measurement import scene_found, write_found
     from sim_backend.scene.scene_file import load_scene
 
     cuff_mmhg = _cuff(cuff)
@@ -123,12 +128,18 @@ def calibrate(
             f"{readings}: a table does not say whose it is; add --device NAME, the name in the "
             "rig file or, without one there, the driver's (virtual)"
         )
+    if r.left_out:
+        inform(f"columns left out: {', '.join(r.left_out)}")
     block = load_scene(scene)
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
     path = out or Path(f"{kind}-{r.device.replace(' ', '-').replace('/', '-')}.json")
+    if scene_out is not None and scene_out.absolute() == path.absolute():
+        raise typer.BadParameter(f"--scene-out {scene_out}: so is --out; name two files")
     if (drift := check_drift(path, kind, r)) is not None:
         inform(f"the calibration in {path} so far: {drift}")
     result = fit_measurements(kind, r, choices)
+    # made before anything is written: where it cannot be, nothing is left half done
+    made = None if scene_out is None else scene_found(block, result, scene_out)
     one = record(result, r.device, raw_columns(r), note=note)
     save(one, path)
     if json:
@@ -137,8 +148,8 @@ def calibrate(
         _show(result, path, one)
     for doubt in doubts(result):
         inform(f"warning: {doubt}")
-    if scene_out is not None:
-        _write_scene_found(block, result, scene_out)
+    if made is not None and scene_out is not None:
+        write_found(made, result, scene_out)
         inform(f"scene: {scene_out}")
 
 
@@ -222,16 +233,3 @@ def _show(result: Any, path: Path, one: Any) -> None:
         answer(f"gives way by {way_mm:.3g} mm at the largest force, {result.force_max_n:.3g} N")
     days = f"{one.valid_days:g} day{'s' * (one.valid_days != 1)}"
     answer(f"residuals {one.residual_rms:.3g} rms, valid for {days}: {path}")
-
-
-def _write_scene_found(scene: Any, result: Any, scene_out: Path) -> None:
-    from calibration import HeartCalibration, TissueCalibration
-    from probe.calibrate.scene_from_measurement import write_heart_scene, write_tissue_scene
-
-    match result:
-        case TissueCalibration():
-            write_tissue_scene(scene, result, scene_out)
-        case HeartCalibration():
-            write_heart_scene(scene, result, scene_out)
-        case _:
-            raise typer.BadParameter("--scene-out: only of tissue or heart")

@@ -43,12 +43,24 @@ def replay(
 
 def live(run: RunFile) -> None:
     """Watch a run in a window while it is scanned; pause, resume, abort and stop it there."""
-    if run.is_dir():  # one that is not there yet is waited for
-        raise typer.BadParameter(f"{run}: a folder; give the run file in it")
+    if run.exists():  # one that is not there yet is waited for
+        _need_run(run)
     need_windows()
     from probe.gui.app import run_live
 
     raise typer.Exit(run_live(run))
+
+
+def _need_run(path: Path) -> None:
+    """Raises `RunFileError` for what is no run, nor will be: a scan makes its file in an instant,
+    and may store its first event seconds later."""
+    from probe.storage.run import NotBegun, open_run
+
+    try:
+        open_run(path)
+    except NotBegun:
+        if not path.stat().st_size:
+            raise
 
 
 def report(

@@ -235,7 +235,10 @@ def kind_of(key: str) -> str:
     """``force`` of ``force`` or ``force_left``. Raises `CalibrationError` for what no scan uses."""
     kind, more, _ = key.partition("_")
     if kind not in KINDS:
-        raise CalibrationError(f"calibration.{key}: a scan applies {', '.join(KINDS)}")
+        raise CalibrationError(
+            f"calibration.{key}: {kind!r} is no kind of calibration that a scan applies; these are "
+            f"{', '.join(KINDS)}"
+        )
     if more and kind in STAGE_KINDS:
         raise CalibrationError(f"calibration.{key}: a rig has one stage; say calibration.{kind}")
     return kind

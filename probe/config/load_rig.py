@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from calibration.errors import CalibrationError
 from drivers import ConfigError
 from drivers.core.files import FileRefused, parse_toml, path_of, read_file
+from probe.config.calibrated import kind_of
 from probe.config.rig import Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
@@ -52,14 +53,18 @@ def load_rig(path: str | Path) -> Rig:
 def _find_calibrations(raw: dict[str, Any], path: Path) -> None:
     """Make the paths of calibrations relative to the rig file's folder, in place.
 
-    Raises `RigError`.
+    Raises `RigError`, and `CalibrationError` for a kind that no scan applies.
     """
     files = raw.get("calibration")
     if not isinstance(files, dict):
         return  # validation says what is wrong
     for kind, name in files.items():
+        kind_of(kind)
         if isinstance(name, str):
+            if not name:
+                raise RigError(f"calibration.{kind} = '': name its file, or leave the line out")
             file = path.parent / name
             if not file.is_file():
-                raise RigError(f"calibration.{kind} = {str(file)!r}: no such file")
+                why = "a folder; name the file in it" if file.is_dir() else "no such file"
+                raise RigError(f"calibration.{kind} = {str(file)!r}: {why}")
             files[kind] = str(file)

@@ -276,6 +276,8 @@ def _reason(
 
 
 def _why_no_station(recording: Recording) -> str:
+    if recording.finish == "completed":  # nothing broke it off
+        return "the run has no complete station"
     why = recording.ended or "it was broken off in the first press, or is still in it"
     how = (
         {"faulted": "a fault ended it: ", "aborted": "it was stopped: "}[recording.finish]

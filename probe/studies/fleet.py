@@ -11,7 +11,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
-from probe.studies.sweep import solve_points, write
+from probe.studies.sweep import check_out, solve_points, write
 from probe.studies.vary import Point, parse, points
 from sim_backend.scene.scene_file import load_scene
 
@@ -58,6 +58,7 @@ def fleet(
     Columns are those of a sweep after ``kind``, and ``half_pulse_n`` for `force_n`. Each kind is a
     sweep of its own beside ``out``; an interrupted fleet goes on where it stopped.
     """
+    check_out(out)
     tables = []
     for n, (kind, scene) in enumerate(KINDS.items()):
 

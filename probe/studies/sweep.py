@@ -34,6 +34,8 @@ Solved = dict[int, list[Row]]
 
 FORMATS = (".parquet", ".csv", ".h5")
 LIBRARIES = {".parquet": "pyarrow", ".h5": "h5netcdf"}
+OWN = frozenset(("point", "seed", "reason"))
+"""Columns by which a table is known to be a sweep's."""
 RETRIES = 3
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
 
@@ -61,7 +63,7 @@ def sweep(
     scene : a `Scene`, a built-in name or a scene file.
     vary : scene keys with their values: ``{"wall_mm": [0.4, 0.6]}``, or as the shell has them,
         ``{"wall_mm": "0.4..0.6:3"}``.
-    out : the table; ``.parquet``, ``.csv`` or ``.h5``.
+    out : the table; ``.parquet``, ``.csv`` or ``.h5``. A sweep's own is replaced.
     design : ``full`` (every combination), ``zip``, or a random ``lhs`` or ``sobol`` of ``count``
         points from intervals ``"0.4..0.6"``, drawn with ``seed``.
     x_mm : where to press, ``[20, 32]`` or ``"4..60:15"``; over the inclusion if empty.
@@ -76,7 +78,7 @@ def sweep(
 
     Raises
     ------
-    ConfigError : names the key or value that cannot be.
+    ConfigError : names the key or value that cannot be, or ``out`` if it is a file of yours.
 
     Examples
     --------
@@ -117,12 +119,9 @@ def solve_points(
     A row per point and place ``x_mm`` (over the inclusion if empty). ``seed`` is what the points
     were drawn with, for the table. ``scheduler`` is the address of a Dask scheduler; else
     ``workers`` processes are used.
-    Raises `ConfigError` for an ending, or for a log of another sweep.
+    Raises `ConfigError` for an ending, a file that is no sweep's, or a log of another sweep.
     """
-    if out.suffix not in FORMATS:
-        raise ConfigError(f"--out {out}: it must end in {', '.join(FORMATS)}")
-    if out.suffix in LIBRARIES:
-        require(LIBRARIES[out.suffix], "export", f"a table {out.suffix}")
+    check_out(out)
     settings = [scene.model_dump(mode="json"), points, x_mm, indentation_mm, model, accuracy_pct]
     key = sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()[:16]
     log = out.with_suffix(".rows.jsonl")
@@ -147,6 +146,36 @@ def solve_points(
     table.attrs = {"scene": scene.name, "sweep": key}
     write(table, out)
     return table
+
+
+def check_out(out: Path) -> None:
+    """Raises `ConfigError` where no table can be written to ``out``: its ending, or a file is there
+    that no sweep has written. A sweep's own table is replaced."""
+    if out.suffix not in FORMATS:
+        raise ConfigError(f"--out {out}: it must end in {', '.join(FORMATS)}")
+    if out.suffix in LIBRARIES:
+        require(LIBRARIES[out.suffix], "export", f"a table {out.suffix}")
+    if out.exists() and not (out.is_file() and OWN.issubset(_columns(out))):
+        raise ConfigError(
+            f"--out {out}: exists already and is no table of a sweep; choose another, or move it"
+        )
+
+
+def _columns(table: Path) -> list[str]:
+    """The names of its columns; none where it cannot be read."""
+    try:
+        if table.suffix == ".csv":
+            return list(map(str, pd.read_csv(table, nrows=0)))
+        if table.suffix == ".parquet":
+            from pyarrow import parquet
+
+            return list(map(str, parquet.read_schema(table).names))
+        import xarray
+
+        with xarray.open_dataset(table, engine="h5netcdf") as held:
+            return list(map(str, held.variables))
+    except (ValueError, KeyError, OSError):
+        return []
 
 
 @contextmanager
@@ -214,7 +243,7 @@ def _read_log(log: Path, key: str) -> Solved:
                 raise ConfigError(f"{log}: its first line is cut short; remove it") from None
             continue
         if number == 0 or "sweep" in row:  # two that began together each wrote their line
-            if row.get("sweep") != key:
+            if not isinstance(row, dict) or row.get("sweep") != key:
                 raise ConfigError(f"{log} belongs to another sweep: choose another --out, or "
                                   "remove it")  # fmt: skip
             continue

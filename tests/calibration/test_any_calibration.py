@@ -10,7 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from calibration import fit_axes, fit_force, fit_surface, record, save, use
+from calibration import fit_axes, fit_force, fit_surface, load, record, save, use
 from calibration.errors import CalibrationError
 
 RNG = np.random.default_rng(1)
@@ -44,6 +44,20 @@ def test_what_was_written_is_read(tmp_path: Path, kind: str) -> None:
     found, _ = use(path, "cell")
     for name in found.UNITS:
         assert np.array_equal(getattr(found, name), getattr(GOOD[kind], name))
+
+
+def test_a_name_may_be_text_as_everywhere_else(tmp_path: Path) -> None:
+    name = str(tmp_path / "f.json")
+    save(record(GOOD["force"], "cell", {}), name)
+    assert load(name) == load(Path(name))
+    assert use(name, "cell")[0].KIND == "force"
+
+
+def test_a_file_that_is_no_json_is_named_with_one_colon(tmp_path: Path) -> None:
+    file = tmp_path / "f.json"
+    file.write_text("[stage]\n")
+    with pytest.raises(CalibrationError, match=r"f\.json: Invalid JSON: expected .*; not a calib"):
+        load(file)
 
 
 @ANY_FILE

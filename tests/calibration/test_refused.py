@@ -114,7 +114,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         "not distinguishable from 0; check the frame.*or mount a heavier tool",
     ),
     "tare: three readings": (lambda: fit_tare(TIME[:3], TIME[:3]), "record a second or more"),
-    "tare: not in order": (lambda: fit_tare(TIME[::-1], TIME), "in the order taken"),
+    "tare: not in order": (
+        lambda: fit_tare(np.delete(np.insert(TIME, 5, 0.03), 0), TIME),
+        "time_s, row 5: 0.03 does not come after 0.04; times must increase: sort the rows by time",
+    ),
     "tool: all poses equal": (
         lambda: fit_tool(PLACES, TURNS[:1].repeat(12, 0)),
         "do not determine tip.*tilted by 20 degrees or more about two",

@@ -207,6 +207,7 @@ def test_a_fault_is_said_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         ([RunEnded(1.0, Finish.ABORTED, "stopped by the user")],
          "it was stopped: stopped by the user"),
         ([], "it was broken off in the first press, or is still in it"),
+        ([RunEnded(1.0, Finish.COMPLETED, "every station is complete")], ""),
     ],
 )  # fmt: skip
 def test_detect_says_why_a_run_has_no_station(
@@ -219,7 +220,8 @@ def test_detect_says_why_a_run_has_no_station(
             sink(event)
     found = palpate("detect", str(tmp_path / "a.run"), "--json").json
     assert (found["finding"], found["objects"]) == ("undecided", [])
-    assert found["reason"] == f"the run has no complete station; {says}"
+    why = f"; {says}" if says else ""
+    assert found["reason"] == f"the run has no complete station{why}"
 
 
 def test_what_cannot_be_solved(

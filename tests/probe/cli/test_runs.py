@@ -9,6 +9,7 @@ import pytest
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.storage.run import open_run
+from probe.storage.writer import create_store
 
 ONE = Rig.model_validate({"scan": {"start_mm": 32, "stations": 1}})
 
@@ -119,3 +120,30 @@ def test_a_torn_run_stops_no_other(
     assert said.status == 2
     assert "torn.run" in said.err + said.out
     assert all(run.stem in said.out for run in runs[1:])
+
+
+def test_what_is_no_run_opens_no_window(
+    palpate: Any, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its traceback was the first thing in the window."""
+    shown: list[Path] = []
+    monkeypatch.setattr("probe.cli.runs.need_windows", lambda: None)
+    monkeypatch.setattr("probe.gui.app.run_live", lambda path: shown.append(path) or 0)
+    empty, text, begun = (tmp_path / name for name in ("empty.run", "text.run", "begun.run"))
+    empty.touch()
+    text.write_text("my notes")
+    for path, said in (
+        (empty, "nothing has been stored in it yet"),
+        (text, "damaged or not a run file"),
+        (folder / "torn.run", "damaged or not a run file"),
+        (tmp_path, "a folder; give the run file in it"),
+    ):
+        outcome = palpate("live", path)
+        assert (outcome.status, outcome.err.startswith(f"{path}: {said}")) == (2, True), outcome.err
+    assert not shown
+    with create_store(begun):  # whose scan has not said anything yet
+        assert palpate("live", begun).status == 0
+    run = next(folder.glob("TIHA*.run"))
+    for path in (run, tmp_path / "later.run"):  # one that is not there yet is waited for
+        assert palpate("live", path).status == 0
+    assert shown == [begun, run, tmp_path / "later.run"]

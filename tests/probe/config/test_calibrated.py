@@ -300,8 +300,8 @@ def test_what_is_old_absent_or_unknown_is_reported(tmp_path: Path) -> None:
     assert isinstance(sensor, Wrong)
     with pytest.raises(CalibrationError, match="is a calibration of force"):
         calibrated(Skewed(), [Wrong()], {"latency": files["force"]})
-    for key in ("tool", "surface_left"):
-        with pytest.raises(ValidationError, match=rf"calibration\.{key}: a (scan|rig)"):
+    for key, said in (("tool", "'tool' is no kind"), ("surface_left", "a rig has one stage")):
+        with pytest.raises(ValidationError, match=rf"calibration\.{key}: {said}"):
             Rig.model_validate({"calibration": {key: files["force"]}})
     with pytest.raises(CalibrationError, match="a calibration of force, not of compliance"):
         plan_for(Rig.model_validate({"calibration": {"compliance": files["force"]}}))

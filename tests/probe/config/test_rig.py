@@ -94,6 +94,12 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
         (SCENE + "surface_mm = 1e308\n", r"scene.surface_mm = 1e\+308: must be less than"),
         (SCENE + "surface_mm = [[0,0,0],[1,0,0],[0,1,1e308]]\n", r"scene.surface_mm.2.2 = 1e\+308"),
         ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
+        (
+            '[calibration]\nforze = "none.json"\n',
+            "calibration.forze: 'forze' is no kind .*; these",
+        ),
+        ('[calibration]\nforce = ""\n', "calibration.force = '': name its file, or leave the"),
+        ('[calibration]\nforce = "."\n', "calibration.force = .*: a folder; name the file in it"),
         ("[scan\n", "not TOML"),
         ("[scan]\nstations = 100000\nrepeats = 1000\n", "make 1e.08 presses; at most 100000"),
         ("[scan]\nsurface_mm = [[0,0,0],[1,1,0],[2,2,0]]\n", "must not lie on one line"),

@@ -229,4 +229,4 @@ def test_a_chance_is_between_0_and_1(false_alarm: float) -> None:
 def test_an_empty_recording_is_undecided() -> None:
     found = detect(recording([]))
     assert found.finding == "undecided"
-    assert "no complete station" in found.reason
+    assert found.reason == "the run has no complete station"

@@ -15,8 +15,9 @@ import pytest
 from small_block import BLOCK
 
 from drivers import ConfigError
+from probe.studies.fleet import fleet
 from probe.studies.solve import jobs, solve
-from probe.studies.sweep import solve_points, sweep
+from probe.studies.sweep import solve_points, sweep, write
 from probe.studies.vary import parse, points
 from sim_backend import load_scene
 from sim_backend.models import kept_tables, trained_states
@@ -217,6 +218,40 @@ def test_ctrl_c_while_a_pool_of_workers_holds_its_locks_ends_the_sweep(
 def test_unknown_ending(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"must end in \.parquet"):
         solve_points(TIHA, made("wall_mm=0.5"), tmp_path / "t.xlsx")
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])
+def test_a_file_that_is_no_sweeps_is_not_overwritten(tmp_path: Path, ending: str) -> None:
+    out, wanted = tmp_path / f"t.{ending}", made("wall_mm=99")  # which is not solved
+    own = pd.DataFrame({"subject": [1], "age": [40]})
+    for content in (b"", b"my notes\n", None):
+        if content is None:
+            write(own, out)
+        else:
+            out.write_bytes(content)
+        before = out.read_bytes()
+        with pytest.raises(ConfigError, match="exists already and is no table of a sweep"):
+            solve_points(TIHA, wanted, out, workers=1)
+        with pytest.raises(ConfigError, match="exists already and is no table of a sweep"):
+            fleet(1, out)
+        assert out.read_bytes() == before
+        assert list(tmp_path.iterdir()) == [out]
+    out.unlink()
+    for _ in range(2):  # the second time there is one, of a sweep whose log was removed
+        assert len(solve_points(TIHA, wanted, out, workers=1)) == 1
+        out.with_suffix(".rows.jsonl").unlink()
+    out.unlink()
+    out.mkdir()
+    with pytest.raises(ConfigError, match="exists already"):
+        solve_points(TIHA, wanted, out, workers=1)
+
+
+def test_a_log_that_is_none_is_left_alone(tmp_path: Path) -> None:
+    log = tmp_path / "t.rows.jsonl"
+    log.write_text("[1, 2]\n")
+    with pytest.raises(ConfigError, match=r"t\.rows\.jsonl belongs to another sweep"):
+        solve_points(TIHA, made("wall_mm=99"), tmp_path / "t.csv", workers=1)
+    assert log.read_text() == "[1, 2]\n"
 
 
 def test_nobody_at_the_scheduler(tmp_path: Path) -> None:

@@ -1,0 +1,80 @@
+"""Tables of raw readings: what shifts their columns is refused, what is of no use is left out."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibration.errors import CalibrationError
+from probe.calibrate.fits import KINDS, fit_measurements
+from probe.calibrate.measurements import COLUMNS, read
+from probe.calibrate.table import read_table
+from probe.cli import main
+
+ROWS = [(0.211, 0), (1.508, 1), (2.812, 2), (4.109, 3), (2.81, 2), (1.51, 1), (0.209, 0)]
+
+
+def written(path: Path, head: str, rows: list[str]) -> Path:
+    path.write_text("\n".join([head, *rows]) + "\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("head", "rows", "reported"),
+    [
+        ("depth_mm,force_n", ["0,0.1,0.2", "1,0.2,0.3"],
+         r"t.csv: row 1 has 3 values, and the header 2 names \(depth_mm, force_n\): name every"),
+        ("depth_mm,force_n", ["0,0.1", "1,0.2", "2,0.3,0.4"], "t.csv: row 3 has 3 values"),
+        ("depth_mm,force_n", ["0,211,0", "1,508,1"], "row 1 .*: are these decimal commas"),
+        ("depth_mm,force_n", ["0,1", "# a remark", "", "1,2,"], "row 2 .*: take the comma from"),
+        ("depth_mm,force_n", [], "t.csv: no rows below the column names"),
+    ],
+)  # fmt: skip
+def test_a_row_that_is_longer_than_the_header_is_refused(
+    tmp_path: Path, head: str, rows: list[str], reported: str
+) -> None:
+    """pandas took the first value for the row's name, and each column for the one beside it."""
+    with pytest.raises(CalibrationError, match=reported):
+        read(written(tmp_path / "t.csv", head, rows), "compliance")
+
+
+def test_a_comma_at_the_end_of_every_row_is_none(tmp_path: Path) -> None:
+    for head in ("raw,load_n", "raw,load_n,"):
+        table = written(tmp_path / "t.csv", head, [f"{raw},{load}," for raw, load in ROWS])
+        measured = read(table, "force")
+        assert measured.columns("raw", "load_n").tolist() == [list(row) for row in ROWS]
+        assert measured.left_out == ()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_header_alone_is_no_table(kind: str, tmp_path: Path) -> None:
+    table = written(tmp_path / "t.csv", "time_s,raw,load_n,depth_mm,force_n,x_mm,y_mm,z_mm", [])
+    assert main(["calibrate", kind, str(table), "--device", "d"]) == 2
+    with pytest.raises(CalibrationError, match="no rows below the column names"):
+        read_table(table)
+
+
+def test_a_column_without_a_number_is_named(tmp_path: Path) -> None:
+    table = written(tmp_path / "t.csv", "raw,load_n", ["1,", "2,"])
+    with pytest.raises(CalibrationError, match=r"t\.csv: column load_n is empty"):
+        fit_measurements("force", read(table, "force", "d"), None)  # type: ignore[arg-type]
+
+
+def test_words_beside_the_readings_are_left_out(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [f"2026-01-01T00:00:0{n},{raw},{load},ok" for n, (raw, load) in enumerate(ROWS)]
+    table = written(tmp_path / "t.csv", "time,raw,load_n,note", rows)
+    out = ["--device", "cell", "--out", str(tmp_path / "c.json")]
+    assert main(["calibrate", "force", str(table), *out]) == 0
+    said = capsys.readouterr()
+    assert "columns left out: time, note" in said.err
+    assert "1.30004 raw/N" in said.out
+    with pytest.raises(CalibrationError, match="value is missing; it has time, raw, load_n, note"):
+        read(table, "tare").column("value")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_has_its_columns(kind: str) -> None:
+    assert COLUMNS[kind]
+    assert np.unique(list(COLUMNS)).tolist() == sorted(KINDS)
