@@ -43,8 +43,8 @@ def calibrate(
     device: Annotated[
         str,
         typer.Option(
-            help="The device's name in the rig file; without one there, its driver's (virtual). "
-            "A run names it itself."
+            help="The device's name in the rig file; without one there, what `palpate doctor RIG` "
+            "calls it (force). A run names it itself."
         ),
     ] = "",
     out: Annotated[
@@ -126,7 +126,7 @@ def calibrate(
     if not r.device:
         raise CalibrationError(
             f"{readings}: a table does not say whose it is; add --device NAME, the name in the "
-            "rig file or, without one there, the driver's (virtual)"
+            "rig file or, without one there, what `palpate doctor RIG` calls it (force)"
         )
     if r.left_out:
         inform(f"columns left out: {', '.join(r.left_out)}")
