@@ -8,7 +8,7 @@ The known loads are exact and the readings noisy, so the readings are regressed 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -98,7 +98,7 @@ def fit_force(
         names.append("temperature")
         advice += "; let the temperature vary independently of the load, or leave it out"
     matrix = np.column_stack(design)
-    fits = [linear_fit(matrix, channel, names, advice) for channel in raw.T]
+    fits = [_by_levels(linear_fit(matrix, channel, names, advice), loads) for channel in raw.T]
     values = np.array([fit.values for fit in fits])
     sensitivity = values[:, 1 : axes + 1]
     _check_answer(fits, axes, np.flatnonzero(kept))
@@ -120,6 +120,26 @@ def fit_force(
         hysteresis=max(hysteresis(loads[:, a], back[:, a]) for a in range(axes)),
         fit=stacked(fits),
     )
+
+
+def _by_levels(fit: Fit, loads: Array) -> Fit:
+    """With what repeats of a load share, rounding or a bend of the response, counted once for each
+    of ``loads`` (n, axes), where it is more than their noise explains (Draper and Smith, Applied
+    Regression Analysis, 1998, section 2.1: lack of fit)."""
+    from scipy.special import fdtri
+
+    _, level = np.unique(loads, axis=0, return_inverse=True)
+    count = np.bincount(level.ravel())
+    dof, repeats = len(count) - len(fit.values), len(loads) - len(count)
+    if dof < 1 or repeats < 1:
+        return fit
+    squares = float(fit.residuals @ fit.residuals)
+    means = np.bincount(level.ravel(), weights=fit.residuals) / count
+    lack = float(count @ means**2)
+    noise = max(squares - lack, 0.0) / repeats
+    if lack / dof <= noise * fdtri(dof, repeats, 0.95):
+        return fit
+    return replace(fit, covariance=fit.covariance * (lack / dof) / (squares / fit.dof), dof=dof)
 
 
 def _check_answer(fits: Sequence[Fit], axes: int, rows: NDArray[np.intp]) -> None:

@@ -53,6 +53,23 @@ def test_intervals_of_force_cover() -> None:
     assert 0.93 <= np.mean(inside) <= 0.97
 
 
+@pytest.mark.parametrize(("noise", "quantum"), [(0.05, 0.0), (0.005, 0.05)])
+def test_intervals_of_force_cover_however_often_a_load_is_read(
+    noise: float, quantum: float
+) -> None:
+    """Rounding is the same at every reading of a load: with twenty of each the interval held the
+    gain in three of ten."""
+    rng = np.random.default_rng(7)
+    held = []
+    for _ in range(200):
+        gain, loads = 1.3 + 0.2 * rng.uniform(), np.repeat(5 * rng.uniform(size=9), 20)
+        raw = 0.4 + gain * loads + noise * rng.standard_normal(len(loads))
+        raw = np.round(raw / quantum) * quantum if quantum else raw
+        low, high = fit_force(raw, loads).fit.interval()[1]
+        held.append(low <= gain <= high)
+    assert 0.9 <= np.mean(held) <= 0.99
+
+
 def test_taxels_dead_ones_too() -> None:
     rng = np.random.default_rng(2)
     pressure = np.repeat(np.linspace(0, 40e3, 8), 5)

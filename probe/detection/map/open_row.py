@@ -134,6 +134,6 @@ def _bent(line: Line) -> tuple[float, float]:
     """How high a bump in the middle, two station distances wide, bends a row as this one is bent,
     and its standard deviation [Pa]: of a short row it is the level's curvature."""
     x_m, sd = line.x_m, line.level_sd_pa
-    square = np.linalg.pinv(with_edges(x_m)[:, :3] / sd[:, None])[2] / sd
+    square = np.linalg.pinv(surroundings(x_m) / sd[:, None])[2] / sd
     lump = float(square @ shape(x_m, float(x_m.mean()), 2 * pitch_m(x_m)))
     return float(square @ line.level_pa) / lump, float(np.linalg.norm(square * sd) / abs(lump))
