@@ -130,9 +130,14 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
         read = fresh & np.isfinite(values).any(axis=1)
         doubled += int((~fresh).sum())
         if read.sum() < MIN_READINGS:
+            how = (
+                "sort the rows by station and time"
+                if "station" in table
+                else "a column 'station' says which rows belong together"
+            )
             raise CsvError(
                 f"row {first + 2}: station {number} has only {int(read.sum())} readings, at least "
-                f"{MIN_READINGS} are needed; a column 'station' says which rows belong together"
+                f"{MIN_READINGS} are needed; {how}"
             )
         beside = _or_nothing(rows, "reference")
         known = fresh & np.isfinite(beside)

@@ -58,7 +58,7 @@ def test_intervals_of_force_cover_however_often_a_load_is_read(
     noise: float, quantum: float
 ) -> None:
     """Rounding is the same at every reading of a load: with twenty of each the interval held the
-    gain in three of ten."""
+    gain in about half."""
     rng = np.random.default_rng(7)
     held = []
     for _ in range(200):

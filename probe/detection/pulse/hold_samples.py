@@ -169,7 +169,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
 
 def _unbroken(time_s: Array) -> Bools:
     """The samples (n,) of the longest stretch without a gap that is longer than all that was read:
-    a clock that jumped, or another press. Two of them have no sample's length in common."""
+    a clock jumped, or it is two holds, and span over count is no sample's length any more."""
     gaps_s = np.diff(time_s)
     far = gaps_s > len(time_s) * np.median(gaps_s) if len(gaps_s) else np.empty(0, bool)
     stretch = np.concatenate([[0], np.cumsum(far)])[: len(time_s)].astype(int)

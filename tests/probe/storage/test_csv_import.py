@@ -169,6 +169,10 @@ def test_gaps_doubles_and_uneven_times_are_kept_honestly(tmp_path: Path) -> None
         (table("time_s,force_n", "0,1", ",2"), "row 3, column 'time_s': every row"),
         (table("time_s,force_n", "0,1", "2,1", "1,1", "3,1"), "row 4, .*1 goes back"),
         (table("time_s,force_n", "0,1", "1,1", "2,1"), "station 1 has only 3 readings, at least 4"),
+        (
+            table("station,time_s,force_n", "1,0,1", "2,9,1", "1,1,1"),
+            "station 1 has only 1 readings, at least 4 are needed; sort the rows by station",
+        ),
         (table("time_s,force_n,station", "0,1,0.5", "1,1,1"), "row 2, column 'station': 0.5"),
         (table("time_s,force_n,station", "0,1,-2", "1,1,1"), "row 2, column 'station': -2"),
         (table("Time (s),force_n", "0,1"), r"'time_s' is missing; .*found: Time \(s\), force_n"),
