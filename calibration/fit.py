@@ -6,7 +6,7 @@ follow one another (`correlated`). Data that leave a parameter undetermined are 
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ class Fit:
     """Estimates ``values`` (p,) called ``names``, their ``covariance`` (p, p), ``residuals`` (n,).
 
     ``dof`` = degrees of freedom left; infinite intervals never occur: such data are refused.
+    ``leverage`` (n,) is the share of each reading's own error that the fit follows, where the fit
+    is linear.
     """
 
     names: tuple[str, ...]
@@ -41,6 +43,7 @@ class Fit:
     covariance: Array
     residuals: Array
     dof: int
+    leverage: Array = field(default_factory=lambda: np.empty(0))
 
     @property
     def sigma(self) -> Array:
@@ -71,21 +74,23 @@ class Fit:
         return Fit(tuple(names), np.asarray(values), covariance, self.residuals, self.dof)
 
 
-def outlier(residuals: Array, parameters: int) -> int | None:
+def outlier(residuals: Array, leverage: Array, parameters: int) -> int | None:
     """The one of ``residuals`` (n,) that noise alone puts so far off in `OUTLIER_RISK` of fits.
 
     The largest by its deviation from a fit without it, by Student's t at that chance over n (Cook
-    and Weisberg, Residuals and Influence in Regression, 1982, section 2.2.2), leverage neglected.
+    and Weisberg, Residuals and Influence in Regression, 1982, section 2.2.2). ``leverage`` (n,) as
+    in `Fit`: of few readings each pulls the line towards itself.
     """
     from scipy.special import stdtrit
 
     left = len(residuals) - parameters - 1
     if left < 1:
         return None
-    worst = int(np.argmax(np.abs(residuals)))
-    others = float(np.sum(np.delete(residuals, worst) ** 2))
+    alone = residuals**2 / np.maximum(1 - leverage, 1e-12)  # what a fit without it would not leave
+    worst = int(np.argmax(alone))
+    others = max(float(residuals @ residuals) - float(alone[worst]), 0.0)
     limit = stdtrit(left, 1 - OUTLIER_RISK / (2 * len(residuals)))
-    return worst if residuals[worst] ** 2 * left > limit**2 * others else None
+    return worst if alone[worst] * left > limit**2 * others else None
 
 
 def as_columns(data: object, name: str, columns: int | None = None) -> Array:
@@ -165,7 +170,8 @@ def linear_fit(
     dof = len(data) - len(values)
     inverse = np.linalg.inv(r)
     variance = float(residuals @ residuals) / dof
-    return Fit(tuple(names), values, variance * inverse @ inverse.T, residuals, dof)
+    covariance = variance * inverse @ inverse.T
+    return Fit(tuple(names), values, covariance, residuals, dof, (q**2).sum(axis=1))
 
 
 def nonlinear_fit(
@@ -228,6 +234,7 @@ def stacked(fits: list[Fit]) -> Fit:
         covariance,
         residuals,
         min(f.dof for f in fits),
+        np.concatenate([f.leverage for f in fits]),
     )
 
 

@@ -148,7 +148,7 @@ def _check_answer(fits: Sequence[Fit], axes: int, rows: NDArray[np.intp]) -> Non
     for axis in range(axes):
         ends = np.array([fit.interval(0.99)[1 + axis] for fit in fits])
         if (ends[:, 0] * ends[:, 1] <= 0).all():
-            far = [outlier(fit.residuals, fit.values.size) for fit in fits]
+            far = [outlier(fit.residuals, fit.leverage, fit.values.size) for fit in fits]
             first = next((rows[row] + 1 for row in far if row is not None), None)
             raise CalibrationError(
                 f"no reading changes with load {axis} by more than its noise: "

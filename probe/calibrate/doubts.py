@@ -33,8 +33,9 @@ def doubts(result: Calibration) -> tuple[str, ...]:
 
 def _of_force(result: ForceCalibration) -> tuple[str, ...]:
     channels, fit = len(result.sensitivity), result.fit
-    for channel, residuals in enumerate(np.split(fit.residuals, channels)):
-        if (row := outlier(residuals, len(fit.values) // channels)) is not None:
+    each = zip(np.split(fit.residuals, channels), np.split(fit.leverage, channels), strict=True)
+    for channel, (residuals, leverage) in enumerate(each):
+        if (row := outlier(residuals, leverage, len(fit.values) // channels)) is not None:
             return (
                 f"reading {row + 1} of raw_{channel} is far from the line through the others: was "
                 "it mistyped, or the load another? Correct it or leave it out",

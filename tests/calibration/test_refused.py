@@ -249,3 +249,14 @@ def test_a_mistyped_reading_is_named(times: float) -> None:
         with pytest.raises(CalibrationError, match="reading 8 is far"):  # of the table's
             fit_force(raw, loads, saturated=clipped)
     assert "reading 8 " in said
+
+
+@pytest.mark.parametrize("row", range(7))
+def test_a_mistyped_reading_is_named_in_a_small_table_too(row: int) -> None:
+    """Of seven readings each pulls the line to itself: none was named, however far off."""
+    loads = np.array([0.0, 1.0, 2.0, 3.0, 2.0, 1.0, 0.0])
+    raw = 0.2 + 1.3 * loads + 0.001 * NOISE[:7, 0]
+    assert doubts(fit_force(raw, loads)) == ()
+    raw[row] += 0.5
+    (said,) = doubts(fit_force(raw, loads))
+    assert said.startswith(f"reading {row + 1} of raw_0 is far")
