@@ -34,8 +34,8 @@ class Fit:
     """Estimates ``values`` (p,) called ``names``, their ``covariance`` (p, p), ``residuals`` (n,).
 
     ``dof`` = degrees of freedom left; infinite intervals never occur: such data are refused.
-    ``leverage`` (n,) is the share of each reading's own error that the fit follows, where the fit
-    is linear.
+    ``leverage`` (n,) is the share of each reading's own error that a linear fit follows; empty of
+    others, and of one that was stored.
     """
 
     names: tuple[str, ...]
@@ -86,7 +86,8 @@ def outlier(residuals: Array, leverage: Array, parameters: int) -> int | None:
     left = len(residuals) - parameters - 1
     if left < 1:
         return None
-    alone = residuals**2 / np.maximum(1 - leverage, 1e-12)  # what a fit without it would not leave
+    own = leverage if len(leverage) else np.zeros(len(residuals))
+    alone = residuals**2 / np.maximum(1 - own, 1e-12)  # what a fit without it would not leave
     worst = int(np.argmax(alone))
     others = max(float(residuals @ residuals) - float(alone[worst]), 0.0)
     limit = stdtrit(left, 1 - OUTLIER_RISK / (2 * len(residuals)))
@@ -127,7 +128,8 @@ def ascending(name: str, time_s: Array, each: str = "row") -> None:
     if len(back):
         row = int(back[0]) + 1
         raise CalibrationError(
-            f"{name}, {each} {row + 1}: {time_s[row]:g} does not come after {time_s[row - 1]:g}; "
+            f"{name}, {each} {row + 1}: {time_s[row]:.12g} does not come after "
+            f"{time_s[row - 1]:.12g}; "
             f"times must increase: sort the {each}s by time, and drop those whose time is doubled"
         )
 

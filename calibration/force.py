@@ -98,7 +98,7 @@ def fit_force(
         names.append("temperature")
         advice += "; let the temperature vary independently of the load, or leave it out"
     matrix = np.column_stack(design)
-    fits = [_by_levels(linear_fit(matrix, channel, names, advice), loads) for channel in raw.T]
+    fits = [linear_fit(matrix, channel, names, advice) for channel in raw.T]
     values = np.array([fit.values for fit in fits])
     sensitivity = values[:, 1 : axes + 1]
     _check_answer(fits, axes, np.flatnonzero(kept))
@@ -116,30 +116,30 @@ def fit_force(
         offset=values[:, 0],
         temperature=values[:, axes + 1] if temperature_c is not None else np.zeros(len(fits)),
         reference_c=mean_c,
-        linearity=float(np.max(np.abs(_level_means(loads, back - loads)) / span)),
+        linearity=float(np.max(np.abs(_level_means(loads, back - loads)[0]) / span)),
         hysteresis=max(hysteresis(loads[:, a], back[:, a]) for a in range(axes)),
-        fit=stacked(fits),
+        fit=stacked([_by_levels(fit, matrix) for fit in fits]),
     )
 
 
-def _by_levels(fit: Fit, loads: Array) -> Fit:
+def _by_levels(fit: Fit, design: Array) -> Fit:
     """With what repeats of a load share, rounding or a bend of the response, counted once for each
-    of ``loads`` (n, axes), where it is more than their noise explains (Draper and Smith, Applied
-    Regression Analysis, 1998, section 2.1: lack of fit)."""
-    from scipy.special import fdtri
+    of the rows that ``design`` (n, p) repeats, where it is more than their noise explains (Draper
+    and Smith, Applied Regression Analysis, 1998, section 2.1: lack of fit)."""
+    from scipy.special import fdtri, stdtrit
 
-    _, level = np.unique(loads, axis=0, return_inverse=True)
-    count = np.bincount(level.ravel())
-    dof, repeats = len(count) - len(fit.values), len(loads) - len(count)
+    means, count = _level_means(design, fit.residuals[:, None])
+    dof, repeats = len(count) - len(fit.values), len(design) - len(count)
     if dof < 1 or repeats < 1:
         return fit
-    squares = float(fit.residuals @ fit.residuals)
-    means = np.bincount(level.ravel(), weights=fit.residuals) / count
-    lack = float(count @ means**2)
+    squares, lack = float(fit.residuals @ fit.residuals), float(count @ means[:, 0] ** 2)
     noise = max(squares - lack, 0.0) / repeats
     if lack / dof <= noise * fdtri(dof, repeats, 0.95):
         return fit
-    return replace(fit, covariance=fit.covariance * (lack / dof) / (squares / fit.dof), dof=dof)
+    # of fewer degrees of freedom, but the other channels' intervals go by the fit's
+    fewer = stdtrit(dof, 0.975) / stdtrit(fit.dof, 0.975)
+    wider = float(fewer) ** 2 * (lack / dof) / (squares / fit.dof)
+    return replace(fit, covariance=wider * fit.covariance)
 
 
 def _check_answer(fits: Sequence[Fit], axes: int, rows: NDArray[np.intp]) -> None:
@@ -177,9 +177,10 @@ def hysteresis(load: Array, reading: Array) -> float:
     return float(max(gaps, default=0.0) / max(np.ptp(reading), 1e-300))
 
 
-def _level_means(loads: Array, error: Array) -> Array:
-    """Mean error (levels, axes) of equal loads: noise averages out, nonlinearity stays."""
-    _, group = np.unique(loads, axis=0, return_inverse=True)
+def _level_means(levels: Array, error: Array) -> tuple[Array, NDArray[np.intp]]:
+    """Mean error (m, axes) of equal rows of ``levels`` (n, p), and how many of them there are (m,):
+    noise averages out, nonlinearity stays."""
+    _, group = np.unique(levels, axis=0, return_inverse=True)
     count = np.bincount(group.ravel())
     sums = [np.bincount(group.ravel(), weights=column) for column in error.T]
-    return np.asarray(np.array(sums).T / count[:, None])
+    return np.asarray(np.array(sums).T / count[:, None]), count

@@ -18,13 +18,13 @@ class SensorRates:
     def add(self, readings: Sequence[tuple[str, Block]]) -> None:
         """Count blocks of devices; those of a stage are not counted."""
         for name, block in readings:
-            if name in self._stated_hz:
+            if name in self._stated_hz and not block.jumped_s:  # a device that stood still
                 count, first_s, _ = self._seen.get(name, (0, float(block.time_s[0]), 0.0))
                 sent = len(block.time_s) + block.lost
                 self._seen[name] = count + sent, first_s, float(block.time_s[-1])
 
     def slow(self) -> list[tuple[str, str]]:
-        """Each sensor that is slower than stated, and the words for it; a sensor once."""
+        """Each sensor that is slower than stated, and the words for it; each is judged once."""
         found = []
         for name, (count, first_s, last_s) in self._seen.items():
             stated_hz, span_s = self._stated_hz.pop(name, 0.0), last_s - first_s

@@ -3,6 +3,7 @@
 The fits themselves are in `calibration` and know neither files nor finite elements.
 """
 
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -91,7 +92,11 @@ def calibrate(
     if kind not in KINDS:
         raise CalibrationError(f"kind = {kind!r}: allowed are {', '.join(KINDS)}")
     chosen = Choices(surface_model, as_scene(scene), tuple(relaxation_s), cuff_mmhg)
-    return fit_measurements(kind, read(Path(measurements), kind, device, station), chosen)
+    taken = read(Path(measurements), kind, device, station)
+    if taken.left_out:
+        left = ", ".join(taken.left_out)
+        warnings.warn(f"{taken.path}: columns left out: {left}", stacklevel=2)
+    return fit_measurements(kind, taken, chosen)
 
 
 def fit_measurements(

@@ -46,7 +46,7 @@ def scene_found(scene: Scene, found: Calibration, path: Path) -> Scene:
                 made = _of_heart(scene, found, path)
             case _:
                 raise CalibrationError(f"a calibration of {found.KIND} is of no scene")
-        return made.model_copy(update={"name": path.stem})
+        return made.model_copy(update={"name": path.stem})  # a name that can be no scene's, too
     except CalibrationError as error:
         raise CalibrationError(
             f"{path} was not written: {error}. Without --scene-out the calibration alone is written"

@@ -71,7 +71,7 @@ def compare(
         names = ", ".join(map(str, runs))
         raise typer.BadParameter(f"compare takes two runs, got {len(runs)}: {names}; name two")
     if runs[0].resolve() == runs[1].resolve():
-        raise typer.BadParameter(f"{runs[1]} is the same run as {runs[0]}; name two")
+        raise typer.BadParameter(f"{runs[0]} and {runs[1]} are one run; name two")
     from probe.detection import compare as compare_recordings
     from probe.storage.run import open_run
 

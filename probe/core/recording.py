@@ -14,7 +14,7 @@ farther beyond its base than a UR20's 1.75 m."""
 
 @dataclass(frozen=True)
 class Station:
-    """One press at one place. Lists and counts are taken, too, and made arrays of floats.
+    """One press at one place. Lists and counts are taken, too, and made arrays.
 
     ``time_s`` (n,) and ``signal_pa`` (n, channels): mean contact stress, positive when pressed.
     ``saturated`` (n, channels) marks clipped samples. ``indent_s``, ``hold_s`` and ``retract_s``

@@ -58,16 +58,19 @@ def fleet(
     Columns are those of a sweep after ``kind``, and ``half_pulse_n`` for `force_n`. Each kind is a
     sweep of its own beside ``out``; an interrupted fleet goes on where it stopped.
     """
-    check_out(out)
+    parts = {
+        kind: out.with_name(f"{out.stem}-{kind.replace(' ', '-')}{out.suffix}") for kind in KINDS
+    }
+    for one in (out, *parts.values()):
+        check_out(one)
     tables = []
     for n, (kind, scene) in enumerate(KINDS.items()):
 
         def report(done: int, _all: int, before: int = n * count) -> None:
             progress(before + done, len(KINDS) * count)
 
-        part = out.with_name(f"{out.stem}-{kind.replace(' ', '-')}{out.suffix}")
         table = solve_points(
-            load_scene(scene), drawn(kind, count, seed), part, x_mm=x_mm, model="quick",
+            load_scene(scene), drawn(kind, count, seed), parts[kind], x_mm=x_mm, model="quick",
             seed=seed + n, workers=workers, scheduler=scheduler, progress=report,
         )  # fmt: skip
         table.insert(0, "kind", kind)

@@ -242,8 +242,9 @@ def _read_log(log: Path, key: str) -> Solved:
             if number == 0:  # it says whose the rows are
                 raise ConfigError(f"{log}: its first line is cut short; remove it") from None
             continue
-        if number == 0 or "sweep" in row:  # two that began together each wrote their line
-            if not isinstance(row, dict) or row.get("sweep") != key:
+        whose = row.get("sweep") if isinstance(row, dict) else "none"
+        if number == 0 or whose is not None:  # two that began together each wrote their line
+            if whose != key:
                 raise ConfigError(f"{log} belongs to another sweep: choose another --out, or "
                                   "remove it")  # fmt: skip
             continue

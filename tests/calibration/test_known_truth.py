@@ -70,6 +70,19 @@ def test_intervals_of_force_cover_however_often_a_load_is_read(
     assert 0.9 <= np.mean(held) <= 0.99
 
 
+def test_a_sensor_that_bends_is_known_less_well_and_its_neighbour_is_not() -> None:
+    """Three levels leave one degree of freedom: it was refused as if no load were on the sensor."""
+    loads = np.repeat([0.0, 5.0, 10.0], 20)
+    noise = 0.001 * np.random.default_rng(3).standard_normal((60, 2))
+    bent = 0.2 * np.sin(np.pi * loads / 10)
+    raw = np.column_stack([1.3 * loads + bent, 1.3 * loads]) + noise
+    found = fit_force(raw, loads).fit
+    low, high = found.interval().T
+    assert low[1] < 1.3 < high[1]
+    assert high[1] - low[1] > 100 * (high[3] - low[3])
+    assert low[3] < 1.3 < high[3]
+
+
 def test_taxels_dead_ones_too() -> None:
     rng = np.random.default_rng(2)
     pressure = np.repeat(np.linspace(0, 40e3, 8), 5)

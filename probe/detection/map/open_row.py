@@ -91,9 +91,9 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
     show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`.
 
     That is a bump with a chance below `DOUBT`, or, in a row that is more uneven than its presses
-    scatter, one as high as a lump: several lumps look like a scatter of each other. Or the row that
-    is bent most is bent at least as half a lump bends it. Since a curved surface may have made
-    either, a lump may lie anywhere in the row.
+    scatter, one as high as a lump: several lumps look like a scatter of each other. Of rows without
+    one, that which is bent most, if it is at least as half a lump bends it. Since a curved surface
+    may have made either, a lump may lie anywhere in the row.
     """
     found, bent = [], []
     for line, least in zip(lines, least_pa, strict=True):
@@ -101,11 +101,6 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
             continue
         lump_pa = LUMP_SHARE * level_of(line.level_pa)
         if not least > lump_pa:
-            continue
-        bent_pa, bent_sd_pa = _bent(line)
-        if bent_pa > max(lump_pa / 2, NORMAL_95 * bent_sd_pa):  # nearer to a lump than to none
-            words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
-            bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
             continue
         row = line.x_m, line.level_pa, line.level_sd_pa, surroundings(line.x_m)
         chance = DOUBT / len(lines)
@@ -117,6 +112,12 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
             word = "stiffer" if bump.height > 0 else "softer"
             words = f"no pulse; {abs(bump.height):.0f} Pa {word}"
             found.append(_doubted(line, bump.x_m, bump.height, words))
+            break
+        else:
+            bent_pa, bent_sd_pa = _bent(line)
+            if bent_pa > max(lump_pa / 2, NORMAL_95 * bent_sd_pa):  # nearer to a lump than to none
+                words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
+                bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
     return found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
 
 

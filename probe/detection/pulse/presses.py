@@ -119,10 +119,13 @@ def _found(
     alone = [_own(_without_reference(station), dead) for station in recording.stations]
     by_itself = _measured(alone)
     other = which_pulse(by_itself, recording, false_alarm)
-    both = ((*measured[i], by_itself[i][1]) for i in other.stations if i in measured)
+    referred = {i for i, (_, clearest) in measured.items() if clearest.search is None}
+    both = ((*measured[i], by_itself[i][1]) for i in other.stations if i in referred)
     if not contradicted(both):
         return found, measured, beating
-    return [replace(one, note=_also(one.note, CONTRADICTED)) for one in alone], by_itself, other
+    for i in referred:
+        alone[i] = replace(alone[i], note=_also(alone[i].note, CONTRADICTED))
+    return alone, by_itself, other
 
 
 def _measured(found: Sequence["_Own"]) -> dict[int, tuple[Hold, Clearest]]:
@@ -222,7 +225,8 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     if hold.clipped > 0:
         notes.append(f"{100 * hold.clipped:.0f} % of its samples are clipped: press less deep")
     if hold.lost >= LEAST_LOST:
-        notes.append(f"{100 * hold.lost:.0f} % of its samples are missing, or one reading repeated")
+        lost = f"{100 * hold.lost:.0f} % of its samples"
+        notes.append(f"{lost} are missing, behind a gap, or one reading repeated")
     return Press(station, pulse, scatter, hold.clipped, "; ".join(notes))
 
 

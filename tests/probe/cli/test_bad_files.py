@@ -124,7 +124,7 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         (["detect", "none.run", "--ask", "nan"], ["--ask nan", "more than 0"]),
         (["compare", "a.run"], ["takes two runs, got 1: a.run"]),
         (["compare", "a.run", "b.run", "c.run"], ["got 3: a.run, b.run, c.run", "name two"]),
-        (["compare", "a.run", "./a.run"], ["a.run is the same run as a.run", "name two"]),
+        (["compare", "a.run", "./a.run"], ["a.run and a.run are one run; name two"]),
         (["press", "TI", "--x", "32", "--depth", "99"], ["depth_mm", "99", "16.83"]),
         (["press", "TI", "--x", "32"], ["--depth"]),
         (["press", "TI", "--x", "3.2cm", "--depth", "1"], ["'--x'", "'3.2cm' must be a number\n"]),

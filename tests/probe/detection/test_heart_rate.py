@@ -18,7 +18,8 @@ def pressed(rng: np.random.Generator, variability: float, beats: int = 16) -> An
     lengths_s = (1 + variability * rng.standard_normal(beats)) / 1.2
     hold_s = float(lengths_s.sum())
     pulse = SimpleNamespace(
-        rate_hz=beats / hold_s, size_pa=300.0, size_sd_pa=0.3, variability=variability
+        rate_hz=beats / hold_s, size_pa=300.0, size_sd_pa=0.3, variability=variability,
+        search=True,
     )  # fmt: skip
     return SimpleNamespace(pulsing=True, pulse=pulse, hold_s=hold_s)
 
@@ -41,13 +42,18 @@ def test_holds_of_less_than_a_beat_tell_no_slow_heart_from_a_fast_one() -> None:
         pulsing=True,
         hold_s=0.82,
         pulse=SimpleNamespace(
-            rate_hz=1.2, size_pa=300.0, size_sd_pa=3.0, variability=RATE_VARIABILITY
+            rate_hz=1.2, size_pa=300.0, size_sd_pa=3.0, variability=RATE_VARIABILITY, search=True
         ),
     )
     found = heart_rate((short, short, short))
     assert found is not None
     assert (found[0], found[1]) == pytest.approx((72.0, 40.0))
     assert found[2] == pytest.approx(60 * 1.6 / 0.82)
+    timed: Any = SimpleNamespace(**vars(short) | {
+        "pulse": SimpleNamespace(**vars(short.pulse) | {"search": None})
+    })  # fmt: skip
+    found = heart_rate((timed, timed, timed))  # by a reference
+    assert found is not None and found[1] > 60.0 and found[2] < 80.0
     longer: Any = SimpleNamespace(**vars(short) | {"hold_s": 1.01})
     found = heart_rate((short, longer))
     assert found is not None and found[1] > 60.0

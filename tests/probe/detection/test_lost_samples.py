@@ -60,7 +60,10 @@ def test_few_samples_a_second_show_gaps_too() -> None:
 
 def test_a_station_says_that_its_sensor_had_gaps() -> None:
     found = detect(recording([with_gaps(1, "zeros", 100.0)]))
-    assert "2 % of its samples are missing, or one reading repeated" in found.stations[0].note
+    assert (
+        "2 % of its samples are missing, behind a gap, or one reading repeated"
+        in found.stations[0].note
+    )
     assert not detect(recording([station(np.random.default_rng(1))])).stations[0].note
 
 
