@@ -18,7 +18,9 @@ class SensorRates:
     def add(self, readings: Sequence[tuple[str, Block]]) -> None:
         """Count blocks of devices; those of a stage are not counted."""
         for name, block in readings:
-            if name in self._stated_hz and not block.jumped_s:  # a device that stood still
+            if block.jumped_s:  # a device stood still: what it sent before says nothing now
+                self._seen.pop(name, None)
+            elif name in self._stated_hz:
                 count, first_s, _ = self._seen.get(name, (0, float(block.time_s[0]), 0.0))
                 sent = len(block.time_s) + block.lost
                 self._seen[name] = count + sent, first_s, float(block.time_s[-1])

@@ -64,10 +64,9 @@ def write_found(made: Scene, found: Calibration, path: Path) -> None:
 
 
 def write_scene(scene: Scene, path: Path) -> None:
-    """A scene file of that name, read back to be sure before it is written. Raises `SceneError` if
-    it cannot be."""
-    plain = scene.model_copy(update={"name": path.stem}).model_dump(mode="json", exclude_none=True)
-    text = tomli_w.dumps(plain)
+    """A scene's file, read back to be sure before it is written. Raises `SceneError` if it cannot
+    be."""
+    text = tomli_w.dumps(scene.model_dump(mode="json", exclude_none=True))
     scene_from_text(text, str(path))
     path.write_text(text, encoding="utf-8", newline="")
 

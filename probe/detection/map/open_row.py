@@ -104,20 +104,21 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
             continue
         row = line.x_m, line.level_pa, line.level_sd_pa, surroundings(line.x_m)
         chance = DOUBT / len(lines)
-        uneven = evenness(*row) < chance
-        for bump in find_bumps(*row, false_alarm=1.0, most=1).bumps:
-            clear = abs(bump.height) > max(lump_pa, NORMAL_95 * bump.height_sd)
-            if bump.p_value > chance and not (uneven and clear):
-                continue
+        high_pa = lump_pa if evenness(*row) < chance else np.inf
+        bumps = [
+            bump for bump in find_bumps(*row, false_alarm=1.0, most=1).bumps
+            if bump.p_value <= chance
+            or abs(bump.height) > max(high_pa, NORMAL_95 * bump.height_sd)
+        ]  # fmt: skip
+        for bump in bumps:
             word = "stiffer" if bump.height > 0 else "softer"
             words = f"no pulse; {abs(bump.height):.0f} Pa {word}"
             found.append(_doubted(line, bump.x_m, bump.height, words))
-            break
-        else:
-            bent_pa, bent_sd_pa = _bent(line)
-            if bent_pa > max(lump_pa / 2, NORMAL_95 * bent_sd_pa):  # nearer to a lump than to none
-                words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
-                bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
+        bent_pa, bent_sd_pa = _bent(line)
+        # nearer to a lump than to none
+        if not bumps and bent_pa > max(lump_pa / 2, NORMAL_95 * bent_sd_pa):
+            words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
+            bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
     return found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
 
 

@@ -114,18 +114,17 @@ def _found(
     found = [_own(station, dead) for station in recording.stations]
     measured = _measured(found)
     beating = which_pulse(measured, recording, false_alarm)
-    if all(clearest.search is not None for _, clearest in measured.values()):
+    referred = {i: hold for i, (hold, clearest) in measured.items() if clearest.search is None}
+    if not referred:
         return found, measured, beating
-    alone = [_own(_without_reference(station), dead) for station in recording.stations]
+    alone = [
+        _searched(referred[i], CONTRADICTED) if i in referred else one
+        for i, one in enumerate(found)
+    ]
     by_itself = _measured(alone)
     other = which_pulse(by_itself, recording, false_alarm)
-    referred = {i for i, (_, clearest) in measured.items() if clearest.search is None}
     both = ((*measured[i], by_itself[i][1]) for i in other.stations if i in referred)
-    if not contradicted(both):
-        return found, measured, beating
-    for i in referred:
-        alone[i] = replace(alone[i], note=_also(alone[i].note, CONTRADICTED))
-    return alone, by_itself, other
+    return (alone, by_itself, other) if contradicted(both) else (found, measured, beating)
 
 
 def _measured(found: Sequence["_Own"]) -> dict[int, tuple[Hold, Clearest]]:
@@ -134,10 +133,6 @@ def _measured(found: Sequence["_Own"]) -> dict[int, tuple[Hold, Clearest]]:
         for i, one in enumerate(found)
         if one.hold is not None and one.clearest is not None
     }
-
-
-def _without_reference(station: Station) -> Station:
-    return replace(station, reference=np.empty(0), reference_s=np.empty(0))
 
 
 def _also(note: str, more: str) -> str:

@@ -1,13 +1,16 @@
 """Sensors that send fewer readings than the rig says."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from springs import SpringSensor, on_simulated_springs, run_springs, spring_rig
 
-from drivers import Block, Channel
+from drivers import Block
 from probe.acquisition.sensor_rates import SensorRates
+
+CELL: Any = SimpleNamespace(name="cell", rate_hz=100.0)
 
 
 class Sparse(SpringSensor):
@@ -34,9 +37,10 @@ def test_a_sensor_slower_than_its_rig_says_is_noted_once(every: int, said: int) 
         assert f"rate_hz = {sensor.rate_hz:g}" in slow[0]
 
 
-def read(count: int, span_s: float, lost: int = 0) -> Block:
-    values = np.zeros((count, 1))
-    return Block(np.linspace(3.0, 3.0 + span_s, count), values, values.astype(bool), lost)
+def read(count: int, span_s: float, lost: int = 0, jumped_s: float = 0.0) -> Block:
+    values, from_s = np.zeros((count, 1)), 3.0 + 2 * jumped_s
+    time_s = np.linspace(from_s, from_s + span_s, count)
+    return Block(time_s, values, values.astype(bool), lost, jumped_s)
 
 
 @pytest.mark.parametrize(
@@ -44,8 +48,16 @@ def read(count: int, span_s: float, lost: int = 0) -> Block:
 )
 def test_what_got_lost_was_sent(count: int, lost: int, slow: int) -> None:
     """What a network loses is said elsewhere, with how much of it."""
-    sensor = type("Cell", (), {"name": "cell", "rate_hz": 100.0, "channels": (Channel("f", "N"),)})
-    rates = SensorRates([sensor])  # type: ignore[list-item]
+    rates = SensorRates([CELL])
     rates.add([("stage", read(2, 1.0)), ("cell", read(count, 1.0, lost))])
     assert len(rates.slow()) == slow
     assert rates.slow() == []
+
+
+def test_while_a_device_stands_still_it_is_not_slow() -> None:
+    rates = SensorRates([CELL])
+    rates.add([("cell", read(101, 1.0))])
+    rates.add([("cell", read(101, 1.0, jumped_s=5.0))])
+    assert rates.slow() == []
+    rates.add([("cell", read(51, 1.0))])
+    assert len(rates.slow()) == 1

@@ -7,7 +7,7 @@ import pytest
 from paths import ROOT
 
 from calibration.errors import CalibrationError
-from probe.calibrate.fits import KINDS, fit_measurements
+from probe.calibrate.fits import KINDS, Choices, fit_measurements
 from probe.calibrate.measurements import read
 from probe.calibrate.table import read_table
 from probe.cli import main
@@ -58,7 +58,7 @@ def test_a_header_alone_is_no_table(kind: str, tmp_path: Path) -> None:
 def test_a_column_without_a_number_is_named(tmp_path: Path) -> None:
     table = written(tmp_path / "t.csv", "raw,load_n", ["1,", "2,"])
     with pytest.raises(CalibrationError, match=r"t\.csv: column load_n is empty"):
-        fit_measurements("force", read(table, "force", "d"), None)  # type: ignore[arg-type]
+        fit_measurements("force", read(table, "force", "d"), Choices())
 
 
 def test_words_beside_the_readings_are_left_out(
