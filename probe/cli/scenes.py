@@ -66,6 +66,15 @@ def press(
         inform(f"warning: {doubt}")
     if pressed_into.plane == "solid" and (deck or feb or vtu):
         raise SceneError(f"{scene}: --deck, --feb and --vtu write a plane section, not a solid")
+    for option, path, mark in (
+        ("--deck", deck, b" mm thick. "),
+        ("--feb", feb, b"<febio_spec"),
+        ("--vtu", vtu, b"created by meshio"),
+    ):
+        if path is not None:
+            several = path.parent.glob(f"{path.stem}-[0-9]*{path.suffix}") if vtu == path else ()
+            for file in (path, *several):
+                check_out(option, file, mark)
     with solving() as show:
         pressed = press_once(
             pressed_into, x, depth, pressure or None, accuracy_pct=accuracy, solving=show,
@@ -95,6 +104,22 @@ def press(
         return
     for line in describe_press(found):
         answer(line)
+
+
+def check_out(option: str, path: Path, mark: bytes) -> None:
+    """Raises `SceneError` where a folder is at ``path``, or a file whose first kilobyte has not the
+    ``mark`` of those that a press writes."""
+    from sim_backend.scene.scene_file import SceneError
+
+    if path.is_file():
+        with path.open("rb") as file:
+            ours = mark in file.read(1024)
+    else:
+        ours = not path.is_dir()  # none yet, or a pipe
+    if not ours:
+        raise SceneError(
+            f"{option} {path}: exists already and is no press's; choose another, or move it"
+        )
 
 
 def describe_press(found: dict[str, Any]) -> list[str]:

@@ -61,3 +61,24 @@ def test_a_solid_that_cannot_be_written_is_refused_before_it_is_solved(
     monkeypatch.setattr("sim_backend.models.press.press", None)
     outcome = palpate("press", "TI-solid", "--x", "32", "--depth", "1", option, "file")
     assert (outcome.status, "write a plane section" in outcome.err) == (2, True)
+
+
+@pytest.mark.parametrize(
+    ("option", "written"), [("--deck", "file"), ("--feb", "file"), ("--vtu", "file-1")]
+)
+def test_a_press_replaces_its_own_files_and_no_other(
+    palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, option: str, written: str
+) -> None:
+    """Of several states each has a VTU of its own, with a number."""
+    path = tmp_path / written
+    press = ("press", "TIHA", "--x", "32", "--depth", "0.5", "--accuracy", "9", option)
+    for _ in range(2):
+        assert palpate(*press, tmp_path / "file").status == 0
+    assert path.stat().st_size > 1000
+    monkeypatch.setattr("sim_backend.models.press.press", None)
+    for foreign in ("my notes", "<?xml version='1.0'?>\n<svg>", "** of another program\n*NODE\n"):
+        path.write_text(foreign)
+        outcome = palpate(*press, tmp_path / "file")
+        assert (outcome.status, "exists already" in outcome.err) == (2, True)
+        assert path.read_text() == foreign
+    assert palpate(*press, tmp_path).status == 2  # a folder
