@@ -48,6 +48,11 @@ often, a station of 100 readings is all alike once in 1e30 times."""
 MAX_DEAD = 0.5
 """Share of a channel's samples that may be missing or clipped before it counts as dead."""
 
+SMALLEST_PA, LARGEST_PA = 1e-15, 1e12
+"""No reading of a sensor is beyond them: pressures end at that of the best vacuum (Gabrielse et al.
+1990, below 7e-15 Pa) and of the hardest press (Dubrovinskaia et al. 2016, 1 TPa). Far beyond,
+squares overflow."""
+
 
 class NoHold(ValueError):
     """There is too little in a hold to say anything; the text says what is missing."""
@@ -141,7 +146,14 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
             + (f" ({100 * lost:.0f} % are missing)" if lost else "")
             + f"; at least {MIN_SAMPLES} are needed"
         )
-    _check_contact(station, signal)
+    largest_pa = float(np.abs(signal).max())
+    if largest_pa <= LARGEST_PA:
+        _check_contact(station, signal)
+    if not SMALLEST_PA <= largest_pa <= LARGEST_PA and largest_pa > 0:
+        raise NoHold(
+            f"station {station.index + 1}: it reads {largest_pa:.3g} Pa, which no sensor does: are "
+            "its forces in newtons, and the face in m2?"
+        )
     step_s = float(np.median(np.diff(time_s)))
     if step_s > LONGEST_STEP_S:
         raise NoHold(

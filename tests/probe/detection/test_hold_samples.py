@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from known_presses import recording
+from known_presses import recording, row
 
 from drivers.core.arrays import Array
 from probe.core.recording import Station
 from probe.detection.pulse.hold_samples import NoHold, hold_of
 from probe.detection.pulse.presses import presses_of
 from probe.detection.pulse.search import search
+from probe.detection.scan import detect
 
 SECONDS_SINCE_1970 = 1.7e9
 
@@ -93,3 +94,13 @@ def test_a_press_may_be_made_of_lists_and_counts() -> None:
                      depth_m=len(time_s) * [np.nan])  # fmt: skip
     floats = replace(station, signal_pa=counts.astype(float))
     assert np.array_equal(hold_of(listed).signal_pa, hold_of(floats).signal_pa)
+
+
+@pytest.mark.parametrize("times", [1e-300, 1e-200, 1e-30, 1e12, 1e160, 1e300])
+def test_what_no_sensor_reads_is_noted_and_nothing_is_found(times: float) -> None:
+    """Squares of it overflowed, and detection ended with an error."""
+    pressed = row(np.random.default_rng(1), pulse_pa=200.0)
+    stations = [replace(one, signal_pa=one.signal_pa * times) for one in pressed]
+    found = detect(recording(stations))
+    assert found.finding == "undecided"
+    assert all("which no sensor does" in one.note for one in found.stations)
