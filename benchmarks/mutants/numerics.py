@@ -19,6 +19,10 @@ PLACE, SCAN = "sim_backend/models/plane_response.py", "sim_backend/models/scan_e
 SOFT = ("tests/sim_backend/models/test_station_response.py",)
 SWEPT = ("tests/sim_backend/models/test_scan_estimate.py",)
 CHOSEN = ("tests/sim_backend/models/test_choose.py",)
+PASSED = (
+    "tests/sim_backend/fem/solid/test_newton.py"
+    "::test_a_load_that_is_only_passed_is_solved_roughly_and_changes_no_answer",
+)
 
 NUMERICS = (
     Mutant("von Mises by another factor", MATERIAL, "np.sqrt(1.5 * square)", "np.sqrt(square)",
@@ -87,4 +91,9 @@ NUMERICS = (
     Mutant("elements of solids are small far away", "sim_backend/fem/solid/build.py",
            "FAR = 1.5", "FAR = 1e9", ("tests/sim_backend/fem/solid/test_build.py"
            "::test_a_thin_wide_block_is_pressed_as_the_axisymmetric_model_does",)),
+    Mutant("loads on the way down are solved as closely as answers",
+           "sim_backend/fem/solid/newton.py", "ON_THE_WAY = 1e4", "ON_THE_WAY = 1.0", PASSED),
+    Mutant("solids' answers are solved as roughly as the way down",
+           "sim_backend/fem/solid/newton.py", "left = slack if share + step >= 1.0 else ON_THE_WAY",
+           "left = ON_THE_WAY", PASSED),
 )  # fmt: skip

@@ -45,7 +45,9 @@ def refine_solid(
     solving(mesh_in_words(SOLID, SHARES[0] * half_m, error_pct))
     # no first mesh without a second, which shows its error; how large finer ones are is foreseen
     most = MOST_UNKNOWNS * (SHARES[1] / SHARES[0]) ** 2
-    solved = solve_solid(scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m, most_unknowns=most)
+    solved = solve_solid(
+        scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m, most_unknowns=most, judged=False
+    )
     for before, share in pairwise(SHARES):
         finer = before / share
         if len(solved[0].free) * finer**2 > MOST_UNKNOWNS:

@@ -1,7 +1,7 @@
-"""The hot loops of plane sections in C, where they were built; elsewhere numpy does the same.
+"""The hot loops of the finite elements in C, where they were built; elsewhere numpy does the same.
 
 Who uses one of them asks for `BUILT` and has the same in numpy or scipy beside it. Arrays are
-contiguous, of float64 and int64; results go into arrays that the caller brings.
+contiguous, of float64, float32 and int64; results go into arrays that the caller brings.
 """
 
 try:
@@ -9,6 +9,8 @@ try:
         Fronts,
         cell_forces,
         cell_tangents,
+        extend_front,
+        join_blocks,
         least_area_ratio,
         unit_pressure,
     )
@@ -17,4 +19,7 @@ except ImportError:  # there was no compiler where palpate was installed
 else:
     BUILT = True
 
-__all__ = ["BUILT", "Fronts", "cell_forces", "cell_tangents", "least_area_ratio", "unit_pressure"]
+__all__ = [
+    "BUILT", "Fronts", "cell_forces", "cell_tangents", "extend_front", "join_blocks",
+    "least_area_ratio", "unit_pressure",
+]  # fmt: skip

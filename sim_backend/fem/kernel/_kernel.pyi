@@ -1,6 +1,6 @@
 """What `module.c` gives to Python."""
 
-from sim_backend.arrays import Array, Ints
+from sim_backend.arrays import Array, Ints, Singles
 
 def cell_forces(
     u: Array, nodes: Ints, gradient: Array, weight: Array, shear: Array, bulk: Array, law: int,
@@ -17,6 +17,8 @@ def unit_pressure(
     u: Array, nodes: Ints, place: Array, spread: Array, along: Array, gradient: Array,
     shear: Array, bulk: Array, free: bool, force: Array, tangent: Array, /,
 ) -> None: ...  # fmt: skip
+def join_blocks(blocks: Singles, place: Ints, sums: Array, /) -> None: ...
+def extend_front(update: Singles, at: Ints, top: Singles, rest: Singles, /) -> None: ...
 
 class Fronts:
     """A `sim_backend.fem.assembly.Solver` of ``groups`` of element matrices, of which the

@@ -1,7 +1,7 @@
 /* The kernel as a Python module, by the stable ABI: one build serves every Python from 3.11.
 
-   Arrays come as contiguous buffers of float64 and int64; what is found is written into arrays that
-   the caller brings. */
+   Arrays come as contiguous buffers of float64, float32 and int64; what is found is written into
+   arrays that the caller brings. */
 
 #define Py_LIMITED_API 0x030B0000
 #include <Python.h>
@@ -10,6 +10,7 @@
 
 #include "cells.h"
 #include "fronts.h"
+#include "solids.h"
 
 enum { MOST_ARRAYS = 12 };
 
@@ -23,7 +24,7 @@ static void let_go(Views *views) {
     while (views->count) PyBuffer_Release(&views->view[--views->count]);
 }
 
-/* The next array: `count` numbers (any if negative) of `kind` d or q, to be written if `out`.
+/* The next array: `count` numbers (any if negative) of `kind` d, f or q, to be written if `out`.
    NULL and an error if it is something else. */
 static Py_buffer *take(Views *views, PyObject *from, char kind, Py_ssize_t count, int out) {
     Py_buffer *view = &views->view[views->count];
@@ -31,8 +32,8 @@ static Py_buffer *take(Views *views, PyObject *from, char kind, Py_ssize_t count
         return NULL;
     views->count++;
     char format = view->format ? view->format[0] : 'B';
-    int right = kind == 'd' ? format == 'd' : (format == 'l' || format == 'q') && view->itemsize == 8;
-    if (right && (count < 0 || view->len == 8 * count)) return view;
+    int right = kind == 'q' ? (format == 'l' || format == 'q') && view->itemsize == 8 : format == kind;
+    if (right && (count < 0 || view->len == view->itemsize * count)) return view;
     PyErr_Format(PyExc_ValueError, "argument %d: want %zd numbers of kind %c, not %zd of kind %c",
                  views->count, count, kind, view->len / view->itemsize, format);
     return NULL;
@@ -174,6 +175,56 @@ static PyObject *lumen(PyObject *self, PyObject *const *args, Py_ssize_t given) 
     sides.shear = shear->buf;
     sides.bulk = bulk->buf;
     unit_pressure(&sides, u->buf, force->buf, tangent->buf);
+    result = Py_NewRef(Py_None);
+end:
+    let_go(&views);
+    return result;
+}
+
+static PyObject *joined(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    (void)self;
+    Views views = {0};
+    PyObject *result = NULL;
+    if (!arguments(given, 3)) return NULL;
+    TAKE(place, 1, 'q', -1, 0);
+    if (place->ndim != 3 || place->shape[1] != place->shape[2]) {
+        PyErr_SetString(PyExc_ValueError, "place: want as many rows as columns of each element");
+        goto end;
+    }
+    TAKE(blocks, 0, 'f', place->len / 8 * 9, 0);
+    TAKE(sums, 2, 'd', -1, 1);
+    if (!within(place->buf, place->len / 8, sums->len / 72)) goto end;
+    join_blocks(blocks->buf, (int)place->shape[0], (int)place->shape[1], place->buf, sums->buf);
+    result = Py_NewRef(Py_None);
+end:
+    let_go(&views);
+    return result;
+}
+
+static PyObject *extended(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    (void)self;
+    Views views = {0};
+    PyObject *result = NULL;
+    if (!arguments(given, 4)) return NULL;
+    TAKE(at, 1, 'q', -1, 0);
+    Py_ssize_t border = at->len / 8;
+    TAKE(update, 0, 'f', 9 * border * border, 0);
+    TAKE(top, 2, 'f', -1, 1);
+    TAKE(rest, 3, 'f', -1, 1);
+    if (top->ndim != 2 || rest->ndim != 2 || rest->shape[0] != rest->shape[1] ||
+        top->shape[0] != top->shape[1] + rest->shape[0] || top->shape[1] % 3 || rest->shape[0] % 3) {
+        PyErr_SetString(PyExc_ValueError, "top and rest: want the columns of one front");
+        goto end;
+    }
+    const long long *nodes = at->buf;
+    if (!within(nodes, border, top->shape[0] / 3)) goto end;
+    for (Py_ssize_t b = 1; b < border; b++)
+        if (nodes[b] <= nodes[b - 1]) {
+            PyErr_SetString(PyExc_ValueError, "at: want nodes that grow");
+            goto end;
+        }
+    extend_front(update->buf, (int)border, nodes, top->buf, (int)top->shape[1], rest->buf,
+                 (int)rest->shape[0]);
     result = Py_NewRef(Py_None);
 end:
     let_go(&views);
@@ -322,6 +373,8 @@ static PyMethodDef functions[] = {
     {"cell_tangents", (PyCFunction)(void (*)(void))tangents, METH_FASTCALL, NULL},
     {"least_area_ratio", (PyCFunction)(void (*)(void))area_ratio, METH_FASTCALL, NULL},
     {"unit_pressure", (PyCFunction)(void (*)(void))lumen, METH_FASTCALL, NULL},
+    {"join_blocks", (PyCFunction)(void (*)(void))joined, METH_FASTCALL, NULL},
+    {"extend_front", (PyCFunction)(void (*)(void))extended, METH_FASTCALL, NULL},
     {0}};
 
 static int fill(PyObject *module) {

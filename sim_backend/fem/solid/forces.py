@@ -4,13 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_backend.arrays import Array, Ints
+from sim_backend.arrays import Array, Ints, Singles
 from sim_backend.fem.material_3d import (
     determinant_and_cofactor,
     response,
     unforeseen_volume,
 )
-from sim_backend.fem.solid.fronts import Singles
 from sim_backend.fem.solid.prism import Wedges
 
 _CHUNK = 100

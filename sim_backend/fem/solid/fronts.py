@@ -9,16 +9,15 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import eigh
 from scipy.linalg.blas import ssyrk, strsm, strsv
 from scipy.linalg.lapack import spotrf
 from scipy.sparse import bsr_matrix
 
-from sim_backend.arrays import Array, Ints
+from sim_backend.arrays import Array, Ints, Singles
+from sim_backend.fem import kernel
 from sim_backend.fem.solid.dissection import Front
 
-Singles = NDArray[np.float32]
 SMALLEST = 1e-7
 """A pivot's eigenvalue below this share of the largest is zero: single precision ends there."""
 
@@ -68,8 +67,8 @@ class Factors:
             blocks = matrix.data[scatter.low : scatter.high][scatter.kept]
             top.ravel(order="F")[scatter.places] = blocks.ravel()
             rest = np.zeros((beyond, beyond), dtype=np.float32, order="F")
-            for child, runs in zip(front.children, scatter.children, strict=True):
-                _extend(top, rest, updates.pop(child), runs)
+            for child, at in zip(front.children, scatter.children, strict=True):
+                _extend(top, rest, updates.pop(child), at)
             pivots = _eliminate(top, rest)
             self._pivots.append(pivots)
             updates[n] = rest
@@ -104,20 +103,17 @@ class Factors:
         return x.astype(np.float64)
 
 
-Run = tuple[slice, slice, bool]
-"""Where neighbours of a child's border lie in the child, and in the front's pivots or its rest."""
-
-
 @dataclass(frozen=True)
 class _Scatter:
     """Blocks ``low`` to ``high`` of the matrix belong to a front, ``kept`` (k,) of them at
-    ``places`` (9k,) of its pivots' rows."""
+    ``places`` (9k,) of its pivots' rows. ``children``: the numbers in the front, its pivots first,
+    of the nodes of each child's border."""
 
     low: int
     high: int
     kept: Ints
     places: Ints
-    children: tuple[list[Run], ...]
+    children: tuple[Ints, ...]
 
 
 class Plan:
@@ -140,14 +136,28 @@ def _scatter(front: Front, fronts: list[Front], starts: Ints, columns: Ints) -> 
     three, height = np.arange(3), 3 * len(pivots)
     across = height * (3 * column[:, None, None] + three)
     places = 3 * row[:, None, None] + three[:, None] + across
-    runs = tuple(
-        _runs(np.searchsorted(nodes, fronts[child].border), len(pivots)) for child in front.children
-    )
-    return _Scatter(low, high, kept, places.ravel(), runs)
+    children = tuple(np.searchsorted(nodes, fronts[child].border) for child in front.children)
+    return _Scatter(low, high, kept, places.ravel(), children)
 
 
-def _runs(at: Ints, pivots: int) -> list[Run]:
-    """Stretches of a child's border whose places ``at`` in the front follow one another."""
+def _extend(top: Singles, rest: Singles, update: Singles, at: Ints) -> None:
+    """Add the upper half of a child's ``update`` at the nodes ``at`` of the front."""
+    if kernel.BUILT:
+        kernel.extend_front(update.T, at, top.T, rest.T)
+        return
+    over = top[:, len(top) :]
+    runs = _runs(at, len(top) // 3)
+    for n, (rows, into_rows, pivot_rows) in enumerate(runs):
+        for columns, into_columns, pivot_columns in runs[n:]:
+            part = (top if pivot_columns else over) if pivot_rows else rest
+            part[into_rows, into_columns] += update[rows, columns]
+
+
+def _runs(at: Ints, pivots: int) -> list[tuple[slice, slice, bool]]:
+    """Stretches of a child's border whose places ``at`` in the front follow one another: where they
+    lie in the child, and in the front's pivots or its rest."""
+    if not len(at):
+        return []
     breaks = (np.diff(at) != 1) | (at[1:] == pivots)
     ends = [0, *(np.flatnonzero(breaks) + 1).tolist(), len(at)]
     runs = []
@@ -156,15 +166,6 @@ def _runs(at: Ints, pivots: int) -> list[Run]:
         places = slice(3 * into, 3 * (into + end - start))
         runs.append((slice(3 * start, 3 * end), places, bool(at[start] < pivots)))
     return runs
-
-
-def _extend(top: Singles, rest: Singles, update: Singles, runs: list[Run]) -> None:
-    """Add the upper half of a child's ``update``."""
-    over = top[:, len(top) :]
-    for n, (rows, into_rows, pivot_rows) in enumerate(runs):
-        for columns, into_columns, pivot_columns in runs[n:]:
-            part = (top if pivot_columns else over) if pivot_rows else rest
-            part[into_rows, into_columns] += update[rows, columns]
 
 
 def _eliminate(top: Singles, rest: Singles) -> _Pivots:

@@ -34,12 +34,14 @@ def solve_solid(
     *,
     coarser: SolvedSolid | None = None,
     most_unknowns: float = MOST_UNKNOWNS,
+    judged: bool = True,
 ) -> SolvedSolid:
     """One solution per lumen pressure, ``depth_m`` deep at (``x_m``, z = 0).
 
     The press comes first and the pressures in turn: the answer does not depend on the order, since
     nothing slides with friction. With what was solved on a ``coarser`` mesh the way down need not
-    be gone again. Raises `CannotSolve`, also for a mesh of more than ``most_unknowns``.
+    be gone again. Unless they are ``judged`` no state is asked whether it is stable. Raises
+    `CannotSolve`, also for a mesh of more than ``most_unknowns``.
     """
     body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, most_unknowns=most_unknowns)
     solver = body.solver()
@@ -52,13 +54,16 @@ def solve_solid(
             guess = carried(coarser[0], coarser[1][0], body)
             now = equilibrium(body, solver, guess, Load(depth_m, first))
     if now is None:
-        ramp = [Load(d, first) for d in _depths(depth_m)]
-        *_, now = continuation(body, solver, unloaded(body), ramp)
-    solutions = [replace(now, stable=is_stable(body, solver, now))]
+        *way, there = [Load(d, first) for d in _depths(depth_m)]
+        (now,) = continuation(body, solver, unloaded(body), [there], way)
+    solutions = [now]
     for pressure in pressures_pa[1:]:
-        # from the factors of the last state's stability
+        if judged:  # its factors serve the next state
+            solutions[-1] = replace(now, stable=is_stable(body, solver, now))
         (now,) = continuation(body, solver, now, [Load(depth_m, pressure)])
-        solutions.append(replace(now, stable=is_stable(body, solver, now)))
+        solutions.append(now)
+    if judged:
+        solutions[-1] = replace(now, stable=is_stable(body, solver, now))
     return body, solutions
 
 

@@ -96,3 +96,17 @@ def test_arrays_that_do_not_fit_are_refused(section: Section) -> None:
         fronts.solve(np.zeros(section.size), np.zeros(section.size - 1))
     with pytest.raises(IndexError):
         kernel.Fronts(section.size - 1, (cells.dofs,), (True,), section.assembly.free)
+    place, sums = np.zeros((2, 4, 4), dtype=np.int64), np.zeros((5, 3, 3))
+    blocks = np.zeros((2, 12, 12), dtype=np.float32)
+    for given in ((blocks[:1], place, sums), (blocks, place + 5, sums), (blocks, place - 1, sums),
+                  (blocks.astype(float), place, sums), (blocks, place[:, :3], sums)):  # fmt: skip
+        with pytest.raises((ValueError, IndexError, BufferError)):
+            kernel.join_blocks(*given)
+    update, at = np.zeros((6, 6), dtype=np.float32), np.array([0, 1])
+    top, rest = np.zeros((6, 3), dtype=np.float32), np.zeros((3, 3), dtype=np.float32)
+    kernel.extend_front(update, at, top, rest)
+    for given in ((update[:3], at, top, rest), (update, at[::-1].copy(), top, rest),
+                  (update, at + 1, top, rest), (update, at, top[:4, :1].copy(), rest),
+                  (update, at, top, rest[:2, :2].copy())):  # fmt: skip
+        with pytest.raises((ValueError, IndexError)):
+            kernel.extend_front(*given)

@@ -49,10 +49,11 @@ def test_an_indefinite_tangent_is_left_by_shorter_steps(monkeypatch: pytest.Monk
     monkeypatch.setattr(LinearSolver, "is_indefinite", property(lambda _: True))
     with pytest.raises(NotConverged, match="stayed indefinite"):
         equilibrium(body, solver, unloaded(body), Load(0.35e-3, 0.0))
-    allowed = []
+    allowed, slacks = [], []
 
-    def indefinite(_b: Any, _s: Any, start: Any, load: Load, *, careful: bool) -> Any:
+    def indefinite(_b: Any, _s: Any, start: Any, load: Load, slack: float, *, careful: bool) -> Any:
         allowed.append((load.depth_m, careful))
+        slacks.append(slack)
         if not careful:
             raise NotConverged("the tangent stayed indefinite")
         return replace(start, load=load)
@@ -62,6 +63,11 @@ def test_an_indefinite_tangent_is_left_by_shorter_steps(monkeypatch: pytest.Monk
     assert found.load.depth_m == pytest.approx(0.8e-3)
     whole = [(pytest.approx(0.8e-3 / 2**k), False) for k in range(3)]
     assert allowed[:4] == [*whole, (pytest.approx(0.1e-3), True)]
+    assert slacks == [1.0, *[newton.ON_THE_WAY] * (len(slacks) - 2), 1.0]
+    slacks.clear()
+    way = [Load(1e-5, 0.0)]
+    list(newton.continuation(body, solver, unloaded(body), [Load(2e-5, 0.0)], way))
+    assert newton.ON_THE_WAY in slacks[:1]
 
 
 def test_a_node_slides_over_an_edge_finer_than_the_elements() -> None:
@@ -102,14 +108,30 @@ def test_a_step_ends_where_energy_falls_no_more(too_far: float) -> None:
     assert 0.5 <= share * too_far <= 1.5
 
 
+def test_a_load_that_is_only_passed_is_solved_roughly_and_changes_no_answer() -> None:
+    body = build_body(SCENE, 12e-3, depth_m=1e-3, size_m=2.5e-3)
+    down = [Load(1e-3 * d, 0.0) for d in (0.3, 0.65, 1.0)]
+    *on_the_way, there = newton.continuation(body, body.solver(), unloaded(body), down)
+    solver, passed = body.solver(), []
+    now = unloaded(body)
+    for load in down[:2]:
+        now = equilibrium(body, solver, now, load, newton.ON_THE_WAY)
+        passed.append(now)
+    spared = sum(a.iterations - b.iterations for a, b in zip(on_the_way, passed, strict=True))
+    assert spared > 0
+    off = [b.force_n / a.force_n - 1 for a, b in zip(on_the_way, passed, strict=True)]
+    assert 1e-8 < np.abs(off).max() < 0.02
+    (found,) = newton.continuation(body, body.solver(), unloaded(body), down[2:], down[:2])
+    assert found.force_n == pytest.approx(there.force_n, rel=1e-6)
+
+
 def test_factors_say_whether_the_tangent_is_indefinite() -> None:
     body = build_body(SCENE, 12e-3, depth_m=1e-3, size_m=2.5e-3)
     for sign in (1.0, -1.0):
         solver = body.solver()
         still = unloaded(body).displacement
-        blocks = [tangents(body.wedges, body.shear, body.bulk, still)]
-        blocks.append(np.zeros((len(body.surface), 3, 3)))
-        matrix = solver.matrix([sign * block for block in blocks])
+        blocks = sign * tangents(body.wedges, body.shear, body.bulk, still)
+        matrix = solver.matrix(solver.joined(blocks), np.zeros((len(body.surface), 3, 3)))
         with suppress(Singular):
             solver.solve(matrix, np.ones(body.size))
         assert solver.is_indefinite is (sign < 0)
