@@ -68,8 +68,11 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     shutil.rmtree(source)
     run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], folder)
     (wheel,) = folder.glob("palpate-*.whl")
-    there = [*pip, "--python", str(folder / "venv" / "bin" / "python")]  # this pip installs there
-    run([*there, "install", "--no-compile", f"{wheel}[report,export,mesh]"], folder)
+    there = ["--python", str(folder / "venv" / "bin" / "python")]
+    what = f"{wheel}[report,export,mesh]"
+    uv = [sys.executable, "-m", "uv", "pip", "install", "--quiet", "--system-certs", *there, what]
+    if subprocess.run(uv, cwd=folder, capture_output=True, check=False).returncode:
+        run([*pip, *there, "install", "--no-compile", what], folder)  # has indexes that uv has not
     return folder / "venv" / "bin"
 
 
