@@ -15,7 +15,15 @@ from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
 from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS
 from probe.detection.map.field_objects import is_field, objects_in_field, runs_along_rows
-from probe.detection.map.open_row import doubtful, least_bump_pa, only_pulses, open_objects
+from probe.detection.map.open_row import (
+    DOUBT,
+    beside_named,
+    between_rows,
+    doubtful,
+    least_bump_pa,
+    only_pulses,
+    open_objects,
+)
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.row_shapes import MIN_WITH_EDGES, with_edges
 from probe.detection.map.vessel_tracking import across_rows
@@ -139,11 +147,15 @@ def _in_rows(
             least_pa.append(least_bump_pa(line, false_alarm / len(rows), with_edges))
         else:
             objects = only_pulses(objects_in(line, _moving(mine), false_alarm / len(rows)), line)
+            objects = beside_named(line, objects, DOUBT / len(rows)) if objects else []
             least_pa.append(least_bump_pa(line, false_alarm / len(rows)))
         found.append((recording.stations[row[0]].y_m, objects))
     named = across_rows(found, _pitch_m(recording))
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
-    return named if named or unfinished else doubtful(lines, least_pa), shown_pa
+    if named or unfinished:
+        return named, shown_pa
+    unclear = doubtful(lines, least_pa) or between_rows(lines, [y_m for y_m, _ in found])
+    return unclear, shown_pa
 
 
 def _moving(presses: Iterable[Press]) -> float | None:

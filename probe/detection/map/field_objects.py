@@ -22,7 +22,8 @@ from probe.detection.map.field import (
     spacing_m,
     spot_at,
 )
-from probe.detection.map.field_rivals import odds_of_a_straight_rise
+from probe.detection.map.field_rivals import odds_of_a_straight_rise, straight_rise
+from probe.detection.map.open_row import LUMP_SHARE
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import (
     AT_AN_END,
@@ -33,6 +34,7 @@ from probe.detection.map.row_objects import (
     measured,
     stray,
 )
+from probe.detection.map.row_shapes import level_of
 from probe.detection.map.vessel_tracking import MAX_STRAY_PITCHES
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
@@ -101,7 +103,22 @@ def objects_in_field(
     for spot in beating:
         one = _object(spot, spot_at(levels, spot), judged, levels, moving, None)
         found.append(_inside(one, spot, levels))
-    return found
+    return found or _straight(judged, levels, false_alarm)
+
+
+def _straight(judged: list[Press], levels: Map, false_alarm: float) -> list[ObjectFinding]:
+    """What is as high as a lump in a map without spots, but straight, undecided."""
+    chance, height_pa = straight_rise(levels) if levels.spacing_m > 0 else (1.0, 0.0)
+    if chance > false_alarm or abs(height_pa) < LUMP_SHARE * level_of(levels.value):
+        return []
+    x_m, word = levels.place_m[:, 0], "stiffer" if height_pa > 0 else "softer"
+    return [ObjectFinding(
+        "undecided", float(np.median(x_m)), (float(x_m.min()), float(x_m.max())), height_pa,
+        float(np.median([p.size_pa for p in judged])), 0.0,
+        f"no pulse; {abs(height_pa):.0f} Pa {word} along a straight line or on one side of it, as "
+        "over a bone, a tendon or a step of the surface: press as deep from where the surface is "
+        "at each station, and farther to all sides",
+    )]  # fmt: skip
 
 
 def pulses_of(judged: list[Press]) -> Map:

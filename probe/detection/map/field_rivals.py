@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from probe.detection.map.bumps import TRUSTED
+from drivers.core.arrays import Array
+from probe.detection.map.bumps import TRUSTED, chance
 from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, weighted
 from probe.detection.map.row_rivals import least_left, odds_instead, rises_anywhere
 from probe.detection.map.row_shapes import shape, step
@@ -10,6 +11,8 @@ from probe.detection.map.row_shapes import shape, step
 DIRECTIONS = 24
 """In which a rival is tried, over half a turn: none is more than 3.8 degrees off, which moves it by
 a quarter of the distance between presses at the rim of a map that is eight of them wide."""
+WIDE = 4
+"""Directions that differ by less than a ridge's width shows: a twelfth of half a turn each."""
 
 
 def odds_of_a_straight_rise(seen: Map, spots: list[Spot], spot: Spot) -> float:
@@ -21,15 +24,40 @@ def odds_of_a_straight_rise(seen: Map, spots: list[Spot], spot: Spot) -> float:
     *_, left = weighted(seen, known)
     rss, count = float(left @ left), len(seen.value)
     dof = max(count - seen.base.shape[1] - SPOT_UNKNOWNS * len(known), 1)
-    turns = np.pi / DIRECTIONS * np.arange(DIRECTIONS)
-    along_m = seen.place_m @ np.array([np.cos(turns), np.sin(turns)])
     beside = []
     for others in (rest, []):
         _, a, _, left = weighted(seen, others)
         beside.append((a, left, SPOT_UNKNOWNS * (len(rest) - len(others))))
     fits = []
-    for one in along_m.T:  # a direction at a time: of a large map all take a gigabyte
+    for one in _along(seen).T:  # a direction at a time: of a large map all take a gigabyte
         for rise in (step, shape):  # of a bone that a corner cuts short its end is as a spot
             columns = rises_anywhere(one, seen.spacing_m, rise) / seen.sd[:, None]
             fits += [(least_left(a, left, columns), fewer) for a, left, fewer in beside]
     return odds_instead(fits, rss, (rss + TRUSTED) / (dof + TRUSTED), count)
+
+
+def straight_rise(seen: Map) -> tuple[float, float]:
+    """The chance of a step or ridge as clear as the clearest anywhere in a map that has none, and
+    its height, negative where it is a furrow."""
+    _, a, _, left = weighted(seen, [])
+    q, _ = np.linalg.qr(a)
+    before, most, height = float(left @ left), 0.0, 0.0
+    for along_m in _along(seen).T:
+        for rise in (step, shape):
+            columns = rises_anywhere(along_m, seen.spacing_m, rise)[:, :, 0]
+            own = np.zeros((len(columns), len(left)))
+            own[:, : len(seen.value)] = columns / seen.sd
+            own -= (own @ q) @ q.T
+            size, inside = (own**2).sum(axis=1), own @ left
+            k = int(np.argmax(inside**2 / np.maximum(size, 1e-300)))
+            if (drop := float(inside[k] ** 2 / max(size[k], 1e-300))) > most:
+                most, height = drop, float(inside[k] / size[k] * np.ptp(columns[k]))
+    lines = DIRECTIONS / WIDE * seen.span_m / seen.spacing_m
+    dof = len(seen.value) - seen.base.shape[1]
+    return chance(before, before - most, SPOT_UNKNOWNS, dof, 2 * lines), height
+
+
+def _along(seen: Map) -> Array:
+    """How far presses lie along each of `DIRECTIONS` (n, directions) [m]."""
+    turns = np.pi / DIRECTIONS * np.arange(DIRECTIONS)
+    return np.asarray(seen.place_m @ np.array([np.cos(turns), np.sin(turns)]))

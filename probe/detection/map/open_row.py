@@ -8,9 +8,10 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
+from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps, least_height
 from probe.detection.map.row_objects import Line, objects_in
-from probe.detection.map.row_shapes import level_of, shape, surroundings, with_edges
+from probe.detection.map.row_shapes import level_of, shape, surroundings, weighted, with_edges
 from probe.detection.map.sideways import SQUEEZED
 from probe.detection.repeats import pitch_m
 
@@ -86,6 +87,34 @@ def least_bump_pa(
     return least_height(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
 
 
+def beside_named(line: Line, named: list[ObjectFinding], chance: float) -> list[ObjectFinding]:
+    """``named``, the objects of a finished row, and what is stiffer far beside them, undecided,
+    where it has a ``chance`` of being none: two bumps have as many unknowns as a short row has
+    stations, and neither is clear. The level's shape at what was named is taken to be known."""
+    x_m, sd = line.x_m, line.level_sd_pa
+    widths_m = tried_m(pitch_m(x_m), float(np.ptp(x_m)))
+    under = surroundings(x_m)
+    for one in named:
+        tried = [np.column_stack([under, shape(x_m, one.position_m, w)]) for w in widths_m]
+        under = min(tried, key=lambda base: _left(line, base))
+    found = find_bumps(x_m, line.level_pa, sd, under, chance, most=1).bumps
+    return [
+        *named,
+        *(
+            _doubted(line, bump.x_m, bump.height, f"no pulse; {bump.height:.0f} Pa stiffer")
+            for bump in found
+            if bump.height > 0
+            and all(abs(bump.x_m - one.position_m) > widths_m[-1] for one in named)
+        ),
+    ]
+
+
+def _left(line: Line, base: Array) -> float:
+    """What ``base`` leaves of a row's level, weighted and squared."""
+    *_, left = weighted(line.x_m, line.level_pa, line.level_sd_pa, base, [])
+    return float(left @ left)
+
+
 def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
     """Of finished rows without an object: what a lump could be, undecided, where a row would not
     show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`.
@@ -120,6 +149,26 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
             words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
             bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
     return found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
+
+
+def between_rows(lines: list[Line], y_m: list[float]) -> list[ObjectFinding]:
+    """Of finished rows that show nothing: the row at one of ``y_m`` (n,) that differs from a tilted
+    surface across the rows by as much as a lump, undecided: what lies along it is in no row a bump.
+    """
+    level_pa = np.array([level_of(line.level_pa) for line in lines])
+    tilted = np.column_stack([np.ones(len(lines)), np.array(y_m) - np.mean(y_m)])
+    off_pa = level_pa - tilted @ np.linalg.lstsq(tilted, level_pa, rcond=None)[0]
+    k = int(np.argmax(np.abs(off_pa)))
+    if abs(off_pa[k]) < LUMP_SHARE * level_of(level_pa):
+        return []
+    word, x_m = "stiffer" if off_pa[k] > 0 else "softer", lines[k].x_m
+    where = f"the row at y = {1e3 * y_m[k]:.1f} mm"
+    return [ObjectFinding(
+        "undecided", float(np.median(x_m)), (float(x_m[0]), float(x_m[-1])), float(off_pa[k]),
+        float(np.median(lines[k].pulse_pa)), 0.0,
+        f"no pulse; {where} is {abs(off_pa[k]):.0f} Pa {word} than the other rows, as over "
+        "something that lies along it or a curved surface: scan in rows across it",
+    )]  # fmt: skip
 
 
 def _doubted(line: Line, x_m: float, height_pa: float, words: str) -> ObjectFinding:

@@ -68,8 +68,9 @@ def weighted(
 ) -> tuple[Array, Array, Array, Array]:  # fmt: skip
     """Columns, and weighted with what holds them: columns, values, residual."""
     columns = np.column_stack([base, *(shape(x_m, *one, tail) for one in known)])
-    prior_weight = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
-    prior = np.diag(np.append(prior_weight, np.zeros(len(known)))) / level_of(value)
+    held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
+    free = np.zeros(columns.shape[1] - len(held))
+    prior = np.diag(np.append(held, free)) / level_of(value)
     a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
     q, _ = np.linalg.qr(a)
     return columns, a, b, b - q @ (q.T @ b)
