@@ -4,6 +4,7 @@ from mutants.mutant import Mutant
 
 UNUSUAL = "tests/probe/detection/test_unusual_scans.py"
 FIELDS = "tests/probe/detection/test_field.py"
+LINES = "tests/probe/detection/test_stiff_lines.py"
 HELD = "tests/probe/detection/test_hold_samples.py"
 FORCES = "tests/probe/acquisition/test_preflight.py"
 FAST = "tests/sim_backend/models/test_surrogate.py"
@@ -26,6 +27,16 @@ OUTSIDE = (
     Mutant("the end of a ridge is a lump", "probe/detection/map/field_rivals.py",
            "for rise in (step, shape):", "for rise in (step,):",
            (f"{FIELDS}::test_the_end_of_a_ridge_in_a_corner_is_no_lump",)),
+    Mutant("a lump beside a vessel is passed over in a short row",
+           "probe/detection/map/open_row.py",
+           "under = min(tried, key=lambda base: _left(line, base))", "pass",
+           (f"{LINES}::test_a_lump_beside_a_vessel_is_not_passed_over",)),
+    Mutant("a row that differs from the others is nothing", "probe/detection/map/open_row.py",
+           "if abs(off_pa[k]) < LUMP_SHARE * level_of(level_pa):", "if True:",
+           (f"{LINES}::test_a_row_that_differs_from_the_others_is_not_nothing",)),
+    Mutant("a line right across a grid is lumps", "probe/detection/map/straight_line.py",
+           "(1 - ELSE_OF_A_LINE * line)", "1.0",
+           (f"{LINES}::test_a_line_right_across_a_grid_is_one_and_no_tumour",)),
     Mutant("what lies at the end of a row is named", "probe/detection/map/row_objects.py",
            'if said.kind != "undecided" and at in (0, len(line.x_m) - 1):',
            'if said.kind != "undecided" and at in ():',

@@ -22,8 +22,7 @@ from probe.detection.map.field import (
     spacing_m,
     spot_at,
 )
-from probe.detection.map.field_rivals import odds_of_a_straight_rise, straight_rise
-from probe.detection.map.open_row import LUMP_SHARE
+from probe.detection.map.field_rivals import odds_of_a_straight_rise
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import (
     AT_AN_END,
@@ -34,7 +33,7 @@ from probe.detection.map.row_objects import (
     measured,
     stray,
 )
-from probe.detection.map.row_shapes import level_of
+from probe.detection.map.straight_line import unnamed_line
 from probe.detection.map.vessel_tracking import MAX_STRAY_PITCHES
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
@@ -63,7 +62,7 @@ def runs_along_rows(presses: Sequence[Press], pitch_m: float) -> bool:
     """Whether a vessel runs so much along the rows of a grid that no row shows it as a bump, or it
     is too far aside in the next row: rows are then presses at any places. ``pitch_m`` is the rows'
     own."""
-    judged = _judged(presses)
+    judged = judged_of(presses)
     y_m = distinct_m(np.array([p.station.y_m for p in judged]))
     if len(judged) < MIN_PRESSES or len(y_m) < MIN_ROWS:
         return False
@@ -79,10 +78,8 @@ def objects_in_field(
 ) -> list[ObjectFinding]:
     """The objects under a map. ``moving`` is the posterior probability that what moves is a pulse,
     None where nothing does. Each of the two maps gets half of ``false_alarm``."""
-    judged = _judged(presses)
-    place_m = _places([p.station for p in judged])
-    levels = map_of(place_m, np.array([p.level_pa for p in judged]),
-                    np.array([p.level_sd_pa for p in judged]))  # fmt: skip
+    judged = judged_of(presses)
+    levels = levels_of(judged)
     stiff = bumps = find_spots(levels, false_alarm / 2)
     beating = _beating(judged, false_alarm / 2) if moving is not None else []
     vessels, found = tuple(beating), []
@@ -103,22 +100,13 @@ def objects_in_field(
     for spot in beating:
         one = _object(spot, spot_at(levels, spot), judged, levels, moving, None)
         found.append(_inside(one, spot, levels))
-    return found or _straight(judged, levels, false_alarm)
+    return found or unnamed_line(judged, levels, false_alarm)
 
 
-def _straight(judged: list[Press], levels: Map, false_alarm: float) -> list[ObjectFinding]:
-    """What is as high as a lump in a map without spots, but straight, undecided."""
-    chance, height_pa = straight_rise(levels) if levels.spacing_m > 0 else (1.0, 0.0)
-    if chance > false_alarm or abs(height_pa) < LUMP_SHARE * level_of(levels.value):
-        return []
-    x_m, word = levels.place_m[:, 0], "stiffer" if height_pa > 0 else "softer"
-    return [ObjectFinding(
-        "undecided", float(np.median(x_m)), (float(x_m.min()), float(x_m.max())), height_pa,
-        float(np.median([p.size_pa for p in judged])), 0.0,
-        f"no pulse; {abs(height_pa):.0f} Pa {word} along a straight line or on one side of it, as "
-        "over a bone, a tendon or a step of the surface: press as deep from where the surface is "
-        "at each station, and farther to all sides",
-    )]  # fmt: skip
+def levels_of(judged: list[Press]) -> Map:
+    """The map of their levels."""
+    level, sd = np.array([(p.level_pa, p.level_sd_pa) for p in judged]).reshape(-1, 2).T
+    return map_of(_places([p.station for p in judged]), level, sd)
 
 
 def pulses_of(judged: list[Press]) -> Map:
@@ -150,7 +138,7 @@ def _apart(one: Spot, other: Spot) -> float:
     return float(np.hypot(*(one.place_m - other.place_m)))
 
 
-def _judged(presses: Sequence[Press]) -> list[Press]:
+def judged_of(presses: Sequence[Press]) -> list[Press]:
     """Those with a known place that could be judged."""
     return [p for p in presses if p.pulse is not None
             and np.isfinite([p.station.x_m, p.station.y_m]).all()]  # fmt: skip

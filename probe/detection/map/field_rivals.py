@@ -43,8 +43,8 @@ def straight_rise(seen: Map) -> tuple[float, float]:
     q, _ = np.linalg.qr(a)
     before, most, height = float(left @ left), 0.0, 0.0
     for along_m in _along(seen).T:
-        for rise in (step, shape):
-            columns = rises_anywhere(along_m, seen.spacing_m, rise)[:, :, 0]
+        for form in (shape, step):
+            columns = rises_anywhere(along_m, seen.spacing_m, form)[:, :, 0]
             own = np.zeros((len(columns), len(left)))
             own[:, : len(seen.value)] = columns / seen.sd
             own -= (own @ q) @ q.T

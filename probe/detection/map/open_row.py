@@ -13,6 +13,7 @@ from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps, least_
 from probe.detection.map.row_objects import Line, objects_in
 from probe.detection.map.row_shapes import level_of, shape, surroundings, weighted, with_edges
 from probe.detection.map.sideways import SQUEEZED
+from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.repeats import pitch_m
 
 MIN_BEYOND = 3.0
@@ -115,21 +116,23 @@ def _left(line: Line, base: Array) -> float:
     return float(left @ left)
 
 
-def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
-    """Of finished rows without an object: what a lump could be, undecided, where a row would not
-    show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`.
+def doubtful(
+    lines: list[Line], least_pa: list[float], y_m: list[float], station_m: float
+) -> list[ObjectFinding]:
+    """Of finished rows at ``y_m`` without an object: what a lump could be, undecided, where a row
+    would not show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`; ``station_m``: the
+    rows' pitch.
 
     That is a bump with a chance below `DOUBT`, or, in a row that is more uneven than its presses
     scatter, one as high as a lump: several lumps look like a scatter of each other. Of rows without
     one, that which is bent most, if it is at least as half a lump bends it. Since a curved surface
     may have made either, a lump may lie anywhere in the row.
     """
-    found, bent = [], []
-    for line, least in zip(lines, least_pa, strict=True):
-        if len(line.x_m) < MIN_STATIONS:
-            continue
+    found: list[list[ObjectFinding]] = [[] for _ in lines]
+    bent = []
+    for line, least, here in zip(lines, least_pa, found, strict=True):
         lump_pa = LUMP_SHARE * level_of(line.level_pa)
-        if not least > lump_pa:
+        if len(line.x_m) < MIN_STATIONS or not least > lump_pa:
             continue
         row = line.x_m, line.level_pa, line.level_sd_pa, surroundings(line.x_m)
         chance = DOUBT / len(lines)
@@ -142,19 +145,22 @@ def doubtful(lines: list[Line], least_pa: list[float]) -> list[ObjectFinding]:
         for bump in bumps:
             word = "stiffer" if bump.height > 0 else "softer"
             words = f"no pulse; {abs(bump.height):.0f} Pa {word}"
-            found.append(_doubted(line, bump.x_m, bump.height, words))
+            here.append(_doubted(line, bump.x_m, bump.height, words))
         bent_pa, bent_sd_pa = _bent(line)
         # nearer to a lump than to none
         if not bumps and bent_pa > max(lump_pa / 2, NORMAL_95 * bent_sd_pa):
             words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
             bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
-    return found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
+    bumps_found = across_rows(list(zip(y_m, found, strict=True)), station_m)
+    return bumps_found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
 
 
 def between_rows(lines: list[Line], y_m: list[float]) -> list[ObjectFinding]:
     """Of finished rows that show nothing: the row at one of ``y_m`` (n,) that differs from a tilted
     surface across the rows by as much as a lump, undecided: what lies along it is in no row a bump.
     """
+    if not np.isfinite(y_m).all():  # where they lie was not recorded
+        return []
     level_pa = np.array([level_of(line.level_pa) for line in lines])
     tilted = np.column_stack([np.ones(len(lines)), np.array(y_m) - np.mean(y_m)])
     off_pa = level_pa - tilted @ np.linalg.lstsq(tilted, level_pa, rcond=None)[0]
