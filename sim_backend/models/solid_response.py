@@ -49,6 +49,8 @@ between depths 0.2 % of the deepest. 20 mm beside TIHA's vessel under the cylind
 0.9 mN of 8.3 off at 0.87 N, 0.11 % of the force."""
 WAY = 3
 """Number of the way of solving; what was kept by another way is solved again."""
+SOLVED = ("ramp", "filled", "lowest", "bulge")
+"""The arrays of `solve_place`."""
 
 
 def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
@@ -80,7 +82,7 @@ def respond_solid(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
 
 def _table(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array]:
     path = _file(scene, x_m, max_depth_m)
-    return kept_table(path, lambda: solve_place(scene, x_m, max_depth_m))
+    return kept_table(path, SOLVED, lambda: solve_place(scene, x_m, max_depth_m))
 
 
 def is_kept(scene: Scene, x_m: float, max_depth_m: float) -> bool:

@@ -43,6 +43,8 @@ SAFETY = 2.0
 """The stated error is this times the largest seen on validation states."""
 TABLE = 7
 """Number of the way of training; a table trained in another way is not used."""
+TRAINED = ("x", "z", "depth", "pressure", "solved", "errors")
+"""The arrays of `train`."""
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,8 @@ def surrogate(scene: Scene, max_depth_mm: float = 2.5) -> Surrogate:
 
 @lru_cache(maxsize=8)
 def _known(scene: Scene, max_depth_m: float) -> Surrogate:
-    table = kept_table(cache_file(scene, max_depth_m), lambda: train(scene, max_depth_m))
+    path = cache_file(scene, max_depth_m)
+    table = kept_table(path, TRAINED, lambda: train(scene, max_depth_m))
     return _from_table(scene, table)
 
 
