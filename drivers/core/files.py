@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 from typing import Any, BinaryIO
 
+NO_TEXT = "holds bytes that are not UTF-8, and cannot be stored; write it in UTF-8"
 MAX_DEPTH = 32  # tables within tables; a rig file has four
 
 
@@ -18,6 +19,16 @@ def path_of(given: object, wanted: str) -> Path:
     if isinstance(given, str | os.PathLike):
         return Path(given)
     raise TypeError(f"{wanted} is needed; what was given is of type {type(given).__name__}")
+
+
+def is_text(given: str) -> bool:
+    """Whether UTF-8 can hold it: of other bytes in a command or file name Python makes halves of
+    characters."""
+    try:
+        given.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def open_file(path: Path) -> BinaryIO:

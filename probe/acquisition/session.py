@@ -19,6 +19,7 @@ from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.config.snapshot import check_text
 from probe.core.errors import StoreError
 from probe.core.events import Event, Finish, Note, RunEnded
 from probe.core.log import log_event
@@ -107,6 +108,7 @@ def scan(
         raise ConfigError(f"seed = {seed!r}: must be an integer") from None
     if seed < 0:
         raise ConfigError(f"seed = {seed}: must not be negative")
+    check_text("labels", {key: str(value) for key, value in (labels or {}).items()})
     rig, chosen = resolve_rig(rig, scene)
     plan = plan_for(rig)
     limits = limits_for(rig, plan)
@@ -174,8 +176,18 @@ def resolve_rig(
     """The rig with the scene its simulated devices shall feel, and that scene.
 
     Without a rig the simulated one, over `DEFAULT_SCENE` if no scene is given either. A `Scene`
-    that was made in Python is named in the rig, and stored whole in the run.
+    that was made in Python is named in the rig, and stored whole in the run. Raises `ConfigError`
+    for a name in them that no run can hold.
     """
+    whole, chosen = _resolved(rig, scene)
+    check_text("rig", whole.model_dump(mode="json"))
+    check_text("scene", None if chosen is None else chosen.model_dump(mode="json"))
+    return whole, chosen
+
+
+def _resolved(
+    rig: Rig | str | Path | None, scene: Scene | str | Path | None
+) -> tuple[Rig, Scene | None]:
     if rig is not None and not isinstance(rig, Rig):
         rig = load_rig(rig)
     if scene is None and rig is not None:

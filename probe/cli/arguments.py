@@ -1,7 +1,7 @@
 """Arguments that several commands share, with what a shell can complete in them."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -9,6 +9,17 @@ RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
 RunFiles = Annotated[
     list[Path], typer.Argument(metavar="RUN...", help="One run file or several, say runs/*.run.")
 ]
+
+
+def storable(value: Any) -> Any:
+    """An option's text (or list of texts), which a file shall keep, as it is. Raises
+    `typer.BadParameter` where it holds bytes that are not UTF-8: no file of ours can hold them."""
+    from drivers.core.files import NO_TEXT, is_text
+
+    for text in [value] if isinstance(value, str) else value or ():
+        if not is_text(text):
+            raise typer.BadParameter(f"{text!r}: {NO_TEXT}")
+    return value
 
 
 def scene_names(begun: str) -> list[str]:

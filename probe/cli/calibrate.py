@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from probe.cli.arguments import calibration_kinds
+from probe.cli.arguments import calibration_kinds, storable
 from probe.cli.guide import GUIDE
 from probe.cli.say import Json, answer, answer_json, inform, plain
 
@@ -44,7 +44,8 @@ def calibrate(
         str,
         typer.Option(
             help="The device's name in the rig file; without one there, what `palpate doctor RIG` "
-            "calls it (force). A run names it itself."
+            "calls it (force). A run names it itself.",
+            callback=storable,
         ),
     ] = "",
     out: Annotated[
@@ -89,7 +90,9 @@ def calibrate(
             help="With --live: where the readings go; default: loads-DEVICE.csv.",
         ),
     ] = None,
-    note: Annotated[str, typer.Option(help="A remark that is kept in the file.")] = "",
+    note: Annotated[
+        str, typer.Option(help="A remark that is kept in the file.", callback=storable)
+    ] = "",
     json: Json = False,
 ) -> None:
     """Fit one calibration to raw readings, print its intervals, and write its file.

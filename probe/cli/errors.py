@@ -4,7 +4,6 @@ import errno
 import os
 import sys
 import traceback
-from pathlib import Path
 from typing import Any
 
 import typer
@@ -33,6 +32,7 @@ INSTEAD = {
     errno.EACCES: ELSEWHERE,
     errno.EPERM: ELSEWHERE,
     errno.EROFS: ELSEWHERE,
+    errno.ENAMETOOLONG: "; name a shorter one",
     errno.ENOSPC: "; make room there, or name another place",
 }
 """What to do where the system lets nothing be written."""
@@ -108,7 +108,8 @@ def _plain(error: BaseException) -> str:
     file: str | None = error.filename  # None: not of a file that we opened by its name
     if file and isinstance(error, FileExistsError | NotADirectoryError):
         return f"{file}: there is a file; a folder is needed"
-    unreadable = file and Path(file).is_file() and not os.access(file, os.R_OK)
+    # `Path.is_file` raises for a name that is too long
+    unreadable = file and os.path.isfile(file) and not os.access(file, os.R_OK)  # noqa: PTH113
     advice = "" if unreadable else INSTEAD.get(error.errno or 0, "")
     return f"{file or 'output could not be written'}: {error.strerror.lower()}{advice}"
 

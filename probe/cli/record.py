@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from probe.cli.arguments import storable
 from probe.cli.say import answer, inform
 
 if TYPE_CHECKING:  # commands import what they need when they run
@@ -21,7 +22,10 @@ def record(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="The rig with the devices.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where the files go.")] = Path(),
     device: Annotated[
-        str, typer.Option(metavar="TEXT", help="What the device is: maker, model, firmware.")
+        str,
+        typer.Option(
+            metavar="TEXT", help="What the device is: maker, model, firmware.", callback=storable
+        ),
     ] = "",
     seconds: Annotated[float, typer.Option(min=0.1, max=60, help="How long sensors are read.")] = 2,
     move_mm: Annotated[

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from probe.cli import ABORTED
-from probe.cli.arguments import RunFile, scene_names
+from probe.cli.arguments import RunFile, scene_names, storable
 from probe.cli.errors import FAULT
 from probe.cli.logs import already_reported
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
@@ -60,14 +60,20 @@ def scan(
     out: Out = Path("runs"),
     seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
     operator: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Who scans; kept in the run.")
+        str | None,
+        typer.Option(metavar="NAME", help="Who scans; kept in the run.", callback=storable),
     ] = None,
     specimen: Annotated[
-        str | None, typer.Option(metavar="NAME", help="What or who is scanned; kept in the run.")
+        str | None,
+        typer.Option(
+            metavar="NAME", help="What or who is scanned; kept in the run.", callback=storable
+        ),
     ] = None,
     note: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=VALUE", help="Any other label; may be given again."),
+        typer.Option(
+            metavar="KEY=VALUE", help="Any other label; may be given again.", callback=storable
+        ),
     ] = None,
     fallback: Fallback = None,
     live: Live = False,

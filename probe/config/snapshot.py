@@ -9,7 +9,8 @@ from typing import Any
 
 from pydantic_core import from_json
 
-from drivers.core.files import read_file
+from drivers import ConfigError
+from drivers.core.files import NO_TEXT, is_text, read_file
 from probe.config.rig import Rig
 from probe.planning.plan import Plan
 from probe.planning.press_direction import normal_of
@@ -47,6 +48,20 @@ def run_config(rig: Rig, scene: Scene | None, plan: Plan, seed: int) -> dict[str
         "seed": seed,
         "face_mm2": face_mm2_of(rig, scene),
     }
+
+
+def check_text(where: str, kept: Any) -> None:
+    """Raises `ConfigError` where ``kept``, as JSON has it, holds text that no run can: names of
+    files and labels may."""
+    if isinstance(kept, dict):
+        for key, value in kept.items():
+            check_text(where, key)
+            check_text(f"{where}.{key}", value)
+    elif isinstance(kept, list):
+        for value in kept:
+            check_text(where, value)
+    elif isinstance(kept, str) and not is_text(kept):
+        raise ConfigError(f"{where} = {kept!r}: {NO_TEXT}")
 
 
 def face_mm2_of(rig: Rig, scene: Scene | None) -> float | None:

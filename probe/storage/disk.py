@@ -1,5 +1,6 @@
 """Opening a run file for writing: on a local disk, with every safe mode on, by one writer only."""
 
+import errno
 import os
 import re
 import shutil
@@ -27,6 +28,7 @@ NETWORK = (
     "fuse.davfs", "fuse.gvfs", "fuse.glusterfs", "fuse.rclone", "fuse.s3fs", "fuse.sshfs",
 )  # fmt: skip
 MOUNTS = Path("/proc/mounts")
+NOT_OURS = (errno.EACCES, errno.EPERM, errno.EROFS)
 # A run that another program cuts short is rescued from memory: an hour of 500 readings a second.
 MEMORY_KIB = 65536
 LOG_PAGES = 100  # moved into the file often: little is missing if someone copies it without its log
@@ -129,11 +131,13 @@ def _unescaped(part: bytes) -> str:
 
 def explain(error: Exception) -> str:
     """What an error of SQLite or the system means to whoever scans."""
-    text = str(error)
-    if "full" in text or "No space" in text:
+    number = getattr(error, "errno", None)
+    text = (number and os.strerror(number).lower()) or str(error)  # the file is named already
+    code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+    if number == errno.ENOSPC or code == sqlite3.SQLITE_FULL:
         return f"the disk is full ({text}); everything committed before is kept"
-    if isinstance(error, PermissionError):
-        return "permission denied; name a place that you may write to"
+    if number in NOT_OURS or code == sqlite3.SQLITE_READONLY:
+        return f"{text}; name a place that you may write to"
     return text
 
 

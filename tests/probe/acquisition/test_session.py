@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from drivers import SimulatedClock, WallClock
+from drivers import ConfigError, SimulatedClock, WallClock
 from probe.acquisition.session import clock_for, resolve_rig, scan
 from probe.config.rig import Rig
 from probe.core.errors import StoreError
@@ -27,6 +27,17 @@ def test_a_device_that_is_real_has_the_time_it_takes(
     tables: dict[str, Any], real_time: bool, clock: type
 ) -> None:
     assert isinstance(clock_for(Rig.model_validate(tables), real_time=real_time), clock)
+
+
+@pytest.mark.parametrize("labels", [{"operator": "bad\udcff"}, {"bad\udcff": "x"}])
+def test_labels_that_no_run_can_hold_are_refused_before_anything_opens(
+    labels: dict[str, str], tmp_path: Path, winkler: Any
+) -> None:
+    with pytest.raises(
+        ConfigError, match=r"^labels.* = 'bad\\udcff': holds bytes that are not UTF-8"
+    ):
+        scan(None, "TI", tmp_path / "runs", labels=labels, respond=winkler)
+    assert not (tmp_path / "runs").exists()
 
 
 def test_real_devices_need_no_scene() -> None:

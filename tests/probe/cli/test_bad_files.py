@@ -245,3 +245,62 @@ def test_what_is_no_rig_and_what_takes_no_files_is_named(
         2, "output could not be written: no space left on device; make room there, or name another "
         "place",
     )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("scan", "--operator", "bad\udcff"),
+        ("scan", "--specimen", "bad\udcff", "--dry-run"),
+        ("scan", "--note", "bed=bad\udcff"),
+        ("calibrate", "force", "gone.csv", "--device", "bad\udcff"),
+        ("calibrate", "force", "gone.csv", "--note", "bad\udcff"),
+        ("record", "gone.toml", "--device", "bad\udcff"),
+    ],
+)
+def test_text_that_no_file_can_hold_is_refused_before_anything_opens(
+    words: tuple[str, ...], palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Bytes that are not UTF-8, as Python hands them on."""
+    monkeypatch.chdir(tmp_path)
+    said = palpate(*words)
+    (option,) = (word for word in words if word.startswith("--") and word != "--dry-run")
+    assert said.status == 2
+    assert f"'{option}'" in said.err and r"bad\udcff': holds bytes that are not UTF-8" in said.err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_scene_whose_name_no_run_can_hold_is_refused_by_the_dry_run_too(
+    palpate, tmp_path: Path
+) -> None:
+    scene = tmp_path / "bad\udcff.toml"
+    scene.write_text(OWN_SCENE, encoding="utf-8")
+    for more in ((), ("--dry-run",)):
+        said = palpate("scan", "--scene", scene, "--out", tmp_path / "runs", *more)
+        assert (said.status, "rig.scene.name = " in said.err) == (2, True), said.err
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("scan", "--dry-run", "--out"),
+        ("scan", "--out"),
+        ("scan",),
+        ("scan", "--scene"),
+        ("--log",),
+        ("resume",),
+        ("runs",),
+        ("import",),
+        ("init", "rig"),
+        ("scenes",),
+    ],
+)
+def test_a_path_that_is_too_long_is_refused_in_a_line(
+    words: tuple[str, ...], palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    more = {"--log": ["scenes"], "import": ["--out", "a.run"]}.get(words[0], [])
+    said = palpate(*words, 300 * "x", *more)
+    assert (said.status, said.err.count("\n")) == (2, 1), said.err
+    assert "file name too long" in said.err.lower()

@@ -1,5 +1,7 @@
 """Which file system a run lies on."""
 
+import errno
+import os
 from pathlib import Path
 
 import pytest
@@ -30,3 +32,28 @@ def test_a_network_folder_with_a_space_in_its_name_is_known(
     monkeypatch.setattr(probe.storage.disk, "MOUNTS", mounts)
     assert probe.storage.disk.file_system(Path("/mnt/Our äther/a.run")) == "nfs4"
     assert probe.storage.disk.file_system(Path("/mnt/Our/a.run")) == "ext4"
+
+
+@pytest.mark.parametrize(
+    ("number", "words"),
+    [
+        (errno.EROFS, "read-only file system; name a place that you may write to"),
+        (errno.EACCES, "permission denied; name a place that you may write to"),
+        (errno.ENAMETOOLONG, "file name too long"),
+        (errno.ENOSPC, "the disk is full (no space left on device); everything committed before"),
+    ],
+)
+def test_why_a_run_cannot_be_written_is_said_whatever_its_folder_is_called(
+    number: int, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A read-only file system was "full" because the word was in the path."""
+    path = tmp_path / "full" / "a.run"
+
+    def refused(file: Path) -> int:
+        raise OSError(number, os.strerror(number), str(file))
+
+    monkeypatch.setattr(probe.storage.disk, "hold", refused)
+    with pytest.raises(StoreError) as said:
+        create_store(path)
+    assert str(said.value).startswith(f"{path}: {words}")
+    assert "Errno" not in str(said.value)
