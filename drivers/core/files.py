@@ -3,6 +3,8 @@
 import os
 import stat
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -44,6 +46,16 @@ def open_file(path: Path) -> BinaryIO:
         os.close(handle)
         raise FileRefused(f"{path}: a folder, pipe or device; a file is needed")
     return os.fdopen(handle, "rb")
+
+
+@contextmanager
+def naming(file: Path) -> Iterator[None]:
+    """Within, an error of the system names ``file``: a full disk names none."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(file)
+        raise
 
 
 def read_file(path: Path, max_bytes: int) -> bytes:

@@ -3,19 +3,16 @@
 Nothing is opened and nothing is sent to a device.
 """
 
-import math
-import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from drivers import available
 from drivers.core.extras import needs
-from probe.acquisition.levels import LEVEL_S
+from drivers.core.files import naming
 from probe.acquisition.preflight import (
     Check,
     calibration_check,
@@ -23,21 +20,15 @@ from probe.acquisition.preflight import (
     known_noise,
     pulse_checks,
 )
-from probe.acquisition.readings import STAGE_CHANNELS
-from probe.acquisition.run_loop import PUBLISH_S
-from probe.acquisition.safety_monitor import STAGE_PERIOD_S
-from probe.acquisition.touching import TOUCH_GAP_M, TOUCH_M_S
+from probe.acquisition.run_size import room, run_bytes, scan_seconds, search_seconds
 from probe.acquisition.unusual import unusual
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import beside_the_block, plan_for
 from probe.planning.limits import ARRIVED_M
 from probe.planning.plan import Plan
-from probe.storage.rows import bytes_per_s
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene
-
-DISK_RESERVE = 2.0
 
 
 @dataclass(frozen=True)
@@ -65,10 +56,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     known = available("sensors")
     noises = [known_noise(device) for device in rig.sensor if device.driver in known]
     of_devices, stage, sensors = device_checks(rig, plan, scene, respond)
-    read = [(1 / STAGE_PERIOD_S, len(STAGE_CHANNELS))]
-    read += [(sensor.rate_hz, len(sensor.channels)) for sensor in sensors]
-    growth = sum(bytes_per_s(rate_hz, count, 1 / PUBLISH_S) for rate_hz, count in read)
-    size_bytes = (seconds + search_s) * growth
+    size_bytes = run_bytes(plan, sensors)
     checks = [
         _reach(rig, plan),
         *_too_shallow(plan),
@@ -87,30 +75,6 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     if not any(check.name == "scene" and check.level == "fault" for check in checks):
         checks += pulse_checks(rig, scene, respond, noises)  # beside a block none can be solved
     return DryRun(tuple(checks), seconds, size_bytes)
-
-
-def scan_seconds(plan: Plan) -> float:
-    """How long the scan takes from above its first station on, without the stage's acceleration.
-
-    A surface that is found by touch is taken to lie where it is planned: see `search_seconds`.
-    """
-    height, count = plan.travel_z_m, len(plan.places)
-    drops = sum(height - plan.at_surface(place).z for place in plan.places)
-    ways = sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in pairwise(plan.places))
-    lifts = drops + count * plan.indentation_m
-    touch_s = 0.0
-    if plan.touch_n is not None:
-        touch_s = TOUCH_GAP_M / TOUCH_M_S - TOUCH_GAP_M / plan.approach_m_s
-    level_s = plan.settle_s + LEVEL_S  # in the air, before each tare and after the last press
-    away_s = 2 * plan.clearance_m / plan.travel_m_s + level_s + plan.settle_s  # at the first tare
-    each_s = level_s + touch_s + plan.ramp_s + plan.hold_s + LEVEL_S  # `lifting` takes one too
-    moves_s = (ways + lifts) / plan.travel_m_s + drops / plan.approach_m_s
-    return moves_s + count * each_s + away_s + level_s
-
-
-def search_seconds(plan: Plan) -> float:
-    """How much longer it takes at most where the surface lies deeper than planned."""
-    return 0.0 if plan.touch_n is None else len(plan.places) * plan.search_m / TOUCH_M_S
 
 
 def _time_words(presses: int, seconds: float, search_s: float) -> str:
@@ -151,7 +115,8 @@ def draw_path(rig: Rig, file: Path) -> None:
         [box.y[0], box.y[0], box.y[1], box.y[1], box.y[0]],
         "r--", lw=1,
     )  # fmt: skip
-    figure.savefig(file, dpi=120)
+    with naming(file):
+        figure.savefig(file, dpi=120)
 
 
 def _reach(rig: Rig, plan: Plan) -> Check:
@@ -196,9 +161,5 @@ def _beside(rig: Rig, plan: Plan, scene: Scene | None) -> Iterator[Check]:
 
 
 def _disk(out: Path, size_bytes: float) -> Check:
-    folder = next(p for p in (out.resolve(), *out.resolve().parents) if p.exists())
-    free = shutil.disk_usage(folder).free
-    level: Literal["ok", "fault"] = "ok" if free > DISK_RESERVE * size_bytes else "fault"
-    return Check(
-        "disk", level, f"needs {size_bytes / 1e6:.1f} MB, {folder} has {free / 1e6:.0f} MB"
-    )
+    short, text = room(out, size_bytes)
+    return Check("disk", "fault" if short else "ok", text)

@@ -7,7 +7,7 @@ stored time, so that times stay unique within a run.
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from probe.acquisition.guard_process import Order
 from probe.acquisition.opening import opened_devices
 from probe.acquisition.prepare import prepare
 from probe.acquisition.remote import listening
+from probe.acquisition.run_size import need_room
 from probe.acquisition.session import ScanResult, clock_for, run_prepared
 from probe.config.rig import Fallback, Rig
 from probe.config.scan_limits import limits_for
@@ -167,6 +168,8 @@ def resume(
                 f"{left.path}: was {'a' if left.rehearsal_mm else 'no'} rehearsal in the air, and "
                 "the devices found now would change that; begin a new run"
             )
+        missing = tuple(p for p in prepared.plan.places if p.index in left.missing)
+        need_room(left.path.parent, replace(prepared.plan, places=missing), devices.sensors)
         opened(left.path, prepared.notes)
         labels = open_run(left.path).config.get("labels", {})
         return run_prepared(

@@ -15,6 +15,7 @@ from probe.acquisition.opening import OpenedRig, opened_devices
 from probe.acquisition.prepare import Prepared, prepare
 from probe.acquisition.progress import in_notebook
 from probe.acquisition.remote import listening
+from probe.acquisition.run_size import need_room
 from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
 from probe.config.scan_limits import limits_for
@@ -91,8 +92,9 @@ def scan(
     ``labels`` (operator, specimen, notes of your own) are kept in the run for `palpate runs`.
     In a notebook the cell shows the station that is pressed and the time left.
     ``opened`` is given the run file and the devices' notes before anything moves.
-    Raises `RigError`, `SceneError`, `drivers.ConfigError` and `drivers.DeviceFault` before
-    anything moves, and `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
+    Raises `RigError`, `SceneError`, `drivers.ConfigError`, `drivers.DeviceFault` and, without
+    room on the disk, `StoreError` before anything moves, and
+    `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
 
     Examples
     --------
@@ -120,6 +122,7 @@ def scan(
         prepared = prepare(rig, plan, limits, simulated, devices, seed)
         name = devices.stage.name if simulated is None else simulated.name
         path = new_run_path(Path(out), name)
+        need_room(path.parent, prepared.plan, devices.sensors)
         with create_store(path) as sink, listening(control, path):
             opened(path, prepared.notes)
             return run_prepared(devices, prepared, clock, sink, control, observers, labels or {})

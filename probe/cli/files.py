@@ -9,6 +9,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from drivers.core.files import naming
 from probe.cli.say import answer, inform
 
 NEXT = {
@@ -43,9 +44,9 @@ def init(
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in sorted(files.items()):
         try:
-            (folder / name).write_text(text, encoding="utf-8")
-        except OSError as error:  # a full disk names no file, and half of one would be in the way
-            error.filename = str(folder / name)
+            with naming(folder / name):
+                (folder / name).write_text(text, encoding="utf-8")
+        except OSError:  # half a file would be in the way
             (folder / name).unlink(missing_ok=True)
             raise
         answer(str(folder / name))

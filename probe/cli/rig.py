@@ -143,12 +143,14 @@ def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_js
         report = dry_run(rig, scene, out, respond)
     else:
         report = dry_run(rig, None, out)
-    out.mkdir(parents=True, exist_ok=True)
     picture: Path | None = out / "path.png"
     said = f"The probe's way: {picture}"
     try:
+        out.mkdir(parents=True, exist_ok=True)
         draw_path(rig, out / "path.png")
-    except MissingExtra as error:  # the checks need no picture
+    except (MissingExtra, OSError) as error:  # the checks need no picture
+        if isinstance(error, OSError) and report.can_scan:  # nor can a scan write there
+            raise
         picture, said = None, f"The probe's way is not drawn: {error}"
     if as_json:
         dry_run_json: dict[str, Any] = report.as_json()

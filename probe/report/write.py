@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from drivers.core.files import naming
 from probe.core.errors import RunFileError
 from probe.core.events import RunStarted
 from probe.core.places import place_words
@@ -67,9 +68,12 @@ def report(
         text = page(title, finding, pictures, started.config, started.channels, remarks)
         for one in pictures:
             for ending in ("png", "svg", "pdf"):
-                one.figure.savefig(out_dir / f"{one.name}.{ending}", dpi=DPI, facecolor="white")
+                file = out_dir / f"{one.name}.{ending}"
+                with naming(file):
+                    one.figure.savefig(file, dpi=DPI, facecolor="white")
     path = out_dir / "report.html"
-    path.write_text(text, encoding="utf-8")
+    with naming(path):
+        path.write_text(text, encoding="utf-8")
     return path
 
 

@@ -12,8 +12,9 @@ import pytest
 from calibration import fit_force, fit_tare, record, save
 from drivers import SimulatedClock
 from probe.acquisition.doctor import listen, machine
-from probe.acquisition.dry_run import draw_path, dry_run, scan_seconds
+from probe.acquisition.dry_run import draw_path, dry_run
 from probe.acquisition.preflight import Check
+from probe.acquisition.run_size import scan_seconds
 from probe.acquisition.session import scan
 from probe.config.devices import connect
 from probe.config.rig import Rig, RigError, default_rig

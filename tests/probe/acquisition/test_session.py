@@ -1,15 +1,20 @@
 """A scan from Python: which time it runs on, and what it hands to whoever called."""
 
+import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from drivers import ConfigError, SimulatedClock, WallClock
+from probe.acquisition.commands import Control
+from probe.acquisition.dry_run import dry_run
+from probe.acquisition.resume import resume
 from probe.acquisition.session import clock_for, resolve_rig, scan
 from probe.config.rig import Rig
 from probe.core.errors import StoreError
-from probe.core.events import Event
+from probe.core.events import Event, Finish, StationStarted
 
 REAL_CELL = {"driver": "ft300", "port": "/dev/null"}
 
@@ -38,6 +43,49 @@ def test_labels_that_no_run_can_hold_are_refused_before_anything_opens(
     ):
         scan(None, "TI", tmp_path / "runs", labels=labels, respond=winkler)
     assert not (tmp_path / "runs").exists()
+
+
+@pytest.fixture
+def free_bytes(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Lets disks have so much room."""
+
+    def have(free: int) -> None:
+        monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(1, 0, free))
+
+    return have
+
+
+def test_a_scan_without_room_for_its_run_is_refused_as_by_a_dry_run(
+    tmp_path: Path, winkler: Any, free_bytes: Callable[[int], None]
+) -> None:
+    free_bytes(700_000)
+    report = dry_run(*resolve_rig(None, "TIHA"), tmp_path, winkler)
+    checks = {one.name: one for one in report.checks}
+    assert checks["disk"].level == "fault" and " MB, " in checks["disk"].text
+    assert f"{tmp_path} has 0.7 MB; make room there" in checks["disk"].text
+    with pytest.raises(StoreError) as said:
+        scan(None, "TIHA", tmp_path, respond=winkler)
+    assert str(said.value) == f"disk: {checks['disk'].text}"
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_run_goes_on_where_there_is_room_for_the_stations_it_lacks(
+    tmp_path: Path, winkler: Any, free_bytes: Callable[[int], None]
+) -> None:
+    rig, control = Rig.model_validate({"scan": {"start_mm": 24.0, "stations": 9}}), Control()
+
+    def impatient(event: Event) -> None:
+        if isinstance(event, StationStarted) and event.station == 8:
+            control.abort()
+
+    path = scan(rig, "TI", tmp_path, control=control, observers=[impatient], respond=winkler).path
+    before = path.read_bytes()
+    free_bytes(100_000)
+    with pytest.raises(StoreError, match=r"^disk: needs 0\.1 MB, .* has 0\.1 MB; make room there"):
+        resume(path, respond=winkler)
+    assert path.read_bytes() == before
+    free_bytes(300_000)  # a whole scan needs 0.8
+    assert resume(path, respond=winkler).ended.finish is Finish.COMPLETED
 
 
 def test_real_devices_need_no_scene() -> None:

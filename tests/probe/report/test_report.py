@@ -1,5 +1,6 @@
 """The report is complete, self-contained, marked where simulated, and its maps tell the truth."""
 
+import errno
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -7,13 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from drivers import Channel
 from probe.core.events import RunStarted
 from probe.core.recording import Recording, Station
 from probe.report import figures
 from probe.report.anonymous import anonymous
-from probe.report.page import page, svg
+from probe.report.page import Picture, page, svg
 from probe.report.write import report
 from sim_backend import Scene, load_scene
 from sim_backend.models.press import CannotSolve
@@ -228,6 +230,27 @@ def test_the_page_needs_nothing_else_and_the_figures_lie_beside_it(
     for name in ("tactile_map", "pulse_map", "force"):
         for ending in ("png", "svg", "pdf"):
             assert (tmp_path / f"{name}.{ending}").stat().st_size > 1000
+
+
+@pytest.mark.parametrize("wrote", [".png", ".html"])
+def test_a_full_disk_is_said_of_the_file_that_it_does_not_take(
+    wrote: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the system tells it, without the file."""
+
+    def full(_self: object, to: object, **_more: object) -> None:
+        if wrote == ".html" or isinstance(to, Path):
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(*((Path, "write_text") if wrote == ".html" else (Figure, "savefig")), full)
+    monkeypatch.setattr(
+        "probe.report.write._pictures", lambda *_: ([Picture("map", "", Figure())], [])
+    )
+    monkeypatch.setattr("probe.report.write.page", lambda *_: "a page")
+    with pytest.raises(OSError, match="No space") as said:
+        report(row(), started(), finding(row()), tmp_path / "a.run", tmp_path / "out")
+    named = {".png": "map.png", ".html": "report.html"}[wrote]
+    assert said.value.filename == str(tmp_path / "out" / named)
 
 
 def test_simulated_and_aborted_runs_say_so_on_the_page(tmp_path: Path) -> None:
