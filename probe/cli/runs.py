@@ -7,7 +7,7 @@ import typer
 
 from probe.cli.arguments import RunFile, RunFiles
 from probe.cli.errors import BAD_INPUT
-from probe.cli.say import Json, answer, answer_json
+from probe.cli.say import Json, answer, answer_json, inform
 from probe.cli.several import of_each
 from probe.cli.windows import need_windows
 
@@ -46,6 +46,8 @@ def live(run: RunFile) -> None:
     if run.exists():  # one that is not there yet is waited for
         _need_run(run)
     need_windows()
+    if not run.exists():
+        inform(f"Waiting for {run}, which is not there yet; Ctrl-C ends it")
     from probe.gui.app import run_live
 
     raise typer.Exit(run_live(run))

@@ -9,6 +9,7 @@ from time import perf_counter, thread_time
 from typing import Any
 
 from probe.acquisition.remote import ask
+from probe.core.errors import RunFileError
 from probe.core.events import Event, Finish
 from probe.gui.replay import PairWindow, ReplayWindow
 from probe.gui.state import ViewState
@@ -43,7 +44,10 @@ class Follower:
         self._again_s = now + FINISHED_POLL_S
         until = thread_time() + READ_BUDGET_S
         while thread_time() < until:
-            event = next(self._events, None)
+            try:
+                event = next(self._events, None)
+            except RunFileError as error:  # garbled since it was opened: what was seen stays
+                self.state.trouble, event = str(error), None
             if event is None:
                 self._latest_s = now
                 break
@@ -62,9 +66,9 @@ class Detective:
         self._run_path, self._state = run_path, state
         self._looked_at: tuple[int, Finish | None] = (0, None)
         self._worker: threading.Thread | None = None
-        self.latest: Mapping[str, Any] | None = None
+        self.latest: Mapping[str, Any] | str | None = None
 
-    def __call__(self) -> Mapping[str, Any] | None:
+    def __call__(self) -> Mapping[str, Any] | str | None:
         known = (len(self._state.complete), self._state.finish)
         idle = self._worker is None or not self._worker.is_alive()
         if idle and known[0] and known != self._looked_at:
@@ -77,17 +81,22 @@ class Detective:
         self.latest = judged(self._run_path)
 
 
-def judged(run_path: Path) -> Mapping[str, Any]:
-    """The JSON of what a run, as far as it is stored, means."""
+def judged(run_path: Path) -> Mapping[str, Any] | str:
+    """The JSON of what a run, as far as it is stored, means, or why that cannot be said."""
     from probe.detection import detect  # here: a window without detection opens faster
     from probe.storage.run import open_run
 
-    return detect(open_run(run_path).recording()).as_json()
+    try:
+        return detect(open_run(run_path).recording()).as_json()
+    except RunFileError as error:
+        return str(error)
+    except Exception as error:  # noqa: BLE001 - the window says it: nobody sees a thread end
+        return f"{type(error).__name__}: {error}"
 
 
 def judged_once(run_path: Path) -> Found:
     """The finding of a stored run, looked for beside the window from now on; None until then."""
-    found: list[Mapping[str, Any]] = []
+    found: list[Mapping[str, Any] | str] = []
     threading.Thread(target=lambda: found.append(judged(run_path)), daemon=True).start()
     return lambda: found[0] if found else None
 

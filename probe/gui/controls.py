@@ -117,7 +117,10 @@ class SidePanel(QWidget):
             self.fault.setText(faults[-1].words)
         elif failed:
             self.fault.setText(state.reason)
-        self.finding.setText(f"Finding: {headline(finding)}" if finding else "Finding: none yet")
+        found = f"Finding: {headline(finding)}" if finding else "Finding: none yet"
+        if state.trouble:
+            found = f"{found}\nNo newer one can be made: {state.trouble}"
+        self.finding.setText(found)
         self.objects.setText("\n".join(_details(finding)) if finding else "")
         self.progress.setText(progress_line(state))
         rows = (

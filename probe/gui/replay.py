@@ -167,7 +167,8 @@ class PairWindow(QWidget):
         for name, head, panel, state in zip(
             self.names, self.heads, self.panels, states, strict=True
         ):
-            head.setText(" — ".join(filter(None, (name, simulated_words(state.simulated)))))
+            said = name, simulated_words(state.simulated), state.trouble
+            head.setText(" — ".join(filter(None, said)))
             panel.show_state(state, said_at_the_end(state), levels)
 
 

@@ -21,13 +21,15 @@ NARROW_PX = 1000
 PLOTS, PLOT_PX = 5, 210
 """One below the other, and what each needs for its axes and a curve."""
 
-Found = Callable[[], Mapping[str, Any] | None]
-"""The latest JSON of a run's detection; None until there is one."""
+Found = Callable[[], Mapping[str, Any] | str | None]
+"""The latest JSON of a run's detection, or why there is none; None until detection has ended."""
 
 
-def judge(state: ViewState, finding: Mapping[str, Any] | None) -> None:
-    """Let ``state`` know a new ``finding``."""
-    if finding is not None and finding is not state.finding:
+def judge(state: ViewState, finding: Mapping[str, Any] | str | None) -> None:
+    """Let ``state`` know a new ``finding``, or why there is none."""
+    if isinstance(finding, str):
+        state.trouble = finding
+    elif finding is not None and finding is not state.finding:
         state.judge(finding)
 
 
@@ -103,6 +105,8 @@ class RunWindow(QWidget):
         started = bool(state.started_utc)
         self.pages.setCurrentIndex(int(started))
         if not started:
+            if state.trouble:
+                self.empty.setText(state.trouble)
             return
         judge(state, self.finding())
         said = self.said(state)

@@ -145,5 +145,6 @@ def test_what_is_no_run_opens_no_window(
         assert palpate("live", begun).status == 0
     run = next(folder.glob("TIHA*.run"))
     for path in (run, tmp_path / "later.run"):  # one that is not there yet is waited for
-        assert palpate("live", path).status == 0
+        outcome = palpate("live", path)
+        assert (outcome.status, f"Waiting for {path}" in outcome.err) == (0, path != run)
     assert shown == [begun, run, tmp_path / "later.run"]

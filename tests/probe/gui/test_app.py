@@ -13,11 +13,13 @@ from PySide6.QtWidgets import QWidget
 
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
+from probe.core.errors import RunFileError
 from probe.core.events import Event
-from probe.gui.app import Detective, judged_once, run_live, run_replay
+from probe.gui.app import Detective, Follower, judged_once, run_live, run_replay
 from probe.gui.replay import ReplayWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application, until_closed
+from probe.gui.window import RunWindow
 from probe.storage.run import open_run
 from probe.storage.writer import create_store
 
@@ -50,6 +52,48 @@ def test_a_finding_is_looked_at_again_when_the_run_has_ended(tmp_path: Path, win
         store.flush()
         state.update(end)
         assert said(look) == "nothing"
+
+
+def test_a_window_goes_on_where_its_run_cannot_be_read_and_says_why(
+    tmp_path: Path, winkler: Any
+) -> None:
+    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
+    whole = scan(few, "TI", tmp_path, seed=1, respond=winkler).path
+    state, path = state_of(list(open_run(whole).events())), tmp_path / "live.run"
+    look = Detective(path, state)
+    application()
+    window = RunWindow(path, lambda: state, look)
+    for content, says in (
+        (None, "no such run file"),
+        (b"garbled" * 999, "damaged"),
+        (whole.read_bytes(), ""),
+    ):
+        if content is not None:
+            path.write_bytes(content)
+        state.complete.add(-1 if content is None else len(content))  # so it is looked at again
+        window.frame()
+        assert look._worker is not None
+        look._worker.join()
+        window.frame()
+        shown = window.side.finding.text()
+        assert (says in shown, "No newer one" in shown) == (True, bool(says)), shown
+    window.close()
+
+
+def test_a_run_that_is_garbled_while_it_is_watched_is_said_with_what_was_seen(
+    tmp_path: Path, winkler: Any
+) -> None:
+    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
+    path = scan(few, "TI", tmp_path, respond=winkler).path
+
+    def events() -> Iterator[Event]:
+        yield from list(open_run(path).events())[:20]
+        raise RunFileError(f"{path}: damaged")
+
+    follower = Follower(events())
+    for _ in range(3):
+        state = follower()
+    assert (state.started_utc != "", state.trouble) == (True, f"{path}: damaged")
 
 
 def test_a_replay_draws_what_was_measured_and_says_the_finding_at_its_end(
