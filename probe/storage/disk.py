@@ -10,7 +10,7 @@ from pathlib import Path
 from probe.core.errors import RunFileError, StoreError
 from probe.storage.lock import hold, release
 from probe.storage.log import unreadable_frames
-from probe.storage.reader import log_of
+from probe.storage.reader import NOTHING_YET, log_of
 from probe.storage.rows import FIRST
 from probe.storage.schema import (
     BUSY_S,
@@ -61,7 +61,7 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
             if new:
                 create(connection)
             elif (version := version_of(connection)) == 0:
-                raise RunFileError("nothing has been stored in it yet; begin a new scan")
+                raise RunFileError(NOTHING_YET)
             elif version < VERSION:
                 migrate(connection)
             if not new:

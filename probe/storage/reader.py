@@ -29,6 +29,15 @@ NOT_OPENED = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_NOME
 # Where SQLite may not make its shared memory beside the file, and as read-only media answer.
 NO_SHARED_MEMORY = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
 
+NOTHING_YET = (
+    "nothing has been stored in it yet, not one press; where no scan is writing it there is "
+    "nothing to resume: begin a new scan, and the file may be deleted"
+)
+TO_RECOVER = (
+    "; `palpate verify` counts what can be read of it, and docs/how-to/runs.md says how to take "
+    "that out"
+)
+
 
 class NotBegun(RunFileError):
     """The file is there, but the scan has not written to it yet."""
@@ -48,6 +57,7 @@ def reading(path: Path) -> Iterator[sqlite3.Connection]:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF
         what = "cannot be read" if code in NOT_OPENED else "damaged or not a run file"
         hint = "" if path.suffix == ".run" else "; `palpate import` reads other recordings"
+        hint = TO_RECOVER if code == sqlite3.SQLITE_CORRUPT else hint
         raise RunFileError(f"{path}: {what} ({error}){hint}") from None
     except OSError as error:
         raise RunFileError(f"{path}: cannot be read ({error.strerror})") from None
@@ -59,7 +69,7 @@ def rows(
     """Numbers and rows behind number ``after``. Raises `RunFileError` at the first bad one."""
     for number, row, fault in judged_rows(connection, after, limit):
         if fault:
-            raise RunFileError(fault)
+            raise RunFileError(f"{fault}{TO_RECOVER}")
         yield number, row
 
 
@@ -110,7 +120,7 @@ def _opened(path: Path, stack: ExitStack) -> sqlite3.Connection:
                 connection = _connect(path, attempt)
                 connection.execute("BEGIN")
                 if version_of(connection) == 0:
-                    raise NotBegun("nothing has been stored in it yet")
+                    raise NotBegun(NOTHING_YET)
                 if _state(path)[1] == before[1]:
                     stack.enter_context(attempt.pop_all())
                     return connection
@@ -138,7 +148,7 @@ def _check(path: Path) -> None:
         raise RunFileError("a pipe or device, not a run file")
     size = path.stat().st_size
     if size == 0:
-        raise NotBegun("nothing has been stored in it yet")
+        raise NotBegun(NOTHING_YET)
     if size > MAX_FILE_BYTES:
         raise RunFileError(f"larger than {MAX_FILE_BYTES / 1024**3:g} GiB; not a run file")
 

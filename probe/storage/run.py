@@ -19,7 +19,7 @@ from probe.core.cut_stations import record
 from probe.core.errors import RunFileError
 from probe.core.events import Event, Finish, RunEnded, RunStarted
 from probe.core.recording import Recording
-from probe.storage.reader import NotBegun, reading, rows
+from probe.storage.reader import NOTHING_YET, NotBegun, reading, rows
 from probe.storage.rows import Row, from_row
 from sim_backend import html
 
@@ -172,7 +172,7 @@ def open_run(path: str | PathLike[str]) -> Run:
     with reading(path) as connection:
         first = next(rows(connection, limit=1), None)
         if first is None:
-            raise NotBegun("nothing has been stored in it yet")
+            raise NotBegun(NOTHING_YET)
         started = _event(*first)
         if not isinstance(started, RunStarted):
             raise RunFileError("the run has no beginning")

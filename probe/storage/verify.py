@@ -12,7 +12,7 @@ from probe.core.errors import RunFileError
 from probe.core.events import Finish
 from probe.storage.audit import MAX_PROBLEMS, Audit
 from probe.storage.log import unreadable_frames
-from probe.storage.reader import judged_rows, log_of, reading
+from probe.storage.reader import NOTHING_YET, NotBegun, judged_rows, log_of, reading
 from probe.storage.rows import from_row
 from probe.storage.schema import broken_seal, is_open
 
@@ -73,7 +73,7 @@ def verify(path: str | PathLike[str]) -> Report:
     The database's own integrity, its log, every row's checksum and its place in the chain, that
     the last events are there, the order of events, that no sample is there twice or under a
     station it was not taken at, and that stations marked complete are. Raises `RunFileError` only
-    for a file that is no run at all.
+    for a file that is no run at all, or that nothing has been stored in yet.
 
     Examples
     --------
@@ -98,6 +98,8 @@ def verify(path: str | PathLike[str]) -> Report:
         except (sqlite3.Error, UnicodeDecodeError) as error:  # say so, and what came before
             audit.add(f"database: {error}")
             sealed = ""
+    if not (audit.events or audit.problems or lost_log or sealed):
+        raise NotBegun(f"{path}: {NOTHING_YET}")
     audit.end()
     problems = [text for text in (lost_log, sealed, *audit.problems) if text]
     if audit.more:

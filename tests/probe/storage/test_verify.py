@@ -1,6 +1,9 @@
 """What `palpate verify` finds; damage to the file itself is in test_run.py."""
 
+import re
+import shutil
 import sqlite3
+import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,9 +11,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from paths import ROOT
 
+from probe.acquisition.resume import resume, unfinished
 from probe.acquisition.session import scan
 from probe.config.rig import Rig
+from probe.core.errors import RunFileError
 from probe.core.events import (
     Event,
     Finish,
@@ -23,7 +29,8 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.storage.run import open_run
+from probe.report import write_report
+from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import Report, verify
 from probe.storage.writer import create_store
 
@@ -223,3 +230,52 @@ def test_problems_are_counted_not_flooded(events: list[Event], tmp_path: Path) -
     report = stored([*events, *[PhaseEntered(0.0, Phase.HOLDING, None)] * 300], tmp_path / "a.run")
     assert len(report.problems) == 101
     assert report.problems[-1].startswith("and ")
+
+
+def test_a_run_that_was_killed_before_its_first_event_is_said_alike_by_all(tmp_path: Path) -> None:
+    path = tmp_path / "killed.run"
+    with create_store(tmp_path / "source.run"):
+        for end in ("", "-wal"):
+            shutil.copyfile(f"{tmp_path / 'source.run'}{end}", f"{path}{end}")
+    said = set()
+    for command in (verify, open_run, unfinished, lambda run: write_report(run, tmp_path / "r")):
+        with pytest.raises(NotBegun) as error:
+            command(path)
+        said.add(str(error.value))
+    (text,) = said
+    assert text.startswith(f"{path}: nothing has been stored in it yet, not one press; ")
+    assert "begin a new scan, and the file may be deleted" in text
+
+
+@pytest.mark.skipif(shutil.which("sqlite3") is None, reason="SQLite's own program is not here")
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_what_is_left_of_a_damaged_run_is_taken_out_as_the_page_says(
+    share: float, tmp_path: Path, winkler: Any
+) -> None:
+    """Its middle is overwritten, or its end."""
+    rig = Rig.model_validate({"scan": {"start_mm": 24.0, "stations": 5}})
+    path = scan(rig, "TI", tmp_path, respond=winkler).path
+    size = path.stat().st_size
+    with path.open("r+b") as file:
+        file.seek(round(share * size))
+        file.write(b"U" * (4096 if share < 0.9 else size))
+    with pytest.raises(RunFileError, match=r"damaged .*docs/how-to/runs\.md"):
+        open_run(path).recording()
+    page = (ROOT / "docs" / "how-to" / "runs.md").read_text(encoding="utf-8")
+    take_out, delete = re.findall(r"```bash\n(sqlite3.*?)```", page, re.DOTALL)
+    new = tmp_path / "new.run"
+
+    def follow_page(lines: str, first: str = "") -> None:
+        shell = [line for line in lines.splitlines() if not line.startswith("palpate")]
+        text = "\n".join(shell).replace("NEW", str(new)).replace("RUN", str(path))
+        subprocess.run(text.replace("860", first), shell=True, check=True, capture_output=True)
+
+    follow_page(take_out)
+    bad = [int(n) for text in verify(new).problems for n in re.findall(r"^event (\d+)", text)]
+    if bad:
+        follow_page(delete, str(min(bad)))
+    left = verify(new)
+    assert all(problem.startswith("seal: ") for problem in left.problems), left.problems
+    assert len(open_run(new).recording().stations) == left.stations_complete >= int(4 * share)
+    with pytest.raises(RunFileError, match="nothing is added to a run whose end is lost"):
+        resume(new, respond=winkler)
