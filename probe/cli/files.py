@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from drivers.core.files import naming
 from probe.cli.say import answer, inform
 
 NEXT = {
@@ -31,6 +30,8 @@ def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where; made if need be.")],
 ) -> None:
     """Write a commented rig, scene or driver to start from; nothing is overwritten."""
+    from drivers.core.files import naming
+
     source = resources.files("probe.cli") / "templates"
     files: dict[str, str] = {}
     if kind == "driver":
