@@ -6,7 +6,8 @@ air before a tap does harm; creep and relaxation would look like a delay, so tap
 elastic (steel spring, rigid block), not on tissue.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -21,12 +22,16 @@ from calibration.fit import (
     nonlinear_fit,
     same_length,
 )
+from calibration.rounding import rounding_error, step_of
 
 ADVICE = "record a chirp of 1 to 20 Hz, or several taps, over ten seconds or more"
 MAX_DELAY_S = 0.25
 SHORTEST_S = 4.0
 SPLINE_DEGREE = 2
 KNOTS = 16  # of the sensor's signal as a function of the stage's
+DRAWS = 32  # of what rounding and sampling may have done: the interval is known to an eighth
+PLAIN = 5  # knots' pieces in one: a function that does not itself follow the steps of readings
+SMOOTH = 3.0  # times nearer a smooth course is to readings left out of it than a straight one
 RANGE_WEIGHT = 0.2  # weight of the stage's range against the change of the signal in placing them
 
 
@@ -58,6 +63,13 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     ``stage`` (m,) at ``stage_s`` (m,), ``sensor`` (n,) at ``sensor_s`` (n,); any units. Delays up
     to 0.25 s are searched. Raises `CalibrationError` when nothing moves, when the movement
     repeats itself (the delay is then ambiguous) or when the two have nothing in common.
+
+    The interval counts what rounding of either signal and the stage's way between its samples may
+    hide (`_missed`). Of 30 draws each it holds the delay, in brackets by residuals alone: of
+    presses at 5 N/s, read in steps of 0.05 N with 1 mN of noise, in 30 (2; half width 0.76 ms for
+    0.09, the delay being 0.36 off), in steps of 0.02 N in 30 (2), of a stage that is read at 20 Hz
+    in 30 (8; 0.81 ms for 0.17); of taps of a stage with steps of 20 um in 29 (8; 0.08 ms for 0.02),
+    of 100 um in 30 (17; 0.37 for 0.10); without rounding in 30 (29; 0.032 ms for 0.026).
     """
     from scipy.interpolate import CubicSpline
 
@@ -78,7 +90,7 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
         )
     t, y = tf[inside], f[inside] - f[inside].mean()
     middle, span = float(t.mean()), float(np.ptp(t))
-    course = CubicSpline(ts, (s - s.mean()) / np.std(s))
+    course = CubicSpline(ts, _smoothed(ts, s) / np.std(s))
     rate = course.derivative()
     size = float(np.std(y))
     knots = _knots(course(t - start), y)
@@ -108,10 +120,78 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
         )
     turn = np.zeros((2, len(fit.values)))
     turn[0, 0], turn[1, 1] = 1, 1 / span
-    both = correlated(fit, slopes(fit.values)).derived(
-        ("delay", "skew"), turn @ fit.values + [start, 0.0], turn
-    )
+    lag = t - start - fit.values[0] - fit.values[1] * (t - middle) / span
+    steps = step_of(s) / float(np.std(s)), step_of(f) / size
+    few = np.unique(np.append(knots[::PLAIN], knots[-1]))
+    plain, *_ = np.linalg.lstsq(_pieces(course(lag), few)[0], y / size)
+    missed = _missed(ts, course, lag, lambda at: _pieces(at, few)[0] @ plain, steps, fit.noise)
+    follow = np.linalg.pinv(slopes(fit.values)) @ missed
+    fit = correlated(fit, slopes(fit.values))
+    fit = replace(fit, covariance=fit.covariance + follow @ follow.T / DRAWS)
+    both = fit.derived(("delay", "skew"), turn @ fit.values + [start, 0.0], turn)
     return LatencyCalibration(float(both.values[0]), float(both.values[1]), middle, both)
+
+
+def _smoothed(ts: Array, s: Array) -> Array:
+    """The stage's places (m,) less their mean; of rounded ones, as smooth as rounding allows.
+
+    A staircase moves at its edges only: the delay would be that of a few of them.
+    """
+    from scipy.interpolate import UnivariateSpline
+
+    step = step_of(s)
+    moving = int(np.count_nonzero(np.diff(s)))
+    if not step:
+        return np.asarray(s - s.mean())
+    return np.asarray(UnivariateSpline(ts, s - s.mean(), s=moving * step**2 / 12)(ts))
+
+
+def _between(ts: Array, places: Array) -> Callable[[Array], Array]:
+    """The movement between samples: straight, since it may turn there, or smooth where that
+    predicts every other sample far better from its neighbours."""
+    from scipy.interpolate import CubicSpline
+
+    half, left = ts[::2], slice(1, len(ts) - 1, 2)
+    smooth = CubicSpline(half, places[::2])(ts[left]) - places[left]
+    straight = np.interp(ts[left], half, places[::2]) - places[left]
+    if SMOOTH * np.linalg.norm(smooth) < np.linalg.norm(straight):
+        return CubicSpline(ts, places)
+    return lambda at: np.interp(at, ts, places)
+
+
+def _missed(
+    ts: Array,
+    course: Callable[[Array], Array],
+    lag: Array,
+    shape: Callable[[Array], Array],
+    steps: tuple[float, float],
+    noise: float,
+) -> Array:
+    """Errors (n, DRAWS) of the sensor's model at ``lag`` (n,) [s] on the stage's clock, had the
+    same movement been sampled a part of a sample later, and stage and sensor counted their
+    ``steps`` from elsewhere. ``noise`` is the sensor's, its rounding included, which is at most an
+    eighth of a step squared: two readings a step, one of them on an edge.
+
+    Residuals do not show these errors where they repeat from tap to tap, or are those of a delay:
+    of a ramp by one step in two samples all edges are late alike.
+    """
+    from scipy.interpolate import CubicSpline
+
+    stage_step, sensor_step = steps
+    dither = np.sqrt(max(noise**2 - sensor_step**2 / 8, 0.0))
+    sample_s = max(float(np.median(np.diff(ts))), float(np.median(np.diff(lag))))
+    places = course(ts)
+    between = _between(ts, places)
+    found = []
+    for later, *counted in np.random.default_rng(0).uniform(-0.5, 0.5, (DRAWS, 3)):
+        later_s = later * sample_s
+        true = between(ts + later_s)
+        read = true + rounding_error(true + counted[0] * stage_step, stage_step, 0.0)
+        seen = CubicSpline(ts + later_s, read)
+        level = shape(between(lag + later_s))
+        own = rounding_error(level + counted[1] * sensor_step, sensor_step, dither)
+        found.append(shape(seen(lag + later_s)) - level - own)
+    return np.array(found).T
 
 
 def _knots(course: Array, y: Array) -> Array:

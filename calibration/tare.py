@@ -16,6 +16,7 @@ from calibration.fit import (
     same_length,
     stacked,
 )
+from calibration.rounding import unrounded
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,8 @@ class TareCalibration:
 def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     """Bias and drift from readings without load; ``time_s`` (n,), ``values`` (n, channels).
 
-    Filtered sensors give correlated noise: see `calibration.fit.correlated`. Raises
-    `CalibrationError`.
+    Filtered sensors give correlated noise: see `calibration.fit.correlated`; readings in steps
+    larger than their noise: `calibration.rounding.unrounded`. Raises `CalibrationError`.
     """
     time = as_columns(time_s, "time_s", 1)[:, 0]
     values = as_columns(values, "values")
@@ -72,7 +73,7 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     fits = []
     for channel in values.T:
         fit = linear_fit(design, channel, ("bias", "drift"), "record longer")
-        fits.append(correlated(fit, design))
+        fits.append(unrounded(correlated(fit, design), design, channel))
     bias = np.array([fit.values[0] for fit in fits])
     drift = np.array([fit.values[1] for fit in fits])
     return TareCalibration(at_s, bias, drift, stacked(fits))

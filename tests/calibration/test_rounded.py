@@ -1,0 +1,130 @@
+"""Readings that are rounded more coarsely than their noise: intervals hold nevertheless."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from calibration import fit_latency, fit_tare
+from calibration.rounding import rounding_error, step_of
+
+Rng = np.random.Generator
+STEP_N, DELAY_S = 0.05, 0.008
+
+
+def rounded(values: np.ndarray, step: float) -> np.ndarray:
+    return np.round(values / step) * step if step else values
+
+
+def tare(rng: Rng, noise_n: float, count: int) -> tuple[np.ndarray, np.ndarray, list[float]]:
+    """Interval and estimates of bias and drift, and the true ones."""
+    time_s = np.arange(count) / 10
+    bias_n = rng.uniform(-1, 1)
+    level = bias_n + 1e-4 * (time_s - time_s.mean()) + noise_n * rng.standard_normal(count)
+    found = fit_tare(time_s, rounded(level, STEP_N))
+    return found.fit.interval(), found.fit.values, [bias_n, 1e-4]
+
+
+@pytest.mark.parametrize(("noise_steps", "count"), [(0.1, 600), (0.2, 600), (0.3, 600), (0.3, 40)])
+def test_a_tare_of_coarse_steps_holds(noise_steps: float, count: int) -> None:
+    """By least squares the bias held in 4 of 45, 10, 31 and 57 of 60."""
+    rng, inside = np.random.default_rng(4), []
+    while len(inside) < 30:
+        level = np.random.default_rng(rng.integers(1 << 30))
+        try:
+            interval, _, truth = tare(level, noise_steps * STEP_N, count)
+        except ValueError:  # readings that never change
+            continue
+        inside.append((interval[:, 0] <= truth) & (truth <= interval[:, 1]))
+    assert np.mean(inside, axis=0).min() >= 0.85
+
+
+def test_a_tare_of_coarse_steps_is_nearer_than_their_mean() -> None:
+    """In a fifth of a step of noise means are off by 5 mN rms."""
+    draws = (tare(np.random.default_rng(seed), 0.2 * STEP_N, 600) for seed in range(30))
+    off = [values[0] - truth[0] for _, values, truth in draws]
+    assert np.sqrt(np.mean(np.square(off))) < 4e-3
+
+
+def test_a_tare_of_fine_steps_is_as_it_was() -> None:
+    time_s = np.arange(600) / 10
+    value = 0.02 * np.random.default_rng(5).standard_normal(600)
+    fine = fit_tare(time_s, rounded(value, 1e-3)).fit
+    assert fine.values == pytest.approx(fit_tare(time_s, value).fit.values, abs=1e-4)
+    assert fine.sigma == pytest.approx(fit_tare(time_s, value).fit.sigma, rel=0.01)
+
+
+def press(rng: Rng, stage_hz: float, noise_n: float, step_n: float) -> tuple[float, float]:
+    """Error and half width [s] of the delay, by four presses at 5 N/s to 1.25 N."""
+    begin_s = rng.uniform(0, 0.3)
+
+    def place(t: np.ndarray) -> np.ndarray:
+        way = 1 - np.abs((t - begin_s) % 2 - 0.9) / 0.5
+        return np.asarray(2.5e-3 * np.clip(way, 0, 0.5))
+
+    stage_s, sensor_s = np.arange(0, 8, 1 / stage_hz), np.arange(0, 8, 1 / 500)
+    sensor_s = sensor_s + rng.uniform(0, 1 / 500)
+    force = 1000 * place(sensor_s) + noise_n * rng.standard_normal(len(sensor_s))
+    return missed(stage_s, place(stage_s), sensor_s + DELAY_S, rounded(force, step_n))
+
+
+def tap(rng: Rng, stage_step_m: float) -> tuple[float, float]:
+    """The same by eight taps, of a stage read in steps."""
+    sensor_s, begin_s = np.arange(0, 12, 1 / 500), rng.uniform(0, 0.3)
+
+    def place(t: np.ndarray) -> np.ndarray:
+        return np.asarray(
+            sum(2e-3 * np.exp(-(((t - at) / 0.08) ** 2)) for at in begin_s + np.arange(1, 11, 1.3))
+        )
+
+    stage_s = np.arange(0, 12, 1 / 125) + rng.uniform(0, 1 / 125)
+    force = 2000 * np.maximum(place(sensor_s) - 0.8e-3, 0) + 5e-3 * rng.standard_normal(6000)
+    stage = rounded(place(stage_s), stage_step_m)
+    return missed(stage_s, stage, sensor_s + DELAY_S, force)
+
+
+def missed(*movement: np.ndarray) -> tuple[float, float]:
+    found = fit_latency(*movement)
+    low, high = found.fit.interval()[0]
+    return abs(found.delay_s - DELAY_S), (high - low) / 2
+
+
+@pytest.mark.parametrize(
+    ("draw", "widest_s"),
+    [
+        (lambda rng: press(rng, 125, 1e-3, 0.05), 1e-3),
+        (lambda rng: press(rng, 125, 1e-3, 0.02), 1e-3),
+        (lambda rng: press(rng, 20, 2e-3, 0), 1.2e-3),
+        (lambda rng: tap(rng, 20e-6), 0.15e-3),
+    ],
+)
+def test_a_delay_holds_where_errors_repeat_from_tap_to_tap(
+    draw: Callable[[Rng], tuple[float, float]], widest_s: float
+) -> None:
+    """By residuals alone in 2, 2, 8 and 8 of 30."""
+    draws = [draw(np.random.default_rng(seed)) for seed in range(5)]
+    off, half = np.array(draws).T
+    assert np.sum(off <= half) >= 4
+    assert half.max() < widest_s
+
+
+def test_a_delay_of_fine_readings_is_as_sharp_as_it_was() -> None:
+    off, half = press(np.random.default_rng(3), 125, 2e-3, 0)
+    assert off < half < 4e-5
+
+
+def test_the_step_of_readings() -> None:
+    codes = np.random.default_rng(6).integers(-40, 40, 300)
+    assert step_of(0.3 + 0.05 * codes) == pytest.approx(0.05)
+    assert step_of(np.random.default_rng(6).standard_normal(300)) == 0
+    assert step_of(np.ones(300)) == 0
+
+
+@pytest.mark.parametrize("noise", [0.1, 0.2, 0.4])
+def test_what_rounding_adds_on_average(noise: float) -> None:
+    """Against the mean of rounded normal readings."""
+    levels = np.linspace(-0.5, 0.5, 7)
+    edges = np.linspace(-8, 8, 40001) * noise
+    density = np.exp(-0.5 * (edges / noise) ** 2)
+    mean = [np.average(np.round(level + edges), weights=density) for level in levels]
+    assert rounding_error(levels, 1.0, noise) == pytest.approx(np.array(mean) - levels, abs=0.02)
