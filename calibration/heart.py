@@ -14,6 +14,7 @@ RATES_HZ = (0.5, 3.5)  # 30 to 210 beats per minute
 PHASES = 128
 MAX_STEP_S, GRID_S = 0.05, 0.02  # a wave's 8th harmonic at 70 beats per minute has 9 Hz
 NEARER_TO_ONE = 0.5  # of the usual beat: what is off by more is nearer to two beats, or to none
+LOOK_BELOW = 0.5  # of the shortest beat: of a faster heart two beats would be taken for one
 STEEP = 0.6  # of the usual upstroke; 0.4 took noise of 30 % of the pulse for beats: rates 8 % off
 OUTLYING, NORMAL_MEDIAN = 3.0, 0.6745  # in standard deviations: one normal beat of 370; the median
 ADVICE = "record at least ten quiet beats with the sensor well seated"
@@ -73,7 +74,7 @@ def fit_heart(
     of 400 draws, with 10 % of ectopic beats and breathing in 99 % and more. From longer and wilder
     ones (60 s, 25 %) in 80 %: early beats within half a usual one are not seen.
 
-    Raises `CalibrationError` when no steady beat is found.
+    Raises `CalibrationError` when no steady beat is found, or one outside `RATES_HZ`.
     """
     systolic, diastolic = check_cuff(*cuff_mmhg)
     t, y = as_columns(time_s, "time_s", 1)[:, 0], as_columns(reference, "reference", 1)[:, 0]
@@ -95,6 +96,12 @@ def fit_heart(
     if good.sum() < 5:
         raise CalibrationError(f"only {int(good.sum())} steady beats found; {ADVICE}")
     mean, sd = float(rr[good].mean()), float(rr[good].std(ddof=1))
+    least, most = (60 * rate_hz for rate_hz in RATES_HZ)
+    if not least <= 60 / mean <= most:
+        raise CalibrationError(
+            f"{60 / mean:.0f} beats per minute; {least:g} to {most:g} are possible: is time_s in "
+            "seconds, and is the reference channel the heart's?"
+        )
     ones = np.ones((int(good.sum()), 1))
     period = correlated(linear_fit(ones, rr[good], ("period",), ADVICE), ones)
     rate = period.derived(("rate",), np.array([60 / mean]), np.array([[-60 / mean**2]]))
@@ -136,7 +143,7 @@ def _feet(grid: Array, level: Array, step: float) -> Array:
         raise CalibrationError(f"the reference channel does not pulse; {ADVICE}")
     spectrum = np.fft.irfft(np.abs(np.fft.rfft(calm, 2 * len(calm))) ** 2)[: len(calm)]
     likeness = spectrum / (spectrum[0] * (1 - np.arange(len(calm)) / len(calm)))
-    lags = np.arange(round(1 / RATES_HZ[1] / step), min(round(2.0 / step), len(calm) // 2))
+    lags = np.arange(round(LOOK_BELOW / RATES_HZ[1] / step), min(round(2.0 / step), len(calm) // 2))
     peaks, _ = find_peaks(likeness[lags])
     if not len(peaks) or likeness[lags][peaks].max() < 0.3:
         raise CalibrationError(f"the reference channel shows no steady beat; {ADVICE}")

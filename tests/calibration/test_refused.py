@@ -8,6 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calibration import (
+    HeartCalibration,
     fit_axes,
     fit_compliance,
     fit_force,
@@ -46,6 +47,17 @@ def spring(moduli: np.ndarray, depth: np.ndarray) -> tuple[np.ndarray, np.ndarra
 def weighed(turns: np.ndarray, mass_kg: float) -> np.ndarray:
     pull = np.swapaxes(turns, 1, 2) @ np.array([0, 0, -9.8]) * mass_kg
     return np.hstack([pull, np.cross([0, 0, 0.05], pull)]) + 1e-3 * NOISE[:12]
+
+
+def beating(rate_bpm: float) -> HeartCalibration:
+    rng, time_s = np.random.default_rng(2), np.arange(0, 20, 0.01)
+    beats_s = np.cumsum(rng.normal(60 / rate_bpm, 1.2 / rate_bpm, 200)) - 3
+    since_s = time_s[:, None] - beats_s
+    waves = np.exp(-(((since_s - 0.12) / 0.07) ** 2)) + 0.4 * np.exp(
+        -(((since_s - 0.38) / 0.11) ** 2)
+    )
+    reference = waves.sum(axis=1) + 0.02 * rng.standard_normal(len(time_s))
+    return fit_heart(time_s, reference, (120, 80), is_pressure=False)
 
 
 REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
@@ -211,6 +223,8 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: fit_heart(TIME, RNG.standard_normal(len(TIME)), (120, 80), is_pressure=False),
         "no steady beat; record|steady beats found; record",
     ),
+    "heart: 240 beats a minute": (lambda: beating(240), "24[01] beats per minute; 30 to 210 are"),
+    "heart: 280 beats a minute": (lambda: beating(280), "28[01] beats per minute; 30 to 210 are"),
     "heart: a cuff upside down": (lambda: check_cuff(80, 120), "systolic must be above diastolic"),
     "touch: nothing touched": (
         lambda: find_contact(RAMP, 0.1 * NOISE[:, 0]),
@@ -232,6 +246,12 @@ def test_it_is_refused_with_the_reason_and_what_to_add(case: str) -> None:
     fit, reported = REFUSED[case]
     with pytest.raises(CalibrationError, match=reported):
         fit()
+
+
+@pytest.mark.parametrize("rate_bpm", [190, 205])
+def test_a_fast_heart_is_not_taken_for_half_as_fast(rate_bpm: float) -> None:
+    """205 beats a minute were 109 to 122 in half of the draws."""
+    assert beating(rate_bpm).rate_bpm == pytest.approx(rate_bpm, rel=0.01)
 
 
 @pytest.mark.parametrize("times", [1.02, 1.5, 1000.0])
