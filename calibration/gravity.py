@@ -14,6 +14,8 @@ from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, linear_fit
 
 GRAVITY_M_S2 = (0.0, 0.0, -9.80665)
+FARTHEST_M = 1.0
+"""Of a tool's centre of mass from the sensor: twice the reach of the arm that carries it, a UR3."""
 ADVICE = (
     "add orientations whose down direction differs by at least 30 degrees, not all in one plane"
 )
@@ -84,6 +86,11 @@ def fit_gravity(
             "check the frame of the orientations, or mount a heavier tool"
         )
     centre = torque.values[:3] / mass
+    if (away_m := float(np.linalg.norm(centre))) > FARTHEST_M:
+        raise CalibrationError(
+            f"the centre of mass would be {away_m:.3g} m from the sensor, and {FARTHEST_M:g} m is "
+            "the most that is possible: moments must be in N m (not N mm), forces in N"
+        )
     covariance = np.zeros((10, 10))
     covariance[:4, :4], covariance[4:, 4:] = force.covariance, torque.covariance
     both = Fit((), np.empty(0), covariance, np.concatenate([force.residuals, torque.residuals]), 0)

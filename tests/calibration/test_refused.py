@@ -125,6 +125,10 @@ REFUSED: dict[str, tuple[Callable[[], Any], str]] = {
         lambda: fit_gravity(weighed(TURNS, 0.0), TURNS),
         "not distinguishable from 0; check the frame.*or mount a heavier tool",
     ),
+    "gravity: moments in N mm of a light tool": (
+        lambda: fit_gravity(weighed(TURNS, 0.05) * ([1] * 3 + [1e3] * 3), TURNS),
+        r"would be 49\.\d m from the sensor, and 1 m is the most.*must be in N m \(not N mm\)",
+    ),
     "tare: three readings": (lambda: fit_tare(TIME[:3], TIME[:3]), "record a second or more"),
     "tare: not in order": (
         lambda: fit_tare(np.delete(np.insert(TIME, 5, 0.03), 0), TIME),
