@@ -100,11 +100,21 @@ class Measurements:
         return replace(self, table=mine).columns(*names)
 
     def numbered(self, name: str, unit: str = "") -> Array:
-        """``name`` + unit, or ``name_0``, ``name_1``, … with it: (n, k)."""
+        """``name`` + unit, or ``name_0``, ``name_1``, … with it, all up to the last: (n, k)."""
         if name + unit in self.table:
             return self.column(name + unit)[:, None]
-        many = [c for n in range(4096) if (c := f"{name}_{n}{unit}") in self.table]
-        return self.columns(*many) if many else self.columns(name + unit)
+        found = (re.fullmatch(rf"{name}_(\d+){unit}", str(column)) for column in self.table)
+        last = max((int(match[1]) for match in found if match), default=-1)
+        if last < 0:
+            return self.columns(name + unit)
+        for number in range(last + 1):
+            if f"{name}_{number}{unit}" not in self.table:
+                raise CalibrationError(
+                    f"{self.path}: column {name}_{number}{unit} is missing, where there is "
+                    f"{name}_{last}{unit}: channels are counted from 0 without a gap; add it, or "
+                    "number the columns as the sensor's channels are"
+                )
+        return self.columns(*(f"{name}_{number}{unit}" for number in range(last + 1)))
 
 
 def read(path: Path, kind: str, device: str = "", station: int | None = None) -> Measurements:

@@ -167,6 +167,18 @@ def test_a_rig_that_stiffens_is_said_to(tmp_path: Path, capsys: pytest.CaptureFi
             assert [float(k) for k in found.groups()] == pytest.approx([2000, 3200], rel=0.02)
 
 
+def test_a_channel_left_out_is_not_another_one(tmp_path: Path) -> None:
+    """raw_1 and raw_2 without raw_0 became channels 0 and 1."""
+    table = tmp_path / "t.csv"
+    for head, missing in (("raw_1,raw_2", "raw_0"), ("raw_0,raw_2", "raw_1")):
+        table.write_text(f"{head},load_n\n1,2,3\n4,5,6\n")
+        with pytest.raises(CalibrationError, match=f"column {missing} is missing, where .* raw_2"):
+            read(table, "force").numbered("raw")
+    table.write_text("load_1_n,raw\n1,2\n3,4\n")
+    with pytest.raises(CalibrationError, match="column load_0_n is missing"):
+        read(table, "force").numbered("load", "_n")
+
+
 def test_what_a_table_leaves_open_names_the_table(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
