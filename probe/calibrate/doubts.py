@@ -15,6 +15,9 @@ STRAIGHT = 0.02
 """Share of the span. A sensor that clips at the highest of four loads is 16 % off and its gain 14
 %, while the 95 % interval allows 11; a straight one with 0.07 % of noise is 0.04 % off."""
 
+HARD_LUMP_N_M = 10e3
+"""Of what may lie in tissue (docs/explanation/safety.md): a rigid block gives way less."""
+
 SHOWN = 6  # columns by name: a line of a terminal
 
 
@@ -25,8 +28,8 @@ def doubts(result: Calibration) -> tuple[str, ...]:
             return _of_force(result)
         case TaxelCalibration():
             return _of_taxels(result)
-        case ComplianceCalibration() if result.bend:
-            return (_of_rig(result),)
+        case ComplianceCalibration():
+            return _of_rig(result)
         case _:
             return ()
 
@@ -45,7 +48,21 @@ def _of_force(result: ForceCalibration) -> tuple[str, ...]:
     return ()
 
 
-def _of_rig(result: ComplianceCalibration) -> str:
+def _of_rig(result: ComplianceCalibration) -> tuple[str, ...]:
+    found = []
+    if result.stiffness_n_m < HARD_LUMP_N_M:
+        way_mm = 1e3 * result.force_max_n / result.stiffness_n_m
+        found.append(
+            f"the rig gives way by {way_mm:.2g} mm at {result.force_max_n:.3g} N, softer than a "
+            f"hard lump in tissue ({1e-3 * HARD_LUMP_N_M:g} N/mm): was the block rigid, and are "
+            "all screws tight?"
+        )
+    if result.bend:
+        found.append(_of_bend(result))
+    return tuple(found)
+
+
+def _of_bend(result: ComplianceCalibration) -> str:
     start, end = result.stiffness_start_n_m, result.stiffness_end_n_m
     return (
         f"the rig {'stiffens' if end > start else 'softens'}: from {start:.4g} N/m at the touch to "

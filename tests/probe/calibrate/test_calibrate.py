@@ -167,6 +167,24 @@ def test_a_rig_that_stiffens_is_said_to(tmp_path: Path, capsys: pytest.CaptureFi
             assert [float(k) for k in found.groups()] == pytest.approx([2000, 3200], rel=0.02)
 
 
+@pytest.mark.parametrize(("stiffness_n_mm", "said"), [(0.288, True), (40.0, False)])
+def test_a_rig_softer_than_a_lump_is_doubted(
+    stiffness_n_mm: float, said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Tissue in place of the rigid block became the rig's compliance without a word."""
+    table, noise = tmp_path / "press.csv", np.random.default_rng(4)
+    most_mm = 1.0 / stiffness_n_mm  # to a newton
+    rows = [f"{d * most_mm},{stiffness_n_mm * max(d, 0) * most_mm + 2e-3 * noise.normal()}"
+            for d in np.linspace(-0.5, 1, 200)]  # fmt: skip
+    table.write_text("\n".join(["depth_mm,force_n", *rows]))
+    out = ["--device", "stage", "--out", str(tmp_path / "c.json")]
+    assert main(["calibrate", "compliance", str(table), *out]) == 0
+    warned = " ".join(capsys.readouterr().err.split())
+    doubt = "gives way by 3.5 mm at 1 N, softer than a hard lump in tissue (10 N/mm): was the block"
+    assert (doubt in warned) == said
+    assert ("was the block rigid" in warned) == said
+
+
 def test_a_channel_left_out_is_not_another_one(tmp_path: Path) -> None:
     """raw_1 and raw_2 without raw_0 became channels 0 and 1."""
     table = tmp_path / "t.csv"
