@@ -37,10 +37,11 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.core.places import SAME_PLACE_M
 from probe.storage.csv_columns import first_line
 from probe.storage.csv_table import CsvRecording, cut, read_csv
 from probe.storage.import_formats import ENDINGS, is_exported, read_format
-from probe.storage.import_table import CsvError, check_face
+from probe.storage.import_table import PRESSED_N, CsvError, check_face
 from probe.storage.writer import create_store
 
 __all__ = ["CsvError", "Imported", "import_csv"]
@@ -48,6 +49,7 @@ __all__ = ["CsvError", "Imported", "import_csv"]
 DEVICE, REFERENCE, DEPTHS = "imported", "reference", "depth"
 BLOCK = 1000  # samples
 FACE_MM2 = 100.0
+MANY = 3  # places: of a row or a grid; two are as soon one place that was moved by a little
 
 
 @dataclass(frozen=True)
@@ -111,6 +113,7 @@ def import_csv(
         notes = (*notes, f"{what} is negative where it is largest: here pressed is positive")
     if _never_below(read):
         notes = (*notes, "depth_mm is never above 0: here it is positive below the surface")
+    notes = (*notes, *_in_another_unit(read))
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
     broken_off = _broken_off(read)
     if broken_off:
@@ -128,6 +131,26 @@ def _mostly_negative(read: CsvRecording) -> bool:
     means = [np.nanmean(press.signal, axis=1) for press in read.presses]
     down = [bool(mean[np.abs(mean).argmax()] < 0) for mean in means]
     return sum(down) > len(down) / 2
+
+
+def _in_another_unit(read: CsvRecording) -> Iterator[str]:
+    """What is possible, but hardly in the unit that its column names, each in a sentence."""
+    for n, channel in enumerate(read.channels):
+        base, factor = to_si(channel.unit)
+        force_n = factor * np.concatenate([press.signal[:, n] for press in read.presses])
+        if base == "N" and np.nanmax(np.abs(force_n), initial=0.0) > PRESSED_N:
+            yield (
+                f"force_n spans {np.nanmin(force_n):.3g} to {np.nanmax(force_n):.3g} N, where no "
+                f"press of soft tissue has more than {PRESSED_N:g}: is it in mN?"
+            )
+    places_m = np.nan_to_num([(press.x_m, press.y_m) for press in read.presses])
+    span_m = float(np.hypot(*np.ptp(places_m, axis=0)))
+    places = len(np.unique(places_m, axis=0))
+    if places >= MANY and span_m <= 2 * SAME_PLACE_M:
+        yield (
+            f"x_mm, y_mm: {places} places span {1e3 * span_m:.2g} mm in all, and all that lies "
+            f"within {2e3 * SAME_PLACE_M:g} counts as one place: are they in metres?"
+        )
 
 
 def _never_below(read: CsvRecording) -> bool:

@@ -50,6 +50,36 @@ def test_one_recording_without_a_place(tmp_path: Path) -> None:
     assert run.samples()["pressure"].attrs["units"] == "mbar"
 
 
+@pytest.mark.parametrize(("factor", "noted"), [(1.0, 0), (1e3, 1)])
+def test_a_force_in_millinewtons_is_noted(tmp_path: Path, factor: float, noted: int) -> None:
+    """800 N on a face of 100 mm2 were 8 MPa, without a word."""
+    rows = [f"{n / 100:g},{factor * 0.8 * n / 49}" for n in range(50)]
+    source = csv(tmp_path / "a.csv", table("time_s,force_n", *rows))
+    notes = import_csv(source, tmp_path / "a.run", face_mm2=100.0).notes
+    assert len(notes) == noted
+    assert all("force_n spans 0 to 800 N, where no press" in note for note in notes)
+    assert all("is it in mN?" in note for note in notes)
+
+
+@pytest.mark.parametrize(("factor", "noted"), [(1.0, 0), (1e-3, 1)])
+def test_places_in_metres_are_noted(tmp_path: Path, factor: float, noted: int) -> None:
+    """44 stations within 0.04 mm are one place by `SAME_PLACE_M`."""
+    rows = [f"{n / 100:g},{n % 7},{n // 10},{factor * 4 * (n // 10)},{factor * 4 * (n // 30)}"
+            for n in range(60)]  # fmt: skip
+    source = csv(tmp_path / "a.csv", table("time_s,pressure_pa,station,x_mm,y_mm", *rows))
+    notes = import_csv(source, tmp_path / "a.run").notes
+    assert len(notes) == noted
+    assert all("x_mm, y_mm: 6 places span 0.02 mm in all" in note for note in notes)
+
+
+@pytest.mark.parametrize("place", ["", ",3,2"])
+def test_presses_at_one_place_or_at_none_are_no_metres(tmp_path: Path, place: str) -> None:
+    rows = [f"{n / 100:g},{n % 7},{n // 10}{place}" for n in range(60)]
+    head = "time_s,pressure_pa,station" + (",x_mm,y_mm" if place else "")
+    source = csv(tmp_path / "a.csv", table(head, *rows))
+    assert import_csv(source, tmp_path / "a.run").notes == ()
+
+
 def test_a_force_that_is_negative_where_it_presses_is_noted(tmp_path: Path) -> None:
     for sign, name in ((1, "up"), (-1, "down")):
         rows = [f"{n / 100:g},{sign * (n % 7) + 0.5}" for n in range(50)]
