@@ -30,7 +30,7 @@ SHORTEST_S = 4.0
 SPLINE_DEGREE = 2
 KNOTS = 16  # of the sensor's signal as a function of the stage's
 DRAWS = 32  # of what rounding and sampling may have done: the interval is known to an eighth
-PLAIN = 5  # knots' pieces in one: a function that does not itself follow the steps of readings
+PLAIN = 5  # pieces between knots in one
 SMOOTH = 3.0  # times nearer a smooth course is to readings left out of it than a straight one
 RANGE_WEIGHT = 0.2  # weight of the stage's range against the change of the signal in placing them
 
@@ -93,6 +93,7 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     course = CubicSpline(ts, _smoothed(ts, s) / np.std(s))
     rate = course.derivative()
     size = float(np.std(y))
+    start = _nearer(start, max(float(np.median(np.diff(at))) for at in (ts, t)), course, t, y)
     knots = _knots(course(t - start), y)
 
     def delayed(p: Array) -> tuple[Array, Array, Array]:
@@ -122,7 +123,7 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     turn[0, 0], turn[1, 1] = 1, 1 / span
     lag = t - start - fit.values[0] - fit.values[1] * (t - middle) / span
     steps = step_of(s) / float(np.std(s)), step_of(f) / size
-    few = np.unique(np.append(knots[::PLAIN], knots[-1]))
+    few = _plain(knots)
     plain, *_ = np.linalg.lstsq(_pieces(course(lag), few)[0], y / size)
     missed = _missed(ts, course, lag, lambda at: _pieces(at, few)[0] @ plain, steps, fit.noise)
     follow = np.linalg.pinv(slopes(fit.values)) @ missed
@@ -130,6 +131,30 @@ def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) ->
     fit = replace(fit, covariance=fit.covariance + follow @ follow.T / DRAWS)
     both = fit.derived(("delay", "skew"), turn @ fit.values + [start, 0.0], turn)
     return LatencyCalibration(float(both.values[0]), float(both.values[1]), middle, both)
+
+
+def _nearer(
+    start: float, sample_s: float, course: Callable[[Array], Array], t: Array, y: Array
+) -> float:
+    """The delay [s] within a sample of ``start`` at which a plain function leaves least.
+
+    From half a sample off the full one may turn at every reading, and fit there just as well.
+    """
+    from scipy.optimize import minimize_scalar
+
+    few = _plain(_knots(course(t - start), y))
+
+    def left(delay_s: float) -> float:
+        shares, _ = _pieces(course(t - delay_s), few)
+        return float(np.linalg.norm(y - shares @ np.linalg.lstsq(shares, y)[0]))
+
+    bounds = (start - sample_s, start + sample_s)
+    return float(minimize_scalar(left, bounds=bounds, method="bounded").x)
+
+
+def _plain(knots: Array) -> Array:
+    """Few of the knots: of a function that does not follow the steps of readings."""
+    return np.unique(np.append(knots[::PLAIN], knots[-1]))
 
 
 def _smoothed(ts: Array, s: Array) -> Array:
