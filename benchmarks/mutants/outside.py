@@ -32,7 +32,7 @@ OUTSIDE = (
            "under = min(tried, key=lambda base: _left(line, base))", "pass",
            (f"{LINES}::test_a_lump_beside_a_vessel_is_not_passed_over",)),
     Mutant("a row that differs from the others is nothing", "probe/detection/map/open_row.py",
-           "if abs(off_pa[k]) < LUMP_SHARE * level_of(level_pa):", "if True:",
+           "if abs(alone_pa[k]) < LUMP_SHARE * level_of(level_pa):", "if True:",
            (f"{LINES}::test_a_row_that_differs_from_the_others_is_not_nothing",)),
     Mutant("a line right across a grid is lumps", "probe/detection/map/straight_line.py",
            "(1 - ELSE_OF_A_LINE * line)", "1.0",

@@ -14,6 +14,7 @@ from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
 from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS
+from probe.detection.map.field import MIN_PRESSES
 from probe.detection.map.field_objects import (
     is_field,
     judged_of,
@@ -32,7 +33,7 @@ from probe.detection.map.open_row import (
 )
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.row_shapes import MIN_WITH_EDGES, with_edges
-from probe.detection.map.straight_line import or_a_line
+from probe.detection.map.straight_line import or_lines
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import least_pulse_pa
@@ -159,11 +160,11 @@ def _in_rows(
         found.append((recording.stations[row[0]].y_m, objects))
     named = across_rows(found, _pitch_m(recording))
     shown_pa = max(filter(np.isfinite, least_pa), default=float("inf"))
-    if named and not unfinished and _moving(presses) is None:
-        named = or_a_line(named, levels_of(judged_of(presses)), false_alarm / 2)
+    y_m, judged = [y_m for y_m, _ in found], judged_of(presses)
+    if named and not unfinished and _moving(presses) is None and len(judged) >= MIN_PRESSES:
+        named = or_lines(named, levels_of(judged), y_m)
     if named or unfinished:
         return named, shown_pa
-    y_m = [y_m for y_m, _ in found]
     unclear = doubtful(lines, least_pa, y_m, _pitch_m(recording))
     return unclear or between_rows(lines, y_m), shown_pa
 

@@ -25,6 +25,9 @@ LUMP_SHARE = 0.11
 """What a lump adds to the level at its middle: the built-in scene TIT, 9094 over 8187 Pa."""
 DOUBT = 0.05
 """Chance below which a bump that is no finding yet is no reason to say "nothing" either."""
+MIN_ROWS, LEFT_WITHOUT = 3, 0.1
+"""Rows that show more than a tilt, any of which may be the odd one where there are no more; and the
+share of what a tilt leaves of the rows' levels, squared, that is left without the odd one."""
 REASON = "the row is not finished: further stations may change this"
 OR_BEYOND = "the row is not finished: this lies here or beyond the last station so far"
 
@@ -156,24 +159,33 @@ def doubtful(
 
 
 def between_rows(lines: list[Line], y_m: list[float]) -> list[ObjectFinding]:
-    """Of finished rows that show nothing: the row at one of ``y_m`` (n,) that differs from a tilted
-    surface across the rows by as much as a lump, undecided: what lies along it is in no row a bump.
+    """Of finished rows at ``y_m`` (n,) that show nothing: that one differs from a tilted surface
+    through the others by as much as a lump, undecided: what lies along it is in no row a bump.
+
+    Which one is said only if without it the others are as on a tilted surface.
     """
-    if not np.isfinite(y_m).all():  # where they lie was not recorded
+    if not np.isfinite(y_m).all() or len(lines) < MIN_ROWS:
         return []
     level_pa = np.array([level_of(line.level_pa) for line in lines])
-    tilted = np.column_stack([np.ones(len(lines)), np.array(y_m) - np.mean(y_m)])
-    off_pa = level_pa - tilted @ np.linalg.lstsq(tilted, level_pa, rcond=None)[0]
-    k = int(np.argmax(np.abs(off_pa)))
-    if abs(off_pa[k]) < LUMP_SHARE * level_of(level_pa):
+    q, _ = np.linalg.qr(np.column_stack([np.ones(len(lines)), np.array(y_m) - np.mean(y_m)]))
+    off_pa, held = level_pa - q @ (q.T @ level_pa), np.maximum(1 - (q**2).sum(axis=1), 1e-12)
+    alone_pa = off_pa / held  # off the others' own surface (Cook and Weisberg 1982, section 2.2)
+    left = 1 - off_pa * alone_pa / max(float(off_pa @ off_pa), 1e-300)  # of the squares, without it
+    k = min(range(len(lines)), key=lambda i: (round(float(left[i]), 3), abs(alone_pa[i])))
+    if abs(alone_pa[k]) < LUMP_SHARE * level_of(level_pa):
         return []
-    word, x_m = "stiffer" if off_pa[k] > 0 else "softer", lines[k].x_m
-    where = f"the row at y = {1e3 * y_m[k]:.1f} mm"
+    word, x_m = "stiffer" if alone_pa[k] > 0 else "softer", lines[k].x_m
+    where = f"the rows differ by up to {abs(alone_pa[k]):.0f} Pa more than on a tilted surface"
+    if len(lines) > MIN_ROWS and left[k] < LEFT_WITHOUT:
+        where = (
+            f"the row at y = {1e3 * y_m[k]:.1f} mm is {abs(alone_pa[k]):.0f} Pa {word} than the "
+            "others"
+        )
     return [ObjectFinding(
-        "undecided", float(np.median(x_m)), (float(x_m[0]), float(x_m[-1])), float(off_pa[k]),
+        "undecided", float(np.median(x_m)), (float(x_m[0]), float(x_m[-1])), float(alone_pa[k]),
         float(np.median(lines[k].pulse_pa)), 0.0,
-        f"no pulse; {where} is {abs(off_pa[k]):.0f} Pa {word} than the other rows, as over "
-        "something that lies along it or a curved surface: scan in rows across it",
+        f"no pulse; {where}, as over something that lies along them or a curved surface: scan in "
+        "rows across these",
     )]  # fmt: skip
 
 

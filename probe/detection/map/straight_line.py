@@ -4,21 +4,27 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import expit
 
+from drivers.core.arrays import Array
 from probe.core.finding_words import percent
 from probe.detection.classify.classifier import ELSE, MIN_POSTERIOR, PRIOR
 from probe.detection.finding import ObjectFinding, stated
-from probe.detection.map.bumps import MIN_DISTANCE
-from probe.detection.map.field import Map, find_spots
-from probe.detection.map.field_rivals import odds_of_a_straight_rise, straight_rise
+from probe.detection.map.bump_fit import tried_m
+from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED
+from probe.detection.map.field import SPOT_UNKNOWNS, Map, shape, weighted
+from probe.detection.map.field_rivals import straight_rise
 from probe.detection.map.open_row import LUMP_SHARE
 from probe.detection.map.row_shapes import level_of
+from probe.detection.map.row_shapes import shape as bump
 from probe.detection.pulse.presses import Press
 
 MIN_POINTS = 3
 """Of a course: two are always on a line."""
 ELSE_OF_A_LINE = PRIOR[ELSE] / (PRIOR[ELSE] + PRIOR["tumour"])
 """Of what is as stiff from one edge of a map to the other, and does not pulse."""
+SWEEPS = 2
+"""Through all lumps of a grid, each fitted beside what the others were fitted as."""
 
 
 def unnamed_line(judged: Sequence[Press], levels: Map, false_alarm: float) -> list[ObjectFinding]:
@@ -36,33 +42,105 @@ def unnamed_line(judged: Sequence[Press], levels: Map, false_alarm: float) -> li
     )]  # fmt: skip
 
 
-def or_a_line(named: list[ObjectFinding], levels: Map, false_alarm: float) -> list[ObjectFinding]:
-    """The lumps of a grid in which nothing pulses, or where a straight line right across the map
-    explains its ``levels`` better, what that may be: one object, undecided."""
-    points_m = np.array([place for one in named for place in one.course])
-    if (
-        levels.spacing_m <= 0 or len(points_m) < MIN_POINTS
-        or all(one.kind == "undecided" for one in named)
-    ):  # fmt: skip
+def or_lines(
+    named: list[ObjectFinding], levels: Map, rows_m: Sequence[float]
+) -> list[ObjectFinding]:
+    """The lumps of a grid of rows at ``rows_m`` in which nothing pulses; where a straight line from
+    its first row to its last explains ``levels`` better than a ball, what that may be, undecided.
+    """
+    groups = _straight(named, levels.spacing_m, rows_m)
+    if levels.spacing_m <= 0 or not groups:
         return named
-    off_m = points_m - points_m.mean(axis=0)
-    aside_m = off_m @ np.linalg.svd(off_m, full_matrices=False)[2][1]
-    if np.abs(aside_m).max() > MIN_DISTANCE * levels.spacing_m:
-        return named
-    if spots := find_spots(levels, false_alarm):
-        odds = odds_of_a_straight_rise(levels, spots, spots[0])
-        line = odds / (1 + odds)
-    else:
-        line = float(straight_rise(levels)[0] <= false_alarm)
-    clearest = max(named, key=lambda one: one.confidence)
+    rest = [one for one in named if not any(one in group for group in groups)]
+    balls = [_balls(levels, group) for group in groups]
+    lines = [_lines(levels, group) for group in groups]
+    beside = [_balls(levels, [one]) for one in rest]
+    as_lines = _left(levels, [*lines, *beside])
+    dof = max(len(levels.value) - levels.base.shape[1] - SPOT_UNKNOWNS * len(named), 1)
+    scatter = max((as_lines + TRUSTED) / (dof + TRUSTED), 1.0)
+    found = rest
+    for k, group in enumerate(groups):
+        as_ball = _left(levels, [*lines[:k], balls[k], *lines[k + 1 :], *beside])
+        line = float(expit((as_ball - as_lines) / (2 * scatter)))
+        found = [*found, *_or_line(group, line)]
+    return found
+
+
+def _straight(
+    named: list[ObjectFinding], station_m: float, rows_m: Sequence[float]
+) -> list[list[ObjectFinding]]:
+    """Lumps whose course is straight from the first row to the last, each by itself; of what is
+    left all, if together it is so."""
+
+    def is_line(some: list[ObjectFinding]) -> bool:
+        points_m = _points(some)
+        if len(points_m) < MIN_POINTS or all(one.kind == "undecided" for one in some):
+            return False
+        off_m = points_m - points_m.mean(axis=0)
+        aside_m = off_m @ np.linalg.svd(off_m, full_matrices=False)[2][1]
+        reaches = points_m[0, 1] <= min(rows_m) and points_m[-1, 1] >= max(rows_m)
+        return bool(reaches and np.abs(aside_m).max() <= MIN_DISTANCE * station_m)
+
+    groups = [[one] for one in named if is_line([one])]
+    left = [one for one in named if [one] not in groups]
+    return [*groups, left] if is_line(left) else groups
+
+
+def _points(some: list[ObjectFinding]) -> Array:
+    """Where rows show them, (k, 2), in order of y."""
+    points_m = np.array([place for one in some for place in one.course]).reshape(-1, 2)
+    return np.asarray(points_m[np.argsort(points_m[:, 1])])
+
+
+def _balls(levels: Map, some: list[ObjectFinding]) -> Array:
+    """What a ball at any place of a course makes of each press, (n, places and widths)."""
+    widths_m = tried_m(levels.spacing_m, levels.span_m)
+    points_m = _points(some) if some[0].course else levels.place_m
+    return np.column_stack([
+        shape(levels.place_m, np.append(place_m, w)) for place_m in points_m for w in widths_m
+    ])  # fmt: skip
+
+
+def _lines(levels: Map, some: list[ObjectFinding]) -> Array:
+    """What the straight line along a course makes of each press, (n, widths)."""
+    points_m = _points(some)
+    middle_m = points_m.mean(axis=0)
+    across = np.linalg.svd(points_m - middle_m, full_matrices=False)[2][1]
+    aside_m = (levels.place_m - middle_m) @ across
+    widths_m = tried_m(levels.spacing_m, levels.span_m)
+    return bump(aside_m[:, None], 0.0, widths_m)
+
+
+def _left(levels: Map, sets: list[Array]) -> float:
+    """What the best column (n,) of each of ``sets`` leaves of the map, weighted and squared."""
+    _, a, b, _ = weighted(levels, [])
+    chosen: dict[int, Array] = {}
+    for _ in range(SWEEPS):
+        for k, columns in enumerate(sets):
+            more = np.zeros((len(a), columns.shape[1]))
+            more[: len(columns)] = columns / levels.sd[:, None]
+            q, _ = np.linalg.qr(np.column_stack([a, *(c for j, c in chosen.items() if j != k)]))
+            own = more - q @ (q.T @ more)
+            drop = (b @ own) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)
+            chosen[k] = more[:, int(np.argmax(drop))]
+    q, _ = np.linalg.qr(np.column_stack([a, *chosen.values()]))
+    left = b - q @ (q.T @ b)
+    return float(left @ left)
+
+
+def _or_line(group: list[ObjectFinding], line: float) -> list[ObjectFinding]:
+    """The lumps of ``group``, or one undecided object if they are a line with probability ``line``
+    and none is sure enough then."""
+    clearest = max(group, key=lambda one: one.confidence)
     confidence = clearest.confidence * (1 - ELSE_OF_A_LINE * line)
     if confidence >= MIN_POSTERIOR:
-        return named
-    ends_m = [end for one in named for end in one.position_ci_m]
+        return group
+    points_m = _points(group)
+    ends_m = [end for one in group for end in one.position_ci_m]
     return [replace(
         clearest, kind="undecided", confidence=stated(confidence),
         position_m=float(np.median(points_m[:, 0])), position_ci_m=(min(ends_m), max(ends_m)),
-        course=tuple((float(x), float(y)) for x, y in points_m[np.argsort(points_m[:, 1])]),
+        course=tuple((float(x), float(y)) for x, y in points_m),
         reason=f"between tumour {percent(stated(confidence))} and a bone, a tendon or a band: as "
         "stiff along a straight line from edge to edge of the map; press farther along it, where a "
         "lump ends",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from known_presses import recording, station
+from known_presses import recording, row, station
 
 from drivers.core.arrays import Array
 from probe.core.recording import Recording
@@ -55,11 +55,27 @@ def test_a_vessel_alone_has_nothing_beside_it() -> None:
         assert one.kind == "artery"
 
 
-def test_a_row_that_differs_from_the_others_is_not_nothing() -> None:
-    """In no row it is a bump: three times as stiff, it was "nothing"."""
-    found = detect(scanned(ridge(2.0, 0.0, (0.0, 2.0))))
+@pytest.mark.parametrize("y_mm", [2.0, 6.0])
+def test_a_row_that_differs_from_the_others_is_not_nothing(y_mm: float) -> None:
+    """In no row it is a bump: three times as stiff, it was "nothing". An outer one tilts a surface
+    that is fitted to all, below which its neighbour then lies."""
+    one_row = np.broadcast_to(2.0 * (GRID[..., 1] == y_mm), (4, 11))
+    found = detect(scanned(one_row))
     assert found.finding == "undecided"
-    assert "the row at y = 2.0 mm" in found.reason
+    assert f"the row at y = {y_mm} mm" in found.reason
+    assert "stiffer" in found.reason
+    usual_pa = float(np.median([one.baseline_pa for one in found.stations]))
+    assert found.objects[0].peak_pa == pytest.approx(2 * usual_pa, rel=0.05)
+
+
+def test_of_rows_that_differ_on_a_curved_surface_none_is_named() -> None:
+    bent = np.broadcast_to(-0.006 * GRID[..., 1] ** 2, (4, 11))
+    found = detect(scanned(bent))
+    assert found.finding == "undecided"
+    assert "the rows differ" in found.reason
+
+
+def test_a_tilted_grid_is_nothing() -> None:
     tilted = np.broadcast_to(0.1 * np.arange(4.0)[:, None], (4, 11))
     assert detect(scanned(tilted)).finding == "nothing"
 
@@ -79,6 +95,21 @@ def test_a_line_right_across_a_grid_is_one_and_no_tumour(towards_deg: float) -> 
     assert one.confidence < 0.8
     assert "a tendon" in one.reason
     assert len(one.course) == 4
+
+
+def test_each_line_of_a_grid_is_judged_by_itself() -> None:
+    """Beside a second one each was a tumour of 96 to 98 %."""
+    two = ridge(0.3, 90.0, (-12.0, 0.0)) + ridge(0.3, 90.0, (12.0, 0.0))
+    found = detect(scanned(two))
+    assert {one.kind for one in found.objects} == {"undecided"}
+
+
+@pytest.mark.parametrize("bump", [0.0, 0.3])
+def test_a_row_whose_y_is_not_known_is_judged(bump: float) -> None:
+    """It ended in an error where it showed a lump."""
+    rng = np.random.default_rng(1)
+    found = detect(recording(row(rng, bump=bump, y_mm=np.nan, hold_s=2.5, sample_hz=50.0)))
+    assert found.finding == ("undecided" if bump else "nothing")
 
 
 def test_a_ball_in_a_grid_is_still_a_tumour() -> None:
