@@ -194,7 +194,7 @@ OVERLOOKED = (
            ("tests/probe/storage/test_writer.py"
             "::test_what_is_damaged_stays_so_when_brought_up_to_date",)),
     Mutant("half of the disk that is needed is enough", "probe/acquisition/run_size.py",
-           "free <= DISK_RESERVE * size_bytes", "DISK_RESERVE * free <= size_bytes",
+           "disk.free <= DISK_RESERVE * size_bytes", "DISK_RESERVE * disk.free <= size_bytes",
            ("tests/probe/acquisition/test_dry_run.py"
             "::test_a_disk_with_less_than_the_run_needs_is_a_fault",)),
     Mutant("depth on a slope is the cosine's square too small", "probe/core/cut_stations.py",

@@ -161,5 +161,4 @@ def _beside(rig: Rig, plan: Plan, scene: Scene | None) -> Iterator[Check]:
 
 
 def _disk(out: Path, size_bytes: float) -> Check:
-    short, text = room(out, size_bytes)
-    return Check("disk", "fault" if short else "ok", text)
+    return Check("disk", *room(out, size_bytes))

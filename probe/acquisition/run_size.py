@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Literal
 
 from drivers import Sensor
 from probe.acquisition.levels import LEVEL_S
@@ -51,19 +52,30 @@ def run_bytes(plan: Plan, sensors: Sequence[Sensor]) -> float:
     return (scan_seconds(plan) + search_seconds(plan)) * growth
 
 
-def room(out: Path, size_bytes: float) -> tuple[bool, str]:
-    """Whether the disk of ``out`` is short of room for a run of this size, and both in words."""
-    folder = next(p for p in (out.resolve(), *out.resolve().parents) if p.exists())
-    free = shutil.disk_usage(folder).free
-    short = free <= DISK_RESERVE * size_bytes
-    text = f"needs {size_bytes / 1e6:.1f} MB, {folder} has {free / 1e6:.1f} MB"
-    if short:
-        text += f"; make room there for {DISK_RESERVE:g} times what it needs, or name another place"
-    return short, text
+def room(out: Path, size_bytes: float) -> tuple[Literal["ok", "warning", "fault"], str]:
+    """The level and the words of a dry run's check that the disk of ``out`` has room for a run of
+    this size: a fault without, a warning where the disk does not say."""
+    folder, needed = out, f"needs {size_bytes / 1e6:.1f} MB"
+    times = f"{DISK_RESERVE:g} times what it needs"
+    try:
+        folder = out.absolute()
+        folder = next((p for p in (folder, *folder.parents) if p.exists()), folder)
+        disk = shutil.disk_usage(folder)
+        why = "it says that it is 0 bytes large" if disk.total == 0 else ""  # some FUSE mounts
+    except OSError as error:
+        why = str(error.strerror or error)
+    if why:
+        return "warning", (
+            f"{needed}; the room on {folder} is not known ({why}): see that {times} is free there"
+        )
+    text = f"{needed}, {folder} has {disk.free / 1e6:.1f} MB"
+    if disk.free <= DISK_RESERVE * size_bytes:
+        return "fault", f"{text}; make room there for {times}, or name another place"
+    return "ok", text
 
 
 def need_room(out: Path, plan: Plan, sensors: Sequence[Sensor]) -> None:
     """Raises `StoreError`, in the words of a dry run, where the disk is short of room."""
-    short, text = room(out, run_bytes(plan, sensors))
-    if short:
+    level, text = room(out, run_bytes(plan, sensors))
+    if level == "fault":
         raise StoreError(f"disk: {text}")

@@ -121,8 +121,8 @@ def scan(
         simulated = devices.scene
         prepared = prepare(rig, plan, limits, simulated, devices, seed)
         name = devices.stage.name if simulated is None else simulated.name
+        need_room(Path(out), prepared.plan, devices.sensors)  # before its folder is made
         path = new_run_path(Path(out), name)
-        need_room(path.parent, prepared.plan, devices.sensors)
         with create_store(path) as sink, listening(control, path):
             opened(path, prepared.notes)
             return run_prepared(devices, prepared, clock, sink, control, observers, labels or {})

@@ -283,7 +283,7 @@ def test_a_disk_with_less_than_the_run_needs_is_a_fault(
 ) -> None:
     out = tmp_path / "not" / "yet"
     free = round(share * dry_run(default_rig(), None, out).size_bytes)
-    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(free, 0, free))
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: shutil._ntuple_diskusage(10**12, 0, free))
     assert levels(dry_run(default_rig(), None, out))["disk"] == level
 
 

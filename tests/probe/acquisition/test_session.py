@@ -15,6 +15,7 @@ from probe.acquisition.session import clock_for, resolve_rig, scan
 from probe.config.rig import Rig
 from probe.core.errors import StoreError
 from probe.core.events import Event, Finish, StationStarted
+from sim_backend.phantom.devices import VirtualStage
 
 REAL_CELL = {"driver": "ft300", "port": "/dev/null"}
 
@@ -67,6 +68,50 @@ def test_a_scan_without_room_for_its_run_is_refused_as_by_a_dry_run(
         scan(None, "TIHA", tmp_path, respond=winkler)
     assert str(said.value) == f"disk: {checks['disk'].text}"
     assert not list(tmp_path.iterdir())
+
+
+def test_a_scan_without_room_leaves_no_folder_and_no_device_open(
+    tmp_path: Path, winkler: Any, free_bytes: Callable[[int], None], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    free_bytes(700_000)
+    closed: list[str] = []
+    monkeypatch.setattr(VirtualStage, "close", lambda stage: closed.append(stage.name))
+    with pytest.raises(StoreError, match=rf"^disk: needs .*, {tmp_path} has 0\.7 MB"):
+        scan(None, "TIHA", tmp_path / "not" / "yet", respond=winkler)
+    assert not list(tmp_path.iterdir())
+    assert closed == ["virtual"]
+
+
+def _is_broken(_: object) -> Any:
+    raise OSError(5, "Input/output error")
+
+
+def _is_empty(_: object) -> Any:
+    return shutil._ntuple_diskusage(0, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("asked", "answer", "why"),
+    [
+        ("shutil.disk_usage", _is_broken, "Input/output error"),
+        ("shutil.disk_usage", _is_empty, "it says that it is 0 bytes large"),
+        ("pathlib.Path.exists", _is_broken, "Input/output error"),
+    ],
+)
+def test_a_disk_that_does_not_say_its_room_is_warned_of_and_stops_no_scan(
+    asked: str, answer: Any, why: str, tmp_path: Path, winkler: Any, monkeypatch: Any
+) -> None:
+    rig, control = Rig.model_validate({"scan": {"stations": 1, "hold_s": 0.1}}), Control()
+    control.abort()
+    there = Path.exists
+    here = asked.endswith("usage")
+    monkeypatch.setattr(asked, lambda p: answer(p) if here or p == tmp_path else there(p))
+    checks = dry_run(*resolve_rig(rig, "TI"), tmp_path, winkler).checks
+    (disk,) = (one for one in checks if one.name == "disk")
+    said = f"; the room on {tmp_path} is not known ({why}): see that 2 times what it needs"
+    assert (disk.level, said in disk.text) == ("warning", True), disk.text
+    begun = scan(rig, "TI", tmp_path, control=control, respond=winkler)
+    assert resume(begun, respond=winkler).ended.finish is Finish.COMPLETED
 
 
 def test_a_run_goes_on_where_there_is_room_for_the_stations_it_lacks(
