@@ -118,8 +118,10 @@ class SidePanel(QWidget):
         elif failed:
             self.fault.setText(state.reason)
         found = f"Finding: {headline(finding)}" if finding else "Finding: none yet"
+        if state.unjudged:
+            found = f"{found}\nNo newer one can be made: {state.unjudged}"
         if state.trouble:
-            found = f"{found}\nNo newer one can be made: {state.trouble}"
+            found = f"{found}\nNothing newer can be read: {state.trouble}"
         self.finding.setText(found)
         self.objects.setText("\n".join(_details(finding)) if finding else "")
         self.progress.setText(progress_line(state))

@@ -167,7 +167,7 @@ class PairWindow(QWidget):
         for name, head, panel, state in zip(
             self.names, self.heads, self.panels, states, strict=True
         ):
-            said = name, simulated_words(state.simulated), state.trouble
+            said = name, simulated_words(state.simulated), state.unjudged
             head.setText(" — ".join(filter(None, said)))
             panel.show_state(state, said_at_the_end(state), levels)
 

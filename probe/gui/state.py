@@ -77,7 +77,8 @@ class ViewState:
     detection, measured them where the station is complete, 0 for a pulse that may be noise; before
     that the hold's mean and the height of its mean beat, NaN while no heart rate is known. ``seen``
     counts what came in: what has not changed need not be drawn again. ``late_s`` is how long ago
-    this was the latest. ``trouble`` is why nothing later, or no finding, can be read.
+    this was the latest. ``trouble`` is why nothing later can be read, ``unjudged`` why there is no
+    newer finding.
     """
 
     config: Mapping[str, Any] = field(default_factory=dict)
@@ -91,6 +92,7 @@ class ViewState:
     maps: dict[int, tuple[float, float]] = field(default_factory=dict)
     finding: Mapping[str, Any] | None = None
     trouble: str = ""
+    unjudged: str = ""
     pressed: list[int] = field(default_factory=list)  # stations of the maps, in order, repeats too
     complete: set[int] = field(default_factory=set)
     taxels_pa: Array = field(default_factory=lambda: np.empty(0))
@@ -147,7 +149,7 @@ class ViewState:
     def judge(self, finding: Mapping[str, Any]) -> None:
         """Take in what detection measured: the heart's rate, and each station it judged."""
         self.seen += 1
-        self.finding, self.trouble = finding, ""
+        self.finding, self.unjudged = finding, ""
         self._measured = {
             each["station"] - 1: (
                 each["baseline_pa"],

@@ -28,7 +28,7 @@ Found = Callable[[], Mapping[str, Any] | str | None]
 def judge(state: ViewState, finding: Mapping[str, Any] | str | None) -> None:
     """Let ``state`` know a new ``finding``, or why there is none."""
     if isinstance(finding, str):
-        state.trouble = finding
+        state.unjudged = finding
     elif finding is not None and finding is not state.finding:
         state.judge(finding)
 

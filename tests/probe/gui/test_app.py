@@ -15,7 +15,7 @@ from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.errors import RunFileError
 from probe.core.events import Event
-from probe.gui.app import Detective, Follower, judged_once, run_live, run_replay
+from probe.gui.app import Detective, Follower, judged, judged_once, run_live, run_replay
 from probe.gui.replay import ReplayWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application, until_closed
@@ -94,6 +94,16 @@ def test_a_run_that_is_garbled_while_it_is_watched_is_said_with_what_was_seen(
     for _ in range(3):
         state = follower()
     assert (state.started_utc != "", state.trouble) == (True, f"{path}: damaged")
+    application()
+    findings = iter(["no such run file", judged(path), "no such run file"])
+    window = RunWindow(path, follower, lambda: next(findings))
+    window.timer.stop()
+    for unjudged in (True, False, True):  # a finding that ends later hides no trouble of reading
+        window.frame()
+        shown = window.side.finding.text()
+        assert f"Nothing newer can be read: {path}: damaged" in shown
+        assert ("No newer one can be made: no such run file" in shown) == unjudged
+    window.close()
 
 
 def test_a_replay_draws_what_was_measured_and_says_the_finding_at_its_end(
