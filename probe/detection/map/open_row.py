@@ -94,23 +94,26 @@ def least_bump_pa(
 def beside_named(line: Line, named: list[ObjectFinding], chance: float) -> list[ObjectFinding]:
     """``named``, the objects of a finished row, and what is stiffer far beside them, undecided,
     where it has a ``chance`` of being none: two bumps have as many unknowns as a short row has
-    stations, and neither is clear. The level's shape at what was named is taken to be known."""
-    x_m, sd = line.x_m, line.level_sd_pa
+    stations, and neither is clear. The level's shape at what was named is taken to be known.
+
+    How much stiffer is said of the station there, against the row's median: the bump's own height
+    goes with what the row's edge takes of it.
+    """
+    x_m = line.x_m
     widths_m = tried_m(pitch_m(x_m), float(np.ptp(x_m)))
     under = surroundings(x_m)
     for one in named:
         tried = [np.column_stack([under, shape(x_m, one.position_m, w)]) for w in widths_m]
         under = min(tried, key=lambda base: _left(line, base))
-    found = find_bumps(x_m, line.level_pa, sd, under, chance, most=1).bumps
-    return [
-        *named,
-        *(
-            _doubted(line, bump.x_m, bump.height, f"no pulse; {bump.height:.0f} Pa stiffer")
-            for bump in found
-            if bump.height > 0
-            and all(abs(bump.x_m - one.position_m) > widths_m[-1] for one in named)
-        ),
-    ]
+    found = find_bumps(x_m, line.level_pa, line.level_sd_pa, under, chance, most=1).bumps
+    for bump in found:
+        near = min(abs(bump.x_m - one.position_m) for one in named)
+        at = int(np.argmin(np.abs(x_m - bump.x_m)))
+        higher_pa = float(line.level_pa[at] - np.median(line.level_pa))
+        if min(bump.height, higher_pa) > 0 and near > widths_m[-1]:
+            words = f"no pulse; {higher_pa:.0f} Pa stiffer"
+            named = [*named, _doubted(line, bump.x_m, higher_pa, words)]
+    return named
 
 
 def _left(line: Line, base: Array) -> float:
