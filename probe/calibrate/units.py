@@ -10,6 +10,7 @@ import numpy as np
 from calibration.errors import CalibrationError
 from drivers.core.arrays import Array
 from probe.calibrate.measurements import Measurements
+from probe.core.contact_stress import PRESSED_N
 
 FULL_TURN_RAD = 2 * np.pi
 SLOWEST_S = 1.0
@@ -27,17 +28,17 @@ class Span(NamedTuple):
 
 
 SPANS = (
-    Span(("force",), ("load",), 0.02, 500.0, "N"),
-    Span(("gravity",), ("fx_n", "fy_n", "fz_n"), 0.0, 500.0, "N"),
+    Span(("force",), ("load",), 0.02, PRESSED_N, "N"),
+    Span(("gravity",), ("fx_n", "fy_n", "fz_n"), 0.0, PRESSED_N, "N"),
     Span(("gravity",), ("mx_nm", "my_nm", "mz_nm"), 0.0, 100.0, "Nm"),
-    Span(("compliance", "tissue", "latency"), ("force_n",), 0.0, 500.0, "N"),
+    Span(("compliance", "tissue", "latency"), ("force_n",), 0.0, PRESSED_N, "N"),
     Span(("compliance", "tissue", "latency"), ("depth_mm",), 0.01, 50.0, "mm"),
     Span(("taxels",), ("pressure_pa",), 200.0, 1e7, "Pa"),
     Span(("surface",), ("x_mm", "y_mm"), 1.0, 2000.0, "mm"),
     Span(("axes", "tool"), ("x_mm", "y_mm", "z_mm"), 1.0, 2000.0, "mm"),
     Span(("axes",), ("true_x_mm", "true_y_mm", "true_z_mm"), 1.0, 2000.0, "mm"),
 )
-"""Forces: an FT300 reads 300 N, and 2 g are less than presses are held to. Places: a UR20 reaches
+"""Forces: 2 g are less than presses are held to. Places: a UR20 reaches
 1,750 mm; what is calibrated over less than a millimetre is not used. Depths: no press of this
 package goes deeper than its block. Pressures: fingers press with some kPa; a table that means
 kilopascals stays below 200."""

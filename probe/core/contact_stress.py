@@ -13,6 +13,9 @@ from drivers.core.units import to_si, units_of
 from probe.core.errors import RunFileError
 
 FORCE_ROLES = ("force", "pressure", "taxel")
+PRESSED_N = 500.0
+"""More is no press of soft tissue: an FT-300, of all sensors here with the largest range, reads
+300."""
 
 
 def tactile_or_none(channels: Mapping[str, tuple[Channel, ...]]) -> str | None:

@@ -25,6 +25,7 @@ from drivers import Block, Channel
 from drivers.core.arrays import Array, Bools
 from drivers.core.units import to_si
 from probe.config.snapshot import library_versions
+from probe.core.contact_stress import PRESSED_N
 from probe.core.events import (
     Event,
     Finish,
@@ -41,7 +42,7 @@ from probe.core.places import SAME_PLACE_M
 from probe.storage.csv_columns import first_line
 from probe.storage.csv_table import CsvRecording, cut, read_csv
 from probe.storage.import_formats import ENDINGS, is_exported, read_format
-from probe.storage.import_table import PRESSED_N, CsvError, check_face
+from probe.storage.import_table import CsvError, check_face
 from probe.storage.writer import create_store
 
 __all__ = ["CsvError", "Imported", "import_csv"]
@@ -95,7 +96,8 @@ def import_csv(
     source, out = Path(source), Path(out)
     check_face(face_mm2, f"{source}: face_mm2")
     try:
-        if is_exported(first_line(source)) or source.suffix in ENDINGS:
+        named = not is_exported(first_line(source)) and source.suffix not in ENDINGS
+        if not named:
             table = read_format(source, topic)
         else:
             table = read_csv(source)
@@ -113,7 +115,7 @@ def import_csv(
         notes = (*notes, f"{what} is negative where it is largest: here pressed is positive")
     if _never_below(read):
         notes = (*notes, "depth_mm is never above 0: here it is positive below the surface")
-    notes = (*notes, *_in_another_unit(read))
+    notes = (*notes, *_in_another_unit(read, named))
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
     broken_off = _broken_off(read)
     if broken_off:
@@ -133,14 +135,16 @@ def _mostly_negative(read: CsvRecording) -> bool:
     return sum(down) > len(down) / 2
 
 
-def _in_another_unit(read: CsvRecording) -> Iterator[str]:
-    """What is possible, but hardly in the unit that its column names, each in a sentence."""
+def _in_another_unit(read: CsvRecording, named: bool) -> Iterator[str]:
+    """What is possible, but hardly in the unit that its column names, each in a sentence; only of
+    a file that is ``named`` so has the force a column of that name."""
     for n, channel in enumerate(read.channels):
         base, factor = to_si(channel.unit)
         force_n = factor * np.concatenate([press.signal[:, n] for press in read.presses])
         if base == "N" and np.nanmax(np.abs(force_n), initial=0.0) > PRESSED_N:
+            what = "force_n" if named else channel.role
             yield (
-                f"force_n spans {np.nanmin(force_n):.3g} to {np.nanmax(force_n):.3g} N, where no "
+                f"{what} spans {np.nanmin(force_n):.3g} to {np.nanmax(force_n):.3g} N, where no "
                 f"press of soft tissue has more than {PRESSED_N:g}: is it in mN?"
             )
     places_m = np.nan_to_num([(press.x_m, press.y_m) for press in read.presses])

@@ -30,8 +30,6 @@ LARGEST = {
     "m": FARTHEST_M,
     "": 2.0**63,  # counts: no converter has more bits
 }
-PRESSED_N = 500.0
-"""More is no press of soft tissue: the bound of `probe.calibrate.units`; an FT-300 reads 300."""
 FACE_MM2 = (1e-6, 1e6)
 """The least and the largest face of a probe: the tip of a force microscope, and a square metre."""
 

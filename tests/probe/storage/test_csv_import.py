@@ -14,6 +14,7 @@ from paths import SHARED
 from probe.core.events import Finish, Note
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.csv_table import cut, read_csv
+from probe.storage.export import export
 from probe.storage.run import open_run
 from probe.storage.verify import verify
 from probe.storage.writer import StoreError
@@ -59,6 +60,17 @@ def test_a_force_in_millinewtons_is_noted(tmp_path: Path, factor: float, noted: 
     assert len(notes) == noted
     assert all("force_n spans 0 to 800 N, where no press" in note for note in notes)
     assert all("is it in mN?" in note for note in notes)
+
+
+def test_a_force_that_is_too_large_is_named_as_its_file_does(tmp_path: Path) -> None:
+    """An export has no column force_n."""
+    rows = [f"{n / 100:g},{800 * n / 49}" for n in range(50)]
+    whole = import_csv(csv(tmp_path / "a.csv", table("time_s,force_n", *rows)), tmp_path / "a.run",
+                       face_mm2=100.0)  # fmt: skip
+    (exported,) = export(whole.path, "mcap", tmp_path / "out")
+    notes = import_csv(exported, tmp_path / "b.run", face_mm2=100.0).notes
+    assert any(note.startswith("force spans 0 to 800 N") for note in notes), notes
+    assert not any("force_n" in note for note in notes)
 
 
 @pytest.mark.parametrize(("factor", "noted"), [(1.0, 0), (1e-3, 1)])
