@@ -16,13 +16,15 @@ def rounded(values: np.ndarray, step: float) -> np.ndarray:
     return np.round(values / step) * step if step else values
 
 
-def tare(rng: Rng, noise_n: float, count: int) -> tuple[np.ndarray, np.ndarray, list[float]]:
+def tare(
+    rng: Rng, noise_n: float, count: int, drift_n_s: float = 1e-4, rate_hz: float = 10
+) -> tuple[np.ndarray, np.ndarray, list[float]]:
     """Interval and estimates of bias and drift, and the true ones."""
-    time_s = np.arange(count) / 10
+    time_s = np.arange(count) / rate_hz
     bias_n = rng.uniform(-1, 1)
-    level = bias_n + 1e-4 * (time_s - time_s.mean()) + noise_n * rng.standard_normal(count)
+    level = bias_n + drift_n_s * (time_s - time_s.mean()) + noise_n * rng.standard_normal(count)
     found = fit_tare(time_s, rounded(level, STEP_N))
-    return found.fit.interval(), found.fit.values, [bias_n, 1e-4]
+    return found.fit.interval(), found.fit.values, [bias_n, drift_n_s]
 
 
 @pytest.mark.parametrize(("noise_steps", "count"), [(0.1, 600), (0.2, 600), (0.3, 600), (0.3, 40)])
@@ -37,6 +39,48 @@ def test_a_tare_of_coarse_steps_holds(noise_steps: float, count: int) -> None:
             continue
         inside.append((interval[:, 0] <= truth) & (truth <= interval[:, 1]))
     assert np.mean(inside, axis=0).min() >= 0.85
+
+
+@pytest.mark.parametrize(
+    ("noise_steps", "drift_steps_s", "widest_steps"),
+    [(0.05, 0.02, 0.2), (0.05, 0.1, 0.03), (0.05, 1, 0.03), (0.05, 3, 0.03), (0.3, 1, 0.06),
+     (0.01, 1, 1.0), (0.01, 1.037, 0.012)],
+)  # fmt: skip
+def test_a_tare_that_drifts_over_steps_holds(
+    noise_steps: float, drift_steps_s: float, widest_steps: float
+) -> None:
+    """As if it stood still over every ten readings, it held in 10 % at a step a second."""
+    noise_n, drift_n_s = noise_steps * STEP_N, drift_steps_s * STEP_N
+    draws = [tare(np.random.default_rng(n), noise_n, 600, drift_n_s) for n in range(9)]
+    inside = [(ends[:, 0] <= truth) & (truth <= ends[:, 1]) for ends, _, truth in draws]
+    assert np.sum(inside, axis=0).min() >= 8
+    halves = [np.ptp(ends[0]) / 2 for ends, _, _ in draws]
+    assert max(halves) < widest_steps * STEP_N
+
+
+def test_a_long_tare_that_drifts_over_steps_holds() -> None:
+    """Least squares say 0.0003 steps in batches of a step each, and are 0.001 off."""
+    rng = np.random.default_rng(8)
+    for _ in range(5):
+        ends, values, truth = tare(rng, 0.05 * STEP_N, 30_000, 2.013 * STEP_N, 1000)
+        assert np.all((ends[:, 0] <= truth) & (truth <= ends[:, 1]))
+        assert np.ptp(ends[0]) < 0.03 * STEP_N
+        assert values[0] == pytest.approx(truth[0], abs=3e-3 * STEP_N)
+
+
+@pytest.mark.parametrize(
+    "codes",
+    [np.arange(600) // 10, np.arange(600) // 20, np.arange(600), np.arange(600) == 599],
+    ids=["stairs of 10", "stairs of 20", "a step each", "one step at the end"],
+)
+def test_what_bounds_each_reading_bounds_the_tare(codes: np.ndarray) -> None:
+    """Of a step: standard deviations were 6e25, 13,396, 0.04 and 2.3."""
+    found = fit_tare(np.arange(600) / 10, codes.astype(float)).fit
+    bias, drift = found.sigma
+    assert 2e-3 < bias < 0.3
+    assert drift < 0.02
+    assert found.values == pytest.approx(np.polyfit(np.arange(600) / 10 - 29.95, codes, 1)[::-1],
+                                         abs=0.1)  # fmt: skip
 
 
 def test_a_tare_of_coarse_steps_is_nearer_than_their_mean() -> None:
