@@ -16,8 +16,13 @@ from numpy.typing import NDArray
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, Mask, as_columns, linear_fit, outlier, same_length, stacked
+from calibration.rounding import no_finer
 
 ADVICE = "add readings at other loads (each axis alone, both directions, at least three levels)"
+
+
+ENOUGH = 5
+"""Loads beyond the unknowns whose scatter shows rounding: by two alone 68 to 92 % held."""
 
 
 @dataclass(frozen=True)
@@ -118,8 +123,18 @@ def fit_force(
         reference_c=mean_c,
         linearity=float(np.max(np.abs(_level_means(loads, back - loads)[0]) / span)),
         hysteresis=max(hysteresis(loads[:, a], back[:, a]) for a in range(axes)),
-        fit=stacked([_by_levels(fit, matrix) for fit in fits]),
+        fit=stacked(
+            [_as_read(fit, matrix, channel) for fit, channel in zip(fits, raw.T, strict=True)]
+        ),
     )
+
+
+def _as_read(fit: Fit, design: Array, readings: Array) -> Fit:
+    """With what readings of a load share: by its scatter between loads, or where these are few, or
+    show none, by that of the step in which ``readings`` (n,) are written."""
+    found = _by_levels(fit, design)
+    left = len(np.unique(design, axis=0)) - design.shape[1]
+    return found if found is not fit and left >= ENOUGH else no_finer(found, design, readings)
 
 
 def _by_levels(fit: Fit, design: Array) -> Fit:

@@ -30,6 +30,12 @@ EVENLY = 1 / 12
 FLAT = 0.01
 """Steps that the fitted line may move within a group of readings: evenly spread they have a
 standard deviation of 0.003, a third of the least of `NOISES`."""
+DIGITS = 9
+"""Decimal places that a table may be rounded to; numbers of a computer have 16 digits."""
+LEAST_SCATTER = 1e-3
+"""Of a variance: with less the degrees of freedom are a million times as many, which is enough."""
+OF_A_DIGIT = (1, 2, 3, 4, 5, 25)
+"""Steps of instruments, in units of the last place that they show."""
 MOST_GROUPS = 5000
 """A channel of as many takes about a second. 60 batches that straddle an edge hold some 200: only a
 line that moves has more."""
@@ -46,6 +52,41 @@ def step_of(readings: Array) -> float:
     step = float(gaps.min())
     codes = (levels - levels[0]) / step
     return step if np.abs(codes - np.round(codes)).max() < EVEN else 0.0
+
+
+def written_step(readings: Array) -> float:
+    """The step in which ``readings`` (n,) are written: the last decimal place that any of them
+    uses, times the largest of `OF_A_DIGIT` by which all of them differ; 0 beyond `DIGITS`.
+
+    Of few readings at loads far from each other `step_of` finds no step, or a multiple of it.
+    """
+    for digits in range(DIGITS + 1):
+        places = readings * 10.0**digits
+        if np.abs(places - np.round(places)).max() < EVEN:
+            common = int(np.gcd.reduce(np.diff(np.round(places)).astype(np.int64)))
+            return float(10.0**-digits * max(k for k in OF_A_DIGIT if common % k == 0))
+    return 0.0
+
+
+def no_finer(fit: Fit, design: Array, readings: Array) -> Fit:
+    """``fit`` of ``design`` (n, p), whose rows are loads that repeat, to ``readings`` (n,) that are
+    known to their `written_step`: repeats that do not scatter over more are all rounded alike, and
+    what is left of them says nothing of it. Rounding's own variance is added.
+
+    How often 95 % intervals of a channel's sensitivity hold, of 200 draws each of gain and offset
+    (in brackets by scatter alone), its readings in steps of 0.02 to 0.3 N: of loads of 0 to 3 N
+    once, with 0.01 N of noise, 97 to 100 (67 to 92) %; five times each 98 to 100 (68 to 92) %;
+    of 0, 1, 2, 3, 2, 1, 0 N with 2 mN 98 to 100 (67 to 74) %.
+    """
+    step = written_step(readings)
+    if fit.noise > DITHERED * step:
+        return fit
+    loads = np.unique(design, axis=0)
+    own = EVENLY * step**2 * np.linalg.pinv(loads.T @ loads)
+    covariance = fit.covariance + own
+    scatter = float((np.diag(fit.covariance) / np.maximum(np.diag(covariance), 1e-300)).max())
+    dof = fit.dof / max(scatter, LEAST_SCATTER) ** 2  # (Satterthwaite 1946): rounding's is known
+    return replace(fit, covariance=covariance, dof=int(dof))
 
 
 def rounding_error(level: Array, step: float, noise: float) -> Array:

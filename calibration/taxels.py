@@ -7,6 +7,7 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, Mask, as_columns, linear_fit, same_length, stacked
+from calibration.rounding import no_finer
 
 DEAD_FRACTION = 0.05  # of the median sensitivity
 CLIPPED = 0.02  # of the span off the line of the other readings: a taxel that stands still there
@@ -104,6 +105,7 @@ def fit_taxels(raw: Array, pressure_pa: Array) -> TaxelCalibration:
         moves = ~(low | high)
         design = np.column_stack([np.ones(int(moves.sum())), pressure[moves]])
         fit = linear_fit(design, channel[moves], ("offset", "sensitivity"), ADVICE)
+        fit = no_finer(fit, design, channel[moves])
         fits.append(fit)
         ends.append([channel.min() if low.any() else np.nan,
                      channel.max() if high.any() else np.nan])  # fmt: skip

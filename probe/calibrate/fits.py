@@ -93,9 +93,8 @@ def calibrate(
         raise CalibrationError(f"kind = {kind!r}: allowed are {', '.join(KINDS)}")
     chosen = Choices(surface_model, as_scene(scene), tuple(relaxation_s), cuff_mmhg)
     taken = read(Path(measurements), kind, device, station)
-    if taken.left_out:
-        left = ", ".join(taken.left_out)
-        warnings.warn(f"{taken.path}: columns left out: {left}", stacklevel=2)
+    for note in taken.notes:
+        warnings.warn(f"{taken.path}: {note}", stacklevel=2)
     return fit_measurements(kind, taken, chosen)
 
 

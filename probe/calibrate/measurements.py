@@ -41,6 +41,8 @@ COLUMNS = {
     "heart": r"time_s|reference|pressure",
 }
 """What each kind may take of a table; whatever else is in it, numbers or words, is left out."""
+IN_ANY_ORDER = ("force", "taxels", "gravity", "tool", "axes", "surface")
+"""Kinds whose rows are readings by themselves, not a course in time or depth."""
 NO_STATION = "no such complete station; press to the end first"
 AROUND_S = 0.3
 GOING_IN = (Phase.APPROACHING, Phase.INDENTING)
@@ -51,13 +53,26 @@ class Measurements:
     """A table's columns; asking for one that is not there says which file and what it has.
 
     ``device`` is the name of the device they are of, empty where the file does not say;
-    ``left_out`` are the columns that the kind of calibration has no use for.
+    ``left_out`` are the columns that the kind of calibration has no use for. Of a table that holds
+    every row ``copies`` times, as one that was pasted twice does, each counts once: the same
+    readings again make nothing better known.
     """
 
     path: Path
     table: pd.DataFrame
     device: str = ""
     left_out: tuple[str, ...] = ()
+    copies: int = 1
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was not taken as it stands there, in sentences."""
+        said = []
+        if self.left_out:
+            said.append(f"columns left out: {', '.join(self.left_out)}")
+        if self.copies > 1:
+            said.append(f"every row is there {self.copies} times: each counts once")
+        return tuple(said)
 
     def column(self, name: str) -> Array:
         """(n,) of one column, without the empty cells at its end: columns may differ in length."""
@@ -138,7 +153,12 @@ def read(path: Path, kind: str, device: str = "", station: int | None = None) ->
         for name in names
         if name not in used and not (name.startswith("Unnamed: ") and table[name].isna().all())
     ]
-    return Measurements(path, table[used], device, tuple(left_out))
+    table, copies = table[used], 1
+    if kind in IN_ANY_ORDER and used:
+        often = table.value_counts(dropna=False)
+        if len(often) > 1 and often.nunique() == 1:
+            table, copies = table.drop_duplicates(), int(often.iloc[0])
+    return Measurements(path, table, device, tuple(left_out), copies)
 
 
 def _from_run(run: Run, kind: str, device: str, station: int | None) -> Measurements:

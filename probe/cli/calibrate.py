@@ -131,8 +131,8 @@ def calibrate(
             f"{readings}: a table does not say whose it is; add --device NAME, the name in the "
             "rig file or, without one there, what `palpate doctor RIG` calls it (force)"
         )
-    if r.left_out:
-        inform(f"columns left out: {', '.join(r.left_out)}")
+    for note in r.notes:
+        inform(note)
     block = load_scene(scene)
     choices = Choices(model, block, tuple(relaxation_s or ()), cuff_mmhg)
     path = out or Path(f"{kind}-{r.device.replace(' ', '-').replace('/', '-')}.json")
