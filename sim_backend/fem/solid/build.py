@@ -111,8 +111,8 @@ def build_body(
     except ValueError as error:
         raise SceneError(
             f"{scene.name}: inclusions leave no room for elements: {error}. {_least_room(drawn)}. "
-            "Move inclusions further from each other, also as seen along z, and from surface and "
-            "bottom."
+            "Move inclusions further from each other, also as seen along z, and from the "
+            "block's surfaces, sides and ends."
         ) from None
     region = _regions(scene, section, edges)[solid]
     shear, bulk = materials(flat, region)
@@ -199,19 +199,24 @@ def _refuse_behind(scene: Scene) -> None:
 
 
 def _least_room(scene: Scene) -> str:
-    """Where, as seen along z, least is left for elements, in words."""
-    left: list[tuple[float, int, str]] = []
+    """Where least room is left for elements, as seen along z or at an end, and by which key."""
+    assert scene.tissue is not None
+    width_mm, length_mm = scene.tissue.width_mm, scene.tissue.length_mm or np.inf
+    left: list[tuple[float, int, str, str]] = []
     for n, one in enumerate(scene.inclusion):
         r = one.outer_radius_mm
-        left.append((one.depth_mm - r, n, "the surface"))
-        left.append((scene.surface_mm - one.depth_mm - r, n, "the bottom"))
+        left.append((one.depth_mm - r, n, "depth_mm", "the surface"))
+        left.append((scene.surface_mm - one.depth_mm - r, n, "depth_mm", "the bottom"))
+        left.append((min(one.x_mm, width_mm - one.x_mm) - r, n, "x_mm", "a side"))
+        if isinstance(one, Tumour):
+            off_mm = abs(one.z_mm or 0.0)
+            left.append((length_mm / 2 - off_mm - r, n, "z_mm", "an end of the block"))
         for m, other in enumerate(scene.inclusion[:n]):
             aside_mm = float(np.hypot(one.x_mm - other.x_mm, one.depth_mm - other.depth_mm))
-            left.append((aside_mm - r - other.outer_radius_mm, n, f"inclusion[{m}]"))
-    left_mm, n, beside = min(left)
-    return (
-        f"inclusion[{n}].x_mm or depth_mm: {left_mm:.2g} mm lie between inclusion[{n}] and {beside}"
-    )
+            room_mm = aside_mm - r - other.outer_radius_mm
+            left.append((room_mm, n, "x_mm or depth_mm", f"inclusion[{m}]"))
+    left_mm, n, key, beside = min(left)
+    return f"inclusion[{n}].{key}: {left_mm:.2g} mm lie between inclusion[{n}] and {beside}"
 
 
 def footprint(indenter: Indenter) -> tuple[Finger, Finger]:

@@ -61,9 +61,9 @@ def test_a_stenosis_lies_in_its_stretch_only() -> None:
     [
         ({"x_mm": 11.0, "diameter_mm": 4.0}, {"x_mm": 15.02, "diameter_mm": 4.0},
          "inclusion[1].x_mm or depth_mm: 0.02 mm lie between inclusion[1] and inclusion[0]"),
-        ({"x_mm": 8.0}, {"x_mm": 22.0, "depth_mm": 13.49}, "inclusion[1].x_mm or depth_mm: "
+        ({"x_mm": 8.0}, {"x_mm": 22.0, "depth_mm": 13.49}, "inclusion[1].depth_mm: "
          "0.01 mm lie between inclusion[1] and the bottom"),
-        ({"x_mm": 8.0, "depth_mm": 2.51}, {"x_mm": 22.0}, "inclusion[0].x_mm or depth_mm: "
+        ({"x_mm": 8.0, "depth_mm": 2.51}, {"x_mm": 22.0}, "inclusion[0].depth_mm: "
          "0.01 mm lie between inclusion[0] and the surface"),
     ],
 )  # fmt: skip
@@ -72,6 +72,12 @@ def test_what_leaves_no_room_for_elements_is_named(
 ) -> None:
     with pytest.raises(SceneError, match=re.escape(named)):
         body_of({**BALL, **first}, {**BALL, **second})
+
+
+def test_a_ball_at_an_end_is_named_by_its_z() -> None:
+    """It was x_mm or depth_mm, and the surface 4.8 mm away."""
+    with pytest.raises(SceneError, match=r"inclusion\[0\]\.z_mm: 0\.005 mm lie between .* an end"):
+        build_body(block({**BALL, "z_mm": -7.495}), 16e-3, depth_m=1e-3, size_m=1.4e-3)
 
 
 @pytest.mark.parametrize("end_mm", [1e-4, 9.9999])
