@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from calibration.censored import unrounded
 from calibration.errors import CalibrationError
 from calibration.fit import (
     Array,
@@ -16,7 +17,6 @@ from calibration.fit import (
     same_length,
     stacked,
 )
-from calibration.rounding import unrounded
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     """Bias and drift from readings without load; ``time_s`` (n,), ``values`` (n, channels).
 
     Filtered sensors give correlated noise: see `calibration.fit.correlated`; readings in steps
-    larger than their noise: `calibration.rounding.unrounded`. Raises `CalibrationError`.
+    larger than their noise: `calibration.censored.unrounded`. Raises `CalibrationError`.
     """
     time = as_columns(time_s, "time_s", 1)[:, 0]
     values = as_columns(values, "values")

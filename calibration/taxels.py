@@ -7,7 +7,7 @@ import numpy as np
 
 from calibration.errors import CalibrationError
 from calibration.fit import Array, Fit, Mask, as_columns, linear_fit, same_length, stacked
-from calibration.rounding import no_finer
+from calibration.rounding import least_step, no_finer
 
 DEAD_FRACTION = 0.05  # of the median sensitivity
 CLIPPED = 0.02  # of the span off the line of the other readings: a taxel that stands still there
@@ -166,7 +166,7 @@ def _past(channel: Array, pressure: Array, end: Mask, moves: Mask) -> bool:
     off = channel[moves] - offset - slope * pressure[moves]
     spread = float(np.sum((pressure[moves] - middle) ** 2))
     doubt = np.sqrt(off @ off / (len(off) - 2) * (1 + 1 / len(off) + away**2 / spread))
-    least = max(4 * float(doubt), CLIPPED * float(np.ptp(channel)), 2 * _quantum(channel))
+    least = max(4 * float(doubt), CLIPPED * float(np.ptp(channel)), 2 * least_step(channel))
     return bool(short * np.sign(slope * away) > least)
 
 
@@ -183,10 +183,4 @@ def _bent(residuals: Array, channel: Array, pressure: Array, taxels: int) -> flo
     left = float(np.sum((residuals - cubic) ** 2))
     off, span = float(np.abs(cubic).max()), max(float(np.ptp(channel)), 1e-300)
     noise = np.sum(cubic**2) / 2 <= fdtri(2, dof, 1 - FALSE_BENT / taxels) * left / dof
-    return 0.0 if noise or off <= max(BENT * span, _quantum(channel)) else off / span
-
-
-def _quantum(channel: Array) -> float:
-    """The least step between two readings: what a good taxel may be off its line by rounding."""
-    steps = np.diff(np.unique(channel))
-    return float(steps.min()) if len(steps) else 0.0
+    return 0.0 if noise or off <= max(BENT * span, least_step(channel)) else off / span

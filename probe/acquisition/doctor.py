@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calibration.rounding import least_step
 from drivers import Block, Clock, ConfigError, DeviceFault, Pose, Sensor, available, find_driver
 from drivers.core.extras import require_library
 from drivers.core.registry import Kind
@@ -147,5 +148,4 @@ def _spread(time_s: np.ndarray, values: np.ndarray) -> tuple[float, float]:
     if not np.isfinite(values).all():
         return math.nan, 0.0
     rest = values - np.polynomial.Polynomial.fit(time_s, values, 1)(time_s)
-    steps = np.diff(np.unique(values))
-    return float(np.std(rest, ddof=2)), float(steps.min()) if len(steps) else 0.0
+    return float(np.std(rest, ddof=2)), least_step(values)

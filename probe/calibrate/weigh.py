@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.errors import CalibrationError
+from calibration.rounding import least_step
 from drivers import Clock, DeviceFault, Sensor
 from drivers.core.arrays import Array
 from drivers.core.units import to_si
@@ -149,10 +150,5 @@ def _take(sensor: Sensor, clock: Clock, where: list[int]) -> tuple[Array, Array,
     first, second = np.array_split(values, 2)
     drift = np.abs(first.mean(axis=0) - second.mean(axis=0))
     # a sensor's own noise may be slow, so halves may differ by it, and by a step of the readings
-    step = np.array([_step(values[:, k]) for k in range(values.shape[1])])
+    step = np.array([least_step(values[:, k]) for k in range(values.shape[1])])
     return values.mean(axis=0), spread, bool((drift > spread + step).any())
-
-
-def _step(values: Array) -> float:
-    steps = np.diff(np.unique(values))
-    return float(steps.min()) if len(steps) else 0.0
