@@ -44,7 +44,7 @@ def stirred(nodes: Array) -> Array:
     return np.asarray(5e-3 * np.sin(nodes @ turn / 5e-3))
 
 
-def linear(section: Section) -> None:
+def assert_linear(section: Section) -> None:
     """Forces are the tangent at rest times displacements, but for the rounding of shear stress."""
     cells, u = section.cells, stirred(section.mesh.nodes)
     found = forces_and_tangents(section, STRAIN * u)[0] / STRAIN
@@ -60,7 +60,7 @@ def linear(section: Section) -> None:
     ("plane", "element"), [("stress", "T6"), ("strain", "T6"), ("strain", "Q4M"), ("strain", "Q8R")]
 )
 def test_forces_are_linear_down_to_the_smallest_strain(plane: str, element: str) -> None:
-    linear(build_section(block(plane), 32e-3, depth_m=1e-3, size_m=SIZE_M, element=element))
+    assert_linear(build_section(block(plane), 32e-3, depth_m=1e-3, size_m=SIZE_M, element=element))
 
 
 @pytest.mark.parametrize("element", ["T6", "Q4M"])
@@ -70,7 +70,7 @@ def test_forces_of_a_body_of_revolution_are(element: str) -> None:
     grading = Grading(SIZE_M, lambda radius: 0.3 * radius, 0.35, 4e-3)
     section = build_axisymmetric(scene, 12e-3, 1e-3, grading)
     _, bulk = moduli(20e3, POISSON)
-    linear(replace(section, bulk=np.full_like(section.bulk, bulk)))
+    assert_linear(replace(section, bulk=np.full_like(section.bulk, bulk)))
 
 
 @pytest.mark.usefixtures("with_and_without_kernel")
