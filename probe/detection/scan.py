@@ -22,15 +22,8 @@ from probe.detection.map.field_objects import (
     objects_in_field,
     runs_along_rows,
 )
-from probe.detection.map.open_row import (
-    DOUBT,
-    beside_named,
-    between_rows,
-    doubtful,
-    least_bump_pa,
-    only_pulses,
-    open_objects,
-)
+from probe.detection.map.open_row import least_bump_pa, only_pulses, open_objects
+from probe.detection.map.row_doubts import DOUBT, beside_named, between_rows, doubtful
 from probe.detection.map.row_objects import line_of, objects_in
 from probe.detection.map.row_shapes import MIN_WITH_EDGES, with_edges
 from probe.detection.map.straight_line import or_lines

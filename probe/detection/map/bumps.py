@@ -9,7 +9,7 @@ from drivers.core.arrays import Array
 from probe.detection.map.bump_doubts import doubts, other_shapes_sd_m
 from probe.detection.map.bump_fit import refined, tried_m
 from probe.detection.map.row_rivals import odds_of_one_press, odds_of_uneven_row
-from probe.detection.map.row_shapes import OTHER_TAILS, TAIL, shape, weighted
+from probe.detection.map.row_shapes import OTHER_TAILS, TAIL, explained, shape, weighted
 from probe.detection.repeats import pitch_m
 
 PLACES_PER_PITCH = 4
@@ -150,14 +150,10 @@ def _next(
     if not tried:
         return [(float(x_m.mean()), pitch)], 1.0
     _, a, _, left = weighted(x_m, value, sd, base, known)
-    more = np.zeros((len(left), len(tried)))
-    more[: len(x_m)] = np.column_stack([shape(x_m, *one) for one in tried]) / sd[:, None]
-    q, _ = np.linalg.qr(a)
-    more -= q @ (q.T @ more)
-    along = left @ more
-    drop = along**2 / np.maximum((more**2).sum(axis=0), 1e-300)
+    shapes = np.column_stack([shape(x_m, *one) for one in tried])
+    drop, height = explained(a, left, shapes / sd[:, None])
     if rising:
-        drop[along < 0] = 0.0
+        drop[height < 0] = 0.0
     before, best = float(left @ left), int(np.argmax(drop))
     dof = len(x_m) - base.shape[1] - 3 * len(known)
     left_over = before - float(drop[best])

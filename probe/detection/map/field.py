@@ -11,7 +11,7 @@ from drivers.core.arrays import Array, Bools
 from probe.core.places import SAME_PLACE_M
 from probe.detection.map.bump_fit import NARROWEST, SETTLED, tried_m, widest_m
 from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, chance
-from probe.detection.map.row_shapes import CURVATURE, level_of
+from probe.detection.map.row_shapes import CURVATURE, explained, level_of
 
 MIN_PRESSES = 15
 """Places that can show a spot (four unknowns) apart from a curved background (six)."""
@@ -143,19 +143,15 @@ def _clearest(
     the sum of squares without it and with it."""
     width = tried_m(seen.spacing_m, seen.span_m)
     _, a, _, left = weighted(seen, known)
-    q, _ = np.linalg.qr(a)
     n, before = len(seen.value), float(left @ left)
     best, most = np.append(centres[0], width[0]), 0.0
     parts = min(-(-len(centres) * len(width) * n // AT_ONCE), len(centres))
     for some in np.array_split(centres, parts):
         square = ((seen.place_m[:, None] - some) ** 2).sum(axis=2)[:, :, None] / width**2
-        more = np.zeros((len(left), len(some) * len(width)))
-        more[:n] = _of_square(square).reshape(n, -1) / seen.sd[:, None]
-        more -= q @ (q.T @ more)
-        along = left @ more
-        drop = along**2 / np.maximum((more**2).sum(axis=0), 1e-300)
+        shapes = _of_square(square).reshape(n, -1)
+        drop, height = explained(a, left, shapes / seen.sd[:, None])
         if rising:
-            drop[along < 0] = 0.0
+            drop[height < 0] = 0.0
         k = int(np.argmax(drop))
         if drop[k] > most:
             best, most = np.append(some[k // len(width)], width[k % len(width)]), float(drop[k])

@@ -6,7 +6,7 @@ from drivers.core.arrays import Array
 from probe.detection.map.bumps import TRUSTED, chance
 from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, weighted
 from probe.detection.map.row_rivals import least_left, odds_instead, rises_anywhere
-from probe.detection.map.row_shapes import shape, step
+from probe.detection.map.row_shapes import explained, shape, step
 
 DIRECTIONS = 24
 """In which a rival is tried, over half a turn: none is more than 3.8 degrees off, which moves it by
@@ -40,21 +40,17 @@ def straight_rise(seen: Map) -> tuple[float, float]:
     """The chance of a step or ridge as clear as the clearest anywhere in a map that has none, and
     its height, negative where it is a furrow."""
     _, a, _, left = weighted(seen, [])
-    q, _ = np.linalg.qr(a)
-    before, most, height = float(left @ left), 0.0, 0.0
+    before, most, rise_pa = float(left @ left), 0.0, 0.0
     for along_m in _along(seen).T:
         for form in (shape, step):
-            columns = rises_anywhere(along_m, seen.spacing_m, form)[:, :, 0]
-            own = np.zeros((len(columns), len(left)))
-            own[:, : len(seen.value)] = columns / seen.sd
-            own -= (own @ q) @ q.T
-            size, inside = (own**2).sum(axis=1), own @ left
-            k = int(np.argmax(inside**2 / np.maximum(size, 1e-300)))
-            if (drop := float(inside[k] ** 2 / max(size[k], 1e-300))) > most:
-                most, height = drop, float(inside[k] / size[k] * np.ptp(columns[k]))
+            columns = rises_anywhere(along_m, seen.spacing_m, form)[:, :, 0].T
+            drop, height = explained(a, left, columns / seen.sd[:, None])
+            if drop.max() > most:
+                k = int(np.argmax(drop))
+                most, rise_pa = float(drop[k]), float(height[k] * np.ptp(columns[:, k]))
     lines = DIRECTIONS / WIDE * seen.span_m / seen.spacing_m
     dof = len(seen.value) - seen.base.shape[1]
-    return chance(before, before - most, SPOT_UNKNOWNS, dof, 2 * lines), height
+    return chance(before, before - most, SPOT_UNKNOWNS, dof, 2 * lines), rise_pa
 
 
 def _along(seen: Map) -> Array:

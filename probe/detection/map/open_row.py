@@ -3,17 +3,12 @@
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from drivers.core.arrays import Array
-from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
-from probe.detection.map.bump_fit import tried_m
-from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps, least_height
+from probe.detection.map.bumps import MIN_STATIONS, least_height
 from probe.detection.map.row_objects import Line, objects_in
-from probe.detection.map.row_shapes import level_of, shape, surroundings, weighted, with_edges
+from probe.detection.map.row_shapes import surroundings, with_edges
 from probe.detection.map.sideways import SQUEEZED
-from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.repeats import pitch_m
 
 MIN_BEYOND = 3.0
@@ -21,13 +16,6 @@ MIN_BEYOND = 3.0
 a bump's half width is up to 2.8."""
 MIN_NAMED = MIN_STATIONS + int(MIN_BEYOND)
 """Stations that show a bump beside what may follow."""
-LUMP_SHARE = 0.11
-"""What a lump adds to the level at its middle: the built-in scene TIT, 9094 over 8187 Pa."""
-DOUBT = 0.05
-"""Chance below which a bump that is no finding yet is no reason to say "nothing" either."""
-MIN_ROWS, LEFT_WITHOUT = 3, 0.1
-"""Rows that show more than a tilt, any of which may be the odd one where there are no more; and the
-share of what a tilt leaves of the rows' levels, squared, that is left without the odd one."""
 REASON = "the row is not finished: further stations may change this"
 OR_BEYOND = "the row is not finished: this lies here or beyond the last station so far"
 
@@ -89,123 +77,3 @@ def least_bump_pa(
     """The bump of the level map that most such rows would show; infinite where none could."""
     base = under(line.x_m)
     return least_height(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
-
-
-def beside_named(line: Line, named: list[ObjectFinding], chance: float) -> list[ObjectFinding]:
-    """``named``, the objects of a finished row, and what is stiffer far beside them, undecided,
-    where it has a ``chance`` of being none: two bumps have as many unknowns as a short row has
-    stations, and neither is clear. The level's shape at what was named is taken to be known.
-
-    How much stiffer is said of the station there, against the row's median: the bump's own height
-    goes with what the row's edge takes of it.
-    """
-    x_m = line.x_m
-    widths_m = tried_m(pitch_m(x_m), float(np.ptp(x_m)))
-    under = surroundings(x_m)
-    for one in named:
-        tried = [np.column_stack([under, shape(x_m, one.position_m, w)]) for w in widths_m]
-        under = min(tried, key=lambda base: _left(line, base))
-    found = find_bumps(x_m, line.level_pa, line.level_sd_pa, under, chance, most=1).bumps
-    for bump in found:
-        near = min(abs(bump.x_m - one.position_m) for one in named)
-        at = int(np.argmin(np.abs(x_m - bump.x_m)))
-        higher_pa = float(line.level_pa[at] - np.median(line.level_pa))
-        if min(bump.height, higher_pa) > 0 and near > widths_m[-1]:
-            words = f"no pulse; {higher_pa:.0f} Pa stiffer"
-            named = [*named, _doubted(line, bump.x_m, higher_pa, words)]
-    return named
-
-
-def _left(line: Line, base: Array) -> float:
-    """What ``base`` leaves of a row's level, weighted and squared."""
-    *_, left = weighted(line.x_m, line.level_pa, line.level_sd_pa, base, [])
-    return float(left @ left)
-
-
-def doubtful(
-    lines: list[Line], least_pa: list[float], y_m: list[float], station_m: float
-) -> list[ObjectFinding]:
-    """Of finished rows at ``y_m`` without an object: what a lump could be, undecided, where a row
-    would not show one (`LUMP_SHARE`). ``least_pa``: each row's `least_bump_pa`; ``station_m``: the
-    rows' pitch.
-
-    That is a bump with a chance below `DOUBT`, or, in a row that is more uneven than its presses
-    scatter, one as high as a lump: several lumps look like a scatter of each other. Of rows without
-    one, that which is bent most, if it is at least as half a lump bends it. Since a curved surface
-    may have made either, a lump may lie anywhere in the row.
-    """
-    found: list[list[ObjectFinding]] = [[] for _ in lines]
-    bent = []
-    for line, least, here in zip(lines, least_pa, found, strict=True):
-        lump_pa = LUMP_SHARE * level_of(line.level_pa)
-        if len(line.x_m) < MIN_STATIONS or not least > lump_pa:
-            continue
-        row = line.x_m, line.level_pa, line.level_sd_pa, surroundings(line.x_m)
-        chance = DOUBT / len(lines)
-        high_pa = lump_pa if evenness(*row) < chance else np.inf
-        bumps = [
-            bump for bump in find_bumps(*row, false_alarm=1.0, most=1).bumps
-            if bump.p_value <= chance
-            or abs(bump.height) > max(high_pa, NORMAL_95 * bump.height_sd)
-        ]  # fmt: skip
-        for bump in bumps:
-            word = "stiffer" if bump.height > 0 else "softer"
-            words = f"no pulse; {abs(bump.height):.0f} Pa {word}"
-            here.append(_doubted(line, bump.x_m, bump.height, words))
-        bent_pa, bent_sd_pa = _bent(line)
-        # nearer to a lump than to none
-        if not bumps and bent_pa > max(lump_pa / 2, NORMAL_95 * bent_sd_pa):
-            words = f"no pulse; the row is bent as if by a lump of {bent_pa:.0f} Pa"
-            bent.append(_doubted(line, float(np.median(line.x_m)), bent_pa, words))
-    bumps_found = across_rows(list(zip(y_m, found, strict=True)), station_m)
-    return bumps_found + sorted(bent, key=lambda one: one.peak_pa)[-1:]
-
-
-def between_rows(lines: list[Line], y_m: list[float]) -> list[ObjectFinding]:
-    """Of finished rows at ``y_m`` (n,) that show nothing: that one differs from a tilted surface
-    through the others by as much as a lump, undecided: what lies along it is in no row a bump.
-
-    Which one is said only if without it the others are as on a tilted surface.
-    """
-    if not np.isfinite(y_m).all() or len(lines) < MIN_ROWS:
-        return []
-    level_pa = np.array([level_of(line.level_pa) for line in lines])
-    q, _ = np.linalg.qr(np.column_stack([np.ones(len(lines)), np.array(y_m) - np.mean(y_m)]))
-    off_pa, held = level_pa - q @ (q.T @ level_pa), np.maximum(1 - (q**2).sum(axis=1), 1e-12)
-    alone_pa = off_pa / held  # off the others' own surface (Cook and Weisberg 1982, section 2.2)
-    left = 1 - off_pa * alone_pa / max(float(off_pa @ off_pa), 1e-300)  # of the squares, without it
-    k = min(range(len(lines)), key=lambda i: (round(float(left[i]), 3), abs(alone_pa[i])))
-    if abs(alone_pa[k]) < LUMP_SHARE * level_of(level_pa):
-        return []
-    word, x_m = "stiffer" if alone_pa[k] > 0 else "softer", lines[k].x_m
-    where = f"the rows differ by up to {abs(alone_pa[k]):.0f} Pa more than on a tilted surface"
-    if len(lines) > MIN_ROWS and left[k] < LEFT_WITHOUT:
-        where = (
-            f"the row at y = {1e3 * y_m[k]:.1f} mm is {abs(alone_pa[k]):.0f} Pa {word} than the "
-            "others"
-        )
-    return [ObjectFinding(
-        "undecided", float(np.median(x_m)), (float(x_m[0]), float(x_m[-1])), float(alone_pa[k]),
-        float(np.median(lines[k].pulse_pa)), 0.0,
-        f"no pulse; {where}, as over something that lies along them or a curved surface: scan in "
-        "rows across these",
-    )]  # fmt: skip
-
-
-def _doubted(line: Line, x_m: float, height_pa: float, words: str) -> ObjectFinding:
-    at = int(np.argmin(np.abs(line.x_m - x_m)))
-    return ObjectFinding(
-        "undecided", x_m, (float(line.x_m[0]), float(line.x_m[-1])), height_pa,
-        float(line.pulse_pa[at]), 0.0,
-        f"{words}, which {len(line.x_m)} stations cannot tell from a curved surface, a block's end "
-        "or presses that differ: a longer row can",
-    )  # fmt: skip
-
-
-def _bent(line: Line) -> tuple[float, float]:
-    """How high a bump in the middle, two station distances wide, bends a row as this one is bent,
-    and its standard deviation [Pa]: of a short row it is the level's curvature."""
-    x_m, sd = line.x_m, line.level_sd_pa
-    square = np.linalg.pinv(surroundings(x_m) / sd[:, None])[2] / sd
-    lump = float(square @ shape(x_m, float(x_m.mean()), 2 * pitch_m(x_m)))
-    return float(square @ line.level_pa) / lump, float(np.linalg.norm(square * sd) / abs(lump))

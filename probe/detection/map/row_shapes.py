@@ -62,6 +62,19 @@ def level_of(value: Array) -> float:
     return max(float(np.median(value)), LEAST_LEVEL * float(np.abs(value).max())) or 1.0
 
 
+def explained(a: Array, left: Array, columns: Array) -> tuple[Array, Array]:
+    """How much less of the residual ``left`` (n + p,), squared, each of ``columns`` (n, m) would
+    leave beside ``a`` (n + p, k), and at which height: (m,) each; all are weighted, and ``a`` ends
+    in the p rows of what holds it."""
+    own = np.zeros((len(a), columns.shape[1]))
+    own[: len(columns)] = columns
+    q, _ = np.linalg.qr(a)
+    own -= q @ (q.T @ own)
+    size = np.maximum((own**2).sum(axis=0), 1e-300)
+    height = left @ own / size
+    return size * height**2, height
+
+
 def weighted(
     x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]],
     tail: float = TAIL,

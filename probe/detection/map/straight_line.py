@@ -14,8 +14,8 @@ from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED
 from probe.detection.map.field import SPOT_UNKNOWNS, Map, shape, weighted
 from probe.detection.map.field_rivals import straight_rise
-from probe.detection.map.open_row import LUMP_SHARE
-from probe.detection.map.row_shapes import level_of
+from probe.detection.map.row_doubts import LUMP_SHARE
+from probe.detection.map.row_shapes import explained, level_of
 from probe.detection.map.row_shapes import shape as bump
 from probe.detection.pulse.presses import Press
 
@@ -117,12 +117,11 @@ def _left(levels: Map, sets: list[Array]) -> float:
     chosen: dict[int, Array] = {}
     for _ in range(SWEEPS):
         for k, columns in enumerate(sets):
-            more = np.zeros((len(a), columns.shape[1]))
-            more[: len(columns)] = columns / levels.sd[:, None]
-            q, _ = np.linalg.qr(np.column_stack([a, *(c for j, c in chosen.items() if j != k)]))
-            own = more - q @ (q.T @ more)
-            drop = (b @ own) ** 2 / np.maximum((own**2).sum(axis=0), 1e-300)
-            chosen[k] = more[:, int(np.argmax(drop))]
+            beside = np.column_stack([a, *(c for j, c in chosen.items() if j != k)])
+            drop, _ = explained(beside, b, columns / levels.sd[:, None])
+            best = np.zeros(len(a))
+            best[: len(columns)] = columns[:, int(np.argmax(drop))] / levels.sd
+            chosen[k] = best
     q, _ = np.linalg.qr(np.column_stack([a, *chosen.values()]))
     left = b - q @ (q.T @ b)
     return float(left @ left)
