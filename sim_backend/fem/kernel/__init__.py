@@ -10,9 +10,12 @@ try:
         cell_forces,
         cell_tangents,
         extend_front,
+        front_down,
+        front_up,
         join_blocks,
         least_area_ratio,
         unit_pressure,
+        wedge_tangents,
     )
 except ImportError:  # there was no compiler where palpate was installed
     BUILT = False
@@ -20,6 +23,6 @@ else:
     BUILT = True
 
 __all__ = [
-    "BUILT", "Fronts", "cell_forces", "cell_tangents", "extend_front", "join_blocks",
-    "least_area_ratio", "unit_pressure",
+    "BUILT", "Fronts", "cell_forces", "cell_tangents", "extend_front", "front_down",
+    "front_up", "join_blocks", "least_area_ratio", "unit_pressure", "wedge_tangents",
 ]  # fmt: skip

@@ -17,8 +17,17 @@ def unit_pressure(
     u: Array, nodes: Ints, place: Array, spread: Array, along: Array, gradient: Array,
     shear: Array, bulk: Array, free: bool, force: Array, tangent: Array, /,
 ) -> None: ...  # fmt: skip
+def wedge_tangents(
+    gradient: Array, f: Array, h: Array, slopes: Array, tangents: Singles, /
+) -> None: ...
 def join_blocks(blocks: Singles, place: Ints, sums: Array, /) -> None: ...
 def extend_front(update: Singles, at: Ints, top: Singles, rest: Singles, /) -> None: ...
+def front_down(
+    root: Singles, coupled: Singles, border: Ints, own: Singles, x: Singles, /
+) -> None: ...
+def front_up(
+    root: Singles, coupled: Singles, border: Ints, own: Singles, x: Singles, /
+) -> None: ...
 
 class Fronts:
     """A `sim_backend.fem.assembly.Solver` of ``groups`` of element matrices, of which the

@@ -181,6 +181,28 @@ end:
     return result;
 }
 
+static PyObject *wedges(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    (void)self;
+    Views views = {0};
+    PyObject *result = NULL;
+    if (!arguments(given, 5)) return NULL;
+    TAKE(slopes, 3, 'd', -1, 0);
+    if (slopes->ndim != 3 || slopes->shape[2] != 4) {
+        PyErr_SetString(PyExc_ValueError, "slopes: want (m, points, 4)");
+        goto end;
+    }
+    Py_ssize_t m = slopes->shape[0], points = slopes->shape[1];
+    TAKE(gradient, 0, 'd', m * points * WEDGE_NODES * 3, 0);
+    TAKE(f, 1, 'd', m * points * 9, 0);
+    TAKE(h, 2, 'd', m * points * 9, 0);
+    TAKE(tangents, 4, 'f', m * 9 * WEDGE_NODES * WEDGE_NODES, 1);
+    wedge_tangents(gradient->buf, f->buf, h->buf, slopes->buf, (int)m, (int)points, tangents->buf);
+    result = Py_NewRef(Py_None);
+end:
+    let_go(&views);
+    return result;
+}
+
 static PyObject *joined(PyObject *self, PyObject *const *args, Py_ssize_t given) {
     (void)self;
     Views views = {0};
@@ -229,6 +251,37 @@ static PyObject *extended(PyObject *self, PyObject *const *args, Py_ssize_t give
 end:
     let_go(&views);
     return result;
+}
+
+/* Arguments: root, coupled, border, own, x. */
+static PyObject *substituted(PyObject *const *args, Py_ssize_t given,
+                             void (*substitute)(const float *, const float *, int, const long long *,
+                                                int, float *, float *)) {
+    Views views = {0};
+    PyObject *result = NULL;
+    if (!arguments(given, 5)) return NULL;
+    TAKE(border, 2, 'q', -1, 0);
+    TAKE(own, 3, 'f', -1, 1);
+    Py_ssize_t pivots = own->len / 4, beyond = border->len / 8;
+    TAKE(root, 0, 'f', pivots * pivots, 0);
+    TAKE(coupled, 1, 'f', pivots * beyond, 0);
+    TAKE(x, 4, 'f', -1, 1);
+    if (!within(border->buf, beyond, x->len / 4)) goto end;
+    substitute(root->buf, coupled->buf, (int)pivots, border->buf, (int)beyond, own->buf, x->buf);
+    result = Py_NewRef(Py_None);
+end:
+    let_go(&views);
+    return result;
+}
+
+static PyObject *down(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    (void)self;
+    return substituted(args, given, front_down);
+}
+
+static PyObject *up(PyObject *self, PyObject *const *args, Py_ssize_t given) {
+    (void)self;
+    return substituted(args, given, front_up);
 }
 
 /* Fronts(size, groups, symmetric, free): `groups` a tuple of int64 (count, width) displacement
@@ -373,8 +426,11 @@ static PyMethodDef functions[] = {
     {"cell_tangents", (PyCFunction)(void (*)(void))tangents, METH_FASTCALL, NULL},
     {"least_area_ratio", (PyCFunction)(void (*)(void))area_ratio, METH_FASTCALL, NULL},
     {"unit_pressure", (PyCFunction)(void (*)(void))lumen, METH_FASTCALL, NULL},
+    {"wedge_tangents", (PyCFunction)(void (*)(void))wedges, METH_FASTCALL, NULL},
     {"join_blocks", (PyCFunction)(void (*)(void))joined, METH_FASTCALL, NULL},
     {"extend_front", (PyCFunction)(void (*)(void))extended, METH_FASTCALL, NULL},
+    {"front_down", (PyCFunction)(void (*)(void))down, METH_FASTCALL, NULL},
+    {"front_up", (PyCFunction)(void (*)(void))up, METH_FASTCALL, NULL},
     {0}};
 
 static int fill(PyObject *module) {

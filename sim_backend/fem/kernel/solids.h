@@ -5,6 +5,14 @@
 
 #include "kernel.h"
 
+enum { WEDGE_NODES = 18 };
+
+/* Tangents (m, 3, 18, 3, 18) of wedges with `points` quadrature points, at gradients (m, points, 18,
+   3), F and its inverse's transpose `h` (m, points, 3, 3), and `slopes` (m, points, 4), each times
+   the point's weight: what dP/dF has of h h, of h h turned, of F h and of ones. */
+void wedge_tangents(const double *gradient, const double *f, const double *h, const double *slopes,
+                    int m, int points, float *tangents);
+
 /* Adds `m` matrices (3, k, 3, k) of elements to `sums` (n, 3, 3); `place` (m, k, k) says where. */
 void join_blocks(const float *blocks, int m, int k, const long long *place, double *sums);
 
@@ -13,5 +21,15 @@ void join_blocks(const float *blocks, int m, int k, const long long *place, doub
    (beyond, beyond). Columns lie one after another. */
 void extend_front(const float *update, int border, const long long *at, float *top, int pivots,
                   float *rest, int beyond);
+
+/* Forward substitution in `x` by a front's `pivots`: `own` of them in `x`, upper triangular `root`
+   (pivots, pivots) and `coupled` (pivots, beyond), the latter of the displacements `border` (beyond,)
+   in `x`. Columns lie one after another. */
+void front_down(const float *root, const float *coupled, int pivots, const long long *border,
+                int beyond, float *own, float *x);
+
+/* Back substitution, likewise. */
+void front_up(const float *root, const float *coupled, int pivots, const long long *border,
+              int beyond, float *own, float *x);
 
 #endif

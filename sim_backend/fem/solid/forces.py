@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array, Ints, Singles
+from sim_backend.fem import kernel
 from sim_backend.fem.material_3d import (
     determinant_and_cofactor,
     response,
@@ -72,35 +73,41 @@ def tangents(
     one that it foresaw. Where ``u`` is a ``rough`` guess, its changes of volume mean nothing, and
     the tangent has no pressure.
     """
-    m = len(wedges.cells)
-    tangent = np.empty((m, 3, 18, 3, 18), dtype=np.float32)
     f = deformation(wedges, u)
     lag = np.zeros(f.shape[:2])
     if change is not None:
         lag = unforeseen_volume(f, deformation(wedges, change) - np.eye(3))
     if rough:
         lag = determinant_and_cofactor(f)[0] - 1
-    for start in range(0, m, _CHUNK):
+    its = response(f, shear[:, None], bulk[:, None], lag)
+    slopes = np.stack([its.hh, its.turned, its.fh, its.by_f], axis=-1) * wedges.weight[..., None]
+    tangent = np.empty((len(f), 54, 54), dtype=np.float32)
+    if kernel.BUILT:
+        kernel.wedge_tangents(wedges.gradient, f, its.h, slopes, tangent)
+        return tangent
+    for start in range(0, len(f), _CHUNK):
         part = slice(start, start + _CHUNK)
-        weight = wedges.weight[part]
-        gradient = np.swapaxes(wedges.gradient[part], 2, 3).astype(np.float32)
-        its = response(f[part], shear[part, None], bulk[part, None], lag[part])
-        by_f, hh, turned, fh = (
-            (weight * each).astype(np.float32)[..., None, None]
-            for each in (its.by_f, its.hh, its.turned, its.fh)
-        )
-        # of dP/dF what is left with the gradients g: F g and h g, (m, q, i, k)
-        f_g, h_g = (each.astype(np.float32) @ gradient for each in (f[part], its.h))
-        rows, half = _rows(h_g), _rows(0.5 * hh * h_g - fh * f_g)
-        left, right = np.concatenate([half, rows], axis=1), np.concatenate([rows, half], axis=1)
-        whole = (np.swapaxes(left, 1, 2) @ right).reshape(-1, 3, 18, 3, 18)
-        swapped = (np.swapaxes(_rows(turned * h_g), 1, 2) @ rows).reshape(-1, 3, 18, 3, 18)
-        tangent[part] = whole + np.swapaxes(swapped, 1, 3)
-        points = (len(weight), -1, 18)
-        alike = np.swapaxes((by_f * gradient).reshape(points), 1, 2) @ gradient.reshape(points)
-        for i in range(3):
-            tangent[part, i, :, i] += alike
-    return tangent.reshape(m, 54, 54)
+        tangent[part] = _tangents(wedges.gradient[part], f[part], its.h[part], slopes[part])
+    return tangent
+
+
+def _tangents(gradient: Array, f: Array, h: Array, slopes: Array) -> Singles:
+    """(m, 54, 54) of gradients (m, q, 18, 3), F and h (m, q, 3, 3), and (m, q, 4) of `Response`'s
+    ``hh``, ``turned``, ``fh`` and ``by_f``, each times the point's weight."""
+    g = np.swapaxes(gradient, 2, 3).astype(np.float32)
+    hh, turned, fh, by_f = np.moveaxis(slopes.astype(np.float32), -1, 0)[..., None, None]
+    # of dP/dF what is left with the gradients g: F g and h g, (m, q, i, k)
+    f_g, h_g = (each.astype(np.float32) @ g for each in (f, h))
+    rows, half = _rows(h_g), _rows(0.5 * hh * h_g - fh * f_g)
+    left, right = np.concatenate([half, rows], axis=1), np.concatenate([rows, half], axis=1)
+    whole = (np.swapaxes(left, 1, 2) @ right).reshape(-1, 3, 18, 3, 18)
+    swapped = (np.swapaxes(_rows(turned * h_g), 1, 2) @ rows).reshape(-1, 3, 18, 3, 18)
+    tangent = whole + np.swapaxes(swapped, 1, 3)
+    points = (len(f), -1, 18)
+    alike = np.swapaxes((by_f * g).reshape(points), 1, 2) @ g.reshape(points)
+    for i in range(3):
+        tangent[:, i, :, i] += alike
+    return np.asarray(tangent.reshape(-1, 54, 54))
 
 
 def _rows(each: Singles) -> Singles:

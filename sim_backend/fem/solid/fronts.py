@@ -38,17 +38,25 @@ class _Pivots:
     signs: Singles | None
     coupled: Singles
 
-    def down(self, right: Singles) -> Singles:
-        """S T^T ``right`` (p,)."""
-        if self.signs is None:
-            return np.asarray(strsv(self.root, right, trans=1))
-        return np.asarray(self.signs * (right @ self.root))
+    def down(self, x: Singles, span: slice, border: Ints) -> None:
+        """S T^T x at the pivots ``span`` of ``x`` (n,), which is taken off the ``border``."""
+        if self.signs is not None:
+            x[span] = self.signs * (x[span] @ self.root)
+        elif kernel.BUILT:
+            kernel.front_down(self.root.T, self.coupled.T, border, x[span], x)
+            return
+        else:
+            x[span] = strsv(self.root, x[span], trans=1)
+        x[border] -= x[span] @ self.coupled
 
-    def up(self, left: Singles, border: Singles) -> Singles:
-        """T (``left`` - S T^T B ``border``)."""
-        if self.signs is None:
-            return np.asarray(strsv(self.root, left - self.coupled @ border))
-        return np.asarray(self.root @ (left - self.signs * (self.coupled @ border)))
+    def up(self, x: Singles, span: slice, border: Ints) -> None:
+        """T (x - S T^T B x at the ``border``) at the pivots ``span``."""
+        if self.signs is not None:
+            x[span] = self.root @ (x[span] - self.signs * (self.coupled @ x[border]))
+        elif kernel.BUILT:
+            kernel.front_up(self.root.T, self.coupled.T, border, x[span], x)
+        else:
+            x[span] = strsv(self.root, x[span] - self.coupled @ x[border])
 
 
 class Factors:
@@ -80,8 +88,7 @@ class Factors:
         x = right.astype(np.float32)
         steps = list(zip(self._plan.spans, self._plan.borders, self._pivots, strict=True))
         for span, border, pivots in steps:
-            x[span] = pivots.down(x[span])
-            x[border] -= x[span] @ pivots.coupled
+            pivots.down(x, span, border)
         return self._up(x, len(steps))
 
     def releasing(self) -> Array:
@@ -99,7 +106,7 @@ class Factors:
         """Back substitution through the first ``fronts``, last first."""
         steps = list(zip(self._plan.spans, self._plan.borders, self._pivots, strict=True))
         for span, border, pivots in reversed(steps[:fronts]):
-            x[span] = pivots.up(x[span], x[border])
+            pivots.up(x, span, border)
         return x.astype(np.float64)
 
 

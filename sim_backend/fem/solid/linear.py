@@ -47,7 +47,7 @@ class LinearSolver:
         order, fronts = dissected(nodes[used], number[groups[0]], graph)
         place = np.empty(n, dtype=np.int64)
         place[order] = np.arange(n)
-        ahead = np.lexsort((place[columns], place[rows]))
+        ahead = np.argsort(place[rows] * n + place[columns])
         rows, self._columns = place[rows[ahead]], place[columns[ahead]]
         rank = np.empty(len(unique), dtype=np.int64)
         rank[ahead] = np.arange(len(unique))

@@ -110,3 +110,22 @@ def test_arrays_that_do_not_fit_are_refused(section: Section) -> None:
                   (update, at, top, rest[:2, :2].copy())):  # fmt: skip
         with pytest.raises((ValueError, IndexError)):
             kernel.extend_front(*given)
+    root, own, x = np.ones((2, 2), np.float32), np.ones(2, np.float32), np.ones(5, np.float32)
+    coupled, border = np.zeros((3, 2), np.float32), np.array([2, 3, 4])
+    for substitute in (kernel.front_down, kernel.front_up):
+        substitute(root, coupled, border, own, x)
+        for given in ((root[:1], coupled, border, own, x), (root, coupled[:2], border, own, x),
+                      (root, coupled, border + 1, own, x), (root, coupled, border, own[:1], x),
+                      (root, coupled, border, own, x.astype(float))):  # fmt: skip
+            with pytest.raises((ValueError, IndexError)):
+                substitute(*given)
+    gradient, f, slopes = np.zeros((1, 2, 18, 3)), np.zeros((1, 2, 3, 3)), np.zeros((1, 2, 4))
+    tangent = np.zeros((1, 54, 54), np.float32)
+    kernel.wedge_tangents(gradient, f, f, slopes, tangent)
+    for given in ((gradient[:, :1], f, f, slopes, tangent),
+                  (gradient, f[:, :1], f, slopes, tangent),
+                  (gradient, f, f[..., :2].copy(), slopes, tangent),
+                  (gradient, f, f, slopes[..., :3].copy(), tangent),
+                  (gradient, f, f, slopes, tangent.astype(float))):  # fmt: skip
+        with pytest.raises(ValueError):
+            kernel.wedge_tangents(*given)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sim_backend.fem import kernel
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.solid.body import Body
 from sim_backend.fem.solid.build import build_body
@@ -126,10 +127,14 @@ def test_pressure_turns_with_the_wall() -> None:
     np.testing.assert_allclose((ahead - behind) / 2, foreseen, atol=1e-6 * np.abs(foreseen).max())
 
 
+@pytest.mark.parametrize("built", sorted({False, kernel.BUILT}))
 @pytest.mark.parametrize(("inclusion", "off"), [(ARTERY, 1e-10), (BALL, 0.01)])
-def test_patch_and_tangent(inclusion: dict[str, Any], off: float) -> None:
+def test_patch_and_tangent(
+    inclusion: dict[str, Any], off: float, built: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """An even deformation is in balance inside, and forces change as the tangent says. Round a
     ball wedges are bent in space, where nine points integrate to 0.3 %."""
+    monkeypatch.setattr(kernel, "BUILT", built)
     body = body_of(inclusion)
     wedges, even = body.wedges, np.full(len(body.shear), 1.0)
     rng = np.random.default_rng(0)
