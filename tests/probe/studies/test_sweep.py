@@ -254,38 +254,6 @@ def test_a_log_that_is_none_is_left_alone(tmp_path: Path) -> None:
     assert log.read_text() == "[1, 2]\n"
 
 
-def test_nobody_at_the_scheduler(tmp_path: Path) -> None:
-    pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    with pytest.raises(ConfigError, match="no scheduler answers"):
-        solve_points(TIHA, made("wall_mm=0.5"), tmp_path / "t.csv", scheduler="nonsense://x")
-
-
-@pytest.mark.slow
-@pytest.mark.filterwarnings("ignore")  # what Dask warns of while a worker is killed
-def test_a_cluster_gives_the_same_table_though_a_worker_dies(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-    wanted = made("wall_mm=0.4..0.8:12", "systolic_mmhg=120")
-    alone = solve_points(TIHA, wanted, tmp_path / "alone.csv", workers=1, **FAST)  # type: ignore[arg-type]
-    killed: list[int] = []
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    ) as cluster:
-
-        def kill_one(done: int, _total: int) -> None:
-            if done >= 3 and not killed:
-                killed.append(next(iter(cluster.workers.values())).process.pid)
-                os.kill(killed[0], 9)
-
-        there = solve_points(TIHA, wanted, tmp_path / "there.csv", progress=kill_one,
-                      scheduler=cluster.scheduler_address, **FAST)  # type: ignore[arg-type]  # fmt: skip
-    assert killed
-    # This process may use more threads than the workers: the last bits of a sum are others then,
-    # and a pulse is the small difference of two.
-    pd.testing.assert_frame_equal(without_time(alone), without_time(there), rtol=1e-10, atol=0.0)
-    lines = (tmp_path / "there.rows.jsonl").read_text().splitlines()[1:]
-    assert len({json.loads(line)["point"] for line in lines}) == len(wanted)
-
-
 def test_python_takes_what_the_shell_takes(tmp_path: Path) -> None:
     listed = sweep("TIHA", {"wall_mm": [0.5, 0.6]}, out=tmp_path / "a.csv", workers=1, **FAST)  # type: ignore[arg-type]
     ranged = sweep("TIHA", {"wall_mm": "0.5..0.6:2"}, out=tmp_path / "b.csv", workers=1, **FAST)  # type: ignore[arg-type]
