@@ -7,6 +7,7 @@ contiguous, of float64, float32 and int64; results go into arrays that the calle
 try:
     from sim_backend.fem.kernel._kernel import (
         Fronts,
+        block_product,
         cell_forces,
         cell_tangents,
         extend_front,
@@ -23,6 +24,6 @@ else:
     BUILT = True
 
 __all__ = [
-    "BUILT", "Fronts", "cell_forces", "cell_tangents", "extend_front", "front_down",
-    "front_up", "join_blocks", "least_area_ratio", "unit_pressure", "wedge_tangents",
+    "BUILT", "Fronts", "block_product", "cell_forces", "cell_tangents", "extend_front",
+    "front_down", "front_up", "join_blocks", "least_area_ratio", "unit_pressure", "wedge_tangents",
 ]  # fmt: skip

@@ -53,15 +53,28 @@ FAST void wedge_tangents(const double *gradient, const double *f, const double *
     }
 }
 
-FAST void join_blocks(const float *blocks, int m, int k, const long long *place, double *sums) {
+FAST void join_blocks(const float *blocks, int m, int k, const long long *place, float *sums) {
     for (int e = 0; e < m; e++, blocks += 9 * k * k, place += k * k)
         for (int a = 0; a < k; a++)
             for (int b = 0; b < k; b++) {
-                double *sum = sums + 9 * place[k * a + b];
+                float *sum = sums + 9 * place[k * a + b];
                 for (int i = 0; i < 3; i++)
                     for (int j = 0; j < 3; j++)
                         sum[3 * i + j] += blocks[3 * k * (k * i + a) + k * j + b];
             }
+}
+
+FAST void block_product(const float *blocks, const long long *columns, const long long *starts, int rows,
+                        const float *x, float *y) {
+    for (int row = 0; row < rows; row++, y += 3) {
+        float sum[9] = {0};
+        for (long long b = starts[row]; b < starts[row + 1]; b++) {
+            const float *block = blocks + 9 * b, *at = x + 3 * columns[b];
+            for (int i = 0; i < 3; i++)
+                for (int j = 0; j < 3; j++) sum[3 * i + j] += block[3 * i + j] * at[j];
+        }
+        for (int i = 0; i < 3; i++) y[i] = sum[3 * i] + sum[3 * i + 1] + sum[3 * i + 2];
+    }
 }
 
 /* Columns lie one after another. */

@@ -14,7 +14,12 @@ void wedge_tangents(const double *gradient, const double *f, const double *h, co
                     int m, int points, float *tangents);
 
 /* Adds `m` matrices (3, k, 3, k) of elements to `sums` (n, 3, 3); `place` (m, k, k) says where. */
-void join_blocks(const float *blocks, int m, int k, const long long *place, double *sums);
+void join_blocks(const float *blocks, int m, int k, const long long *place, float *sums);
+
+/* y = A x (3 rows,) for a matrix of 3 x 3 `blocks` at their `columns`, those of each row from one of
+   `starts` (rows + 1,) to the next. */
+void block_product(const float *blocks, const long long *columns, const long long *starts, int rows,
+                   const float *x, float *y);
 
 /* Adds the upper half of `update` (3 border, 3 border) to the front above, at its nodes `at` (border,),
    which grow: to the rows of its `pivots` in `top` (pivots, pivots + beyond), to the others in `rest`

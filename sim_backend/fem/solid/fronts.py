@@ -1,8 +1,8 @@
 """Factors of a symmetric matrix of 3 x 3 blocks, front by front (Duff and Reid 1983).
 
-Each front is a dense matrix in single precision: the factors precondition a Krylov method in double
-precision. A front whose pivots are not positive is factorised by its eigenvalues; their signs
-add up to the number of the matrix' negative eigenvalues (Haynsworth 1968).
+Each front is a dense matrix in single precision, since factors only precondition. A front whose
+pivots are not positive is factorised by its eigenvalues; their signs add up to the number of the
+matrix' negative eigenvalues (Haynsworth 1968).
 """
 
 from dataclasses import dataclass
@@ -83,15 +83,15 @@ class Factors:
             if pivots.signs is not None:
                 self.negative += int((pivots.signs < 0).sum())
 
-    def solve(self, right: Array) -> Array:
-        """(n,) for ``right`` (n,), to single precision."""
+    def solve(self, right: Array | Singles) -> Singles:
+        """(n,) for ``right`` (n,)."""
         x = right.astype(np.float32)
         steps = list(zip(self._plan.spans, self._plan.borders, self._pivots, strict=True))
         for span, border, pivots in steps:
             pivots.down(x, span, border)
         return self._up(x, len(steps))
 
-    def releasing(self) -> Array:
+    def releasing(self) -> Singles:
         """A displacement x (n,) for which x A x is -1, to single precision: the first negative
         pivot's, with what was eliminated before it following at no force. Raises ValueError where
         no pivot is negative."""
@@ -102,12 +102,12 @@ class Factors:
                 return self._up(x, n)
         raise ValueError("no pivot is negative")
 
-    def _up(self, x: Singles, fronts: int) -> Array:
+    def _up(self, x: Singles, fronts: int) -> Singles:
         """Back substitution through the first ``fronts``, last first."""
         steps = list(zip(self._plan.spans, self._plan.borders, self._pivots, strict=True))
         for span, border, pivots in reversed(steps[:fronts]):
             pivots.up(x, span, border)
-        return x.astype(np.float64)
+        return x
 
 
 @dataclass(frozen=True)

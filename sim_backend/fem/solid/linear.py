@@ -1,14 +1,15 @@
-"""Sparse tangents of solids: one pattern, single-precision factors as preconditioner of GMRES.
+"""Sparse tangents of solids: one pattern, factors of an earlier tangent as preconditioner of GMRES
+(Saad 1993, whose vectors are kept preconditioned too) on the present one.
 
-Factors of an earlier tangent precondition GMRES (Saad and Schultz 1986) on the present one in
-double precision. New factors are made where that takes too long.
+New factors are made where that takes too long. All is in single precision, as the tangents are: a
+Newton step needs no more, and time goes with the bytes that are read.
 """
 
 from collections.abc import Callable
 
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
-from scipy.sparse.linalg import LinearOperator, gmres
+from scipy.sparse.linalg import LinearOperator, gcrotmk
 
 from sim_backend.arrays import Array, Ints, Singles
 from sim_backend.fem import kernel
@@ -68,15 +69,15 @@ class LinearSolver:
         self._leaning = [(s, (w[self._dofs] * free.ravel())) for s, w in leaning]
         self._size = 3 * len(nodes)
         self._factors: Factors | None = None
-        self._inverse: tuple[Factors, Callable[[Array], Array]] | None = None
+        self._inverse: tuple[Factors, Callable[[Singles], Singles]] | None = None
         self._indefinite = False
 
-    def joined(self, blocks: Singles) -> Array:
+    def joined(self, blocks: Singles) -> Singles:
         """The sums (p, 3, 3) of the elements' tangents (m, 3k, 3k), the first group's, for each
         pair of nodes that elements join."""
         place = self._places[0]
         m, k, _ = place.shape
-        sums = np.zeros((len(self._columns), 3, 3))
+        sums = np.zeros((len(self._columns), 3, 3), dtype=np.float32)
         if kernel.BUILT:
             kernel.join_blocks(np.ascontiguousarray(blocks), place, sums)
             return sums
@@ -86,13 +87,14 @@ class LinearSolver:
             sums[:, i, j] = np.bincount(place.ravel(), weights=weights, minlength=len(sums))
         return sums
 
-    def matrix(self, joined: Array, *sides: Array) -> bsr_matrix:
+    def matrix(self, joined: Singles, *sides: Array) -> bsr_matrix:
         """The tangent, without what leans, from the elements' sums and one (m, 3k, 3k) array per
         group after them; one on the diagonal of what is fixed."""
         values = joined.copy()
         for place, block in zip(self._places[1:], sides, strict=True):
             m, k, _ = place.shape
-            np.add.at(values, place, block.reshape(m, 3, k, 3, k).transpose(0, 2, 4, 1, 3))
+            pairs = block.astype(np.float32).reshape(m, 3, k, 3, k).transpose(0, 2, 4, 1, 3)
+            np.add.at(values, place, pairs)
         values[self._partly] *= self._mask
         scale = float(np.abs(values[self._diagonal, 0, 0]).max())
         values[self._diagonal[:, None], [0, 1, 2], [0, 1, 2]] += scale * self._still
@@ -110,7 +112,7 @@ class LinearSolver:
 
         Raises `Singular`. New factors are those of a ``simpler`` matrix, where there is one.
         """
-        right = force[self._dofs]
+        right = force[self._dofs].astype(np.float32)
         right[self._still.ravel()] = 0.0
         result = np.zeros(self._size)
         if not np.any(right):
@@ -160,7 +162,7 @@ class LinearSolver:
         if not factors.negative:
             return float("inf")
         x = factors.releasing()
-        curvature = float(x @ self._apply(matrix, x)) / float(x @ x)
+        curvature = self._released(matrix, x) / float(x @ x)
         return curvature if curvature < 0 else None
 
     def released_by(self, matrix: bsr_matrix) -> Array | None:
@@ -173,19 +175,29 @@ class LinearSolver:
             return None
         x = factors.releasing()
         x[self._still.ravel()] = 0.0
-        if x @ self._apply(matrix, x) >= 0:
+        if self._released(matrix, x) >= 0:
             return None
         result = np.zeros(self._size)
         result[self._dofs] = x
         return result
 
-    def _apply(self, matrix: bsr_matrix, x: Array) -> Array:
-        y = matrix @ x
-        for stiffness, weight in self._leaning:
-            y = y + stiffness * float(weight @ x) * weight
-        return np.asarray(y)
+    def _released(self, matrix: bsr_matrix, x: Singles) -> float:
+        """x A x, summed in double precision: negative where energy is released."""
+        exact = x.astype(np.float64)
+        energy = float(exact @ (matrix.astype(np.float64) @ exact))
+        return energy + sum(s * float(weight @ exact) ** 2 for s, weight in self._leaning)
 
-    def _leaned(self, factors: Factors) -> Callable[[Array], Array]:
+    def _product(self, matrix: bsr_matrix, x: Singles) -> Singles:
+        y = np.empty_like(x)
+        if kernel.BUILT:
+            kernel.block_product(matrix.data, self._columns, self._starts, x, y)
+        else:
+            y = matrix @ x
+        for stiffness, weight in self._leaning:
+            y += stiffness * float(weight @ x) * weight
+        return y
+
+    def _leaned(self, factors: Factors) -> Callable[[Singles], Singles]:
         """The inverse of what ``factors`` are of and of the averages that are fixed, by the formula
         of Sherman, Morrison and Woodbury: of the averages ``factors`` have the diagonal only. A
         vessel that runs obliquely through free ends turns the block by its pressure, which those
@@ -197,9 +209,9 @@ class LinearSolver:
         capacitance = np.diag([1 / s for s, _ in self._leaning]) + weights @ gives.T
         share = np.linalg.solve(capacitance, gives)
 
-        def solve(right: Array) -> Array:
+        def solve(right: Singles) -> Singles:
             x = factors.solve(right)
-            return np.asarray(x - (weights @ x) @ share)
+            return np.asarray(x - (weights @ x) @ share, dtype=np.float32)
 
         return solve
 
@@ -212,29 +224,28 @@ class LinearSolver:
         return Factors(self._plan, propped)
 
     def _krylov(
-        self, matrix: bsr_matrix, right: Array, factors: Factors, most: int, enough_n: float
-    ) -> tuple[Array | None, int]:
+        self, matrix: bsr_matrix, right: Singles, factors: Factors, most: int, enough_n: float
+    ) -> tuple[Singles | None, int]:
         if self._inverse is None or self._inverse[0] is not factors:
             self._inverse = factors, self._leaned(factors)
         inverse = self._inverse[1]
-        n = len(right)
         counted = 0
 
-        def count(_: float) -> None:
+        def counting(y: Singles) -> Singles:
             nonlocal counted
             counted += 1
+            return inverse(y)
 
-        y, failed = gmres(
-            LinearOperator((n, n), lambda y: self._apply(matrix, inverse(y)), dtype=right.dtype),
-            right, rtol=RELATIVE, atol=enough_n, restart=most, maxiter=1, callback=count,
-            callback_type="pr_norm",
+        shape = (len(right), len(right))
+        x, _ = gcrotmk(
+            LinearOperator(shape, lambda y: self._product(matrix, y), dtype=right.dtype), right,
+            M=LinearOperator(shape, counting, dtype=right.dtype),
+            rtol=RELATIVE, atol=enough_n, m=most, k=0, maxiter=1,
         )  # fmt: skip
-        x = inverse(y)
-        good = np.all(np.isfinite(x)) and (
-            not failed
-            or np.linalg.norm(right - self._apply(matrix, x))
-            < max(GOOD * float(np.linalg.norm(right)), 2 * enough_n)
-        )
+        if not np.all(np.isfinite(x)):
+            return None, counted
+        left_n = float(np.linalg.norm(right - self._product(matrix, x)))
+        good = left_n < max(GOOD * float(np.linalg.norm(right)), 2 * enough_n)
         return (np.asarray(x) if good else None), counted
 
 

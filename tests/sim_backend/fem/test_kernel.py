@@ -96,12 +96,25 @@ def test_arrays_that_do_not_fit_are_refused(section: Section) -> None:
         fronts.solve(np.zeros(section.size), np.zeros(section.size - 1))
     with pytest.raises(IndexError):
         kernel.Fronts(section.size - 1, (cells.dofs,), (True,), section.assembly.free)
-    place, sums = np.zeros((2, 4, 4), dtype=np.int64), np.zeros((5, 3, 3))
+    place, sums = np.zeros((2, 4, 4), dtype=np.int64), np.zeros((5, 3, 3), dtype=np.float32)
     blocks = np.zeros((2, 12, 12), dtype=np.float32)
     for given in ((blocks[:1], place, sums), (blocks, place + 5, sums), (blocks, place - 1, sums),
                   (blocks.astype(float), place, sums), (blocks, place[:, :3], sums)):  # fmt: skip
         with pytest.raises((ValueError, IndexError, BufferError)):
             kernel.join_blocks(*given)
+    blocks, columns, starts = (
+        np.ones((3, 3, 3), np.float32),
+        np.array([0, 1, 1]),
+        np.array([0, 2, 3]),
+    )
+    x, y = np.ones(6, np.float32), np.ones(6, np.float32)
+    kernel.block_product(blocks, columns, starts, x, y)
+    for given in ((blocks[:2], columns, starts, x, y), (blocks, columns + 1, starts, x, y),
+                  (blocks, columns, starts + 1, x, y), (blocks, columns, starts - 1, x, y),
+                  (blocks, columns, starts, x[:5], y),
+                  (blocks, columns, starts, x, y[:5])):  # fmt: skip
+        with pytest.raises((ValueError, IndexError)):
+            kernel.block_product(*given)
     update, at = np.zeros((6, 6), dtype=np.float32), np.array([0, 1])
     top, rest = np.zeros((6, 3), dtype=np.float32), np.zeros((3, 3), dtype=np.float32)
     kernel.extend_front(update, at, top, rest)
