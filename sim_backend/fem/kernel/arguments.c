@@ -26,7 +26,7 @@ int arguments(Py_ssize_t given, Py_ssize_t wanted) {
 int within(const long long *nodes, Py_ssize_t count, Py_ssize_t n) {
     for (Py_ssize_t k = 0; k < count; k++)
         if (nodes[k] < 0 || nodes[k] >= n) {
-            PyErr_SetString(PyExc_IndexError, "a cell has a node that is not there");
+            PyErr_SetString(PyExc_IndexError, "a number points beyond its array");
             return 0;
         }
     return 1;

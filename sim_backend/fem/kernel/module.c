@@ -2,7 +2,7 @@
 
 #include "arguments.h"
 #include "cells.h"
-#include "planned.h"
+#include "fronts_type.h"
 #include "solids.h"
 
 /* Arguments 0 to 5: u, nodes, gradient, weight, shear, bulk; 6: the law. */
@@ -264,7 +264,7 @@ static PyMethodDef functions[] = {
     {0}};
 
 static int fill(PyObject *module) {
-    PyObject *type = PyType_FromModuleAndSpec(module, &planned_spec, NULL);
+    PyObject *type = PyType_FromModuleAndSpec(module, &fronts_spec, NULL);
     int failed = !type || PyModule_AddObjectRef(module, "Fronts", type);
     Py_XDECREF(type);
     return failed ? -1 : 0;

@@ -1,4 +1,4 @@
-#include "planned.h"
+#include "fronts_type.h"
 
 #include <stdlib.h>
 
@@ -138,5 +138,5 @@ static PyType_Slot planned_slots[] = {{Py_tp_new, planned_new},
                                       {Py_tp_methods, planned_methods},
                                       {0, NULL}};
 
-PyType_Spec planned_spec = {"sim_backend.fem.kernel._kernel.Fronts", sizeof(Planned), 0,
+PyType_Spec fronts_spec = {"sim_backend.fem.kernel._kernel.Fronts", sizeof(Planned), 0,
                                    Py_TPFLAGS_DEFAULT, planned_slots};
