@@ -48,8 +48,8 @@ wide blocks were refused: a ball on 66 x 67 x 8 mm makes 104,339 unknowns in pla
 0.2 % of the force and 0.1 % of the pulse. With 1.0 a quarter fewer, and 0.12, 0.16 and 0.2 %."""
 SLOWER = 0.8
 """Power of the contact's element size with which the others shrink."""
-MOST_UNKNOWNS = 60_000
-"""No mesh above this is solved: its factors take more than 1.5 GB."""
+MOST_UNKNOWNS = 90_000
+"""No mesh much above this is solved: TIHA under a ball of 5 mm takes 1.44 GB with 90,197."""
 LEAST_LAYER = 0.01
 """No layer is made thinner than this share of the outer radius of a stenosed vessel: the stretch's
 end is moved onto what is nearer. An end 0.1 um from the finger made the tangent singular; one

@@ -1,4 +1,4 @@
-"""What the error of a press by a body of revolution is made of."""
+"""What the error of a press into a solid is made of."""
 
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -46,6 +46,24 @@ def test_meshes_that_agree_by_chance_do_not_state_no_error(
     _, (force_pct, pulse_pct) = solid_press.refine_solid(scene, 0.0, 1e-3, pressures_pa, budget)
     assert 1.7 < force_pct < 3.0  # a cylinder's second mesh missed as much
     assert 1.7 < pulse_pct < 3.0 if len(pressures_pa) > 1 else pulse_pct == 0.0
+
+
+@pytest.mark.parametrize(("second", "meshes"), [(33_000, 3), (34_000, 2)])
+def test_no_mesh_is_begun_that_would_be_too_large(
+    second: int, meshes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The third mesh has 2.7 times as many unknowns as the second."""
+    sizes_m: list[float] = []
+
+    def solved(*given: Any, **_more: Any) -> tuple[SimpleNamespace, list[SimpleNamespace]]:
+        sizes_m.append(given[4])
+        unknowns = second if len(sizes_m) == 2 else 10
+        return SimpleNamespace(free=range(unknowns)), [SimpleNamespace(force_n=1.0)]
+
+    monkeypatch.setattr(solid_press, "solve_solid", solved)
+    scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
+    solid_press.refine_solid(scene, 0.0, 1e-3, [0.0], np.full(2, 1.0))
+    assert len(sizes_m) == meshes
 
 
 ROUND_FINGERS = {
