@@ -98,6 +98,11 @@ def press(
         moved, stress = zip(*((s.displacement_m, mesh.von_mises(s)) for s in states), strict=True)
         for path in write_vtu(mesh.section, moved, stress, vtu):
             inform(f"VTU: {path}")
+    if (left_pct := pressed.error_estimate_pct) > accuracy:
+        inform(
+            f"note: an error of {left_pct:.2g} % misses the accuracy of {accuracy:g} % that was "
+            "asked for: " + ("leave --model out" if model else "nothing finer is solved here")
+        )
     found: dict[str, Any] = plain(pressed.as_json())
     if json:
         answer_json(found)

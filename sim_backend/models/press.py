@@ -310,15 +310,7 @@ def _press_solid(
     if tried and is_round(scene, x_mm):
         section, solution, pct = refine_axisymmetric(*place, accuracy_pct, solving)
         if pct <= accuracy_pct or model == "axisymmetric":
-            # of a whole turn, its force is in newtons
-            states = tuple(
-                replace(
-                    _state(scene, section, solution, p),
-                    force_n=solution.force_n_per_m,
-                    force_n_per_mm=nan,
-                )
-                for p in pressures
-            )
+            states = tuple(_round_state(scene, section, solution, p, x_mm) for p in pressures)
             return Press(
                 scene, x_mm, depth_mm, "axisymmetric", len(section.assembly.free),
                 perf_counter() - began, pct, None if len(pressures) == 1 else 0.0, states, None,
@@ -340,6 +332,16 @@ def _press_solid(
         tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True)), None,
         "wedge", 'the scene says plane = "solid"',
     )  # fmt: skip
+
+
+def _round_state(
+    scene: Scene, section: Section, solution: Solution, pressure_mmhg: float, x_mm: float
+) -> State:
+    """Of a whole turn about ``x_mm``: the force is in newtons, and what touches is a radius."""
+    half = _state(scene, section, solution, pressure_mmhg)
+    _, radius_mm = half.contact_mm
+    touching_mm = (x_mm - radius_mm, x_mm + radius_mm)
+    return replace(half, force_n=solution.force_n_per_m, force_n_per_mm=nan, contact_mm=touching_mm)
 
 
 def _solid_state(body: Body, solution: SolidSolution, pressure_mmhg: float) -> State:

@@ -29,6 +29,13 @@ def test_a_sweep_says_how_many_rows_miss_the_accuracy_and_what_to_do(
     assert "miss" not in chosen.err
 
 
+def test_a_press_says_that_it_misses_the_accuracy(palpate: Any) -> None:
+    asked = ("press", "TIHA", "--x", "32", "--depth", "0.5", "--accuracy", "5")
+    small = palpate(*asked, "--model", "small")
+    assert "% misses the accuracy of 5 % that was asked for: leave --model out" in small.err
+    assert "misses" not in palpate(*asked).err
+
+
 def test_a_pulse_says_that_the_force_falls_while_the_pressure_rises() -> None:
     """As it can beside a vessel; the order in which the pressures were given does not matter."""
 

@@ -95,4 +95,8 @@ def test_a_round_finger_over_a_side_or_an_end_is_pressed_as_a_solid(
 
 def test_a_round_finger_further_inside_stays_a_body_of_revolution() -> None:
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    assert press.press(scene, 6.0, 0.2, accuracy_pct=20).model == "axisymmetric"
+    pressed = press.press(scene, 6.0, 0.2, accuracy_pct=20)
+    assert pressed.model == "axisymmetric"
+    left, right = pressed.states[0].contact_mm
+    assert left + right == pytest.approx(12.0)  # it touches about x, as in other models
+    assert right - left == pytest.approx(2 * np.sqrt(5.0 * 0.2), rel=0.15)  # Hertz: a^2 = R d
