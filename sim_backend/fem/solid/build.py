@@ -46,8 +46,12 @@ FAR = 1.5
 wide blocks were refused: a ball on 66 x 67 x 8 mm makes 104,339 unknowns in place of 57,391, for
 0.06 % of the force; a cylinder across an artery, 86 x 78 x 11 mm, 69,300 in place of 47,539, for
 0.2 % of the force and 0.1 % of the pulse. With 1.0 a quarter fewer, and 0.12, 0.16 and 0.2 %."""
-SLOWER = 0.8
-"""Power of the contact's element size with which the others shrink."""
+AT_WALL, AWAY = 0.8, 0.4
+"""Powers of the contact's element size with which those at inclusions shrink, and growth and the
+largest. With 0.8 for all, five vessels in a small block (`benchmarks/equal_error.py`) are 0.44 %
+off in force and 1.09 % in pulse on the second mesh, 0.21 and 0.56 % on the third (root mean
+squares); with these 0.36 and 1.13, 0.19 and 0.37 %, with a fifth fewer unknowns, and in TIHA's
+block two fifths."""
 MOST_UNKNOWNS = 90_000
 """No mesh much above this is solved: TIHA under a ball of 5 mm takes 1.44 GB with 90,197."""
 LEAST_LAYER = 0.01
@@ -153,11 +157,11 @@ def _as_at_finger(scene: Scene) -> Scene:
 def grading_of(scene: Scene, size_m: float) -> Grading:
     """Element sizes where those in the contact are ``size_m``."""
     assert scene.tissue is not None
-    scale = (size_m / (SHARE * half_width_m(scene))) ** SLOWER
-    wall = min(WALL * scale, WALL)
+    finer = size_m / (SHARE * half_width_m(scene))
+    wall = min(WALL * finer**AT_WALL, WALL)
     return Grading(
-        size_m, lambda radius_m: wall * radius_m, min(GROWTH * scale, 0.9),
-        min(COARSEST * scale, 0.5) * 1e-3 * scene.tissue.height_mm,
+        size_m, lambda radius_m: wall * radius_m, min(GROWTH * finer**AWAY, 0.9),
+        min(COARSEST * finer**AWAY, 0.5) * 1e-3 * scene.tissue.height_mm,
         far_m=np.inf if any(one.path for one in scene.arteries)
         else FAR * 1e-3 * scene.tissue.height_mm,
     )  # fmt: skip

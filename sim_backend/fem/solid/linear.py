@@ -70,7 +70,7 @@ class LinearSolver:
         self._size = 3 * len(nodes)
         self._factors: Factors | None = None
         self._inverse: tuple[Factors, Callable[[Singles], Singles]] | None = None
-        self._indefinite = False
+        self._negative = 0
 
     def joined(self, blocks: Singles) -> Singles:
         """The sums (p, 3, 3) of the elements' tangents (m, 3k, 3k), the first group's, for each
@@ -126,7 +126,7 @@ class LinearSolver:
         if x is None:
             raise Singular
         assert self._factors is not None
-        self._indefinite = self._factors.negative > 0
+        self._negative = self._factors.negative
         if taken > SLOW_STEPS:
             self._factors = None
         x[self._still.ravel()] = 0.0
@@ -149,9 +149,9 @@ class LinearSolver:
         self._factors = None
 
     @property
-    def is_indefinite(self) -> bool:
-        """Whether the factors of the last `solve` have a negative pivot."""
-        return self._indefinite
+    def negative(self) -> int:
+        """How many negative pivots the factors of the last `solve` have."""
+        return self._negative
 
     def lowest_curvature(self, matrix: bsr_matrix) -> float | None:
         """Infinite where all pivots are positive; else x A x / x x of a displacement x for which it

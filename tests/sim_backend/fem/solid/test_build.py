@@ -60,8 +60,8 @@ def test_a_stenosis_lies_in_its_stretch_only() -> None:
 @pytest.mark.parametrize(
     ("first", "second", "named"),
     [
-        ({"x_mm": 11.0, "diameter_mm": 4.0}, {"x_mm": 15.02, "diameter_mm": 4.0},
-         "inclusion[1].x_mm or depth_mm: 0.02 mm lie between inclusion[1] and inclusion[0]"),
+        ({"x_mm": 11.0, "diameter_mm": 3.0}, {"x_mm": 14.005, "diameter_mm": 3.0},
+         "inclusion[1].x_mm or depth_mm: 0.005 mm lie between inclusion[1] and inclusion[0]"),
         ({"x_mm": 8.0}, {"x_mm": 22.0, "depth_mm": 13.49}, "inclusion[1].depth_mm: "
          "0.01 mm lie between inclusion[1] and the bottom"),
         ({"x_mm": 8.0, "depth_mm": 2.51}, {"x_mm": 22.0}, "inclusion[0].depth_mm: "
