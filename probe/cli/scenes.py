@@ -99,9 +99,11 @@ def press(
         for path in write_vtu(mesh.section, moved, stress, vtu):
             inform(f"VTU: {path}")
     if (left_pct := pressed.error_estimate_pct) > accuracy:
+        what = "force" if left_pct == pressed.force_error_estimate_pct else "pulse"
+        finer = model in (None, "auto", "solid")
         inform(
-            f"note: an error of {left_pct:.2g} % misses the accuracy of {accuracy:g} % that was "
-            "asked for: " + ("leave --model out" if model else "nothing finer is solved here")
+            f"note: the {what}'s error of {left_pct:.2g} % misses the accuracy of {accuracy:g} % "
+            "that was asked for: " + ("nothing finer is solved" if finer else "leave --model out")
         )
     found: dict[str, Any] = plain(pressed.as_json())
     if json:

@@ -19,9 +19,9 @@ SHARES = (0.36, 0.25, 0.18)
 """Element sizes in the contact over the finger's smaller half width, one mesh after the other."""
 ORDER = 1.6
 """The error falls at least as this power of the size, as in `sim_backend.models.refine`."""
-GROWTH = 3.0
-"""Power of the elements in the contact by which unknowns grow: TIHA under a ball and a cylinder,
-from the second mesh to the third: 3.1 and 3.0."""
+GROWTH = (2.7, 1.6)
+"""Powers of the elements in the contact by which unknowns grow from mesh to mesh: 2.0 to 2.7 and
+0.8 to 2.0 of eleven scenes."""
 FLOOR_PCT = 30.0
 """What a mesh misses of force and of pulse at least, over the square of its share: two meshes may
 agree by chance. Two meshes of an earlier commit did, under a cylinder of 5 x 10 mm over TIHA's
@@ -47,13 +47,13 @@ def refine_solid(
     error_pct = np.full(2, np.inf)
     solving(mesh_in_words(SOLID, SHARES[0] * half_m, error_pct))
     # no first mesh without a second, which shows its error; how large finer ones are is foreseen
-    most = MOST_UNKNOWNS * (SHARES[1] / SHARES[0]) ** GROWTH
+    most = MOST_UNKNOWNS * (SHARES[1] / SHARES[0]) ** GROWTH[0]
     solved = solve_solid(
         scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m, most_unknowns=most, judged=False
     )
-    for before, share in pairwise(SHARES):
+    for (before, share), growth in zip(pairwise(SHARES), GROWTH, strict=True):
         finer = before / share
-        if len(solved[0].free) * finer**GROWTH > MOST_UNKNOWNS:
+        if len(solved[0].free) * finer**growth > MOST_UNKNOWNS:
             break
         coarser = solved
         solving(mesh_in_words(SOLID, share * half_m, error_pct))

@@ -15,6 +15,10 @@ typedef struct {
     Py_buffer view[MOST_ARRAYS];
 } Views;
 
+#ifdef __GNUC__
+#pragma GCC visibility push(hidden)
+#endif
+
 void let_go(Views *views);
 
 /* The next array: `count` numbers (any if negative) of `kind` d, f or q, to be written if `out`.
@@ -26,6 +30,10 @@ int arguments(Py_ssize_t given, Py_ssize_t wanted);
 
 /* All of the numbers (count,) are from 0 to below n? */
 int within(const long long *nodes, Py_ssize_t count, Py_ssize_t n);
+
+#ifdef __GNUC__
+#pragma GCC visibility pop
+#endif
 
 #define TAKE(name, place, kind, count, out) \
     Py_buffer *name = take(&views, args[place], kind, count, out); \

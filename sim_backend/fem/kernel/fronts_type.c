@@ -139,4 +139,4 @@ static PyType_Slot planned_slots[] = {{Py_tp_new, planned_new},
                                       {0, NULL}};
 
 PyType_Spec fronts_spec = {"sim_backend.fem.kernel._kernel.Fronts", sizeof(Planned), 0,
-                                   Py_TPFLAGS_DEFAULT, planned_slots};
+                           Py_TPFLAGS_DEFAULT, planned_slots};

@@ -17,7 +17,7 @@ void wedge_tangents(const double *gradient, const double *f, const double *h, co
 void join_blocks(const float *blocks, int m, int k, const long long *place, float *sums);
 
 /* y = A x (3 rows,) for a matrix of 3 x 3 `blocks` at their `columns`, those of each row from one of
-   `starts` (rows + 1,) to the next. */
+   `starts` (rows + 1,) to the next; y is not x. */
 void block_product(const float *blocks, const long long *columns, const long long *starts, int rows,
                    const float *x, float *y);
 

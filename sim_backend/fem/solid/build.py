@@ -46,14 +46,14 @@ FAR = 1.5
 wide blocks were refused: a ball on 66 x 67 x 8 mm makes 104,339 unknowns in place of 57,391, for
 0.06 % of the force; a cylinder across an artery, 86 x 78 x 11 mm, 69,300 in place of 47,539, for
 0.2 % of the force and 0.1 % of the pulse. With 1.0 a quarter fewer, and 0.12, 0.16 and 0.2 %."""
-AT_WALL, AWAY = 0.8, 0.4
-"""Powers of the contact's element size with which those at inclusions shrink, and growth and the
-largest. With 0.8 for all, five vessels in a small block (`benchmarks/equal_error.py`) are 0.44 %
-off in force and 1.09 % in pulse on the second mesh, 0.21 and 0.56 % on the third (root mean
-squares); with these 0.36 and 1.13, 0.19 and 0.37 %, with a fifth fewer unknowns, and in TIHA's
-block two fifths."""
-MOST_UNKNOWNS = 90_000
-"""No mesh much above this is solved: TIHA under a ball of 5 mm takes 1.44 GB with 90,197."""
+SLOWER, AWAY_FROM = 0.8, 0.69
+"""Power of the contact's element size with which the others shrink; and that size, over `SHARE`'s,
+below which those away from contact and inclusions shrink no more. Five vessels in a small block
+(`benchmarks/equal_error.py`) are 0.19 % off in force and 0.39 % in pulse on the third mesh (root
+mean squares), 0.21 and 0.56 % where they go on; it has a quarter fewer unknowns, and two fifths
+fewer for TIHA in 64 x 40 mm."""
+MOST_UNKNOWNS = 85_000
+"""No mesh much above this is solved: of TIHA-solid 64,169 unknowns take 1.14 GB."""
 LEAST_LAYER = 0.01
 """No layer is made thinner than this share of the outer radius of a stenosed vessel: the stretch's
 end is moved onto what is nearer. An end 0.1 um from the finger made the tangent singular; one
@@ -158,10 +158,10 @@ def grading_of(scene: Scene, size_m: float) -> Grading:
     """Element sizes where those in the contact are ``size_m``."""
     assert scene.tissue is not None
     finer = size_m / (SHARE * half_width_m(scene))
-    wall = min(WALL * finer**AT_WALL, WALL)
+    wall, away = min(WALL * finer**SLOWER, WALL), max(finer, AWAY_FROM) ** SLOWER
     return Grading(
-        size_m, lambda radius_m: wall * radius_m, min(GROWTH * finer**AWAY, 0.9),
-        min(COARSEST * finer**AWAY, 0.5) * 1e-3 * scene.tissue.height_mm,
+        size_m, lambda radius_m: wall * radius_m, min(GROWTH * away, 0.9),
+        min(COARSEST * away, 0.5) * 1e-3 * scene.tissue.height_mm,
         far_m=np.inf if any(one.path for one in scene.arteries)
         else FAR * 1e-3 * scene.tissue.height_mm,
     )  # fmt: skip

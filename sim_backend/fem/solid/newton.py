@@ -27,8 +27,8 @@ MIN_STEP = 1 / 64
 INDEFINITE, CAREFUL_STEP = 3, 1 / 8
 """Negative pivots, summed over the iterations, above which a step is taken in halves, down to the
 shortest that is taken carefully. Of 13 presses (12 random ones) nine steps met two or more at once,
-and none of them converged; the one that met a single one did. TIHA-solid to 1 % takes 30 s of
-processor, and 37 where three iterations with any number of them were borne."""
+and none of them converged; the one that met a single one did. Factors that serve again count
+again."""
 PENALTY = 100.0
 """Contact stiffness over modulus times element size: each iteration leaves about 1 / PENALTY of a
 gap, and factors of an earlier contact still precondition well."""

@@ -32,7 +32,12 @@ def test_a_sweep_says_how_many_rows_miss_the_accuracy_and_what_to_do(
 def test_a_press_says_that_it_misses_the_accuracy(palpate: Any) -> None:
     asked = ("press", "TIHA", "--x", "32", "--depth", "0.5", "--accuracy", "5")
     small = palpate(*asked, "--model", "small")
+    assert "the pulse's error of " in small.err
     assert "% misses the accuracy of 5 % that was asked for: leave --model out" in small.err
+    least = palpate("press", "TI", "--x", "32", "--depth", "0.5", "--accuracy", "0.011", "--model",
+                    "auto")  # fmt: skip
+    assert "the force's error of " in least.err
+    assert "asked for: nothing finer is solved" in least.err
     assert "misses" not in palpate(*asked).err
 
 

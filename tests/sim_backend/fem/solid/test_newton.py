@@ -44,9 +44,15 @@ def test_an_indefinite_tangent_is_left_by_shorter_steps(monkeypatch: pytest.Monk
     """Only the shortest may go on with it: they alone may end in an unstable state."""
     body = build_body(SCENE, 12e-3, depth_m=1e-3, size_m=2.5e-3)
     solver = body.solver()
-    monkeypatch.setattr(LinearSolver, "negative", property(lambda _: 1))
-    with pytest.raises(NotConverged, match="stayed indefinite"):
-        equilibrium(body, solver, unloaded(body), Load(0.5e-3, 0.0))
+    steps: list[int] = []
+    solve = LinearSolver.solve
+    monkeypatch.setattr(LinearSolver, "solve", lambda *given: (steps.append(1), solve(*given))[1])
+    for negative, borne in ((1, 4), (2, 2), (4, 1)):
+        monkeypatch.setattr(LinearSolver, "negative", property(lambda _, n=negative: n))
+        steps.clear()
+        with pytest.raises(NotConverged, match="stayed indefinite"):
+            equilibrium(body, solver, unloaded(body), Load(0.5e-3, 0.0))
+        assert len(steps) == borne
     allowed, slacks = [], []
 
     def indefinite(_b: Any, _s: Any, start: Any, load: Load, slack: float, *, careful: bool) -> Any:
