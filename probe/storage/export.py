@@ -102,7 +102,8 @@ def _parquet(run: Run, out_dir: Path) -> list[Path]:
         table = pyarrow.Table.from_pandas(frame, preserve_index=False)
         fields = [f.with_metadata(said.get(f.name)) for f in table.schema]
         about = {**(table.schema.metadata or {}), b"palpate": _about(run).encode()}
-        parquet.write_table(table.cast(pyarrow.schema(fields, about)), path)
+        with path.open("wb") as file:  # pyarrow takes no name that is not UTF-8
+            parquet.write_table(table.cast(pyarrow.schema(fields, about)), file)
     return written
 
 

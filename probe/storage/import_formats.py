@@ -125,7 +125,9 @@ def _parquet(source: Path) -> Table:
     require("pyarrow", "export", "Parquet")
     from pyarrow import parquet
 
-    table, schema = pd.read_parquet(source), parquet.read_schema(source)
+    with source.open("rb") as file:  # pyarrow takes no name that is not UTF-8
+        held = parquet.read_table(file)
+    table, schema = held.to_pandas(), held.schema
     about = [(field.name, field.metadata or {}) for field in schema]
     if any(b"role" in said for _, said in about):
         column_of = {said[b"channel"].decode(): n for n, said in about if b"role" in said}

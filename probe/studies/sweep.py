@@ -169,7 +169,8 @@ def _columns(table: Path) -> list[str]:
         if table.suffix == ".parquet":
             from pyarrow import parquet
 
-            return list(map(str, parquet.read_schema(table).names))
+            with table.open("rb") as file:  # pyarrow takes no name that is not UTF-8
+                return list(map(str, parquet.read_schema(file).names))
         import xarray
 
         with xarray.open_dataset(table, engine="h5netcdf") as held:
@@ -256,7 +257,8 @@ def write(table: pd.DataFrame, out: Path) -> None:
     """Write ``out`` in one piece, in the format of its ending."""
     part = out.with_name(out.name + ".part")
     if out.suffix == ".parquet":
-        table.to_parquet(part, index=False)
+        with part.open("wb") as file:
+            table.to_parquet(file, index=False)
     elif out.suffix == ".csv":
         table.to_csv(part, index=False)
     else:

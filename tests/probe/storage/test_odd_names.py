@@ -1,5 +1,7 @@
 """Nothing is lost on the way out of a run, whatever its channels are and are called."""
 
+import os
+import sys
 from collections.abc import Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -122,6 +124,19 @@ def ros_messages(file: Path) -> list[object]:
         ]
     finally:
         reader.close()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere names are always text")
+@pytest.mark.parametrize("form", FORMS)
+def test_a_folder_may_have_a_name_that_is_not_utf_8(form: str, tmp_path: Path) -> None:
+    path = run_of(tmp_path / "a.run", {"cell": (FORCE,)})
+    folder = tmp_path / os.fsdecode(b"f\xff")
+    (samples,) = [
+        file for file in export(path, [form], folder)
+        if form in ("hdf5", "netcdf", "mcap") or file.stem.endswith("cell")
+    ]  # fmt: skip
+    back = open_run(import_csv(samples, tmp_path / "b.run", face_mm2=100.0).path)
+    assert np.array_equal(back.samples()["force"], first_of(0, 0))
 
 
 @pytest.mark.parametrize("form", FORMS)
