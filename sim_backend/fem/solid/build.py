@@ -48,7 +48,8 @@ wide blocks were refused: a ball on 66 x 67 x 8 mm makes 104,339 unknowns in pla
 0.2 % of the force and 0.1 % of the pulse. With 1.0 a quarter fewer, and 0.12, 0.16 and 0.2 %."""
 SLOWER, AWAY_FROM = 0.8, 0.69
 """Power of the contact's element size with which the others shrink; and that size, over `SHARE`'s,
-below which those away from contact and inclusions shrink no more. Five vessels in a small block
+below which those away from contact and inclusions shrink no more: the second mesh of a press (0.25
+over 0.36) is just above it. Five vessels in a small block
 (`benchmarks/equal_error.py`) are 0.19 % off in force and 0.39 % in pulse on the third mesh (root
 mean squares), 0.21 and 0.56 % where they go on; it has a quarter fewer unknowns, and two fifths
 fewer for TIHA in 64 x 40 mm."""

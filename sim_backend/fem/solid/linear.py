@@ -191,8 +191,8 @@ class LinearSolver:
         return energy + sum(s * float(weight @ exact) ** 2 for s, weight in self._leaning)
 
     def _product(self, matrix: bsr_matrix, x: Singles) -> Singles:
-        y = np.empty_like(x)
         if kernel.BUILT:
+            y = np.empty_like(x)
             kernel.block_product(matrix.data, self._columns, self._starts, x, y)
         else:
             y = matrix @ x

@@ -6,24 +6,12 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from small_sweep import FAST, TIHA, made, without_time
 
 from drivers import ConfigError
 from probe.studies.sweep import solve_points
-from probe.studies.vary import parse, points
-from sim_backend import load_scene
-
-TIHA = load_scene("TIHA")
-FAST = {"model": "small", "accuracy_pct": 20.0, "indentation_mm": 1.0}
 
 distributed = pytest.importorskip("distributed", reason="the extra `cluster` is not installed")
-
-
-def made(*texts: str) -> list[dict[str, float | str]]:
-    return points([parse(text, TIHA) for text in texts], "full", 0, 0)
-
-
-def without_time(table: pd.DataFrame) -> pd.DataFrame:
-    return table.drop(columns="seconds").reset_index(drop=True)
 
 
 def test_nobody_at_the_scheduler(tmp_path: Path) -> None:

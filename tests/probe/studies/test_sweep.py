@@ -13,28 +13,17 @@ import numpy as np
 import pandas as pd
 import pytest
 from small_block import BLOCK
+from small_sweep import FAST, TIHA, made, without_time
 
 from drivers import ConfigError
 from probe.studies.fleet import fleet
 from probe.studies.solve import jobs, solve
 from probe.studies.sweep import solve_points, sweep, write
 from probe.studies.vary import parse, points
-from sim_backend import load_scene
 from sim_backend.models import kept_tables, trained_states
 from sim_backend.models import surrogate as fast
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene, SceneError
-
-TIHA = load_scene("TIHA")
-FAST = {"model": "small", "accuracy_pct": 20.0, "indentation_mm": 1.0}
-
-
-def made(*texts: str) -> list[dict[str, float | str]]:
-    return points([parse(text, TIHA) for text in texts], "full", 0, 0)
-
-
-def without_time(table: pd.DataFrame) -> pd.DataFrame:
-    return table.drop(columns="seconds").reset_index(drop=True)
 
 
 def test_pressures_share_one_solution() -> None:
