@@ -112,7 +112,7 @@ OVERLOOKED = (
            "            sensor.stop()\n        self.publish_samples()",
            "            sensor.stop()", WAYS),
     Mutant("a late stage is looked at all the time", "probe/acquisition/run_loop.py",
-           "finely = now - expected_s < 20 * FINE_S", "finely = True",
+           "ends = now - expected_s < 20 * fine_s", "ends = True",
            ("tests/probe/acquisition/test_engine.py",)),
     Mutant("a halt is said once", "probe/acquisition/run_loop.py",
            "self.tick(self.clock.now() + STOP_AGAIN_S)\n            self.stage.stop()",

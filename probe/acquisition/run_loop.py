@@ -13,6 +13,7 @@ from probe.acquisition.event_bus import EventBus
 from probe.acquisition.guard_client import GuardClient
 from probe.acquisition.interruption import Interrupted
 from probe.acquisition.levels import Levels, Usual
+from probe.acquisition.press_guard import WAY_M
 from probe.acquisition.readiness import turned
 from probe.acquisition.retreat import STOP_AGAIN_S
 from probe.acquisition.safety_monitor import STAGE_PERIOD_S, SafetyMonitor
@@ -30,7 +31,7 @@ from probe.planning.limits import ARRIVED_M, Limits
 from probe.planning.plan import Place, Plan
 
 TICK_S = 0.005  # the engine's own pace with the wall clock
-FINE_S = 0.0005  # its pace around the expected end of a move, so that phases start on time
+FINE_S = 0.0005  # its pace around the expected end of a way down, so that a hold starts on time
 PUBLISH_S = 0.05  # samples leave in blocks of about this length
 MAX_JUMPS = 3  # of a clock, in one press
 SLOWEST_PACE = 0.01  # a slower controller is taken for one that stands
@@ -84,11 +85,16 @@ class RunLoop:
 
         A stage that takes twice as long as it should plus two seconds, or rests elsewhere than
         commanded, is at fault. Only a stage that ``turns`` is asked to turn the tool.
+
+        On the way down the guards look most often, and its end is met to `FINE_S`.
         """
         target = turned(self.stage, target)
-        length = math.dist(self.monitor.pose()[:3], target[:3])
+        start = self.monitor.pose()
+        length = math.dist(start[:3], target[:3])
         if length < 1e-9:
             return True
+        down = start.z - target.z > WAY_M
+        step_s, fine_s = (self.tick_s, FINE_S) if down else (self.rest_s, self.rest_s / 4)
         self.monitor.move(target, speed_m_s, search=until is not None)
         began_s = self.clock.now()
         expected_s, slowest = began_s + length / speed_m_s, 1.0
@@ -97,8 +103,8 @@ class RunLoop:
             slowest = min(slowest, max(abilities.pace(self.stage), SLOWEST_PACE))
             if now > began_s + 2 * (expected_s - began_s) / slowest + 2.0:
                 raise MotionFault(self.stage.name, f"has not arrived after {now - began_s:.1f} s")
-            finely = now - expected_s < 20 * FINE_S
-            self.tick(max(expected_s, now + FINE_S) if finely else math.inf)
+            ends = now - expected_s < 20 * fine_s
+            self._look_at(min(now + step_s, max(expected_s, now + fine_s) if ends else math.inf))
             if until is not None and until():
                 self.halt()
                 return False

@@ -140,10 +140,10 @@ def test_a_stage_that_is_late_is_waited_for_at_the_usual_pace(
     )
     slow = {"stage": {"driver": "virtual", "acceleration_mm_s2": 50}}
     _, events, _ = scan(winkler, stations=1, tables=slow)
-    ((up_s,), (end_s,)) = (entered(events, p) for p in (Phase.RETRACTING, Phase.FINISHED))
-    every_s = np.diff([t for t in looks_s if up_s < t < end_s])
-    assert end_s - up_s > 0.5
-    assert np.count_nonzero(every_s < 1e-3) <= 2 * 20
+    ((down_s,), (end_s,)) = (entered(events, p) for p in (Phase.APPROACHING, Phase.INDENTING))
+    every_s = np.diff([t for t in looks_s if down_s < t < end_s])
+    assert end_s - down_s > 0.4
+    assert np.count_nonzero(every_s < 1e-3) <= 1 + 20  # one meets the expected end
 
 
 def test_every_sample_of_a_press_is_in_and_labelled(winkler: Any) -> None:
@@ -155,7 +155,8 @@ def test_every_sample_of_a_press_is_in_and_labelled(winkler: Any) -> None:
     for n in starts:
         times = of(events, "force", n).time_s
         begun = force.time_s > starts[n] + 1e-9  # one of that very instant was read before
-        assert (times == force.time_s[begun & (force.time_s < stops[n])]).all()
+        ended = force.time_s > stops[n] + 1e-9
+        assert times.tolist() == force.time_s[begun & ~ended].tolist()
 
 
 def test_one_seed_gives_the_same_bytes(winkler: Any) -> None:
