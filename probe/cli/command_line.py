@@ -72,6 +72,8 @@ def run(given: Sequence[str]) -> int:
             status = typer.main.get_command(build()).main(
                 list(given), prog_name="palpate", standalone_mode=False
             )
+        except SystemExit:  # typer's way to end where nobody reads its help any more
+            status = 0
         except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - the one place for all
             with undisturbed():
                 status, text = status_of(error)
