@@ -78,6 +78,7 @@ def _csv(source: Path) -> Table:
     # Numbers stay text: pandas' own are the last bit off.
     kinds: defaultdict[str, type] = defaultdict(lambda: str, station=int, attempt=int)
     text = pd.read_csv(source, dtype=kinds)
+    _check_places(text)
     channels, column_of = _by_name(text, source)
 
     def read(name: str) -> Array:
@@ -91,6 +92,15 @@ def _csv(source: Path) -> Table:
         )
 
     return judged({"": Device(channels, {*text, PHASE}, read)}, None)
+
+
+def _check_places(table: pd.DataFrame) -> None:
+    """Raises `CsvError` for a place or a depth in another unit: without it all would be judged as
+    if it were not known."""
+    for name in map(str, table):
+        wanted = f"{name.rpartition('_')[0].lower()}_mm"
+        if wanted in PER_STATION and name != wanted:
+            raise CsvError(f"column {name!r}: unknown unit; {wanted!r} is read")
 
 
 def _clipped(column: "pd.Series[str]") -> Array:

@@ -123,6 +123,13 @@ def test_a_mark_of_clipping_that_is_no_mark_is_refused(tmp_path: Path) -> None:
         import_csv(file, tmp_path / "b.run")
 
 
+def test_a_depth_in_another_unit_is_not_passed_over(tmp_path: Path) -> None:
+    file = exported(run_of(tmp_path, {"cell": CELL}), "csv", "cell")
+    file.write_text(file.read_text().replace("depth_mm", "depth_m", 1))
+    with pytest.raises(CsvError, match="column 'depth_m': unknown unit; 'depth_mm' is read"):
+        import_csv(file, tmp_path / "b.run")
+
+
 def test_an_older_file_that_does_not_say_which_sensor_is_refused(tmp_path: Path) -> None:
     """Exports had no attribute `tactile` once: with one sensor they are imported as they were."""
     for channels, known in (({"skin": TAXELS, "cell": CELL}, False), ({"cell": CELL}, True)):
