@@ -119,12 +119,12 @@ def _present(stage: Any) -> "Pose":
 
 def _numbers(text: str) -> tuple[float, ...]:
     """Three numbers in mm, in metres. Raises `typer.BadParameter`."""
-    import math
+    from probe.core.recording import FARTHEST_M
 
     try:
         x, y, z = (1e-3 * float(one) for one in text.replace(",", " ").split())
     except ValueError:
         raise typer.BadParameter(f"{text!r}: three numbers in mm are needed, as X,Y,Z") from None
-    if not all(map(math.isfinite, (x, y, z))):
-        raise typer.BadParameter(f"{text!r}: finite numbers are needed")
+    if not all(abs(one) <= FARTHEST_M for one in (x, y, z)):  # nor is not-a-number
+        raise typer.BadParameter(f"{text!r}: up to {1e3 * FARTHEST_M:g} mm is what an arm reaches")
     return (x, y, z)

@@ -84,7 +84,8 @@ def test_numbers_need_no_robot_and_are_printed(
     ("given", "said"),
     [
         (["--point", "1,2,3"], "a frame needs three"),
-        (["--point", "1,2,3", "--point", "1,2,nan", "--point", "1,2,3"], "finite"),
+        (["--point", "1,2,3", "--point", "1,2,nan", "--point", "1,2,3"], "an arm reaches"),
+        (["--point", "1,2,3", "--point", "1,2,1e300", "--point", "1,2,3"], "up to 3000 mm"),
         (["--point", "1,2,3", "--point", "2,2,3", "--point", "1,30,3"], "1.0 mm apart"),
     ],
 )
