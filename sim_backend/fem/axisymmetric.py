@@ -14,9 +14,9 @@ from sim_backend.fem.finite_strain import Solved
 from sim_backend.fem.mesh import block_mesh
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import (
-    LOCKING_POISSON,
     Grading,
     Section,
+    best_element,
     element_sizes,
     half_contact,
     materials,
@@ -75,11 +75,7 @@ def build_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: G
     def size(points: Array) -> Array:
         return element_sizes(points, finger, half_m, rings, grading)
 
-    solids = (scene.tissue, *scene.inclusion)
-    locking = max(one.poisson for one in solids) > LOCKING_POISSON
-    mesh, cells = as_element(
-        block_mesh(radius_m, height_m, rings, size), "Q4M" if locking else "T6"
-    )
+    mesh, cells = as_element(block_mesh(radius_m, height_m, rings, size), best_element(scene))
     shear, bulk = materials(moved, mesh.region)
     on_axis = np.flatnonzero(mesh.nodes[:, 0] < 1e-12)
     fixed = np.unique(np.concatenate([2 * on_axis, 2 * mesh.bottom + 1]))

@@ -155,7 +155,8 @@ def refine(
                 raise
             error_pct = error_pct * finer**order  # the mesh before, whose answer is kept
             break
-        left_pct = _changes_pct(coarser[1], solved[1]) / (finer**order - 1)
+        changed_pct = changes_pct(_forces(coarser[1]), _forces(solved[1]))
+        left_pct = changed_pct / (finer**order - 1)
         if finer > MOST_FINER or not in_tissue:
             left_pct = SECOND_SAFETY * left_pct
         flat = max(flatness(solved[0].lumens, state.displacement) for state in solved[1])
@@ -200,15 +201,18 @@ def _folded(solved: Solved) -> bool:
     return any(len(one.multiplier) > PAIRS_WITH_OPEN_LUMENS for one in solved[1])
 
 
-def _changes_pct(coarse: list[Solution], fine: list[Solution]) -> Array:
-    """Largest change of force, and that of the span of forces over the pressures (2,) [%]."""
-    a, b = (np.array([s.force_n_per_m for s in each]) for each in (coarse, fine))
-    largest = max(float(np.abs(b).max()), 1e-12)
-    of_span = abs(float(np.ptp(b)) - float(np.ptp(a))) / _pulse_n_per_m(b)
-    return 100 * np.array([np.abs(a - b).max() / largest, of_span])
+def _forces(states: list[Solution]) -> Array:
+    return np.array([one.force_n_per_m for one in states])
 
 
-def _pulse_n_per_m(forces: Array) -> float:
+def changes_pct(coarse: Array, fine: Array) -> Array:
+    """Largest change of the forces (n,), and that of their span over the pressures (2,) [%]."""
+    largest = max(float(np.abs(fine).max()), 1e-12)
+    of_span = abs(float(np.ptp(fine)) - float(np.ptp(coarse))) / _pulse(fine)
+    return 100 * np.array([np.abs(coarse - fine).max() / largest, of_span])
+
+
+def _pulse(forces: Array) -> float:
     """What a pulse's error is judged against."""
     return max(float(np.ptp(forces)), SMALL_PULSE * max(float(np.abs(forces).max()), 1e-12))
 
@@ -224,14 +228,11 @@ def _entering_pct(states: list[Solution]) -> float:
     The edge of the contact moves by a whole node if the contact force of one node moves from some
     nodes to others. If less force moves, the effect is that much smaller.
     """
-    forces = np.array([one.force_n_per_m for one in states])
+    forces = _forces(states)
     low, high = states[int(forces.argmin())], states[int(forces.argmax())]
     contact_force = np.array([low.multiplier[0], high.multiplier[0]])
     largest = max(float(contact_force.sum(axis=1).max()), 1e-12)
     moved = float(np.abs(np.diff(contact_force, axis=0)).sum()) / largest
     return (
-        ENTERING_PCT
-        * min(moved, 1 / _pressed([low, high]))
-        * float(forces.max())
-        / _pulse_n_per_m(forces)
+        ENTERING_PCT * min(moved, 1 / _pressed([low, high])) * float(forces.max()) / _pulse(forces)
     )

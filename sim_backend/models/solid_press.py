@@ -12,13 +12,11 @@ from sim_backend.fem.model import Section, half_contact
 from sim_backend.fem.newton import CannotSolve, Solution
 from sim_backend.fem.solid.build import MOST_UNKNOWNS, half_width_m
 from sim_backend.fem.solid.solve import SolvedSolid, solve_solid
-from sim_backend.models.refine import Solving, mesh_in_words, refine
+from sim_backend.models.refine import ORDER, Solving, changes_pct, mesh_in_words, refine
 from sim_backend.scene.scene_file import Scene, SceneError
 
 SHARES = (0.36, 0.25, 0.18)
 """Element sizes in the contact over the finger's smaller half width, one mesh after the other."""
-ORDER = 1.6
-"""The error falls at least as this power of the size, as in `sim_backend.models.refine`."""
 GROWTH = (2.7, 1.6)
 """Powers of the elements in the contact by which unknowns grow from mesh to mesh: 2.0 to 2.7 and
 0.8 to 2.0 of eleven scenes."""
@@ -29,8 +27,6 @@ vessel: within 0.1 % of force and 0.4 % of pulse, both 1.7 and 2.0 % above a fin
 of 24 x 20 mm the third mesh's pulse, like CalculiX', is 1.6 % above the second's.
 """
 SOLID = "a solid in three dimensions"
-SMALL_PULSE = 1e-3
-"""A pulse below this share of the force is judged against the share: no sensor feels it."""
 
 
 def refine_solid(
@@ -67,7 +63,8 @@ def refine_solid(
                 raise
             break
         least_pct = FLOOR_PCT * share**2 * np.array([1.0, len(pressures_pa) > 1])
-        error_pct = np.maximum(changes_pct(coarser, solved) / (finer**ORDER - 1), least_pct)
+        a, b = (np.array([one.force_n for one in each]) for _, each in (coarser, solved))
+        error_pct = np.maximum(changes_pct(a, b) / (finer**ORDER - 1), least_pct)
         if (error_pct <= budget_pct).all():
             break
     return solved, error_pct
@@ -131,12 +128,3 @@ def refine_axisymmetric(
     block_pct = 50 * abs(float(np.ptp(forces))) / max(abs(force_n), 1e-12)
     mesh_pct = max(float(small.error_pct[0]), float(large.error_pct[0]))
     return section, replace(low, force_n_per_m=force_n), block_pct + mesh_pct
-
-
-def changes_pct(coarse: SolvedSolid, fine: SolvedSolid) -> Array:
-    """Largest change of force, and that of the span of forces over the pressures (2,) [%]."""
-    a, b = (np.array([s.force_n for s in each]) for _, each in (coarse, fine))
-    largest = max(float(np.abs(b).max()), 1e-12)
-    span = float(np.ptp(b))
-    of_span = abs(span - float(np.ptp(a))) / max(span, SMALL_PULSE * largest)
-    return 100 * np.array([np.abs(a - b).max() / largest, of_span])

@@ -44,7 +44,7 @@ FILLED = np.array([0, 2, 4])
 """Those of them at which systole is solved too."""
 LEFT = Left(rest=0.05, change=0.05, between=0.01, faint=0.0015)
 """TIHA under a ball: from this mesh to the next the force changes by 1.7 %, which leaves 3.8 % at
-the rate of `solid_press.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
+the rate of `refine.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
 between depths 0.2 % of the deepest. 20 mm beside TIHA's vessel under the cylinder the pulse is
 0.9 mN of 8.3 off at 0.87 N, 0.11 % of the force."""
 WAY = 3

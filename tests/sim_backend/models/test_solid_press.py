@@ -10,6 +10,7 @@ import pytest
 from own_scene import BALL
 
 from sim_backend import load_scene
+from sim_backend.fem.model import best_element
 from sim_backend.fem.solid.build import build_body, half_width_m
 from sim_backend.models import press, solid_press
 from sim_backend.scene.scene_file import SceneError, scene_from_text
@@ -107,6 +108,14 @@ def test_a_round_finger_over_a_side_or_an_end_is_pressed_as_a_solid(
     assert press.press(scene, x_mm, 1.0, accuracy_pct=50).model == "solid"
     with pytest.raises(SceneError, match=r"model = 'axisymmetric': 0.* mm from a side or an end"):
         press.press(scene, x_mm, 1.0, model="axisymmetric")
+
+
+def test_an_incompressible_round_block_is_pressed_by_elements_that_do_not_lock() -> None:
+    scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
+    assert scene.tissue is not None
+    soft = scene.tissue.model_copy(update={"poisson": 0.499})
+    assert best_element(scene) == "T6"
+    assert best_element(scene.model_copy(update={"tissue": soft})) == "Q4M"
 
 
 def test_a_round_finger_further_inside_stays_a_body_of_revolution() -> None:
