@@ -19,6 +19,7 @@ from drivers.core.errors import ConfigError, DeviceFault
 from drivers.core.ports import PortName, open_port, read_some
 from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
+from drivers.core.settings import Baud, NonNegative, Positive
 from drivers.core.timestamps import INSTANT_S, DeviceTime
 from drivers.core.units import SI
 
@@ -221,11 +222,11 @@ def open_sensor(
     port: PortName,
     pattern: str,
     channel: list[TextChannel],
-    rate_hz: float,
-    baud: int = 9600,
+    rate_hz: Positive,
+    baud: Baud = 9600,
     ask: str = "",
-    time_unit_s: float = 1.0,
-    latency_ms: float = 0.0,
+    time_unit_s: Positive = 1.0,
+    latency_ms: NonNegative = 0.0,
     decimal: Literal[".", ","] = ".",
     thousands: Literal["", ",", ".", " ", "'"] = "",
     name: str = "lines",
@@ -249,9 +250,6 @@ def open_sensor(
             f"pattern = {pattern!r}: has groups {groups}; there must be one [[sensor.channel]] "
             "with the same name for each, and at least one"
         )
-    for key, value in (("rate_hz", rate_hz), ("time_unit_s", time_unit_s), ("baud", baud)):
-        if not (math.isfinite(value) and value > 0):
-            raise ConfigError(f"{key} = {value:g}: must be above 0")
 
     def open_source() -> LineSource:
         return LineSource(

@@ -15,6 +15,7 @@ from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.core.extras import missing, needs
 from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
+from drivers.core.settings import NonNegative, Positive
 from drivers.core.timestamps import INSTANT_S
 from drivers.lines import TextChannel
 
@@ -83,9 +84,9 @@ def open_sensor(
     *,
     stream: str,
     channel: list[TextChannel],
-    rate_hz: float,
+    rate_hz: Positive,
     source_id: str = "",
-    latency_ms: float = 0.0,
+    latency_ms: NonNegative = 0.0,
     name: str = "lsl",
     simulated: bool = False,
 ) -> LineSensor:
@@ -100,8 +101,6 @@ def open_sensor(
             import pylsl
     except RuntimeError:  # pylsl is there, liblsl is not
         raise missing("lsl", 'driver = "lsl"', "liblsl") from None
-    if not rate_hz > 0:
-        raise ConfigError(f"rate_hz = {rate_hz:g}: must be above 0")
     if not channel:
         raise ConfigError("channel: give one [[sensor.channel]] for each channel of the stream")
     channels = tuple(one.channel() for one in channel)

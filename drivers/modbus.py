@@ -25,7 +25,7 @@ from drivers.core.errors import DeviceAbsent, DeviceFault
 from drivers.core.ports import SOCKET, PortName, tcp_address
 from drivers.core.protocols import Clock
 from drivers.core.reader import LineSensor, Sample
-from drivers.core.settings import NonNegative, Positive, Settings
+from drivers.core.settings import Baud, NonNegative, Positive, Settings
 
 logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # faults say what matters
 MAX_REGISTERS = 125
@@ -68,7 +68,7 @@ class ModbusSettings(Settings):
     port: PortName | None = None
     host: str | None = None
     tcp_port: Annotated[int, Field(ge=1, le=65535)] = 502
-    baud: Annotated[int, Field(gt=0)] = 19200
+    baud: Baud = 19200
     parity: Literal["N", "E", "O"] = "N"
     stopbits: Literal[1, 2] = 1
     device_id: Annotated[int, Field(ge=0, le=247)] = 1

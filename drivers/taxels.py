@@ -4,7 +4,6 @@ A frame is ``header``, an optional counter byte, the taxels row by row, and an o
 over all before it. What is not a frame is skipped and counted.
 """
 
-import math
 from typing import Literal
 
 import numpy as np
@@ -14,6 +13,7 @@ from drivers.core.frame_cutter import Check, FrameCutter
 from drivers.core.ports import PortName, open_port, read_some
 from drivers.core.protocols import Channel, Clock
 from drivers.core.reader import LineSensor, Sample
+from drivers.core.settings import Baud, NonNegative, Positive
 from drivers.core.timestamps import FrameTime
 from drivers.core.units import to_si
 
@@ -81,8 +81,8 @@ def open_sensor(
     rows: int,
     columns: int,
     header: str,
-    rate_hz: float,
-    baud: int = 115200,
+    rate_hz: Positive,
+    baud: Baud = 115200,
     number: Number = "u16",
     byte_order: Literal["big", "little"] = "big",
     counter: bool = False,
@@ -91,7 +91,7 @@ def open_sensor(
     scale: float = 1.0,
     offset: float = 0.0,
     full_scale: float | None = None,
-    latency_ms: float = 0.0,
+    latency_ms: NonNegative = 0.0,
     name: str = "taxels",
     simulated: bool = False,
 ) -> LineSensor:
@@ -113,8 +113,6 @@ def open_sensor(
         raise ConfigError(
             f"rows = {rows}, columns = {columns}: 1 to {MAX_TAXELS} taxels are possible"
         )
-    if not (math.isfinite(rate_hz) and rate_hz > 0):
-        raise ConfigError(f"rate_hz = {rate_hz:g}: must be above 0")
     si, factor = to_si(unit)
     if si != "Pa":
         raise ConfigError(f"unit = {unit!r}: taxels measure a pressure; Pa, kPa, mbar, mmHg, psi …")

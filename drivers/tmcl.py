@@ -18,7 +18,7 @@ from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
-from drivers.core.settings import Positive
+from drivers.core.settings import Baud, Positive
 from drivers.core.table import Table
 
 MST, MVP, SAP, GAP, SGP, GGP, RFS = 3, 4, 5, 6, 9, 10, 13
@@ -54,7 +54,7 @@ class TmclSettings(LineStageSettings):
     """
 
     name: str = "tmcl"
-    baud: Annotated[int, Field(gt=0)] = 9600
+    baud: Baud = 9600
     speed_unit_hz: Positive = 1.0
     x: TmclAxis | None = None
     y: TmclAxis | None = None

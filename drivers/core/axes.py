@@ -1,13 +1,11 @@
 """What a driver of a stage on a line gives to `LineStage`: its settings and its open controller."""
 
 from collections.abc import Mapping
-from typing import Annotated, NamedTuple, Protocol
-
-from pydantic import Field
+from typing import NamedTuple, Protocol
 
 from drivers.core.errors import ConfigError
 from drivers.core.ports import PortName
-from drivers.core.settings import Point, Positive, Settings
+from drivers.core.settings import Baud, Point, Positive, Settings
 from drivers.core.stage_limits import Limits
 
 AXES = "xyz"
@@ -25,7 +23,7 @@ class LineStageSettings(Settings):
     """
 
     port: PortName
-    baud: Annotated[int, Field(gt=0)] = 115200
+    baud: Baud = 115200
     origin_mm: Point = (0.0, 0.0, 0.0)
     limits_mm: Limits | None = None
     max_speed_mm_s: Positive = 10.0

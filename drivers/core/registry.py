@@ -7,7 +7,8 @@ connected.
 """
 
 import inspect
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Collection, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Literal, get_type_hints
 
@@ -53,10 +54,13 @@ def _loaded(point: EntryPoint) -> Callable[..., Any]:
     return factory
 
 
-def settings_of(kind: Kind, name: str) -> type[BaseModel]:
-    """The model of a driver's keys. Raises `ConfigError` if there is no such driver."""
+def settings_of(kind: Kind, name: str, without: Collection[str] = ()) -> type[BaseModel]:
+    """The model of a driver's keys, ``without`` some keywords that no file gives.
+
+    Raises `ConfigError` if there is no such driver.
+    """
     factory = find_driver(kind, name)
-    return _model(factory) or _model_of_keywords(factory)
+    return _model(factory) or _model_of_keywords(factory, without)
 
 
 def open_driver(kind: Kind, name: str, clock: Clock, keys: Mapping[str, Any]) -> Any:
@@ -81,8 +85,10 @@ def _model(factory: Callable[..., Any]) -> type[BaseModel] | None:
     return found if isinstance(found, type) and issubclass(found, BaseModel) else None
 
 
-def _model_of_keywords(factory: Callable[..., Any]) -> type[BaseModel]:
-    """A model made of the keyword arguments of a factory."""
+def _model_of_keywords(
+    factory: Callable[..., Any], without: Collection[str] = ()
+) -> type[BaseModel]:
+    """A model made of the keyword arguments of a factory, described by what it says of itself."""
     hints = get_type_hints(factory, include_extras=True)
     empty = inspect.Parameter.empty
     fields: dict[str, Any] = {
@@ -91,6 +97,11 @@ def _model_of_keywords(factory: Callable[..., Any]) -> type[BaseModel]:
             ... if parameter.default is empty else parameter.default,
         )
         for parameter in list(inspect.signature(factory).parameters.values())[1:]
+        if parameter.name not in without
     }
-    return create_model(f"{factory.__module__}.{factory.__name__}",
-                        __base__=Table, **fields)  # fmt: skip
+    with warnings.catch_warnings():  # a key may be called as a method of the model is
+        warnings.simplefilter("ignore", UserWarning)
+        return create_model(
+            f"{factory.__module__}.{factory.__name__}", __base__=Table,
+            __doc__=inspect.getdoc(factory) or "", **fields,
+        )  # fmt: skip

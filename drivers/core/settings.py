@@ -8,6 +8,7 @@ from drivers.core.table import Table
 
 Positive = Annotated[float, Field(gt=0)]
 NonNegative = Annotated[float, Field(ge=0)]
+Baud = Annotated[int, Field(gt=0)]
 Point = tuple[float, float, float]
 
 

@@ -10,14 +10,11 @@ import math
 import threading
 import time
 from contextlib import suppress
-from typing import Annotated
-
-from pydantic import Field
 
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, MotionFault
 from drivers.core.ports import PortName, nobody_else, open_port
 from drivers.core.protocols import Clock, Pose
-from drivers.core.settings import Point, Positive, Settings
+from drivers.core.settings import Baud, Point, Positive, Settings
 from drivers.core.stage_limits import Limits, check_target
 from drivers.grbl.line import HOLD, JOG_CANCEL, RESET, Conversation, Status
 from drivers.grbl.words import STATES, pins_in_words
@@ -48,7 +45,7 @@ class GrblSettings(Settings):
 
     name: str = "grbl"
     port: PortName
-    baud: Annotated[int, Field(gt=0)] = 115200
+    baud: Baud = 115200
     origin_mm: Point = (0.0, 0.0, 0.0)
     limits_mm: Limits | None = None
     max_speed_mm_s: Positive = 25.0

@@ -5,16 +5,11 @@ A rig's devices have the keys of their drivers: one branch for each driver that 
 
 import ast
 import inspect
-import warnings
-from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, get_type_hints
+from typing import Any
 
-from pydantic import BaseModel, create_model
-
-from drivers import ConfigError, available, find_driver
+from drivers import ConfigError, available, settings_of
 from drivers.core.registry import Kind
-from drivers.core.table import Table
 from probe.config import rig
 from sim_backend.scene.scene_file import Scene
 
@@ -39,7 +34,7 @@ def rig_schema() -> dict[str, Any]:
         branches = []
         for name in available(kind):
             try:
-                keys = settings_model(find_driver(kind, name)).model_json_schema()
+                keys = settings_of(kind, name, GIVEN).model_json_schema()
             except ConfigError as error:  # a driver of others that does not load
                 keys = {"properties": {}, "additionalProperties": True, "description": str(error)}
             defs.update(keys.pop("$defs", {}))
@@ -90,25 +85,6 @@ def _describe(tables: dict[str, Any]) -> None:
                     keys = tables[table.name]["properties"]
                     described = {**keys[key], "description": inspect.cleandoc(words)}
                     keys[key] = dict(sorted(described.items()))  # as pydantic has them
-
-
-def settings_model(factory: Callable[..., Any]) -> type[BaseModel]:
-    """The keys that a driver's factory takes: its settings model, or its keyword arguments."""
-    hints = get_type_hints(factory, include_extras=True)
-    parameters = list(inspect.signature(factory).parameters.values())[1:]
-    if len(parameters) == 1:
-        found = hints.get(parameters[0].name)
-        if isinstance(found, type) and issubclass(found, BaseModel):
-            return found
-    fields: dict[str, Any] = {
-        p.name: (hints.get(p.name, Any), ... if p.default is p.empty else p.default)
-        for p in parameters
-        if p.name not in GIVEN
-    }
-    doc = inspect.getdoc(factory) or ""
-    with warnings.catch_warnings():  # a key may be called as a method of the model is
-        warnings.simplefilter("ignore", UserWarning)
-        return create_model(factory.__name__, __base__=Table, __doc__=doc, **fields)
 
 
 def _first_line(keys: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Stage
 from drivers.core.protocols import MAX_RATE_HZ
+from drivers.core.settings import NonNegative, Positive
 from drivers.core.stage_limits import Limits, check_target
 from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.phantom.phantom import Phantom
@@ -217,21 +218,14 @@ def virtual_stage(
     *,
     phantom: Phantom,
     limits_mm: Limits = WIDE,
-    max_speed_mm_s: float = 50.0,
-    acceleration_mm_s2: float = 1000.0,
-    stiffness_n_mm: float | None = None,
+    max_speed_mm_s: Positive = 50.0,
+    acceleration_mm_s2: Positive = 1000.0,
+    stiffness_n_mm: Positive | None = None,
 ) -> VirtualStage:
     """A stage in the phantom; the defaults are a small laboratory gantry's, and a rigid one.
 
     With ``stiffness_n_mm`` the rig gives way: the tip is less deep than the stage reports.
     """
-    for key, value in (
-        ("max_speed_mm_s", max_speed_mm_s),
-        ("acceleration_mm_s2", acceleration_mm_s2),
-        ("stiffness_n_mm", stiffness_n_mm),
-    ):
-        if value is not None:
-            _at_least(key, value, 0, strictly=True)
     if stiffness_n_mm is not None:
         phantom.stiffness_n_m = 1e3 * stiffness_n_mm
     return VirtualStage(clock, phantom, limits_mm, 1e-3 * max_speed_mm_s, 1e-3 * acceleration_mm_s2)
@@ -242,33 +236,24 @@ def virtual_sensor(
     *,
     phantom: Phantom,
     name: str = "force",
-    rate_hz: float = 500.0,
-    noise_mn: float = 0.5,
-    quantum_mn: float = 0.1,
-    full_scale_n: float = 10.0,
-    gain: float = 1.0,
+    rate_hz: Positive = 500.0,
+    noise_mn: NonNegative = 0.5,
+    quantum_mn: NonNegative = 0.1,
+    full_scale_n: Positive = 10.0,
+    gain: Positive = 1.0,
     bias_mn: float = 0.0,
     drift_mn_s: float = 0.0,
-    latency_ms: float = 0.0,
+    latency_ms: NonNegative = 0.0,
     seed: int = 0,
     follow: Stage | None = None,
 ) -> VirtualSensor:
     """A force sensor in the phantom.
 
     ``gain``: newtons read per newton. ``follow``: a real stage whose reported pose carries the
-    phantom's tip.
+    phantom's tip. Raises `ConfigError` for a rate above `MAX_RATE_HZ`.
     """
-    _at_least("rate_hz", rate_hz, 0, strictly=True)
     if rate_hz > MAX_RATE_HZ:
         raise ConfigError(f"rate_hz = {rate_hz:g}: must be at most {MAX_RATE_HZ:g}")
-    _at_least("full_scale_n", full_scale_n, 0, strictly=True)
-    _at_least("gain", gain, 0, strictly=True)
-    for key, value in (
-        ("noise_mn", noise_mn),
-        ("quantum_mn", quantum_mn),
-        ("latency_ms", latency_ms),
-    ):
-        _at_least(key, value, 0)
     return VirtualSensor(
         clock,
         phantom,
@@ -284,10 +269,3 @@ def virtual_sensor(
         seed=seed,
         follow=follow,
     )
-
-
-def _at_least(key: str, value: float, low: float, *, strictly: bool = False) -> None:
-    if not math.isfinite(value) or value < low or (strictly and value == low):
-        raise ConfigError(
-            f"{key} = {value:g}: must be {'above' if strictly else 'at least'} {low:g}"
-        )

@@ -108,7 +108,6 @@ def test_a_frame_that_is_not_a_number_is_a_lost_one(
         ({"header": "xyz"}, "header = 'xyz': must be hexadecimal"),
         ({"header": ""}, "header = ''"),
         ({"rows": 0}, "rows = 0"),
-        ({"rate_hz": -1.0}, "rate_hz = -1"),
         ({"unit": "N"}, "taxels measure a pressure"),
     ],
 )

@@ -55,6 +55,41 @@ def test_the_schema_is_the_models(driver: str) -> None:
     assert schema["required"] == ["port"]
 
 
+def with_a_methods_name(clock: Clock, *, copy: int = 1) -> Any:
+    return SimpleNamespace(clock=clock, keys=copy)
+
+
+def test_a_keyword_may_be_called_as_a_method_of_the_model_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    point = EntryPoint("mine", f"{__name__}:with_a_methods_name", "palpate.sensors")
+    monkeypatch.setattr(EntryPoint, "load", lambda _self: with_a_methods_name)
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point] if group else [])
+    assert open_driver("sensors", "mine", WallClock(), {"copy": 2}).keys == 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "driver", "keys"),
+    [
+        ("sensors", "lines", {"rate_hz": 0.0}),
+        ("sensors", "lines", {"time_unit_s": -1.0}),
+        ("sensors", "lines", {"latency_ms": -50.0}),
+        ("sensors", "taxels", {"baud": -3}),
+        ("sensors", "taxels", {"latency_ms": -50.0}),
+        ("sensors", "lsl", {"latency_ms": -50.0}),
+        ("sensors", "virtual", {"noise_mn": -1.0}),
+        ("stages", "virtual", {"stiffness_n_mm": 0.0}),
+        ("stages", "standa", {"steps_per_mm": [400.0, -1.0, 400.0]}),
+    ],
+)
+def test_numbers_that_no_device_has_are_refused(
+    kind: registry.Kind, driver: str, keys: dict[str, Any]
+) -> None:
+    with pytest.raises(ValidationError) as reported:
+        open_driver(kind, driver, WallClock(), keys)
+    assert {*keys} <= {error["loc"][0] for error in reported.value.errors()}
+
+
 def test_an_unknown_driver_names_the_known() -> None:
     with pytest.raises(ConfigError, match="known: ft300"):
         open_driver("sensors", "nothing", WallClock(), {})
