@@ -10,11 +10,12 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
+from drivers.core.axes import LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
+from drivers.core.stage_limits import AXES
 from drivers.core.table import Table
 
 MOTION = b"\x05"  # answered at once with the axes that move, as a hexadecimal mask

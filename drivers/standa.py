@@ -13,10 +13,16 @@ from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
 from drivers.core.settings import Positive
-from drivers.core.stage_limits import Limits, check_target
+from drivers.core.stage_limits import (
+    AXES,
+    STILL_MM,
+    Limits,
+    check_speed,
+    check_target,
+    check_upright,
+    check_way,
+)
 
-AXES = "xyz"
-STILL_MM = 1e-6  # a way this short is rounding: a microstep of the finest screws is 10 nm
 LOST = (ConnectionError, OSError, RuntimeError, ValueError)
 """What libximc raises where an axis does not answer or refuses."""
 
@@ -80,18 +86,17 @@ class StandaStage:
         """Set off. Raises `DeviceFault` if out of bounds, too fast, or still moving."""
         if self.moving():
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
-        speed = 1e3 * speed_m_s
-        if not 0 < speed <= self._max_speed_mm_s * (1 + 1e-9):
-            allowed = f"up to {self._max_speed_mm_s:g} mm/s"
-            raise DeviceFault(self.name, f"speed {speed:g} mm/s; allowed: {allowed}")
+        check_speed(self.name, self._max_speed_mm_s, speed_m_s)
+        check_upright(self.name, target)
         stops = self._stops
         here = self.pose()
-        self._check_target(here, target)
+        check_way(self.name, self._uris, here, target)
+        check_target(self.name, self.limits_mm, target)
         way = {axis: 1e3 * (b - a) for axis, a, b in zip(AXES, here, target, strict=False)}
         length = math.hypot(*way.values())
         for axis, distance in way.items():
             if abs(distance) > STILL_MM:
-                self._set_speed(axis, speed * abs(distance) / length)
+                self._set_speed(axis, 1e3 * speed_m_s * abs(distance) / length)
         for axis, distance in way.items():
             if abs(distance) > STILL_MM:
                 steps, micro = self._steps(axis, 1e3 * getattr(target, axis))
@@ -165,15 +170,6 @@ class StandaStage:
         exact = (scan_mm + self._origin_mm[axis]) * self._steps_per_mm[axis]
         steps, micro = divmod(round(exact * microsteps), microsteps)
         return steps, micro
-
-    def _check_target(self, here: Pose, target: Pose) -> None:
-        if any(target[3:]):
-            raise DeviceFault(self.name, "has no axes to tilt the probe")
-        for n, axis in enumerate(AXES):
-            at_mm = 1e3 * target[n]
-            if axis not in self._uris and abs(target[n] - here[n]) > 1e-3 * STILL_MM:
-                raise DeviceFault(self.name, f"{axis} = {at_mm:g} mm: there is no {axis} axis")
-        check_target(self.name, self.limits_mm, target)
 
 
 def open_stage(

@@ -13,12 +13,13 @@ from typing import Annotated
 
 from pydantic import Field
 
-from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
+from drivers.core.axes import LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
 from drivers.core.settings import Baud, Positive
+from drivers.core.stage_limits import AXES
 from drivers.core.table import Table
 
 MST, MVP, SAP, GAP, SGP, GGP, RFS = 3, 4, 5, 6, 9, 10, 13

@@ -9,11 +9,12 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from drivers.core.axes import AXES, LineStageSettings, Reading, check_axes
+from drivers.core.axes import LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.protocols import Clock
+from drivers.core.stage_limits import AXES
 from drivers.core.table import Table
 
 SPEED_UNIT = 1.6384  # the setting ``maxspeed`` counts this many to a microstep a second

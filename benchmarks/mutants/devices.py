@@ -94,9 +94,9 @@ DEVICES = (
          "tests/drivers/test_grbl_stops.py"),
     ),
     Mutant(
-        "faster than the stage may", GRBL,
-        "if not 0 < speed <= self._settings.max_speed_mm_s * (1 + 1e-9):", "if not 0 < speed:",
-        ("tests/drivers/test_grbl_stops.py",),
+        "faster than the stage may", "drivers/core/stage_limits.py",
+        "if not 0 < 1e3 * speed_m_s <= max_speed_mm_s * (1 + 1e-9):",
+        "if not 0 < 1e3 * speed_m_s:", ("tests/drivers/test_grbl_stops.py",),
     ),
     Mutant(
         "a lost board looks alive", TALK,

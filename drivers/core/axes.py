@@ -6,9 +6,7 @@ from typing import NamedTuple, Protocol
 from drivers.core.errors import ConfigError
 from drivers.core.ports import PortName
 from drivers.core.settings import Baud, Point, Positive, Settings
-from drivers.core.stage_limits import Limits
-
-AXES = "xyz"
+from drivers.core.stage_limits import AXES, Limits
 
 
 class LineStageSettings(Settings):

@@ -10,14 +10,20 @@ import time
 from collections.abc import Callable
 from typing import NamedTuple
 
-from drivers.core.axes import AXES, Axes, LineStageSettings, Reading
-from drivers.core.errors import DeviceAbsent, DeviceFault, MotionFault
+from drivers.core.axes import Axes, LineStageSettings, Reading
+from drivers.core.errors import DeviceAbsent, DeviceFault, MotionFault, as_fault
 from drivers.core.line import NoAnswer
 from drivers.core.protocols import Pose
-from drivers.core.stage_limits import check_target
+from drivers.core.stage_limits import (
+    AXES,
+    STILL_MM,
+    check_speed,
+    check_target,
+    check_upright,
+    check_way,
+)
 
 HOMING_ORDER = "zxy"  # the probe goes up before anything goes sideways
-STILL_MM = 1e-6  # a shorter way of an axis is none
 JOIN_S = 2.0
 LATER_S = 5e-3  # after a wrong answer: asked on and on, a controller's buffer would fill
 
@@ -28,10 +34,6 @@ class _Job(NamedTuple):
     do: Callable[[Axes], object]
     done: threading.Event
     found: list[object]
-
-
-def _mistake(name: str, error: Exception) -> DeviceFault:
-    return DeviceFault(name, f"driver: {type(error).__name__}: {error}")
 
 
 class LineStage:
@@ -193,18 +195,9 @@ class LineStage:
         self._unless_stopped(stops)
 
     def _check(self, here: Pose, target: Pose, speed_m_s: float) -> None:
-        keys = self._settings
-        if not 0 < 1e3 * speed_m_s <= keys.max_speed_mm_s * (1 + 1e-9):
-            raise DeviceFault(
-                self.name, f"speed {1e3 * speed_m_s:g} mm/s; allowed: above 0 up to "
-                f"max_speed_mm_s = {keys.max_speed_mm_s:g}"
-            )  # fmt: skip
-        if any(target[3:]):
-            raise DeviceFault(self.name, "has no axes to tilt the probe")
-        for n, axis in enumerate(AXES):
-            at_mm = 1e3 * target[n]
-            if axis not in self._names and abs(target[n] - here[n]) > 1e-3 * STILL_MM:
-                raise DeviceFault(self.name, f"{axis} = {at_mm:g} mm: there is no {axis} axis")
+        check_speed(self.name, self._settings.max_speed_mm_s, speed_m_s)
+        check_upright(self.name, target)
+        check_way(self.name, self._names, here, target)
         check_target(self.name, self.limits_mm, target)
 
     # --- between the threads -----------------------------------------------------------------
@@ -257,12 +250,10 @@ class LineStage:
                         lambda: self._job is not None or self._stopping or end.is_set(),
                         1 / self._settings.status_hz,
                     )
-        except DeviceFault as fault:
-            self._fault = fault
         except OSError as error:
             self._fault = DeviceFault(self.name, f"connection lost ({error})")
         except Exception as error:  # noqa: BLE001 - a dead thread must not look like silence
-            self._fault = _mistake(self.name, error)
+            self._fault = as_fault(self.name, error)
         finally:
             self._leave(axes)
 
@@ -296,7 +287,7 @@ class LineStage:
             job.found.append(DeviceFault(self.name, f"connection lost ({error})"))
             raise
         except Exception as error:
-            job.found.append(_mistake(self.name, error))
+            job.found.append(as_fault(self.name, error))
             raise
         finally:
             self._moved_after = self._asked

@@ -140,15 +140,10 @@ def nobody_else(port: str) -> str:
     return "; or another program is connected to it: end that first" if "://" in port else ""
 
 
-def open_port(
-    device: str,
-    port: str,
-    baud: int,
-    *,
-    parity: str = "N",
-    stopbits: float = 1,
-) -> Port:
-    """The open port; ``port`` is a path, ``COM3`` (untested) or ``socket://host:port``; 8 bits.
+def open_port(device: str, port: str, baud: int) -> Port:
+    """The open port; ``port`` is a path, ``COM3`` (untested) or ``socket://host:port``.
+
+    A character has 8 bits, no parity and one stop bit.
 
     A serial port is this program's alone: two that command one stage would move it unasked.
 
@@ -160,8 +155,6 @@ def open_port(
         opened = serial.serial_for_url(
             port,
             baud,
-            parity=parity,
-            stopbits=stopbits,
             timeout=READ_S,
             write_timeout=WRITE_S,
             exclusive=True,

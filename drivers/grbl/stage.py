@@ -15,7 +15,7 @@ from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, MotionFa
 from drivers.core.ports import PortName, nobody_else, open_port
 from drivers.core.protocols import Clock, Pose
 from drivers.core.settings import Baud, Point, Positive, Settings
-from drivers.core.stage_limits import Limits, check_target
+from drivers.core.stage_limits import Limits, check_speed, check_target, check_upright
 from drivers.grbl.line import HOLD, JOG_CANCEL, RESET, Conversation, Status
 from drivers.grbl.words import STATES, pins_in_words
 
@@ -171,7 +171,8 @@ class GrblStage:
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
         if talk.unanswered:  # a stop of the move before waits for it no longer
             self._stopping.clear()
-        self._check_speed(target, speed_m_s)
+        check_speed(self.name, self._settings.max_speed_mm_s, speed_m_s)
+        check_upright(self.name, target)
         machine = self._machine_mm(target)
         words = "".join(f"{axis}{at:.4f}" for axis, at in zip("XYZ", machine, strict=True))
         stops = self._stops_before = self._stops
@@ -335,16 +336,6 @@ class GrblStage:
         if age_s > self._settings.silent_s:
             allowed = f"silent_s = {self._settings.silent_s:g}"
             raise DeviceFault(self.name, f"silent for {age_s:.2f} s; allowed: {allowed}")
-
-    def _check_speed(self, target: Pose, speed_m_s: float) -> None:
-        speed = 1e3 * speed_m_s
-        if not 0 < speed <= self._settings.max_speed_mm_s * (1 + 1e-9):
-            raise DeviceFault(
-                self.name,
-                f"speed {speed:g} mm/s; allowed: up to {self._settings.max_speed_mm_s:g} mm/s",
-            )
-        if any(target[3:]):
-            raise DeviceFault(self.name, "has no axes to tilt the probe")
 
     def _machine_mm(self, target: Pose) -> Point:
         check_target(self.name, self.limits_mm, target)

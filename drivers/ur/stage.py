@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from drivers.core.errors import DeviceFault, MotionFault
 from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
+from drivers.core.stage_limits import check_speed
 from drivers.ur.client import REDUCED, Control, State
 from drivers.ur.link import Link, leave_link, renew_link, take_link
 from drivers.ur.settings import UrStageSettings
@@ -128,12 +129,7 @@ class UrStage:
 
     def _go(self, order: str, target: Pose, speed_m_s: float) -> None:
         keys = self._settings
-        if not 0 < 1e3 * speed_m_s <= keys.max_speed_mm_s * (1 + 1e-9):
-            raise DeviceFault(
-                self.name,
-                f"speed {1e3 * speed_m_s:g} mm/s; allowed is above 0 up to max_speed_mm_s = "
-                f"{keys.max_speed_mm_s:g}",
-            )
+        check_speed(self.name, keys.max_speed_mm_s, speed_m_s)
         link = self._there()
         if not link.controls:
             self.enable()

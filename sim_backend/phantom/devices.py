@@ -12,7 +12,7 @@ import numpy as np
 from drivers import Block, Channel, Clock, ConfigError, DeviceFault, Pose, Stage
 from drivers.core.protocols import MAX_RATE_HZ
 from drivers.core.settings import NonNegative, Positive
-from drivers.core.stage_limits import Limits, check_target
+from drivers.core.stage_limits import Limits, check_speed, check_target
 from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.phantom.phantom import Phantom
 
@@ -53,11 +53,7 @@ class VirtualStage:
         """Set off. Raises `DeviceFault` outside the limits, when too fast or still moving."""
         if self.moving():
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
-        if not 0 < speed_m_s <= self.max_speed_m_s * (1 + 1e-9):
-            raise DeviceFault(
-                self.name,
-                f"speed {1e3 * speed_m_s:g} mm/s; allowed: up to {1e3 * self.max_speed_m_s:g} mm/s",
-            )
+        check_speed(self.name, 1e3 * self.max_speed_m_s, speed_m_s)
         check_target(self.name, self.limits_mm, target)
         self._tip.move(self._clock.now(), target[:3], speed_m_s, self._acceleration)
 

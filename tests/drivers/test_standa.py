@@ -83,7 +83,7 @@ def test_a_stop_reaches_the_axes_behind_one_that_is_lost(
     [
         (Pose(0.03, 0, 0), 0.01, "x = 30 mm; allowed: -1 to 20 mm"),
         (Pose(0, 0.001, 0), 0.01, "there is no y axis"),
-        (Pose(0.001, 0, 0), 0.02, "speed 20 mm/s; allowed: up to 10"),
+        (Pose(0.001, 0, 0), 0.02, "speed 20 mm/s; allowed: above 0 up to max_speed_mm_s = 10"),
         (Pose(0.001, 0, 0, rx=0.1), 0.01, "no axes to tilt"),
     ],
 )
