@@ -7,6 +7,16 @@ from drivers.core.protocols import Pose, Stage
 from drivers.core.stage_limits import Limits, outside
 
 
+def turns(stage: Stage) -> bool:
+    """Whether it can turn the probe."""
+    return bool(getattr(stage, "turns", False))
+
+
+def homes(stage: Stage) -> bool:
+    """Whether it must find its switches before it can be used."""
+    return bool(getattr(stage, "homes", False))
+
+
 def enable(stage: Stage) -> list[str]:
     """Have it ready to move; what then holds, in words. Raises `DeviceFault`."""
     own = getattr(stage, "enable", None)
@@ -72,7 +82,7 @@ def beyond_limits(stage: Stage, poses: Sequence[Pose]) -> dict[Pose, str]:
 
 def park(stage: Stage) -> Pose | None:
     """Where it goes once it has found its switches; None if it stays there, or does not home."""
-    park_mm = getattr(stage, "park_mm", None) if getattr(stage, "homes", False) else None
+    park_mm = getattr(stage, "park_mm", None) if homes(stage) else None
     return None if park_mm is None else Pose(*(1e-3 * at for at in park_mm))
 
 

@@ -100,6 +100,8 @@ class Stage(Protocol):
       back to where it began; the third is then true.
     - ``max_speed_m_s``: above it a move is refused; a scan or a lift that is faster is not begun.
     - ``limits_mm``: bounds of x, y and z in the scan frame; a scan that goes beyond is not begun.
+    - ``beyond_limits(poses) -> dict[Pose, str]``: those out of its bounds, and why, where
+      these are not in the scan frame.
     - ``park_mm``: where `home` ends; one out of ``limits_mm`` or the workspace is not gone to.
     - ``pace``: the share of a commanded speed that the device allows now, above 0 up to 1.
     - ``unreachable(poses) -> dict[Pose, str]``: those that it cannot go to in this order, and why;

@@ -13,6 +13,7 @@ from contextlib import suppress
 from datetime import UTC, datetime
 from typing import Any
 
+from drivers.core import abilities
 from drivers.core.clocks import WallClock
 from drivers.core.errors import ConfigError, DeviceFault
 from drivers.core.ports import CHUNK, Port, open_port, read_some
@@ -148,7 +149,7 @@ def exercise(
 
 
 def _ride(stage: Stage, move_m: float) -> tuple[tuple[float, ...], ...]:
-    if move_m and getattr(stage, "homes", False):
+    if move_m and abilities.homes(stage):
         stage.home()  # type: ignore[attr-defined]  # as `Stage` says
     here = stage.pose()
     rows = [tuple(here)]

@@ -11,6 +11,7 @@ import numpy as np
 
 from calibration.rounding import least_step
 from drivers import Block, Clock, ConfigError, DeviceFault, Pose, Sensor, available, find_driver
+from drivers.core import abilities
 from drivers.core.extras import require_library
 from drivers.core.registry import Kind
 from probe.acquisition.force_limit import SensorGuard
@@ -83,7 +84,7 @@ def listen(
     try:
         yield _pose(f"stage {devices.stage.name}", devices.stage.pose(), workspace)
     except DeviceFault as fault:
-        homes = getattr(devices.stage, "homes", False)
+        homes = abilities.homes(devices.stage)
         text = f"{fault}; a scan homes it first" if homes else str(fault)
         yield Check(f"stage {devices.stage.name}", "warning" if homes else "fault", text)
     for sensor in devices.sensors:

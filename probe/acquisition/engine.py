@@ -14,6 +14,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from drivers import Clock, DeviceFault, Pose, Sensor, SimulatedClock, Stage
+from drivers.core import abilities
 from probe.acquisition.commands import STOPPED, Control, RunCommand
 from probe.acquisition.event_bus import EventBus, EventSink
 from probe.acquisition.guard_client import GuardClient
@@ -149,7 +150,7 @@ class _Scan(RunLoop):
         except DeviceFault as fault:
             self._note_not_lifted()
             raise self._interruption(fault) from fault
-        homes = getattr(self.stage, "homes", False)
+        homes = abilities.homes(self.stage)
         self.guarded = True
         self.monitor.start(homes=homes)
         if homes:

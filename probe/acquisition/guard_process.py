@@ -260,8 +260,8 @@ def _ready(order: Order, devices: Devices, urgent: Connection) -> tuple[Facts, S
     facts = Facts(
         devices.stage.name,
         devices.stage.simulated,
-        getattr(devices.stage, "turns", False),
-        getattr(devices.stage, "homes", False),
+        abilities.turns(devices.stage),
+        abilities.homes(devices.stage),
         abilities.enable_s(devices.stage),
         tuple(SensorFacts(s.name, s.channels, s.rate_hz) for s in devices.sensors),
         scene,

@@ -25,4 +25,4 @@ def make_ready(stage: Stage, plan: Plan) -> list[str]:
 
 def turned(stage: Stage, target: Pose) -> Pose:
     """The pose as it is given to the stage: only one that ``turns`` is asked to turn the tool."""
-    return target if getattr(stage, "turns", False) else Pose(*target[:3])
+    return target if abilities.turns(stage) else Pose(*target[:3])

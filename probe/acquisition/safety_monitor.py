@@ -2,8 +2,7 @@
 
 With the wall clock it lives in threads of its own: one for each sensor, one for the stage, and one
 that only looks whether the others beat, so that nothing that hangs hides anything else. With a
-simulated clock the engine calls `SafetyMonitor.step` itself: every two samples on the way down,
-else every 8 ms.
+simulated clock the engine calls `step`: every two samples on the way down, else every 8 ms.
 """
 
 import threading
