@@ -79,7 +79,7 @@ class LslStream:
         if self._fault == "nan":
             return math.nan
         now_s = self._phantom.clock.now()
-        force_n = float(self._phantom.force_n(np.array([now_s]))[0])
+        force_n = self._phantom.force_at(now_s)
         return force_n + self._noise_n * float(self._rng.standard_normal())
 
 

@@ -74,7 +74,7 @@ class Ft300:
         return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
 
     def _counts(self, time_s: float) -> list[int]:
-        force = float(self._phantom.force_n(np.array([time_s]))[0])
+        force = self._phantom.force_at(time_s)
         wrench = np.array([0.0, 0.0, -force, 0.0, 0.0, 0.0])
         counts = COUNTS_PER_N * (wrench + self._noise_n * self._rng.standard_normal(6))
         return [int(v) for v in np.clip(np.round(counts), -LIMIT, LIMIT)]

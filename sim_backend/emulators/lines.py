@@ -48,7 +48,7 @@ class LoadCell:
         return lines
 
     def _line(self, time_s: float) -> bytes:
-        force = float(self._phantom.force_n(np.array([time_s]))[0])
+        force = self._phantom.force_at(time_s)
         force += self._noise_n * self._rng.standard_normal()
         return f"{1e3 * (time_s - self._start_s):.0f} {force:.4f} N\r\n".encode()
 

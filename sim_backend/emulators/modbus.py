@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager
 from typing import Literal
 
-import numpy as np
 from pymodbus.framer import FramerRTU
 
 from sim_backend.emulators.serving import Served, served
@@ -119,7 +118,7 @@ def _crc(data: bytes) -> bytes:
 
 def force_n(phantom: Phantom) -> float:
     """What the tip feels now."""
-    return float(phantom.force_n(np.array([phantom.clock.now()]))[0])
+    return phantom.force_at(phantom.clock.now())
 
 
 def emulate(

@@ -70,15 +70,15 @@ class PiController:
             self._error = MOTION_ERROR
 
     def _line(self, line: str) -> str:
-        command, *words = line.split()[:1] + line.split()[1:] or [""]
+        command, *words = line.split() or [""]
         command = command.upper()
         if command.endswith("?"):
             return self._query(command, words)
         axes, values = words[::2], words[1::2]
         if command in ("HLT", "FRF", "STP"):
             axes, values = words or list(AXES), []
-        if unknown := [axis for axis in axes if axis not in AXES]:
-            self._error = BAD_AXIS if unknown else 0
+        if any(axis not in AXES for axis in axes):
+            self._error = BAD_AXIS
         elif command in ("MOV", "VEL", "SVO") and (not axes or len(axes) != len(values)):
             self._error = COUNT
         else:

@@ -62,7 +62,7 @@ class TaxelArray:
         return frames
 
     def _frame(self, time_s: float) -> bytes:
-        force = float(self._phantom.force_n(np.array([time_s]))[0])
+        force = self._phantom.force_at(time_s)
         noise = self._noise_pa * self._rng.standard_normal(len(self._share))
         stress = force / self._face_m2 * self._share + noise
         counts = np.clip(np.round(stress / COUNT_PA), 0, 65535).astype(int)

@@ -88,6 +88,10 @@ class Phantom:
         force: Array = self._answer(time_s, lambda r: r.force_n)[0]
         return force
 
+    def force_at(self, time_s: float) -> float:
+        """Normal force [N] at one time."""
+        return float(self.force_n(np.array([time_s]))[0])
+
     def force_and_stress(self, time_s: Array) -> Array:
         """Force as `force_n`, and von Mises stress [Pa] at the surface under the finger, the
         paper's criterion: (2, n)."""
@@ -264,10 +268,14 @@ class Phantom:
             depth = np.asarray(np.array(heights) - points[:, 2])
         if (depth <= -BULGE_M).all():
             return depth
-        x, y, _ = end
-        rise = (self.surface(x + SLOPE_M, y) - self.surface(x - SLOPE_M, y)) / (2 * SLOPE_M)
-        lift = (self.surface(x, y + SLOPE_M) - self.surface(x, y - SLOPE_M)) / (2 * SLOPE_M)
-        return np.asarray(depth / math.hypot(1.0, rise, lift))
+        return np.asarray(depth / math.hypot(1.0, *self.slope(end)))
+
+    def slope(self, place: Point) -> tuple[float, float]:
+        """How far the surface under a place rises [m/m] along x and y."""
+        x, y, _ = place
+        along_x = self.surface(x + SLOPE_M, y) - self.surface(x - SLOPE_M, y)
+        along_y = self.surface(x, y + SLOPE_M) - self.surface(x, y - SLOPE_M)
+        return along_x / (2 * SLOPE_M), along_y / (2 * SLOPE_M)
 
     def _pressed(self, rest: Rest) -> bool:
         x, y, z = rest.point

@@ -143,7 +143,7 @@ class GrblMachine:
         self._phantom.tip.halt(self._time(), 1e-3 * acceleration_mm_s2)
 
     def _touching(self, time_s: float) -> bool:
-        return float(self._phantom.force_n(np.array([time_s]))[0]) >= self._touch_n
+        return self._phantom.force_at(time_s) >= self._touch_n
 
     def _target(self, given: dict[str, float], inches: bool, relative: bool) -> Point:
         scale = INCH_MM if inches else 1.0

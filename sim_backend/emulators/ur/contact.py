@@ -85,5 +85,5 @@ class Contact:
     def _touches(self, time_s: float) -> bool:
         if self.misled:
             return True
-        force_n = float(self._phantom.force_n(np.array([time_s]))[0])
+        force_n = self._phantom.force_at(time_s)
         return force_n >= self.contact_n and self._phantom.tip.velocity(time_s)[2] <= 0

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from sim_backend.arrays import Array
 from sim_backend.emulators.ur.contact import Contact
 from sim_backend.emulators.ur.kinematics import POSTURE, Inverse, Six, anywhere
-from sim_backend.phantom.phantom import SLOPE_M, Phantom
+from sim_backend.phantom.phantom import Phantom
 
 READY, DONE = 1, 2
 MOVE_L, ZERO_FORCE, SPEED_L, SPEED_STOP, SERVO_STOP, SET_PAYLOAD = 3, 8, 10, 15, 16, 17
@@ -245,7 +245,7 @@ class Robot:
         Without friction the tissue pushes along the surface's normal.
         """
         place = self._phantom.tip.point(time_s)
-        force_n = float(self._phantom.force_n(np.array([time_s]))[0])
+        force_n = self._phantom.force_at(time_s)
         force_n += self._noise_n * float(self._rng.standard_normal())
         pushed = force_n * (self._mounting.matrix @ _normal(self._phantom, place))
         x, y, z = self._mounting.to_base(np.array(place)).tolist()
@@ -288,7 +288,7 @@ class Robot:
             return bool(self._inputs.get("input_int_register_1", 0))
         if command == ZERO_FORCE:
             place = self._phantom.tip.point(now)
-            force_n = float(self._phantom.force_n(np.array([now]))[0])
+            force_n = self._phantom.force_at(now)
             self._zero = force_n * (self._mounting.matrix @ _normal(self._phantom, place))
         elif command in (STOP_L, SPEED_STOP, SERVO_STOP):
             self._halt(self._numbers(1)[0])
@@ -370,8 +370,6 @@ def _six(numbers: list[float]) -> Six:
 
 def _normal(phantom: Phantom, place: Point) -> Array:
     """Outward normal (3,) of the surface under a place, scan frame."""
-    x, y, _ = place
-    rise = (phantom.surface(x + SLOPE_M, y) - phantom.surface(x - SLOPE_M, y)) / (2 * SLOPE_M)
-    lift = (phantom.surface(x, y + SLOPE_M) - phantom.surface(x, y - SLOPE_M)) / (2 * SLOPE_M)
-    normal = np.array([-rise, -lift, 1.0])
+    along_x, along_y = phantom.slope(place)
+    normal = np.array([-along_x, -along_y, 1.0])
     return np.asarray(normal / np.linalg.norm(normal))
