@@ -46,15 +46,12 @@ class LatencyCalibration:
     middle_s: float
     fit: Fit = field(repr=False)
 
-    def true_time(self, stamp_s: Array, *, skewed: bool = False) -> Array:
+    def true_time(self, stamp_s: Array) -> Array:
         """When samples were taken [s], on the stage's clock.
 
-        Skew is applied only if asked: it runs from the calibration's ``middle_s``, so it holds
-        within one session of the sensor's clock.
+        Without the skew, which holds within one session of the sensor's clock only.
         """
-        stamp = np.asarray(stamp_s, dtype=float)
-        late = self.delay_s + (self.skew * (stamp - self.middle_s) if skewed else 0.0)
-        return np.asarray(stamp - late)
+        return np.asarray(np.asarray(stamp_s, dtype=float) - self.delay_s)
 
 
 def fit_latency(stage_s: Array, stage: Array, sensor_s: Array, sensor: Array) -> LatencyCalibration:

@@ -63,7 +63,6 @@ def fit_tissue(
     time_s: Array | None = None,
     relaxation_start_s: Sequence[float] = (),
     find_surface: bool = True,
-    robust: bool = True,
     forward_off: float = 0.0,
 ) -> TissueCalibration:
     """The moduli that explain ``force_n`` (n,) [N] at ``depth_m`` (n,) [m, true indentation].
@@ -115,7 +114,6 @@ def fit_tissue(
         [start + np.append(np.zeros(len(start) - terms), np.full(terms, np.log(factor)))
          for factor in (FACTORS if terms else (1.0,))],
         names,
-        robust=robust,
     )  # fmt: skip
     p, first = fit.values, moduli + int(find_surface)
     tau = np.exp(np.clip(p[first + terms :], -MOST_LOG_TAU, MOST_LOG_TAU))
@@ -139,8 +137,6 @@ def _best(
     slopes: Callable[[Array], Array],
     starts: Sequence[Array],
     names: Sequence[str],
-    *,
-    robust: bool,
 ) -> Fit:
     """The best fit of several starts: relaxation has more than one minimum."""
     fits, reasons = [], []
@@ -149,7 +145,7 @@ def _best(
             fits.append(
                 nonlinear_fit(
                     misfit, start, names, f"{ADVICE}, or fit fewer parameters", jacobian=slopes,
-                    robust=robust,
+                    robust=True,
                 )
             )  # fmt: skip
         except CalibrationError as error:

@@ -11,13 +11,13 @@ from sim_backend import notebook_line
 class StationCount:
     """Counts the stations of a scan and measures how long one takes.
 
-    ``total`` stations, of which ``done`` are complete already; ``each_s`` is the best guess of a
-    station's duration until one has been measured (None: say nothing until then).
+    ``total`` stations, of which ``done`` are complete already.
     """
 
-    def __init__(self, total: int, done: int = 0, each_s: float | None = None) -> None:
+    def __init__(self, total: int, done: int = 0) -> None:
         self.done = done
-        self._total, self._each_s = total, each_s
+        self._total = total
+        self._each_s: float | None = None
         self._measured = 0
         self._in_grid = False
         self._began_s: float | None = None

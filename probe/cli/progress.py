@@ -21,11 +21,11 @@ PATIENCE_S = 2.0
 class ScanProgress:
     """An observer of a scan: a bar in a terminal, one plain line per station elsewhere.
 
-    ``total``, ``done`` and ``each_s`` as `StationCount` has them.
+    ``total`` and ``done`` as `StationCount` has them.
     """
 
-    def __init__(self, total: int, done: int = 0, each_s: float | None = None) -> None:
-        self._count = StationCount(total, done, each_s)
+    def __init__(self, total: int, done: int = 0) -> None:
+        self._count = StationCount(total, done)
         self._bar: Progress | None = None
         if sys.stderr.isatty():
             from rich.progress import BarColumn, TextColumn

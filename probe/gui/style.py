@@ -12,6 +12,7 @@ from PySide6.QtWidgets import QApplication, QFrame, QScrollArea, QWidget
 from probe.report.look import HEAT, INK
 
 COLLECT_MS = 5000
+SHADE = 50  # of 255
 SHEET = """
 * { font-size: 11pt; color: #1b1f24; }
 QWidget { background: #ffffff; }
@@ -137,8 +138,8 @@ def symbol_size() -> float:
     return 8.0 * scale()
 
 
-def shade(colour: str, alpha: int = 50) -> QColor:
-    """A colour for filling behind curves."""
+def shade(colour: str) -> QColor:
+    """A colour for filling behind curves, which shine through."""
     tint = QColor(colour)
-    tint.setAlpha(alpha)
+    tint.setAlpha(SHADE)
     return tint

@@ -83,16 +83,14 @@ def map_of(place_m: Array, value: Array, sd: Array, *, curved: bool = True) -> M
     return Map(place_m, value, sd, columns, weight / level_of(value), spacing_m(place_m))
 
 
-def find_spots(
-    seen: Map, false_alarm: float, most: int = MAX_SPOTS, *, rising: bool = False
-) -> list[Spot]:
-    """Up to ``most`` spots, the clearest first; where ``rising``, dips are none."""
+def find_spots(seen: Map, false_alarm: float, *, rising: bool = False) -> list[Spot]:
+    """Up to `MAX_SPOTS` spots, the clearest first; where ``rising``, dips are none."""
     if seen.spacing_m <= 0:
         return []
     centres = _centres(seen)
     known: list[Array] = []
     chances: list[float] = []
-    while len(known) < most:
+    while len(known) < MAX_SPOTS:
         far = [np.hypot(*(centres - k[:2]).T) >= MIN_DISTANCE * seen.spacing_m for k in known]
         free = centres[np.logical_and.reduce(far)] if known else centres
         if not len(free):

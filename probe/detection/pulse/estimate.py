@@ -157,11 +157,10 @@ def _noise_pa(wave: Wave) -> float:
 
 
 def described(
-    hold: Hold, rate_hz: float, noise: Noise, scale: Scale, beating_s: Array | None = None,
-    most: int = len(SHARES),
-) -> tuple[Fit, Array]:  # fmt: skip
-    """The fit of a wave of up to ``most`` harmonics at a rate, and its columns (n, 2 harmonics)."""
-    count = harmonics_seen(hold, rate_hz, most)
+    hold: Hold, rate_hz: float, noise: Noise, scale: Scale, beating_s: Array | None = None
+) -> tuple[Fit, Array]:
+    """The fit of a wave at a rate, and the columns (n, 2 harmonics) of those that are seen."""
+    count = harmonics_seen(hold, rate_hz, len(SHARES))
     columns = harmonics(hold.time_s if beating_s is None else beating_s, rate_hz, count)
     ridge = scale.noise_pa / (np.tile(SHARES[:count], 2) * max(scale.swing_pa, 1e-12))
     return fit(hold, design_of(hold), columns, noise, ridge), columns
