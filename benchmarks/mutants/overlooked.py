@@ -226,7 +226,7 @@ OVERLOOKED = (
     Mutant("a zero that moved in a press is not told", TARING,
            "    if drift is not None:\n", "    if False:\n", WAYS),
     Mutant("real devices run on simulated time", "probe/acquisition/session.py",
-           "if simulated and not real_time else", "if not real_time else",
+           "if rig.real or real_time else", "if real_time else",
            ("tests/probe/acquisition/test_session.py",)),
     Mutant("guards that are closed are replaced", "probe/acquisition/guard_client.py",
            "if self._closing or not first:", "if not first:",

@@ -14,7 +14,6 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from drivers import Clock, SimulatedClock, WallClock
 from drivers.core.files import path_of
 from probe.acquisition.commands import Control
 from probe.acquisition.event_bus import EventSink
@@ -154,7 +153,7 @@ def resume(
             "it, or begin a new run"
         )
     limits = limits_for(left.rig, left.plan)
-    clock = _clock(left, real_time=real_time)
+    clock = clock_for(left.rig, real_time=real_time, start_s=left.start_s)
     control = control or Control()
     order = Order(left.rig, clock, left.scene, left.seed, fallback)
     with (  # the run's lock first: no device is touched while another scan writes it
@@ -180,22 +179,16 @@ def resume(
 
 def _check_origin(left: Unfinished) -> None:
     """A file from elsewhere names ports and addresses here: nothing of it is opened unasked."""
-    real = [one for one in (left.rig.stage, *left.rig.sensor) if one.driver != "virtual"]
-    if not real or left.computer == this_computer():
+    if not left.rig.real or left.computer == this_computer():
         return
     said = "; ".join(
         f"{one.driver} " + ", ".join(f"{key} = {value!r}" for key, value in one.settings.items())
-        for one in real
+        for one in left.rig.real
     )
     raise RunFileError(
         f"{left.path}: was not scanned on this computer, and to go on would open and move its "
         f"devices here: {said}; if these are yours, say --trust"
     )
-
-
-def _clock(left: Unfinished, *, real_time: bool) -> Clock:
-    kind = type(clock_for(left.rig, real_time=real_time))
-    return SimulatedClock(left.start_s) if kind is SimulatedClock else WallClock(left.start_s)
 
 
 def _files(config: Mapping[str, Any]) -> tuple[Any, Any]:

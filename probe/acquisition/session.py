@@ -203,10 +203,9 @@ def _resolved(
     return rig.model_copy(update={"scene": choice}), chosen
 
 
-def clock_for(rig: Rig, *, real_time: bool) -> Clock:
+def clock_for(rig: Rig, *, real_time: bool, start_s: float = 0.0) -> Clock:
     """Simulated time if every device is simulated and nobody wants to wait."""
-    simulated = all(device.driver == "virtual" for device in (rig.stage, *rig.sensor))
-    return SimulatedClock() if simulated and not real_time else WallClock()
+    return WallClock(start_s) if rig.real or real_time else SimulatedClock(start_s)
 
 
 def new_run_path(folder: Path, name: str) -> Path:

@@ -166,7 +166,7 @@ def verdict(rig_file: Path | None, rig: "Rig", *, can_scan: bool) -> str:
     """What a dry run comes to. It touches no device, so real ones may still be absent."""
     if not can_scan:
         return "The scan would fail."
-    if rig_file is None or all(one.driver == "virtual" for one in (rig.stage, *rig.sensor)):
+    if rig_file is None or not rig.real:
         return "The scan can go on."
     return f"The scan can go on if its devices answer: {next_command('doctor', rig_file)}"
 

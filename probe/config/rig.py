@@ -188,6 +188,11 @@ class Rig(Explained, Table):
     """The probe's face: turns force into mean contact stress, and pressure into force for the
     limit. Known for simulated scenes."""
 
+    @property
+    def real(self) -> tuple[Device, ...]:
+        """The devices that are not simulated by the phantom."""
+        return tuple(one for one in (self.stage, *self.sensor) if one.driver != "virtual")
+
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         scan, safety = self.scan, self.safety
