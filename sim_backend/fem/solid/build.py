@@ -8,11 +8,11 @@ from sim_backend.arrays import Array, Bools, Ints
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.mesh import TISSUE
 from sim_backend.fem.model import (
+    CHORD,
     LOCKING_POISSON,
     Grading,
     Section,
     build_section,
-    half_contact,
     materials,
 )
 from sim_backend.fem.newton import CannotSolve
@@ -259,7 +259,10 @@ def section_scene(scene: Scene, across: Finger) -> Scene:
 
 def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Grading) -> Array:
     """Edges of the layers [m]."""
-    reach = half_contact(along, depth_m)
+    # to where an end's chord reaches: as far as it touches, as along x, would cost a quarter more
+    # layers of a cylinder, whose forces are within 0.5 and pulses within 1.4 % of CalculiX' so
+    sunk = min(max(depth_m, 1e-4), along.radius)
+    reach = along.half_flat + CHORD * float(np.sqrt(2 * along.radius * sunk - sunk**2))
     spots: list[tuple[float, float]] = []  # (z, element size there)
     ends: list[tuple[float, float]] = []  # (z, how near to it a layer may end) of stenoses
     for one in scene.inclusion:
