@@ -13,7 +13,7 @@ class SensorRates:
 
     def __init__(self, sensors: Sequence[Sensor]) -> None:
         self._stated_hz = {sensor.name: sensor.rate_hz for sensor in sensors}
-        self._seen: dict[str, tuple[int, float, float]] = {}
+        self._seen: dict[str, tuple[int, int, float, float]] = {}
 
     def add(self, readings: Sequence[tuple[str, Block]]) -> None:
         """Count blocks of devices; those of a stage are not counted."""
@@ -21,17 +21,26 @@ class SensorRates:
             if block.jumped_s:  # a device stood still: what it sent before says nothing now
                 self._seen.pop(name, None)
             elif name in self._stated_hz:
-                count, first_s, _ = self._seen.get(name, (0, float(block.time_s[0]), 0.0))
-                sent = len(block.time_s) + block.lost
-                self._seen[name] = count + sent, first_s, float(block.time_s[-1])
+                start = 0, 0, float(block.time_s[0]), 0.0
+                count, lost, first_s, _ = self._seen.get(name, start)
+                count, lost = count + len(block.time_s), lost + block.lost
+                self._seen[name] = count, lost, first_s, float(block.time_s[-1])
 
     def slow(self) -> list[tuple[str, str]]:
-        """Each sensor that is slower than stated, and the words for it; each is judged once."""
+        """Each sensor that gives less than stated, and the words for it; each is judged once.
+
+        A driver that is told too high a rate counts as lost what never was.
+        """
         found = []
-        for name, (count, first_s, last_s) in self._seen.items():
+        for name, (count, lost, first_s, last_s) in self._seen.items():
             stated_hz, span_s = self._stated_hz.pop(name, 0.0), last_s - first_s
-            if 0 < count - 1 < ENOUGH * stated_hz * span_s:
-                found.append((name, f"sends {(count - 1) / span_s:.3g} readings a second, and the "
-                                    f"rig says rate_hz = {stated_hz:g}: noise, holds and pulses "
-                                    "are planned with that"))  # fmt: skip
+            if not 0 < count - 1 < ENOUGH * stated_hz * span_s:
+                continue
+            words = (
+                f"sends {(count - 1) / span_s:.3g} readings a second, and the rig says "
+                f"rate_hz = {stated_hz:g}: noise, holds and pulses are planned with that"
+            )
+            if count + lost - 1 >= ENOUGH * stated_hz * span_s:
+                words += f"; or {lost} of {count + lost} readings were lost on the way"
+            found.append((name, words))
         return found

@@ -22,6 +22,10 @@ MOST_SAMPLES, MOST_STARTS = 5000, 200
 thinned, and looked at again where it falls."""
 NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
 """A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
+STEP_S, REST_S, STEEPER = 0.02, 0.3, 2.0
+"""A lift's first step falls within the first of these, and is followed by at most so long a rest;
+no pulse falls so much more steeply than all before has changed: arteries rise faster than they fall
+(O'Rourke & Gallagher 1996)."""
 MIN_SAMPLES = 12
 
 
@@ -82,8 +86,11 @@ def _start_of_fall(time_s: Array, mean: Array) -> float:
 
 
 def _before_a_step(time_s: Array, mean: Array, end_s: float) -> float:
-    """The end of a hold (n,), before the first sample of its second half from which on all lie
-    below all before, beside a line: a lift may begin with a step and a rest."""
+    """The end of a hold (n,) before a lift's first step, which a rest may follow.
+
+    That is the first sample of its second half from which on all lie below all before, beside a
+    line; or, of a pulse that is larger than the step, where it falls as steeply as no pulse does.
+    """
     if len(time_s) < MIN_SAMPLES:
         return end_s
     q, _ = np.linalg.qr(np.column_stack([np.ones_like(time_s), time_s - time_s[0]]))
@@ -91,7 +98,16 @@ def _before_a_step(time_s: Array, mean: Array, end_s: float) -> float:
     later = np.maximum.accumulate(left[::-1])[::-1]
     below = later[1:] < np.minimum.accumulate(left)[:-1]
     below[: len(below) // 2] = False
-    return float(time_s[np.argmax(below)]) if below.any() else end_s
+    if below.any():
+        return float(time_s[np.argmax(below)])
+    wide = max(1, round(STEP_S / float(np.median(np.diff(time_s)))))
+    fallen = left[:-wide] - left[wide:]
+    late = max(int(np.searchsorted(time_s, time_s[-1] - REST_S)), len(fallen) // 2)
+    if late >= len(fallen):
+        return end_s
+    step = late + int(np.argmax(fallen[late:]))
+    usual = float(np.abs(fallen[: step - wide]).max(initial=0.0)) if step > wide else np.inf
+    return float(time_s[step]) if fallen[step] > STEEPER * usual else end_s
 
 
 def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:

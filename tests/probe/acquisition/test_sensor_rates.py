@@ -44,13 +44,25 @@ def read(count: int, span_s: float, lost: int = 0, jumped_s: float = 0.0) -> Blo
 
 
 @pytest.mark.parametrize(
-    ("count", "lost", "slow"), [(101, 0, 0), (85, 0, 0), (75, 0, 1), (75, 20, 0)]
+    ("count", "lost", "said"),
+    [
+        (101, 0, []),
+        (85, 0, []),
+        (85, 15, []),
+        (75, 0, [("cell", "sends 74 readings a second")]),
+        (8, 92, [("cell", "or 92 of 100 readings were lost")]),
+    ],
 )
-def test_what_got_lost_was_sent(count: int, lost: int, slow: int) -> None:
-    """What a network loses is said elsewhere, with how much of it."""
+def test_what_does_not_come_is_slow_or_lost(
+    count: int, lost: int, said: list[tuple[str, str]]
+) -> None:
+    """A line of 80 Hz that a rig calls one of 1000 Hz passed without a word: 92 % were lost."""
     rates = SensorRates([CELL])
     rates.add([("stage", read(2, 1.0)), ("cell", read(count, 1.0, lost))])
-    assert len(rates.slow()) == slow
+    found = rates.slow()
+    assert [name for name, _ in found] == [name for name, _ in said]
+    assert all(words in text for (_, text), (_, words) in zip(found, said, strict=True))
+    assert ("lost" in str(found)) == (lost > 20)
     assert rates.slow() == []
 
 
