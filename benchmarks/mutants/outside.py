@@ -170,6 +170,7 @@ OUTSIDE = (
            ("tests/probe/detection/test_unusual_scans.py"
             "::test_a_short_row_that_is_bent_as_by_a_lump_is_not_called_nothing",)),
     Mutant("a sensor slower than its rig says goes unnoticed",
-           "probe/acquisition/sensor_rates.py", "ENOUGH * stated_hz", "0 * stated_hz",
+           "probe/acquisition/sensor_rates.py", "not 0 < count - 1 < ENOUGH * stated_hz",
+           "not 0 < count - 1 < 0 * stated_hz",
            ("tests/probe/acquisition/test_sensor_rates.py",)),
 )  # fmt: skip

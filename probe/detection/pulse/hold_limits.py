@@ -86,20 +86,12 @@ def _start_of_fall(time_s: Array, mean: Array) -> float:
 
 
 def _before_a_step(time_s: Array, mean: Array, end_s: float) -> float:
-    """The end of a hold (n,) before a lift's first step, which a rest may follow.
-
-    That is the first sample of its second half from which on all lie below all before, beside a
-    line; or, of a pulse that is larger than the step, where it falls as steeply as no pulse does.
-    """
+    """The end of a hold (n,) before a lift's first step, which a rest may follow: where it falls as
+    steeply as no pulse does, beside a line."""
     if len(time_s) < MIN_SAMPLES:
         return end_s
     q, _ = np.linalg.qr(np.column_stack([np.ones_like(time_s), time_s - time_s[0]]))
     left = mean - q @ (q.T @ mean)
-    later = np.maximum.accumulate(left[::-1])[::-1]
-    below = later[1:] < np.minimum.accumulate(left)[:-1]
-    below[: len(below) // 2] = False
-    if below.any():
-        return float(time_s[np.argmax(below)])
     wide = max(1, round(STEP_S / float(np.median(np.diff(time_s)))))
     fallen = left[:-wide] - left[wide:]
     late = max(int(np.searchsorted(time_s, time_s[-1] - REST_S)), len(fallen) // 2)
