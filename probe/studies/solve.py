@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -87,7 +87,8 @@ def _by_scans(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
 
 
 def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
-    """All points by one fast model, trained for the widest pulse and the deepest press."""
+    """All points by one fast model, trained for the widest pulse and the deepest press; by presses
+    what it does not know."""
     points = dict(job.points)
     where = {n: _where(job, points[n], scene) for n, scene in scenes.items()}
     pulses = [scene.pulse for scene in scenes.values()]
@@ -95,12 +96,30 @@ def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
             "systolic_mmhg": max(one.systolic_mmhg for one in pulses)}  # fmt: skip
     first = next(iter(scenes.values()))
     widest = first.model_copy(update={"pulse": pulses[0].model_copy(update=ends)})
+    by_press = replace(job, model="auto")
     try:
         model = surrogate(widest, max(depth_mm for _, depth_mm in where.values()))
-    except (CannotSolve, SceneError) as error:
+    except SceneError as error:
         return {n: [{"reason": first_line(error)}] for n in scenes}
-    return {n: [_fast(model, scene, x_mm, where[n][1]) for x_mm in where[n][0]]
-            for n, scene in scenes.items()}  # fmt: skip
+    except CannotSolve:  # one state without an equilibrium says nothing of the others
+        model = None
+
+    def row(n: int, x_mm: float, depth_mm: float) -> Row:
+        if model is not None and _knows(model, scenes[n], x_mm, depth_mm):
+            return _fast(model, scenes[n], x_mm, depth_mm)
+        return _pressed(by_press, {n: scenes[n]}, x_mm, depth_mm)[n]
+
+    return {n: [row(n, x_mm, depth_mm) for x_mm in over] for n, (over, depth_mm) in where.items()}
+
+
+def _knows(model: Surrogate, scene: Scene, x_mm: float, depth_mm: float) -> bool:
+    """Whether a press lies in the model's table."""
+    try:
+        levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
+        model.range.check(1e-3 * x_mm, 1e-3 * depth_mm, levels_pa)
+    except OutOfRange:
+        return False
+    return True
 
 
 def _pressed(

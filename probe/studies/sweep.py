@@ -191,6 +191,8 @@ def _saying_what_is_kept(log: Path, done: Solved, points: int) -> Iterator[None]
 
 
 def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
+    if workers is not None and workers < 0:
+        raise ConfigError(f"--workers {workers}: must be 0 (all processors) or more")
     count = min(workers or os.cpu_count() or 1, len(todo))
     if count == 1:
         yield from map(solve, todo)
@@ -234,7 +236,10 @@ def _on_cluster(todo: list[Job], scheduler: str) -> Iterator[Solved]:
 def _read_log(log: Path, key: str) -> Solved:
     if not log.exists():
         return {}
-    lines = log.read_text(encoding="utf-8").splitlines()
+    try:
+        lines = log.read_text(encoding="utf-8").splitlines()
+    except UnicodeDecodeError:
+        raise ConfigError(f"{log}: is no log of a sweep (not UTF-8 text); remove it") from None
     done: Solved = {}
     for number, line in enumerate(lines):
         try:
@@ -258,13 +263,17 @@ def write(table: pd.DataFrame, out: Path) -> None:
     part = out.with_name(out.name + ".part")
     if out.suffix == ".parquet":
         with part.open("wb") as file:
-            table.to_parquet(file, index=False)
+            _of_one_kind(table).to_parquet(file, index=False)
     elif out.suffix == ".csv":
         table.to_csv(part, index=False)
     else:
         import xarray
 
-        texts = [column for column in table if table[column].dtype == object]
-        plain = table.astype(dict.fromkeys(texts, str))
-        xarray.Dataset.from_dataframe(plain).to_netcdf(part, engine="h5netcdf")
+        xarray.Dataset.from_dataframe(_of_one_kind(table)).to_netcdf(part, engine="h5netcdf")
     part.replace(out)
+
+
+def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
+    """With text where a column has texts and numbers."""
+    texts = [column for column in table if table[column].dtype == object]
+    return table.astype(dict.fromkeys(texts, str))

@@ -4,11 +4,12 @@ Values are a list ``10,12,14``, a range ``10..14:5`` (five, evenly; ``:5log`` in
 an interval ``10..14`` (``10..14:log``) that a random design draws from.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import product
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy.stats import qmc
@@ -17,10 +18,12 @@ from drivers import ConfigError
 from sim_backend.scene.scene_file import Scene
 
 Design = Literal["full", "zip", "lhs", "sobol"]
-Value = float | str
+Value = float | str | bool
 Point = dict[str, Value]
 
 SCAN_KEYS = ("x_mm", "indentation_mm")
+MOST_POINTS = 1_000_000
+"""Of a sweep: at the 0.1 s of the quickest presses more than a day."""
 SYNTAX = "say KEY=10,12,14 or KEY=10..14:5 or, for a random design, KEY=10..14"
 
 
@@ -81,6 +84,8 @@ def parse(text: str, scene: Scene) -> Varied:
         raise ConfigError(f"--vary {text}: a logarithmic range must be above 0")
     if not count:
         return Varied(key, low=low, high=high, log=log)
+    if not 1 <= count <= MOST_POINTS:
+        raise ConfigError(f"--vary {text}: from 1 to {MOST_POINTS} values are possible")
     space = np.geomspace if log else np.linspace
     return Varied(key, tuple(float(v) for v in space(low, high, count)))
 
@@ -92,9 +97,11 @@ def places(text: str) -> tuple[float, ...]:
     try:
         if ".." not in text:
             return tuple(float(one) for one in text.split(","))
-        interval, _, count = text.partition(":")
+        interval, _, many = text.partition(":")
         low, high = (float(end) for end in interval.split(".."))
-        return tuple(float(one) for one in np.linspace(low, high, int(count)))
+        if not 1 <= (count := int(many)) <= MOST_POINTS:
+            raise ValueError(count)
+        return tuple(float(one) for one in np.linspace(low, high, count))
     except ValueError:
         raise ConfigError(f"--x {text}: say 32 or 20,32 or 4..60:15 (from..to:how many)") from None
 
@@ -120,6 +127,8 @@ def full_key(key: str, scene: Scene) -> str:
 def points(varied: Sequence[Varied], design: Design, count: int, seed: int) -> list[Point]:
     """All points, in a fixed order. Raises `ConfigError` for what a design cannot do."""
     keys = [v.key for v in varied]
+    if design not in get_args(Design):
+        raise ConfigError(f"--design {design}: must be {', '.join(get_args(Design))}")
     if len(set(keys)) < len(keys):
         raise ConfigError(f"--vary: a key is given twice ({', '.join(keys)})")
     if design in ("full", "zip"):
@@ -132,10 +141,19 @@ def points(varied: Sequence[Varied], design: Design, count: int, seed: int) -> l
         lists = [v.values for v in varied]
         if design == "zip" and len({len(v) for v in lists}) > 1:
             raise ConfigError("--design zip: every key needs as many values as the others")
+        if design == "full" and (many := math.prod(len(v) for v in lists)) > MOST_POINTS:
+            raise ConfigError(
+                f"--vary: makes {many:.3g} points, at most {MOST_POINTS} are possible; take fewer "
+                "values, or --design lhs"
+            )
         rows = zip(*lists, strict=True) if design == "zip" else product(*lists)
         return [dict(zip(keys, row, strict=True)) for row in rows]
-    if count < 1:
-        raise ConfigError(f"--design {design}: how many points? --count 100")
+    if not (isinstance(count, int) and 1 <= count <= MOST_POINTS):
+        raise ConfigError(
+            f"--count {count}: how many points of --design {design}? 1 to {MOST_POINTS}"
+        )
+    if seed < 0:
+        raise ConfigError(f"--seed {seed}: must be 0 or more")
     make = qmc.LatinHypercube if design == "lhs" else qmc.Sobol
     sampler: Any = make(d=len(varied), rng=seed)
     if design == "sobol":  # drawn by powers of two, as the sequence is balanced
@@ -173,7 +191,8 @@ def _leaves(raw: Any, prefix: str = "") -> dict[str, Any]:
 
 
 def _value(text: str) -> Value:
+    switches = {"true": True, "false": False}
     try:
         return float(text)
     except ValueError:
-        return text.strip()
+        return switches.get(text.strip().lower(), text.strip())

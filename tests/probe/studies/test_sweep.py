@@ -22,7 +22,7 @@ from probe.studies.sweep import solve_points, sweep, write
 from probe.studies.vary import parse, points
 from sim_backend.models import kept_tables, trained_states
 from sim_backend.models import surrogate as fast
-from sim_backend.models.press import press
+from sim_backend.models.press import CannotSolve, press
 from sim_backend.scene.scene_file import Scene, SceneError
 
 
@@ -52,13 +52,16 @@ def test_the_fast_model_is_trained_once_for_all_presses(
     trained = []
     train = fast.train
     monkeypatch.setattr(fast, "train", lambda *a: (trained.append(a), train(*a))[1])
-    texts = ("indentation_mm=0.5,0.9,-1", "x_mm=12,13.5,99", "systolic_mmhg=110,120")
+    texts = ("indentation_mm=0.5,0.9,0.01,-1", "x_mm=12,13.5,99", "systolic_mmhg=110,120")
     wanted = points([parse(text, BLOCK) for text in texts], "full", 0, 0)
     (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)
     table = pd.DataFrame([row for rows in solve(job).values() for row in rows])
     assert len(trained) == 1
     solved = table[table["reason"] == ""]
-    assert len(solved) == 2 * 2 * 2
+    assert len(solved) == 3 * 2 * 2
+    # a press less deep than the table knows is one of the full model
+    shallow = solved["indentation_mm"] == 0.01
+    assert set(solved[shallow]["model"]).isdisjoint(solved[~shallow]["model"])
     assert set(table[table["reason"] != ""]["reason"].str.split(" =").str[0]) == {
         "depth_mm",
         "x_mm",
@@ -69,6 +72,20 @@ def test_the_fast_model_is_trained_once_for_all_presses(
     low, high = (10 * state.force_n_per_mm for state in pressed)
     assert one["force_n"] == pytest.approx(low, rel=0.02)
     assert one["pulse_n"] == pytest.approx(high - low, rel=0.05)
+
+
+def test_one_state_without_an_equilibrium_costs_the_fast_model_no_other(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """All points of a table got the reason of one."""
+
+    def refuse(*_: object) -> None:
+        raise CannotSolve("limit pressure", "found no equilibrium above 106 mmHg")
+
+    monkeypatch.setattr("probe.studies.solve.surrogate", refuse)
+    wanted = points([parse("indentation_mm=0.5,0.9", BLOCK)], "full", 0, 0)
+    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 20.0)
+    assert [row["reason"] for rows in solve(job).values() for row in rows] == ["", ""]
 
 
 def test_the_fast_model_is_trained_for_the_pulses_of_all_points(
@@ -241,6 +258,27 @@ def test_a_log_that_is_none_is_left_alone(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"t\.rows\.jsonl belongs to another sweep"):
         solve_points(TIHA, made("wall_mm=99"), tmp_path / "t.csv", workers=1)
     assert log.read_text() == "[1, 2]\n"
+    log.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="is no log of a sweep"):
+        solve_points(TIHA, made("wall_mm=99"), tmp_path / "t.csv", workers=1)
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet", ".h5"])
+def test_a_column_may_hold_words_and_numbers(tmp_path: Path, ending: str) -> None:
+    """After all was solved the table could not be written."""
+    out = tmp_path / f"t{ending}"
+    write(pd.DataFrame({"point": [0, 1], "bonded": ["true", 1.0], "seed": 0, "reason": ""}), out)
+    assert out.exists()
+
+
+def test_switches_are_taken_from_python(tmp_path: Path) -> None:
+    vary = {"indenter.bonded": [True, False]}
+    table = sweep("TI", vary, out=tmp_path / "a.csv", workers=1, accuracy_pct=20.0)
+    assert list(table["reason"]) == ["", ""]
+    bonded, free = table["force_n"]
+    assert bonded > free
+    with pytest.raises(ConfigError, match="--workers -1"):
+        sweep("TI", vary, out=tmp_path / "b.csv", workers=-1, **FAST)  # type: ignore[arg-type]
 
 
 def test_python_takes_what_the_shell_takes(tmp_path: Path) -> None:

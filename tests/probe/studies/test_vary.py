@@ -1,5 +1,7 @@
 """What is varied, and the points it makes."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -43,6 +45,8 @@ def test_values(text: str, key: str, values: tuple[float | str, ...]) -> None:
         ("wall_mm=0.4,a", "'a' is no number"),
         ("x_mm=left", "'left' is no number"),
         ("wall_mm=0..1:log", "above 0"),
+        ("wall_mm=0.4..0.6:-5", "from 1 to 1000000 values"),
+        ("wall_mm=0.4..0.6:100000000000000", "from 1 to 1000000 values"),
     ],
 )
 def test_wrong_ones_are_explained(text: str, reported: str) -> None:
@@ -55,7 +59,7 @@ def test_places() -> None:
     assert places("32") == (32.0,)
     assert places("20,32") == (20.0, 32.0)
     assert places("4..60:15") == tuple(4.0 * n for n in range(1, 16))
-    for wrong in ("here", "4..60", "4..60:x", "4..:3"):
+    for wrong in ("here", "4..60", "4..60:x", "4..:3", "4..60:0", "4..60:-3", "4..60:1000000000"):
         with pytest.raises(ConfigError, match="--x"):
             places(wrong)
 
@@ -68,6 +72,25 @@ def test_full_and_zipped() -> None:
         points([a, Varied("b", (3.0,))], "zip", 0, 0)
     with pytest.raises(ConfigError, match="how many"):
         points([Varied("a", low=1, high=2)], "full", 0, 0)
+    many = tuple(map(float, range(1001)))
+    with pytest.raises(ConfigError, match=r"makes 1e\+06 points, at most 1000000"):
+        points([Varied("a", many), Varied("b", many)], "full", 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("design", "count", "seed", "said"),
+    [
+        ("LHS", 3, 0, "must be full, zip, lhs, sobol"),
+        ("lhs", 0, 0, "how many points"),
+        ("sobol", 100_000_000_000, 0, "1 to 1000000"),
+        ("lhs", 2.5, 0, "count 2.5"),
+        ("lhs", 3, -1, "seed -1: must be 0 or more"),
+    ],
+)
+def test_designs_that_cannot_be_are_refused(design: Any, count: Any, seed: int, said: str) -> None:
+    """``LHS`` was a Sobol sequence without a word, and the others mistakes in palpate."""
+    with pytest.raises(ConfigError, match=said):
+        points([Varied("a", low=1, high=2)], design, count, seed)
 
 
 @given(st.integers(2, 40), st.integers(0, 99), st.sampled_from(["lhs", "sobol"]))
