@@ -95,8 +95,9 @@ class RdtSource:
             self._begin()
         except DeviceFault as fault:
             raise DeviceAbsent(
-                name, f"no Net F/T box at {config.sensor_host}: {fault.reason}"
-            ) from None
+                name, f"no Net F/T box at {config.sensor_host}, TCP {config.http_port} (http_port):"
+                f" {fault.reason}"
+            ) from None  # fmt: skip
 
     def read(self) -> list[Sample]:
         """The next record. Raises `DeviceFault` on the box's own faults."""
@@ -111,9 +112,13 @@ class RdtSource:
             raise DeviceFault(self._name, "the stream has ended") from None
         except pynetft.SensorFaultError as error:
             if error.fault_code.value not in ORDER_FAULTS:
-                host = self._config.sensor_host
-                unseen = f"; is the box at {host} on?" if self._count == 0 else ""
-                raise DeviceFault(self._name, _in_words(error) + unseen) from None
+                config, hint = self._config, ""
+                if self._count == 0:
+                    hint = (f"; is the box at {config.sensor_host} on? UDP {config.rdt_port} "
+                            "(rdt_port) is asked for records")  # fmt: skip
+                elif error.fault_code.value == "timeout":
+                    hint = "; or another program has asked the box, which sends to one only"
+                raise DeviceFault(self._name, _in_words(error) + hint) from None
             self._begin_anew(error.health.sensor_configuration)
             return []
         received_s = 1e-9 * (time.monotonic_ns() - got.received_at_ns)

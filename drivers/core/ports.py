@@ -16,6 +16,7 @@ from drivers.core.errors import DeviceAbsent
 READ_S = 0.02  # a read returns after this long at the latest, so that its thread can be ended
 WRITE_S = 0.5
 SOCKET = "socket://"
+HOST_AND_PORT = re.compile(r"[\w.-]+:\d+")
 CHUNK = 4096
 HIGHEST_TCP_PORT = 65535
 
@@ -161,7 +162,7 @@ def open_port(device: str, port: str, baud: int) -> Port:
         )
         return SerialPort(opened)
     except (serial.SerialException, OSError, ValueError) as error:
-        raise DeviceAbsent(device, f"port = {port!r}: {_why(error)}") from None
+        raise DeviceAbsent(device, f"port = {port!r}: {_why(error, port)}") from None
 
 
 def read_some(line: Port) -> bytes:
@@ -169,12 +170,14 @@ def read_some(line: Port) -> bytes:
     return line.read(max(1, min(line.in_waiting, CHUNK)))
 
 
-def _why(error: Exception) -> str:
+def _why(error: Exception, port: str) -> str:
     text = re.sub(r"\[Errno -?\d+\] ", "", str(error))
     if "Permission denied" in text:
         return "no permission; add yourself to the group that owns it (`dialout` on Debian)"
     if "exclusively lock" in text:
         return "another program has it open; close that first"
+    if ("No such file" in text or "could not open" in text) and HOST_AND_PORT.fullmatch(port):
+        return f"no such port; for a device on the network write {SOCKET}{port}"
     if "No such file" in text or "could not open" in text:
         there = ", ".join(sorted(found.device for found in list_ports.comports()))
         return f"no such port; serial ports here: {there or 'none'}"

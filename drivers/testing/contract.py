@@ -21,7 +21,7 @@ import pytest
 
 from drivers.core.clocks import WallClock
 from drivers.core.protocols import Sensor, Stage
-from drivers.core.registry import Kind, available, open_driver
+from drivers.core.registry import Kind, available, open_driver, settings_of
 
 pytest.register_assert_rewrite("drivers.testing.contract_tests")
 TESTS = Path(__file__).with_name("contract_tests.py")
@@ -99,9 +99,21 @@ def _named(where: str) -> AbstractContextManager[Bench]:
     return made
 
 
+def _needed(name: str) -> list[str]:
+    """The keys without which a driver cannot be opened."""
+    kinds: tuple[Kind, ...] = ("stages", "sensors")
+    models = [settings_of(kind, name) for kind in kinds if name in available(kind)]
+    return sorted({k for one in models for k, f in one.model_fields.items() if f.is_required()})
+
+
 def _from_rig(config: pytest.Config, name: str) -> Bench:
     file = config.getoption("--palpate-rig")
     if file is None:
+        if needed := _needed(name):
+            raise pytest.UsageError(
+                f"{name!r} needs {', '.join(needed)}: give --palpate-rig RIG.toml with its table, "
+                "or --palpate-bench MODULE:FUNCTION with an emulator"
+            )
         return Bench(name)
     rig = tomllib.loads(Path(file).read_text(encoding="utf-8"))
     tables = [rig.get("stage", {}), *rig.get("sensor", [])]

@@ -38,6 +38,7 @@ from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.slicing import section_at
 from sim_backend.scene.waves import load_wave
 
+TOGETHER = "devices together"
 REST_S = 2.0  # at 500 Hz ten times the equal readings that are a stuck sensor's (`same_readings`)
 # The paper's beat of 0.825 s. The smallest pulse that an FT-300 shows differs by 3 % from 0.8 to
 # 1.7 Hz in holds of 2.5 and 5 s; in one of 0.825 s it is 0.8 to 2.2 times as large (`visibility`).
@@ -117,7 +118,7 @@ def device_checks(
         check_units(true)
         prepared = prepare(rig, plan, limits, scene, Devices(moved, true, world.phantom, ()), 0)
     except (ConfigError, RigError, CalibrationError) as error:
-        return [*checks, Check("devices together", "fault", str(error))], stage, sensors
+        return [*checks, Check(TOGETHER, "fault", str(error))], stage, sensors
     checks += [Check("note", "warning", note) for note in prepared.notes]
     if rig.stage.driver == "virtual":
         virtual = (sensor for sensor in sensors if isinstance(sensor, VirtualSensor))

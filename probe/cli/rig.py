@@ -41,7 +41,13 @@ def doctor(
     """Look at this machine and, with a rig, listen to its devices; nothing is moved."""
     from drivers import DeviceFault
     from probe.acquisition.doctor import Noise, listen, machine
-    from probe.acquisition.preflight import Check, SensorNoise, device_checks, pulse_checks
+    from probe.acquisition.preflight import (
+        TOGETHER,
+        Check,
+        SensorNoise,
+        device_checks,
+        pulse_checks,
+    )
     from probe.acquisition.session import clock_for, resolve_rig
     from probe.acquisition.unusual import unusual
     from probe.config.devices import connect
@@ -54,7 +60,8 @@ def doctor(
         clock = clock_for(whole, real_time=False)
         own, *_ = device_checks(whole, plan_for(whole), simulated)
         checks += [*unusual(whole, simulated), *own]
-        if not any(check.level == "fault" for check in own):
+        # what is wrong with the plan only says nothing of the devices
+        if not any(one.level == "fault" and one.name != TOGETHER for one in own):
             try:
                 with connect(whole, clock, fallback=fallback) as devices:
                     checks += [Check("stand-in", "warning", note) for note in devices.notes]
@@ -65,6 +72,9 @@ def doctor(
                             checks.append(found)
             except DeviceFault as fault:  # absent or locked: the rest is said all the same
                 checks.append(Check(fault.device, "fault", fault.reason))
+            except ValueError:  # a calibration or a name that does not fit: its check has said so
+                if not any(one.level == "fault" for one in own):
+                    raise
         forces = [n for n in noises if n.role == "force" and n.unit == "N"]
         measured = [SensorNoise(f"{n.sensor}.{n.channel}", n.std, n.rate_hz) for n in forces]
         checks += pulse_checks(whole, simulated, respond, measured)

@@ -250,6 +250,9 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
                 how += "" if why == "this" else f": {ended.reason}"
             inform(f"{how}. {what_is_left(path)}")
             inform(f"To go on where it broke off: {next_command('resume', path)}")
+            if ended.finish is Finish.FAULTED:
+                inform("That goes on with the rig as it was; if the rig file was wrong, correct it "
+                       "and begin a new scan.")  # fmt: skip
         elif not shown:
             inform(what_is_left(path))
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)

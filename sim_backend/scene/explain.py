@@ -44,6 +44,11 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
         text = allowed(fault)
         if fault["type"] == "tuple_type" and isinstance(value, dict) and "." not in key:
             text = f"is a list of tables: write [[{key}]], in two brackets"
+        if fault["type"] == "missing" and isinstance(number := fault["loc"][-1], int):
+            if number > len(value):  # of a list's entries the first that is missing says it
+                continue
+            key = key.rpartition(".")[0]
+            text = f"has {number} value{'s' * (number != 1)}, and needs more"
         if model is not None and fault["type"] == "extra_forbidden":
             text = _unknown_key(model, fault["loc"])
         between = " " if fault["type"] == "missing" else ": "

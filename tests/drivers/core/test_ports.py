@@ -33,6 +33,11 @@ def test_a_port_that_nobody_serves_is_said_without_a_number_of_the_system() -> N
         open_port("cell", port, baud=9600)
 
 
+def test_an_address_without_its_scheme_is_told_how_to_write_it() -> None:
+    with pytest.raises(DeviceAbsent, match=r"on the network write socket://127\.0\.0\.1:23001"):
+        open_port("cell", "127.0.0.1:23001", 9600)
+
+
 @pytest.mark.parametrize("port", ["socket://a:99999", "socket://a:0", "socket://a", ""])
 def test_what_can_be_no_port_is_refused_with_the_rig(port: str) -> None:
     """Before anything is opened or moves."""

@@ -315,6 +315,20 @@ def test_doctor_says_of_a_locked_board_what_to_do(palpate, tmp_path: Path, winkl
     assert "home = true" in board_said["text"]
 
 
+def test_doctor_asks_devices_although_the_plan_cannot_be(palpate, tmp_path: Path) -> None:
+    """It said of no device that it is absent until the plan's speed was right."""
+    rig = tmp_path / "rig.toml"
+    rig.write_text(
+        '[stage]\ndriver = "grbl"\nport = "/dev/ttyNone"\n[safety]\nhardest_n_mm = 1000.0\n'
+        '[[sensor]]\ndriver = "ft300"\nport = "/dev/ttyNone"\nname = "ft"\n'
+    )
+    outcome = palpate("doctor", rig, "--scene", "TIHA", "--json")
+    assert outcome.status == 3
+    said = {one["name"]: one["text"] for one in outcome.json["checks"]}
+    assert "mm/s is allowed" in said["devices together"]
+    assert any("no such port" in text for text in said.values())
+
+
 def test_verify_and_replay(palpate, run_file: Path) -> None:
     checked = palpate("verify", run_file, "--json")
     assert checked.status == 0
