@@ -164,6 +164,8 @@ class World:
         rig, folder = self.rig, Path()
         if self.scene is None:
             if rig.scene is None:
+                if rig.real and "stage" not in rig.model_fields_set:
+                    raise RigError("[stage] is missing: say what moves the probe")
                 raise RigError(
                     "scene.name is missing: a simulated device needs a scene; "
                     f"built in: {', '.join(scene_names())}"
