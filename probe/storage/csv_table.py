@@ -23,6 +23,7 @@ BETWEEN = -1  # the station of a row between two, as `palpate export` writes it
 MAX_STATION = 1_000_000
 GAP_S = 1.0
 MIN_READINGS = 4  # of a station
+SEVERAL, HELD = 3, 10  # places of a row, and rows at each
 MAX_DRIFT_MM = 1.0  # a quarter of the paper's pitch: places further apart are no one station
 
 
@@ -83,7 +84,10 @@ def cut(table: Table) -> CsvRecording:
     if not len(table.rows):
         raise CsvError("no rows below the column names")
     notes = [f"columns left out: {', '.join(table.left_out)}"] if table.left_out else []
-    presses = _apart(_presses(table.rows, len(table.channels), notes), notes)
+    presses = _once(_presses(table.rows, len(table.channels), notes), notes)
+    presses = _apart(presses, notes)
+    if len(presses) == 1 and (places := _places_in_one(table.rows)):
+        notes.append(f"{places}: are they in metres?")
     return CsvRecording(
         tuple(presses),
         table.channels,
@@ -164,6 +168,28 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
     if doubled:
         notes.append(f"{doubled} rows with the time of the row before are left out")
     return list(presses.values())
+
+
+def _once(presses: list[Press], notes: list[str]) -> list[Press]:
+    """Without presses that repeat another's readings one by one, at its place: a table was pasted
+    twice."""
+    different: dict[object, Press] = {}
+    for press in presses:
+        place = f"{press.x_m} {press.y_m}", press.signal.tobytes()  # a y that is no number is one
+        different.setdefault(place if math.isfinite(press.x_m) else press.station, press)
+    if repeated := len(presses) - len(different):
+        notes.append(f"{repeated} stations repeat others reading by reading and are left out")
+    return list(different.values())
+
+
+def _places_in_one(rows: pd.DataFrame) -> str:
+    """Of a table of one station: several places that count as one, in words; "" without."""
+    x_mm = rows["x_mm"].dropna().to_numpy() if "x_mm" in rows else np.empty(0)
+    places = np.unique(x_mm)
+    # each is held for a while; a stage that trembles is elsewhere in every row
+    if "station" in rows or not SEVERAL <= len(places) <= len(x_mm) / HELD:
+        return ""
+    return f"x_mm: {len(places)} places span {np.ptp(places):.2g} mm in all, and count as one"
 
 
 def _phases(rows: pd.DataFrame, times: Array) -> tuple[tuple[float, int], ...]:

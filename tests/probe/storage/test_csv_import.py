@@ -350,3 +350,24 @@ def test_a_file_whose_name_is_no_text_is_imported(tmp_path: Path) -> None:
     source.write_text("\n".join(["time_s,force_n", *(f"{n / 9:g},{n}" for n in range(9))]))
     run = open_run(import_csv(source, tmp_path / "a.run", face_mm2=50.0).path)
     assert run.config["imported"]["file"].endswith("\N{REPLACEMENT CHARACTER}.csv")
+
+
+def test_places_in_metres_and_tables_pasted_twice_are_noted(tmp_path: Path) -> None:
+    """One was a single station, the other twice as many presses, both without a word."""
+    rng = np.random.default_rng(5)
+    rows = [
+        f"{t},{0.5 + 0.01 * rng.standard_normal():.6f},{x}"
+        for x in (0.004, 0.008, 0.012)
+        for t in 10 * x * 100 + 0.01 * np.arange(40)
+    ]
+    source = tmp_path / "m.csv"
+    source.write_text(table("time_s,force_n,x_mm", *rows))
+    imported = import_csv(source, tmp_path / "m.run")
+    assert imported.stations == 1
+    assert any("3 places span 0.008 mm" in n and "in metres" in n for n in imported.notes)
+    named = [f"{row},{n // 40}" for n, row in enumerate(rows)]
+    again = [f"{row},{3 + n // 40}" for n, row in enumerate(rows)]
+    source.write_text(table("time_s,force_n,x_mm,station", *named, *again))
+    imported = import_csv(source, tmp_path / "twice.run")
+    assert imported.stations == 3
+    assert "3 stations repeat others reading by reading and are left out" in imported.notes
