@@ -12,15 +12,12 @@ import time
 from pathlib import Path
 from typing import Any, cast
 
-import numpy as np
-
 from campaign.board import Board
 from campaign.cell import Cell
 from campaign.faults import Draw
 from campaign.serve import HOME, TICK_S, Presses, come_before_all, due_s, save
 from campaign.strikes import strike
 from campaign.world import SLICE_S, Point, World
-from drivers.core.arrays import Array
 from sim_backend.emulators.ur import emulate
 
 FAILS = {
@@ -77,9 +74,9 @@ class Tip:
         (x, y, z), (u, v, w) = self.point(at_s), self.point(at_s - SLICE_S)
         return ((x - u) / SLICE_S, (y - v) / SLICE_S, (z - w) / SLICE_S)
 
-    def force_n(self, at_s: Array) -> Array:
+    def force_at(self, at_s: float) -> float:
         """What it felt."""
-        return np.array([self._row(float(t))[4] for t in at_s])
+        return self._row(at_s)[4]
 
     def surface(self, x_m: float, _y_m: float) -> float:
         """How high the bed is; level but for its step."""

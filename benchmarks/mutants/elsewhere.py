@@ -187,7 +187,7 @@ ELSEWHERE = (
     Mutant("the tool's centre has the moment's deviation", "calibration/gravity.py",
            "np.eye(3) / mass", "np.eye(3)", TRUTH),
     Mutant("depth takes no slope along y", "sim_backend/phantom/phantom.py",
-           "math.hypot(1.0, *self.slope(end))", "math.hypot(1.0, self.slope(end)[0])",
+           "1.0, *slope_at(self.surface, end)", "1.0, slope_at(self.surface, end)[0]",
            ("tests/sim_backend/phantom/test_phantom.py",)),
     Mutant("an exported y is x", "probe/storage/export.py",
            "columns[name] = last[name]", 'columns[name] = last["x_mm"]',

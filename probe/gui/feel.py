@@ -22,7 +22,7 @@ from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
 FRAME_MS = 16
 PLACE_MM = 2.0  # places are solved on this grid; the probe snaps to it
-MAX_DEPTH_MM = 2.5
+MAX_DEPTH_MM, MAX_SHARE = 2.5, 0.5  # the deepest press, and of a thin block's height
 LIFTED_MM = -2.0
 KEY_DEPTH_MM = 0.1
 HISTORY_S = 6.0
@@ -101,7 +101,7 @@ class FeelWindow(QWidget):
     def touch(self, x_mm: float, depth_mm: float) -> None:
         """Put the probe over ``x_mm`` at ``depth_mm``, both clamped to what can be reached."""
         self.x_mm = self._snap(x_mm)
-        self.depth_mm = float(np.clip(depth_mm, LIFTED_MM, MAX_DEPTH_MM))
+        self.depth_mm = float(np.clip(depth_mm, LIFTED_MM, deepest_mm(self.scene)))
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
         if watched is self.section.viewport() and isinstance(event, QMouseEvent):
@@ -194,6 +194,11 @@ class FeelWindow(QWidget):
         return float(np.clip(PLACE_MM * round(x_mm / PLACE_MM), *self._reach_mm))
 
 
+def deepest_mm(scene: Scene) -> float:
+    """How deep the probe can be pushed."""
+    return min(MAX_DEPTH_MM, MAX_SHARE * scene.surface_mm)
+
+
 def run_feel(scene: Scene) -> int:
     """Feel ``scene`` until the window is closed; the exit status.
 
@@ -206,7 +211,7 @@ def run_feel(scene: Scene) -> int:
 
         def prepare(x_mm: float) -> "Future[Table]":
             with starting_workers():
-                return solver.submit(solve, scene, x_mm, MAX_DEPTH_MM)
+                return solver.submit(solve, scene, x_mm, deepest_mm(scene))
 
         window = FeelWindow(scene, prepare)
         status = until_closed(window)

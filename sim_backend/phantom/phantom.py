@@ -268,14 +268,7 @@ class Phantom:
             depth = np.asarray(np.array(heights) - points[:, 2])
         if (depth <= -BULGE_M).all():
             return depth
-        return np.asarray(depth / math.hypot(1.0, *self.slope(end)))
-
-    def slope(self, place: Point) -> tuple[float, float]:
-        """How far the surface under a place rises [m/m] along x and y."""
-        x, y, _ = place
-        along_x = self.surface(x + SLOPE_M, y) - self.surface(x - SLOPE_M, y)
-        along_y = self.surface(x, y + SLOPE_M) - self.surface(x, y - SLOPE_M)
-        return along_x / (2 * SLOPE_M), along_y / (2 * SLOPE_M)
+        return np.asarray(depth / math.hypot(1.0, *slope_at(self.surface, end)))
 
     def _pressed(self, rest: Rest) -> bool:
         x, y, z = rest.point
@@ -304,3 +297,11 @@ def _distinct(rows: Array) -> Array:
     if (rows == rows[:1]).all():
         return rows[:1]
     return np.unique(rows, axis=0)
+
+
+def slope_at(surface: Surface, place: Point) -> tuple[float, float]:
+    """How far a ``surface`` of heights [m] rises [m/m] along x and y under a place."""
+    x, y, _ = place
+    along_x = surface(x + SLOPE_M, y) - surface(x - SLOPE_M, y)
+    along_y = surface(x, y + SLOPE_M) - surface(x, y - SLOPE_M)
+    return along_x / (2 * SLOPE_M), along_y / (2 * SLOPE_M)

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from sim_backend.arrays import Array
 from sim_backend.emulators.ur.contact import Contact
 from sim_backend.emulators.ur.kinematics import POSTURE, Inverse, Six, anywhere
-from sim_backend.phantom.phantom import Phantom
+from sim_backend.phantom.phantom import Phantom, slope_at
 
 READY, DONE = 1, 2
 MOVE_L, ZERO_FORCE, SPEED_L, SPEED_STOP, SERVO_STOP, SET_PAYLOAD = 3, 8, 10, 15, 16, 17
@@ -370,6 +370,6 @@ def _six(numbers: list[float]) -> Six:
 
 def _normal(phantom: Phantom, place: Point) -> Array:
     """Outward normal (3,) of the surface under a place, scan frame."""
-    along_x, along_y = phantom.slope(place)
+    along_x, along_y = slope_at(phantom.surface, place)
     normal = np.array([-along_x, -along_y, 1.0])
     return np.asarray(normal / np.linalg.norm(normal))

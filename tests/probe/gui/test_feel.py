@@ -9,7 +9,7 @@ import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
 
-from probe.gui.feel import LIFTED_MM, MAX_DEPTH_MM, FeelWindow
+from probe.gui.feel import LIFTED_MM, MAX_DEPTH_MM, FeelWindow, deepest_mm
 from probe.gui.style import application
 from probe.gui.table import Table, came_mm, solve
 from sim_backend import load_scene
@@ -97,6 +97,14 @@ def test_the_arrow_keys_press_within_reach() -> None:
         QTest.keyClick(window, Qt.Key.Key_Down)
     assert window.x_mm == 62
     assert window.depth_mm == MAX_DEPTH_MM
+
+
+def test_a_thin_block_is_pressed_less_deep_than_it_is() -> None:
+    """No place of one answered."""
+    thin = load_scene("TI").model_dump()
+    thin["tissue"]["height_mm"] = 2.0
+    assert deepest_mm(Scene.model_validate(thin)) == 1.0
+    assert deepest_mm(load_scene("TI")) == MAX_DEPTH_MM
 
 
 def test_while_solving_and_when_it_fails_the_window_says_so(shoot: Callable[..., None]) -> None:
