@@ -95,7 +95,7 @@ ELSEWHERE = (
     Mutant("a hold lasts to the middle of the lift", LIMITS,
            "if not len(above) or smooth[-1] >= RAMP_RISE * level:", "if True:", ENDS),
     Mutant("a lift's first step is hold", LIMITS,
-           "if fallen[step] > STEEPER * usual else end_s", "if False else end_s", ENDS),
+           "return float(time_s[step]) if steep else end_s", "return end_s", ENDS),
     Mutant("a step is a gap", LOST, "<= BACK * size[k]]", "<= 2 * size[k]]", DROPPED),
     Mutant("clipped samples are believed", HELD,
            "kept = inside & whole & ~clipped", "kept = inside & whole", PULSE + DETECT),

@@ -37,7 +37,7 @@ class SensorRates:
             if not 0 < count - 1 < ENOUGH * stated_hz * span_s:
                 continue
             words = (
-                f"sends {(count - 1) / span_s:.3g} readings a second, and the rig says "
+                f"gives {(count - 1) / span_s:.3g} readings a second, and the rig says "
                 f"rate_hz = {stated_hz:g}: noise, holds and pulses are planned with that"
             )
             if count + lost - 1 >= ENOUGH * stated_hz * span_s:

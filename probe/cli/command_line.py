@@ -40,6 +40,9 @@ GROUPS = (
 )
 
 
+HELP = frozenset(("-h", "--help"))
+
+
 def build() -> typer.Typer:
     """The whole command line."""
     app = typer.Typer(
@@ -49,7 +52,7 @@ def build() -> typer.Typer:
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
-        context_settings={"help_option_names": ["-h", "--help"]},
+        context_settings={"help_option_names": sorted(HELP)},
         epilog="Exit status: 0 done, 2 bad input, 3 device or safety fault, 4 physics not solved, "
         "5 aborted or stopped by the user.",
     )
@@ -72,8 +75,9 @@ def run(given: Sequence[str]) -> int:
             status = typer.main.get_command(build()).main(
                 list(given), prog_name="palpate", standalone_mode=False
             )
-        except SystemExit:  # typer's way to end where nobody reads its help any more
-            status = 0
+        except SystemExit as error:  # typer's way to end where nobody reads on
+            helps = not given or not HELP.isdisjoint(given)
+            status = 0 if helps else error.code if isinstance(error.code, int) else 1
         except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 - the one place for all
             with undisturbed():
                 status, text = status_of(error)

@@ -1,6 +1,7 @@
 """Before a scan: what would it take, can it see the pulse, are the devices well."""
 
 from collections.abc import Iterable
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -39,7 +40,8 @@ def doctor(
     json: Json = False,
 ) -> None:
     """Look at this machine and, with a rig, listen to its devices; nothing is moved."""
-    from drivers import DeviceFault
+    from calibration import CalibrationError
+    from drivers import ConfigError, DeviceFault
     from probe.acquisition.doctor import Noise, listen, machine
     from probe.acquisition.preflight import (
         TOGETHER,
@@ -51,6 +53,7 @@ def doctor(
     from probe.acquisition.session import clock_for, resolve_rig
     from probe.acquisition.unusual import unusual
     from probe.config.devices import connect
+    from probe.config.rig import RigError
     from probe.config.scan_plan import plan_for
     from sim_backend.models.station_response import respond
 
@@ -62,19 +65,20 @@ def doctor(
         checks += [*unusual(whole, simulated), *own]
         # what is wrong with the plan only says nothing of the devices
         if not any(one.level == "fault" and one.name != TOGETHER for one in own):
-            try:
-                with connect(whole, clock, fallback=fallback) as devices:
+            with ExitStack() as stack:
+                try:
+                    devices = stack.enter_context(connect(whole, clock, fallback=fallback))
                     checks += [Check("stand-in", "warning", note) for note in devices.notes]
                     for found in listen(devices, clock, whole):
                         if isinstance(found, Noise):
                             noises.append(found)
                         else:
                             checks.append(found)
-            except DeviceFault as fault:  # absent or locked: the rest is said all the same
-                checks.append(Check(fault.device, "fault", fault.reason))
-            except ValueError:  # a calibration or a name that does not fit: its check has said so
-                if not any(one.level == "fault" for one in own):
-                    raise
+                except DeviceFault as fault:  # absent or locked: the rest is said all the same
+                    checks.append(Check(fault.device, "fault", fault.reason))
+                except (ConfigError, RigError, CalibrationError) as error:
+                    if str(error) not in (one.text for one in own):
+                        checks.append(Check("devices", "fault", str(error)))
         forces = [n for n in noises if n.role == "force" and n.unit == "N"]
         measured = [SensorNoise(f"{n.sensor}.{n.channel}", n.std, n.rate_hz) for n in forces]
         checks += pulse_checks(whole, simulated, respond, measured)

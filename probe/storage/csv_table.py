@@ -23,7 +23,8 @@ BETWEEN = -1  # the station of a row between two, as `palpate export` writes it
 MAX_STATION = 1_000_000
 GAP_S = 1.0
 MIN_READINGS = 4  # of a station
-SEVERAL, HELD = 3, 10  # places of a row, and rows at each
+MIN_PLACES, MIN_ROWS_EACH = 3, 10  # of a row that may be in metres
+MIN_VALUES = 10  # different ones, of readings that no other press repeats by chance
 MAX_DRIFT_MM = 1.0  # a quarter of the paper's pitch: places further apart are no one station
 
 
@@ -171,14 +172,16 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
 
 
 def _once(presses: list[Press], notes: list[str]) -> list[Press]:
-    """Without presses that repeat another's readings one by one, at its place: a table was pasted
-    twice."""
+    """Without presses that repeat all of another's readings, at its place and times: a table was
+    pasted twice. A coarse sensor may read the same few values again."""
     different: dict[object, Press] = {}
     for press in presses:
-        place = f"{press.x_m} {press.y_m}", press.signal.tobytes()  # a y that is no number is one
-        different.setdefault(place if math.isfinite(press.x_m) else press.station, press)
+        columns = (press.time_s, press.signal, press.saturated, press.depth_m, press.reference)
+        all_of_it = (f"{press.x_m} {press.y_m}", *(one.tobytes() for one in columns))
+        telling = math.isfinite(press.x_m) and len(np.unique(press.signal)) >= MIN_VALUES
+        different.setdefault(all_of_it if telling else press.station, press)
     if repeated := len(presses) - len(different):
-        notes.append(f"{repeated} stations repeat others reading by reading and are left out")
+        notes.append(f"stations that repeat others reading by reading are left out: {repeated}")
     return list(different.values())
 
 
@@ -187,7 +190,7 @@ def _places_in_one(rows: pd.DataFrame) -> str:
     x_mm = rows["x_mm"].dropna().to_numpy() if "x_mm" in rows else np.empty(0)
     places = np.unique(x_mm)
     # each is held for a while; a stage that trembles is elsewhere in every row
-    if "station" in rows or not SEVERAL <= len(places) <= len(x_mm) / HELD:
+    if "station" in rows or not MIN_PLACES <= len(places) <= len(x_mm) / MIN_ROWS_EACH:
         return ""
     return f"x_mm: {len(places)} places span {np.ptp(places):.2g} mm in all, and count as one"
 

@@ -99,9 +99,7 @@ def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
     by_press = replace(job, model="auto")
     try:
         model = surrogate(widest, max(depth_mm for _, depth_mm in where.values()))
-    except SceneError as error:
-        return {n: [{"reason": first_line(error)}] for n in scenes}
-    except CannotSolve:  # one state without an equilibrium says nothing of the others
+    except (CannotSolve, SceneError):  # one press that cannot be says nothing of the others
         model = None
 
     def row(n: int, x_mm: float, depth_mm: float) -> Row:

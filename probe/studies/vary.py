@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from itertools import product
+from numbers import Integral
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -22,7 +23,7 @@ Value = float | str | bool
 Point = dict[str, Value]
 
 SCAN_KEYS = ("x_mm", "indentation_mm")
-MOST_POINTS = 1_000_000
+MAX_POINTS = 1_000_000
 """Of a sweep: at the 0.1 s of the quickest presses more than a day."""
 SYNTAX = "say KEY=10,12,14 or KEY=10..14:5 or, for a random design, KEY=10..14"
 
@@ -69,7 +70,7 @@ def parse(text: str, scene: Scene) -> Varied:
         given = tuple(_value(v) for v in values.split(","))
         now = _leaves(scene.model_dump(mode="json")).get(key, 0.0)
         is_number = isinstance(now, int | float) and not isinstance(now, bool)
-        if is_number and (texts := [v for v in given if isinstance(v, str)]):
+        if is_number and (texts := [v for v in given if isinstance(v, str | bool)]):
             raise ConfigError(f"--vary {text}: {texts[0]!r} is no number")
         return Varied(key, given)
     interval, _, rest = values.partition(":")
@@ -84,8 +85,8 @@ def parse(text: str, scene: Scene) -> Varied:
         raise ConfigError(f"--vary {text}: a logarithmic range must be above 0")
     if not count:
         return Varied(key, low=low, high=high, log=log)
-    if not 1 <= count <= MOST_POINTS:
-        raise ConfigError(f"--vary {text}: from 1 to {MOST_POINTS} values are possible")
+    if not 1 <= count <= MAX_POINTS:
+        raise ConfigError(f"--vary {text}: from 1 to {MAX_POINTS} values are possible")
     space = np.geomspace if log else np.linspace
     return Varied(key, tuple(float(v) for v in space(low, high, count)))
 
@@ -99,7 +100,7 @@ def places(text: str) -> tuple[float, ...]:
             return tuple(float(one) for one in text.split(","))
         interval, _, many = text.partition(":")
         low, high = (float(end) for end in interval.split(".."))
-        if not 1 <= (count := int(many)) <= MOST_POINTS:
+        if not 1 <= (count := int(many)) <= MAX_POINTS:
             raise ValueError(count)
         return tuple(float(one) for one in np.linspace(low, high, count))
     except ValueError:
@@ -141,16 +142,16 @@ def points(varied: Sequence[Varied], design: Design, count: int, seed: int) -> l
         lists = [v.values for v in varied]
         if design == "zip" and len({len(v) for v in lists}) > 1:
             raise ConfigError("--design zip: every key needs as many values as the others")
-        if design == "full" and (many := math.prod(len(v) for v in lists)) > MOST_POINTS:
+        if design == "full" and (many := math.prod(len(v) for v in lists)) > MAX_POINTS:
             raise ConfigError(
-                f"--vary: makes {many:.3g} points, at most {MOST_POINTS} are possible; take fewer "
+                f"--vary: makes {many:.3g} points, at most {MAX_POINTS} are possible; take fewer "
                 "values, or --design lhs"
             )
         rows = zip(*lists, strict=True) if design == "zip" else product(*lists)
         return [dict(zip(keys, row, strict=True)) for row in rows]
-    if not (isinstance(count, int) and 1 <= count <= MOST_POINTS):
+    if not (isinstance(count, Integral) and 1 <= count <= MAX_POINTS):
         raise ConfigError(
-            f"--count {count}: how many points of --design {design}? 1 to {MOST_POINTS}"
+            f"--count {count}: how many points of --design {design}? 1 to {MAX_POINTS}"
         )
     if seed < 0:
         raise ConfigError(f"--seed {seed}: must be 0 or more")

@@ -86,8 +86,8 @@ def least_round_m(scene: Scene, depth_m: float) -> float:
     width that it touches.
 
     A narrower one is a column that the finger squeezes whole: of a ball of 4 mm over a block of
-    24 x 20 mm, 0.2, 1 and 2 mm deep, half the difference of both round blocks is 73, 55 and 46 % of
-    the force there; 100 % right over the side, where the one that fits is a line.
+    24 x 20 mm, 0.2 and 1 mm deep, half the difference of both round blocks is 73 and 55 % of the
+    force there; 100 % right over the side, where the one that fits is a line.
     """
     finger = finger_over(scene.indenter, 0.0, 1e-3 * scene.surface_mm)
     return half_contact(finger, depth_m)

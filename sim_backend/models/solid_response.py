@@ -47,7 +47,7 @@ LEFT = Left(rest=0.05, change=0.05, between=0.01, faint=0.0015)
 the rate of `refine.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
 between depths 0.2 % of the deepest. 20 mm beside TIHA's vessel under the cylinder the pulse is
 0.9 mN of 8.3 off at 0.87 N, 0.11 % of the force."""
-WAY = 3
+WAY = 4
 """Number of the way of solving; what was kept by another way is solved again."""
 SOLVED = ("ramp", "filled", "lowest", "bulge")
 """The arrays of `solve_place`."""

@@ -1,7 +1,7 @@
 """Why a value is refused, in words: the key, its value, and what is allowed there."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sized
 from difflib import get_close_matches
 from typing import Any, ClassVar, get_args
 
@@ -44,8 +44,10 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
         text = allowed(fault)
         if fault["type"] == "tuple_type" and isinstance(value, dict) and "." not in key:
             text = f"is a list of tables: write [[{key}]], in two brackets"
-        if fault["type"] == "missing" and isinstance(number := fault["loc"][-1], int):
-            if number > len(value):  # of a list's entries the first that is missing says it
+        number = fault["loc"][-1] if fault["loc"] else None
+        if fault["type"] == "missing" and isinstance(number, int):
+            # of several that are missing the first says it
+            if isinstance(value, Sized) and number > len(value):
                 continue
             key = key.rpartition(".")[0]
             text = f"has {number} value{'s' * (number != 1)}, and needs more"

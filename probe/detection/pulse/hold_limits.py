@@ -22,10 +22,10 @@ MOST_SAMPLES, MOST_STARTS = 5000, 200
 thinned, and looked at again where it falls."""
 NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
 """A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
-STEP_S, REST_S, STEEPER = 0.02, 0.3, 2.0
+STEP_S, STEP_REST_S, STEP_OVER_FALL, STEP_OVER_NOISE = 0.02, 0.3, 2.0, 8.0
 """A lift's first step falls within the first of these, and is followed by at most so long a rest;
-no pulse falls so much more steeply than all before has changed: arteries rise faster than they fall
-(O'Rourke & Gallagher 1996)."""
+no beat falls so much more steeply than those before, and no noise by so many of its standard
+deviations."""
 MIN_SAMPLES = 12
 
 
@@ -93,13 +93,19 @@ def _before_a_step(time_s: Array, mean: Array, end_s: float) -> float:
     q, _ = np.linalg.qr(np.column_stack([np.ones_like(time_s), time_s - time_s[0]]))
     left = mean - q @ (q.T @ mean)
     wide = max(1, round(STEP_S / float(np.median(np.diff(time_s)))))
-    fallen = left[:-wide] - left[wide:]
-    late = max(int(np.searchsorted(time_s, time_s[-1] - REST_S)), len(fallen) // 2)
+    fallen, rise = left[:-wide] - left[wide:], np.abs(np.diff(mean))
+    late = max(int(np.searchsorted(time_s, time_s[-1] - STEP_REST_S)), len(fallen) // 2)
     if late >= len(fallen):
         return end_s
     step = late + int(np.argmax(fallen[late:]))
-    usual = float(np.abs(fallen[: step - wide]).max(initial=0.0)) if step > wide else np.inf
-    return float(time_s[step]) if fallen[step] > STEEPER * usual else end_s
+    if step - wide < MIN_SAMPLES:
+        return end_s
+    usual = float(fallen[: step - wide].max(initial=0.0))
+    # of a coarse sensor, half of its readings and more are alike
+    least = float(rise[rise > 0].min()) if rise.any() else 0.0
+    noise = max(1.4826 * float(np.median(rise)), least) / np.sqrt(2)
+    steep = fallen[step] > max(STEP_OVER_FALL * usual, STEP_OVER_NOISE * noise)
+    return float(time_s[step]) if steep else end_s
 
 
 def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:

@@ -146,6 +146,29 @@ def test_a_stage_that_is_late_is_waited_for_at_the_usual_pace(
     assert np.count_nonzero(every_s < 1e-3) <= 1 + 20  # one meets the expected end
 
 
+def test_guards_look_most_often_on_the_way_down(
+    winkler: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every two samples; elsewhere as often as a stage is polled on the wall clock."""
+    looks: list[tuple[Phase, float]] = []
+    look = RunLoop._look_at
+
+    def kept(loop: RunLoop, time_s: float) -> None:
+        looks.append((loop.phase, time_s - loop.clock.now()))
+        look(loop, time_s)
+
+    monkeypatch.setattr(RunLoop, "_look_at", kept)
+    scan(winkler, stations=2)
+    usual_s = {
+        phase: float(np.median([s for one, s in looks if one is phase]))
+        for phase in (Phase.INDENTING, Phase.RETRACTING, Phase.TRAVELLING, Phase.HOLDING)
+    }
+    assert usual_s[Phase.INDENTING] == pytest.approx(4e-3)
+    assert max(s for one, s in looks if one is Phase.APPROACHING) <= 4e-3 + 1e-9
+    for phase in (Phase.RETRACTING, Phase.TRAVELLING, Phase.HOLDING):
+        assert usual_s[phase] == pytest.approx(8e-3)
+
+
 def test_every_sample_of_a_press_is_in_and_labelled(winkler: Any) -> None:
     _, events, _ = scan(winkler)
     force = of(events, "force")

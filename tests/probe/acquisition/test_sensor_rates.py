@@ -33,7 +33,7 @@ def test_a_sensor_slower_than_its_rig_says_is_noted_once(every: int, said: int) 
     slow = [text for text in ran.notes if "readings a second" in text]
     assert len(slow) == said
     if said:
-        assert slow[0].startswith(f"sends {sensor.rate_hz / every:.3g} readings a second")
+        assert slow[0].startswith(f"gives {sensor.rate_hz / every:.3g} readings a second")
         assert f"rate_hz = {sensor.rate_hz:g}" in slow[0]
 
 
@@ -49,7 +49,7 @@ def read(count: int, span_s: float, lost: int = 0, jumped_s: float = 0.0) -> Blo
         (101, 0, []),
         (85, 0, []),
         (85, 15, []),
-        (75, 0, [("cell", "sends 74 readings a second")]),
+        (75, 0, [("cell", "gives 74 readings a second")]),
         (8, 92, [("cell", "or 92 of 100 readings were lost")]),
     ],
 )

@@ -176,4 +176,5 @@ def test_a_reader_who_has_enough_is_no_fault(tmp_path: Path) -> None:
     assert unread(tmp_path, "scan", "weak.toml", "--out", "weak") == 3
     assert unread(tmp_path, "watch", "rig.toml") == 0
     assert unread(tmp_path, "--help") == 0
+    assert unread(tmp_path) == 2  # no command is none that is done; its help is on the other stream
     assert unread(tmp_path, "scan", "--help") == 0

@@ -352,6 +352,12 @@ def test_a_file_whose_name_is_no_text_is_imported(tmp_path: Path) -> None:
     assert run.config["imported"]["file"].endswith("\N{REPLACEMENT CHARACTER}.csv")
 
 
+def test_a_coarse_sensor_may_read_the_same_again(tmp_path: Path) -> None:
+    rows = [f"{t / 100:g},{0.5 + 0.1 * (t % 2):g},4,{n}" for n in range(3) for t in range(40)]
+    source = csv(tmp_path / "a.csv", table("time_s,force_n,x_mm,station", *rows))
+    assert import_csv(source, tmp_path / "a.run").stations == 3
+
+
 def test_places_in_metres_and_tables_pasted_twice_are_noted(tmp_path: Path) -> None:
     """One was a single station, the other twice as many presses, both without a word."""
     rng = np.random.default_rng(5)
@@ -370,4 +376,4 @@ def test_places_in_metres_and_tables_pasted_twice_are_noted(tmp_path: Path) -> N
     source.write_text(table("time_s,force_n,x_mm,station", *named, *again))
     imported = import_csv(source, tmp_path / "twice.run")
     assert imported.stations == 3
-    assert "3 stations repeat others reading by reading and are left out" in imported.notes
+    assert "stations that repeat others reading by reading are left out: 3" in imported.notes

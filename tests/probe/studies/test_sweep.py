@@ -102,8 +102,17 @@ def test_the_fast_model_is_trained_for_the_pulses_of_all_points(
     texts = ("diastolic_mmhg=70,60,80", "systolic_mmhg=130,140,110", "indentation_mm=1,2,1.5")
     wanted = points([parse(text, BLOCK) for text in texts], "zip", 0, 0)
     (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)
-    assert [row["reason"] for rows in solve(job).values() for row in rows] == ["enough"] * 3
+    assert [row["reason"] for rows in solve(job).values() for row in rows] == [""] * 3
     assert asked == [(60.0, 140.0, 2.0)]
+
+
+def test_a_press_that_cannot_be_costs_the_fast_model_no_other() -> None:
+    """All rows of a sweep had the reason of the one that is deeper than the block."""
+    wanted = points([parse("indentation_mm=0.02,99", BLOCK)], "full", 0, 0)
+    (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 20.0)
+    reasons = [row["reason"] for rows in solve(job).values() for row in rows]
+    assert reasons[0] == ""
+    assert "99" in reasons[1]
 
 
 @pytest.mark.parametrize("ending", ["csv", "parquet", "h5"])
