@@ -29,7 +29,7 @@ class SensorRates:
     def slow(self) -> list[tuple[str, str]]:
         """Each sensor that gives less than stated, and the words for it; each is judged once.
 
-        A driver that is told too high a rate counts as lost what never was.
+        A driver whose rig states too high a rate counts as lost what never was.
         """
         found = []
         for name, (count, lost, first_s, last_s) in self._seen.items():

@@ -263,17 +263,19 @@ def write(table: pd.DataFrame, out: Path) -> None:
     part = out.with_name(out.name + ".part")
     if out.suffix == ".parquet":
         with part.open("wb") as file:
-            _of_one_kind(table).to_parquet(file, index=False)
+            mixed = [name for name in table if _is_mixed(table[name])]
+            table.astype(dict.fromkeys(mixed, str)).to_parquet(file, index=False)
     elif out.suffix == ".csv":
         table.to_csv(part, index=False)
     else:
         import xarray
 
-        xarray.Dataset.from_dataframe(_of_one_kind(table)).to_netcdf(part, engine="h5netcdf")
+        texts = [column for column in table if table[column].dtype == object]
+        plain = table.astype(dict.fromkeys(texts, str))
+        xarray.Dataset.from_dataframe(plain).to_netcdf(part, engine="h5netcdf")
     part.replace(out)
 
 
-def _of_one_kind(table: pd.DataFrame) -> pd.DataFrame:
-    """With text where a column has texts and numbers."""
-    texts = [column for column in table if table[column].dtype == object]
-    return table.astype(dict.fromkeys(texts, str))
+def _is_mixed(column: "pd.Series[Any]") -> bool:
+    """Whether it holds texts beside numbers, which Parquet does not."""
+    return len({isinstance(value, str) for value in column.dropna()}) > 1

@@ -276,8 +276,12 @@ def test_a_log_that_is_none_is_left_alone(tmp_path: Path) -> None:
 def test_a_column_may_hold_words_and_numbers(tmp_path: Path, ending: str) -> None:
     """After all was solved the table could not be written."""
     out = tmp_path / f"t{ending}"
-    write(pd.DataFrame({"point": [0, 1], "bonded": ["true", 1.0], "seed": 0, "reason": ""}), out)
+    held = {"point": [0, 1], "bonded": ["true", 1.0], "model": ["finite", None], "seed": 0}
+    write(pd.DataFrame(held | {"reason": ""}), out)
     assert out.exists()
+    if ending == ".parquet":
+        assert list(pd.read_parquet(out)["bonded"]) == ["true", "1.0"]
+        assert list(pd.read_parquet(out)["model"].isna()) == [False, True]
 
 
 def test_switches_are_taken_from_python(tmp_path: Path) -> None:
