@@ -100,6 +100,9 @@ def device_checks(
     """
     world = World(rig, plan, SimulatedClock(), scene, 0, respond)
     checks: list[Check] = []
+    if rig.real and "stage" not in rig.model_fields_set:
+        text = "[stage] is missing: a simulated one moves instead, and no force comes of it"
+        checks.append(Check("rig", "warning", text))
     stage = _made(checks, "stages", "stage", rig.stage, world)
     every = [
         _made(checks, "sensors", f"sensor[{n}]", one, world) for n, one in enumerate(rig.sensor)

@@ -35,9 +35,6 @@ def unusual(rig: Rig, scene: Scene | None = None) -> Iterator[Check]:
         yield from _off(table, dict(one), usual)
     if rig.face_mm2 is not None and (words := doubt("face_mm2", rig.face_mm2, FACE_MM2)):
         yield Check("values", "warning", words)
-    if rig.real and "stage" not in rig.model_fields_set:
-        text = "[stage] is missing: a simulated one moves instead, and no force comes of it"
-        yield Check("values", "warning", text)
     yield from _of_device("stages", "stage", rig.stage)
     for n, device in enumerate(rig.sensor):
         yield from _of_device("sensors", f"sensor[{n}]", device)

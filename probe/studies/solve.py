@@ -102,12 +102,18 @@ def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
     except (CannotSolve, SceneError):  # one press that cannot be says nothing of the others
         model = None
 
-    def row(n: int, x_mm: float, depth_mm: float) -> Row:
-        if model is not None and _knows(model, scenes[n], x_mm, depth_mm):
-            return _fast(model, scenes[n], x_mm, depth_mm)
-        return _pressed(by_press, {n: scenes[n]}, x_mm, depth_mm)[n]
-
-    return {n: [row(n, x_mm, depth_mm) for x_mm in over] for n, (over, depth_mm) in where.items()}
+    rows: dict[tuple[int, float], Row] = {}
+    unknown: dict[tuple[float, float], dict[int, Scene]] = {}
+    for n, (over, depth_mm) in where.items():
+        for x_mm in over:
+            if model is not None and _knows(model, scenes[n], x_mm, depth_mm):
+                rows[n, x_mm] = _fast(model, scenes[n], x_mm, depth_mm)
+            else:
+                unknown.setdefault((x_mm, depth_mm), {})[n] = scenes[n]
+    for (x_mm, depth_mm), some in unknown.items():  # one press for all of its pressures
+        pressed = _pressed(by_press, some, x_mm, depth_mm)
+        rows |= {(n, x_mm): pressed[n] for n in some}
+    return {n: [rows[n, x_mm] for x_mm in over] for n, (over, _) in where.items()}
 
 
 def _knows(model: Surrogate, scene: Scene, x_mm: float, depth_mm: float) -> bool:

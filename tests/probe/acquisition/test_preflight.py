@@ -5,10 +5,13 @@ from typing import Any
 
 import pytest
 
+from drivers import SimulatedClock
 from probe.acquisition.dry_run import dry_run
-from probe.acquisition.preflight import Check
+from probe.acquisition.preflight import Check, device_checks
 from probe.acquisition.session import scan
-from probe.config.rig import Rig, default_rig
+from probe.config.devices import connect
+from probe.config.rig import Rig, RigError, default_rig
+from probe.config.scan_plan import plan_for
 from sim_backend.fem.newton import CannotSolve
 from sim_backend.scene.scene_file import load_scene
 
@@ -118,3 +121,20 @@ def test_a_limit_that_no_sensor_reads_up_to_is_said(
     (limit,) = (one for one in checks if one.name == "force limit")
     assert (limit.level == "ok") == (said is None)
     assert said is None or said in limit.text
+
+
+def test_a_stage_that_nobody_named_is_said() -> None:
+    """A real sensor on a stage that does not exist passed the dry run without a word."""
+    cell = {"driver": "ft300", "port": "/dev/ttyUSB0"}
+    forgotten = Rig.model_validate({"sensor": [cell], "scene": {"name": "TI"}})
+    meant = Rig.model_validate({"stage": {"driver": "virtual"}, "sensor": [cell]})
+
+    def warned(rig: Rig) -> bool:
+        found, *_ = device_checks(rig, plan_for(rig), load_scene("TI"))
+        return any("[stage] is missing" in check.text for check in found)
+
+    assert warned(forgotten)
+    assert not warned(meant)
+    assert not warned(Rig())
+    with pytest.raises(RigError, match=r"\[stage\] is missing: say what moves"):
+        connect(Rig.model_validate({"sensor": [cell]}), SimulatedClock())

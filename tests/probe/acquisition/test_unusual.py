@@ -77,14 +77,3 @@ def test_a_scene_is_doubted_with_its_rig() -> None:
     (check,) = unusual(Rig(), soft)
     assert check.level == "warning"
     assert check.text.startswith("scene: tissue.modulus_kpa = 0.05: 2,000 times less than")
-
-
-def test_a_stage_that_nobody_named_is_said() -> None:
-    """A real sensor on a stage that does not exist passed the dry run without a word."""
-    cell = {"driver": "ft300", "port": "/dev/ttyUSB0"}
-    forgotten = Rig.model_validate({"sensor": [cell], "scene": {"name": "TI"}})
-    meant = Rig.model_validate({"stage": {"driver": "virtual"}, "sensor": [cell]})
-    assert [c.text for c in unusual(forgotten) if "[stage] is missing" in c.text]
-    assert not [c for c in (*unusual(meant), *unusual(Rig())) if "[stage]" in c.text]
-    with pytest.raises(palpate.RigError, match=r"\[stage\] is missing: say what moves"):
-        palpate.connect(Rig.model_validate({"sensor": [cell]}), palpate.WallClock())
