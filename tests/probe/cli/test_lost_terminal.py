@@ -11,8 +11,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import typer
 
-from probe.cli import main
+from probe.cli import command_line, main
 from probe.cli.progress import counting
 from probe.cli.say import inform
 from probe.core.events import Finish
@@ -178,3 +179,21 @@ def test_a_reader_who_has_enough_is_no_fault(tmp_path: Path) -> None:
     assert unread(tmp_path, "--help") == 0
     assert unread(tmp_path) == 2  # no command is none that is done; its help is on the other stream
     assert unread(tmp_path, "scan", "--help") == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [(BrokenPipeError(errno.EPIPE, "a device's"), 1), (SystemExit(3), 3), (SystemExit("why"), 1)],
+)
+def test_what_another_part_ends_is_not_done(
+    error: BaseException, status: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A driver of others may exit, and a pipe that is lost need not be the answer's."""
+    app = typer.Typer()
+
+    @app.command()
+    def broken() -> None:
+        raise error
+
+    monkeypatch.setattr(command_line, "build", lambda: app)
+    assert command_line.run(["--"]) == status
