@@ -5,6 +5,7 @@ so that a script without an ``if __name__ == "__main__"`` guard would start itse
 This one imports the function's module and nothing of the caller's.
 """
 
+import gc
 import os
 import pickle
 import signal
@@ -18,10 +19,11 @@ from multiprocessing.connection import Client, Connection, Listener
 from typing import Any
 
 BOOTSTRAP = """
-import pickle, sys
+import gc, pickle, sys
 from importlib import import_module
 try:
-    sys.path[:], early = pickle.load(sys.stdin.buffer)
+    sys.path[:], thresholds, early = pickle.load(sys.stdin.buffer)
+    gc.set_threshold(*thresholds)
     for module in early:
         import_module(module)
     order = pickle.load(sys.stdin.buffer)
@@ -50,9 +52,9 @@ def no_ctrl_c() -> Iterator[None]:
 
 def interpreter(*modules: str) -> "subprocess.Popen[bytes]":
     """A fresh one that imports ``modules`` and waits to be some `Child`'s; without one it ends
-    with this process."""
+    with this process. It looks for garbage as often as this one."""
     process = subprocess.Popen([sys.executable, "-c", BOOTSTRAP], stdin=subprocess.PIPE)
-    _send(process, (sys.path, modules))
+    _send(process, (sys.path, gc.get_threshold(), modules))
     return process
 
 

@@ -33,6 +33,7 @@ from probe.planning.plan import Place, Plan
 TICK_S = 0.005  # the engine's own pace with the wall clock
 FINE_S = 0.0005  # its pace around the expected end of a way down, so that a hold starts on time
 PUBLISH_S = 0.05  # samples leave in blocks of about this length
+SIMULATED_PUBLISH_S = 0.25  # which passes in some 10 ms
 MAX_JUMPS = 3  # of a clock, in one press
 SLOWEST_PACE = 0.01  # a slower controller is taken for one that stands
 
@@ -75,6 +76,7 @@ class RunLoop:
         self.last_published_s = clock.now()
         fastest_hz = max((s.rate_hz for s in sensors), default=1 / TICK_S)
         self.tick_s = TICK_S if monitor.threaded else max(2 / fastest_hz, FINE_S)
+        self.publish_s = PUBLISH_S if monitor.threaded else SIMULATED_PUBLISH_S
         self.rest_s = TICK_S if monitor.threaded else max(self.tick_s, STAGE_PERIOD_S)
 
     def go(
@@ -141,7 +143,7 @@ class RunLoop:
         if not self.monitor.threaded:
             self.monitor.step()
         self.monitor.engine_heartbeat()
-        if self.clock.now() - self.last_published_s >= PUBLISH_S:
+        if self.clock.now() - self.last_published_s >= self.publish_s:
             self.publish_samples()
         self.handle()
 
