@@ -90,10 +90,10 @@ class SecondProcess(Generic[Answer]):
         if there:
             self._thread.join(END_S)
 
-    def _say(self, number: int) -> None:
+    def _say(self, begun: int | frozenset[int]) -> None:
         if self._child is not None:
             with suppress(OSError):  # it has just ended
-                self._child.pipes[0].send(number)
+                self._child.pipes[0].send(begun)
 
     def _learn(self) -> None:
         """Body of the thread: start the process, take what it has solved, and wait for its end."""
@@ -106,8 +106,7 @@ class SecondProcess(Generic[Answer]):
             child = Child(solve_in_turn, work, pipes=1, process=early)
         with self._news:
             self._child = child
-            for number in self._ours:
-                self._say(number)
+            self._say(frozenset(self._ours))
         with suppress(EOFError, OSError):
             while not self._ended:
                 number, what, answer = child.pipes[0].recv()
@@ -166,13 +165,17 @@ def all_answers(function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]
 def solve_in_turn(
     function: Callable[..., Any], tasks: list[tuple[Any, ...]], pipe: "Connection[Any, Any]"
 ) -> None:
-    """Body of the process: what is begun elsewhere comes in, beginnings and answers go out.
+    """Body of the process: what is begun elsewhere comes in, at first all that was before it was
+    there, beginnings and answers go out.
 
     It ends with the process at the other end, however that ends.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where signals cannot be blocked
     _wait_like_others()
-    theirs: set[int] = set()  # begun at the other end
+    try:
+        theirs: set[int] = set(pipe.recv())  # begun at the other end
+    except (EOFError, OSError):
+        return
     ours: set[int] = set()
 
     def listen() -> None:

@@ -44,6 +44,17 @@ def test_the_other_process_answers_in_order() -> None:
         other.close()
 
 
+def test_what_was_begun_here_before_it_was_there_is_not_begun_there() -> None:
+    other = SecondProcess(math.sqrt, [(float(n * n),) for n in range(4)])
+    try:
+        assert other.answer(0) is None  # the caller's to find
+        with other._news:
+            assert other._news.wait_for(lambda: len(other._solved) == 3, 60.0)
+        assert other._theirs == {1, 2, 3}
+    finally:
+        other.close()
+
+
 def test_while_it_is_busy_the_last_tasks_are_solved_here(tmp_path: Path) -> None:
     """Not to wait for a slow one, and not twice."""
     other = SecondProcess(waits_in_a_child, [(n, os.getpid(), tmp_path / "go") for n in range(5)])
@@ -156,11 +167,16 @@ def test_what_starts_one_early_waits_for_no_numpy() -> None:
 class NobodyListens:
     """A pipe of which the other end has just been closed."""
 
-    def recv(self) -> int:
-        threading.Event().wait(1.0)  # what has ended is not noticed yet
-        return 0
-
     asked = 0
+
+    def __init__(self) -> None:
+        self._came = iter([frozenset[int]()])
+
+    def recv(self) -> frozenset[int]:
+        for begun in self._came:
+            return begun
+        threading.Event().wait(1.0)  # what has ended is not noticed yet
+        return frozenset([0])
 
     def send(self, _message: object) -> None:
         self.asked += 1
