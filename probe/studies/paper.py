@@ -291,7 +291,9 @@ def _trend(table: pd.DataFrame, figure: str, name: str) -> Statement:
         pulse = (some.contact_pa_120 - some.contact_pa_80).to_numpy(float)
         wrong = np.flatnonzero(sign * np.diff(pulse) <= 0)
         upto = x[wrong[0]] if len(wrong) else x[-1]
-        findings.append(f"{model} strain, plane {plane}: {pulse[0]:.0f} to {pulse[-1]:.0f} Pa"
+        error_pct = some.error_estimate_pct.max()
+        findings.append(f"{model} strain, plane {plane}: {pulse[0]:.0f} to {pulse[-1]:.0f} Pa, "
+                    f"stated errors up to {error_pct:.2g} %"
                     + (f", {wanted} only up to {upto:g}" if len(wrong) else "")
                     + "".join(f", no answer at {one:g}" for one in every[every.reason != ""][key])
                     )  # fmt: skip
