@@ -9,6 +9,7 @@ import pytest
 
 from probe.studies.paper import (
     READINGS,
+    Statement,
     Task,
     _lone,
     _pulse_of_tisa,
@@ -24,20 +25,25 @@ from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 ROOT = Path(__file__).parents[3]
 
 
-def trend(pulses: list[float]) -> str:
+def trend(pulses: list[float]) -> Statement:
     at = (*FIGURES["7"][1][:2], 2.0, FIGURES["7"][1][-1])
     rows = [
         {"figure": "7", "model": "finite", "plane": "stress", "reason": "", "indentation_mm": d,
-         "contact_pa_120": 1000 + pulse, "contact_pa_80": 1000.0}
+         "contact_pa_120": 1000 + pulse, "contact_pa_80": 1000.0,
+         "error_estimate_pct": 10.0 / pulse}
         for d, pulse in zip(at, pulses, strict=True)
     ]  # fmt: skip
-    return _trend(pd.DataFrame(rows), "7", "indentation").verdict
+    return _trend(pd.DataFrame(rows), "7", "indentation")
 
 
 def test_trends_hold_or_not_or_up_to_where() -> None:
-    assert trend([1, 2, 3, 4]) == "holds"
-    assert trend([1, 2, 3, 2]) == "holds up to 2"
-    assert trend([4, 3, 2, 1]) == "does not hold"
+    assert trend([1, 2, 3, 4]).verdict == "holds"
+    assert trend([1, 2, 3, 2]).verdict == "holds up to 2"
+    assert trend([4, 3, 2, 1]).verdict == "does not hold"
+
+
+def test_a_trend_says_its_largest_stated_error() -> None:
+    assert "1 to 4 Pa, stated errors up to 10 %" in trend([1, 2, 3, 4]).ours
 
 
 def test_every_figure_has_its_presses() -> None:
