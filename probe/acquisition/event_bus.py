@@ -5,7 +5,7 @@ time, not by when they were read.
 """
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 
@@ -15,7 +15,6 @@ from probe.core.events import Event, Note, RunEnded, Samples
 from probe.core.log import log_event
 
 EventSink = Callable[[Event], None]
-INSTANT_S = 1e-6  # the same for a sensor's samples and the scan's clock, but for rounding
 
 
 class EventBus:
@@ -63,15 +62,15 @@ class EventBus:
         self.publish(Note(self._clock.now(), level, device, text))
 
     def label(self, from_s: float, station: int | None, attempt: int | None) -> None:
-        """Samples taken after ``from_s`` belong to this attempt at this station."""
+        """Samples taken from ``from_s`` on belong to this attempt at this station."""
         self._labels = [*self._labels[-3:], (from_s, station, attempt)]
 
     def samples(self, readings: Sequence[tuple[str, Block]]) -> None:
         """Blocks of devices, cut where the station changes."""
-        starts = [from_s + INSTANT_S for from_s, _, _ in self._labels]
+        starts = [from_s for from_s, _, _ in self._labels]
         for device, block in readings:
             times = block.time_s
-            edges = [0, *(bisect_right(times, from_s) for from_s in starts[1:]), len(times)]
+            edges = [0, *(bisect_left(times, from_s) for from_s in starts[1:]), len(times)]
             for (_, station, attempt), (a, b) in zip(self._labels, pairwise(edges), strict=True):
                 if b > a:
                     self.publish(Samples(device, _part(block, a, b), station, attempt))
