@@ -76,7 +76,7 @@ ELSEWHERE = (
     Mutant("beats are found by height", REFERENCE,
            "find_peaks(energy, distance=closest)", "find_peaks(smooth, distance=closest)", BEATS),
     Mutant("spikes are believed", LOST,
-           "return np.asarray(np.abs(off) <= SPIKE_SIGMAS * scatter)",
+           "return np.asarray(np.abs(off) <= SPIKE_SIGMAS * noise)",
            "return np.ones(len(signal), dtype=bool)", DROPPED),
     Mutant("gaps of one value are readings", HELD, "np.where(stale & ~station.saturated, np.nan,",
            "np.where(stale & False, np.nan,", DROPPED),
@@ -85,7 +85,7 @@ ELSEWHERE = (
     Mutant("coarse readings are gaps", LOST,
            "far = ~(edge <= SPIKE_SIGMAS *", "far = ~(edge <= 0 *", DROPPED),
     Mutant("held readings are drop-outs", LOST,
-           "1.4826 * float(np.median(size[size > 0]))", "1.4826 * float(np.median(size))", DROPPED),
+           "np.median(size[size > 0])", "np.median(size)", DROPPED),
     Mutant("a map is looked at all at once", "probe/detection/map/field.py",
            "AT_ONCE = 1 << 19", "AT_ONCE = 1 << 30",
            ("tests/probe/detection/test_field.py::"

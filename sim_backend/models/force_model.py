@@ -2,7 +2,6 @@
 
 | model | knows | one answer takes |
 |---|---|---|
-| `full_model.FullModel` | a scene, anywhere | a press: about a second |
 | `station_response.StationResponse` | one place, all depths and pressures | microseconds |
 | `scan_estimate.ScanEstimate` | several places at one depth, one beat | microseconds |
 | `surrogate.Surrogate` | a box of places, depths and pressures | microseconds |

@@ -6,6 +6,7 @@ from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
 from probe.detection.pulse.possible_rates import SLOWEST_HZ
 from probe.detection.pulse.running_median import running_median
+from probe.detection.pulse.scatter import SD_OF_MEDIAN
 
 SETTLING_S, SETTLING_SAMPLES = 0.01, 2
 """Left out after the ramp, the longer of both: the stage is still slowing down, and of slow samples
@@ -106,7 +107,7 @@ def _before_a_step(time_s: Array, mean: Array, end_s: float) -> float:
     usual = float(fallen[: step - wide].max(initial=0.0))
     # of a coarse sensor, half of its readings and more are alike
     least = float(rise[rise > 0].min()) if rise.any() else 0.0
-    noise = max(1.4826 * float(np.median(rise)), least) / np.sqrt(2)
+    noise = max(SD_OF_MEDIAN * float(np.median(rise)), least) / np.sqrt(2)
     steep = fallen[step] > max(STEP_OVER_FALL * usual, STEP_OVER_NOISE * noise)
     return float(time_s[step]) if steep else end_s
 

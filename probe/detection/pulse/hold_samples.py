@@ -16,6 +16,7 @@ from probe.detection.pulse.lost_samples import (
     without_spikes,
 )
 from probe.detection.pulse.possible_rates import SLOWEST_HZ
+from probe.detection.pulse.scatter import scatter
 
 BIN_S = 0.02
 """Averages this long keep every harmonic of a pulse (up to 15 Hz) and make the rest cheap."""
@@ -226,7 +227,7 @@ def quantum_of(signal: Array) -> float:
     gaps = np.diff(values)
     step = float(gaps[gaps > SAME * np.ptp(values)].min())
     codes = (values - values[0]) / step
-    noise = 1.4826 * float(np.median(np.abs(np.diff(signal)))) / np.sqrt(2)
+    noise = float(scatter(signal))
     even = bool(np.abs(codes - np.round(codes)).max() <= EVEN_CODES)
     return step if even and noise <= step else 0.0
 
@@ -272,7 +273,7 @@ def _check_contact(station: Station, signal: Array) -> None:
     before = station.signal_pa[station.time_s < station.indent_s]
     before = before.mean(axis=1) if before.size else np.empty(0)
     before = before[np.isfinite(before)]
-    noise = 1.4826 * float(np.median(np.abs(np.diff(signal)))) / np.sqrt(2)
+    noise = float(scatter(signal))
     if len(before) >= MIN_SAMPLES:
         error = max(noise, float(np.std(before))) * np.sqrt(1 / len(signal) + 1 / len(before))
         rise = float(np.median(signal) - np.median(before))

@@ -5,6 +5,7 @@ import numpy as np
 from drivers.core.arrays import Array, Bools
 from probe.detection.pulse.hold_limits import MIN_SAMPLES
 from probe.detection.pulse.running_median import running_median
+from probe.detection.pulse.scatter import SD_OF_MEDIAN, scatter
 
 SPIKE_SIGMAS = 8.0
 """Robust standard deviations beyond which a sample is no sample."""
@@ -48,7 +49,7 @@ def dropped_out(signal: Array) -> Bools:
     size = np.abs(rise)
     if not size.any():
         return lost
-    usual = 1.4826 * float(np.median(size[size > 0]))  # where readings differ: they may be held
+    usual = SD_OF_MEDIAN * np.median(size[size > 0])  # where readings differ: they may be held
     gone: list[int] = []  # the last samples before it left, of which it has not come back
     for i in np.flatnonzero(size > SPIKE_SIGMAS * usual).tolist():
         back = [k for k in gone if abs(signal[i + 1] - signal[k]) <= BACK * size[k]]
@@ -65,18 +66,17 @@ def without_spikes(signal: Array) -> Bools:
     if len(signal) < MIN_SAMPLES:
         return np.ones(len(signal), dtype=bool)
     off = signal - running_median(signal, 5)
-    scatter = 1.4826 * np.median(np.abs(np.diff(signal))) / np.sqrt(2)
-    scatter = max(scatter, 1e-12 * np.abs(signal).max(initial=1.0))
-    return np.asarray(np.abs(off) <= SPIKE_SIGMAS * scatter)
+    noise = max(float(scatter(signal)), 1e-12 * np.abs(signal).max(initial=1.0))
+    return np.asarray(np.abs(off) <= SPIKE_SIGMAS * noise)
 
 
 def mended(signal: Array) -> Array:
     """An array's channels (n, c), spikes replaced by the median around them: one channel's would
     hide in the mean."""
     middle = running_median(signal, 5)
-    scatter = 1.4826 * np.nanmedian(np.abs(np.diff(signal, axis=0)), axis=0) / np.sqrt(2)
-    off = np.abs(signal - middle) > SPIKE_SIGMAS * np.maximum(scatter, 1e-12 * np.abs(middle))
-    return np.asarray(np.where(off & (scatter > 0), middle, signal))
+    noise = scatter(signal)
+    off = np.abs(signal - middle) > SPIKE_SIGMAS * np.maximum(noise, 1e-12 * np.abs(middle))
+    return np.asarray(np.where(off & (noise > 0), middle, signal))
 
 
 def filled(signal: Array) -> Array:

@@ -5,12 +5,12 @@ import pytest
 from small_block import BLOCK
 
 from sim_backend.models.force_model import ForceModel, OutOfRange
-from sim_backend.models.full_model import FullModel
 from sim_backend.models.scan_estimate import estimate_scan
 from sim_backend.models.station_response import respond
 from sim_backend.models.surrogate import Surrogate
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
+from tests.support.full_model import FullModel
 
 X_M, DEPTH_M = 7e-3, 8e-4
 LOW_PA, HIGH_PA = BLOCK.pulse.diastolic_mmhg * PA_PER_MMHG, BLOCK.pulse.systolic_mmhg * PA_PER_MMHG

@@ -6,10 +6,10 @@ from small_block import BLOCK
 
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.models import refine
-from sim_backend.models.full_model import FullModel
 from sim_backend.models.press import CannotSolve, press
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
+from tests.support.full_model import FullModel
 
 BEAT = (80.0, 120.0)
 
