@@ -6,7 +6,7 @@ UNUSUAL = "tests/probe/detection/test_unusual_scans.py"
 FIELDS = "tests/probe/detection/test_field.py"
 LINES = "tests/probe/detection/test_stiff_lines.py"
 HELD = "tests/probe/detection/test_hold_samples.py"
-FORCES = "tests/probe/acquisition/test_preflight.py"
+FORCES = "tests/probe/acquisition/test_expected_press.py"
 FAST = "tests/sim_backend/models/test_surrogate.py"
 LIMITS = "tests/sim_backend/fem/test_limits.py"
 ROOM = "tests/sim_backend/scene/test_room.py"
@@ -67,10 +67,10 @@ OUTSIDE = (
            "WHOLE_BEAT = 1.2", "WHOLE_BEAT = 0.0",
            ("tests/probe/detection/test_heart_rate.py"
             "::test_holds_of_less_than_a_beat_tell_no_slow_heart_from_a_fast_one",)),
-    Mutant("the dry run lets any force pass", "probe/acquisition/preflight.py",
+    Mutant("the dry run lets any force pass", "probe/acquisition/expected_press.py",
            "if pressed.force_n <= NEAR_LIMIT * limit_n:", "if pressed.force_n <= 1e9 * limit_n:",
            (f"{FORCES}::test_a_press_that_the_force_limit_would_end_is_said",)),
-    Mutant("any press is measured as it is solved", "probe/acquisition/preflight.py",
+    Mutant("any press is measured as it is solved", "probe/acquisition/expected_press.py",
            "sure = _is_measured_as_solved(rig, scene)", "sure = True",
            (f"{FORCES}::test_a_force_that_may_not_be_measured_as_solved_is_a_warning",)),
     Mutant("a press beside the block is made", "probe/config/devices.py",
@@ -78,7 +78,8 @@ OUTSIDE = (
            ("tests/probe/acquisition/test_dry_run.py",)),
     Mutant("metres pass for millimetres", "probe/acquisition/dry_run.py",
            "if plan.indentation_m < ARRIVED_M:", "if plan.indentation_m < 0:",
-           (f"{FORCES}::test_a_press_as_shallow_as_an_arrival_is_warned_of",)),
+           ("tests/probe/acquisition/test_preflight.py"
+            "::test_a_press_as_shallow_as_an_arrival_is_warned_of",)),
     Mutant("a narrow bump lies between the places solved", "sim_backend/models/trained_states.py",
            "BUMP_SHARE = 0.25", "BUMP_SHARE = 25.0",
            (f"{FAST}::test_a_bump_narrower_than_the_usual_step_is_known",)),

@@ -8,18 +8,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from drivers import available
-from drivers.core.extras import needs
-from drivers.core.files import naming
-from probe.acquisition.preflight import (
-    Check,
-    calibration_check,
-    device_checks,
-    known_noise,
-    pulse_checks,
-)
+from probe.acquisition.expected_press import known_noise, pulse_checks
+from probe.acquisition.preflight import Check, calibration_check, device_checks
 from probe.acquisition.run_size import room, run_bytes, scan_seconds, search_seconds
 from probe.acquisition.unusual import unusual
 from probe.config.rig import Rig
@@ -83,40 +74,6 @@ def _time_words(presses: int, seconds: float, search_s: float) -> str:
     if search_s:
         text += f", and up to {search_s:.0f} s more where the surface lies deeper than planned"
     return text
-
-
-def draw_path(rig: Rig, file: Path) -> None:
-    """A picture of the tip's way: from the side and, for grids, from above."""
-    with needs("report", "the picture of the probe's way"):
-        from matplotlib.figure import Figure
-
-    plan, box = plan_for(rig), rig.safety.workspace_mm
-    points = [
-        (1e3 * pose.x, 1e3 * pose.y, 1e3 * (pose.z - depth))
-        for place in plan.places
-        for pose, depth in (
-            (plan.above(place), 0.0),
-            (plan.at_surface(place), plan.indentation_m),
-            (plan.above(place), 0.0),
-        )
-    ]
-    x, y, z = np.array(points).T
-    figure = Figure(figsize=(8, 6), layout="constrained")
-    side, top = figure.subplots(2, 1)
-    side.plot(x, z, lw=1, label="tip")
-    surface = [1e3 * plan.at_surface(place).z for place in plan.places]
-    side.plot([1e3 * p.x_m for p in plan.places], surface, "k.-", lw=0.5, label="surface")
-    side.set(xlabel="x [mm]", ylabel="z [mm]", title="from the side")
-    side.legend(loc="upper right")
-    top.plot(x, y, "o-", ms=3, lw=1)
-    top.set(xlabel="x [mm]", ylabel="y [mm]", title="from above, with the workspace")
-    top.plot(
-        [box.x[0], box.x[1], box.x[1], box.x[0], box.x[0]],
-        [box.y[0], box.y[0], box.y[1], box.y[1], box.y[0]],
-        "r--", lw=1,
-    )  # fmt: skip
-    with naming(file):
-        figure.savefig(file, dpi=120)
 
 
 def _reach(rig: Rig, plan: Plan) -> Check:

@@ -43,13 +43,8 @@ def doctor(
     from calibration import CalibrationError
     from drivers import ConfigError, DeviceFault
     from probe.acquisition.doctor import Noise, listen, machine
-    from probe.acquisition.preflight import (
-        TOGETHER,
-        Check,
-        SensorNoise,
-        device_checks,
-        pulse_checks,
-    )
+    from probe.acquisition.expected_press import SensorNoise, pulse_checks
+    from probe.acquisition.preflight import TOGETHER, Check, device_checks
     from probe.acquisition.session import clock_for, resolve_rig
     from probe.acquisition.unusual import unusual
     from probe.config.devices import connect
@@ -111,7 +106,7 @@ def plan(
         raise typer.BadParameter(f"--noise-mn {noise_mn:g}: must be 0 or more")
     from drivers import find_driver
     from probe.acquisition.dry_run import dry_run
-    from probe.acquisition.preflight import known_noise, pulse_checks
+    from probe.acquisition.expected_press import known_noise, pulse_checks
     from probe.acquisition.session import resolve_rig
     from probe.config.scan_plan import plan_for
     from probe.core.places import has_rows
@@ -147,8 +142,9 @@ def plan(
 def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool) -> int:
     """Check a scan without touching a device; the exit status."""
     from drivers import MissingExtra
-    from probe.acquisition.dry_run import draw_path, dry_run
+    from probe.acquisition.dry_run import dry_run
     from probe.acquisition.session import resolve_rig
+    from probe.report.tip_path import draw_path
 
     rig, scene = resolve_rig(rig_file, scene_name)
     if scene is not None:

@@ -12,7 +12,7 @@ import pytest
 from calibration import fit_force, fit_tare, record, save
 from drivers import SimulatedClock
 from probe.acquisition.doctor import listen, machine
-from probe.acquisition.dry_run import draw_path, dry_run
+from probe.acquisition.dry_run import dry_run
 from probe.acquisition.preflight import Check
 from probe.acquisition.run_size import scan_seconds
 from probe.acquisition.session import scan
@@ -376,11 +376,6 @@ def test_the_pulse_is_expected_where_the_vessel_s_path_lies(tmp_path: Path, wink
     report = dry_run(Rig.model_validate({"scan": grid}), scene, tmp_path, winkler)
     (text,) = (c.text for c in report.checks if c.name.startswith("pulse on"))
     assert "at x = 44 mm" in text
-
-
-def test_the_path_is_drawn(tmp_path: Path) -> None:
-    draw_path(default_rig(), tmp_path / "path.png")
-    assert (tmp_path / "path.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_the_disk_is_asked_for_all_channels(tmp_path: Path, winkler: Any) -> None:
