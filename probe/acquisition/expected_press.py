@@ -11,8 +11,8 @@ import numpy as np
 
 from drivers import ConfigError
 from drivers.core.registry import settings_of
-from probe.acquisition.levels import touch_in_noise
 from probe.acquisition.preflight import Check
+from probe.acquisition.touch_noise import touch_in_noise
 from probe.config.rig import Device, Rig
 from probe.config.scan_plan import plan_for
 from probe.config.snapshot import face_mm2_of

@@ -4,8 +4,9 @@ import math
 
 from drivers import Pose
 from probe.acquisition.interruption import Interrupted
-from probe.acquisition.levels import LEVEL_S, least_touch_n, touch_in_noise, touch_readings
+from probe.acquisition.levels import LEVEL_S
 from probe.acquisition.run_loop import RunLoop
+from probe.acquisition.touch_noise import least_touch_n, touch_in_noise, touch_readings
 from probe.core.events import Finish
 
 TOUCH_GAP_M = 0.5e-3  # the slow search begins this far above the surface

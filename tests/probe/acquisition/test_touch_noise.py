@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from probe.acquisition.levels import least_touch_n, touch_in_noise, touch_readings
+from probe.acquisition.touch_noise import least_touch_n, touch_in_noise, touch_readings
 
 
 def test_a_touch_beyond_the_noise_passes_whatever_ten_readings_say_of_it() -> None:
