@@ -103,7 +103,7 @@ def press(
         finer = model in (None, "auto", "solid")
         inform(
             f"note: the {what}'s error of {left_pct:.2g} % misses the accuracy of {accuracy:g} % "
-            "that was asked for: " + ("nothing finer is solved" if finer else "leave --model out")
+            "that was asked for: " + ("no finer mesh was tried" if finer else "leave --model out")
         )
     found: dict[str, Any] = plain(pressed.as_json())
     if json:

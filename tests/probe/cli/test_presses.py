@@ -37,7 +37,7 @@ def test_a_press_says_that_it_misses_the_accuracy(palpate: Any) -> None:
     least = palpate("press", "TI", "--x", "32", "--depth", "0.5", "--accuracy", "0.011", "--model",
                     "auto")  # fmt: skip
     assert "the force's error of " in least.err
-    assert "asked for: nothing finer is solved" in least.err
+    assert "asked for: no finer mesh was tried" in least.err
     assert "misses" not in palpate(*asked).err
 
 
