@@ -33,8 +33,8 @@ def physical_limit(
     if fills and (lone or depth_mm <= 0 or not isinstance(failure, Unstable)):
         return CannotSolve(
             "limit pressure",
-            f"found no equilibrium above {mmhg:.4g} mmHg, {there}: the wall "
-            f"inflates without bound there ({failure}; smallest det F {ratio:.2g} {where}). "
+            f"found no equilibrium above {mmhg:.4g} mmHg, {there}, on this mesh: the wall "
+            f"inflates without bound about there ({failure}; smallest det F {ratio:.2g} {where}). "
             "Take a lower pressure, a thicker or a stiffer wall.",
         )
     if lone:
