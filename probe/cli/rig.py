@@ -144,7 +144,7 @@ def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_js
     from drivers import MissingExtra
     from probe.acquisition.dry_run import dry_run
     from probe.acquisition.session import resolve_rig
-    from probe.report.tip_path import draw_path
+    from probe.acquisition.tip_path import draw_path
 
     rig, scene = resolve_rig(rig_file, scene_name)
     if scene is not None:

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
+from probe.acquisition.tip_path import draw_path
 from probe.config.rig import default_rig
-from probe.report.tip_path import draw_path
 
 
 def test_the_path_is_drawn(tmp_path: Path) -> None:
