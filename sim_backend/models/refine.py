@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.assembly import SingularMatrix
 from sim_backend.fem.axisymmetric import solve_axisymmetric
 from sim_backend.fem.finite_strain import Solved, solve_finite
 from sim_backend.fem.gaps import GAP_SHARE
 from sim_backend.fem.lumen import flatness
-from sim_backend.fem.model import Grading, meshed_size_m
+from sim_backend.fem.model import Grading, Section, meshed_size_m
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.fem.small_strain import solve_small
@@ -134,11 +133,6 @@ def refine(
         must_carry = bool(np.isfinite(error_pct).all()) and coarser is not None and _folded(coarser)
         return solve_finite(*place, grading=grading, coarser=coarser, must_carry=must_carry)
 
-    def steepness(solved: Solved) -> Array:
-        if model == "finite" and solved[0].lumens and max(pressures_pa) > 0:
-            return _steepness(solved, pressures_pa)
-        return np.array([0.0, len(pressures_pa) > 1], float)
-
     order = ORDER if in_tissue else LONE_ORDER
     share = meshed_size_m(scene, FIRST_SHARE * half_m) / half_m
     error_pct = np.full(2, np.inf)
@@ -168,7 +162,9 @@ def refine(
             left_pct = SECOND_SAFETY * left_pct
         flat = max(flatness(solved[0].lumens, state.displacement) for state in solved[1])
         pressure_pct = FLOOR_PCT[1] * share**2 * (flat**2 if in_tissue else 1.0)
-        least_pct = np.maximum([floor_pct[0] * share**2, 0.0], pressure_pct * steepness(solved))
+        least_pct = np.maximum(
+            [floor_pct[0] * share**2, 0.0], pressure_pct * _steepness(model, *solved, pressures_pa)
+        )
         few_pct = np.array([FEW_PCT[model] / _pressed(solved[1]) if in_tissue else 0.0, 0.0])
         error_pct = np.max([left_pct, least_pct, few_pct], axis=0)
         enough_pct = np.maximum(budget_pct, [0.0, _entering_pct(solved[1])])
@@ -225,17 +221,17 @@ def _pulse(forces: Array) -> float:
     return max(float(np.ptp(forces)), SMALL_PULSE * max(float(np.abs(forces).max()), 1e-12))
 
 
-def _steepness(solved: Solved, pressures_pa: Sequence[float]) -> Array:
+def _steepness(
+    model: str, section: Section, states: list[Solution], pressures_pa: Sequence[float]
+) -> Array:
     """How many per cent the largest force and the pulse change by if each lumen pressure does by
     1 %, as for a mesh that is off by 1 % of a wall's stiffness. The pulse's is 1 where forces are
     linear in the pressure, and ten and more where a wall is about to burst."""
-    section, states = solved
+    if model != "finite" or not section.lumens or max(pressures_pa) <= 0:
+        return np.array([0.0, len(pressures_pa) > 1], float)
     forces, (low, high) = _forces(states), np.argsort(pressures_pa)[[0, -1]]
     least, pressure = pressures_pa[low], pressures_pa[high]
-    try:
-        slope = slopes(section, states[high])[1].force_n_per_m
-    except SingularMatrix:  # it bursts
-        return np.full(2, np.inf)
+    slope = slopes(section, states[high])[1].force_n_per_m
     of_force = pressure * abs(slope) / max(float(np.abs(forces).max()), 1e-12)
     if pressure == least:
         return np.array([of_force, 0.0])

@@ -78,7 +78,7 @@ class SecondProcess(Generic[Answer]):
 
     def _begin(self, number: int) -> None:
         self._ours.add(number)
-        self._say(number)
+        self._say({number})
 
     def close(self) -> None:
         """End the process, whatever it is doing. One that is still starting ends by itself."""
@@ -90,7 +90,7 @@ class SecondProcess(Generic[Answer]):
         if there:
             self._thread.join(END_S)
 
-    def _say(self, begun: int | frozenset[int]) -> None:
+    def _say(self, begun: set[int]) -> None:
         if self._child is not None:
             with suppress(OSError):  # it has just ended
                 self._child.pipes[0].send(begun)
@@ -106,7 +106,7 @@ class SecondProcess(Generic[Answer]):
             child = Child(solve_in_turn, work, pipes=1, process=early)
         with self._news:
             self._child = child
-            self._say(frozenset(self._ours))
+            self._say(self._ours)
         with suppress(EOFError, OSError):
             while not self._ended:
                 number, what, answer = child.pipes[0].recv()
@@ -181,7 +181,7 @@ def solve_in_turn(
     def listen() -> None:
         try:
             while True:
-                theirs.add(pipe.recv())
+                theirs.update(pipe.recv())
         except (EOFError, OSError):
             os._exit(0)
 

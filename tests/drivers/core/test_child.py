@@ -31,6 +31,11 @@ def half(pipe):
     except BrokenPipeError:
         pass
 """
+GARBAGE = """
+import gc
+def looks(pipe):
+    pipe.send((gc.get_threshold(), gc.get_freeze_count()))
+"""
 ECHO = "def twice(number, pipe):\n    pipe.send(2 * number)\n    pipe.poll(60.0)\n"
 
 
@@ -42,6 +47,23 @@ def test_a_script_without_a_guard_starts_it_once(tmp_path: Path) -> None:
         [sys.executable, script], capture_output=True, text=True, timeout=60, check=False
     )
     assert (done.stdout, done.stderr, done.returncode) == ("6\n", "", 0)
+
+
+def test_it_looks_for_garbage_as_seldom_as_its_starter_and_not_through_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "garbage.py").write_text(GARBAGE)
+    monkeypatch.syspath_prepend(tmp_path)
+    before = gc.get_threshold()
+    gc.set_threshold(12_345, 7, 3)
+    try:
+        child = Child(import_module("garbage").looks, (), pipes=1)
+    finally:
+        gc.set_threshold(*before)
+    thresholds, left_out = child.pipes[0].recv()
+    child.end(30.0)
+    assert thresholds == (12_345, 7, 3)
+    assert left_out > 1000
 
 
 def test_one_whose_starter_ends_before_it_says_what_to_run_is_silent() -> None:

@@ -170,13 +170,13 @@ class NobodyListens:
     asked = 0
 
     def __init__(self) -> None:
-        self._came = iter([frozenset[int]()])
+        self._came = iter([set[int]()])
 
-    def recv(self) -> frozenset[int]:
+    def recv(self) -> set[int]:
         for begun in self._came:
             return begun
         threading.Event().wait(1.0)  # what has ended is not noticed yet
-        return frozenset([0])
+        return {0}
 
     def send(self, _message: object) -> None:
         self.asked += 1
