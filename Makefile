@@ -32,9 +32,9 @@ demo-ur: .venv/.installed-report,ur
 # computing keeps their guards waiting. Four of them share the machine with the types and the finite
 # elements, which have all along what the others leave of the processors; what fails is asked again
 # once all else is done.
-WAITING := tests/drivers tests/probe/acquisition tests/probe/calibrate/test_weigh.py \
-	tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py tests/probe/config/test_fallback.py \
-	tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py \
+WAITING := tests/drivers tests/probe/guards tests/probe/scan tests/probe/checks \
+	tests/probe/calibrate/test_weigh.py tests/probe/cli/test_emulate.py tests/probe/cli/test_processes.py \
+	tests/probe/config/test_fallback.py tests/probe/gui/test_app.py tests/probe/storage/test_lost_files.py \
 	tests/probe/studies/test_cluster.py tests/sim_backend/emulators tests/test_add_a_driver.py
 BESIDE := tests/sim_backend/fem
 

@@ -27,11 +27,11 @@ from drivers.core.arrays import Array
 from drivers.ur.sensor import open_sensor
 from drivers.ur.settings import UrSensorSettings, UrStageSettings
 from drivers.ur.stage import open_stage
-from probe.acquisition import engine
-from probe.acquisition.guard_threads import come_first
 from probe.core.events import Finish
+from probe.guards.guard_threads import come_first
 from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan
+from probe.scan import engine, touching
 from sim_backend import load_scene
 from sim_backend.emulators import ur
 from sim_backend.phantom.phantom import Phantom
@@ -90,7 +90,7 @@ def serve(line: Connection, stiffness_n_m: float, contact_n: float) -> None:
 
 def scan(line: Connection, contact: str, speed_m_s: float) -> None:
     """One press; how it ended."""
-    engine.TOUCH_M_S = speed_m_s
+    touching.TOUCH_M_S = speed_m_s
     clock = WallClock()
     stage = open_stage(clock, UrStageSettings(
         host=HOST, contact=contact, watchdog_s=0.4, stop_s=1.0, silence_s=2.0, answer_s=2.0,
@@ -151,7 +151,7 @@ def search(legs: tuple[Leg, ...], touch_m: float) -> tuple[float, float, float, 
     """When the touch force was reached and the tip then rested; its depths then and in the end."""
     first = next((
         n for n, leg in enumerate(legs)
-        if math.isclose(leg.origin[2], engine.TOUCH_GAP_M, abs_tol=1e-6) and leg.direction[2] < 0
+        if math.isclose(leg.origin[2], touching.TOUCH_GAP_M, abs_tol=1e-6) and leg.direction[2] < 0
     ), None)  # fmt: skip
     if first is None:
         return None

@@ -33,12 +33,12 @@ from makers_peers import RATE_HZ, START_MM, LslStream, StandaAxes, lsl_stream, s
 
 from drivers import Sensor, Stage, WallClock
 from drivers.core.registry import open_driver
-from probe.acquisition.engine import run_scan
-from probe.acquisition.retreat import PATIENCE_S
 from probe.config.rig import Rig, Safety, Scan
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples
+from probe.guards.retreat import PATIENCE_S
+from probe.scan.engine import run_scan
 from sim_backend import load_scene
 from sim_backend.emulators import (
     ft300,

@@ -11,8 +11,8 @@ import numpy as np
 
 import palpate
 from drivers.core.arrays import Array
-from probe.acquisition.session import ScanResult
 from probe.cli import main
+from probe.scan.session import ScanResult
 from sim_backend.phantom.phantom import Respond, Response
 from sim_backend.scene.scene_file import Scene
 

@@ -13,8 +13,8 @@ import time
 import numpy as np
 
 from drivers import Block, Channel, Pose, WallClock
-from probe.acquisition.commands import Control
-from probe.acquisition.safety_monitor import SafetyMonitor
+from probe.guards.commands import Control
+from probe.guards.safety_monitor import SafetyMonitor
 from probe.planning.limits import Limits
 from probe.planning.surfaces import flat
 

@@ -30,11 +30,11 @@ from PySide6.QtTest import QTest
 
 import palpate
 from drivers import WallClock
-from probe.acquisition.remote import ask, control_path
 from probe.core.events import RunEnded, Samples
 from probe.gui.state import ViewState
 from probe.gui.style import application
 from probe.gui.window import RunWindow
+from probe.scan.remote import ask, control_path
 from sim_backend import load_scene
 from sim_backend.emulators import ur
 from sim_backend.models.station_response import respond

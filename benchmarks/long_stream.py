@@ -31,16 +31,16 @@ from numpy.typing import NDArray
 
 import palpate
 from drivers import WallClock
-from probe.acquisition.commands import Control
-from probe.acquisition.guard_process import Order
-from probe.acquisition.guard_threads import come_first
-from probe.acquisition.opening import opened_devices
-from probe.acquisition.prepare import prepare
-from probe.acquisition.session import run_prepared
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.core.events import RunEnded, Samples
+from probe.guards.commands import Control
+from probe.guards.guard_process import Order
+from probe.guards.guard_threads import come_first
+from probe.guards.opening import opened_devices
+from probe.guards.prepare import prepare
+from probe.scan.session import run_prepared
 from probe.storage.writer import create_store
 from sim_backend import load_scene
 from sim_backend.emulators import ur

@@ -14,13 +14,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from drivers import Array, Clock, SimulatedClock, WallClock
-from probe.acquisition.engine import run_scan
 from probe.config.devices import connect
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.config.snapshot import run_config
 from probe.core.events import Event, Phase, PhaseEntered
+from probe.scan.engine import run_scan
 from probe.storage.writer import create_store
 from sim_backend.scene.scene_file import Scene, load_scene
 

@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from calibration import Calibration, record, save
     from calibration.errors import CalibrationError
     from drivers import ConfigError, DeviceAbsent, DeviceFault, SimulatedClock, WallClock
-    from probe.acquisition.commands import Control
-    from probe.acquisition.engine import run_scan
-    from probe.acquisition.resume import resume
-    from probe.acquisition.session import ScanResult, scan
     from probe.calibrate.fits import calibrate
     from probe.config.devices import connect
     from probe.config.load_rig import load_rig
@@ -33,7 +29,11 @@ if TYPE_CHECKING:
     from probe.detection.compare import compare
     from probe.detection.finding import Comparison, Finding, ObjectFinding, StationFinding
     from probe.detection.scan import detect
+    from probe.guards.commands import Control
     from probe.report import write_report
+    from probe.scan.engine import run_scan
+    from probe.scan.resume import resume
+    from probe.scan.session import ScanResult, scan
     from probe.storage.csv_import import Imported, import_csv
     from probe.storage.export import export
     from probe.storage.run import Run, follow, open_run
@@ -97,10 +97,10 @@ _HOMES = {
     "calibration": ("Calibration", "record", "save"),
     "calibration.errors": ("CalibrationError",),
     "drivers": ("ConfigError", "DeviceAbsent", "DeviceFault", "SimulatedClock", "WallClock"),
-    "probe.acquisition.commands": ("Control",),
-    "probe.acquisition.engine": ("run_scan",),
-    "probe.acquisition.resume": ("resume",),
-    "probe.acquisition.session": ("ScanResult", "scan"),
+    "probe.guards.commands": ("Control",),
+    "probe.scan.engine": ("run_scan",),
+    "probe.scan.resume": ("resume",),
+    "probe.scan.session": ("ScanResult", "scan"),
     "probe.calibrate.fits": ("calibrate",),
     "probe.config.devices": ("connect",),
     "probe.config.rig": ("Rig", "RigError", "default_rig"),

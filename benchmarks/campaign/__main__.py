@@ -105,13 +105,13 @@ def done(log: Path) -> set[Task]:
 
 def preload() -> None:
     """Import what a scan needs once, for all that are forked from here."""
-    import probe.acquisition.guard_process
-    import probe.acquisition.resume
-    import probe.acquisition.session
     import probe.cli.finding
     import probe.cli.progress
     import probe.cli.scan
     import probe.detection.scan
+    import probe.guards.guard_process
+    import probe.scan.resume
+    import probe.scan.session
 
     del probe
 

@@ -1,7 +1,7 @@
 """The guards' process, forked from one that has imported everything instead of started anew.
 
 Starting Python and importing takes seconds of a busy machine's time and nothing that the campaign
-asks about. What runs, and over which lines, is the same: `probe.acquisition.guard_process.main`.
+asks about. What runs, and over which lines, is the same: `probe.guards.guard_process.main`.
 """
 
 import os
@@ -19,7 +19,7 @@ MOST_LINES = 16  # more than the client has to its guards
 
 
 class Prepared:
-    """Stands in for a process that `probe.acquisition.guard_client` starts."""
+    """Stands in for a process that `probe.guards.guard_client` starts."""
 
     def __init__(self) -> None:
         self._ours, theirs = socket.socketpair()
@@ -80,7 +80,7 @@ def _guard(orders: socket.socket) -> None:
     null = os.open(os.devnull, os.O_RDONLY)
     os.dup2(null, 0)
     sys.argv = ["-c", *map(str, numbers)]
-    from probe.acquisition.guard_process import main
+    from probe.guards.guard_process import main
 
     main()
     os._exit(0)

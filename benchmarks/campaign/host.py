@@ -13,7 +13,7 @@ from pathlib import Path
 
 from campaign.faults import Fault
 from campaign.scanning import Scan, start
-from probe.acquisition.remote import NotRunning, ask, control_path
+from probe.scan.remote import NotRunning, ask, control_path
 
 FLOOD = 300
 STOP_OUTPUT, START_OUTPUT = b"\x13", b"\x11"  # ctrl-S, ctrl-Q

@@ -128,8 +128,8 @@ def _lead(
 
 
 def _scan(far: int, heard: int, arguments: Sequence[str], folder: Path, answer: Path) -> None:
-    from probe.acquisition import guard_client
     from probe.cli import command
+    from probe.guards import guard_client
 
     out = os.open(answer, os.O_WRONLY | os.O_CREAT, 0o600)
     for descriptor, number in ((far, 0), (out, 1), (far, 2)):

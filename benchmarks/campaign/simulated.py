@@ -33,13 +33,13 @@ from campaign.strikes import strike
 from campaign.truth import Truth
 from campaign.world import Bed, World
 from drivers import Block, Channel, Clock, DeviceFault, Pose, SimulatedClock
-from probe.acquisition.engine import run_scan
-from probe.acquisition.resume import unfinished
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.config.snapshot import run_config
 from probe.core.events import Finish, RunEnded
+from probe.scan.engine import run_scan
+from probe.scan.resume import unfinished
 from probe.storage.verify import verify
 from probe.storage.writer import Store, create_store, reopen_store
 

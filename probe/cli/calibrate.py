@@ -159,9 +159,9 @@ def calibrate(
 def _take_live(rig: Path, device: str, table: Path | None) -> tuple[Path, str]:
     """Ask for load after load; the table and the sensor's name."""
     from drivers import WallClock
-    from probe.acquisition.session import resolve_rig
     from probe.calibrate.weigh import take_weights
     from probe.config.devices import open_sensors
+    from probe.scan.session import resolve_rig
 
     whole, scene = resolve_rig(rig, None)
     clock = WallClock()

@@ -57,7 +57,7 @@ def emulate(
             raise typer.BadParameter(f"device {name!r}: allowed are {', '.join(DEVICES)}")
     places = _addresses(at or [], devices)
     from drivers import ConfigError, WallClock
-    from probe.acquisition.guard_threads import come_first
+    from probe.guards.guard_threads import come_first
     from sim_backend.emulators.solving import Solver
     from sim_backend.phantom.phantom import Phantom
     from sim_backend.scene.scene_file import load_scene

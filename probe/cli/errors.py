@@ -18,7 +18,7 @@ STATUSES = {
     "sim_backend.scene.scene_file:SceneError": BAD_INPUT,
     "drivers.core.errors:DeviceFault": FAULT,
     "drivers.core.errors:ConfigError": BAD_INPUT,
-    "probe.acquisition.remote:NotRunning": FAULT,
+    "probe.scan.remote:NotRunning": FAULT,
     "probe.config.rig:RigError": BAD_INPUT,
     "probe.core.errors:RunFileError": BAD_INPUT,
     "probe.core.errors:StoreError": BAD_INPUT,

@@ -7,9 +7,9 @@ from threading import Lock, Timer
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
-from probe.acquisition.progress import StationCount
 from probe.cli.say import inform
 from probe.core.events import Event, Phase, PhaseEntered, RunStarted, StationEnded, StationStarted
+from probe.scan.progress import StationCount
 
 if TYPE_CHECKING:  # where there is no terminal, there is no bar to import it for
     from rich.progress import Progress, ProgressColumn

@@ -12,8 +12,8 @@ from probe.cli.errors import BAD_INPUT, FAULT
 from probe.cli.say import Json, answer, answer_json, next_command
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from probe.acquisition.doctor import Noise
-    from probe.acquisition.preflight import Check
+    from probe.checks.doctor import Noise
+    from probe.checks.preflight import Check
     from probe.config.rig import Rig
 
 MARKS = {"ok": "ok     ", "warning": "warning", "fault": "FAULT  "}
@@ -42,14 +42,14 @@ def doctor(
     """Look at this machine and, with a rig, listen to its devices; nothing is moved."""
     from calibration import CalibrationError
     from drivers import ConfigError, DeviceFault
-    from probe.acquisition.doctor import Noise, listen, machine
-    from probe.acquisition.expected_press import SensorNoise, pulse_checks
-    from probe.acquisition.preflight import TOGETHER, Check, device_checks
-    from probe.acquisition.session import clock_for, resolve_rig
-    from probe.acquisition.unusual import unusual
+    from probe.checks.doctor import Noise, listen, machine
+    from probe.checks.expected_press import SensorNoise, pulse_checks
+    from probe.checks.preflight import TOGETHER, Check, device_checks
+    from probe.checks.unusual import unusual
     from probe.config.devices import connect
     from probe.config.rig import RigError
     from probe.config.scan_plan import plan_for
+    from probe.scan.session import clock_for, resolve_rig
     from sim_backend.models.station_response import respond
 
     checks, noises = list(machine()), []
@@ -105,11 +105,11 @@ def plan(
     if noise_mn is not None and not noise_mn >= 0:
         raise typer.BadParameter(f"--noise-mn {noise_mn:g}: must be 0 or more")
     from drivers import find_driver
-    from probe.acquisition.dry_run import dry_run
-    from probe.acquisition.expected_press import known_noise, pulse_checks
-    from probe.acquisition.session import resolve_rig
+    from probe.checks.dry_run import dry_run
+    from probe.checks.expected_press import known_noise, pulse_checks
     from probe.config.scan_plan import plan_for
     from probe.core.places import has_rows
+    from probe.scan.session import resolve_rig
     from sim_backend.models.station_response import respond
 
     whole, simulated = resolve_rig(rig, scene)
@@ -142,9 +142,9 @@ def plan(
 def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool) -> int:
     """Check a scan without touching a device; the exit status."""
     from drivers import MissingExtra
-    from probe.acquisition.dry_run import dry_run
-    from probe.acquisition.session import resolve_rig
-    from probe.acquisition.tip_path import draw_path
+    from probe.checks.dry_run import dry_run
+    from probe.checks.tip_path import draw_path
+    from probe.scan.session import resolve_rig
 
     rig, scene = resolve_rig(rig_file, scene_name)
     if scene is not None:

@@ -19,8 +19,8 @@ from probe.cli.say import Json, answer, answer_json, inform, key_values, next_co
 from probe.cli.windows import need_windows
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from probe.acquisition.event_bus import EventSink
-    from probe.acquisition.session import ScanResult
+    from probe.scan.event_bus import EventSink
+    from probe.scan.session import ScanResult
 
 
 RigFile = Annotated[
@@ -98,11 +98,11 @@ def scan(
 
         raise typer.Exit(show_dry_run(rig, scene, out, json))
     need_report(report)
-    from probe.acquisition.commands import Control, ctrl_c
-    from probe.acquisition.session import resolve_rig
-    from probe.acquisition.session import scan as scan_with
     from probe.cli.progress import ScanProgress
     from probe.config.scan_plan import plan_for
+    from probe.guards.commands import Control, ctrl_c
+    from probe.scan.session import resolve_rig
+    from probe.scan.session import scan as scan_with
 
     began_s = time.perf_counter()
     labels = labels_of(operator, specimen, note or [])
@@ -129,7 +129,7 @@ def publishers(lsl: bool) -> "list[EventSink]":
     """Who else follows a scan."""
     if not lsl:
         return []
-    from probe.acquisition.lsl_publisher import LslPublisher
+    from probe.scan.lsl_publisher import LslPublisher
 
     return [LslPublisher()]
 
@@ -153,10 +153,10 @@ def resume(
 ) -> None:
     """Go on with a run that was killed, aborted or broke off; complete stations stay."""
     need_report(report)
-    from probe.acquisition.commands import Control, ctrl_c
-    from probe.acquisition.resume import resume as go_on
-    from probe.acquisition.resume import unfinished
     from probe.cli.progress import ScanProgress
+    from probe.guards.commands import Control, ctrl_c
+    from probe.scan.resume import resume as go_on
+    from probe.scan.resume import unfinished
 
     began_s = time.perf_counter()
     left, control = unfinished(run), Control()

@@ -11,7 +11,7 @@ from probe.cli.say import Json, answer, answer_json, inform, visible
 from probe.cli.windows import need_windows
 
 if TYPE_CHECKING:  # commands import what they need when they run
-    from probe.acquisition.watch import Reading
+    from probe.checks.watch import Reading
 
 REFRESH_S = 0.2
 SAID_EVERY_S = 1.0
@@ -46,9 +46,9 @@ def watch(
     if window:
         need_windows()
     from drivers import WallClock
-    from probe.acquisition.session import resolve_rig
-    from probe.acquisition.watch import Watch
+    from probe.checks.watch import Watch
     from probe.config.devices import open_sensors
+    from probe.scan.session import resolve_rig
 
     whole, simulated = resolve_rig(rig, scene)
     clock = WallClock()
@@ -104,7 +104,7 @@ def _say(readings: "list[Reading]", widths: list[int]) -> list[int] | None:
 
     None where nobody reads them any more.
     """
-    from probe.acquisition.watch import HEAD
+    from probe.checks.watch import HEAD
 
     rows = [one.row() for one in readings]
     lines = rows if widths else [HEAD, *rows]
@@ -128,7 +128,7 @@ def _table(readings: "list[Reading]") -> Any:
     from rich.table import Table
     from rich.text import Text
 
-    from probe.acquisition.watch import HEAD
+    from probe.checks.watch import HEAD
 
     table = Table(*HEAD, box=None)
     for one in readings:

@@ -8,13 +8,13 @@ from pathlib import Path
 from time import perf_counter, thread_time
 from typing import Any
 
-from probe.acquisition.remote import ask
 from probe.core.errors import RunFileError
 from probe.core.events import Event, Finish
 from probe.gui.replay import PairWindow, ReplayWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application, until_closed
 from probe.gui.window import Found, RunWindow
+from probe.scan.remote import ask
 
 READ_BUDGET_S = 0.015
 """Of the processor, in a frame of 33 ms: by the clock a busy machine would only draw."""

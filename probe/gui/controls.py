@@ -7,7 +7,6 @@ from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
 
-from probe.acquisition.remote import NotRunning
 from probe.core.events import Finish, Phase
 from probe.core.finding_words import (
     assumption,
@@ -19,6 +18,7 @@ from probe.core.finding_words import (
 from probe.gui.state import ViewState
 from probe.gui.style import scrolling
 from probe.report.look import GREEN, VERMILLION
+from probe.scan.remote import NotRunning
 
 LATE_S = 1.0
 """From here on a window that lags says so: what it shows is no longer what happens now."""

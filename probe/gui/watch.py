@@ -14,7 +14,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from probe.acquisition.watch import HEAD, Reading, Watch
+from probe.checks.watch import HEAD, Reading, Watch
 from probe.gui.style import application, open_at, until_closed
 
 FRAME_MS = 100

@@ -18,6 +18,9 @@ Box = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 STEEPEST_DEG = 30.0
 AWAY_M = 0.5e-3
 """At least this far up a probe is moved to see that it was in the air where its zero is taken."""
+TOUCH_GAP_M = 0.5e-3
+"""The slow search for a surface begins this far above where it is planned."""
+TOUCH_M_S = 1e-3
 
 
 @dataclass(frozen=True)

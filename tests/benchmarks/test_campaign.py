@@ -235,7 +235,7 @@ def test_guards_that_were_forked_beforehand_get_every_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     arrived = tmp_path / "lines"
-    main = "probe.acquisition.guard_process.main"
+    main = "probe.guards.guard_process.main"
     monkeypatch.setattr(main, lambda: arrived.write_text(" ".join(sys.argv)))
     prepared = guard_fork.Prepared()
     lines = [*os.pipe(), *os.pipe(), *os.pipe()]

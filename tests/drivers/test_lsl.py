@@ -128,7 +128,7 @@ def test_a_sender_that_goes_is_a_fault(name: str) -> None:
 
 
 def test_a_scan_is_published_with_its_clock(name: str) -> None:
-    from probe.acquisition.lsl_publisher import LslPublisher
+    from probe.scan.lsl_publisher import LslPublisher
 
     clock, publisher, device = WallClock(), LslPublisher(), name
     force = (Channel("force", "N", "force"),)

@@ -39,7 +39,7 @@ def test_importing_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("room", ["probe.acquisition.guard_process", "probe.acquisition.session"])
+@pytest.mark.parametrize("room", ["probe.guards.guard_process", "probe.scan.session"])
 def test_a_scan_begins_without_scipy(room: str) -> None:
     """It takes as long as all the rest, and a scan starts two or three processes."""
     code = f"import sys, {room}; print('scipy' in sys.modules)"

@@ -25,12 +25,12 @@ from drivers import (
     WallClock,
 )
 from drivers.core.arrays import Array
-from probe.acquisition.commands import Control
-from probe.acquisition.engine import run_scan
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.core.events import Event, Note, RunEnded, StationEnded
+from probe.guards.commands import Control
+from probe.scan.engine import run_scan
 from sim_backend.phantom.trajectory import Trajectory
 
 HARD_N_M, SOFT_N_M = 12e3, 400.0

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 from drivers.testing.awake import AwakeTime
-from probe.acquisition.guard_threads import come_first
+from probe.guards.guard_threads import come_first
 
 
 def until(ready: Callable[[], bool], timeout_s: float = 3.0) -> float:

@@ -269,7 +269,7 @@ import sys, time
 from drivers import DeviceFault, WallClock
 from drivers.ur.settings import UrStageSettings
 from drivers.ur.stage import open_stage
-from probe.acquisition.commands import Control, RunCommand, ctrl_c
+from probe.guards.commands import Control, RunCommand, ctrl_c
 def go(stage, z_m):
     stage.move(stage.pose()._replace(z=z_m), 0.02)
     while stage.moving():

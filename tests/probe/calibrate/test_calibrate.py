@@ -11,13 +11,13 @@ from paths import ROOT
 
 import probe.calibrate.fits as module
 from calibration.errors import CalibrationError
-from probe.acquisition.session import scan
 from probe.calibrate.measurements import read
 from probe.calibrate.scene_from_measurement import write_scene
 from probe.calibrate.tissue_force import proportional
 from probe.cli import main
 from probe.cli.guide import GUIDE
 from probe.config.rig import Rig
+from probe.scan.session import scan
 from sim_backend.scene.scene_file import load_scene, scene_names
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from own_scene import OWN_SCENE
 
-from probe.acquisition.session import scan
 from probe.cli.errors import status_of
 from probe.config.rig import Rig
+from probe.scan.session import scan
 from probe.storage.export import WRITERS
 
 pytestmark = pytest.mark.usefixtures("springs")

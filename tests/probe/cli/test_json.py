@@ -14,7 +14,6 @@ import pytest
 from databases import opened
 
 from drivers import Channel, DeviceFault
-from probe.acquisition.session import ScanResult, scan
 from probe.cli import say
 from probe.cli.command_line import GROUPS, build
 from probe.cli.errors import STATUSES
@@ -24,6 +23,7 @@ from probe.cli.scan import print_result
 from probe.core.errors import RunFileError
 from probe.core.events import Finish, Note, RunEnded, RunStarted
 from probe.core.log import log_event
+from probe.scan.session import ScanResult, scan
 from probe.storage.writer import create_store
 from sim_backend.models.press import CannotSolve
 from sim_backend.phantom.devices import VirtualStage

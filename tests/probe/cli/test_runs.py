@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
+from probe.scan.session import scan
 from probe.storage.run import open_run
 from probe.storage.writer import create_store
 

@@ -17,7 +17,6 @@ from calibration.force import fit_force
 from calibration.latency import fit_latency
 from drivers import Block, Channel, Pose, SimulatedClock
 from drivers.core import abilities
-from probe.acquisition.session import scan
 from probe.cli import main
 from probe.config.calibrated import CalibratedSensor, calibrated
 from probe.config.devices import connect
@@ -25,6 +24,7 @@ from probe.config.load_rig import load_rig
 from probe.config.rig import Rig
 from probe.config.scan_plan import plan_for
 from probe.core.contact_stress import stress_conversion
+from probe.scan.session import scan
 from probe.storage.run import open_run
 from sim_backend.phantom.phantom import Respond
 

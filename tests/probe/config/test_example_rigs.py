@@ -8,7 +8,7 @@ from paths import ROOT
 
 from drivers import Sensor, WallClock
 from drivers.core.arrays import Array
-from probe.acquisition.dry_run import dry_run
+from probe.checks.dry_run import dry_run
 from probe.config.devices import connect
 from probe.config.load_rig import load_rig
 from sim_backend import load_scene

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from drivers import Channel, ConfigError, DeviceAbsent, WallClock
-from probe.acquisition.engine import run_scan
-from probe.acquisition.prepare import prepare
 from probe.config.devices import connect, open_sensors
 from probe.config.load_rig import load_rig
 from probe.config.rig import Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.core.events import Event, Finish, RunStarted, Samples
+from probe.guards.prepare import prepare
+from probe.scan.engine import run_scan
 from sim_backend import load_scene
 from sim_backend.emulators import ft300, grbl
 from sim_backend.emulators.serving import Served

@@ -9,11 +9,11 @@ import pytest
 from paths import ROOT
 
 from drivers import Block, Channel
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core import cut_stations, spill
 from probe.core.events import Finish, RunEnded, RunStarted, Samples, StationEnded, StationStarted
 from probe.core.spill import Growing, Spill
+from probe.scan.session import scan
 from probe.storage.run import open_run
 from probe.storage.writer import create_store
 from sim_backend.phantom.phantom import Respond

@@ -9,12 +9,12 @@ import pytest
 from known_presses import wave
 
 from drivers.core.arrays import Array
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.recording import Station
 from probe.detection import detect
 from probe.detection.pulse.hold_limits import _before_a_step, hold_limits
 from probe.detection.pulse.wave import brachial
+from probe.scan.session import scan
 from probe.storage.run import open_run
 
 

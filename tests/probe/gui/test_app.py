@@ -11,7 +11,6 @@ import pytest
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
 
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.errors import RunFileError
 from probe.core.events import Event
@@ -20,6 +19,7 @@ from probe.gui.replay import ReplayWindow
 from probe.gui.state import ViewState
 from probe.gui.style import application, until_closed
 from probe.gui.window import RunWindow
+from probe.scan.session import scan
 from probe.storage.run import open_run
 from probe.storage.writer import create_store
 

@@ -7,7 +7,7 @@ from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 
 from drivers import Channel, SimulatedClock
-from probe.acquisition.watch import Watch
+from probe.checks.watch import Watch
 from probe.gui.watch import WatchWindow
 
 FORCE, PPG = Channel("force", "N", "force", simulated=True), Channel("ppg", "V", "reference")

@@ -12,7 +12,6 @@ from PySide6.QtCore import QRect, QSize, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel
 
-from probe.acquisition.remote import NotRunning
 from probe.core.events import (
     Event,
     Finish,
@@ -31,6 +30,7 @@ from probe.gui.state import ViewState
 from probe.gui.style import application
 from probe.gui.window import RunWindow
 from probe.report.look import PHASE_COLOURS
+from probe.scan.remote import NotRunning
 
 Make = Callable[..., list[Event]]
 Shoot = Callable[..., None]

@@ -9,9 +9,9 @@ import pytest
 from databases import opened
 from small_runs import log, samples, write
 
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import Event, Finish, StationStarted
+from probe.scan.session import scan
 from probe.storage import moved_away
 from probe.storage.moved_away import InPlace
 from probe.storage.run import open_run

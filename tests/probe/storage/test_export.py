@@ -15,9 +15,9 @@ import xarray as xr
 from mcap.reader import make_reader
 
 from drivers import Block, Channel
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import Finish, RunEnded, RunStarted, Samples
+from probe.scan.session import scan
 from probe.storage.export import WRITERS, export
 from probe.storage.run import Run, RunFileError, open_run
 from probe.storage.writer import create_store

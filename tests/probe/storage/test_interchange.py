@@ -18,7 +18,6 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from drivers import Block, Channel
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import (
     Event,
@@ -31,6 +30,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.scan.session import scan
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.export import export
 from probe.storage.run import open_run

@@ -16,12 +16,12 @@ from hypothesis import strategies as st
 from paths import ROOT
 from small_runs import log, samples, write
 
-from probe.acquisition.commands import Control, RunCommand
-from probe.acquisition.remote import ask, listening
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.errors import RunFileError
 from probe.core.events import Event, Finish, RunEnded, StationStarted
+from probe.guards.commands import Control, RunCommand
+from probe.scan.remote import ask, listening
+from probe.scan.session import scan
 from probe.storage.rows import Row, link
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify

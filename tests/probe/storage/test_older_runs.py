@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from paths import ROOT
 
-from probe.acquisition.resume import resume, unfinished
 from probe.cli.finding import finding_json
 from probe.core.events import Finish
 from probe.core.recording import Recording
+from probe.scan.resume import resume, unfinished
 from probe.storage.run import open_run
 from probe.storage.verify import verify
 

@@ -15,7 +15,6 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from drivers import Block, Channel
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.cut_stations import quantum, record
 from probe.core.events import (
@@ -29,6 +28,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.scan.session import scan
 from probe.storage.reader import COLUMNS, judged_rows
 from probe.storage.run import NotBegun, RunFileError, follow, open_run
 from probe.storage.verify import verify

@@ -13,8 +13,6 @@ import numpy as np
 import pytest
 from paths import ROOT
 
-from probe.acquisition.resume import resume, unfinished
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.errors import RunFileError
 from probe.core.events import (
@@ -30,6 +28,8 @@ from probe.core.events import (
     StationStarted,
 )
 from probe.report import write_report
+from probe.scan.resume import resume, unfinished
+from probe.scan.session import scan
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import Report, verify
 from probe.storage.writer import create_store

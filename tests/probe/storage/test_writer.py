@@ -19,7 +19,6 @@ from paths import ROOT
 import probe.storage.disk
 import probe.storage.writer
 from drivers import Block, Channel
-from probe.acquisition.session import scan
 from probe.config.rig import Rig
 from probe.core.events import (
     Event,
@@ -33,6 +32,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.scan.session import scan
 from probe.storage.rows import Row, bytes_per_s, from_row, to_row
 from probe.storage.run import RunFileError, open_run
 from probe.storage.schema import VERSION, create
@@ -264,7 +264,7 @@ from pathlib import Path
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[2]), resource.RLIM_INFINITY))
 sys.path.insert(0, sys.argv[3])
 from conftest import respond_winkler
-from probe.acquisition.session import scan
+from probe.scan.session import scan
 from probe.config.rig import Rig
 print(scan(scene="TIHA", out=sys.argv[1], respond=respond_winkler).ended.reason)
 """

@@ -1,0 +1,39 @@
+"""What the force of a touch must be to stand out of a sensor's noise."""
+
+import math
+
+from probe.guards.levels import LEVEL_S, MIN_STANDARD_ERRORS
+
+
+def least_touch_n(noise_n: float, rate_hz: float, readings: float) -> float:
+    """The least force that the mean of ``readings`` distinguishes from a sensor's noise,
+    ``noise_n`` rms, beside a zero that is itself a mean over `LEVEL_S`."""
+    zeroed = max(LEVEL_S * rate_hz, 1.0)
+    return MIN_STANDARD_ERRORS * noise_n * math.sqrt(1 / max(readings, 1.0) + 1 / zeroed)
+
+
+def touch_readings(noise_n: float, rate_hz: float, touch_n: float) -> int:
+    """Over how many readings a touch is averaged: the fewest that do, of `LEVEL_S` at most."""
+    most = max(round(LEVEL_S * rate_hz), 1)
+    enough = (n for n in range(1, most) if least_touch_n(noise_n, rate_hz, n) <= touch_n)
+    return next(enough, most)
+
+
+def touch_in_noise(
+    name: str, noise_n: float, rate_hz: float, touch_n: float, readings: float = math.inf
+) -> str | None:
+    """Says so if a sensor at rest, ``noise_n`` rms, may reach ``touch_n`` in the mean of `LEVEL_S`:
+    the surface would be found in the air, and the press be that much shallower.
+
+    An rms of few ``readings`` is off by itself, by one part in sqrt(2 (readings - 1)); a touch that
+    passes with an rms smaller by two such errors is believed.
+    """
+    least_n = least_touch_n(noise_n, rate_hz, LEVEL_S * rate_hz)
+    if not touch_n < least_n / (1 + 2 / math.sqrt(2 * max(readings - 1, 1))):
+        return None
+    digit_n = 10 ** (math.floor(math.log10(least_n)) - 1)  # two digits, rounded up: that passes
+    enough_n = math.ceil(least_n / digit_n) * digit_n
+    return (
+        f"touch_n = {touch_n:g} N is within the noise of {name}, {noise_n:.2g} N rms: a touch "
+        f"would be found in the air; set scan.touch_n to {enough_n:g} or more, or leave it out"
+    )

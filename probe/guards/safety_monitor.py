@@ -1,0 +1,400 @@
+"""Reads every device, runs the guards on each reading, and stops and lifts when one objects.
+
+With the wall clock it lives in threads of its own: one for each sensor, one for the stage, and one
+that only looks whether the others beat, so that nothing that hangs hides anything else. With a
+simulated clock the engine calls `step`: every two samples on the way down, else every 8 ms.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TypeVar
+
+import numpy as np
+
+from drivers import Block, Clock, ConfigError, DeviceFault, Pose, Sensor, Stage
+from drivers.core import abilities
+from probe.guards.clock_guard import ClockGuard
+from probe.guards.commands import STOPPED, Control, RunCommand
+from probe.guards.force_limit import SensorGuard
+from probe.guards.guard_threads import GuardThreads
+from probe.guards.interruption import Trip
+from probe.guards.pose_guard import PoseGuard
+from probe.guards.press_guard import PERIODS, WAY_M, ForceReading, check_blind
+from probe.guards.presses import Presses
+from probe.guards.readings import STAGE, Readings
+from probe.guards.retreat import Retreat, lift_speed_m_s
+from probe.planning.limits import Limits
+from probe.planning.surfaces import Surface
+
+SUPERVISOR = "supervisor"
+STAGE_PERIOD_S = 0.008  # 0.16 mm at 20 mm/s; none is critical, see `force_limit.LEVEL_MEMORY_S`
+SUPERVISOR_PERIOD_S = 0.01  # a silence is found late by this at most, a tenth of `PAUSE_S`
+LOCK_S = 0.25  # the second stop waits so long for an order under way; a way out stops again
+# The supervisor only sleeps and looks. Late by this much, it is the program that did not run, and
+# nobody else is to blame for having been silent meanwhile.
+PAUSE_S = 0.1
+DEAD_S = 1.0  # a supervisor that is later than this is itself at fault
+RETREATS = 3  # of one run, at most, where something moves the stage again after each
+Answer = TypeVar("Answer")
+
+
+class SafetyMonitor:
+    """Owner of all readings. The engine moves the stage through it and drains `collect`.
+
+    ``trip`` is the first objection; from then on `move` refuses, and a `Retreat` brings the stage
+    to rest and lifts it to ``lift_z_m`` (None: only to rest) without the engine. Raises
+    `ConfigError` where the force limit would hold no channel at all, unless it ``lifts_only``.
+    """
+
+    def __init__(
+        self,
+        stage: Stage,
+        sensors: Sequence[Sensor],
+        clock: Clock,
+        surface: Surface,
+        limits: Limits,
+        control: Control,
+        *,
+        threaded: bool,
+        lift_z_m: float | None = None,
+        lifts_only: bool = False,
+    ) -> None:
+        self.trip: Trip | None = None
+        self.jumped: tuple[str, float] | None = None  # device, by how much its clock stood still
+        self.error: BaseException | None = None
+        self.retreat: Retreat | None = None
+        self.threaded = threaded
+        self._stage = stage
+        self._clock = clock
+        self._limits = limits
+        self._control = control
+        self._lift_z_m = lift_z_m
+        self._sensors = [(s, SensorGuard(s.channels, limits)) for s in sensors]
+        self._sensor_steps = [
+            partial(self._guarded, partial(self._step_sensor, s, g)) for s, g in self._sensors
+        ]
+        if not lifts_only and not any(guard.feels for _, guard in self._sensors):
+            raise ConfigError(
+                "safety.max_force_n would hold nothing: no sensor reads a force, and a pressure "
+                "becomes one only over a known face; add a force sensor, or say face_mm2 = 100"
+            )
+        self._presses = Presses(self._sensors, surface, limits)
+        self._down_m_s = 0.0  # of the move under way, if it goes down
+        self._pose_guard = PoseGuard(surface, limits)
+        self._clock_guards = [
+            ClockGuard(limits, clock.now, time.monotonic),
+            ClockGuard(limits, time.monotonic),
+        ]
+        self._readings = Readings(s.name for s in sensors)
+        self._excused_s = -np.inf
+        self._in_motion = self._homing = False
+        self._surface = surface
+        self._engine_s = time.monotonic()
+        self._retreats = 0
+        self._stage_lock = threading.Lock()
+        self._trip_lock = threading.Lock()
+        self._threads = GuardThreads(self._watch_supervisor)
+
+    # --- the engine's side -------------------------------------------------------------------
+
+    def start(self, *, homes: bool = False) -> None:
+        """Begin; every device counts as seen now. ``homes``: the stage has no pose until `home`."""
+        self._homing = homes
+        self._readings.all_seen(self._clock.now())
+        self._engine_s = time.monotonic()
+        if not self.threaded:
+            return
+        self._threads.run(STAGE, partial(self._guarded, self._step_stage), STAGE_PERIOD_S)
+        for (sensor, _), step in zip(self._sensors, self._sensor_steps, strict=True):
+            self._threads.run(sensor.name, step, max(0.5 / sensor.rate_hz, 0.5e-3))
+        self._threads.run(SUPERVISOR, partial(self._guarded, self._supervise), SUPERVISOR_PERIOD_S)
+
+    def finish(self) -> None:
+        """End the threads."""
+        self._threads.finish()
+
+    def step(self) -> None:
+        """Read and check everything once; only without threads."""
+        for step in self._sensor_steps:
+            step()
+        self._guarded(self._step_stage)
+        self._check_silence()
+
+    def engine_heartbeat(self) -> None:
+        """The engine lives, and looks whether the threads do."""
+        self._engine_s = time.monotonic()
+        if self._threads.running:
+            self._check_thread(SUPERVISOR)
+
+    def seen_s(self) -> float:
+        """Up to when the samples of every sensor are in."""
+        return self._readings.all_in_s(self._clock.now())
+
+    def force_n(self) -> float:
+        """The latest force of the first sensor that feels one."""
+        return next((g.force_n for _, g in self._sensors if g.feels), 0.0)
+
+    def levels(self, from_s: float) -> dict[str, tuple[float, float]]:
+        """Mean force [N] since ``from_s`` and its standard error, by sensor that feels one."""
+        return {s.name: g.level(from_s) for s, g in self._sensors if g.feels}
+
+    def collect(self) -> list[tuple[str, Block]]:
+        """All readings since the last call, one block per device that has some."""
+        return self._readings.collect()
+
+    def touched_n(self, since_s: float, readings: int = 1) -> float | None:
+        """The greatest mean of ``readings`` forces since ``since_s``, if the stage itself ended its
+        search; else None."""
+        most_n = (g.greatest_n(since_s, readings) for _, g in self._sensors if g.feels)
+        return next(most_n, 0.0) if abilities.touched(self._stage) else None
+
+    def move(self, target: Pose, speed_m_s: float, *, search: bool = False) -> None:
+        """`abilities.move`, unless a guard has stopped the scan. Raises `DeviceFault`."""
+
+        def go() -> None:
+            if self.trip is not None:
+                raise DeviceFault(self.trip.device, self.trip.reason)
+            self._start(target, speed_m_s, search)
+
+        self._alone(go)
+
+    def home(self) -> threading.Event:
+        """Let the stage find its switches; set when it has, or a trip says why it has not.
+
+        Its poses mean nothing meanwhile; force, silence of the sensors and commands are watched.
+        """
+        over = threading.Event()
+
+        def go() -> None:
+            try:
+                self._stage.home()  # type: ignore[attr-defined]  # only one that ``homes``
+            except DeviceFault as fault:
+                self.object(fault.device, fault.reason, can_retract=False)
+            except BaseException as error:  # noqa: BLE001 - whatever it is, the scan must end
+                self.error = error
+                self.object("guard", f"{type(error).__name__}: {error}", can_retract=False)
+            self._pose_guard = PoseGuard(self._surface, self._limits)
+            self._readings.seen_s[STAGE] = self._clock.now()
+            self._homing = False
+            over.set()
+
+        threading.Thread(target=go, name="palpate homing", daemon=True).start()
+        return over
+
+    def arrived(self, pose: Pose) -> None:
+        """The move is over: from now on the tip rests at ``pose``."""
+        self._in_motion = False
+        self._pose_guard.expect_rest(pose)
+        self._presses.end()
+
+    def tare(self) -> None:
+        """Take the present load of every sensor as zero; all are read on. Raises `DeviceFault`."""
+        for sensor, guard in self._sensors:
+            sensor.tare()
+            guard.tare()
+
+    def moving(self) -> bool:
+        """True while the stage moves. Raises `DeviceFault`."""
+        return self._alone(self._stage.moving)
+
+    def pose(self) -> Pose:
+        """The stage's pose. Raises `DeviceFault`."""
+        return self._alone(self._stage.pose)
+
+    def leave(self, *, lift: bool) -> Retreat:
+        """Stop, and lift if so wanted; the way out that is under way already is not begun anew."""
+        with self._trip_lock:
+            if self.retreat is None:
+                self._begin_retreat(lift=lift)
+            assert self.retreat is not None
+            if not lift:
+                self.retreat.stay()
+        self._stage.stop()
+        return self.retreat
+
+    def go_on(self) -> None:
+        """After a pause: there is nothing to get away from any more."""
+        if self.trip is None:
+            self.retreat = None
+
+    # --- objections --------------------------------------------------------------------------
+
+    def object(self, device: str, reason: str, *, can_retract: bool, again: bool = False) -> None:
+        """Stop the stage and begin the way out.
+
+        Stopped twice: a move that was being started is caught by the second. ``again``: what is
+        objected to is dangerous also after a way out that is done.
+        """
+        with self._trip_lock:
+            if self.trip is None:
+                self.trip = Trip(self._clock.now(), device, reason, can_retract)
+            elif not again or self._retreats >= RETREATS:
+                return
+            if self.retreat is not None and not self.retreat.done:
+                return  # it looks after itself
+            self._begin_retreat(lift=can_retract and self.trip.can_retract)
+        self._stage.stop()
+        if self._stage_lock.acquire(timeout=LOCK_S):
+            self._stage.stop()
+            self._stage_lock.release()
+
+    def _begin_retreat(self, *, lift: bool) -> None:
+        self._retreats += 1
+        self.retreat = Retreat(
+            self._stage.stop,
+            partial(self._alone, partial(abilities.start_again, self._stage)),
+            self.moving,
+            self._start_held,
+            self.force_n,
+            self._lift_z_m if lift else None,
+            lift_speed_m_s(self._stage, self._limits),
+            self._clock.now(),
+            self._limits.max_force_n,
+            self._down_m_s > 0,
+        )
+
+    def _start_held(self, target: Pose, speed_m_s: float) -> None:
+        self._alone(partial(self._start, target, speed_m_s))
+
+    def _start(self, target: Pose, speed_m_s: float, search: bool = False) -> None:
+        here = self._stage.pose()
+        self._pose_guard.expect(here, target)
+        self._presses.begin(here, target, speed_m_s, search=search)
+        lowest_m = here.z if self._lift_z_m is None else min(here.z, self._lift_z_m)
+        self._down_m_s = speed_m_s if target.z < lowest_m - WAY_M else 0.0
+        self._in_motion = True
+        abilities.move(self._stage, target, speed_m_s, search=search)
+
+    def _alone(self, ask: Callable[[], Answer]) -> Answer:
+        """What ``ask`` returns, the stage to itself. Raises `DeviceFault` if another call hangs."""
+        if not self._stage_lock.acquire(timeout=2 * self._limits.silence_s):
+            raise DeviceFault(self._stage.name, "does not answer")
+        try:
+            return ask()
+        finally:
+            self._stage_lock.release()
+
+    # --- the threads -------------------------------------------------------------------------
+
+    def _watch_supervisor(self, name: str) -> None:
+        if name != SUPERVISOR:
+            self._check_thread(SUPERVISOR)
+
+    def _guarded(self, step: Callable[[], None]) -> None:
+        try:
+            step()
+        except BaseException as error:  # noqa: BLE001 - a guard that dies must stop the stage
+            if not isinstance(error, DeviceFault):
+                self.error = self.error or error
+            self.object("guard", f"{type(error).__name__}: {error}", can_retract=True)
+
+    def _check_thread(self, name: str) -> None:
+        late_s = self._threads.late_s(name)
+        if late_s > DEAD_S:
+            self.object("guard", f"its {name} has done nothing for {late_s:.2f} s",
+                        can_retract=True)  # fmt: skip
+
+    def _program_pauses(self) -> bool:
+        """The supervisor is late: nothing that is late too is to blame for it."""
+        return PAUSE_S < self._threads.late_s(SUPERVISOR) < DEAD_S
+
+    def _step_sensor(self, sensor: Sensor, guard: SensorGuard) -> None:
+        try:
+            block = sensor.read()
+        except DeviceFault as fault:
+            self.object(fault.device, fault.reason, can_retract=True)
+            return
+        if not len(block.time_s):
+            return
+        if (jump := guard.times.check(block, self._clock.now())) is not None:
+            self.object(sensor.name, jump, can_retract=True)
+            return
+        self._readings.take(sensor.name, block)
+        if block.jumped_s > 0:
+            self.jumped = (sensor.name, block.jumped_s)
+        if (why := guard.check(block)) is not None:
+            self.object(sensor.name, why, can_retract=True, again=True)
+
+    def _step_stage(self) -> None:
+        if self._homing:
+            self._readings.seen_s[STAGE] = self._clock.now()
+            if self.trip is not None:
+                self._stage.stop()  # until it is heard
+            return
+        asked_s, pose, trouble = self._clock.now(), None, ""
+        try:
+            pose = self.pose()
+        except DeviceFault as fault:
+            trouble = str(fault)
+            if self._program_pauses():
+                return  # the next look says whether the stage or this program was late
+            self.object(fault.device, fault.reason, can_retract=True)
+        now = self._clock.now()
+        if pose is not None:
+            self._take(pose, now, asked_s)
+        if (retreat := self.retreat) is not None and not retreat.done:
+            known = pose if pose is not None and np.isfinite(pose[:3]).all() else None
+            retreat.step(now, known, trouble or "its pose is not a number")
+            if retreat.done and known is not None:
+                self.arrived(known)
+
+    def _take(self, pose: Pose, now: float, asked_s: float) -> None:
+        self._readings.take_pose(pose, now)
+        if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
+            self.object(self._stage.name, why[0], can_retract=why[1], again=True)
+        odd = self._presses.check(pose, now)
+        if odd is not None and not abilities.touched(self._stage):  # which may go back by then
+            self.object(*odd, can_retract=True)
+
+    def _supervise(self) -> None:
+        """What only the wall clock can show: a pause, a jump, a blocked engine, a stop."""
+        late_s = self._threads.late_s(SUPERVISOR)
+        if late_s > PAUSE_S:
+            self._excused_s = self._clock.now()
+            self._threads.excuse()
+            self._engine_s = max(self._engine_s, time.monotonic() - self._limits.engine_s / 2)
+            if late_s > self._limits.silence_s:
+                why = f"this program did not run for {late_s:.2f} s, and nobody looked at the force"
+                self.object("computer", why, can_retract=True)
+        for guard in self._clock_guards:
+            if (jumped := guard.check()) is not None:
+                self.object("clock", jumped, can_retract=True)
+        self._check_silence()
+        if self._homing and self._control.command is RunCommand.ABORT:
+            self.object("user", STOPPED, can_retract=False)
+        if self._control.command is RunCommand.STOP:
+            self.object("user", STOPPED, can_retract=False)
+            if self.retreat is not None:
+                self.retreat.stay()
+        if time.monotonic() - self._engine_s > self._limits.engine_s:
+            self.object("engine", f"blocked for {self._limits.engine_s:g} s", can_retract=True)
+        if self._threads.latest_s() < PAUSE_S:
+            abilities.keep_alive(self._stage)  # where a guard hangs, a stage with a watchdog halts
+
+    def _check_silence(self) -> None:
+        """Every device has been seen lately: the later, the less while the stage moves."""
+        now, limits = self._clock.now(), self._limits
+        key = "late_s" if self._in_motion else "silence_s"
+        for sensor, _ in self._sensors:
+            most_s = max(getattr(limits, key), PERIODS / sensor.rate_hz)
+            self._check_seen(sensor.name, sensor.name, now, most_s, key)
+        self._check_seen(STAGE, self._stage.name, now, limits.silence_s, "silence_s")
+        if self._in_motion and self._down_m_s > 0:
+            seen_s = self._readings.seen_s
+            readings = [
+                ForceReading(
+                    s.name, now - max(seen_s[s.name], self._excused_s), g.force_n, s.rate_hz
+                )
+                for s, g in self._sensors
+                if g.feels
+            ]
+            if (blind := check_blind(limits, self._down_m_s, readings)) is not None:
+                self.object(*blind, can_retract=True)
+
+    def _check_seen(self, whose: str, device: str, now: float, most_s: float, key: str) -> None:
+        silent_s = now - max(self._readings.seen_s[whose], self._excused_s)
+        if silent_s > most_s:
+            why = f"silent for {silent_s:.2f} s; allowed: {most_s:g} s (safety.{key})"
+            self.object(device, why, can_retract=True)

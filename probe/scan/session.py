@@ -1,0 +1,223 @@
+"""A scan from a rig to a run file: the one call behind ``palpate scan`` and notebooks."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from operator import index
+from pathlib import Path
+
+from drivers import Clock, ConfigError, SimulatedClock, WallClock
+from probe.checks.run_size import need_room
+from probe.config.load_rig import load_rig
+from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
+from probe.config.scan_limits import limits_for
+from probe.config.scan_plan import plan_for
+from probe.config.snapshot import check_text
+from probe.core.errors import StoreError
+from probe.core.events import Event, Finish, Note, RunEnded
+from probe.core.log import log_event
+from probe.guards.commands import Control
+from probe.guards.guard_process import Order
+from probe.guards.opening import OpenedRig, opened_devices
+from probe.guards.prepare import Prepared, prepare
+from probe.scan.engine import run_scan
+from probe.scan.event_bus import EventSink
+from probe.scan.progress import in_notebook
+from probe.scan.remote import listening
+from probe.storage.writer import Store, create_store
+from sim_backend import html
+from sim_backend.phantom.phantom import Respond
+from sim_backend.scene.scene_file import Scene, as_scene, load_scene
+
+DEFAULT_SCENE = "TIHA"
+
+
+@dataclass(frozen=True)
+class ScanResult:
+    """Where the run is stored, its last event, and what a person should know: ``notes``.
+
+    These are the devices' notes and every warning of the scan. A result stands for its run's file
+    wherever a path is taken.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> result = palpate.scan(palpate.Rig(scan={"stations": 3}), "TIHA", seed=1)
+    >>> result.path.suffix, result.ended.finish.value, result.notes
+    ('.run', 'completed', ())
+    """
+
+    path: Path
+    ended: RunEnded
+    notes: tuple[str, ...]
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    def __repr__(self) -> str:
+        return f"ScanResult({self.path}, {self.ended.finish.value}: {self.ended.reason})"
+
+    def _repr_html_(self) -> str:
+        """Where the run is, how it ended, how to go on, and the notes, for notebooks."""
+        ended = f"{self.ended.finish.value}: {self.ended.reason}"
+        rows = [("run", str(self.path)), ("finish", ended)]
+        if self.ended.finish is not Finish.COMPLETED:
+            rows.append(("to go on", to_go_on(self.path)))
+        return html.table([*rows, *(("note", note) for note in self.notes)])
+
+
+def to_go_on(path: Path) -> str:
+    """What to type in Python for the stations that a run lacks."""
+    return f"palpate.resume({str(path)!r})"
+
+
+def scan(
+    rig: Rig | str | Path | None = None,
+    scene: Scene | str | Path | None = None,
+    out: str | Path = "runs",
+    *,
+    seed: int = 0,
+    labels: Mapping[str, str] | None = None,
+    fallback: Fallback | None = None,
+    real_time: bool = False,
+    control: Control | None = None,
+    observers: Sequence[EventSink] = (),
+    opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
+    respond: Respond | None = None,
+) -> ScanResult:
+    """Scan with a rig (by default the simulated one) and store the run in a new file in ``out``.
+
+    ``scene``, a built-in name, a file or a `Scene`, is what simulated devices feel. A rig
+    of simulated devices only runs on simulated time, as fast as it can, unless ``real_time``.
+    ``labels`` (operator, specimen, notes of your own) are kept in the run for `palpate runs`.
+    In a notebook the cell shows the station that is pressed and the time left.
+    ``opened`` is given the run file and the devices' notes before anything moves.
+    Raises `RigError`, `SceneError`, `drivers.ConfigError`, `drivers.DeviceFault` and, without
+    room on the disk, `StoreError` before anything moves, and
+    `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> rig = palpate.Rig(scan={"start_mm": 24.0, "stations": 5})
+    >>> result = palpate.scan(rig, "TIHA", seed=1, labels={"operator": "A. Person"})
+    >>> result.ended.reason
+    'every station is complete'
+    """
+    try:
+        seed = index(seed)  # also of numpy's integers, which a run file cannot hold
+    except TypeError:
+        raise ConfigError(f"seed = {seed!r}: must be an integer") from None
+    if seed < 0:
+        raise ConfigError(f"seed = {seed}: must not be negative")
+    check_text("labels", {key: str(value) for key, value in (labels or {}).items()})
+    rig, chosen = resolve_rig(rig, scene)
+    plan = plan_for(rig)
+    limits = limits_for(rig, plan)
+    clock = clock_for(rig, real_time=real_time)
+    control = control or Control()
+    order = Order(rig, clock, chosen, seed, fallback)
+    with opened_devices(order, respond, control) as devices:
+        simulated = devices.scene
+        prepared = prepare(rig, plan, limits, simulated, devices, seed)
+        name = devices.stage.name if simulated is None else simulated.name
+        need_room(Path(out), prepared.plan, devices.sensors)  # before its folder is made
+        path = new_run_path(Path(out), name)
+        with create_store(path) as sink, listening(control, path):
+            opened(path, prepared.notes)
+            return run_prepared(devices, prepared, clock, sink, control, observers, labels or {})
+
+
+def run_prepared(
+    devices: OpenedRig,
+    prepared: Prepared,
+    clock: Clock,
+    sink: Store,
+    control: Control,
+    observers: Sequence[EventSink],
+    labels: Mapping[str, str],
+    *,
+    completed: Collection[int] = (),
+    attempts: Mapping[int, int] | None = None,
+) -> ScanResult:
+    """Run what was prepared, to its end. ``completed`` and ``attempts`` as `run_scan` has them."""
+    notes, reason = list(prepared.notes), "the scan did not end"
+
+    def keep(event: Event) -> None:
+        """Store it; a warning, and why it ended, are for whoever called, too."""
+        nonlocal reason
+        if isinstance(event, RunEnded):
+            reason = event.reason
+        sink(event)
+        if isinstance(event, Note) and event.level == "warning":
+            notes.append(event.words)
+
+    shown = in_notebook(len(prepared.plan.places), len(completed))
+    try:
+        ended = run_scan(
+            prepared.plan,
+            devices.stage,
+            devices.sensors,
+            clock,
+            keep,
+            prepared.limits,
+            control=control,
+            observers=(log_event, *shown, *observers),
+            config=prepared.config | {"labels": {k: str(v) for k, v in labels.items()}},
+            completed=completed,
+            attempts=attempts,
+            monitor=devices.monitor,
+        )
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{reason}; {to_go_on(sink.path)} goes on") from None
+    return ScanResult(sink.path, ended, tuple(notes))
+
+
+def resolve_rig(
+    rig: Rig | str | Path | None, scene: Scene | str | Path | None
+) -> tuple[Rig, Scene | None]:
+    """The rig with the scene its simulated devices shall feel, and that scene.
+
+    Without a rig the simulated one, over `DEFAULT_SCENE` if no scene is given either. A `Scene`
+    that was made in Python is named in the rig, and stored whole in the run. Raises `ConfigError`
+    for a name in them that no run can hold.
+    """
+    whole, chosen = _resolved(rig, scene)
+    check_text("rig", whole.model_dump(mode="json"))
+    check_text("scene", None if chosen is None else chosen.model_dump(mode="json"))
+    return whole, chosen
+
+
+def _resolved(
+    rig: Rig | str | Path | None, scene: Scene | str | Path | None
+) -> tuple[Rig, Scene | None]:
+    if rig is not None and not isinstance(rig, Rig):
+        rig = load_rig(rig)
+    if scene is None and rig is not None:
+        return rig, None if rig.scene is None else load_scene(rig.scene.name)
+    scene = DEFAULT_SCENE if scene is None else scene
+    chosen = as_scene(scene)
+    rig = default_rig(chosen) if rig is None else rig
+    lies = None if rig.scene is None else rig.scene.surface_mm
+    choice = SceneChoice(name=chosen.name if chosen is scene else str(scene), surface_mm=lies)
+    return rig.model_copy(update={"scene": choice}), chosen
+
+
+def clock_for(rig: Rig, *, real_time: bool, start_s: float = 0.0) -> Clock:
+    """Simulated time if every device is simulated and nobody wants to wait."""
+    return WallClock(start_s) if rig.real or real_time else SimulatedClock(start_s)
+
+
+def new_run_path(folder: Path, name: str) -> Path:
+    """A file in ``folder`` that does not exist yet; the folder is made. Raises `StoreError`."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        why = f"no folder for runs can be made there ({error.strerror})"
+        raise StoreError(f"{folder}: {why}; name another with out, in the shell --out") from None
+    plain = "".join(c if c.isalnum() or c in " -_." else "_" for c in name).strip(". ") or "run"
+    stem = f"{plain[:100]}-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    number = 1
+    while (path := folder / (f"{stem}.run" if number == 1 else f"{stem}-{number}.run")).exists():
+        number += 1
+    return path
