@@ -1,10 +1,55 @@
 """What some stages can do beyond the protocol, asked only of those; see `drivers.Stage`."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from drivers.core.protocols import Pose, Stage
 from drivers.core.stage_limits import Limits, outside
+
+
+@dataclass(frozen=True)
+class StopMeans:
+    """One of the ways in which a stage can be stopped.
+
+    A stop is what is seen: the poses that the stage reports come to rest. A means that was ordered
+    and is not seen to work in its time is followed by the next one in the table.
+
+    Attributes
+    ----------
+    name : str
+        What a person reads of it, in the words of the device's manual: ``"jog cancel (0x85)"``.
+    call : callable
+        Gives the order and returns at once. Idempotent, from any thread at any time, never raises:
+        it is repeated every 20 ms until the tip rests.
+    within_s : float
+        From the first order to the first pose of a tip at rest, at the latest: what the line and
+        the controller need, the age of a pose, and the fastest allowed speed divided by the
+        deceleration. The guards add what they need to see that it rests.
+    lifts : bool
+        Whether the stage can be moved by the program afterwards, if need be after `start_again`.
+        A means without a lift is taken only for a tip that is *seen* to go on, or as the last
+        thing before the way out is given up; one with a lift also where no pose comes.
+
+    Examples
+    --------
+    >>> from drivers.core.abilities import StopMeans
+    >>> def hold() -> None: ...
+    >>> def reset() -> None: ...
+    >>> table = StopMeans("hold (!)", hold, 0.2), StopMeans("reset (0x18)", reset, 0.1, lifts=False)
+    """
+
+    name: str
+    call: Callable[[], None]
+    within_s: float
+    lifts: bool = True
+
+
+def stop_means(stage: Stage) -> tuple[StopMeans, ...]:
+    """Its ways to stop, the mildest first; its `Stage.stop` alone if it does not say."""
+    if (own := getattr(stage, "stop_means", None)) is not None:
+        return tuple(own())
+    return (StopMeans("stop", stage.stop, math.inf),)
 
 
 def turns(stage: Stage) -> bool:

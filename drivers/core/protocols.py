@@ -91,6 +91,9 @@ class Stage(Protocol):
     - ``enable() -> list[str]``: make ready to move (upload a program, set what the rig file says)
       without moving; what then holds, in words. Called once, before a scan's first move.
     - ``enable_s``: how long `enable` may take, for one that may need more than a few seconds.
+    - ``stop_means() -> Sequence[StopMeans]``: its ways to stop in the order in which the way out
+      takes them, each with the time in which it must be seen to work; the first is what `stop`
+      does. See `drivers.core.abilities.StopMeans`. Without it `stop` is the only one.
     - ``keep_alive()``: called by whoever checks the force, each time that it has; a device with a
       watchdog halts by itself when the calls stop.
     - ``start_again()``: called by the way out alone, where the stage does not answer: what its

@@ -80,6 +80,7 @@ class Leaving:
     lifting: bool
     up: bool
     why_not: str | None
+    unheeded: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,9 @@ class Service:
             None if error is None else f"{type(error).__name__}: {error}",
             monitor.seen_s(),
             monitor.force_n(),
-            None if out is None else Leaving(out.done, out.lifting, out.up, out.why_not),
+            None
+            if out is None
+            else Leaving(out.done, out.lifting, out.up, out.why_not, out.unheeded),
             self._homed is not None and self._homed.is_set(),
             self._pace(),
             jumped,

@@ -120,6 +120,12 @@ class RemoteRetreat:
         out = self._client.status().leaving
         return None if out is None else out.why_not
 
+    @property
+    def unheeded(self) -> tuple[str, ...]:
+        """The ways to stop that were not seen to work."""
+        out = self._client.status().leaving
+        return () if out is None else out.unheeded
+
     def stay(self) -> None:
         """Do not lift (any more)."""
         self._client.stay()

@@ -1,23 +1,24 @@
 """The way out: bring the stage to rest, then lift the tip, as soon as the stage lets it.
 
-One step every few milliseconds. A stop is repeated until the stage is seen at rest, a stage that
-does not answer is asked again, and a lift that makes matters worse is broken off.
+One step every few milliseconds. Stops are ordered until the stage is seen at rest (`stopping`), one
+that does not answer is asked again, and a lift that makes matters worse is broken off.
 """
 
 import math
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from drivers import DeviceFault, Pose, Stage
 from drivers.core import abilities
+from drivers.core.abilities import StopMeans
+from probe.guards.stopping import SEEN_S, Stopping
 from probe.planning.limits import ARRIVED_M, Limits
 
 # None of these times and ways is critical: halved and doubled one by one, they change the 0.7 s in
 # which a stage leaves a spring, a pulse of 12 % or a cough by at most 0.1 s, and after five refused
 # lifts the 1.2 s by 0.5 s (`Stage` of tests/probe/guards/test_way_out.py).
-STOP_AGAIN_S = 0.02  # a stop is repeated this often
-STILL_S, STILL_M = 0.03, 20e-6  # at rest: not further than this from where it was this long ago
+STILL_M = 20e-6  # at rest: not further than this from where it was `SEEN_S` ago
 LIFT_AGAIN_S = 0.1
 LIFT_SHARE = 0.25  # of the greatest speed: a lift is no emergency once the stage rests
 LIFTS = 3  # a patient who moves may make the first ones worse
@@ -33,7 +34,8 @@ def lift_speed_m_s(stage: Stage, limits: Limits) -> float:
 
 
 class Retreat:
-    """``start`` begins a move; ``force_n`` is the latest force; ``lift_z_m`` None: only stop.
+    """``means`` are the stage's ways to stop; ``start`` begins a move; ``force_n`` is the latest
+    force; ``lift_z_m`` None: only stop.
 
     ``led_down``: the last order led below ``lift_z_m``, so the tip is lifted even if the pose says
     that it is up.
@@ -44,7 +46,7 @@ class Retreat:
 
     def __init__(
         self,
-        stop: Callable[[], None],
+        means: Sequence[StopMeans],
         start_again: Callable[[], None],
         moving: Callable[[], bool],
         start: Callable[[Pose, float], None],
@@ -58,18 +60,24 @@ class Retreat:
         self.done = False
         self.lifting = self.up = False
         self.why_not: str | None = None
-        self._stop, self._moving, self._start, self._force_n = stop, moving, start, force_n
+        self._stopping = Stopping(means)
+        self._moving, self._start, self._force_n = moving, start, force_n
         self._start_again = start_again
         self._lift_z_m, self._speed_m_s = lift_z_m, speed_m_s
         self._most_n, self._led_down = most_n, led_down
         self._deadline_s = began_s + PATIENCE_S
-        self._stopped_s = self._tried_s = -math.inf
+        self._tried_s = -math.inf
         self._trouble = "it does not come to rest"
         self._broken_off = 0
         self._poses: deque[tuple[float, Pose]] = deque()
         self._from: Pose | None = None
         self._limit_n = math.inf
         self._stays = False
+
+    @property
+    def unheeded(self) -> tuple[str, ...]:
+        """The ways to stop that were not seen to work."""
+        return self._stopping.unheeded
 
     def stay(self) -> None:
         """Do not lift (any more): rest where it is. From any thread; the next `step` obeys."""
@@ -93,10 +101,12 @@ class Retreat:
             self._watch_the_lift(now_s, pose, moving)
             return
         elif self._at_rest(now_s, pose, moving):
+            self._stopping.worked()
             self._rested(now_s, pose)
             return
-        self._stop_again(now_s)
+        self._stopping.order(now_s, seen=pose is not None)
         if now_s > self._deadline_s:
+            self._stopping.exhaust()
             self._end(f"the stage: {self._trouble}")
 
     def _wake(self, now_s: float) -> None:
@@ -113,6 +123,11 @@ class Retreat:
         elif pose.z >= self._lift_z_m - near_m and (self.lifting or not self._led_down):
             self.up = True
             self._end(self.why_not)
+        elif not self._stopping.lifts:
+            self._end(
+                f"the stage obeyed no stop but {self._stopping.name}, after which the program "
+                "cannot move it"
+            )
         elif now_s > self._deadline_s:
             self._end(f"the stage: {self._trouble}")
         elif now_s - self._tried_s >= LIFT_AGAIN_S:
@@ -123,6 +138,8 @@ class Retreat:
                 self._start(pose._replace(z=max(self._lift_z_m, pose.z)), self._speed_m_s)
             except DeviceFault as fault:
                 self._trouble = str(fault)
+                with suppress(DeviceFault):  # the harder ways to stop end what the stage runs
+                    self._start_again()
                 return
             if not self.lifting:  # once: a stage that rests short for ever must not be asked so
                 way_s = (self._lift_z_m - pose.z) / self._speed_m_s
@@ -155,26 +172,21 @@ class Retreat:
             return
         self._trouble, self._from, self._tried_s = why, None, now_s
         self._poses.clear()
-        self._stop_again(now_s)
+        self._stopping.order(now_s, seen=True)
 
     def _give_up(self, now_s: float, why: str) -> None:
         self.why_not = why
         self._stays, self._lift_z_m, self._from = True, None, None
         self._poses.clear()
-        self._stop_again(now_s)
+        self._stopping.order(now_s, seen=True)
 
     def _at_rest(self, now_s: float, pose: Pose, moving: bool) -> bool:
         self._poses.append((now_s, pose))
-        while len(self._poses) > 1 and self._poses[1][0] <= now_s - STILL_S:
+        while len(self._poses) > 1 and self._poses[1][0] <= now_s - SEEN_S:
             self._poses.popleft()
         then_s, then = self._poses[0]
-        still = then_s <= now_s - STILL_S and math.dist(then[:3], pose[:3]) < STILL_M
+        still = then_s <= now_s - SEEN_S and math.dist(then[:3], pose[:3]) < STILL_M
         return still and not moving
-
-    def _stop_again(self, now_s: float) -> None:
-        if now_s - self._stopped_s >= STOP_AGAIN_S:
-            self._stopped_s = now_s
-            self._stop()
 
     def _end(self, why_not: str | None) -> None:
         self.why_not, self.done = why_not, True

@@ -243,7 +243,7 @@ class SafetyMonitor:
     def _begin_retreat(self, *, lift: bool) -> None:
         self._retreats += 1
         self.retreat = Retreat(
-            self._stage.stop,
+            abilities.stop_means(self._stage),
             partial(self._alone, partial(abilities.start_again, self._stage)),
             self.moving,
             self._start_held,

@@ -27,8 +27,9 @@ from probe.guards.guard_client import GuardClient
 from probe.guards.interruption import Interrupted, interruption_of
 from probe.guards.levels import LEVEL_S, little
 from probe.guards.readings import STAGE, STAGE_CHANNELS
-from probe.guards.retreat import STOP_AGAIN_S, UP_M
+from probe.guards.retreat import UP_M
 from probe.guards.safety_monitor import SafetyMonitor
+from probe.guards.stopping import STOP_AGAIN_S
 from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan
 from probe.planning.press_direction import pressed
@@ -259,6 +260,9 @@ class _Scan(RunLoop):
         trip = self.monitor.trip
         if why.finish is not Finish.FAULTED and trip is not None and trip.device != "user":
             why = interruption_of(trip)
+        if retreat.unheeded:
+            text = f"it was not seen to stop by {', nor by '.join(retreat.unheeded)}"
+            self.bus.note("warning", self.stage.name, f"{text}; see why before it moves again")
         if retreat.why_not is not None or not retreat.done:
             what = retreat.why_not or "the stage does not answer"
             said = f"THE PROBE WAS NOT LIFTED: {what}; {BY_HAND}"

@@ -22,8 +22,8 @@ from probe.guards.interruption import Interrupted
 from probe.guards.levels import Levels, Usual
 from probe.guards.press_guard import WAY_M
 from probe.guards.readings import PUBLISH_S
-from probe.guards.retreat import STOP_AGAIN_S
 from probe.guards.safety_monitor import STAGE_PERIOD_S, SafetyMonitor
+from probe.guards.stopping import STOP_AGAIN_S
 from probe.planning.limits import ARRIVED_M, Limits
 from probe.planning.plan import Place, Plan
 from probe.scan.event_bus import EventBus

@@ -1,11 +1,13 @@
 """The way out when the first lift does not succeed: refused, or met by a patient who moves."""
 
+import math
 from collections.abc import Callable
 
 import pytest
 from springs import Bed, SpringSensor, SpringStage, run_springs
 
 from drivers import DeviceFault, Pose, SimulatedClock
+from drivers.core.abilities import StopMeans
 from probe.core.events import Event, Note, Phase, PhaseEntered, RunEnded
 from probe.guards.levels import no_force
 from probe.guards.retreat import LIFTS, Retreat
@@ -45,6 +47,9 @@ class Stage:
     def stop(self) -> None:
         self._target_m = self.z_m
 
+    def stop_means(self) -> tuple[StopMeans, ...]:
+        return (StopMeans("stop", lambda: self.stop(), math.inf),)
+
     def moving(self) -> bool:
         return abs(self._target_m - self.z_m) > 1e-9
 
@@ -61,7 +66,7 @@ class Stage:
     def out(self, most_s: float = 30.0, *, led_down: bool = False) -> Retreat:
         """Go the way out to its end."""
         retreat = Retreat(
-            self.stop, self.start_again, self.moving, self.start, self.force_n, UP_M, 6e-3,
+            self.stop_means(), self.start_again, self.moving, self.start, self.force_n, UP_M, 6e-3,
             self.now_s, 1.6, led_down,
         )  # fmt: skip
         while not retreat.done and self.now_s < most_s:
@@ -181,7 +186,7 @@ def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() ->
         retreat.stay()
 
     retreat = Retreat(
-        stage.stop, stage.start_again, stage.moving, forbidden, stage.force_n, UP_M, 6e-3,
+        stage.stop_means(), stage.start_again, stage.moving, forbidden, stage.force_n, UP_M, 6e-3,
         stage.now_s, 1.6, False,
     )  # fmt: skip
     while not retreat.done and stage.now_s < 30.0:
