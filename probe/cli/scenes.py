@@ -36,7 +36,12 @@ def press(
         float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
     ] = 1.0,
     model: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Model of the solid; chosen if not given.")
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="finite or small (strain, of a plane scene), axisymmetric or solid (of a solid "
+            "one), auto; chosen if not given.",
+        ),
     ] = None,
     deck: Annotated[
         Path | None,
@@ -65,7 +70,11 @@ def press(
     for doubt in odd_values(pressed_into):
         inform(f"warning: {doubt}")
     if pressed_into.plane == "solid" and (deck or feb or vtu):
-        raise SceneError(f"{scene}: --deck, --feb and --vtu write a plane section, not a solid")
+        raise SceneError(
+            f"{scene}: --deck, --feb and --vtu write the triangles of a plane section; a solid is "
+            "solved on wedges of 18 nodes, which neither CalculiX nor FEBio knows. Write the "
+            'section by plane = "strain" in the scene, without length_mm'
+        )
     for option, path, mark in (
         ("--deck", deck, b" mm thick. "),
         ("--feb", feb, b"<febio_spec"),

@@ -8,7 +8,7 @@ from probe.gui.state import ViewState
 from probe.gui.style import head, pen, plot
 from probe.report.look import GREEN, INK, PURPLE, VERMILLION
 from sim_backend.scene.inclusion import Artery
-from sim_backend.scene.indenter import Cylinder, Indenter, Sphere, leaning_deg
+from sim_backend.scene.indenter import Cylinder, Indenter
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at, under_finger
 
@@ -18,17 +18,10 @@ CIRCLE = np.linspace(0, 2 * np.pi, 61)
 
 def finger_outline(indenter: Indenter) -> tuple[np.ndarray, np.ndarray]:
     """The finger's underside (x, y) [mm], as it leans, its lowest point at y = 0."""
-    if isinstance(indenter, Sphere) or (
-        isinstance(indenter, Cylinder) and indenter.axis != "across"
-    ):
-        r = indenter.radius_mm
-        return r * np.cos(CIRCLE), r + r * np.sin(CIRCLE)
-    half, edge = indenter.width_mm_projected / 2, indenter.edge_radius_mm or 0.0
-    turn = np.linspace(0, np.pi / 2, 12)
-    right = half - edge + edge * np.sin(turn), edge - edge * np.cos(turn)
-    x = np.concatenate([[-half], -right[0][::-1], right[0], [half]])
-    y = np.concatenate([[3 * edge + 4], right[1][::-1], right[1], [3 * edge + 4]])
-    lean = np.radians(leaning_deg(indenter))
+    x, y = 1e3 * indenter.profile.outline().T
+    top = y.max() + 4.0  # the flanks go on
+    x, y = np.r_[x[0], x, x[-1]], np.r_[top, y, top]
+    lean = np.radians(indenter.leaning_deg)
     x, y = x * np.cos(lean) + y * np.sin(lean), y * np.cos(lean) - x * np.sin(lean)
     return x, y - y.min()
 

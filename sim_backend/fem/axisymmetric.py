@@ -26,7 +26,6 @@ from sim_backend.fem.newton import Load, NotConverged
 from sim_backend.fem.revolved import revolved
 from sim_backend.fem.support import SlidingConstraint
 from sim_backend.scene.inclusion import Tumour
-from sim_backend.scene.indenter import Punch, Sphere, leaning_deg
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.table import beyond_a_file
 
@@ -36,11 +35,10 @@ FIRST_M, STEP_M = 0.2e-3, 0.6e-3
 
 def is_round(scene: Scene, x_mm: float) -> bool:
     """Whether a press at ``x_mm`` is a body of revolution but for the block's outline."""
-    finger = isinstance(scene.indenter, Sphere | Punch) and not leaning_deg(scene.indenter)
     centred = all(
         isinstance(one, Tumour) and one.x_mm == x_mm and not one.z_mm for one in scene.inclusion
     )
-    return scene.plane == "solid" and finger and centred and len(scene.inclusion) <= 1
+    return scene.plane == "solid" and scene.indenter.turns and centred and len(scene.inclusion) <= 1
 
 
 def solve_axisymmetric(

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from math import ceil, sqrt
+from math import ceil
 
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.continuation import continuation, unloaded
@@ -81,7 +81,7 @@ def solve_finite(
 def bonded_way_m(finger: Finger, depth_m: float, contact_m: float) -> list[float]:
     """Depths on the way down of a bonded finger over elements of ``contact_m``: the contact's edge,
     which goes with the root of the depth, moves evenly."""
-    edge_m = sqrt(2 * finger.radius * depth_m)
+    edge_m = finger.profile.arc(depth_m) - finger.profile.chord(0.0)
     steps = max(STEPS_PER_ELEMENT, ceil(STEPS_PER_ELEMENT * edge_m / contact_m))
     return [depth_m * ((k + 1) / steps) ** 2 for k in range(steps)]
 
@@ -90,7 +90,7 @@ def _ramp(scene: Scene, depth_m: float) -> list[float]:
     """Depths on the way down; nearly incompressible plane strain must be touched gently, or the
     first contact presses single nodes and steps are halved again and again. A lone vessel is glued
     where it comes to rest, so that its answer is a little the path's."""
-    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    half_m = scene.indenter.profile.scale
     gently = scene.plane == "strain" or scene.tissue is None
     steps = max(1, ceil(depth_m / ((GENTLE_STEP if gently else RAMP_STEP) * half_m) - 1e-9))
     depths = [depth_m * (k + 1) / steps for k in range(steps)]

@@ -243,14 +243,13 @@ def materials(scene: Scene, region: Ints) -> tuple[Array, Array]:
 def half_contact(finger: Finger, depth_m: float) -> float:
     """Half of the undeformed width that a press is expected to touch at most [m].
 
-    Beside the flat that is a part of the chord that the surface cuts off the rounding; deeper, of
-    the arc that the surface wraps, and beyond the rounding what it draws in along the flanks.
+    Beside a face that is a part of the chord that the surface cuts off the outline; deeper, of
+    the arc that the surface wraps, and beyond the outline what it draws in along the flanks.
     """
-    deep_m, radius = max(depth_m, 1e-4), finger.radius
-    sunk = min(deep_m, radius)
-    chord_m = float(np.sqrt(2 * radius * sunk - sunk**2))
-    arc_m = radius * float(np.arccos(1 - sunk / radius))
-    return finger.half_flat + max(CHORD * chord_m, ARC * arc_m) + DRAWN * (deep_m - sunk)
+    deep_m, outline = max(depth_m, 1e-4), finger.profile
+    face_m, beyond_m = outline.chord(0.0), max(deep_m - outline.height, 0.0)
+    chord_m, arc_m = outline.chord(deep_m) - face_m, outline.arc(deep_m) - face_m
+    return face_m + max(CHORD * chord_m, ARC * arc_m) + DRAWN * beyond_m
 
 
 def element_sizes(

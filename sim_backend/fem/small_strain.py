@@ -144,10 +144,8 @@ def _refuse_nonsense(section: Section, solution: Solution) -> None:
 
 def candidates_near(section: Section, x_m: float, depth_m: float) -> Ints:
     """Surface nodes that a finger at ``x_m`` may touch ``depth_m`` deep."""
-    finger = section.finger
-    half = finger.half_flat + np.sqrt(2 * finger.radius * min(depth_m, finger.radius))
     x = section.mesh.nodes[section.mesh.surface, 0]
-    return np.flatnonzero(np.abs(x - x_m) <= 1.1 * half)
+    return np.flatnonzero(np.abs(x - x_m) <= 1.1 * section.finger.profile.arc(depth_m))
 
 
 def _solution(

@@ -58,7 +58,7 @@ def named(model: str, scene: Scene, depth_mm: float, pressures_mmhg: tuple[float
         raise CannotSolve("small strain", "a bonded finger needs the finite-strain model.")
     pct = small_strain_error_pct(scene, depth_mm)
     if pct > SMALL_LIMIT_PCT:
-        half_mm = scene.indenter.width_mm_projected / 2
+        half_mm = 1e3 * scene.indenter.profile.scale
         limit_mm = half_mm * (SMALL_LIMIT_PCT / SMALL_PCT) ** (1 / SMALL_POWER)
         raise CannotSolve(
             "small strain",
@@ -149,7 +149,7 @@ def _without_far(scene: Scene, x_mm: float, filled: bool, budget_pct: float) -> 
 
 def small_strain_error_pct(scene: Scene, depth_mm: float) -> float:
     """Of the force over a scene without pressure, by depth over the finger's half width."""
-    return float(SMALL_PCT * (2 * depth_mm / scene.indenter.width_mm_projected) ** SMALL_POWER)
+    return float(SMALL_PCT * (1e-3 * depth_mm / scene.indenter.profile.scale) ** SMALL_POWER)
 
 
 def far_error_pct(scene: Scene, one: Inclusion, x_mm: float) -> float:

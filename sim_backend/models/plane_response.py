@@ -51,7 +51,7 @@ that of `sim_backend.models.refine`."""
 
 def element_size_m(scene: Scene) -> float:
     """Element size that keeps force within about 0.3 % and pulse within 2 % [m]."""
-    return RELATIVE_SIZE * 0.5e-3 * scene.indenter.width_mm_projected
+    return RELATIVE_SIZE * scene.indenter.profile.scale
 
 
 def section_for(scene: Scene, x_m: float, max_depth_m: float) -> Section:

@@ -8,6 +8,9 @@ from sim_backend.scene.scene_file import Scene, SceneError
 MODELS = ("auto", "finite", "small", "axisymmetric", "solid")
 MOST_MMHG = 1000.0
 """Largest lumen pressure that can be meant: beyond it is a mistake of units."""
+LEAST_SHARE = 1e-3
+"""Least depth that can be meant, over the finger's width: metres written for millimetres are a
+thousandth. At a thousandth of its finger of 10 mm TI answers 1.4 mN."""
 
 
 def check_asked(
@@ -34,6 +37,13 @@ def check_asked(
 
 def check_press(scene: Scene, x_mm: float, depth_mm: float) -> None:
     """Raises `SceneError` for a press that cannot be meant."""
+    least_mm = LEAST_SHARE * scene.indenter.width_mm_projected
+    if 0 < depth_mm < least_mm:
+        raise SceneError(
+            f"depth_mm = {depth_mm:g}: less than a thousandth of the finger's "
+            f"{scene.indenter.width_mm_projected:g} mm; lengths are in mm. "
+            + _in_metres(scene, x_mm, depth_mm)
+        )
     if not 0 < depth_mm < scene.surface_mm:
         raise SceneError(
             f"depth_mm = {depth_mm:g}: must lie between 0 and the {scene.surface_mm:g} mm "
@@ -41,7 +51,16 @@ def check_press(scene: Scene, x_mm: float, depth_mm: float) -> None:
         )
     left, right = reach_mm(scene)
     if not left <= x_mm <= right:
-        raise SceneError(f"x_mm = {x_mm:g}: the finger must stay between {left:g} and {right:g}")
+        raise SceneError(f"x_mm = {x_mm:g}: the finger must stay between {left:g} and {right:g} mm")
+
+
+def _in_metres(scene: Scene, x_mm: float, depth_mm: float) -> str:
+    """What to do about numbers that may be metres."""
+    left, right = reach_mm(scene)
+    place = f"--x {1e3 * x_mm:g} " if x_mm and left <= 1e3 * x_mm <= right else ""
+    if 1e3 * depth_mm < scene.surface_mm:
+        return f"If you mean metres, write {place}--depth {1e3 * depth_mm:g}"
+    return "Press deeper"
 
 
 def reach_mm(scene: Scene) -> tuple[float, float]:

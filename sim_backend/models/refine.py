@@ -89,7 +89,7 @@ def mesh_in_words(model: str, contact_m: float, error_pct: Array) -> str:
 
 def on_first_mesh(model: str, scene: Scene, x_m: float, depth_m: float) -> Solved:
     """The press on the first mesh of `refine`, lumens empty. Raises `CannotSolve`."""
-    size_m = FIRST_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
+    size_m = FIRST_SHARE * scene.indenter.profile.scale
     solve = solve_small if model == "small" else solve_finite
     grading = mesh_grading(scene, size_m, FIRST_SHARE)
     return solve(scene, x_m, depth_m, [0.0], size_m, grading=grading)
@@ -114,7 +114,7 @@ def refine(
     known. A mesh too fine to be solved, or to be worth it, ends the refinement too. ``solving``
     receives a line about each mesh before it is solved. Raises `CannotSolve`.
     """
-    half_m = 0.5e-3 * scene.indenter.width_mm_projected
+    half_m = scene.indenter.profile.scale
     if scene.tissue is None:  # a wide finger says nothing of the vessel's own size
         half_m = min(half_m, 1e-3 * scene.inclusion[0].outer_radius_mm)
     floor_pct = FLOOR_PCT * [1.0, len(pressures_pa) > 1]

@@ -192,7 +192,7 @@ def _press(section: Section, load: Load, guess: Array) -> _Pressed:
     surface = section.mesh.surface
     lowered = section.finger.lowered_to(section.finger.y - load.depth_m)
     gap, _, _ = lowered.gap((section.mesh.nodes + guess)[surface])
-    near_m = TOUCHING_SHARE * (section.finger.half_flat + section.finger.radius)
+    near_m = TOUCHING_SHARE * (section.finger.profile.half_width)
     multiplier = np.where(gap < near_m, near_m * section.tissue_pa, 0.0)
     start = Solution(load, guess, (multiplier, np.zeros(len(section.mesh.resting))), 0.0, 0)
     try:
@@ -278,7 +278,7 @@ def _nearest(scene: Scene, x_m: Array) -> int:
 
 def _section(scene: Scene, x_m: float, depth_m: float, share: float = 1.0) -> Section:
     """Fine under the finger and round inclusions, by ``share`` of this file's element sizes."""
-    contact_m = share * CONTACT_SHARE * 0.5e-3 * scene.indenter.width_mm_projected
+    contact_m = share * CONTACT_SHARE * scene.indenter.profile.scale
     grading = Grading(
         contact_m, lambda radius_m: share * WALL_SHARE * radius_m, GROWTH, share * COARSEST_M
     )

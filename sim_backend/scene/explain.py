@@ -52,7 +52,7 @@ def explain(error: ValidationError, model: type[BaseModel] | None = None) -> lis
             key = key.rpartition(".")[0]
             text = f"has {number} value{'s' * (number != 1)}, and needs more"
         if model is not None and fault["type"] == "extra_forbidden":
-            text = _unknown_key(model, fault["loc"])
+            text = _unknown_key(model, fault["loc"]) + getattr(model, "beyond", "")
         between = " " if fault["type"] == "missing" else ": "
         lines.append(f"{key}{shown}{between}{text}".lstrip(": "))
     return lines
@@ -62,6 +62,8 @@ class Explained(BaseModel):
     """What a whole file holds: made in Python, it is refused in the words that its author reads."""
 
     refusal: ClassVar[type[ValueError]]
+    beyond: ClassVar[str] = ""
+    """What is said after an unknown key: where it stands what such a file cannot say."""
 
     def __init__(self, **keys: Any) -> None:
         """Raises ``refusal``."""

@@ -22,7 +22,7 @@ from drivers.core.files import FileRefused, parse_toml, path_of, read_file
 from sim_backend import html
 from sim_backend.scene.explain import Explained, explain
 from sim_backend.scene.inclusion import Artery, Inclusion, Poisson
-from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch, Sphere, mirrored_finger
+from sim_backend.scene.indenter import AnyIndenter, Cylinder
 from sim_backend.scene.room import need_room
 from sim_backend.scene.table import Positive, Table, is_unset
 
@@ -119,11 +119,15 @@ class Scene(Explained, Table):
     """A whole scene. Without ``tissue`` the one artery stands alone on a rigid flat support."""
 
     refusal: ClassVar = SceneError
+    beyond: ClassVar = (
+        "; layers, other material laws, friction and ellipses are not modelled "
+        '(docs/reference/scene-file.md, "What is not modelled")'
+    )
     name: Annotated[str, AfterValidator(_one_line)]
     plane: Literal["stress", "strain", "solid"] = "stress"
     tissue: Tissue | None = None
     inclusion: tuple[Inclusion, ...] = ()
-    indenter: Indenter = Cylinder()
+    indenter: AnyIndenter = Cylinder()
     support: Support = Support()
     pulse: Pulse = Pulse()
 
@@ -192,13 +196,8 @@ def _need_plane(scene: Scene) -> None:
         "tissue.length_mm": scene.tissue and scene.tissue.length_mm,
         "tissue.z_mm": scene.tissue and scene.tissue.z_mm,
         "tissue.ends": scene.tissue and scene.tissue.ends,
-        "indenter.axis": getattr(scene.indenter, "axis", None),
-        "indenter.tilt_deg": getattr(scene.indenter, "tilt_deg", None),
+        **{f"indenter.{key}": value for key, value in scene.indenter.only_in_a_solid().items()},
     }
-    if isinstance(scene.indenter, Cylinder):
-        checked["indenter.edge_radius_mm"] = scene.indenter.edge_radius_mm
-    if isinstance(scene.indenter, Sphere | Punch):
-        checked["indenter.shape"] = scene.indenter.shape
     for key, value in checked.items():
         if value is not None:
             raise ValueError(
@@ -211,14 +210,7 @@ def _need_solid(scene: Scene) -> None:
         raise ValueError('plane = "solid" needs a [tissue] table: a lone vessel is plane')
     if scene.tissue.length_mm is None:
         raise ValueError('tissue.length_mm is missing: plane = "solid" needs the block\'s length')
-    finger = scene.indenter
-    if isinstance(finger, Flat):
-        flat = "indenter.width_mm: a flat finger of a solid is round; give diameter_mm instead"
-        raise ValueError(flat)  # noqa: TRY004 - pydantic reports ValueErrors only
-    if finger.bonded or finger.skin is not None:
-        raise ValueError("indenter: bonded and skin are known in plane scenes only")
-    if isinstance(finger, Cylinder) and finger.edge_radius_mm is None:
-        raise ValueError("indenter.edge_radius_mm is missing: a solid's cylinder has rounded ends")
+    scene.indenter.need_solid()
     if scene.support != Support():
         raise ValueError("[support] is of plane scenes: a solid rests on its bottom, frictionless")
     half_mm, middle_mm = scene.tissue.length_mm / 2, scene.tissue.z_mm or 0.0
@@ -284,7 +276,7 @@ def mirrored(scene: Scene) -> Scene:
         if isinstance(one, Artery) and one.path:
             change["path"] = tuple((z, round(width - x, 9), depth) for z, x, depth in one.path)
         inclusion.append(one.model_copy(update=change))
-    finger = mirrored_finger(scene.indenter)
+    finger = scene.indenter.mirrored()
     return scene.model_copy(update={"inclusion": tuple(inclusion), "indenter": finger})
 
 

@@ -45,7 +45,7 @@ def felupe_forces(
     if scene.plane != "strain" or not isinstance(scene.indenter, Cylinder) or not scene.tissue:
         raise ValueError("FElupe is compared in plane strain, under a cylinder on a block")
     section = build_section(scene, x_m, depth_m=depth_m, size_m=size_m, element="Q4M")
-    radius, top = section.finger.radius, section.finger.y
+    radius, top = 1e-3 * scene.indenter.radius_mm, section.finger.y
     points = np.vstack([section.mesh.nodes, [[x_m, top + radius]]])
     centre = len(points) - 1
     mesh = fe.Mesh(points, section.cells.nodes, "quad")

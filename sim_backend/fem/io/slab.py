@@ -3,16 +3,13 @@
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.contact.finger_gaps import Finger, finger_over
+from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.mesh import T6_EDGES
 from sim_backend.fem.model import Section, build_section
 from sim_backend.scene.scene_file import Scene, SceneError
 
 CONTACT_PER_MM = 500.0
 """Penalty over the tissue's modulus [1/mm]: the force is 0.03 % low."""
-RIGID_DEG = 2.0
-"""Arc of the rigid finger per element."""
-FLAT_ELEMENTS = 40
 MM = 1e3
 MPA = 1e-6
 
@@ -30,7 +27,7 @@ def exported_section(scene: Scene, x_mm: float, depth_mm: float, size_mm: float 
     if scene.support.lifts:
         raise SceneError(f"{scene.name}: support.lifts cannot be written for another solver")
     finger = finger_over(scene.indenter, 0.0, 0.0)
-    size_m = 1e-3 * size_mm if size_mm else 0.06 * (finger.half_flat + finger.radius)
+    size_m = 1e-3 * size_mm if size_mm else 0.06 * finger.profile.scale
     return build_section(scene, 1e-3 * x_mm, depth_m=1e-3 * depth_mm, size_m=size_m, element="T6")
 
 
@@ -76,8 +73,9 @@ def sides_on(section: Section, chosen: Ints) -> list[tuple[int, int]]:
 
 def rigid_bodies(section: Section) -> "list[Strip]":
     """The finger and, under a lone vessel, its support."""
-    finger = finger_profile(section.finger)
-    bodies = [Strip("FINGER", finger, np.array([0.0, section.finger.radius / 2]))]
+    finger, outline = section.finger, section.finger.profile
+    thick = np.array([0.0, outline.half_width / 2])
+    bodies = [Strip("FINGER", outline.outline() + np.array([finger.x, finger.y]), thick)]
     if len(section.mesh.resting):
         across = section.mesh.nodes[:, 0]
         wide = np.linspace(across.min(), across.max(), 101)
@@ -102,18 +100,3 @@ class Strip:
         cells = [a, a + 2, count + a + 2, count + a]
         cells += [a + 1, 2 * count + a + 2, count + a + 1, 2 * count + a]
         return nodes, np.stack(cells, axis=1).astype(np.int64)
-
-
-def finger_profile(finger: Finger) -> Array:
-    """From left to right along the underside, corner and mid-side points (2n + 1, 2) [m]."""
-    half = round(88 / RIGID_DEG)
-    angle = np.radians(RIGID_DEG / 2 * np.arange(-2 * half, 1))
-    left = finger.radius * np.column_stack([np.sin(angle), 1 - np.cos(angle)])
-    left[:, 0] -= finger.half_flat
-    right = left[::-1] * [-1, 1]
-    lowest = np.array([finger.x, finger.y])
-    if finger.half_flat == 0:
-        return np.asarray(np.vstack([left, right[1:]]) + lowest)
-    across = np.linspace(-finger.half_flat, finger.half_flat, 2 * FLAT_ELEMENTS + 1)[1:-1]
-    middle = np.column_stack([across, np.zeros_like(across)])
-    return np.asarray(np.vstack([left, middle, right]) + lowest)

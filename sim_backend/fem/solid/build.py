@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
-from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.mesh import TISSUE
 from sim_backend.fem.model import (
     CHORD,
@@ -25,7 +24,6 @@ from sim_backend.fem.solid.prism import extrude, planes_of, wedges_of
 from sim_backend.fem.solid.warp import BALL_CORE, REACH, cylinder_to_ball
 from sim_backend.fem.support import HOLD_WIDTH_M
 from sim_backend.scene.inclusion import Artery, Inclusion, Tumour
-from sim_backend.scene.indenter import Cylinder, Flat, Indenter, Punch
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.slicing import is_symmetric_along
 from sim_backend.scene.table import beyond_a_file
@@ -97,13 +95,12 @@ def build_body(
     half_m = 0.5e-3 * tissue.length_mm
     middle_m = 1e-3 * (tissue.z_mm or 0.0)
     span = _Span(0.0 if is_symmetric_along(scene) else middle_m - half_m, middle_m + half_m)
-    wide, along = footprint(scene.indenter)
     grading = grading_of(scene, size_m)
-    flat = section_scene(drawn, wide)
+    flat = section_scene(drawn)
     section = build_section(
         flat, x_m, depth_m=depth_m, size_m=size_m, element="T6", grading=grading
     )
-    edges = _edges(scene, span, along, depth_m, grading)
+    edges = _edges(scene, span, depth_m, grading)
     nodes, cells = extrude(section.mesh.nodes, section.mesh.cells, edges)
     solid = _solid_part(scene, section, edges)
     placed = nodes.copy()
@@ -170,7 +167,7 @@ def grading_of(scene: Scene, size_m: float) -> Grading:
 
 def half_width_m(scene: Scene) -> float:
     """The finger's smaller half width [m]."""
-    return 0.5e-3 * min(scene.indenter.width_mm_projected, scene.indenter.breadth_mm_projected)
+    return min(scene.indenter.profile.scale, scene.indenter.ends.scale)
 
 
 def _refuse_locking(scene: Scene) -> None:
@@ -224,28 +221,9 @@ def _least_room(scene: Scene) -> str:
     return f"inclusion[{n}].{key}: {left_mm:.2g} mm lie between inclusion[{n}] and {beside}"
 
 
-def footprint(indenter: Indenter) -> tuple[Finger, Finger]:
-    """The finger's outline across and along the vessels, at the origin."""
-    if isinstance(indenter, Punch):
-        edge = 1e-3 * indenter.edge_radius_mm
-        both = Finger(0.5e-3 * indenter.diameter_mm - edge, edge, 0.0, 0.0)
-        return both, both
-    if isinstance(indenter, Cylinder):
-        edge = 1e-3 * (indenter.edge_radius_mm or 0.0)
-        ends = Finger(0.5e-3 * indenter.length_mm - edge, edge, 0.0, 0.0)
-        side = Finger(0.0, 1e-3 * indenter.radius_mm, 0.0, 0.0)
-        return (ends, side) if indenter.axis == "across" else (side, ends)
-    ball = Finger(0.0, 0.5e-3 * indenter.width_mm_projected, 0.0, 0.0)
-    return ball, ball
-
-
-def section_scene(scene: Scene, across: Finger) -> Scene:
+def section_scene(scene: Scene) -> Scene:
     """A plane scene whose mesh can be extruded: lumps as cylinders that will become balls."""
     assert scene.tissue is not None
-    finger: Indenter = Cylinder(radius_mm=1e3 * across.radius)
-    if across.half_flat:
-        width_mm = 2e3 * (across.half_flat + across.radius)
-        finger = Flat(shape="flat", width_mm=width_mm, edge_radius_mm=1e3 * across.radius)
     tissue = scene.tissue.model_copy(update={"length_mm": None, "ends": None, "z_mm": None})
     inclusion = tuple(
         one.model_copy(update={"diameter_mm": BALL_CORE * one.diameter_mm})
@@ -253,16 +231,16 @@ def section_scene(scene: Scene, across: Finger) -> Scene:
         else one
         for one in scene.inclusion
     )
-    changed = {"plane": "strain", "tissue": tissue, "inclusion": inclusion, "indenter": finger}
-    return scene.model_copy(update=changed)
+    return beyond_a_file(scene, {"plane": "strain", "tissue": tissue, "inclusion": inclusion})
 
 
-def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Grading) -> Array:
+def _edges(scene: Scene, span: _Span, depth_m: float, grading: Grading) -> Array:
     """Edges of the layers [m]."""
     # to where an end's chord reaches: as far as it touches, as along x, would cost a quarter more
     # layers of a cylinder, whose forces are within 0.5 and pulses within 1.4 % of CalculiX' so
-    sunk = min(max(depth_m, 1e-4), along.radius)
-    reach = along.half_flat + CHORD * float(np.sqrt(2 * along.radius * sunk - sunk**2))
+    along = scene.indenter.ends
+    face, rounding = along.chord(0.0), along.rounding
+    reach = face + CHORD * (along.chord(max(depth_m, 1e-4)) - face)
     spots: list[tuple[float, float]] = []  # (z, element size there)
     ends: list[tuple[float, float]] = []  # (z, how near to it a layer may end) of stenoses
     for one in scene.inclusion:
@@ -276,14 +254,16 @@ def _edges(scene: Scene, span: _Span, along: Finger, depth_m: float, grading: Gr
             nearest = LEAST_LAYER * 1e-3 * one.outer_radius_mm
             ends += [(1e-3 * z, nearest) for z in one.stenosis.z_mm]
 
-    edge = EDGE * along.radius * grading.contact_m / (SHARE * half_width_m(scene))
-
     def size(z: Array) -> Array:
         away = np.abs(z)
-        beyond = np.maximum(np.maximum(away - reach, along.half_flat - along.radius - away), 0.0)
+        beyond = np.maximum(away - reach, 0.0)
+        if rounding is not None:  # nor in the middle of a face
+            beyond = np.maximum(beyond, 2 * rounding[0] - rounding[1] - away)
         wanted = grading.contact_m + grading.growth * beyond
-        if along.half_flat > 0:
-            end = np.clip(away, along.half_flat, along.half_flat + 0.8 * along.radius)
+        if rounding is not None:
+            radius = rounding[1] - rounding[0]
+            edge = EDGE * radius * grading.contact_m / (SHARE * half_width_m(scene))
+            end = np.clip(away, rounding[0], rounding[0] + 0.8 * radius)
             wanted = np.minimum(wanted, edge + EDGE_GROWTH * np.abs(away - end))
         for spot, wall in spots:
             wanted = np.minimum(wanted, wall + grading.growth * np.abs(z - spot))

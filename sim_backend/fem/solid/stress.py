@@ -14,7 +14,7 @@ def under_finger_pa(body: Body, solution: SolidSolution) -> float:
     """Von Mises stress [Pa] at the surface's node nearest to the finger's lowest point: the mean
     over its wedges of F there."""
     moved = body.wedges.nodes + solution.displacement
-    under = body.finger.centre_m[[0, 2]]
+    under = body.finger.under_m[[0, 2]]
     node = body.surface[np.argmin(np.hypot(*(moved[body.surface][:, [0, 2]] - under).T))]
     around = np.any(body.wedges.cells == node, axis=1)
     cells = body.wedges.cells[around]
@@ -30,6 +30,6 @@ def contact_m(body: Body, solution: SolidSolution) -> tuple[float, float]:
     """Left and right end [m] of the nodes that the finger presses; twice its middle where none."""
     pressed = body.surface[solution.multiplier > 0]
     if not len(pressed):
-        return float(body.finger.centre_m[0]), float(body.finger.centre_m[0])
+        return float(body.finger.under_m[0]), float(body.finger.under_m[0])
     x = body.wedges.nodes[pressed, 0] + solution.displacement[pressed, 0]
     return float(x.min()), float(x.max())

@@ -60,7 +60,7 @@ def test_a_solid_that_cannot_be_written_is_refused_before_it_is_solved(
 ) -> None:
     monkeypatch.setattr("sim_backend.models.press.press", None)
     outcome = palpate("press", "TI-solid", "--x", "32", "--depth", "1", option, "file")
-    assert (outcome.status, "write a plane section" in outcome.err) == (2, True)
+    assert (outcome.status, "triangles of a plane section" in outcome.err) == (2, True)
 
 
 @pytest.mark.parametrize(
@@ -82,3 +82,20 @@ def test_a_press_replaces_its_own_files_and_no_other(
         assert (outcome.status, "exists already" in outcome.err) == (2, True)
         assert path.read_text() == foreign
     assert palpate(*press, tmp_path).status == 2  # a folder
+
+
+def test_metres_are_asked_back(palpate) -> None:
+    outcome = palpate("press", "TI", "--x", "0.032", "--depth", "0.002")
+    assert outcome.status == 2
+    assert "less than a thousandth of the finger's 10 mm" in outcome.err
+    assert "--x 32 --depth 2" in outcome.err
+
+
+def test_an_unknown_key_leads_to_what_is_not_modelled(palpate, tmp_path: Path) -> None:
+    file = tmp_path / "layers.toml"
+    file.write_text('name = "a"\n[tissue]\nlayers = 2\n')
+    outcome = palpate("press", str(file), "--x", "1", "--depth", "1")
+    assert outcome.status == 2
+    page = outcome.err.rsplit("(", 1)[1].split(",")[0]
+    root = Path(__file__).parents[3]
+    assert "\n## What is not modelled\n" in (root / page).read_text()

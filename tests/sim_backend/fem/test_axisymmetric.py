@@ -172,3 +172,17 @@ def test_a_finer_mesh_begins_where_the_coarser_one_ended() -> None:
     _, (carried,) = solve_axisymmetric(scene, 0.03, 1e-3, fine, coarse)
     assert carried.force_n_per_m == pytest.approx(anew.force_n_per_m, rel=1e-6)
     assert not np.array_equal(carried.displacement, anew.displacement)  # it came another way
+
+
+def test_a_blunt_cone_carries_a_cone_s_force() -> None:
+    """P = 2 E* d^2 tan(alpha) / pi (Love 1939; Johnson 1985, eq. 5.11), its flanks at 10 degrees to
+    the surface, so that strains are small."""
+    tissue = {"width_mm": 360.0, "length_mm": 360.0, "height_mm": 180.0, "modulus_kpa": 50.0,
+              "poisson": 0.3}  # fmt: skip
+    cone = {"shape": "cone", "angle_deg": 160.0, "tip_radius_mm": 0.2, "diameter_mm": 12.0}
+    raw = {"name": "cone", "plane": "solid", "tissue": tissue, "indenter": cone}
+    (state,) = press(Scene.model_validate(raw), 180.0, 0.5, model="axisymmetric").states
+    stiffness = 0.050 / (1 - 0.3**2)
+    sharp_mm = 0.2 * (1 / np.sin(np.radians(80)) - 1)  # how much lower the point would be
+    wanted = 2 * stiffness * (0.5 + sharp_mm) ** 2 * np.tan(np.radians(80)) / np.pi
+    assert state.force_n == pytest.approx(wanted, rel=0.03)

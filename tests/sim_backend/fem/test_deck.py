@@ -7,9 +7,10 @@ import subprocess
 import numpy as np
 import pytest
 
+from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.io.deck import ccx_forces_n_per_mm, write_deck
-from sim_backend.scene.scene_file import Support, load_scene
+from sim_backend.scene.scene_file import Scene, Support, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 needs_ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not here")
@@ -71,3 +72,26 @@ def test_every_tissue_element_has_one_material(tmp_path):
             given += [int(s) for s in lines[i + 1 : stop]]
     assert sorted(given) == sorted(elements)
     assert len(np.unique(given)) == len(given)
+
+
+@pytest.mark.parametrize(
+    "finger",
+    [
+        {"shape": "cylinder", "radius_mm": 4.0},
+        {"shape": "flat", "width_mm": 8.0, "edge_radius_mm": 0.5},
+        {"shape": "wedge", "angle_deg": 90.0, "tip_radius_mm": 0.5, "width_mm": 8.0},
+    ],
+    ids=lambda keys: keys["shape"],
+)
+def test_a_deck_s_finger_is_the_one_that_is_pressed(finger, tmp_path):
+    """The underside of the rigid body that is written, node by node, lies on our own contact."""
+    raw = load_scene("TI").model_dump() | {"indenter": finger}
+    scene = Scene.model_validate(raw)
+    lines = write_deck(scene, 32.0, 2.0, (), tmp_path / "any.inp").read_text().splitlines()
+    start = lines.index("*NODE, NSET=FINGER") + 1
+    stop = next(i for i in range(start, len(lines)) if lines[i].startswith("*"))
+    nodes = 1e-3 * np.array([[float(v) for v in s.split(",")[1:]] for s in lines[start:stop]])
+    underside = nodes[: (len(nodes)) // 3]  # then its back and what lies between
+    gap, _, _ = finger_over(scene.indenter, 32e-3, 1e-3 * scene.surface_mm).gap(underside)
+    np.testing.assert_allclose(gap, 0, atol=1e-11)
+    assert np.ptp(underside[:, 0]) == pytest.approx(8e-3, rel=1e-3)

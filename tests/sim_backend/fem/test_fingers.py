@@ -193,3 +193,17 @@ def test_a_flat_finger_s_pulse_does_not_hang_on_where_its_nodes_are() -> None:
         assert found.pulse_error_estimate_pct is not None
         error_pct = 100 * abs(found.pulse_n / 11.20e-3 - 1)
         assert error_pct < min(found.pulse_error_estimate_pct, 1.5)
+
+
+def test_a_blunt_wedge_carries_a_wedge_s_force() -> None:
+    """P = E* a cot(alpha), E* in plane strain (Johnson 1985, eq. 5.13): a wide contact on a high
+    block, its flanks at 10 degrees to the surface, so that strains are small."""
+    tissue = {"width_mm": 200.0, "height_mm": 100.0, "modulus_kpa": 50.0, "poisson": 0.3}
+    wedge = {"shape": "wedge", "angle_deg": 160.0, "tip_radius_mm": 0.3, "width_mm": 12.0}
+    raw = {"name": "wedge", "plane": "strain", "tissue": tissue, "indenter": wedge}
+    found = press(Scene.model_validate(raw), 100.0, 0.6, accuracy_pct=1)
+    (state,) = found.states
+    left, right = state.contact_mm
+    stiffness_n_per_mm2 = 0.050 / (1 - 0.3**2)
+    wanted = stiffness_n_per_mm2 * (right - left) / 2 / np.tan(np.radians(80))
+    assert state.force_n_per_mm == pytest.approx(wanted, rel=0.04)

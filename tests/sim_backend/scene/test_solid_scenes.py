@@ -9,7 +9,7 @@ from sim_backend.fem.model import build_section
 from sim_backend.models.press import press
 from sim_backend.models.station_response import station
 from sim_backend.scene.inclusion import Artery
-from sim_backend.scene.indenter import Punch, Sphere, leaning_deg
+from sim_backend.scene.indenter import Punch, Sphere
 from sim_backend.scene.scene_file import (
     Scene,
     SceneError,
@@ -183,7 +183,7 @@ def test_a_finger_that_leans_leans_the_other_way_in_the_mirror() -> None:
     upright = scene_from_text(text, "a")
     leaning = scene_from_text(text + "tilt_deg = 5.0\n", "a")
     assert mirrored(upright) == upright
-    assert leaning_deg(mirrored(leaning).indenter) == -5.0
+    assert mirrored(leaning).indenter.leaning_deg == -5.0
     assert mirrored(mirrored(leaning)) == leaning
     assert is_round(upright, 32.0)
     assert not is_round(leaning, 32.0), "it is no body of revolution"

@@ -6,7 +6,7 @@ from scipy.optimize import brentq
 
 from sim_backend.arrays import Array
 from sim_backend.fem.solid.finger import solid_finger
-from sim_backend.scene.indenter import Cylinder, Indenter, Punch, Sphere, leaning_deg
+from sim_backend.scene.indenter import Cone, Cylinder, Indenter, Punch, Sphere
 
 PLACE = np.array([32e-3, 16e-3, 0.0])
 FINGERS = [
@@ -14,6 +14,7 @@ FINGERS = [
     Cylinder(edge_radius_mm=1, axis="along"),
     Cylinder(edge_radius_mm=1, axis="across"),
     Punch(shape="flat", diameter_mm=8, edge_radius_mm=1),
+    Cone(shape="cone", angle_deg=120, tip_radius_mm=1, diameter_mm=10),
 ]
 
 
@@ -38,7 +39,7 @@ def test_the_lowest_point_touches_the_surface(finger: Indenter) -> None:
 @pytest.mark.parametrize("finger", LEANING, ids=lambda f: f.shape)
 def test_a_finger_leans_about_the_middle_of_its_underside(finger: Indenter) -> None:
     """Which stays over the place, while its top goes towards larger x."""
-    lean = np.radians(leaning_deg(finger))
+    lean = np.radians(finger.leaning_deg)
     body = solid_finger(finger, *PLACE[:2])
 
     def above(height_m: float) -> Array:
@@ -48,7 +49,7 @@ def test_a_finger_leans_about_the_middle_of_its_underside(finger: Indenter) -> N
     level = np.array([np.cos(lean), -np.sin(lean), 0.0])
     under = middle + np.outer([-2.5e-3, 1e-3, 2.5e-3], level)
     np.testing.assert_allclose(body.gap(under)[0], 0.0, atol=1e-9)
-    assert np.sign(body.centre_m[0] - PLACE[0]) == np.sign(lean)
+    assert np.sign(body.up[0]) == np.sign(lean)
 
 
 @pytest.mark.parametrize("finger", [*FINGERS, *LEANING], ids=lambda f: f.shape)
@@ -56,7 +57,7 @@ def test_gradient_and_hessian_by_differences(finger: Indenter) -> None:
     body = solid_finger(finger, 32e-3, 16e-3)
     rng = np.random.default_rng(0)
     points = PLACE + 1e-3 * rng.uniform(-8, 8, (400, 3))
-    points = points[body.gap(points)[0] > -0.8 * body.edge_m]
+    points = points[body.gap(points)[0] > -0.8 * body.profile.radius]
     _, normal, hessian = body.gap(points)
     for a in range(3):
         step = np.zeros(3)
