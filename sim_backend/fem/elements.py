@@ -7,7 +7,7 @@ whole element, which do not lock. Quadrilaterals come from splitting each triang
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -115,15 +115,28 @@ def as_element(mesh: Mesh, element: str) -> tuple[Mesh, Cells]:
         return split, _cells(split, split.cells, q8, _FOUR, False)
     if element == "Q4R":
         plain = _cells(split, split.cells, q4, _ONE, False)
-        return split, _with_hourglass(split, plain)
+        return split, _with_hourglass(split.nodes, plain)
     if element in ("Q4", "Q4M"):
         return split, _cells(split, split.cells, q4, _FOUR, element == "Q4M")
     raise ValueError(f"element = {element!r}: must be one of {', '.join(ELEMENTS)}")
 
 
 def quadrature_points(cells: Cells) -> Array:
-    """Reference points (q, 2) of elements with more than one."""
-    return _TRIANGLE[0] if cells.shape is t6 else _FOUR[0]
+    """Reference points (q, 2)."""
+    return _quadrature(cells)[0]
+
+
+def _quadrature(cells: Cells) -> tuple[Array, Array]:
+    """Reference points (q, 2) and their weights (q,)."""
+    return next(q for q in (_TRIANGLE, _FOUR, _ONE) if len(q[1]) == cells.weight.shape[1])
+
+
+def placed(cells: Cells, nodes: Array) -> Cells:
+    """The same elements of a plane section with their ``nodes`` (n, 2) [m] elsewhere."""
+    points, weights = _quadrature(cells)
+    gradient, det = gradients(nodes, cells.nodes, cells.shape(points)[1])
+    moved = replace(cells, gradient=gradient, weight=det * weights)
+    return moved if cells.hourglass is None else _with_hourglass(nodes, moved)
 
 
 def gradients(nodes: Array, cells: Ints, shape_gradient: Array) -> tuple[Array, Array]:
@@ -159,13 +172,12 @@ def _cells(
     return Cells(cells, gradient, det * points[1], mesh.region, dilatation, None, shape)
 
 
-def _with_hourglass(mesh: Mesh, cells: Cells) -> Cells:
+def _with_hourglass(nodes: Array, cells: Cells) -> Cells:
     """Patterns orthogonal to all linear fields (Flanagan and Belytschko 1981, eq. 38)."""
     h = np.array([1.0, -1.0, 1.0, -1.0])
     gradient = cells.gradient[:, 0]  # of the one point
-    place = mesh.nodes[cells.nodes]
-    gamma = h - np.einsum("k,mki,mia->ma", h, place, gradient)
-    return Cells(cells.nodes, cells.gradient, cells.weight, cells.region, False, gamma, q4)
+    gamma = h - np.einsum("k,mki,mia->ma", h, nodes[cells.nodes], gradient)
+    return replace(cells, hourglass=gamma)
 
 
 def _split_q4(mesh: Mesh) -> Mesh:

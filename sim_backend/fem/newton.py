@@ -285,6 +285,30 @@ def tangent(section: Section, solution: Solution) -> tuple[list[Array], Array]:
     return [*tangents(), *contact], finger_only
 
 
+def pairs_of(section: Section, load: Load, solution: Solution) -> list[ContactPairs]:
+    """The pairs that the displacements of ``solution`` make in another section or load."""
+    bonds = _bonds(section, solution)
+    return contact_pairs(section, _lowered(section, load), solution.displacement, bonds)
+
+
+def forces_and_gaps(section: Section, load: Load, solution: Solution) -> tuple[Array, list[Array]]:
+    """What is out of balance (2n,) [N/m], and the gaps [m] of each group of pairs to their skins,
+    where ``solution`` meets another section or load."""
+    residual = body_force(section, solution.displacement, load.pressure_pa)
+    gaps = []
+    for pairs, m in zip(pairs_of(section, load, solution), solution.multiplier, strict=True):
+        pairs.add_force(-m, residual)
+        gaps.append(pairs.open(m))
+    for bond in _bonds(section, solution):
+        bond.add_force(solution.displacement, residual)
+    return residual, gaps
+
+
+def body_force(section: Section, u: Array, pressure_pa: float) -> Array:
+    """Residual (2n,) [N/m] of cells, lumens and the sliding constraint, without contact."""
+    return _body(section, u, pressure_pa)[0]
+
+
 def _body(
     section: Section, u: Array, pressure_pa: float, change: Array | None = None
 ) -> tuple[Array, Callable[[], list[Array]]]:

@@ -16,6 +16,7 @@ from sim_backend.fem.lumen import lumen_sides, unit_pressure
 from sim_backend.fem.material import moduli
 from sim_backend.fem.mesh import Mesh
 from sim_backend.fem.model import Section, SlidingConstraint
+from sim_backend.scene.indenter.profile import Profile
 
 Ints = Ints
 Map = Callable[[Array], Array]
@@ -147,7 +148,7 @@ class Workshop:
         sides = lumen_sides(made, cells, shear, bulk, free)
         none = np.empty(0, dtype=np.int64)
         loose = SlidingConstraint(none[None], np.empty(0), 0.0)
-        finger = Finger(0.0, 1.0, 0.0, 10.0)
+        finger = Finger(Profile(((0.0, 0.0),), 1.0), 0.0, 10.0)
         return Body(Section(made, cells, shear, bulk, free, none, sides, finger, modulus_pa, loose))
 
     @staticmethod

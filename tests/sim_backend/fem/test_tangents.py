@@ -14,6 +14,7 @@ from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Load
 from sim_backend.fem.section_pairs import contact_pairs
 from sim_backend.fem.sensitivity import slopes
+from sim_backend.scene.indenter.profile import Profile
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -87,7 +88,10 @@ def test_pressure_is_the_slope_of_the_lumens_area(element):
     assert work == pytest.approx(swell / (2 * h), rel=1e-6)
 
 
-@pytest.mark.parametrize("finger", [Finger(0, 5e-3, 0, 0), Finger(3e-3, 1e-3, 0, 0)])
+@pytest.mark.parametrize(
+    "finger",
+    [Finger(Profile(((0, 0),), 5e-3), 0, 0), Finger(Profile(((0, 0), (3e-3, 0)), 1e-3), 0, 0)],
+)
 def test_finger_normals_turn_at_their_curvature(finger):
     rng = np.random.default_rng(3)
     points = rng.uniform([-4.9e-3, -1e-3], [4.9e-3, 6e-4], (200, 2))
@@ -100,8 +104,9 @@ def test_finger_normals_turn_at_their_curvature(finger):
         turned = (n1 - n0) / (2 * h)
         along = np.eye(2)[axis] - normal[:, axis, None] * normal
         expected = curvature[:, None] * along
-        smooth = np.abs(np.abs(points[:, 0]) - finger.half_flat) > 1e-6
-        np.testing.assert_allclose(turned[smooth], expected[smooth], atol=1e-3 / finger.radius)
+        smooth = np.abs(np.abs(points[:, 0]) - finger.profile.chord(0.0)) > 1e-6
+        close = 1e-3 / finger.profile.radius
+        np.testing.assert_allclose(turned[smooth], expected[smooth], atol=close)
 
 
 def _section(element="T6", plane="stress"):
