@@ -154,17 +154,22 @@ class SafetyMonitor:
         """`abilities.move`, unless a guard has stopped the scan. Raises `DeviceFault`."""
 
         def go() -> None:
-            if self.trip is not None:
-                raise DeviceFault(self.trip.device, self.trip.reason)
+            self._refuse_after_a_trip()
             self._start(target, speed_m_s, search)
 
         self._alone(go)
+
+    def _refuse_after_a_trip(self) -> None:
+        if self.trip is not None:
+            raise DeviceFault(self.trip.device, self.trip.reason)
 
     def home(self) -> threading.Event:
         """Let the stage find its switches; set when it has, or a trip says why it has not.
 
         Its poses mean nothing meanwhile; force, silence of the sensors and commands are watched.
+        Raises `DeviceFault` if a guard has stopped the scan.
         """
+        self._refuse_after_a_trip()
         over = threading.Event()
 
         def go() -> None:
