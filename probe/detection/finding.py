@@ -142,7 +142,7 @@ class Finding:
         first, *more = summary(self.as_json())
         maps = {
             "level": [s.baseline_pa for s in self.stations],
-            "pulse": [0.0 if isfinite(s.pulse_below_pa) else s.pulse_pa for s in self.stations],
+            "pulse": [nan if isfinite(s.pulse_below_pa) else s.pulse_pa for s in self.stations],
         }
         x_mm, y_mm = [s.x_mm for s in self.stations], [s.y_mm for s in self.stations]
         return (
@@ -150,6 +150,13 @@ class Finding:
             + "".join(f"<br>{html.escape(line)}" for line in more)
             + html.over_places(x_mm, y_mm, maps, "Pa")
         )
+
+    def _pulse_pa(self, thing: ObjectFinding) -> float:
+        """An object's pulse; NaN where the station at its place says that it saw none."""
+        away = {abs(s.x_m - thing.position_m): s for s in self.stations if isfinite(s.x_m)}
+        nearest = away[min(away)] if away and isfinite(thing.position_m) else None
+        unseen = nearest is not None and isfinite(nearest.pulse_below_pa)
+        return nan if unseen and thing.kind == "tumour" else thing.pulse_pa
 
     def as_json(self) -> dict[str, Any]:
         """JSON-able; None where a number is unknown."""
@@ -160,7 +167,7 @@ class Finding:
             "asked_pa": _known(self.asked_pa),
             "heart_rate_bpm": self.heart_rate_bpm[0] if self.heart_rate_bpm else None,
             "heart_rate_ci_bpm": list(self.heart_rate_bpm[1:]) if self.heart_rate_bpm else None,
-            "objects": [_object(one) for one in self.objects],
+            "objects": [_object(one, self._pulse_pa(one)) for one in self.objects],
             "stations": [
                 {
                     "station": s.station,
@@ -209,14 +216,14 @@ class Comparison:
         }
 
 
-def _object(one: ObjectFinding) -> dict[str, Any]:
+def _object(one: ObjectFinding, pulse_pa: float) -> dict[str, Any]:
     low, high = (_mm(edge) for edge in one.position_ci_m)
     fields: dict[str, Any] = {
         "kind": one.kind,
         "position_mm": _mm(one.position_m),
         "position_ci_mm": None if low is None or high is None else [low, high],
         "peak_pa": _known(one.peak_pa),
-        "pulse_pa": _known(one.pulse_pa),
+        "pulse_pa": _known(pulse_pa),
         "confidence": _known(one.confidence),
     }
     if one.course:

@@ -99,7 +99,7 @@ class BodyPanel(QWidget):
             self._top_mm, self._outline = scene.surface_mm, finger_outline(scene.indenter)
         else:
             head(self.area, "Section unknown: the surface only")
-            ends = [p.x_mm for p in state.plan] or [0.0, 1.0]
+            ends = [p.x_mm for p in state.plan if np.isfinite(p.x_mm)] or [0.0, 1.0]
             left, right = float(self._outline[0].min()), float(self._outline[0].max())
             self.area.plot([min(ends) + left, max(ends) + right], [0, 0], pen=pen(INK, 2))
 

@@ -110,11 +110,10 @@ class SidePanel(QWidget):
         words = simulated_words(state.simulated)
         self.simulated.setVisible(bool(words))
         self.simulated.setText(words)
-        faults = [n for n in state.notes if n.level == "fault"]
         failed = state.finish is Finish.FAULTED
-        self.fault.setVisible(bool(faults) or failed)
-        if faults:
-            self.fault.setText(faults[-1].words)
+        self.fault.setVisible(bool(state.faults) or failed)
+        if state.faults:
+            self.fault.setText(state.faults[-1].words)
         elif failed:
             self.fault.setText(state.reason)
         found = f"Finding: {headline(finding)}" if finding else "Finding: none yet"

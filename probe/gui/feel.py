@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
 from probe.core.processes import leave_with_parent, starting_workers
 from probe.gui.body import draw_scene, finger_outline, frame_scene
-from probe.gui.maps import HeatMap
+from probe.gui.heat_map import HeatMap
 from probe.gui.style import application, label, open_at, pen, plot, until_closed
 from probe.gui.table import Table, solve
 from probe.report.look import BLUE, GREEN, VERMILLION

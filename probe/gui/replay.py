@@ -3,6 +3,7 @@
 import bisect
 import time
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,9 @@ from PySide6.QtWidgets import (
 
 from probe.core.events import Event, Samples
 from probe.core.finding_words import simulated_words
+from probe.gui.controls import SpaceBar
 from probe.gui.maps import MapPanel, common_levels
+from probe.gui.picture import Picture
 from probe.gui.state import ViewState
 from probe.gui.style import open_at
 from probe.gui.window import FRAME_MS, Found, RunWindow, judge
@@ -57,13 +60,17 @@ class Player:
 
 
 class TimeBar(QWidget):
-    """Play, speed and a slider; ``now_s`` advances while it plays."""
+    """Play, speed and a slider; ``now_s`` advances while it plays, as it does from the start.
+
+    The space bar plays and pauses, whatever has the focus.
+    """
 
     def __init__(self, length_s: float) -> None:
         super().__init__()
-        self.length_s, self.now_s, self.playing = length_s, 0.0, False
-        self._seen_s = time.monotonic()
-        self.play = QPushButton("&Play")
+        self.length_s, self.now_s, self.playing = length_s, 0.0, True
+        self._seen_s: float | None = None  # the first frame may come long after this
+        self._space = SpaceBar(self.toggle, self)
+        self.play = QPushButton("&Pause")
         self.play.clicked.connect(self.toggle)
         self.speed = QComboBox()
         self.speed.addItems([f"{s:g} x" for s in SPEEDS])
@@ -86,13 +93,12 @@ class TimeBar(QWidget):
         if not self.playing and self.now_s >= self.length_s:
             self.now_s = 0.0
         self.playing = not self.playing
-        self._seen_s = time.monotonic()
         self.play.setText("&Pause" if self.playing else "&Play")
 
     def tick(self) -> float:
         """Advance by the time that passed; returns ``now_s``."""
         seen_s = time.monotonic()
-        if self.playing:
+        if self.playing and self._seen_s is not None:
             self.now_s += (seen_s - self._seen_s) * SPEEDS[self.speed.currentIndex()]
             if self.now_s >= self.length_s:
                 self.now_s = self.length_s
@@ -140,15 +146,16 @@ class PairWindow(QWidget):
         self.setWindowTitle(f"palpate: {names[0]} beside {names[1]}")
         self.players = tuple(Player(events) for events in runs)
         self.panels = (MapPanel(), MapPanel())
+        self.pictures = tuple(Picture("map", panel) for panel in self.panels)
         self.heads = (QLabel(names[0]), QLabel(names[1]))
         self.names, self.found = names, found
         self.bar = TimeBar(max(p.length_s for p in self.players))
         sides = QGridLayout()
         sides.setRowStretch(1, 1)
-        for column, (head, panel) in enumerate(zip(self.heads, self.panels, strict=True)):
+        for column, (head, picture) in enumerate(zip(self.heads, self.pictures, strict=True)):
             head.setWordWrap(True)
             sides.addWidget(head, 0, column)
-            sides.addWidget(panel, 1, column)
+            sides.addWidget(picture, 1, column)
         layout = QVBoxLayout(self)
         layout.addLayout(sides, 1)
         layout.addWidget(self.bar)
@@ -164,12 +171,12 @@ class PairWindow(QWidget):
         for state, found in zip(states, self.found, strict=True):
             judge(state, found())
         levels = common_levels(states)
-        for name, head, panel, state in zip(
-            self.names, self.heads, self.panels, states, strict=True
+        for name, head, panel, picture, state in zip(
+            self.names, self.heads, self.panels, self.pictures, states, strict=True
         ):
             said = name, simulated_words(state.simulated), state.unjudged
             head.setText(" — ".join(filter(None, said)))
-            panel.show_state(state, said_at_the_end(state), levels)
+            picture.draw(partial(panel.show_state, state, said_at_the_end(state), levels))
 
 
 def said_at_the_end(state: ViewState) -> Mapping[str, Any] | None:

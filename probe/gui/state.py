@@ -6,7 +6,7 @@
 from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from probe.core.events import (
 )
 from probe.core.places import plans_rows
 from probe.gui.averaged_beat import averaged_beat
+from probe.gui.press_trace import PressTrace
 
 TRACE_S = 12.0
 MIN_HOLD_SAMPLES = 8
@@ -42,6 +43,15 @@ class Place:
     x_mm: float
     y_mm: float
     surface_mm: float
+
+
+class Measured(NamedTuple):
+    """A station's level and pulse [Pa]. A pulse that is not known or was not seen is NaN;
+    ``below_pa`` is then what detection says that it is below, NaN where it says nothing."""
+
+    level_pa: float
+    pulse_pa: float
+    below_pa: float = float("nan")
 
 
 @dataclass
@@ -73,12 +83,12 @@ class Trace:
 class ViewState:
     """A run as seen so far. ``now_s`` is the scan clock's latest time; NaN before the start.
 
-    ``maps`` hold each station's baseline and pulse [Pa]: as ``finding``, the latest JSON of
-    detection, measured them where the station is complete, 0 for a pulse that may be noise; before
-    that the hold's mean and the height of its mean beat, NaN while no heart rate is known. ``seen``
-    counts what came in: what has not changed need not be drawn again. ``late_s`` is how long ago
-    this was the latest. ``trouble`` is why nothing later can be read, ``unjudged`` why there is no
-    newer finding.
+    ``maps`` hold what is measured at each station: by ``finding``, the latest JSON of detection,
+    where the station is complete; before that the hold's mean and the height of its mean beat.
+    ``presses`` hold each station's signal. ``faults`` are those since the run was last started or
+    resumed. ``seen`` counts what came in: what has not changed need not be drawn again. ``late_s``
+    is how long ago this was the latest. ``trouble`` is why nothing later can be read, ``unjudged``
+    why there is no newer finding.
     """
 
     config: Mapping[str, Any] = field(default_factory=dict)
@@ -89,7 +99,8 @@ class ViewState:
     phase: Phase = Phase.IDLE
     phases: deque[tuple[float, Phase]] = field(default_factory=lambda: deque(maxlen=200))
     station: int | None = None
-    maps: dict[int, tuple[float, float]] = field(default_factory=dict)
+    maps: dict[int, Measured] = field(default_factory=dict)
+    presses: dict[int, PressTrace] = field(default_factory=dict)
     finding: Mapping[str, Any] | None = None
     trouble: str = ""
     unjudged: str = ""
@@ -97,6 +108,7 @@ class ViewState:
     complete: set[int] = field(default_factory=set)
     taxels_pa: Array = field(default_factory=lambda: np.empty(0))
     notes: list[Note] = field(default_factory=list)
+    faults: list[Note] = field(default_factory=list)
     finish: Finish | None = None
     reason: str = ""
     now_s: float = float("nan")
@@ -104,7 +116,7 @@ class ViewState:
     late_s: float = 0.0
     _places: dict[int, Place] = field(default_factory=dict)
     _conversions: dict[str, StressConversion] = field(default_factory=dict)
-    _measured: dict[int, tuple[float, float]] = field(default_factory=dict)
+    _measured: dict[int, Measured] = field(default_factory=dict)
     _hold: list[tuple[Array, Array]] = field(default_factory=list)
     _hold_from_s: float = float("inf")
     _hold_to_s: float = float("inf")
@@ -121,12 +133,16 @@ class ViewState:
             case StationStarted(time_s, station):
                 self.station, self._began_s, self._hold = station, time_s, []
                 self._hold_from_s, self._hold_to_s = np.inf, np.inf
+                self.presses[station] = PressTrace()
                 self._tick(time_s)
             case PhaseEntered(time_s, phase, _):
                 if phase is Phase.HOLDING:
                     self._hold, self._hold_from_s, self._hold_to_s = [], time_s, np.inf
                 elif self.phase is Phase.HOLDING:
                     self._hold_to_s = time_s
+                if self.station is not None:
+                    press = self.presses[self.station]
+                    press.hold_from_s, press.hold_to_s = self._hold_from_s, self._hold_to_s
                 self.phase = phase
                 self.phases.append((time_s, phase))
                 self._tick(time_s)
@@ -141,6 +157,8 @@ class ViewState:
                 self._tick(time_s)
             case Note():
                 self.notes.append(event)
+                if event.level == "fault":
+                    self.faults.append(event)
                 self._tick(event.time_s)
             case RunEnded(time_s, finish, reason):
                 self.finish, self.reason, self.phase = finish, reason, Phase.FINISHED
@@ -151,9 +169,10 @@ class ViewState:
         self.seen += 1
         self.finding, self.unjudged = finding, ""
         self._measured = {
-            each["station"] - 1: (
+            each["station"] - 1: Measured(
                 each["baseline_pa"],
-                each["pulse_pa"] if each["pulse_below_pa"] is None else 0.0,
+                each["pulse_pa"] if each["pulse_below_pa"] is None else float("nan"),
+                _known(each["pulse_below_pa"]),
             )
             for each in finding["stations"]
             if None not in (each["baseline_pa"], each["pulse_pa"])
@@ -161,7 +180,9 @@ class ViewState:
         self._take_measured(self.complete)
 
     def _take_measured(self, stations: Iterable[int]) -> None:
-        self.maps |= {n: self._measured[n] for n in stations if n in self._measured}
+        known = {n: self._measured[n] for n in stations if n in self._measured}
+        self.pressed += [n for n in known if n not in self.maps]
+        self.maps |= known
 
     def _tick(self, time_s: float) -> None:
         self.now_s = time_s if np.isnan(self.now_s) else max(self.now_s, time_s)
@@ -179,7 +200,7 @@ class ViewState:
         self._places = {one.index: one for one in self.plan}
         self.is_grid = plans_rows(event.config)
         self.traces = {name: Trace(tuple(each)) for name, each in event.channels.items()}
-        self.finish, self.reason = None, ""
+        self.finish, self.reason, self.faults = None, "", []
         self.now_s = event.time_s
         self._conversions = {}
         for name, channels in event.channels.items():
@@ -200,13 +221,15 @@ class ViewState:
         if event.device != self.signal_device or event.station is None:
             return
         pressed = self.stress_pa(event.device, event.block.values)
-        if pressed.shape[1] > 1:
-            self.taxels_pa = pressed[-1]
+        self.presses.setdefault(event.station, PressTrace()).add(
+            event.block.time_s, pressed.mean(axis=1)
+        )
         # A block may reach over either end of the hold, and come after the phase has changed.
         time_s = event.block.time_s
         held = (time_s >= self._hold_from_s) & (time_s < self._hold_to_s)
         if held.any():
             self._hold.append((time_s[held], pressed[held].mean(axis=1)))
+            self.taxels_pa = pressed[held].mean(axis=0)
             self._map(event.station)
 
     def _map(self, station: int) -> None:
@@ -216,12 +239,14 @@ class ViewState:
             if (period_s := self.period_s) is not None:
                 _, beat = averaged_beat(time_s, stress_pa, period_s)
                 pulse_pa = float(np.ptp(beat[np.isfinite(beat)]))
-            self.maps[station] = float(stress_pa.mean()), pulse_pa
+            self.maps[station] = Measured(float(stress_pa.mean()), pulse_pa)
             if not self.pressed or self.pressed[-1] != station:
                 self.pressed.append(station)
 
     def hold(self) -> tuple[Array, Array]:
         """Times (n,) and mean stress (n,) [Pa] of the current hold."""
+        if not self.phases and self.station is not None:  # an import may know none
+            return self.presses[self.station].hold(marked=False)
         if not self._hold:
             return np.empty(0), np.empty(0)
         times, stresses = zip(*self._hold, strict=True)
@@ -261,6 +286,12 @@ class ViewState:
         """Where the plan has the station that is pressed; None before the first."""
         return None if self.station is None else self._places.get(self.station)
 
+    def taxel_names(self) -> tuple[str, ...]:
+        """The channels of `taxels_pa`, in its order."""
+        found = self._conversions.get(self.signal_device)
+        channels = self.traces[self.signal_device].channels if found else ()
+        return tuple(channels[n].name for n in found.columns) if found else ()
+
     def tip_m(self) -> tuple[float, float, float] | None:
         """Where the probe is (x, y, z) [m], or None before the stage was read."""
         stage = self.traces.get("stage")
@@ -281,7 +312,7 @@ class ViewState:
 
     def device_states(self) -> dict[str, str]:
         """``ok``, ``silent N s``, ``lost``, ``waiting`` or ``closed``, for each device."""
-        faulted = {n.device for n in self.notes if n.level == "fault"}
+        faulted = {note.device for note in self.faults}
         states = {}
         for name, trace in self.traces.items():
             age = self.now_s - trace.blocks[-1].time_s[-1] if trace.blocks else float("inf")

@@ -3,6 +3,8 @@
 import gc
 import re
 import signal
+from collections.abc import Callable
+from typing import Any
 
 import pyqtgraph as pg
 from PySide6.QtCore import QEvent, QSize, QTimer
@@ -125,6 +127,17 @@ def label(area: pg.PlotItem, x: tuple[str, str], y: tuple[str, str]) -> None:
         axis.enableAutoSIPrefix(False)  # the unit in the label is the one that holds
         axis.setTickFont(QFont(QApplication.font().family(), round(9 * scale())))
         axis.setLabel(f"{name} [{unit}]", **{"font-size": f"{10 * scale():.0f}pt"})
+
+
+def clicks_on(area: pg.PlotItem, act: Callable[[float, float], object]) -> None:
+    """Call ``act`` with the place (x, y) of every click on a plot, in its own units."""
+
+    def clicked(event: Any) -> None:
+        if area.vb.sceneBoundingRect().contains(event.scenePos()):
+            place = area.vb.mapSceneToView(event.scenePos())
+            act(place.x(), place.y())
+
+    area.scene().sigMouseClicked.connect(clicked)
 
 
 def pen(colour: str, width: float) -> QPen:

@@ -1,5 +1,7 @@
 """Live force with its phases shaded, and one mean beat."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pyqtgraph as pg
 from PySide6.QtCore import Qt
@@ -7,9 +9,11 @@ from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
 
 from drivers.core.arrays import Array
 from probe.gui.averaged_beat import averaged_beat
+from probe.gui.picture import Picture
+from probe.gui.press_trace import PressTrace
 from probe.gui.state import TRACE_S, ViewState
-from probe.gui.style import pen, plot, shade, symbol_size
-from probe.report.look import BLUE, GREEN, PHASE_COLOURS, PURPLE, SKY, VERMILLION
+from probe.gui.style import head, label, pen, plot, shade, symbol_size
+from probe.report.look import BLUE, GREEN, INK, PHASE_COLOURS, PURPLE, SKY, VERMILLION
 
 MAX_POINTS = 3000
 MAX_CURVES = 4  # of more channels: the least, the mean and the greatest
@@ -23,20 +27,22 @@ LEGEND = "&nbsp; ".join(
 
 
 class TracePanel(QWidget):
-    """The last seconds of the tactile signal, and one mean beat of the current hold.
+    """The last seconds of the tactile signal, or a chosen station's, and one mean beat of its hold.
 
     While no heart rate is known, the hold is shown as it is.
     """
 
     def __init__(self) -> None:
         super().__init__()
+        self.chosen: int | None = None
         layout = QVBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         self.trace = plot("Signal", ("time before now", "s"), ("contact stress", "kPa"))
         shades = QLabel(LEGEND)
         shades.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.trace.setXRange(-TRACE_S, 0, padding=0)  # an axis that stands still is drawn once
-        self._title = ""
+        self._title: tuple[str, tuple[float, float]] | None = None
+        self._shown: tuple[str, ...] | None = None  # the names of the curves
+        self.names = self.trace.addLegend(offset=(10, 5), labelTextColor=INK)
         self.curves: list[pg.PlotDataItem] = []
         self.shades = [pg.LinearRegionItem(movable=False, pen=(0, 0, 0, 0)) for _ in range(SHADES)]
         for region in self.shades:
@@ -48,35 +54,68 @@ class TracePanel(QWidget):
         self.beat_curve = self.beat.plot(
             pen=pen(VERMILLION, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=VERMILLION
         )
-        layout.addWidget(self.trace, 3)
+        self.pictures = Picture("signal", self.trace), Picture("pulse", self.beat)
+        layout.addWidget(self.pictures[0], 3)
         layout.addWidget(shades)
-        layout.addWidget(self.beat, 2)
+        layout.addWidget(self.pictures[1], 2)
 
     def show_state(self, state: ViewState) -> None:
-        name = state.signal_device
-        if not name:
+        """Draw the latest signal, or that of the ``chosen`` station if it was pressed."""
+        if not state.signal_device:
             return
+        press = None if self.chosen is None else state.presses.get(self.chosen)
+        station = state.station if press is None else self.chosen
+        held = state.hold() if press is None else press.hold(marked=bool(state.phases))
+        signal, pulse = self.pictures
+        signal.draw(
+            lambda: self._latest(state) if press is None else self._chosen(press, station, state)
+        )
+        if len(held[0]):
+            pulse.draw(lambda: self._beat(*held, station, state))
+
+    def _latest(self, state: ViewState) -> None:
+        name = state.signal_device
         time_s, values = state.traces[name].arrays()
-        title = f"Signal of {name}: {state.phase}"
-        if title != self._title:
-            self._title = title
-            self.trace.setTitle(title)
+        self._head(f"Signal of {name}: {state.phase}", ("time before now", "s"), (-TRACE_S, 0.0))
         if len(time_s):
             step = max(1, len(time_s) // MAX_POINTS)
             stress = state.stress_pa(name, values[::step]) / 1e3
+            names = state.taxel_names()
             if stress.shape[1] > MAX_CURVES:  # the taxel image shows each, curves cannot
                 stress = np.column_stack([stress.min(1), stress.mean(1), stress.max(1)])
-            self._curves(stress.shape[1])
-            for curve, channel in zip(self.curves, stress.T, strict=True):
-                curve.setData(time_s[::step] - state.now_s, channel)
+                names = "least taxel", "mean of all taxels", "greatest taxel"
+            self._curves(time_s[::step] - state.now_s, stress, names)
         self._shade(state)
-        held_s, stress_pa = state.hold()
-        if len(held_s):
-            self._beat(held_s, stress_pa, state)
 
-    def _beat(self, held_s: Array, stress_pa: Array, state: ViewState) -> None:
+    def _chosen(self, press: PressTrace, station: int | None, state: ViewState) -> None:
+        """One press, in place of the signal as it comes."""
+        time_s, stress_pa = press.whole()
+        if not len(time_s):
+            return
+        at = next((p for p in state.plan if p.index == station), None)
+        where = f" at x = {at.x_mm:g} mm" if at is not None and np.isfinite(at.x_mm) else ""
+        self._head(
+            f"Signal of station {(station or 0) + 1}{where}; click it again for the latest",
+            ("time since the hold began", "s"),
+            (float(time_s[0]), float(time_s[-1])),
+        )
+        taxels = len(state.taxel_names())
+        names = ("mean of all taxels",) if taxels > 1 else state.taxel_names()
+        self._curves(time_s, stress_pa[:, None] / 1e3, names)
+        for region in self.shades:
+            region.hide()
+
+    def _head(self, title: str, axis: tuple[str, str], span: tuple[float, float]) -> None:
+        """Title and axis of the signal, where they are not as they were."""
+        if (title, span) != self._title:
+            self._title = title, span
+            head(self.trace.getPlotItem(), title)
+            label(self.trace.getPlotItem(), axis, ("contact stress", "kPa"))
+            self.trace.setXRange(*span, padding=0)  # an axis that stands still is drawn once
+
+    def _beat(self, held_s: Array, stress_pa: Array, station: int | None, state: ViewState) -> None:
         period_s = state.period_s
-        where = "" if state.station is None else f" at station {state.station + 1}"
+        where = "" if station is None else f" at station {station + 1}"
         if period_s is None:
             title = f"Hold{where}: no heart rate is known yet"
             step = max(1, len(held_s) // MAX_POINTS)
@@ -95,10 +134,23 @@ class TracePanel(QWidget):
         self.beat_curve.setPen(pen(VERMILLION, 2) if folded else pg.mkPen(VERMILLION, width=1))
         self.beat_curve.setData(time_s, change_pa, antialias=folded)
 
-    def _curves(self, count: int) -> None:
-        while len(self.curves) < count:
-            colour = BLUE if count == 1 else COLOURS[len(self.curves)]
-            self.curves.append(self.trace.plot(pen=pg.mkPen(colour, width=1), antialias=False))
+    def _curves(self, time_s: Array, stress: Array, names: Sequence[str]) -> None:
+        """Stresses (n, curves) over times (n,), each curve named in the legend if there are more
+        than one."""
+        if tuple(names) != self._shown:
+            self._shown = tuple(names)
+            self.names.clear()
+            for curve in self.curves:
+                self.trace.removeItem(curve)
+            self.curves = [
+                self.trace.plot(
+                    pen=pg.mkPen(BLUE if len(names) == 1 else colour, width=1), antialias=False,
+                    name=name if len(names) > 1 else None,
+                )
+                for name, colour in zip(names, COLOURS, strict=False)
+            ]  # fmt: skip
+        for curve, channel in zip(self.curves, stress.T, strict=True):
+            curve.setData(time_s, channel)
 
     def _shade(self, state: ViewState) -> None:
         starts = list(state.phases)

@@ -11,6 +11,7 @@ from PySide6.QtWidgets import QLabel, QSplitter, QStackedWidget, QVBoxLayout, QW
 from probe.gui.body import BodyPanel
 from probe.gui.controls import Ask, SidePanel
 from probe.gui.maps import MapPanel
+from probe.gui.picture import Picture
 from probe.gui.state import ViewState
 from probe.gui.style import open_at, scale, scrolling
 from probe.gui.traces import TracePanel
@@ -20,6 +21,8 @@ NARROW_PX = 1000
 """Of a window below which plots have less than their titles beside each other."""
 PLOTS, PLOT_PX = 5, 210
 """One below the other, and what each needs for its axes and a curve."""
+
+MAP_TITLE = "Tactile map (click a place)"
 
 Found = Callable[[], Mapping[str, Any] | str | None]
 """The latest JSON of a run's detection, or why there is none; None until detection has ended."""
@@ -50,7 +53,9 @@ class RunWindow(QWidget):
         self.setWindowTitle(f"palpate: {run_path.name}")
         self.state, self.finding = state, finding
         self._drawn: tuple[int, int] | None = None
-        self.maps, self.body, self.traces = MapPanel(), BodyPanel(), TracePanel()
+        self.maps, self.body, self.traces = MapPanel(MAP_TITLE), BodyPanel(), TracePanel()
+        self.maps.setToolTip("Click a place to see its signal; click it again for the latest.")
+        self.maps.choice.connect(self._redraw)
         self.side = SidePanel(ask)
         self.empty = QLabel(
             f"Waiting for {run_path}\n\nStart a scan with  palpate scan --live\n"
@@ -72,8 +77,9 @@ class RunWindow(QWidget):
 
     def _panels(self) -> QSplitter:
         left = QSplitter(Qt.Orientation.Vertical)
-        left.addWidget(self.maps)
-        left.addWidget(self.body)
+        self.pictures = Picture("map", self.maps), Picture("section", self.body)
+        for picture in self.pictures:
+            left.addWidget(picture)
         left.setSizes([420, 240])  # shares of what the window has
         self.plots = QSplitter(Qt.Orientation.Horizontal)
         self.plots.addWidget(left)
@@ -115,6 +121,12 @@ class RunWindow(QWidget):
         if drawn == self._drawn:  # an idle window costs next to nothing
             return
         self._drawn = drawn
-        self.maps.show_state(state, said)
-        self.body.show_state(state)
+        maps, body = self.pictures
+        maps.draw(lambda: self.maps.show_state(state, said))
+        body.draw(lambda: self.body.show_state(state))
+        self.traces.chosen = self.maps.chosen
         self.traces.show_state(state)
+
+    def _redraw(self) -> None:
+        """At the next frame, though no event has come."""
+        self._drawn = None

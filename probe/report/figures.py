@@ -37,6 +37,7 @@ with needs("report", "a report"):
 
 SCALE_TICKS = 6  # of five digits: more run into each other
 MAP_IN = 2.8  # a map's width within a column of PAPER_WIDTH_IN
+UNSEEN = "not seen: below this"
 HARMONICS = 6  # those above hold 0.5 % of the variance of `sim_backend.scene.waves`' measured beat
 STYLE: Any = {
     "font.size": 8,
@@ -174,31 +175,41 @@ def heat_maps(
 def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
     """Pulse amplitude per station, with the found objects and their intervals.
 
-    Where no pulse was seen it is 0, with a bar up to what it is below.
+    Where no pulse was seen a triangle points down: from what it is below, or in a grid's cell.
     """
     stations = finding["stations"]
     below = np.array([_number(s["pulse_below_pa"]) for s in stations])
     seen = np.isnan(below)
-    pulse = np.where(seen, [_number(s["pulse_pa"]) for s in stations], 0.0)
+    pulse = np.where(seen, [_number(s["pulse_pa"]) for s in stations], np.nan)
     if is_grid(recording) and len(pulse) == len(recording.stations):
         x = np.array([1e3 * s.x_m for s in recording.stations])
         y = np.array([1e3 * s.y_m for s in recording.stations])
-        most = pulse if pulse.any() else below  # none seen: up to what could not have been
-        ends = (0.0, float(np.nanmax(most)))
+        known = pulse[np.isfinite(pulse)] if np.isfinite(pulse).any() else below[~seen]
+        ends = (0.0, float(known.max(initial=0.0)) or 1.0)
         figure = heat_maps(x, y, [pulse], ["pulse"], "pulse [Pa]", ends)
+        if not seen.all():
+            figure.axes[0].plot(x[~seen], y[~seen], "v", color=INK, mfc="none", label="none seen")
         _draw_courses(figure, finding)
+        if figure.axes[0].get_legend_handles_labels()[1]:
+            _legend(figure)
         return figure
     figure = _figure()
     axes = figure.add_subplot()
     x = np.array([_number(s["x_mm"]) for s in stations])
     reaches = np.array([_number(reach(s["pulse_sd_pa"])) for s in stations])
-    bars = np.nan_to_num([np.where(seen, reaches, 0.0), np.where(seen, reaches, below)])
-    axes.errorbar(x, pulse, bars, fmt="o-", color=VERMILLION, lw=1.2, capsize=2)
+    if seen.any():
+        axes.errorbar(
+            x[seen], pulse[seen], np.nan_to_num(reaches[seen]), fmt="o-", color=VERMILLION, lw=1.2,
+            capsize=2, label="pulse, 95 %",
+        )  # fmt: skip
+    if not seen.all():
+        axes.plot(x[~seen], below[~seen], "v", color=VERMILLION, mfc="none", label=UNSEEN)
     for number, one in enumerate(finding["objects"]):
         if one.get("position_mm") is None:
             continue
         if one["position_ci_mm"]:  # one station gives a place without an interval
-            axes.axvspan(*one["position_ci_mm"], color=GREEN, alpha=0.25, lw=0)
+            name = "_more" if number else "place, 95 %"  # matplotlib's legend skips _names
+            axes.axvspan(*one["position_ci_mm"], color=GREEN, alpha=0.25, lw=0, label=name)
         axes.axvline(one["position_mm"], color=GREEN, lw=1, ls="--")
         axes.annotate(
             f"{one['kind']}\n{one['position_mm']:.1f} mm",
@@ -209,6 +220,7 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
             ha="center",
             va="bottom",
         )
+    _legend(figure)
     axes.set_ylim(bottom=0)
     return _labelled(figure, axes, "position x [mm]", "pulse [Pa]")
 
@@ -217,16 +229,15 @@ def _draw_courses(figure: Figure, finding: Mapping[str, Any]) -> None:
     """The objects over the map of a grid: points joined by a line, dotted where stenosed."""
     line, edge = ON_HEAT
     around = [withStroke(linewidth=3.5, foreground=edge)]
-    for name, points in (drawn := courses_mm(finding)):
+    for name, points in courses_mm(finding):
         mark = "D:" if name == "stenosed" else "o-"
         figure.axes[0].plot(*points.T, mark, color=line, path_effects=around, label=name)
-    if drawn:
-        _legend(figure)
 
 
 def best_station(recording: Recording, finding: Mapping[str, Any]) -> tuple[Station, str]:
     """The station to show, and why: the strongest pulse, or the hardest press where none is."""
-    pulse = np.array([_number(s["pulse_pa"]) for s in finding["stations"]])
+    seen = [s["pulse_pa"] if s["pulse_below_pa"] is None else None for s in finding["stations"]]
+    pulse = np.array([_number(pulse_pa) for pulse_pa in seen])
     stations = recording.stations
     if finding.get("heart_rate_bpm") and len(pulse) == len(stations) and np.isfinite(pulse).any():
         return stations[int(np.nanargmax(pulse))], "the strongest pulse"

@@ -96,7 +96,9 @@ def _pictures(
             else ", with 95 % limits as bars; shaded: where the object lies."
         )
         if any(s["pulse_below_pa"] is not None for s in finding["stations"]):
-            caption += " It is 0 where none was seen."
+            caption += " Triangles: none was seen there, and none " + (
+                "is drawn." if grid else "larger can be (97.5 %)."
+            )
         pictures.append(Picture("pulse_map", caption, figures.pulse_map(finding, recording)))
     place = place_words(best.x_m, best.y_m, in_grid=grid)
     pressed = f"station {best.index + 1} at {place}"

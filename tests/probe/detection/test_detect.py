@@ -9,7 +9,7 @@ from known_presses import recording, row, station
 
 from drivers.core.arrays import Array
 from probe.detection import compare, detect
-from probe.detection.finding import ObjectFinding
+from probe.detection.finding import Finding, ObjectFinding, StationFinding
 from probe.detection.map.row_objects import Line, objects_in
 from probe.detection.map.row_shapes import shape
 from probe.detection.scan import _reasons
@@ -230,3 +230,14 @@ def test_an_empty_recording_is_undecided() -> None:
     found = detect(recording([]))
     assert found.finding == "undecided"
     assert found.reason == "the run has no complete station"
+
+
+def test_a_lump_states_no_pulse_that_its_station_did_not_see() -> None:
+    """A lump had "pulse 2.23 Pa" where its stations said "< 8"."""
+    lump = ObjectFinding("tumour", 0.032, (0.031, 0.033), 1000.0, 2.23, 0.95)
+    for below_pa, shown in ((8.0, None), (float("nan"), 2.23)):
+        near = StationFinding(1, 0.0321, 0.0, 0.0, pulse_pa=2.0, pulse_below_pa=below_pa)
+        far = StationFinding(2, 0.040, 0.0, 0.0, pulse_pa=9.0)
+        found = Finding("tumour", (lump,), (near, far), "", 0.01)
+        assert found.as_json()["objects"][0]["pulse_pa"] == shown
+        assert ("pulse" in repr(found)) == (shown is not None)

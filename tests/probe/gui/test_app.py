@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
@@ -121,8 +122,11 @@ def test_a_replay_draws_what_was_measured_and_says_the_finding_at_its_end(
         window.frame()
         assert (window.side.finding.text() != "Finding: none yet") == says
         first = found["stations"][0]
-        seen_pa = first["pulse_pa"] if first["pulse_below_pa"] is None else 0.0
-        assert window.state().maps[0] == (first["baseline_pa"], seen_pa)
+        level_pa, pulse_pa, below_pa = window.state().maps[0]
+        assert level_pa == first["baseline_pa"]
+        seen = first["pulse_below_pa"] is None
+        assert (pulse_pa if seen else below_pa) == first["pulse_pa" if seen else "pulse_below_pa"]
+        assert np.isnan(below_pa if seen else pulse_pa)
     window.close()
 
 

@@ -62,7 +62,7 @@ def view(*events: Event) -> ViewState:
 
 def test_a_hold_gives_baseline_and_pulse_as_contact_stress() -> None:
     state = view(started(), *press(1.0, 0, 0.02))
-    baseline_pa, pulse_pa = state.maps[0]
+    baseline_pa, pulse_pa, _ = state.maps[0]
     assert baseline_pa == pytest.approx(1e4, rel=1e-3)  # 1 N over 100 mm2
     assert pulse_pa == pytest.approx(200, rel=0.05)
     assert state.simulated == ("virtual.force",)
@@ -77,9 +77,10 @@ def test_a_real_heart_is_not_folded_at_the_scenes_rate() -> None:
     assert state.period_s is None
     station = {"station": 1, "baseline_pa": 9950.0, "pulse_pa": 399.0, "pulse_below_pa": None}
     state.judge({"heart_rate_bpm": 60 / PERIOD_S, "stations": [station]})
-    assert state.maps[0] == (9950.0, 399.0)
+    assert state.maps[0][:2] == (9950.0, 399.0)
     state.judge({"heart_rate_bpm": None, "stations": [station | {"pulse_below_pa": 500.0}]})
-    assert state.maps[0] == (9950.0, 0.0), "what noise alone may have made is no pulse"
+    assert np.isnan(state.maps[0].pulse_pa), "what noise alone may have made is no pulse, nor 0"
+    assert (state.maps[0].level_pa, state.maps[0].below_pa) == (9950.0, 500.0)
     state.judge({"heart_rate_bpm": 60 / PERIOD_S, "stations": [station]})
     for event in press(4.0, 1, 0.04):  # not judged yet, but the rate is known
         state.update(event)
@@ -121,6 +122,17 @@ def test_a_resumed_run_keeps_what_was_complete() -> None:
     assert state.finish is None
 
 
+def test_a_fault_is_over_once_the_run_is_resumed() -> None:
+    """The red banner stayed, and the device was lost for ever."""
+    broken = [Note(3.0, "fault", "virtual", "unplugged"), RunEnded(4.0, Finish.FAULTED, "virtual")]
+    state = view(started(), *press(1.0, 0, 0.0), *broken)
+    assert state.device_states()["virtual"] == "lost"
+    state = view(started(), *press(1.0, 0, 0.0), *broken, started(), *press(6.0, 1, 0.0))
+    assert state.faults == []
+    assert state.device_states()["virtual"] == "ok"
+    assert [note.words for note in state.notes] == ["virtual: unplugged"]
+
+
 def test_folding_averages_beats_and_leaves_unseen_parts_unknown() -> None:
     t = np.arange(0, 10 * PERIOD_S, 0.001)
     noise = np.random.default_rng(0).normal(0, 0.5, len(t))
@@ -139,4 +151,4 @@ def test_what_was_read_before_or_after_the_hold_is_no_pulse() -> None:
         PhaseEntered(2.0, Phase.RETRACTING, 0),
         block(t, steps),
     )
-    assert state.maps[0] == pytest.approx((1e4, 0.0), abs=1e-6)
+    assert state.maps[0][:2] == pytest.approx((1e4, 0.0), abs=1e-6)

@@ -2,20 +2,23 @@
 
 import itertools
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from PySide6.QtCore import QRect, QSize, Qt
+from PySide6.QtCore import QEvent, QPointF, QRect, QSize, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel
 
+from drivers import Channel
 from probe.core.events import (
     Event,
     Finish,
     Note,
+    PhaseEntered,
     RunEnded,
     RunStarted,
     Samples,
@@ -224,15 +227,139 @@ def test_the_first_cell_of_a_map_has_a_numbered_scale(make_run: Make) -> None:
 
 
 def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
-    window = window_on(make_run(columns=1, taxels=28)[:45])
-    shoot(window, "live_taxels")
+    """In the rows and columns of their names (4 x 7 were drawn as 7 x 4), in a line without."""
+    events = make_run(columns=1, taxels=28)
+    window = window_on(events)
+    window.frame()
     assert window.maps.currentWidget() is window.maps.taxels
-    assert window.maps.taxels.image.image.shape == (7, 4)
+    assert window.maps.taxels.image.image.shape == (1, 28)
+    begun = events[0]
+    assert isinstance(begun, RunStarted)
+    named = [Channel(f"r{n // 7}c{n % 7}", "N", "taxel", True) for n in range(28)]
+    begun = replace(begun, channels={**begun.channels, "virtual": tuple(named)})
+    window = window_on([begun, *events[1:]])
+    shoot(window, "live_taxels")
+    shown = window.maps.taxels.image.image
+    assert shown.shape == (4, 7)
+    assert shown[3, 6] == pytest.approx(1.5 * shown[0, 0], rel=1e-6)  # as the finger presses them
+    assert shown.mean() > 1.0, "the hold is shown, and not the air after it"
+
+
+def test_one_picture_that_fails_leaves_the_others(
+    make_run: Make, shoot: Shoot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    window = window_on(make_run())
+
+    def fails(*_: object) -> None:
+        raise RuntimeError("Cannot set range [nan, nan]")
+
+    for panel in (window.maps, window.body):
+        monkeypatch.setattr(panel, "show_state", fails)
+    shoot(window, "live_failing")
+    said = [picture.currentWidget() for picture in window.pictures]
+    assert [label.text().split(":")[0] for label in said if isinstance(label, QLabel)] == [
+        "The map cannot be drawn", "The section cannot be drawn",
+    ]  # fmt: skip
+    assert len(window.traces.curves[0].getData()[0]) > 100
+    assert len(window.traces.beat_curve.getData()[0]) > 10
+
+
+def test_a_recording_without_places_shows_its_signal_and_its_pulse(
+    make_run: Make, shoot: Shoot
+) -> None:
+    """As an import may be, which knows no phases either: the map ended in a traceback."""
+    begun, *events = make_run(columns=2)
+    assert isinstance(begun, RunStarted)
+    plan = {"stations": [[n, None, None] for n in range(2)]}
+    begun = replace(begun, config={"plan": plan, "face_mm2": 100.0})
+    window = window_on([begun, *(e for e in events if not isinstance(e, PhaseEntered))])
+    shoot(window, "live_without_places")
+    assert window.maps.currentWidget() is window.maps.unknown
+    assert "unknown" in window.maps.unknown.text()
+    assert len(window.traces.curves[0].getData()[0]) > 100
+    change_pa = window.traces.beat_curve.getData()[1]
+    assert len(change_pa) > 10
+
+
+def test_a_pulse_that_was_not_seen_is_not_drawn_as_0(make_run: Make, shoot: Shoot) -> None:
+    for rows in (1, 2):
+        window = window_on(make_run(rows=rows, columns=3))
+        state = window.state()
+        stations = measured(len(state.plan))
+        stations[1]["pulse_below_pa"] = 8.0
+        state.judge(FINDING | {"stations": stations})
+        window.maps.show_state(state)
+        if rows == 1:
+            shoot(window, "live_not_seen")
+            assert window.maps.line.beat_curve.getData()[0].tolist() == [4.0, 12.0]
+            assert np.column_stack(window.maps.line.unseen.getData()).tolist() == [[8.0, 8.0]]
+            assert window.maps.line.meaning.isVisible()
+        else:
+            shoot(window, "live_not_seen_grid")
+            assert np.isnan(window.maps.grid_pulse.image.image[0, 1])
+            assert np.column_stack(window.maps.grid_pulse.unseen.getData()).tolist() == [[8.0, 0.0]]
+
+
+def test_a_click_on_a_place_shows_its_signal(make_run: Make, shoot: Shoot) -> None:
+    """And a second one the latest again; what is shown is that station's, thinned as it may be."""
+    window = window_on(make_run())
+    shoot(window, "live_not_chosen")
+    area = window.maps.line.beat
+    spot = area.getPlotItem().vb.mapViewToScene(QPointF(32.4, 1.0))
+    title = window.traces.trace.getPlotItem().titleLabel
+
+    def click() -> None:
+        QTest.mouseClick(area.viewport(), LEFT, pos=area.mapFromScene(spot))
+        QTest.qWait(QApplication.doubleClickInterval() + 50)
+        window.frame()
+
+    click()
+    shoot(window, "live_chosen")
+    assert title.text == "Signal of station 8 at x = 32 mm; click it again for the latest"
+    assert "at station 8" in window.traces.beat.getPlotItem().titleLabel.text
+    stress_kpa = window.traces.curves[0].getData()[1]
+    assert stress_kpa.max() == pytest.approx(7.71, abs=0.01)
+    click()
+    assert title.text.startswith("Signal of virtual")
+
+
+def test_each_of_several_curves_is_named(make_run: Make, shoot: Shoot) -> None:
+    def names(window: RunWindow) -> list[str]:
+        shoot(window, "live_names")
+        return [label.text for _, label in window.traces.names.items]
+
+    assert names(window_on(make_run(columns=1))) == []
+    assert names(window_on(make_run(columns=1, taxels=3))) == ["force0", "force1", "force2"]
+    assert len(names(window_on(make_run(columns=1, taxels=28)))) == 3
+
+
+def test_a_replay_plays_when_it_opens_and_space_pauses_it(make_run: Make) -> None:
+    application()
+    events = make_run()
+    for opened in (
+        lambda: ReplayWindow(Path("a.run"), events),
+        lambda: PairWindow(("a", "b"), (events, events)),
+    ):
+        window: Any = opened()
+        window.show()
+        window.frame()
+        QTest.qWait(100)
+        assert 0 < window.bar.now_s < 5
+        window.bar.play.setFocus()
+        QTest.keyClick(window.bar.play, Qt.Key.Key_Space)
+        assert not window.bar.playing
+        at_s = window.bar.now_s
+        QTest.qWait(100)
+        assert window.bar.now_s == at_s
+        window.close()
+        window.deleteLater()
+        QApplication.sendPostedEvents(window, QEvent.Type.DeferredDelete.value)
 
 
 def test_replay_follows_slider_speed_and_play(make_run: Make, shoot: Shoot) -> None:
     application()
     window = ReplayWindow(Path("a.run"), make_run())
+    QTest.mouseClick(window.bar.play, LEFT)
     window.bar.slider.setValue(500)
     shoot(window, "replay")
     half = set(window.state().complete)

@@ -349,13 +349,31 @@ def test_a_grids_objects_leave_their_columns_to_a_phone(tmp_path: Path) -> None:
     assert "<td>seen" not in text
 
 
-def test_bars_of_what_is_not_seen_reach_from_nothing_to_its_bound() -> None:
-    found: dict[str, Any] = finding(row())
+@pytest.mark.parametrize("recording", [row(), grid()], ids=["row", "grid"])
+def test_what_is_not_seen_is_marked_and_not_drawn_as_0(recording: Recording) -> None:
+    found: dict[str, Any] = finding(recording)
     found["stations"][2]["pulse_below_pa"] = 240.0
-    bars: Any = figures.pulse_map(found, row()).axes[0].containers[0]
-    (_, low), (_, high) = bars[2][0].get_segments()[2]
-    assert (low, high) == (0.0, 240.0)
-    assert bars[0].get_ydata()[2] == 0.0
+    axes = figures.pulse_map(found, recording).axes[0]
+    (mark,) = [line for line in axes.lines if "seen" in str(line.get_label())]
+    x_mm, y = mark.get_xydata()[0]
+    assert x_mm == pytest.approx(1e3 * recording.stations[2].x_m)
+    if len(recording.rows()) > 1:
+        assert np.ma.getmaskarray(axes.collections[0].get_array()).ravel()[2]
+    else:
+        assert y == 240.0
+        drawn: Any = axes.containers[0]
+        assert len(drawn[0].get_ydata()) == len(recording.stations) - 1
+
+
+def test_every_curve_is_named() -> None:
+    def words(figure: Figure) -> set[str]:
+        return {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+
+    found: dict[str, Any] = finding(row())
+    assert words(figures.pulse_map(found, row())) == {"pulse, 95 %", "place, 95 %"}
+    found["stations"][2]["pulse_below_pa"] = 240.0
+    assert "not seen: below this" in words(figures.pulse_map(found, row()))
+    assert len(words(figures.tactile_map(row(), 60 / 0.825))) == 3
 
 
 def test_every_axis_names_its_unit() -> None:
