@@ -27,6 +27,7 @@ GROUPS = (
     "collection",
     "exchange",
     "finding",
+    "press",
     "scenes",
     "rig",
     "teach",

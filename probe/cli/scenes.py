@@ -1,4 +1,4 @@
-"""The phantom without a scan: press it once, feel it by hand, list its scenes."""
+"""The phantom without a scan: its scenes, and a window to feel it by hand."""
 
 from importlib import resources
 from pathlib import Path
@@ -7,168 +7,14 @@ from typing import Annotated, Any
 import typer
 
 from probe.cli.arguments import scene_names
-from probe.cli.say import Json, answer, answer_json, inform, plain
+from probe.cli.say import Json, answer, answer_json
 from probe.cli.windows import need_windows
 
 
 def register(app: typer.Typer) -> None:
     """Add the commands of this file."""
-    app.command()(press)
     app.command()(scenes)
     app.command()(feel)
-
-
-def press(
-    scene: Annotated[
-        str, typer.Argument(help="A built-in scene or a scene file.", autocompletion=scene_names)
-    ],
-    x: Annotated[float, typer.Option(metavar="MM", help="Where along the surface [mm].")],
-    depth: Annotated[float, typer.Option(metavar="MM", help="How deep [mm].")],
-    pressure: Annotated[
-        list[float] | None,
-        typer.Option(
-            metavar="MMHG",
-            help="Pressure in the lumen [mmHg]; may be given again. Without it the scene's "
-            "diastolic and systolic.",
-        ),
-    ] = None,
-    accuracy: Annotated[
-        float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
-    ] = 1.0,
-    model: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="finite or small (strain, of a plane scene), axisymmetric or solid (of a solid "
-            "one), auto; chosen if not given.",
-        ),
-    ] = None,
-    deck: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE.inp", help="Also write the press as an Abaqus or CalculiX deck."
-        ),
-    ] = None,
-    feb: Annotated[
-        Path | None, typer.Option(metavar="FILE.feb", help="Also write the press for FEBio.")
-    ] = None,
-    vtu: Annotated[
-        Path | None, typer.Option(metavar="FILE.vtu", help="Also write the solution for ParaView.")
-    ] = None,
-    json: Json = False,
-) -> None:
-    """Press once into a scene and print force, contact stress, pulse and contact."""
-    from probe.cli.progress import solving
-    from sim_backend.models.press import press as press_once
-    from sim_backend.scene.odd_values import odd_values
-    from sim_backend.scene.scene_file import SceneError, load_scene
-    from sim_backend.scene.waves import load_wave
-
-    chosen = {} if model is None else {"model": model}
-    pressed_into = load_scene(scene)
-    load_wave(pressed_into.pulse)  # so that what a scan refuses is refused here too
-    for doubt in odd_values(pressed_into):
-        inform(f"warning: {doubt}")
-    if pressed_into.plane == "solid" and (deck or feb or vtu):
-        raise SceneError(
-            f"{scene}: --deck, --feb and --vtu write the triangles of a plane section; a solid is "
-            "solved on wedges of 18 nodes, which neither CalculiX nor FEBio knows. Write the "
-            'section by plane = "strain" in the scene, without length_mm'
-        )
-    for option, path, mark in (
-        ("--deck", deck, b" mm thick. "),
-        ("--feb", feb, b"<febio_spec"),
-        ("--vtu", vtu, b"created by meshio"),
-    ):
-        if path is not None:
-            several = path.parent.glob(f"{path.stem}-[0-9]*{path.suffix}") if vtu == path else ()
-            for file in (path, *several):
-                check_out(option, file, mark)
-    with solving() as show:
-        pressed = press_once(
-            pressed_into, x, depth, pressure or None, accuracy_pct=accuracy, solving=show,
-            **chosen,
-        )  # fmt: skip
-    pressures = [state.pressure_mmhg for state in pressed.states]
-    if deck is not None:
-        from sim_backend.fem.io.deck import write_deck
-
-        write_deck(pressed.scene, x, depth, pressures, deck)
-        inform(f"deck: {deck}")
-    if feb is not None:
-        from sim_backend.fem.io.feb import write_feb
-
-        write_feb(pressed.scene, x, depth, pressures, feb)
-        inform(f"FEBio: {feb}")
-    if vtu is not None:
-        from sim_backend.fem.io.vtu import write_vtu
-
-        mesh, states = pressed.plane_mesh, pressed.states
-        moved, stress = zip(*((s.displacement_m, mesh.von_mises(s)) for s in states), strict=True)
-        for path in write_vtu(mesh.section, moved, stress, vtu):
-            inform(f"VTU: {path}")
-    if (left_pct := pressed.error_estimate_pct) > accuracy:
-        what = "force" if left_pct == pressed.force_error_estimate_pct else "pulse"
-        finer = model in (None, "auto", "solid")
-        inform(
-            f"note: the {what}'s error of {left_pct:.2g} % misses the accuracy of {accuracy:g} % "
-            "that was asked for: " + ("no finer mesh was tried" if finer else "leave --model out")
-        )
-    found: dict[str, Any] = plain(pressed.as_json())
-    if json:
-        answer_json(found)
-        return
-    for line in describe_press(found):
-        answer(line)
-
-
-def check_out(option: str, path: Path, mark: bytes) -> None:
-    """Raises `SceneError` where a folder is at ``path``, or a file whose first kilobyte has not the
-    ``mark`` of those that a press writes."""
-    from sim_backend.scene.scene_file import SceneError
-
-    if path.is_file():
-        with path.open("rb") as file:
-            ours = mark in file.read(1024)
-    else:
-        ours = not path.is_dir()  # none yet, or a pipe
-    if not ours:
-        raise SceneError(
-            f"{option} {path}: exists already and is no press's; choose another, or move it"
-        )
-
-
-def describe_press(found: dict[str, Any]) -> list[str]:
-    """A press in lines, from its JSON: what was solved and why, each state, the pulse."""
-    model, comma, left_out = found["model"].partition(",")
-    strain = " strain" if model in ("finite", "small") else ""
-    lines = [
-        f"{found['scene']}, x = {found['x_mm']:g} mm, {found['depth_mm']:g} mm deep",
-        f"  {model}{strain}{comma}{left_out}, {found['element']} elements, {found['dofs']} degrees "
-        f"of freedom, {found['seconds']:.2f} s, error of the force about "
-        f"{found['force_error_estimate_pct']:.2g} %",
-        f"  why: {found['why']}",
-    ]
-    for state in found["states"]:
-        per_mm = state["force_n_per_mm"]
-        force = f"{state['force_n']:.4g} N" + (
-            f" ({per_mm:.4g} N per mm of finger)" if per_mm is not None else ""
-        )
-        left, right = state["contact_mm"]
-        lines.append(
-            f"  {state['pressure_mmhg']:g} mmHg: {force}, contact stress "
-            f"{state['contact_stress_pa']:.0f} Pa, von Mises {state['von_mises_pa']:.0f} Pa, "
-            f"touching {left:.2f} to {right:.2f} mm"
-        )
-    if found["pulse_n"] is not None:
-        lowest, *_, highest = sorted(found["states"], key=lambda state: state["pressure_mmhg"])
-        falls = lowest["force_n"] > highest["force_n"]  # so it can beside a vessel
-        lines.append(
-            f"  pulse, trough to crest: {found['pulse_n']:.3g} N, {found['pulse_pa']:.1f} Pa of "
-            f"contact stress, error about {found['pulse_error_estimate_pct']:.2g} %"
-            + (": the force falls while the pressure rises" if falls else "")
-        )
-    return lines
 
 
 def scenes(

@@ -37,7 +37,8 @@ def followed(nodes: Array, drawn: Scene, other: Scene) -> Array:
     """Where ``nodes`` (n, 2) [m] are in another scene; the same array where none moves.
 
     A circle's nodes stay on it, and those of the block's outline on that. Between them the moves
-    are weighted by the inverse of the distance (Shepard 1968), so that each surface has its own.
+    are weighted by the inverse of the distance (Shepard 1968), so that each surface has its own; a
+    scene of another size moves as a whole.
     """
     rings = [
         (ring_of(old, drawn, n), ring_of(new, other, n))
@@ -54,7 +55,7 @@ def followed(nodes: Array, drawn: Scene, other: Scene) -> Array:
         rel = nodes - old.centre
         rho = np.hypot(*rel.T)
         there = np.interp(rho, [0.0, *old.radii[::-1]], [0.0, *new.radii[::-1]])
-        there += np.maximum(rho - old.radii[0], 0.0)
+        there *= np.maximum(rho / old.radii[0], 1.0)
         outward = rel / np.maximum(rho, TINY_M)[:, None]
         moves.append(np.subtract(new.centre, old.centre) + (there - rho)[:, None] * outward)
         away.append(rho - old.radii[0])

@@ -1,6 +1,6 @@
 """One press into a scene, as accurate as asked for."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from pathlib import Path
@@ -20,6 +20,7 @@ from sim_backend.fem.solid.forces import smallest_volume_ratio
 from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
 from sim_backend.models.choose import choose, named
+from sim_backend.models.press_gradient import force_gradient_n, with_gradient
 from sim_backend.models.press_range import check_asked
 from sim_backend.models.refine import SMALL_PULSE, Solving, refine
 from sim_backend.models.solid_press import (
@@ -44,7 +45,9 @@ class State:
     ``force_n_per_mm``: NaN.
 
     ``force_n`` is the whole finger's. ``stable``: the body would stay so if it were nudged;
-    None where a solid's factors do not decide.
+    None where a solid's factors do not decide. ``gradient``, where it was asked for: how much
+    ``force_n`` changes [N] for one more of each number of the scene, and of ``x_mm``,
+    ``depth_mm`` and ``pressure_mmhg``, the contact as it is.
     """
 
     pressure_mmhg: float
@@ -55,6 +58,7 @@ class State:
     min_jacobian: float
     stable: bool | None
     solution: Solution | SolidSolution = field(repr=False)
+    gradient: Mapping[str, float] | None = field(default=None, repr=False)
 
     @property
     def displacement_m(self) -> Array:
@@ -168,6 +172,15 @@ class Press:
         return max(forces) - min(forces) if len(forces) > 1 else None
 
     @property
+    def pulse_gradient(self) -> dict[str, float] | None:
+        """How much the pulse changes [N] for one more of each number; None where it was not asked,
+        or there is no pulse. Its pressures rise together."""
+        low, high = (pick(self.states, key=lambda s: s.force_n) for pick in (min, max))
+        if self.pulse_n is None or low.gradient is None or high.gradient is None:
+            return None
+        return {key: by - low.gradient[key] for key, by in high.gradient.items()}
+
+    @property
     def pulse_error_n(self) -> float | None:
         """What the pulse may be off by [N]; None at a single pressure."""
         if self.pulse_n is None or self.pulse_error_estimate_pct is None:
@@ -191,6 +204,7 @@ class Press:
             "pulse_error_estimate_pct": _rounded(self.pulse_error_estimate_pct),
             "pulse_n": self.pulse_n,
             "pulse_pa": self.pulse_pa,
+            **({} if (change := self.pulse_gradient) is None else {"pulse_gradient": change}),
             "states": [
                 {
                     "pressure_mmhg": s.pressure_mmhg,
@@ -201,6 +215,7 @@ class Press:
                     "contact_mm": list(s.contact_mm),
                     "min_jacobian": s.min_jacobian,
                     "stable": s.stable,
+                    **({} if s.gradient is None else {"gradient": dict(s.gradient)}),
                 }
                 for s, stress_pa in zip(self.states, self.contact_stress_pa, strict=True)
             ],
@@ -215,6 +230,7 @@ def press(
     *,
     model: str = "auto",
     accuracy_pct: float = 1.0,
+    gradient: bool = False,
     solving: Solving | None = None,
 ) -> Press:
     """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg of an empty list.
@@ -227,6 +243,8 @@ def press(
     ``model`` names one: ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in
     space. Meshes are refined until what changes is
     small enough; where that cannot be reached, the stated error is above ``accuracy_pct``.
+    With ``gradient`` each state says what its force changes with: exactly on its mesh, at finite
+    strain, nothing of the scene left out.
     ``solving`` receives a line about each mesh before it is solved; without it a notebook shows
     them below the cell. Raises `SceneError` for a press that cannot be meant and `CannotSolve`
     where physics ends.
@@ -242,7 +260,7 @@ def press(
         with notebook_line() as line:
             return press(
                 scene, x_mm, depth_mm, pressures_mmhg, model=model, accuracy_pct=accuracy_pct,
-                solving=lambda what: line(f"solving {what}"),
+                gradient=gradient, solving=lambda what: line(f"solving {what}"),
             )  # fmt: skip
     if not isinstance(scene, Scene):  # what cannot beat can be solved, as a stored run's may be
         scene = load_scene(scene)
@@ -257,8 +275,12 @@ def press(
     check_asked(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()
     if scene.plane == "solid":
+        if gradient:
+            raise SceneError(f"{scene.name}: gradients are known of plane scenes, not of solids")
         return _press_solid(scene, x_mm, depth_mm, pressures, model, accuracy_pct, solving, began)
-    if model == "auto":
+    if gradient:
+        choice = with_gradient(model, scene)
+    elif model == "auto":
         choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct, solving)
     else:
         choice = named(model, scene, depth_mm, pressures)
@@ -271,6 +293,11 @@ def press(
                      solving=solving)  # fmt: skip
     section, solutions = refined.solved
     states = tuple(_state(scene, section, s, p) for s, p in zip(solutions, pressures, strict=True))
+    if gradient:
+        states = tuple(
+            replace(state, gradient=force_gradient_n(scene, section, solution))
+            for state, solution in zip(states, solutions, strict=True)
+        )
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)
     name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")
     error_pct = model_pct + refined.error_pct

@@ -6,9 +6,10 @@ from typing import Any
 import pytest
 from own_scene import OWN_SCENE
 
-from probe.cli.scenes import describe_press
+from probe.cli.press import describe_press
 from sim_backend.models.press import press
-from sim_backend.scene.scene_file import SceneError
+from sim_backend.scene.numbers import numbers
+from sim_backend.scene.scene_file import SceneError, load_scene
 
 
 def test_a_sweep_says_how_many_rows_miss_the_accuracy_and_what_to_do(
@@ -90,3 +91,43 @@ def test_a_press_says_what_may_be_in_another_unit(palpate: Any, tmp_path: Path) 
     pressed = palpate("press", scene, "--x", "12", "--depth", "0.5", "--accuracy", "10")
     assert "warning: tissue.modulus_kpa = 0.05" in pressed.err
     assert "is its unit right?" in pressed.err
+
+
+def test_a_gradient_obeys_the_laws_of_scale(palpate: Any) -> None:
+    """Force goes with moduli and pressure together, and with the square of all lengths."""
+    asked = ("press", "TISA", "--x", "30", "--depth", "1.5", "--accuracy", "5", "--gradient")
+    outcome = palpate(*asked, "--json")
+    scene = load_scene("TISA")
+    values = {**numbers(scene), "x_mm": 30.0, "depth_mm": 1.5}
+    states = outcome.json["states"]
+    for state in states:
+        values["pressure_mmhg"] = state["pressure_mmhg"]
+        by = state["gradient"]
+        assert set(by) == set(values)
+        change = {key: values[key] * by[key] for key in by}
+        elastic = sum(one for key, one in change.items() if key.endswith(("_kpa", "_mmhg")))
+        lengths = sum(one for key, one in change.items() if key.endswith("_mm"))
+        assert elastic == pytest.approx(state["force_n"], rel=1e-6)
+        assert lengths == pytest.approx(2 * state["force_n"], rel=1e-5)
+    pulse = outcome.json["pulse_gradient"]["inclusion.0.wall_mm"]
+    low, high = sorted(states, key=lambda one: one["force_n"])
+    wall = "inclusion.0.wall_mm"
+    assert pulse == pytest.approx(high["gradient"][wall] - low["gradient"][wall])
+    said = palpate(*asked).out
+    assert f"{1e3 * pulse:.4g}" in next(line for line in said.splitlines() if wall in line)
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [(("--model", "small"), "gradients are of finite strain"),
+     (("--model", "axisymmetric"), "gradients are of finite strain")],
+)  # fmt: skip
+def test_a_gradient_that_is_not_known_is_refused(palpate: Any, more: Any, words: str) -> None:
+    outcome = palpate("press", "TI", "--x", "32", "--depth", "0.1", "--gradient", *more)
+    assert (outcome.status, words in outcome.err) == (2, True)
+
+
+def test_without_being_asked_a_press_says_no_gradient(palpate: Any) -> None:
+    found = palpate("press", "TI", "--x", "32", "--depth", "0.1", "--accuracy", "5", "--json").json
+    assert "pulse_gradient" not in found
+    assert "gradient" not in found["states"][0]

@@ -14,7 +14,7 @@ from sim_backend.fem.newton import Solution, as_solved, equilibrium
 from sim_backend.fem.redrawn import followed
 from sim_backend.fem.sensitivity import LOADS, gradients, loaded, renumbered
 from sim_backend.scene.numbers import numbers, with_number
-from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 X_M, SIZE_M = 0.030, 1.2e-3
@@ -43,7 +43,7 @@ SCENES: dict[str, tuple[Scene, float, float]] = {
     "nearly incompressible": (
         changed("TIT", plane="strain", tissue={"poisson": 0.499}), 1e-3, 0.0,
     ),
-    "lone vessel": (load_scene("HAOT"), 1e-3, 80.0),
+    "lone vessel": (changed("HAOT", support={"contact": "frictionless"}), 1.5e-3, 80.0),
     "flat finger": (
         changed("TIT", indenter={"shape": "flat", "width_mm": 6.0, "edge_radius_mm": 1.0}),
         1e-3, 0.0,
@@ -162,6 +162,13 @@ def test_nodes_follow_circles_and_the_block() -> None:
     lifted = followed(nodes, scene, higher)
     np.testing.assert_allclose(lifted[section.mesh.surface, 1], 1e-3 * higher.surface_mm)
     np.testing.assert_allclose(lifted[section.mesh.bottom, 1], 0.0, atol=1e-12)
+
+
+def test_what_sticks_has_no_gradient_of_its_own() -> None:
+    scene = load_scene("HAOT")
+    section, (here,) = solve_finite(scene, 0.031, 1.5e-3, [80 * PA_PER_MMHG], SIZE_M)
+    with pytest.raises(SceneError, match="frictionless"):
+        gradients(section, here, scene)
 
 
 def test_an_unknown_number_is_refused() -> None:

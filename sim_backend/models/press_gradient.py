@@ -1,0 +1,22 @@
+"""How a press's force changes with each number of its scene, in newtons."""
+
+from sim_backend.fem.model import Section
+from sim_backend.fem.newton import Solution
+from sim_backend.fem.sensitivity import gradients
+from sim_backend.models.choose import Choice
+from sim_backend.scene.scene_file import Scene, SceneError
+
+
+def with_gradient(model: str, scene: Scene) -> Choice:
+    """The model of a press whose gradient is asked for. Raises `SceneError` for another."""
+    if model not in ("auto", "finite"):
+        raise SceneError(f"model = {model!r}: gradients are of finite strain; leave model out")
+    return Choice("finite", scene, 0.0, why="gradients are of finite strain")
+
+
+def force_gradient_n(scene: Scene, section: Section, solution: Solution) -> dict[str, float]:
+    """The whole finger's force [N] by each key of `sim_backend.fem.sensitivity.gradients`, per unit
+    of that. Raises `SingularMatrix`."""
+    length_m = 1e-3 * scene.indenter.length_mm
+    found = {key: length_m * by for key, by in gradients(section, solution, scene).items()}
+    return found | {"indenter.length_mm": 1e-3 * solution.force_n_per_m}
