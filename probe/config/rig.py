@@ -34,6 +34,8 @@ Fallback = Literal["virtual"]
 
 READ_BY_CHECKS = ("rate_hz", "noise_mn")
 """Settings of sensors that are looked at before any driver has seen them."""
+SLOWEST_FILTER_S = 10.0
+"""Of a sensor; slower ones show no press."""
 LOUDEST_MN = 1e9
 """Noise that may be written down; 1e308 would overflow as a square."""
 
@@ -51,13 +53,16 @@ class RigError(ValueError):
 
 
 class Device(Table):
-    """A stage or sensor; every key but these two is a setting of its driver."""
+    """A stage or sensor; every other key is a setting of its driver."""
 
     model_config = ConfigDict(extra="allow")
     driver: str
     """Which driver: `virtual`, one of the devices' pages, or your own."""
     fallback: Fallback | None = None
     """`virtual`: a simulated stand-in takes the place of an absent device, and is marked so."""
+    filter_s: Annotated[float, Field(ge=0, le=SLOWEST_FILTER_S)] = 0.0
+    """Of a sensor: the time constant of its own low pass, by which the force is ahead of what it
+    reads; half the time that it averages. `palpate calibrate latency` finds it."""
 
     @property
     def settings(self) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import numpy as np
 from drivers import Block, Channel
 from drivers.core.arrays import columns_of
 from probe.core.contact_stress import FORCE_ROLES
+from probe.guards.low_pass import LowPass
 from probe.guards.sample_times import SampleTimes
 from probe.guards.stuck_sensor import Alive
 from probe.planning.limits import LEVER_M, Limits
@@ -31,12 +32,15 @@ VECTORS = {"N": ("fx", "fy", "fz"), "Nm": ("mx", "my", "mz")}  # as all drivers 
 class SensorGuard:
     """Force, torque, saturation and timestamps of one sensor's samples.
 
-    ``feels``: the force limit holds this sensor. ``force_n`` is its latest force and ``smooth_n``
-    the mean of the latest `SMOOTH`. Components beside the normal force are judged
-    from the first tare on (`tared`): before, a payload's weight is in them.
+    ``feels``: the force limit holds this sensor. ``force_n`` is its latest force, ``true_n`` that
+    behind its own low pass of ``filter_s``, and ``smooth_n`` the mean of the latest `SMOOTH`.
+    Components beside the normal force are judged from the first tare on (`tared`): before, a
+    payload's weight is in them.
     """
 
-    def __init__(self, channels: tuple[Channel, ...], limits: Limits) -> None:
+    def __init__(
+        self, channels: tuple[Channel, ...], limits: Limits, filter_s: float = 0.0
+    ) -> None:
         face = limits.face_m2 or math.nan
         taxels = sum(channel.role == "taxel" for channel in channels)
         gain = {"force": 1.0, "pressure": face, "taxel": face / max(taxels, 1)}
@@ -46,7 +50,8 @@ class SensorGuard:
         self.feels = len(used) > 0
         self._used = columns_of(used)
         self.tared = False
-        self.force_n = self.smooth_n = 0.0
+        self.force_n = self.true_n = self.smooth_n = 0.0
+        self._low_pass = LowPass(filter_s) if filter_s else None
         self._array = taxels > 0
         self._recent: deque[tuple[float, float]] = deque()
         self._newest: deque[float] = deque(maxlen=SMOOTH)
@@ -70,6 +75,8 @@ class SensorGuard:
         self._tared_s = self.newest_s()
         self._newest.clear()
         self.smooth_n = 0.0
+        if self._low_pass is not None:
+            self._low_pass.forget()
 
     def level(self, from_s: float) -> tuple[float, float]:
         """Mean force [N] since ``from_s`` and its standard error (NaN, inf without readings)."""
@@ -118,14 +125,20 @@ class SensorGuard:
             used: list[list[float]] = values.tolist()
             each: list[list[float]] = (values * self._gains).tolist()
             force = [sum(one) for one in each] if self._array else [one[0] for one in each]
-            self.force_n = force[-1]
+            self.force_n = self.true_n = force[-1]
             if (dead := self._alive.check(used)) is not None:
                 return dead
             self._keep(block.time_s.tolist(), force)
             loads = force if self._array else [load for one in each for load in one]
+            if self._low_pass is not None:
+                read = np.array(loads)
+                true = self._low_pass.behind(block.time_s, read.reshape(len(block.time_s), -1))
+                self.true_n = float(true[-1, 0])
+                loads = true.ravel().tolist()
             if not all(abs(load) <= self._limit_n for load in loads):  # nor is not-a-number
                 greatest = float(np.abs(loads).max())
-                return f"force {greatest:.3f} N; the limit is {self._limit_n:g} N"
+                behind = " behind the sensor's low pass" if self._low_pass is not None else ""
+                return f"force {greatest:.3f} N{behind}; the limit is {self._limit_n:g} N"
         for where, unit, limit in self._norms if self.tared else ():
             norm = float(np.linalg.norm(block.values[:, where], axis=1).max())
             if not norm <= limit:

@@ -1,5 +1,6 @@
 """What a scan with these devices does: its plan, its limits, and what is stored of both."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
@@ -16,6 +17,9 @@ from probe.planning.limits import Limits
 from probe.planning.plan import Plan
 from probe.planning.press_direction import pressed
 from sim_backend.scene.scene_file import Scene
+
+SETTLED = 5.0  # time constants, after which a step is off by 0.7 %
+PULSE_HZ = 1.2  # of a resting adult, 72 a minute
 
 
 class Opened(Protocol):
@@ -55,7 +59,13 @@ def prepare(
     notes, config = devices.notes, run_config(rig, scene, plan, seed)
     face_mm2 = config["face_mm2"]
     _check_face(face_mm2, devices.sensors)
-    limits = replace(limits, face_m2=square_metres(face_mm2))
+    limits = replace(limits, face_m2=square_metres(face_mm2), filter_s=_filters(rig, devices))
+    if filters_s := limits.filter_s.values():
+        rest_s = SETTLED * max(filters_s)
+        notes = (*notes, f"low pass of {max(filters_s):g} s (filter_s): the probe rests "
+                 f"{max(rest_s, plan.settle_s):g} s in the air before each tare, and a pulse of "
+                 f"{PULSE_HZ:g} Hz is read at {100 * _passed(max(filters_s)):.0f} %")  # fmt: skip
+        plan = replace(plan, settle_s=max(plan.settle_s, rest_s))
     if needs_rehearsal(devices.stage, devices.sensors):
         up_mm = 1e3 * lift_m(plan)
         plan, limits = in_the_air(plan, limits)
@@ -71,6 +81,17 @@ def prepare(
     _check_reach(devices.stage, plan, limits)
     check_speed(plan, limits, devices.sensors)
     return Prepared(plan, limits, config, notes)
+
+
+def _filters(rig: Rig, devices: Opened) -> dict[str, float]:
+    """The time constants of sensors that have a low pass, by name."""
+    return {s.name: d.filter_s for d, s in zip(rig.sensor, devices.sensors, strict=False)
+            if d.filter_s > 0}  # fmt: skip
+
+
+def _passed(filter_s: float) -> float:
+    """The share of a pulse that a low pass of first order leaves."""
+    return 1 / math.hypot(1.0, 2 * math.pi * PULSE_HZ * filter_s)
 
 
 def _check_stage(stage: Stage, plan: Plan) -> None:

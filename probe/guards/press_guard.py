@@ -87,22 +87,30 @@ def press_speeds_m_s(plan: Plan) -> dict[str, float]:
 
 
 def check_speed(plan: Plan, limits: Limits, sensors: Sequence[Sensor]) -> None:
-    """Refuse a press that `PERIODS` of the fastest sensor could hide from the limit.
+    """Refuse a press that `PERIODS` of the fastest sensor, and its low pass, could hide from the
+    limit.
 
     Raises `ConfigError` with the greatest speed that is allowed.
     """
-    rates_hz = [s.rate_hz for s in sensors if any(c.role in FORCE_ROLES for c in s.channels)]
-    if not rates_hz or limits.in_the_air:
+    hidden = {
+        PERIODS / s.rate_hz + limits.filter_s.get(s.name, 0.0): s
+        for s in sensors
+        if any(c.role in FORCE_ROLES for c in s.channels)
+    }
+    if not hidden or limits.in_the_air:
         return
-    most_m_s = limits.max_force_n * max(rates_hz) / (PERIODS * limits.hardest_n_m)
+    sensor = hidden[min(hidden)]
+    most_m_s = limits.max_force_n / (limits.hardest_n_m * min(hidden))
+    filter_s = limits.filter_s.get(sensor.name, 0.0)
+    behind = f" with a low pass of {filter_s:g} s (filter_s)" if filter_s else ""
     for key, speed in press_speeds_m_s(plan).items():
         if speed > most_m_s * (1 + ROUNDING):
             raise ConfigError(
                 f"{key} = {1e3 * speed:g} mm/s: on something as hard as safety.hardest_n_mm = "
                 f"{1e-3 * limits.hardest_n_m:g} the force would pass safety.max_force_n = "
                 f"{limits.max_force_n:g} within {PERIODS} readings of a sensor of "
-                f"{max(rates_hz):g} Hz; at most {1e3 * most_m_s:.3g} mm/s is allowed, or say how "
-                "hard at most what lies beneath can be"
+                f"{sensor.rate_hz:g} Hz{behind}; at most {1e3 * most_m_s:.3g} mm/s is allowed, or "
+                "say how hard at most what lies beneath can be"
             )
 
 

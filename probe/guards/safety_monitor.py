@@ -71,7 +71,9 @@ class SafetyMonitor:
         self._limits = limits
         self._control = control
         self._lift_z_m = lift_z_m
-        self._sensors = [(s, SensorGuard(s.channels, limits)) for s in sensors]
+        self._sensors = [
+            (s, SensorGuard(s.channels, limits, limits.filter_s.get(s.name, 0.0))) for s in sensors
+        ]
         self._sensor_steps = [
             partial(self._guarded, partial(self._step_sensor, s, g)) for s, g in self._sensors
         ]
@@ -390,7 +392,7 @@ class SafetyMonitor:
             seen_s = self._readings.seen_s
             readings = [
                 ForceReading(
-                    s.name, now - max(seen_s[s.name], self._excused_s), g.force_n, s.rate_hz
+                    s.name, now - max(seen_s[s.name], self._excused_s), g.true_n, s.rate_hz
                 )
                 for s, g in self._sensors
                 if g.feels

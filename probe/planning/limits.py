@@ -1,7 +1,8 @@
 """What a scan may never exceed."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from probe.planning.plan import Box
 
@@ -27,6 +28,7 @@ class Limits:
     ``hardest_n_m`` is the stiffness [N/m] of the hardest thing that may lie beneath the probe: it
     says how soon a force that nobody reads may grow. A press that has gone ``contact_within_m``
     below the surface must have measured the tissue's force.
+    ``filter_s`` is the time constant [s] of a sensor's own low pass, by its name.
     ``in_the_air``: a rehearsal, in which no press must meet a force.
     """
 
@@ -44,3 +46,4 @@ class Limits:
     hardest_n_m: float = HARDEST_N_M
     contact_within_m: float = math.inf
     in_the_air: bool = False
+    filter_s: Mapping[str, float] = field(default_factory=dict)
