@@ -4,8 +4,8 @@
     python -m mutants --only drivers/grbl --out g.csv     of one room; prints survivors' differences
 
 cosmic-ray walks the syntax tree and makes the changes (other operators, other numbers, conditions
-negated, loops and decorators removed). A room is witnessed by the tests that mirror it: `probe/scan`
-by `tests/probe/scan`. The tree is copied first; the working copy is not touched.
+negated, loops and decorators removed). A room is witnessed by the tests that mirror it:
+`probe/scan` by `tests/probe/scan`. The tree is copied first; the working copy is not touched.
 """
 
 import argparse

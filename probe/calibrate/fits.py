@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import calibration
 from calibration.errors import CalibrationError
+from calibration.low_pass import fit_low_pass
 from calibration.touch import find_contact
 from drivers.core.arrays import Array
 from probe.calibrate.measurements import Measurements, read
@@ -126,6 +127,20 @@ def _fitted(kind: str, measured: Measurements, choices: Choices) -> calibration.
         )
     fit: Callable[..., calibration.Calibration] = getattr(calibration, f"fit_{kind}")
     return fit(*arguments)
+
+
+def low_pass_found(measured: Measurements) -> str | None:
+    """What the readings of a latency say of the sensor's own low pass, in words; None of none."""
+    with suppress(CalibrationError):  # the latency's own fit says what is wrong with them
+        if (found := fit_low_pass(*_arguments("latency", measured))) is not None:
+            low_s, high_s = found.interval_s
+            return (
+                f"{measured.device or 'the sensor'} has a low pass of its own of "
+                f"{found.filter_s:.3g} s (95 %: {low_s:.3g} to {high_s:.3g}): say filter_s = "
+                f"{high_s:.2g} in its [[sensor]], so that the force limit looks behind it. The "
+                f"delay that is written includes it; alone it is {1e3 * found.delay_s:.0f} ms"
+            )
+    return None
 
 
 def check_drift(file: Path, kind: str, measured: Measurements) -> str | None:

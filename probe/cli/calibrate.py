@@ -119,7 +119,13 @@ def calibrate(
     from calibration import record, save
     from calibration.errors import CalibrationError
     from probe.calibrate.doubts import doubts
-    from probe.calibrate.fits import Choices, check_drift, fit_measurements, raw_columns
+    from probe.calibrate.fits import (
+        Choices,
+        check_drift,
+        fit_measurements,
+        low_pass_found,
+        raw_columns,
+    )
     from probe.calibrate.measurements import read
     from probe.calibrate.scene_from_measurement import scene_found, write_found
     from sim_backend.scene.scene_file import load_scene
@@ -140,6 +146,8 @@ def calibrate(
         raise typer.BadParameter(f"--scene-out {scene_out}: so is --out; name two files")
     if (drift := check_drift(path, kind, r)) is not None:
         inform(f"the calibration in {path} so far: {drift}")
+    if kind == "latency" and (slow := low_pass_found(r)) is not None:
+        inform(f"note: {slow}")
     result = fit_measurements(kind, r, choices)
     # made before anything is written: where it cannot be, nothing is left half done
     made = None if scene_out is None else scene_found(block, result, scene_out)

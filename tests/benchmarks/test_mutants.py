@@ -1,4 +1,4 @@
-"""Breaking the source at random: every file has tests to ask, and a survivor is told from a catch."""
+"""Breaking the source at random: every file has tests to ask; a survivor is told from a catch."""
 
 from pathlib import Path
 

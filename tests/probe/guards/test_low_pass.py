@@ -9,11 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from springs import Bed, SpringSensor, SpringStage, spring_rig
 
-from drivers import ConfigError, SimulatedClock
+from drivers import Block, Channel, ConfigError, SimulatedClock
 from probe.config.devices import Devices
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.guards.force_limit import SensorGuard
 from probe.guards.low_pass import WINDOW_SHARE, LowPass
 from probe.guards.prepare import prepare
 from probe.scan.engine import run_scan
@@ -96,6 +97,23 @@ def test_a_tare_is_no_slope() -> None:
     low_pass.forget()
     after = low_pass.behind(np.array([0.03, 0.04, 0.05]), np.full((3, 1), -0.1))
     assert after == pytest.approx(np.full((3, 1), -0.1))
+
+
+def test_a_guard_forgets_the_slope_at_a_tare() -> None:
+    rig = rig_of(1.2, 0.5)
+    guard = SensorGuard(
+        (Channel("force", "N", "force"),), limits_for(rig, plan_for(rig)), filter_s=0.5
+    )
+
+    def check(first_s: float, force_n: float) -> str | None:
+        time_s = first_s + np.arange(5) * 2e-3
+        values = np.full((5, 1), force_n) + 1e-4 * np.arange(5)[:, None]
+        return guard.check(Block(time_s, values, np.zeros((5, 1), bool)))
+
+    assert check(0.0, -2.0) is None
+    guard.tare()
+    assert check(0.01, 0.05) is None
+    assert "behind the sensor's low pass" in str(check(0.02, 2.0))  # which a tare does not explain
 
 
 def prepared(filter_s: float, speed_mm_s: float) -> tuple[float, tuple[str, ...]]:
