@@ -120,7 +120,27 @@ def record(
     note: str = "",
     now: datetime | None = None,
 ) -> Record:
-    """A calibration ready to be written; ``raw`` names every column it was computed from.
+    """Make a calibration ready to be written.
+
+    Parameters
+    ----------
+    result
+        What `calibrate` gave.
+    device
+        The device's name as in the rig file.
+    raw
+        Every column that the calibration was computed from, by name: arrays (n,).
+    valid_days
+        After so many days the calibration counts as too old; None: never.
+    note
+        Anything a reader should know.
+    now
+        When it was made; by default now.
+
+    Returns
+    -------
+    Record
+        With the raw data, their check sum and the date.
 
     Examples
     --------
@@ -156,7 +176,19 @@ def record(
 
 
 def save(one: Record, path: str | PathLike[str]) -> None:
-    """Write a calibration file, whole or not at all. Raises `CalibrationError` without its folder.
+    """Write a calibration file, whole or not at all.
+
+    Parameters
+    ----------
+    one
+        What `record` gave.
+    path
+        The file; a rig's `calibration` table names it.
+
+    Raises
+    ------
+    CalibrationError
+        The folder is not there.
 
     Examples
     --------

@@ -12,7 +12,7 @@ import typer.main
 
 import palpate
 from probe.cli.command_line import build
-from probe.config.rig import Rig
+from probe.config.json_schema import rig_schema
 
 GENERATED = "<!-- Made from the code by docs/generate.py. -->\n\n"
 
@@ -51,61 +51,81 @@ def _parameter(one: Any, context: Any) -> str:
 
 
 def rig_file() -> str:
-    """The tables and keys of a rig file, from the model that checks it."""
-    schema = Rig.model_json_schema()
+    """The tables and keys of a rig file, from the schema that editors check it by."""
+    schema = rig_schema()
+    named = schema["$defs"]
     parts = [
         GENERATED + "# The rig file\n\nWhich devices, what to press where, and what must never be "
         "exceeded. Every number carries its unit in its name. A wrong key or value is refused by "
-        "name before anything moves. A grid has pairs where a row has numbers:\n\n"
+        "name before anything moves. `palpate schema rig` prints the same as a JSON schema. A grid "
+        "has pairs where a row has numbers:\n\n"
         "```toml\n[scan]\nstart_mm = [16.0, -4.0]\npitch_mm = [4.0, 2.0]\nstations = [9, 5]\n"
         "touch_n = 0.05    # find the surface by touch\nsearch_mm = 1.5\n```\n\n"
-        "The keys of a device beside `driver` and `fallback` are its driver's: see "
-        "[Devices](devices/README.md).\n"
+        "Any key can be given for one scan: `palpate scan RIG.toml --set scan.pitch_mm=2`.\n"
     ]
-    tables = {"top of the file": schema, **_tables(schema)}
+    tables = {
+        "top of the file": schema,
+        "`[scan]`": named["Scan"],
+        "`[safety]`": named["Safety"],
+        "`[safety.workspace_mm]`": named["Workspace"],
+        "`[scene]`": named["SceneChoice"],
+    }
     for title, table in tables.items():
-        head = title if title == "top of the file" else f"`[{title}]`"
-        parts.append(f"## {head}\n\n{table.get('description', '').strip()}\n")
-        parts.append("| key | what may stand there | default | what it is |\n|---|---|---|---|")
-        parts += [
-            f"| `{key}` | {_cell(_allowed(value, schema))} | {_default(value)} | "
-            f"{_cell(value.get('description') or _of_table(value, schema))} |"
-            for key, value in table["properties"].items()
-        ]
-        parts.append("")
+        parts += _keys(title, table, schema)
+    for kind, head in (("stage", "`[stage]`"), ("sensor", "`[[sensor]]`")):
+        for name, table in named.items():
+            driver = name.removeprefix(f"{kind}_")
+            if name.startswith(f"{kind}_") and driver != "device":
+                parts += _keys(f'{head} with `driver = "{driver}"`', table, schema)
+    inner = ("PiAxis", "TmclAxis", "ZaberAxis", "TextChannel", "Register")
+    heads = {
+        "PiAxis": "axes of `pi`",
+        "TmclAxis": "axes of `tmcl`",
+        "ZaberAxis": "axes of `zaber`",
+        "TextChannel": "`[[sensor.channel]]` of `lines` and `lsl`",
+        "Register": "`[[sensor.register]]` of `modbus`",
+    }
+    for name in inner:
+        parts += _keys(heads[name], named[name], schema)
     return "\n".join(parts)
 
 
-def _tables(schema: dict[str, Any]) -> dict[str, Any]:
-    named = schema["$defs"]
-    return {
-        "stage": named["Device"],
-        "scan": named["Scan"],
-        "safety": named["Safety"],
-        "safety.workspace_mm": named["Workspace"],
-        "scene": named["SceneChoice"],
-    }
-
-
-def _of_table(value: dict[str, Any], schema: dict[str, Any]) -> str:
-    name = value.get("$ref", "").removeprefix("#/$defs/")
-    return str(schema["$defs"][name]["description"]) if name else ""
+def _keys(title: str, table: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
+    """A heading, and a row for each key of a table."""
+    about = " ".join(str(table.get("description", "")).split("\n\n")[0].split())
+    yield f"## {title}\n\n{about}\n"
+    yield "| key | what may stand there | default | what it is |\n|---|---|---|---|"
+    needed = table.get("required", ())
+    for key, value in table["properties"].items():
+        default = "required" if key in needed else _default(value)
+        yield (
+            f"| `{key}` | {_cell(_allowed(value, schema))} | {default} | "
+            f"{_cell(value.get('description', ''))} |"
+        )
+    yield ""
 
 
 def _allowed(value: dict[str, Any], schema: dict[str, Any]) -> str:
     if "$ref" in value:
-        return "a table"
+        target = schema["$defs"][value["$ref"].removeprefix("#/$defs/")]
+        return _allowed(target, schema) if "enum" in target else "a table"
     if "anyOf" in value:
         return " or ".join(
-            _allowed(one, schema) for one in value["anyOf"] if one.get("type") != "null"
+            _allowed(choice, schema) for choice in value["anyOf"] if choice.get("type") != "null"
         )
     if "const" in value:
         return f"`{value['const']}`"
+    if "enum" in value:
+        return ", ".join(f"`{choice}`" for choice in value["enum"])
     if value.get("type") == "array":
         if "prefixItems" in value:
-            return "[" + ", ".join(_allowed(one, schema) for one in value["prefixItems"]) + "]"
+            inner = (_allowed(item, schema) for item in value["prefixItems"])
+            return "[" + ", ".join(inner) + "]"
         return "a list of " + _allowed(value["items"], schema).replace("a table", "tables")
-    words = {"number": "number", "integer": "whole number", "string": "text", "object": "a table"}
+    words = {
+        "number": "number", "integer": "whole number", "string": "text", "object": "a table",
+        "boolean": "`true` or `false`",
+    }  # fmt: skip
     limits = [
         f"{sign} {value[key]:g}"
         for key, sign in (
@@ -120,9 +140,13 @@ def _allowed(value: dict[str, Any], schema: dict[str, Any]) -> str:
 
 
 def _default(value: dict[str, Any]) -> str:
-    if "default" not in value or isinstance(value["default"], dict | list):
-        return ""
-    return "" if value["default"] is None else f"`{value['default']}`"
+    """As TOML would have it."""
+    default = value.get("default")
+    if default is None or isinstance(default, dict):
+        return "–"
+    if isinstance(default, bool):
+        return f"`{str(default).lower()}`"
+    return f"`{default}`" if default != "" else '`""`'
 
 
 def api() -> str:

@@ -61,25 +61,35 @@ def calibrate(
 
     Parameters
     ----------
-    kind : ``force``, ``taxels``, ``gravity``, ``tare``, ``tool``, ``axes``, ``surface``,
-        ``latency``, ``compliance``, ``tissue`` or ``heart``; ``palpate calibrate KIND`` says how
-        to measure for each and which columns its table has.
-    measurements : a CSV table, or a run file.
-    device : the device's name as in the rig file; a run knows it.
-    station : of a run, the press to take, from 1.
-    surface_model : of a surface, its shape: ``plane``, ``quadric``, or ``map`` of more points.
-    scene : of a tissue, its block and finger: a `Scene`, a built-in name or a file.
-    relaxation_s : of a tissue, a guess of each relaxation time that is wanted [s].
-    cuff_mmhg : of a heart, the systolic and diastolic reading of a cuff.
+    kind
+        ``force``, ``taxels``, ``gravity``, ``tare``, ``tool``, ``axes``, ``surface``,
+        ``latency``, ``compliance``, ``tissue`` or ``heart``; ``palpate calibrate KIND``
+        says how to measure for each and which columns its table has.
+    measurements
+        A CSV table, or a run file.
+    device
+        The device's name as in the rig file; a run knows it.
+    station
+        Of a run: the press to take, counted from 1.
+    surface_model
+        Of a surface: its shape; ``map`` is made of more points.
+    scene
+        Of a tissue: its block and finger, as a `Scene`, a built-in name or a file.
+    relaxation_s
+        Of a tissue: a guess of each relaxation time that is wanted [s].
+    cuff_mmhg
+        Of a heart: the systolic and diastolic reading of a cuff [mmHg].
 
     Returns
     -------
-    The fitted calibration: its methods apply it, its ``fit`` has values and 95 % intervals.
-    `calibration.record` and `calibration.save` keep it in a file that a rig can name.
+    Calibration
+        Its methods apply it, its ``fit`` has values and 95 % intervals. `record` and `save`
+        keep it in a file that a rig can name.
 
     Raises
     ------
-    CalibrationError : names file and column, or says what the data leave open.
+    CalibrationError
+        Names file and column, or says what the data leave open.
 
     Examples
     --------

@@ -55,7 +55,7 @@ def build() -> typer.Typer:
         rich_markup_mode=None,
         context_settings={"help_option_names": sorted(HELP)},
         epilog="Exit status: 0 done, 2 bad input, 3 device or safety fault, 4 physics not solved, "
-        "5 aborted or stopped by the user.",
+        "5 aborted or stopped by the user, 70 a mistake of palpate itself.",
     )
     app.callback()(_options)
     for name in GROUPS:

@@ -71,10 +71,36 @@ def connect(
 ) -> Devices:
     """Open every device of the rig.
 
-    ``scene`` overrides the rig's. ``fallback`` allows stand-ins for all devices. With the wall
-    clock every station is solved here, so that no reading waits for the physics.
-    Raises `RigError`, `SceneError`, `DeviceAbsent` where no stand-in is allowed, and `DeviceFault`
-    for a driver's own mistake.
+    Parameters
+    ----------
+    rig
+        Which devices, and their settings.
+    clock
+        What times are taken on. With the wall clock every station of a simulated rig is
+        solved here, so that no reading waits for the physics.
+    scene
+        What simulated devices feel, in place of the rig's own.
+    seed
+        Of the simulated noise: the same seed gives the same readings.
+    fallback
+        ``virtual`` allows a simulated stand-in for every absent device.
+    respond
+        What answers for the tissue at a place (scene, x in mm, deepest press in mm); by
+        default the finite elements.
+
+    Returns
+    -------
+    Devices
+        The stage and the sensors, open.
+
+    Raises
+    ------
+    RigError, SceneError
+        The rig or the scene cannot be.
+    DeviceAbsent
+        A device is not there and no stand-in is allowed.
+    DeviceFault
+        A driver's own mistake.
 
     Examples
     --------

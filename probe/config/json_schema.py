@@ -9,6 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 from drivers import ConfigError, available, settings_of
+from drivers.core.key_descriptions import description
 from drivers.core.registry import Kind
 from probe.config import rig
 from sim_backend.scene.scene_file import Scene
@@ -37,6 +38,8 @@ def rig_schema() -> dict[str, Any]:
                 keys = settings_of(kind, name, GIVEN).model_json_schema()
             except ConfigError as error:  # a driver of others that does not load
                 keys = {"properties": {}, "additionalProperties": True, "description": str(error)}
+            for own in (keys, *keys.get("$defs", {}).values()):
+                _say(name, own["properties"])
             defs.update(keys.pop("$defs", {}))
             keys["properties"] |= {
                 **common["properties"],
@@ -59,8 +62,10 @@ def rig_schema() -> dict[str, Any]:
             "allOf": branches,
         }
     properties = schema["properties"]
-    properties["stage"] = {"$ref": "#/$defs/stage_device"}
+    said = {key: properties[key]["description"] for key in ("stage", "sensor")}
+    properties["stage"] = {"$ref": "#/$defs/stage_device", "description": said["stage"]}
     properties["sensor"] = {
+        "description": said["sensor"],
         "type": "array",
         "minItems": 1,
         "items": {"$ref": "#/$defs/sensor_device"},
@@ -85,6 +90,13 @@ def _describe(tables: dict[str, Any]) -> None:
                     keys = tables[table.name]["properties"]
                     described = {**keys[key], "description": inspect.cleandoc(words)}
                     keys[key] = dict(sorted(described.items()))  # as pydantic has them
+
+
+def _say(driver: str, keys: dict[str, Any]) -> None:
+    """Describe a driver's keys where it does not do so itself."""
+    for key, value in keys.items():
+        if words := value.get("description") or description(driver, key):
+            keys[key] = {**value, "description": words}
 
 
 def _first_line(keys: dict[str, Any]) -> str:

@@ -17,7 +17,22 @@ from sim_backend.scene.scene_file import MAX_FILE_BYTES, scene_names
 
 
 def load_rig(path: str | Path) -> Rig:
-    """Read a rig file; the paths in it are relative to its folder. Raises `RigError`.
+    """Read a rig file.
+
+    Parameters
+    ----------
+    path
+        The TOML file; paths in it are relative to its folder.
+
+    Returns
+    -------
+    Rig
+        Checked: every key is known and possible.
+
+    Raises
+    ------
+    RigError
+        Names the key, its value and what is allowed.
 
     Examples
     --------

@@ -237,10 +237,19 @@ class Rig(Explained, Table):
 
 
 def default_rig(scene: Scene | None = None) -> Rig:
-    """The simulated rig: stations 4 mm apart over the whole block, 15 without a scene.
+    """The simulated rig: a row of stations 4 mm apart over the whole block.
 
-    The row is in the block's middle and stays 4 mm or more from its ends; a lone vessel has one
-    station, over its middle.
+    Parameters
+    ----------
+    scene
+        What is to be pressed: the row is in the middle of its block and stays 4 mm or more
+        from the ends, a lone vessel has one station over its middle. Without it there are
+        15 stations.
+
+    Returns
+    -------
+    Rig
+        With a virtual stage and a virtual force sensor.
 
     Examples
     --------

@@ -10,10 +10,26 @@ ROUNDING_MM = 1e-6  # as `probe.planning.plan.check_reach` allows: 0.9 mm in met
 
 
 def limits_for(rig: Rig, plan: Plan) -> Limits:
-    """The safety table.
+    """What must never be exceeded, from the rig's safety table.
 
-    Raises `RigError` if the plan goes deeper than it allows, and `ConfigError` if a pose of the
-    plan lies outside the workspace.
+    Parameters
+    ----------
+    rig
+        Its `safety` table.
+    plan
+        What is to be pressed: its depth and places must be within the limits.
+
+    Returns
+    -------
+    Limits
+        In SI units.
+
+    Raises
+    ------
+    RigError
+        The plan goes deeper than the table allows.
+    ConfigError
+        A pose of the plan lies outside the workspace.
 
     Examples
     --------

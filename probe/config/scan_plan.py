@@ -15,8 +15,23 @@ SLACK_MM = 1e-6
 def plan_for(rig: Rig) -> Plan:
     """The scan as stations and one press.
 
-    Reads the calibrations of surface and compliance, so call it once. Raises `CalibrationError`,
-    and `RigError` if the surface's points do not make one.
+    Parameters
+    ----------
+    rig
+        Its `scan` table, and the calibrations of surface and compliance, which are read
+        here: call it once.
+
+    Returns
+    -------
+    Plan
+        Stations in the order of the scan, in SI units.
+
+    Raises
+    ------
+    CalibrationError
+        A calibration file cannot be read.
+    RigError
+        The surface's points do not make one.
 
     Examples
     --------

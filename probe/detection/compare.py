@@ -21,6 +21,23 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     its largest pulse. ``neither`` when stiffness and pulse are equal within their doubt,
     ``undecided`` when they contradict each other or no pulse is seen at all.
 
+    Parameters
+    ----------
+    a
+        A recording, a run or a run file.
+    b
+        The other one.
+
+    Returns
+    -------
+    Comparison
+        What differs, and how sure that is.
+
+    Raises
+    ------
+    RunFileError
+        The file cannot be read, or is no run.
+
     Examples
     --------
     >>> import palpate

@@ -56,16 +56,31 @@ def detect(
     false_alarm: float = DEFAULT_FALSE_ALARM,
     asked_pa: float | None = None,
 ) -> Finding:
-    """What lies beneath a scan, and where: of a recording, a run, or a run file.
+    """What lies beneath a scan, and where.
 
-    ``false_alarm`` is the chance that a scan over nothing finds something: half of it is spent on
-    the pulse, half on the level map; where more than twice the default is asked for (more than it
-    in a single press), less sure causes count as pulses too. ``asked_pa`` is the smallest pulse,
-    trough to crest, that "nothing" is to rule out: where the scan would not have shown it, the
-    finding is "cannot see".
-    By default it is that of the paper's healthy artery on this probe's face. Works on real and
-    simulated recordings alike. Never raises for what was recorded: a press that cannot be judged is
-    a station with a ``note``.
+    Parameters
+    ----------
+    source
+        A recording, a run, or a run file; real and simulated ones are read alike.
+    false_alarm
+        The chance that a scan over nothing finds something: half of it is spent on the
+        pulse, half on the level map. Where more than twice the default is asked for (more
+        than it in a single press), less sure causes count as pulses too.
+    asked_pa
+        The smallest pulse, trough to crest [Pa], that "nothing" is to rule out: where the
+        scan would not have shown it, the finding is "cannot see". By default it is that of
+        the paper's healthy artery on this probe's face.
+
+    Returns
+    -------
+    Finding
+        What was found. Never raises for what was recorded: a press that cannot be judged is
+        a station with a ``note``.
+
+    Raises
+    ------
+    RunFileError
+        The file cannot be read, or is no run.
 
     Examples
     --------

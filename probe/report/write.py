@@ -23,11 +23,26 @@ DPI = 300
 def write_report(
     run_path: str | PathLike[str], out_dir: str | Path, *, without_names: bool = False
 ) -> Path:
-    """Write ``report.html`` and the figures into ``out_dir``; returns the page's path.
+    """Write a run's report: a page and its figures.
 
-    ``without_names`` leaves out who, where and when: see `probe.report.anonymous`.
+    Parameters
+    ----------
+    run_path
+        The run file.
+    out_dir
+        Where ``report.html`` and the figures (PNG, SVG, PDF) go.
+    without_names
+        Leave out who, where and when: see `probe.report.anonymous`.
 
-    Raises `RunFileError` if no station is complete: there is nothing to show then.
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    RunFileError
+        No station is complete: there is nothing to show.
     """
     from probe.detection import detect  # here: reading and detecting are not needed to draw
     from probe.storage.run import open_run

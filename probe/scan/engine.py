@@ -64,14 +64,41 @@ def run_scan(
     attempts: Mapping[int, int] | None = None,
     monitor: GuardClient | None = None,
 ) -> RunEnded:
-    """Run a whole scan and return its last event.
+    """Run a whole scan on devices that are already open.
 
-    ``sink`` gets every event; if it raises, the scan retracts and ends as faulted. An observer
-    that raises is noted and not called again. A resumed run gives the stations already
-    ``completed``, which are skipped, and the ``attempts`` made so far at each station.
-    ``monitor``: the one that has the devices in another process; without it one is made here.
-    Devices are connected and stopped here, and closed by whoever opened them. A fault of the
-    program itself (not of a device) stops the stage and is raised.
+    Parameters
+    ----------
+    plan
+        Where to press, and how.
+    stage
+        What moves. Devices are connected and stopped here, and closed by whoever opened
+        them.
+    sensors
+        What feels.
+    clock
+        What times are taken on.
+    sink
+        Gets every event; if it raises, the scan retracts and ends as faulted.
+    limits
+        What must never be exceeded.
+    control
+        Passes pause, resume, abort and stop from another thread.
+    observers
+        Get every event, too; one that raises is noted and not called again.
+    config
+        Everything the run depends on, kept in its first event.
+    completed
+        Stations of a resumed run that are skipped.
+    attempts
+        Attempts made so far at each station of a resumed run.
+    monitor
+        The guards that have the devices in another process; without it they are made here.
+
+    Returns
+    -------
+    RunEnded
+        The last event. A fault of the program itself, not of a device, stops the stage and
+        is raised.
 
     Examples
     --------

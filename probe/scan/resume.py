@@ -128,9 +128,35 @@ def resume(
 ) -> ScanResult:
     """Scan the stations that a run lacks, with the rig, scene and plan stored in it.
 
-    A run from another computer opens real devices only with ``trust``. Raises `RunFileError` for
-    one without, if there is nothing to do, its last events are lost or a file has changed since,
-    and as `probe.scan.session.scan`.
+    Parameters
+    ----------
+    path
+        The run file.
+    fallback
+        As of `scan`.
+    real_time
+        As of `scan`.
+    control
+        As of `scan`.
+    observers
+        As of `scan`.
+    opened
+        As of `scan`.
+    respond
+        As of `connect`.
+    trust
+        Open real devices though the run is from another computer.
+
+    Returns
+    -------
+    ScanResult
+        As of `scan`.
+
+    Raises
+    ------
+    RunFileError
+        There is nothing to do, the run's last events are lost, a file it depends on has
+        changed, or it is from another computer and not trusted.
 
     Examples
     --------

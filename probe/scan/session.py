@@ -85,16 +85,50 @@ def scan(
     opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
     respond: Respond | None = None,
 ) -> ScanResult:
-    """Scan with a rig (by default the simulated one) and store the run in a new file in ``out``.
+    """Scan with a rig, and store the run in a new file.
 
-    ``scene``, a built-in name, a file or a `Scene`, is what simulated devices feel. A rig
-    of simulated devices only runs on simulated time, as fast as it can, unless ``real_time``.
-    ``labels`` (operator, specimen, notes of your own) are kept in the run for `palpate runs`.
-    In a notebook the cell shows the station that is pressed and the time left.
-    ``opened`` is given the run file and the devices' notes before anything moves.
-    Raises `RigError`, `SceneError`, `drivers.ConfigError`, `drivers.DeviceFault` and, without
-    room on the disk, `StoreError` before anything moves, and
-    `sim_backend.models.press.CannotSolve`; any later fault is in ``ended``.
+    Parameters
+    ----------
+    rig
+        A `Rig` or a rig file; by default the simulated rig. A rig of simulated devices only
+        runs on simulated time, as fast as it can.
+    scene
+        What simulated devices feel: a built-in name, a file or a `Scene`.
+    out
+        The folder of the new run file.
+    seed
+        Of the simulated noise: the same seed gives the same run.
+    labels
+        Operator, specimen and notes of your own, kept in the run for `palpate runs`.
+    fallback
+        ``virtual`` allows a simulated stand-in for every absent device.
+    real_time
+        Let a simulated scan take as long as a real one.
+    control
+        Passes pause, resume, abort and stop from another thread.
+    observers
+        Get every event; one that raises is noted and not called again.
+    opened
+        Given the run file and the devices' notes before anything moves.
+    respond
+        What answers for the tissue, as of `connect`.
+
+    Returns
+    -------
+    ScanResult
+        The file and how the scan ended: a fault after the start is in ``ended``, not
+        raised. In a notebook the cell shows the station that is pressed and the time left.
+
+    Raises
+    ------
+    RigError, SceneError, ConfigError
+        Before anything moves: what cannot be, and what is allowed.
+    DeviceAbsent, DeviceFault
+        Before anything moves: a device is not there, or does not work.
+    StoreError
+        There is no room on the disk.
+    CannotSolve
+        The physics of a simulated rig has no solution.
 
     Examples
     --------

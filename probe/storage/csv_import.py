@@ -74,15 +74,33 @@ class Imported:
 def import_csv(
     source: str | Path, out: str | Path, *, face_mm2: float | None = None, topic: str | None = None
 ) -> Imported:
-    """Read a CSV (or .csv.gz) and write it as the new run file ``out``.
+    """Read a recording made elsewhere and write it as a new run file.
 
-    Also what ``palpate export`` wrote, and the wrenches of ``topic`` in an MCAP file: see
-    `probe.storage.import_formats`.
+    Parameters
+    ----------
+    source
+        A CSV (or .csv.gz), what ``palpate export`` wrote, or an MCAP file: see
+        `probe.storage.import_formats`.
+    out
+        The new run file.
+    face_mm2
+        The probe's face [mm2], which turns a force into the stress that detection works on;
+        it scales what is found and does not change what is found. By default the file's
+        own, as ``palpate export`` writes it to netCDF, HDF5, Parquet and MCAP.
+    topic
+        Of an MCAP file: the topic of its wrenches.
 
-    ``face_mm2`` is the probe's face, which turns a force into the stress that detection works on;
-    it scales what is found and does not change what is found. Where it is not given it is the
-    file's own, as ``palpate export`` writes it to netCDF, HDF5, Parquet and MCAP.
-    Raises `CsvError` for a bad recording, `StoreError` if ``out`` exists or cannot be written.
+    Returns
+    -------
+    Imported
+        The new file, and what was read.
+
+    Raises
+    ------
+    CsvError
+        Says what is wrong with the recording, and where.
+    StoreError
+        ``out`` exists or cannot be written.
 
     Examples
     --------

@@ -38,12 +38,30 @@ UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 def export(
     run_path: str | PathLike[str], formats: str | Sequence[str], out_dir: str | Path
 ) -> tuple[Path, ...]:
-    """Write a run into ``out_dir`` in each of ``formats``; the files written.
+    """Write a run in other formats.
 
-    ``formats``: csv, hdf5, netcdf, parquet, mcap; a list, or text as in the shell: ``"csv,mcap"``.
-    Files of an earlier export are replaced once all new ones are whole. Raises `ValueError` for
-    another format or none, `RunFileError` for a run that cannot be read, `OSError` where
-    ``out_dir`` takes no files.
+    Parameters
+    ----------
+    run_path
+        The run file.
+    formats
+        csv, hdf5, netcdf, parquet, mcap: a list, or text as in the shell, ``"csv,mcap"``.
+    out_dir
+        Where to. Files of an earlier export are replaced once all new ones are whole.
+
+    Returns
+    -------
+    tuple[Path, ...]
+        The files written.
+
+    Raises
+    ------
+    ValueError
+        Another format, or none.
+    RunFileError
+        The run cannot be read.
+    OSError
+        ``out_dir`` takes no files.
 
     Examples
     --------

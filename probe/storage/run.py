@@ -160,7 +160,20 @@ def recording_of(source: Recording | str | PathLike[str]) -> Recording:
 def open_run(path: str | PathLike[str]) -> Run:
     """Open a run file: finished, growing, or left by a scan that was killed.
 
-    Nothing is written. Raises `RunFileError` if the file is no run, damaged, or too new.
+    Parameters
+    ----------
+    path
+        The run file; nothing is written to it.
+
+    Returns
+    -------
+    Run
+        Its events, samples, stations and recording.
+
+    Raises
+    ------
+    RunFileError
+        The file is no run, is damaged, or was written by a newer version.
 
     Examples
     --------
@@ -180,9 +193,23 @@ def open_run(path: str | PathLike[str]) -> Run:
 
 
 def follow(path: str | Path) -> Iterator[Event | None]:
-    """The events of a run as they are committed; None whenever there is nothing new.
+    """The events of a run as they are committed.
 
-    Waits for a file that is not there yet; never ends by itself. Raises `RunFileError`.
+    Parameters
+    ----------
+    path
+        The run file; if it is not there yet, it is waited for.
+
+    Returns
+    -------
+    Iterator[Event | None]
+        Each event in its order, None whenever there is nothing new. It never ends by
+        itself.
+
+    Raises
+    ------
+    RunFileError
+        The file is no run, or damaged.
 
     Examples
     --------

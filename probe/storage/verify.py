@@ -68,12 +68,25 @@ class Report:
 
 
 def verify(path: str | PathLike[str]) -> Report:
-    """Check everything that can be checked; nothing is written.
+    """Check everything that can be checked in a run file; nothing is written.
 
-    The database's own integrity, its log, every row's checksum and its place in the chain, that
-    the last events are there, the order of events, that no sample is there twice or under a
-    station it was not taken at, and that stations marked complete are. Raises `RunFileError` only
-    for a file that is no run at all, or that nothing has been stored in yet.
+    Parameters
+    ----------
+    path
+        The run file.
+
+    Returns
+    -------
+    Report
+        Its ``ok``, and what was found: the database's own integrity, its log, every row's
+        check sum and place in the chain, that the last events are there, the order of
+        events, that no sample is there twice or under a station it was not taken at, and
+        that stations marked complete are.
+
+    Raises
+    ------
+    RunFileError
+        Only if the file is no run at all, or nothing has been stored in it yet.
 
     Examples
     --------

@@ -60,25 +60,46 @@ def sweep(
 
     Parameters
     ----------
-    scene : a `Scene`, a built-in name or a scene file.
-    vary : scene keys with their values: ``{"wall_mm": [0.4, 0.6]}``, or as the shell has them,
+    scene
+        A `Scene`, a built-in name or a scene file.
+    vary
+        Scene keys with their values: ``{"wall_mm": [0.4, 0.6]}``, or as the shell has them,
         ``{"wall_mm": "0.4..0.6:3"}``.
-    out : the table; ``.parquet``, ``.csv`` or ``.h5``. A sweep's own is replaced.
-    design : ``full`` (every combination), ``zip``, or a random ``lhs`` or ``sobol`` of ``count``
-        points from intervals ``"0.4..0.6"``, drawn with ``seed``.
-    x_mm : where to press, ``[20, 32]`` or ``"4..60:15"``; over the inclusion if empty.
-    workers, scheduler : processes on this machine, or the address of a Dask scheduler.
-    progress : is given the number of points done and of all; by default a notebook shows them.
+    out
+        The table: ``.parquet``, ``.csv`` or ``.h5``. A sweep's own is replaced.
+    design
+        ``full`` (every combination), ``zip``, or a random ``lhs`` or ``sobol`` of ``count``
+        points from intervals ``"0.4..0.6"``.
+    count
+        Points of a random design.
+    seed
+        Of a random design.
+    x_mm
+        Where to press, ``[20, 32]`` or ``"4..60:15"``; over the inclusion if empty.
+    indentation_mm
+        How deep.
+    model
+        As of `press`.
+    accuracy_pct
+        As of `press`.
+    workers
+        Processes on this machine; by default one for each processor.
+    scheduler
+        The address of a Dask scheduler that has the workers instead.
+    progress
+        Given the number of points done and of all; by default a notebook shows them.
 
     Returns
     -------
-    A row per point and place; ``reason`` says why a point could not be solved, and
-    ``error_estimate_pct`` [%] what force and pulse may be off by: more than ``accuracy_pct`` where
-    a ``model`` is named that cannot do better.
+    DataFrame
+        A row for each point and place. ``reason`` says why a point could not be solved,
+        ``error_estimate_pct`` [%] what force and pulse may be off by: more than
+        ``accuracy_pct`` where a ``model`` is named that cannot do better.
 
     Raises
     ------
-    ConfigError : names the key or value that cannot be, or ``out`` if it is a file of yours.
+    ConfigError
+        Names the key or value that cannot be, or ``out`` if it is a file of yours.
 
     Examples
     --------

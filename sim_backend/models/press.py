@@ -233,21 +233,43 @@ def press(
     gradient: bool = False,
     solving: Solving | None = None,
 ) -> Press:
-    """Press ``depth_mm`` deep at ``x_mm``; one state per pressure, at 0 mmHg of an empty list.
+    """Press a finger into a scene by finite elements.
 
-    Without ``pressures_mmhg`` at the scene's diastolic and systolic, where it has a vessel.
+    Parameters
+    ----------
+    scene
+        A `Scene`, a built-in name or a scene file.
+    x_mm
+        Where along the surface.
+    depth_mm
+        How deep the finger goes below the surface.
+    pressures_mmhg
+        The pressures in the lumen, one state each, in order. By default the scene's
+        diastolic and systolic ones if it has a vessel, otherwise 0.
+    model
+        ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in space;
+        ``auto`` takes the cheapest model and mesh that keep ``accuracy_pct``.
+    accuracy_pct
+        How far force and pulse may be off [%]. Meshes are refined until this is reached;
+        where it cannot be, the stated error is larger.
+    gradient
+        Let each state say what its force changes with: exactly on its mesh, at finite
+        strain, nothing of the scene left out.
+    solving
+        Given a line about each mesh before it is solved; without it a notebook shows them
+        below the cell.
 
-    ``scene`` is a `Scene`, a built-in name or a scene file.
+    Returns
+    -------
+    Press
+        The states, their force, contact and stress, and the error estimate.
 
-    Model and mesh are the cheapest that keep force and pulse within ``accuracy_pct``, unless
-    ``model`` names one: ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in
-    space. Meshes are refined until what changes is
-    small enough; where that cannot be reached, the stated error is above ``accuracy_pct``.
-    With ``gradient`` each state says what its force changes with: exactly on its mesh, at finite
-    strain, nothing of the scene left out.
-    ``solving`` receives a line about each mesh before it is solved; without it a notebook shows
-    them below the cell. Raises `SceneError` for a press that cannot be meant and `CannotSolve`
-    where physics ends.
+    Raises
+    ------
+    SceneError
+        A press that cannot be meant.
+    CannotSolve
+        Where physics ends, and which limit was met.
 
     Examples
     --------

@@ -299,9 +299,23 @@ def as_scene(scene: Scene | str | Path) -> Scene:
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """A built-in scene by name, or a scene file. Raises `SceneError`.
+    """A scene by name, or from a file.
 
-    A wave file is looked for beside the scene file; the scene holds its full path.
+    Parameters
+    ----------
+    name_or_path
+        A built-in scene (`scene_names`), or a TOML file. A wave file is looked for beside
+        it; the scene holds its full path.
+
+    Returns
+    -------
+    Scene
+        Checked: its geometry is possible.
+
+    Raises
+    ------
+    SceneError
+        Names the key, its value and what is allowed.
 
     Examples
     --------

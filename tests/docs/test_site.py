@@ -15,7 +15,7 @@ import typer.main
 from paths import ROOT
 
 import palpate
-from drivers import settings_of
+from drivers import available, settings_of
 from probe.cli import main
 from probe.cli.command_line import build
 from probe.config.rig import Rig
@@ -193,3 +193,23 @@ NAMESPACES: dict[Path, dict[str, Any]] = {}
 def globals_for(page: Path) -> dict[str, Any]:
     """One namespace a page, so that a block may use what the one before it made."""
     return NAMESPACES.setdefault(page, {"__name__": page.stem})
+
+
+@pytest.mark.parametrize("name", ["rig-file", "cli", "api", "scene-file", "findings"])
+def test_no_cell_of_a_reference_page_is_empty(name: str, _site: Path) -> None:
+    """35 of 39 keys of the rig file had no word of what they are, and devices' keys none at all."""
+    text = (_site / "reference" / f"{name}.html").read_text(encoding="utf-8")
+    rows = re.findall(r"<tr.*?</tr>", text, re.DOTALL)
+    assert len(rows) > 4
+    for row in rows:
+        cells = re.findall(r"<t[dh][^>]*>(.*?)</t[dh]>", row, re.DOTALL)
+        words = [re.sub(r"<[^>]+>|\s", "", cell) for cell in cells]
+        assert all(words), (name, html.unescape(re.sub(r"<[^>]+>|\s+", " ", row)))
+
+
+def test_every_key_of_every_device_is_described(_site: Path) -> None:
+    text = (_site / "reference" / "rig-file.html").read_text(encoding="utf-8")
+    for kind in ("stages", "sensors"):
+        for name in available(kind):
+            assert f'driver = "{name}"' in html.unescape(text)
+    assert text.count("<td><code>origin_mm</code></td>") == 6
