@@ -12,9 +12,9 @@ import sys
 import numpy as np
 from random_presses import random_press
 
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.model import build_section
-from sim_backend.fem.newton import Load
+from sim_backend.fem.newton import Load, unloaded
 from sim_backend.models.refine import mesh_grading
 from sim_backend.scene.waves import PA_PER_MMHG
 

@@ -19,7 +19,7 @@ from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 if TYPE_CHECKING:
-    from sim_backend.fem.solid.newton import SolidSolution
+    from sim_backend.fem.newton import Solution
     from sim_backend.phantom.phantom import Response
 
 DEPTHS = 6
@@ -188,7 +188,7 @@ def _cuts(
     body, solved = solve_states(scene, 1e-3 * x_mm, depth_m, pressure_pa)
     cut = Cut(body)
 
-    def shown(one: "SolidSolution") -> _Shown:
+    def shown(one: "Solution") -> _Shown:
         left, right = contact_m(body, one)
         return _Shown(cut.nodes_m, cut.triangles, cut.displacement_m(one), cut.von_mises_pa(one),
                       (1e3 * left, 1e3 * right))  # fmt: skip

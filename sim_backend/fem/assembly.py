@@ -1,13 +1,13 @@
 """Element blocks into one sparse matrix whose pattern and ordering are found once."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Protocol
 
 import numpy as np
 
-from sim_backend.arrays import Array, Ints
+from sim_backend.arrays import Array, Blocks, Ints
 from sim_backend.fem import kernel
 
 
@@ -55,17 +55,19 @@ class Assembly:
         """Without the factors, which are the solver's own and cannot be kept."""
         return {name: value for name, value in self.__dict__.items() if name != "_solver"}
 
-    def factor(self, matrices: list[Array]) -> "Factors":
+    def factor(self, matrices: Sequence[Blocks]) -> "Factors":
         """Factors of the summed blocks, one (m, d, d) array per group, in the groups' order.
 
         They hold until the next call. Raises `SingularMatrix`.
         """
-        negative = self._solver.factor(tuple(np.ascontiguousarray(m) for m in matrices))
+        negative = self._solver.factor(
+            tuple(np.ascontiguousarray(m, dtype=np.float64) for m in matrices)
+        )
         if negative < 0:
             raise SingularMatrix("a pivot is zero or not a number")
         return Factors(negative, self._solver)
 
-    def times(self, matrices: list[Array], u: Array) -> Array:
+    def times(self, matrices: Sequence[Blocks], u: Array) -> Array:
         """The summed blocks times displacements ``u`` (size,)."""
         return sum(
             (

@@ -8,22 +8,22 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.finger_gaps import finger_over
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.elements import as_element
 from sim_backend.fem.finite_strain import Solved
 from sim_backend.fem.mesh import block_mesh
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import (
     Grading,
-    Section,
     best_element,
     element_sizes,
     half_contact,
     materials,
     ring_of,
 )
-from sim_backend.fem.newton import Load, NotConverged
+from sim_backend.fem.newton import Load, NotConverged, unloaded
 from sim_backend.fem.revolved import revolved
+from sim_backend.fem.section import Section
 from sim_backend.fem.support import SlidingConstraint
 from sim_backend.scene.inclusion import Tumour
 from sim_backend.scene.scene_file import Scene

@@ -5,10 +5,11 @@ from contextlib import suppress
 from math import ceil
 
 from sim_backend.fem.contact.finger_gaps import Finger
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.mesh_transfer import continued
-from sim_backend.fem.model import CONTACT_SHARE, Grading, Section, build_section
-from sim_backend.fem.newton import CannotSolve, Load, NotConverged, Solution
+from sim_backend.fem.model import CONTACT_SHARE, Grading, build_section
+from sim_backend.fem.newton import CannotSolve, Load, NotConverged, Solution, unloaded
+from sim_backend.fem.section import Section
 from sim_backend.scene.scene_file import Scene
 
 Solved = tuple[Section, list[Solution]]

@@ -1,6 +1,7 @@
 """Internal forces and exact tangents of all cells, total Lagrangian."""
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -16,18 +17,34 @@ from sim_backend.fem.material import (
     plane_strain,
     plane_stress,
 )
-from sim_backend.fem.model import Section
 from sim_backend.fem.revolved import revolved_forces_and_tangents
+
+
+class Elastic(Protocol):
+    """Cells and what they are made of: ``shear`` and ``bulk`` (m,) [Pa]."""
+
+    @property
+    def cells(self) -> Cells: ...
+
+    @property
+    def shear(self) -> Array: ...
+
+    @property
+    def bulk(self) -> Array: ...
+
+    @property
+    def plane_stress(self) -> bool: ...
+
 
 _AT_REST = np.array([1.0, 0.0, 0.0, 1.0])
 
 
-def deformation(section: Section, u: Array) -> Array:
+def deformation(section: Elastic, u: Array) -> Array:
     """F (m, q, 4) at the quadrature points for displacements ``u`` (n, 2) [m]."""
     return np.asarray(displacement_gradient(section, u) + _AT_REST)
 
 
-def displacement_gradient(section: Section, u: Array) -> Array:
+def displacement_gradient(section: Elastic, u: Array) -> Array:
     """F - 1 (m, q, 4), as `deformation`."""
     cells = section.cells
     m, q, _, d = cells.operator.shape
@@ -35,28 +52,28 @@ def displacement_gradient(section: Section, u: Array) -> Array:
     return np.asarray((cells.operator.reshape(m, q * 4, d) @ local).reshape(m, q, 4))
 
 
-def smallest_area_ratio(section: Section, u: Array) -> tuple[float, int]:
+def smallest_area_ratio(section: Elastic, u: Array) -> tuple[float, int]:
     """The smallest det F and the cell where it is."""
     j = area_ratio(deformation(section, u)).min(axis=1)
     worst = int(np.argmin(j))
     return float(j[worst]), worst
 
 
-def least_area_ratio(section: Section, u: Array) -> float:
+def least_area_ratio(section: Elastic, u: Array) -> float:
     """The smallest det F."""
     if kernel.BUILT:
         return kernel.least_area_ratio(*_for_kernel(section, u))
     return float(area_ratio(deformation(section, u)).min())
 
 
-def forces_and_tangents(section: Section, u: Array) -> tuple[Array, Array]:
+def forces_and_tangents(section: Elastic, u: Array) -> tuple[Array, Array]:
     """Element forces (m, d) [N/m] and tangents (m, d, d) [Pa]."""
     force, tangents = internal_forces(section, u)
     return force, tangents()
 
 
 def internal_forces(
-    section: Section, u: Array, change: Array | None = None
+    section: Elastic, u: Array, change: Array | None = None
 ) -> tuple[Array, Callable[[], Array]]:
     """Element forces (m, d) [N/m], and what forms their tangents (m, d, d) [Pa] where they are
     wanted, as long as ``u`` stays: that takes longer.
@@ -75,7 +92,7 @@ def internal_forces(
     return (force, tangents) if cells.hourglass is None else _held(section, u, force, tangents)
 
 
-def _for_kernel(section: Section, u: Array) -> tuple[Array, Ints, Array, Array, Array, Array, int]:
+def _for_kernel(section: Elastic, u: Array) -> tuple[Array, Ints, Array, Array, Array, Array, int]:
     cells = section.cells
     law = 0 if section.plane_stress else 2 if cells.dilatation else 1
     return (np.ascontiguousarray(u), cells.nodes, cells.gradient, cells.weight, section.shear,
@@ -83,7 +100,7 @@ def _for_kernel(section: Section, u: Array) -> tuple[Array, Ints, Array, Array, 
 
 
 def _by_kernel(
-    section: Section, u: Array, change: Array | None
+    section: Elastic, u: Array, change: Array | None
 ) -> tuple[Array, Callable[[], Array]]:
     given = _for_kernel(section, u)
     m, d = section.cells.dofs.shape
@@ -99,7 +116,7 @@ def _by_kernel(
 
 
 def _by_numpy(
-    section: Section, u: Array, change: Array | None
+    section: Elastic, u: Array, change: Array | None
 ) -> tuple[Array, Callable[[], Array]]:
     gradient = displacement_gradient(section, u)
     f, swelling = gradient + _AT_REST, area_change(gradient)
@@ -113,7 +130,7 @@ def _by_numpy(
     return _integrated(section, plane_strain(f, shear, bulk, lag, swelling))
 
 
-def _integrated(section: Section, solid: Stressed) -> tuple[Array, Callable[[], Array]]:
+def _integrated(section: Elastic, solid: Stressed) -> tuple[Array, Callable[[], Array]]:
     return (
         _forces(section.cells, solid.stress),
         lambda: _tangents(section.cells, solid.tangent),
@@ -133,7 +150,7 @@ def _tangents(cells: Cells, tangent: Array) -> Array:
 
 
 def _one_dilatation(
-    section: Section, f: Array, swelling: Array, lag: Array
+    section: Elastic, f: Array, swelling: Array, lag: Array
 ) -> tuple[Array, Callable[[], Array]]:
     """K/2 (mean J - 1)^2 on the element's mean volume change (Nagtegaal et al. 1974; the mean
     dilatation method of Simo, Taylor and Pister 1985 with a constant pressure)."""
@@ -153,7 +170,7 @@ def _one_dilatation(
     return _forces(cells, rigid.stress + pressure[:, None, None] * cofactor), tangents
 
 
-def hourglass_stiffness(section: Section) -> Array:
+def hourglass_stiffness(section: Elastic) -> Array:
     """Stiffness (m,) [Pa] that holds each pattern (Flanagan and Belytschko 1981, eq. 59)."""
     cells = section.cells
     gradient = cells.gradient[:, 0]
@@ -163,7 +180,7 @@ def hourglass_stiffness(section: Section) -> Array:
 
 
 def _held(
-    section: Section, u: Array, force: Array, tangents: Callable[[], Array]
+    section: Elastic, u: Array, force: Array, tangents: Callable[[], Array]
 ) -> tuple[Array, Callable[[], Array]]:
     """With the hourglass forces and their constant stiffness."""
     gamma = section.cells.hourglass

@@ -1,9 +1,7 @@
 """The reason why there is no equilibrium beyond a load, in words."""
 
+from sim_backend.fem.body import Body
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
-from sim_backend.fem.internal import smallest_area_ratio
-from sim_backend.fem.mesh import TISSUE
-from sim_backend.fem.model import Section
 from sim_backend.fem.newton import (
     CannotSolve,
     Load,
@@ -15,20 +13,15 @@ from sim_backend.fem.newton import (
 from sim_backend.scene.waves import PA_PER_MMHG
 
 
-def physical_limit(
-    section: Section, last: Solution, goal: Load, failure: NotConverged
-) -> CannotSolve:
+def physical_limit(body: Body, last: Solution, goal: Load, failure: NotConverged) -> CannotSolve:
     """Why there is no equilibrium between ``last`` and ``goal``."""
-    ratio, cell = smallest_area_ratio(section, last.displacement)
-    x_mm, y_mm = 1e3 * section.mesh.nodes[section.cells.nodes[cell]].mean(axis=0)
+    ratio, cell = body.smallest_volume_ratio(last.displacement)
+    where, lone = body.where(cell), body.lone
     depth_mm, mmhg = 1e3 * last.load.depth_m, last.load.pressure_pa / PA_PER_MMHG
     there = f"{depth_mm:.4g} mm deep" if depth_mm > 0 else "before the finger touches"
     # A vessel is filled with the finger in the air, so the last depth may be negative.
     deeper = f"deeper than {depth_mm:.4g} mm" if depth_mm > 0 else "once the finger touches"
     instead = "Press less deep" if depth_mm > 0 else "Take a lower pressure or a stiffer body"
-    across = "x" if section.cells.hoop is None else "r"  # from the axis that a section turns about
-    where = f"at {across} = {x_mm:.2f} mm, {y_mm:.2f} mm above the support"
-    lone = not (section.mesh.region == TISSUE).any()
     fills = goal.pressure_pa > last.load.pressure_pa
     if fills and (lone or depth_mm <= 0 or not isinstance(failure, Unstable)):
         return CannotSolve(
@@ -57,8 +50,7 @@ def physical_limit(
             f"found no equilibrium {deeper}: {failure}, and is modelled up to "
             f"{100 * MAX_STRAIN:.0f} %. Press less deep or take a stiffer skin.",
         )
-    folds = bool(section.lumens) and section.mesh.region[cell] != TISSUE
-    what = "the vessel's wall folds" if folds else "the tissue is crushed or buckles"
+    what = "the vessel's wall folds" if body.in_vessel(cell) else "the tissue is crushed or buckles"
     return CannotSolve(
         "greatest depth",
         f"found no equilibrium {deeper} at {mmhg:.4g} mmHg: {what} {where} "

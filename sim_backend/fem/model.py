@@ -1,25 +1,20 @@
 """A scene's plane section as a meshed elastic body: materials, support, lumens, finger."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.assembly import Assembly
-from sim_backend.fem.contact.elastic_foundation import surface_share
 from sim_backend.fem.contact.finger_gaps import Finger, finger_over
-from sim_backend.fem.contact.lumen_self_contact import Walls, walls
-from sim_backend.fem.contact.pairs import node_dofs
-from sim_backend.fem.elements import Cells, as_element
+from sim_backend.fem.elements import as_element
 from sim_backend.fem.gaps import GAP_SHARE
-from sim_backend.fem.lumen import Sides, lumen_sides
+from sim_backend.fem.lumen import lumen_sides
 from sim_backend.fem.material import moduli
-from sim_backend.fem.mesh import TISSUE, Mesh, block_mesh, count_round, ring_mesh
+from sim_backend.fem.mesh import TISSUE, block_mesh, count_round, ring_mesh
 from sim_backend.fem.rings import Ring
-from sim_backend.fem.support import SlidingConstraint, supported
+from sim_backend.fem.section import Section
+from sim_backend.fem.support import supported
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, SceneError
 
@@ -43,78 +38,6 @@ x 8 mm: with 2 as many unknowns and 0.2 % of the force less, with 6 a seventh fe
 """
 FINEST_WALL = 0.05
 """Smallest element size at an inclusion over its radius."""
-
-
-@dataclass(frozen=True)
-class Section:
-    """``shear`` and ``bulk`` (m,) [Pa] per cell; ``fixed`` displacement numbers are zero.
-
-    ``tissue_pa`` is the modulus that scales tolerances. Walls inside lumens touch only with
-    ``self_contact``: looking for that costs time, and most presses leave lumens open.
-    """
-
-    mesh: Mesh
-    cells: Cells
-    shear: Array
-    bulk: Array
-    plane_stress: bool
-    fixed: Ints
-    lumens: tuple[Sides, ...]
-    finger: Finger
-    tissue_pa: float
-    sliding: SlidingConstraint
-    self_contact: bool = False
-    bonded_support: bool = False
-
-    @property
-    def size(self) -> int:
-        return 2 * len(self.mesh.nodes)
-
-    @cached_property
-    def walls(self) -> tuple[Walls, ...]:
-        """The walls of each lumen, which meet when it closes."""
-        return tuple(walls(self.mesh, sides) for sides in self.lumens)
-
-    @cached_property
-    def surface_share_m(self) -> Array:
-        """Length (s,) [m] of the surface whose pressure is a node's force, at rest."""
-        return surface_share(self.mesh, self.cells)
-
-    @cached_property
-    def surface_dofs(self) -> Ints:
-        """Displacement numbers (s, 2) of the nodes that a finger can touch."""
-        return node_dofs(self.mesh.surface)
-
-    @cached_property
-    def resting_dofs(self) -> Ints:
-        """Displacement numbers (r, 2) of the nodes that may come to rest on the support."""
-        return node_dofs(self.mesh.resting)
-
-    @cached_property
-    def upwards(self) -> Array:
-        """The support's normal (r, 2) at each of them."""
-        return np.tile([0.0, 1.0], (len(self.mesh.resting), 1))
-
-    @cached_property
-    def valence(self) -> Array:
-        """How many cells each displacement (2n,) belongs to."""
-        return np.bincount(self.cells.dofs.ravel(), minlength=self.size).astype(float)
-
-    @cached_property
-    def with_self_contact(self) -> "Section":
-        """The same section, whose lumens' walls may touch."""
-        return replace(self, self_contact=True)
-
-    @cached_property
-    def assembly(self) -> Assembly:
-        """Groups of blocks: cells, each lumen's sides, the sliding constraint; then what may touch:
-        the surface, what rests on the support, the walls of lumens that may close."""
-        sides = [s.dofs for s in self.lumens]
-        around = [w.dofs for w in self.walls] if self.self_contact else []
-        touching = [self.surface_dofs, self.resting_dofs, *around]
-        groups = [self.cells.dofs, *sides, self.sliding.dofs, *touching]
-        lumens = range(1, 1 + len(sides))
-        return Assembly(self.size, groups, self.fixed, unsymmetric=lumens)
 
 
 class Grading(NamedTuple):

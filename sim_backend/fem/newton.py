@@ -2,42 +2,32 @@
 
 Contact is a semismooth Newton (Hintermueller, Ito and Kunisch 2003): a node is active while its
 multiplier outweighs its gap. The contact stiffness only sets how fast gaps close; at the solution
-gaps and multipliers are exact.
+gaps and multipliers are exact. What differs between kinds of bodies is the body's: see
+`sim_backend.fem.body`.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
 from sim_backend.arrays import Array, Bools
-from sim_backend.fem.assembly import Factors, SingularMatrix, gather
+from sim_backend.fem.assembly import SingularMatrix
+from sim_backend.fem.body import Body, BondedAt, Tangent
 from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.elastic_foundation import MAX_STRAIN
-from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.contact.pairs import ContactPairs
-from sim_backend.fem.internal import internal_forces, least_area_ratio
-from sim_backend.fem.lumen import unit_pressure
-from sim_backend.fem.model import Section
-from sim_backend.fem.section_pairs import contact_pairs
+from sim_backend.fem.descent import share_of_step
 
-MAX_ITERATIONS = 25
-COMPLEMENTARITY = 1.0
-"""Complementarity parameter over the tissue's modulus: weight of a gap against a multiplier."""
-PENALTY = 1e4
-"""Penalty stiffness over the tissue's modulus: each iteration leaves about 1 / PENALTY of a gap."""
-CLOSED_M = 1e-10
-"""Largest gap left where contact is: 4e-8 of the usual depth, and of the force."""
-TOLERANCE = 1e-7
-"""Residual over the sum of contact forces; at 1e-5 the change by a beat was off by 10 %."""
-CHORDS = 3
-"""Steps that may take an earlier tangent where so many will do: each costs a third of one with a
-tangent of its own. With 1, 2, 3 and 4 the stations of TIHA, TISA and TIT take 554, 506, 484 and 459
-factorisations in 655, 707, 740 and 784 steps."""
+AnyBody = TypeVar("AnyBody", bound=Body)
+
 PAIRS_WITH_OPEN_LUMENS = 2
 """Groups of contact pairs while all lumens are open: finger and support."""
-MIN_AREA_RATIO = 0.02
+MIN_VOLUME_RATIO = 0.02
 """Smallest det F accepted."""
+SOLVED = 0.1
+"""Share of the residual allowed that an iterative linear solver may leave."""
 
 
 class CannotSolve(RuntimeError):
@@ -82,23 +72,37 @@ class Load:
 
 @dataclass(frozen=True)
 class Solution:
-    """Displacements (n, 2) [m]; ``multiplier`` [N/m]: contact forces, one array per `ContactPairs`;
-    ``force_n_per_m`` is what the finger feels, per length across the section. ``bonded_at_m``
-    are the displacements along x at which a bonded finger holds the surface (s,), and a bonded
-    support what rests on it (r,); NaN elsewhere, None where nothing has touched yet. ``stable``:
-    the tangent has no negative pivot."""
+    """Displacements (n, d) [m]; ``multiplier``: contact forces, one array per `ContactPairs`;
+    ``force`` is what the finger feels: per length across a section [N/m], the whole finger's [N] in
+    space. ``bonded_at_m`` are the displacements along themselves at which a bonded finger and a
+    bonded support hold what has touched them, None where nothing has. ``stable``: the tangent
+    has no negative pivot; None where that was not asked or is not decided."""
 
     load: Load
     displacement: Array
     multiplier: tuple[Array, ...]
-    force_n_per_m: float
+    force: float
     iterations: int
-    bonded_at_m: tuple[Array | None, ...] = (None, None)
-    stable: bool = True
+    bonded_at_m: BondedAt = (None, None)
+    stable: bool | None = True
+
+    @property
+    def force_n_per_m(self) -> float:
+        """`force` of a plane section."""
+        return self.force
+
+    @property
+    def force_n(self) -> float:
+        """`force` of a body in space."""
+        return self.force
 
 
 class NotConverged(Exception):
     """This step did not converge; the text says why."""
+
+
+class Stalled(NotConverged):
+    """Newton's steps went to and fro."""
 
 
 class Unstable(NotConverged):
@@ -109,90 +113,125 @@ class SkinPressedFlat(NotConverged):
     """The finger's skin gave way further than its stiffness is known."""
 
 
-def as_solved(section: Section, solution: Solution) -> Section:
-    """The section that ``solution`` belongs to: its lumens may have closed."""
-    return (
-        section.with_self_contact if len(solution.multiplier) > PAIRS_WITH_OPEN_LUMENS else section
-    )
+def unloaded(body: Body) -> Solution:
+    """The finger just over the surface, the lumens without pressure."""
+    still = np.zeros_like(body.nodes)
+    pairs = body.contact_pairs(still, 0.0)
+    return Solution(Load(0.0, 0.0), still, tuple(np.zeros(len(t.gap)) for t in pairs), 0.0, 0)
 
 
-def equilibrium(section: Section, start: Solution, load: Load, drag_pa: float = 0.0) -> Solution:
-    """The equilibrium at ``load``, in one step from ``start``. Raises `NotConverged`.
+def as_solved(body: AnyBody, solution: Solution) -> AnyBody:
+    """The body that ``solution`` belongs to: its lumens may have closed."""
+    closed = len(solution.multiplier) > PAIRS_WITH_OPEN_LUMENS
+    return body.with_self_contact if closed else body
 
-    With ``drag_pa`` every node is dragged back to where it started, by so much for each cell that
-    it belongs to.
+
+def equilibrium(
+    body: Body,
+    start: Solution,
+    load: Load,
+    *,
+    slack: float = 1.0,
+    careful: bool = False,
+    drag: float = 0.0,
+) -> Solution:
+    """The equilibrium at ``load``, in one step from ``start``, to ``slack`` times the tolerances.
+
+    With ``careful`` iterations energy falls, to where it is least. With ``drag`` every node is
+    dragged back to where it started, by so much for each cell that it belongs to. Raises
+    `NotConverged`.
     """
-    finger = _lowered(section, load)
+    rules = body.rules
     u, multiplier = start.displacement.copy(), list(start.multiplier)
-    bonds = _bonds(section, start)
+    bonds = body.bonds(start.bonded_at_m)
     before: list[Bools] = []
+    linearised: list[ContactPairs] = []
     change: Array | None = None
-    factors: Factors | None = None
-    fresh = True
-    error = 0.0
-    for iteration in range(1, MAX_ITERATIONS + 1):
-        pairs = contact_pairs(section, finger, u, bonds)
+    fresh, error, indefinite = True, 0.0, 0
+    most = rules.careful_iterations if careful else rules.iterations
+    for iteration in range(1, most + 1):
+        pairs = body.contact_pairs(u, load.depth_m, bonds)
         active = [
-            t.active(m, COMPLEMENTARITY * section.tissue_pa)
-            for t, m in zip(pairs, multiplier, strict=True)
+            t.active(m, rules.complementarity) for t, m in zip(pairs, multiplier, strict=True)
         ]
         if iteration == 1:
             active[0] = _first_active(pairs[0], multiplier[0], active[0])
         multiplier = [np.where(a, m, 0.0) for m, a in zip(multiplier, active, strict=True)]
+        rough = iteration == 1 and start.iterations == 0
         with np.errstate(invalid="ignore", over="ignore"):
-            residual, tangents = _body(section, u, load.pressure_pa, change)
+            residual, tangents = body.forces(u, load.pressure_pa, change, rough)
         if not np.all(np.isfinite(residual)):
             raise NotConverged("elements were crushed")
-        if drag_pa:
-            residual += drag_pa * section.valence * (u - start.displacement).ravel()
+        if drag:
+            residual += drag * body.valence * (u - start.displacement).ravel()
         for t, m in zip(pairs, multiplier, strict=True):
             t.add_force(-m, residual)
         for bond in bonds:
             bond.add_force(u, residual)
-        scale = np.abs(multiplier[0]).sum() + load.pressure_pa * 1e-3 + 1e-8 * section.tissue_pa
-        residual[section.fixed] = 0.0
-        last_error, error = error, float(np.abs(residual).max())
+        residual[body.fixed] = 0.0
+        scale = (
+            np.abs(multiplier[0]).sum() + load.pressure_pa * rules.pressure_area + rules.least_force
+        )
+        allowed = slack * rules.tolerance * scale
+        last_error, error = error, float(np.linalg.norm(residual, rules.norm))
         widest = max(
             float(np.abs(t.open(m)[a]).max(initial=0.0))
             for t, m, a in zip(pairs, multiplier, active, strict=True)
         )
         same = bool(before) and all(map(np.array_equal, active, before))
-        if error < TOLERANCE * scale and widest < CLOSED_M and same:
-            _refuse_flat_skin(finger, pairs[0], multiplier[0])
-            force = -multiplier[0] @ pairs[0].gradient[:, 1]
+        if error < allowed and widest < slack * rules.closed_m and same:
+            _refuse_flat_skin(body, pairs[0], multiplier[0])
+            force = -float(multiplier[0] @ pairs[0].gradient[:, 1]) / body.share
             bonded_at_m = tuple(
                 bond.now_holding(m > 0, u) for bond, m in zip(bonds, multiplier, strict=False)
             )
-            found = Solution(load, u, tuple(multiplier), float(force), iteration, bonded_at_m)
-            last = factors is None or factors.negative == 0
-            return replace(found, stable=last or is_stable(section, found))
+            found = Solution(load, u, tuple(multiplier), force, iteration, bonded_at_m, None)
+            if not rules.always_judged:
+                return found
+            last = not linearised or body.linear.negative == 0
+            return replace(found, stable=last or is_stable(body, found))
         # the last step left about half of what its tangent has changed since; with that tangent
         # once more, this one leaves twice the last one's share
         share = error / last_error * (2 if fresh else 1) if last_error else 1.0
-        fresh = not (same and error * share**CHORDS < TOLERANCE * scale)
-        if factors is None or fresh:
-            matrices = tangents()
-            if drag_pa:
-                matrices[0] = matrices[0] + drag_pa * np.eye(matrices[0].shape[1])
-            # normals turn under the forces as they are, without the springs: so the iteration is
-            # Newton's on forces and gaps together, and closes both at second order
-            matrices += _contact_blocks(section, pairs, multiplier, active, bonds)
-            factors, linearised = _factors(section, matrices), pairs
-        springs = [t.stiffness(PENALTY * section.tissue_pa) * t.open(m)
-                   for t, m in zip(pairs, multiplier, strict=True)]  # fmt: skip
-        for t, s, a in zip(linearised, springs, active, strict=True):  # they close what is open
-            t.add_force(np.where(a, s, 0.0), residual)
+        fresh = not (rules.chords and same and error * share**rules.chords < allowed)
+        # normals turn under the forces as they are, without the springs: so the iteration is
+        # Newton's on forces and gaps together, and closes both at second order
+        pushed = multiplier
+        try:
+            if not linearised or fresh:
+                blocks = tangents()
+                if drag:
+                    blocks[0] = blocks[0] + drag * np.eye(blocks[0].shape[1])
+                blocks_of_contact = _contact_blocks(body, pairs, multiplier, active, bonds)
+                body.linear.linearise(
+                    Tangent(blocks, *blocks_of_contact), careful=careful, rough=rough
+                )
+                linearised = pairs
+            springs = [t.stiffness(rules.penalty) * t.open(m)
+                       for t, m in zip(pairs, multiplier, strict=True)]  # fmt: skip
+            for t, s, a in zip(linearised, springs, active, strict=True):  # they close what is open
+                t.add_force(np.where(a, s, 0.0), residual)
+            change = body.linear.step(-residual, SOLVED * allowed).reshape(u.shape)
+        except SingularMatrix:
+            raise NotConverged("the tangent became singular") from None
+        if not np.all(np.isfinite(change)):
+            raise NotConverged("the tangent became singular")
         multiplier = [
             np.where(a, m - s, 0.0) for m, s, a in zip(multiplier, springs, active, strict=True)
         ]
-        change = _step(section, factors, residual, u)
+        indefinite += body.linear.negative
+        if indefinite > rules.indefinite and not careful:
+            raise NotConverged("the tangent stayed indefinite")
+        if careful:
+            change *= share_of_step(body, load.depth_m, load.pressure_pa, u, change, pushed, bonds)
+        change = _not_inside_out(body, u, change)
         u += change
         multiplier = [
-            np.where(a, m - t.stiffness(PENALTY * section.tissue_pa) * t.opening(change), 0.0)
+            np.where(a, m - t.stiffness(rules.penalty) * t.opening(change), 0.0)
             for t, m, a in zip(linearised, multiplier, active, strict=True)
         ]
         before = active
-    raise NotConverged(f"Newton's method did not converge within {MAX_ITERATIONS} steps")
+    raise Stalled(f"Newton's method did not converge within {most} steps")
 
 
 def _first_active(finger: ContactPairs, multiplier: Array, active: Bools) -> Bools:
@@ -209,116 +248,66 @@ def _first_active(finger: ContactPairs, multiplier: Array, active: Bools) -> Boo
     return np.asarray(active & (~new | finger.bonded | (gap <= 0.5 * float(gap[new].min()))))
 
 
-def _bonds(section: Section, solution: Solution) -> tuple[BondedContact, BondedContact]:
-    """What the finger and what the support hold along x."""
-    bonded_at_m = solution.bonded_at_m
-    penalty = PENALTY * section.tissue_pa
-    return (
-        BondedContact(section.mesh.surface, bonded_at_m[0], section.finger.bonded, penalty),
-        BondedContact(section.mesh.resting, bonded_at_m[1], section.bonded_support, penalty),
-    )
-
-
 def _contact_blocks(
-    section: Section,
+    body: Body,
     pairs: list[ContactPairs],
     multiplier: Sequence[Array],
     active: list[Bools],
-    bonds: tuple[BondedContact, BondedContact],
-) -> list[Array]:
-    """Tangent blocks of all contact pairs, in the assembly's order."""
-    penalty = PENALTY * section.tissue_pa
-    blocks = [t.blocks(m, a, penalty) for t, m, a in zip(pairs, multiplier, active, strict=True)]
-    return [*(block + bond.blocks for block, bond in zip(blocks, bonds, strict=False)),
-            *blocks[len(bonds) :]]  # fmt: skip
+    bonds: Sequence[BondedContact],
+) -> tuple[list[Array], list[Array]]:
+    """Springs, and turning of the normals, of all contact pairs in the assembly's order."""
+    springs = [t.springs(a, body.rules.penalty) for t, a in zip(pairs, active, strict=True)]
+    for n, bond in enumerate(bonds):
+        springs[n] = springs[n] + bond.blocks
+    return springs, [t.turned(m) for t, m in zip(pairs, multiplier, strict=True)]
 
 
-def is_stable(section: Section, solution: Solution) -> bool:
-    """Whether the tangent at ``solution`` itself has no negative eigenvalue."""
-    try:
-        return section.assembly.factor(tangent(section, solution)[0]).negative == 0
-    except SingularMatrix:
-        return False
-
-
-def _refuse_flat_skin(finger: Finger, pair: ContactPairs, multiplier: Array) -> None:
+def _refuse_flat_skin(body: Body, pair: ContactPairs, multiplier: Array) -> None:
     """A skin is known only while it is not pressed flat. Raises `SkinPressedFlat`."""
     shortened = float((pair.compliance * multiplier).max(initial=0.0))
-    if shortened > MAX_STRAIN * finger.skin_m:
-        flat_pct = 100 * shortened / finger.skin_m
+    if shortened > MAX_STRAIN * body.skin_m:
+        flat_pct = 100 * shortened / body.skin_m
         raise SkinPressedFlat(f"the finger's skin is pressed by {flat_pct:.0f} % of its thickness")
 
 
-def _lowered(section: Section, load: Load) -> Finger:
-    return section.finger.lowered_to(section.finger.y - load.depth_m)
-
-
-def _factors(section: Section, matrices: list[Array]) -> Factors:
-    try:
-        return section.assembly.factor(matrices)
-    except SingularMatrix:
-        raise NotConverged("the tangent became singular") from None
-
-
-def _step(section: Section, factors: Factors, residual: Array, u: Array) -> Array:
-    """The change (n, 2), shortened until it turns no element inside out."""
-    change = factors.solve(-residual).reshape(-1, 2)
-    if not np.all(np.isfinite(change)):
-        raise NotConverged("the tangent became singular")
+def _not_inside_out(body: Body, u: Array, change: Array) -> Array:
+    """The change (n, d), shortened until it turns no element inside out."""
     for _ in range(6):
-        if least_area_ratio(section, u + change) > MIN_AREA_RATIO:
+        if body.least_volume_ratio(u + change) > MIN_VOLUME_RATIO:
             return change
         change = change / 2
     raise NotConverged("elements were crushed")
 
 
-def tangent(section: Section, solution: Solution) -> tuple[list[Array], Array]:
-    """The tangent's blocks at a solution, the contact staying as it is; and those (s, 2, 2) of the
-    finger's contact alone."""
-    bonds = _bonds(section, solution)
-    finger = _lowered(section, solution.load)
-    pairs = contact_pairs(section, finger, solution.displacement, bonds)
+def pairs_of(body: Body, load: Load, solution: Solution) -> list[ContactPairs]:
+    """The pairs that the displacements of ``solution`` make in a body under a ``load``."""
+    bonds = body.bonds(solution.bonded_at_m)
+    return body.contact_pairs(solution.displacement, load.depth_m, bonds)
+
+
+def tangent(body: Body, solution: Solution) -> Tangent:
+    """At a solution, the contact staying as it is."""
+    bonds = body.bonds(solution.bonded_at_m)
+    pairs = pairs_of(body, solution.load, solution)
     active = [(m > 0) | t.bonded for t, m in zip(pairs, solution.multiplier, strict=True)]
-    _, tangents = _body(section, solution.displacement, solution.load.pressure_pa)
-    contact = _contact_blocks(section, pairs, solution.multiplier, active, bonds)
-    finger_only = pairs[0].blocks(solution.multiplier[0], active[0], PENALTY * section.tissue_pa)
-    return [*tangents(), *contact], finger_only
+    _, tangents = body.forces(solution.displacement, solution.load.pressure_pa)
+    return Tangent(tangents(), *_contact_blocks(body, pairs, solution.multiplier, active, bonds))
 
 
-def pairs_of(section: Section, load: Load, solution: Solution) -> list[ContactPairs]:
-    """The pairs that the displacements of ``solution`` make in another section or load."""
-    bonds = _bonds(section, solution)
-    return contact_pairs(section, _lowered(section, load), solution.displacement, bonds)
-
-
-def forces_and_gaps(section: Section, load: Load, solution: Solution) -> tuple[Array, list[Array]]:
-    """What is out of balance (2n,) [N/m], and the gaps [m] of each group of pairs to their skins,
-    where ``solution`` meets another section or load."""
-    residual = body_force(section, solution.displacement, load.pressure_pa)
+def forces_and_gaps(body: Body, load: Load, solution: Solution) -> tuple[Array, list[Array]]:
+    """What is out of balance (size,), and the gaps [m] of each group of pairs to their skins, where
+    ``solution`` meets another body or load."""
+    residual, _ = body.forces(solution.displacement, load.pressure_pa)
     gaps = []
-    for pairs, m in zip(pairs_of(section, load, solution), solution.multiplier, strict=True):
+    for pairs, m in zip(pairs_of(body, load, solution), solution.multiplier, strict=True):
         pairs.add_force(-m, residual)
         gaps.append(pairs.open(m))
-    for bond in _bonds(section, solution):
+    for bond in body.bonds(solution.bonded_at_m):
         bond.add_force(solution.displacement, residual)
     return residual, gaps
 
 
-def body_force(section: Section, u: Array, pressure_pa: float) -> Array:
-    """Residual (2n,) [N/m] of cells, lumens and the sliding constraint, without contact."""
-    return _body(section, u, pressure_pa)[0]
-
-
-def _body(
-    section: Section, u: Array, pressure_pa: float, change: Array | None = None
-) -> tuple[Array, Callable[[], list[Array]]]:
-    """Residual (2n,) of cells and lumens, and what forms their tangent blocks."""
-    force, cells = internal_forces(section, u, change)
-    residual = gather(section.size, section.cells.dofs, force)
-    turnings = []
-    for sides in section.lumens:
-        unit, turning = unit_pressure(sides, u)
-        residual -= gather(section.size, sides.dofs, pressure_pa * unit)
-        turnings.append(-pressure_pa * turning)
-    residual[section.sliding.dofs] += section.sliding.force(u)
-    return residual, lambda: [cells(), *turnings, section.sliding.block]
+def is_stable(body: Body, solution: Solution) -> bool | None:
+    """Whether the tangent has no negative eigenvalue, contact unchanged; None where the factors do
+    not decide."""
+    return body.linear.is_stable(tangent(body, solution))

@@ -9,7 +9,8 @@ from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.elements import placed
 from sim_backend.fem.lumen import lumen_sides
 from sim_backend.fem.mesh import TINY_M
-from sim_backend.fem.model import Section, materials, ring_of
+from sim_backend.fem.model import materials, ring_of
+from sim_backend.fem.section import Section
 from sim_backend.scene.scene_file import Scene
 
 

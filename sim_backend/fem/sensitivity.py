@@ -17,18 +17,16 @@ from sim_backend.arrays import Array
 from sim_backend.fem.assembly import Factors, gather
 from sim_backend.fem.contact.pairs import ContactPairs
 from sim_backend.fem.lumen import unit_pressure
-from sim_backend.fem.model import Section
 from sim_backend.fem.newton import (
-    PENALTY,
     Load,
     Solution,
     as_solved,
-    body_force,
     forces_and_gaps,
     pairs_of,
     tangent,
 )
 from sim_backend.fem.redrawn import redrawn
+from sim_backend.fem.section import Section
 from sim_backend.scene.numbers import numbers, with_number
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -66,13 +64,13 @@ class Tangent:
 
     def __init__(self, section: Section, solution: Solution) -> None:
         self.section, self.solution = as_solved(section, solution), solution
-        matrices, _ = tangent(self.section, solution)
-        self._factors: Factors = self.section.assembly.factor(matrices)
+        blocks = tangent(self.section, solution).blocks
+        self._factors: Factors = self.section.assembly.factor(blocks)
         self._pairs: list[ContactPairs] = pairs_of(self.section, solution.load, solution)
         self._active = [
             (m > 0) | t.bonded for t, m in zip(self._pairs, solution.multiplier, strict=True)
         ]
-        penalty = PENALTY * self.section.tissue_pa
+        penalty = self.section.rules.penalty
         self._springs = [
             np.where(on, t.stiffness(penalty), 0.0)
             for t, on in zip(self._pairs, self._active, strict=True)
@@ -134,7 +132,7 @@ class Tangent:
         """Difference (2n,) [N/m] of what body and lumens are out of balance by."""
         u, (section, load) = self.solution.displacement, ahead
         if section.cells is not behind[0].cells or section.shear is not behind[0].shear:
-            a, b = (body_force(one, u, load.pressure_pa) for one, load in (ahead, behind))
+            a, b = (one.forces(u, load.pressure_pa)[0] for one, load in (ahead, behind))
             return np.asarray(a - b)
         difference = np.zeros(section.size)
         if pressure_pa := load.pressure_pa - behind[1].pressure_pa:

@@ -17,8 +17,9 @@ from sim_backend.fem.assembly import gather
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.internal import forces_and_tangents, smallest_area_ratio
 from sim_backend.fem.lumen import unit_pressure
-from sim_backend.fem.model import Grading, Section, build_section
-from sim_backend.fem.newton import MIN_AREA_RATIO, CannotSolve, Load, Solution
+from sim_backend.fem.model import Grading, build_section
+from sim_backend.fem.newton import MIN_VOLUME_RATIO, CannotSolve, Load, Solution
+from sim_backend.fem.section import Section
 from sim_backend.scene.scene_file import Scene
 
 MAX_ITERATIONS = 60
@@ -133,7 +134,7 @@ def _refuse_nonsense(section: Section, solution: Solution) -> None:
             "its lowest point is between two. Press deeper.",
         )
     ratio, _ = smallest_area_ratio(section, solution.displacement)
-    if ratio > MIN_AREA_RATIO and (solution.force_n_per_m > 0 or solution.load.depth_m <= 0):
+    if ratio > MIN_VOLUME_RATIO and (solution.force_n_per_m > 0 or solution.load.depth_m <= 0):
         return
     raise CannotSolve(
         "small strain",

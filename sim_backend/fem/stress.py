@@ -8,9 +8,9 @@ from sim_backend.arrays import Array, Ints
 from sim_backend.fem.elements import Shape, gradients, q4, t6
 from sim_backend.fem.internal import deformation
 from sim_backend.fem.material import thinning, von_mises
-from sim_backend.fem.model import Section
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.revolved import hoop_stretch
+from sim_backend.fem.section import Section
 
 _T6_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 _Q_NODES = np.array(

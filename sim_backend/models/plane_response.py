@@ -14,12 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import bonded_way_m
 from sim_backend.fem.lumen import flatness
-from sim_backend.fem.model import CONTACT_SHARE, Section, build_section, usual_grading
-from sim_backend.fem.newton import CannotSolve, Load, Solution
-from sim_backend.fem.section_pairs import walls_cross
+from sim_backend.fem.model import CONTACT_SHARE, build_section, usual_grading
+from sim_backend.fem.newton import CannotSolve, Load, Solution, unloaded
+from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import Slope, slopes
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone
@@ -176,7 +176,7 @@ def _ends(
             [_at(section, *one, pressure_pa) for pressure_pa in (high_pa, low_pa)]
             for one in zip(ramp[:-1], slopes[:-1], strict=True)
         ]
-    elif bend <= BEND * abs(straight) and not walls_cross(section, low_u):
+    elif bend <= BEND * abs(straight) and not section.walls_cross(low_u):
         return [*above, [high]]
     return [*above, [high, _at(section, deepest, slope, low_pa)]]
 

@@ -12,12 +12,12 @@ from sim_backend import html
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.internal import smallest_area_ratio
-from sim_backend.fem.model import Section, best_element
+from sim_backend.fem.model import best_element
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
+from sim_backend.fem.section import Section
 from sim_backend.fem.solid import stress as solid_stress
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.forces import smallest_volume_ratio
-from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
 from sim_backend.models.choose import choose, named
 from sim_backend.models.press_gradient import force_gradient_n, with_gradient
@@ -57,7 +57,7 @@ class State:
     contact_mm: tuple[float, float]
     min_jacobian: float
     stable: bool | None
-    solution: Solution | SolidSolution = field(repr=False)
+    solution: Solution = field(repr=False)
     gradient: Mapping[str, float] | None = field(default=None, repr=False)
 
     @property
@@ -393,7 +393,7 @@ def _round_state(
     return replace(half, force_n=solution.force_n_per_m, force_n_per_mm=nan, contact_mm=touching_mm)
 
 
-def _solid_state(body: Body, solution: SolidSolution, pressure_mmhg: float) -> State:
+def _solid_state(body: SolidBody, solution: Solution, pressure_mmhg: float) -> State:
     left, right = solid_stress.contact_m(body, solution)
     return State(
         pressure_mmhg,

@@ -1,7 +1,7 @@
 """How a press's force changes with each number of its scene, in newtons."""
 
-from sim_backend.fem.model import Section
 from sim_backend.fem.newton import Solution
+from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import gradients
 from sim_backend.models.choose import Choice
 from sim_backend.scene.scene_file import Scene, SceneError

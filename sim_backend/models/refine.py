@@ -10,8 +10,9 @@ from sim_backend.fem.axisymmetric import solve_axisymmetric
 from sim_backend.fem.finite_strain import Solved, solve_finite
 from sim_backend.fem.gaps import GAP_SHARE
 from sim_backend.fem.lumen import flatness
-from sim_backend.fem.model import Grading, Section, meshed_size_m
+from sim_backend.fem.model import Grading, meshed_size_m
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
+from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.scene.scene_file import Scene

@@ -21,18 +21,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
+from sim_backend.fem.field import Field
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.mesh_transfer import Field
-from sim_backend.fem.model import Grading, Section, build_section
+from sim_backend.fem.model import Grading, build_section
 from sim_backend.fem.newton import (
     CannotSolve,
     Load,
     NotConverged,
     Solution,
     equilibrium,
+    unloaded,
 )
-from sim_backend.fem.section_pairs import walls_cross
+from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.models.force_model import SLACK, ForceSlope, OutOfRange, Range
 from sim_backend.models.plane_response import element_size_m
@@ -197,7 +198,7 @@ def _press(section: Section, load: Load, guess: Array) -> _Pressed:
     start = Solution(load, guess, (multiplier, np.zeros(len(section.mesh.resting))), 0.0, 0)
     try:
         solution = equilibrium(section, start, load)
-        straight = not walls_cross(section, solution.displacement)
+        straight = not section.walls_cross(solution.displacement)
     except NotConverged:
         straight = False
     if not straight:

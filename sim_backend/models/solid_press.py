@@ -8,8 +8,9 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.finger_gaps import finger_over
-from sim_backend.fem.model import Section, half_contact
+from sim_backend.fem.model import half_contact
 from sim_backend.fem.newton import CannotSolve, Solution
+from sim_backend.fem.section import Section
 from sim_backend.fem.solid.build import MOST_UNKNOWNS, half_width_m
 from sim_backend.fem.solid.solve import SolvedSolid, solve_solid
 from sim_backend.models.refine import ORDER, Solving, changes_pct, mesh_in_words, refine
@@ -45,7 +46,7 @@ def refine_solid(
     # no first mesh without a second, which shows its error; how large finer ones are is foreseen
     most = MOST_UNKNOWNS * (SHARES[1] / SHARES[0]) ** GROWTH[0]
     solved = solve_solid(
-        scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m, most_unknowns=most, judged=False
+        scene, x_m, depth_m, pressures_pa, SHARES[0] * half_m, most_unknowns=most, judge=False
     )
     for (before, share), growth in zip(pairwise(SHARES), GROWTH, strict=True):
         finer = before / share
@@ -127,4 +128,4 @@ def refine_axisymmetric(
     force_n = float(forces.mean())
     block_pct = 50 * abs(float(np.ptp(forces))) / max(abs(force_n), 1e-12)
     mesh_pct = max(float(small.error_pct[0]), float(large.error_pct[0]))
-    return section, replace(low, force_n_per_m=force_n), block_pct + mesh_pct
+    return section, replace(low, force=force_n), block_pct + mesh_pct

@@ -17,17 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.newton import CannotSolve, Load
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.continuation import continuation, judged, stable_branch
+from sim_backend.fem.newton import CannotSolve, Load, Solution, Unstable, unloaded
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import build_body, half_width_m
-from sim_backend.fem.solid.linear import LinearSolver
-from sim_backend.fem.solid.newton import (
-    SolidSolution,
-    continuation,
-    fallen,
-    is_stable,
-    unloaded,
-)
 from sim_backend.fem.solid.solve import STEP_M
 from sim_backend.fem.solid.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone
@@ -131,10 +124,10 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
     rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
     between = max(1, ceil(max_depth_m * DEPTHS[0] / STEP_M))
     depths = np.linspace(0.0, max_depth_m, len(DEPTHS) * between + 1)[1:]
-    body, solver, bulge, down = _pressed(scene, x_m, depths, rest)
+    body, bulge, down = _pressed(scene, x_m, depths, rest)
     ramp = down[between - 1 :: between]
-    if is_stable(body, solver, ramp[-1]) is False:
-        stable = fallen(body, solver, ramp[-1])
+    if judged(body, ramp[-1]).stable is False:
+        stable = _fallen(body, ramp[-1])
         if stable is None or abs(stable.force_n / ramp[-1].force_n - 1) > LEFT.rest:
             raise CannotSolve(
                 "stability",
@@ -143,9 +136,9 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
             )
         ramp[-1] = stable
 
-    def at(one: SolidSolution, pressure_pa: float) -> tuple[float, float]:
+    def at(one: Solution, pressure_pa: float) -> tuple[float, float]:
         if scene.arteries:
-            (one,) = continuation(body, solver, one, [Load(one.load.depth_m, pressure_pa)])
+            (one,) = continuation(body, one, [Load(one.load.depth_m, pressure_pa)])
         return one.force_n, under_finger_pa(body, one)
 
     lowest = at(ramp[-1], low)
@@ -156,40 +149,46 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
     }  # fmt: skip
 
 
+def _fallen(body: SolidBody, unstable: Solution) -> Solution | None:
+    try:
+        return stable_branch(body, unstable)
+    except Unstable:
+        return None
+
+
 def solve_states(
     scene: Scene, x_m: float, depth_m: Array, pressure_pa: Array
-) -> tuple[Body, list[list[SolidSolution]]]:
+) -> tuple[SolidBody, list[list[Solution]]]:
     """The same body, and its solutions at increasing depths and, at each, at all pressures.
 
     Raises `CannotSolve`.
     """
     first = float(pressure_pa[0]) if scene.arteries else 0.0
-    body, solver, _, down = _pressed(scene, x_m, depth_m, first)
+    body, _, down = _pressed(scene, x_m, depth_m, first)
     solved = []
     for one in down:
         further = [Load(one.load.depth_m, float(p)) for p in pressure_pa[1:]]
-        beating = list(continuation(body, solver, one, further)) if scene.arteries else []
+        beating = list(continuation(body, one, further)) if scene.arteries else []
         solved.append([one, *beating] if beating else [one] * len(pressure_pa))
     return body, solved
 
 
 def _pressed(
     scene: Scene, x_m: float, depth_m: Array, pressure_pa: float
-) -> tuple[Body, LinearSolver, float, list[SolidSolution]]:
+) -> tuple[SolidBody, float, list[Solution]]:
     """The body, how far its surface rises [m] at ``pressure_pa``, and its presses at depths."""
     size_m = SHARES[0] * half_width_m(scene)
     deepest_m = float(depth_m[-1])
     body = build_body(scene, x_m, depth_m=deepest_m, size_m=size_m)
-    solver = body.solver()
     start, bulge = unloaded(body), 0.0
     if scene.arteries:
-        (start,) = continuation(body, solver, start, [Load(-deepest_m, pressure_pa)])
+        (start,) = continuation(body, start, [Load(-deepest_m, pressure_pa)])
         bulge = _surface_m(body, start)
     loads = [Load(float(d), pressure_pa) for d in depth_m]
-    return body, solver, bulge, list(continuation(body, solver, start, loads))
+    return body, bulge, list(continuation(body, start, loads))
 
 
-def _surface_m(body: Body, solution: SolidSolution) -> float:
+def _surface_m(body: SolidBody, solution: Solution) -> float:
     """How far the surface rises towards the finger."""
     gap, _, _ = body.finger.gap((body.wedges.nodes + solution.displacement)[body.surface])
     return float(-gap.min())

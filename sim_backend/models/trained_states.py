@@ -17,10 +17,10 @@ from scipy.interpolate import make_interp_spline
 
 from sim_backend.arrays import Array
 from sim_backend.fem.contact.finger_gaps import finger_over
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import build_section, half_contact
-from sim_backend.fem.newton import CannotSolve, Load
+from sim_backend.fem.newton import CannotSolve, Load, unloaded
 from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.layers import graded_edges
 from sim_backend.fem.solid.solve import solve_solid

@@ -27,10 +27,10 @@ from probe.core.processes import leave_with_parent, starting_workers
 from probe.studies.charts.cells import Cell, cells
 from probe.studies.charts.kept_rows import kept_rows, rows_of, write_rows
 from probe.studies.solve import first_line
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import best_element, build_section
-from sim_backend.fem.newton import Load
+from sim_backend.fem.newton import Load, unloaded
 from sim_backend.models.press import CannotSolve, press
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG

@@ -31,3 +31,13 @@ def surface_share(mesh: Mesh, cells: Cells) -> Array:
     np.add.at(share, middle + 1, whole / 6)
     share[share == 0] = np.median(share)  # the ends of a ring's arc, far from any finger
     return share
+
+
+def simpson(at: Array) -> Array:
+    """Share (2n + 1,) of the length of n quadratic lines whose nodes lie ``at`` (2n + 1,)."""
+    length = at[2::2] - at[:-2:2]
+    share = np.zeros(len(at))
+    share[1::2] = 2 * length / 3
+    share[:-2:2] += length / 6
+    share[2::2] += length / 6
+    return share

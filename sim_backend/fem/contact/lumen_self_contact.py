@@ -2,6 +2,8 @@
 
 Upper nodes meet lower sides (node to segment, one pass, so that nothing is constrained twice),
 frictionless. The pressure goes on acting between walls that touch, as a film of blood would.
+In a solid that is so within each plane of nodes across the vessel. Where walls that touch lean
+along the vessel by a slope and slip past each other along it, what a gap is off by is the product.
 """
 
 from dataclasses import dataclass
@@ -11,13 +13,15 @@ from itertools import pairwise
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
+from sim_backend.fem.contact.pairs import node_dofs
 from sim_backend.fem.lumen import Sides
 from sim_backend.fem.mesh import Mesh
 
 
 @dataclass(frozen=True)
 class Walls:
-    """``nodes`` (l,) once round the lumen, the lumen to their right; ``dofs`` (1, 2l).
+    """``nodes`` (l,) once round the lumen, the lumen to their right; ``dofs`` (1, 2l), of a solid
+    (1, 3l) direction by direction.
 
     ``upper`` (a,) index the nodes that face down, ``lower`` (b,) the first nodes of sides that
     face up.
@@ -45,20 +49,33 @@ class Walls:
 
 
 def walls(mesh: Mesh, sides: Sides) -> Walls:
-    """The walls of one lumen, in order round it."""
+    """The walls of one lumen of a section, in order round it."""
     k = sides.nodes.shape[1]
     path = [0, 1] if k == 4 else [0, 3, 1] if k == 6 else [0, 4, 1]
-    follows = {int(a): int(b) for one in sides.nodes[:, path] for a, b in pairwise(one)}
-    loop = [next(iter(follows))]
-    while follows[loop[-1]] != loop[0]:
-        loop.append(follows[loop[-1]])
-    nodes = np.array(loop)
-    dofs = np.stack([2 * nodes, 2 * nodes + 1], axis=1).reshape(1, -1)
-    height = mesh.nodes[nodes, 1]
-    middle = (height.max() + height.min()) / 2
-    nxt = np.roll(height, -1)
-    lower = np.flatnonzero((height < middle + 1e-9) & (nxt < middle + 1e-9))
-    return Walls(nodes, dofs, np.flatnonzero(height > middle + 1e-9), lower)
+    (found,) = walls_along(sides.nodes[:, path], mesh.nodes)
+    return found
+
+
+def walls_along(paths: Ints, place: Array) -> list[Walls]:
+    """The walls along ``paths`` (s, k) of nodes at ``place`` (n, d) [m], one for each way round a
+    lumen that they join to."""
+    follows = {int(a): int(b) for path in paths for a, b in pairwise(path)}
+    found = []
+    while follows:
+        first = min(follows)
+        loop = [first]
+        while (node := follows.pop(loop[-1])) != first:
+            loop.append(node)
+        nodes = np.array(loop)
+        height = place[nodes, 1]
+        middle = (height.max() + height.min()) / 2
+        low = height < middle + 1e-9
+        lower = np.flatnonzero(low & np.roll(low, -1))
+        dofs = node_dofs(nodes, place.shape[1]).T if place.shape[1] == 3 else node_dofs(nodes)
+        found.append(
+            Walls(nodes, dofs.reshape(1, -1), np.flatnonzero(height > middle + 1e-9), lower)
+        )
+    return found
 
 
 @dataclass(frozen=True)

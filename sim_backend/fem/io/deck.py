@@ -25,7 +25,7 @@ from sim_backend.fem.io.slab import (
     rigid_bodies,
     sides_on,
 )
-from sim_backend.fem.model import Section
+from sim_backend.fem.section import Section
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 

@@ -28,7 +28,7 @@ from sim_backend.fem.io.slab import (
     sides_on,
 )
 from sim_backend.fem.mesh import T6_EDGES
-from sim_backend.fem.model import Section
+from sim_backend.fem.section import Section
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 

@@ -5,7 +5,8 @@ import numpy as np
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.mesh import T6_EDGES
-from sim_backend.fem.model import Section, build_section
+from sim_backend.fem.model import build_section
+from sim_backend.fem.section import Section
 from sim_backend.scene.scene_file import Scene, SceneError
 
 CONTACT_PER_MM = 500.0

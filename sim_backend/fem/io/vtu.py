@@ -8,7 +8,7 @@ import numpy as np
 from sim_backend.arrays import Array
 from sim_backend.fem.internal import deformation
 from sim_backend.fem.material import area_ratio
-from sim_backend.fem.model import Section
+from sim_backend.fem.section import Section
 
 VTK_NAME = {6: "triangle6", 4: "quad", 8: "quad8"}
 

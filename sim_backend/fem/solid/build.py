@@ -10,12 +10,12 @@ from sim_backend.fem.model import (
     CHORD,
     LOCKING_POISSON,
     Grading,
-    Section,
     build_section,
     materials,
 )
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.section import Section
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.courses import across, end_thrust
 from sim_backend.fem.solid.finger import solid_finger
 from sim_backend.fem.solid.layers import graded_edges
@@ -80,7 +80,7 @@ def build_body(
     depth_m: float,
     size_m: float,
     most_unknowns: float = MOST_UNKNOWNS,
-) -> Body:
+) -> SolidBody:
     """Mesh a solid ``scene`` for a press at (``x_m``, z = 0) about ``depth_m`` deep.
 
     ``size_m`` is the element size in the contact. Where the scene is symmetric about z = 0, one
@@ -125,7 +125,7 @@ def build_body(
         if isinstance(one, Artery)
         for faces in lumen_faces(section, cells, solid, one, n, scene)
     )
-    body = Body(
+    body = SolidBody(
         wedges, region, shear, bulk,
         _held(scene, nodes, span), lumens, surface, _leaning(scene, placed, span),
         solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm),

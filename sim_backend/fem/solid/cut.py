@@ -7,9 +7,9 @@ import numpy as np
 
 from sim_backend.arrays import Array, Ints
 from sim_backend.fem.material_3d import von_mises
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.newton import Solution
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.courses import QUARTERS
-from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.solid.prism import wedge_gradient
 from sim_backend.fem.solid.stress import TRIANGLE_NODES
 
@@ -18,7 +18,7 @@ from sim_backend.fem.solid.stress import TRIANGLE_NODES
 class Cut:
     """The mesh's nodes at z = 0, of which `numbers` (n,) are the body's."""
 
-    body: Body
+    body: SolidBody
 
     @cached_property
     def _above(self) -> Ints:
@@ -46,11 +46,11 @@ class Cut:
         """Each six-node triangle as four (4 m, 3)."""
         return np.vstack([self._faces[:, list(quarter)] for quarter in QUARTERS])
 
-    def displacement_m(self, solution: SolidSolution) -> Array:
+    def displacement_m(self, solution: Solution) -> Array:
         """Within the cut (n, 2) [m]."""
         return solution.displacement[self.numbers, :2]
 
-    def von_mises_pa(self, solution: SolidSolution) -> Array:
+    def von_mises_pa(self, solution: Solution) -> Array:
         """Von Mises stress (n,) [Pa]: the mean over each node's wedges of F there."""
         cells = self.body.wedges.cells[self._above]
         slope = wedge_gradient(TRIANGLE_NODES, np.full(len(TRIANGLE_NODES), -1.0))

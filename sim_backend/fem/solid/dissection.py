@@ -3,6 +3,7 @@
 In three dimensions the factors of a minimum-degree order hold half as much again.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,21 +30,25 @@ class Front:
     children: tuple[int, ...]
 
 
-def dissected(nodes: Array, elements: Ints, graph: csr_matrix) -> tuple[Ints, list[Front]]:
+def dissected(
+    nodes: Array, elements: Sequence[Ints], graph: csr_matrix
+) -> tuple[Ints, list[Front]]:
     """Order (n,) in which to eliminate ``nodes`` (n, 3), and its fronts, each after its children.
 
-    ``elements`` (m, k) are numbers of nodes, ``graph`` (n, n) has an entry where two nodes share an
-    element. The elements are halved, and what both
+    ``elements``, one (m, k) for each number of nodes k, are numbers of nodes, ``graph`` (n, n) has
+    an entry where two nodes share an element. The elements are halved, and what both
     halves share parts them: sides of elements only. The nodes beside a cut through the nodes are
     half as many again, since those of quadratic elements are connected two rows far (TIHA-solid's
     second mesh: 18.6 and 30.1 billion operations, 81 and 98 MB of factors).
     """
     parts: list[_Part] = []
-    middles = nodes[elements].mean(axis=1)
+    each = [nodes[group].mean(axis=1) for group in elements]
+    middles = np.concatenate(each)
     mesh = _Mesh(middles, np.full(nodes.shape, np.inf), np.full(nodes.shape, -np.inf), graph)
-    for ones in elements.T:
-        np.minimum.at(mesh.first, ones, middles)
-        np.maximum.at(mesh.last, ones, middles)
+    for group, of_group in zip(elements, each, strict=True):
+        for ones in group.T:
+            np.minimum.at(mesh.first, ones, of_group)
+            np.maximum.at(mesh.last, ones, of_group)
     _halve(np.arange(len(middles)), np.arange(len(nodes)), mesh, parts)
     order = np.concatenate([part.nodes for part in parts])
     place = np.empty_like(order)

@@ -16,14 +16,11 @@ from scipy.sparse import bsr_matrix
 
 from sim_backend.arrays import Array, Ints, Singles
 from sim_backend.fem import kernel
+from sim_backend.fem.assembly import SingularMatrix
 from sim_backend.fem.solid.dissection import Front
 
 SMALLEST = 1e-7
 """A pivot's eigenvalue below this share of the largest is zero: single precision ends there."""
-
-
-class Singular(Exception):
-    """The tangent has no inverse."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +59,7 @@ class _Pivots:
 class Factors:
     """Of the symmetric matrix whose upper blocks ``matrix`` holds, in elimination order.
 
-    ``negative`` counts its negative eigenvalues. Raises `Singular`.
+    ``negative`` counts its negative eigenvalues. Raises `SingularMatrix`.
     """
 
     def __init__(self, plan: "Plan", matrix: bsr_matrix) -> None:
@@ -192,10 +189,10 @@ def _eliminate(top: Singles, rest: Singles) -> _Pivots:
 def _by_eigenvalues(block: Singles, over: Singles, rest: Singles) -> _Pivots:
     whole = np.triu(block) + np.triu(block, 1).T
     if not np.isfinite(whole).all():
-        raise Singular
+        raise SingularMatrix("a pivot is zero or not a number")
     value, vector = eigh(whole, check_finite=False)
     if np.abs(value).min() <= SMALLEST * np.abs(value).max():
-        raise Singular
+        raise SingularMatrix("a pivot is zero or not a number")
     root = np.asfortranarray(vector / np.sqrt(np.abs(value)))
     signs = np.sign(value)
     coupled = root.T @ over

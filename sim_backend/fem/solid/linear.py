@@ -5,16 +5,19 @@ factors are made where it takes too long. All is in single precision, as the tan
 step needs no more, and time goes with the bytes that are read.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from scipy.sparse import bsr_matrix, csr_matrix
 from scipy.sparse.linalg import LinearOperator, gcrotmk
 
-from sim_backend.arrays import Array, Ints, Singles
+from sim_backend.arrays import Array, Blocks, Ints, Singles
 from sim_backend.fem import kernel
+from sim_backend.fem.assembly import SingularMatrix
+from sim_backend.fem.body import Tangent
 from sim_backend.fem.solid.dissection import dissected
-from sim_backend.fem.solid.fronts import Factors, Plan, Singular
+from sim_backend.fem.solid.fronts import Factors, Plan
 
 RELATIVE = 1e-4
 """How far a Newton step's residual falls, where not less is enough: its own error is squared
@@ -27,15 +30,22 @@ MOST_STEPS, SLOW_STEPS = 30, 15
 
 class LinearSolver:
     """Solves for the displacements of ``nodes`` (n, 3) that ``groups`` of node numbers (m, k) join:
-    elements, and after them what lies on their sides.
+    elements, and after them what lies on their sides; the last, ``beyond`` elements, join walls
+    that may touch.
 
     ``fixed`` displacement numbers stay zero. ``leaning`` are (stiffness, weights (3n,)) of averages
     that are fixed: dense, so that factors see their diagonals instead.
     """
 
     def __init__(
-        self, nodes: Array, groups: list[Ints], fixed: Ints, leaning: list[tuple[float, Array]]
+        self,
+        nodes: Array,
+        groups: list[Ints],
+        fixed: Ints,
+        leaning: list[tuple[float, Array]],
+        beyond: Sequence[Ints] = (),
     ) -> None:
+        groups = [*groups, *beyond]
         used = np.zeros(len(nodes), dtype=bool)
         for group in groups:
             used[group] = True
@@ -45,7 +55,9 @@ class LinearSolver:
         unique, index = np.unique(np.concatenate([k.ravel() for k in keys]), return_inverse=True)
         rows, columns = np.divmod(unique, n)
         graph = csr_matrix((np.ones(len(unique), np.float32), (rows, columns)), shape=(n, n))
-        order, fronts = dissected(nodes[used], number[groups[0]], graph)
+        order, fronts = dissected(
+            nodes[used], [number[group] for group in (groups[0], *beyond)], graph
+        )
         place = np.empty(n, dtype=np.int64)
         place[order] = np.arange(n)
         ahead = np.argsort(place[rows] * n + place[columns])
@@ -71,15 +83,76 @@ class LinearSolver:
         self._factors: Factors | None = None
         self._inverse: tuple[Factors, Callable[[Singles], Singles]] | None = None
         self._negative = 0
+        self._tangent: bsr_matrix | None = None
+        self._simpler: Callable[[], bsr_matrix] | None = None
+        self._rough = False
 
-    def joined(self, blocks: Singles) -> Singles:
+    def linearise(self, tangent: Tangent, *, careful: bool = False, rough: bool = False) -> None:
+        """Factors do without the normals' turning, with which a node on an edge may have no pivot;
+        a ``careful`` step does where the tangent would not be definite."""
+        joined, lumens = self.joined(tangent.body[0]), tangent.body[1:]
+        with_turning = [s + t for s, t in zip(tangent.springs, tangent.turning, strict=True)]
+        self._tangent = self.matrix(joined, *lumens, *with_turning)
+        if careful and not self.is_definite(self.matrix(joined, *_even(lumens), *with_turning)):
+            self._tangent = self.matrix(joined, *lumens, *tangent.springs)
+        self._simpler = partial(self.matrix, joined, *_even(lumens), *tangent.springs)
+        self._rough = rough
+
+    def step(self, force: Array, enough: float) -> Array:
+        assert self._tangent is not None
+        found = self.solve(self._tangent, force, self._simpler, enough)
+        if self._rough:  # without the pressure its factors serve no other tangent
+            self.forget()
+        return found
+
+    def is_stable(self, tangent: Tangent) -> bool | None:
+        """True where all pivots are positive, False where a displacement is found that releases
+        energy, None where neither: single precision does not decide eigenvalues near zero. The
+        factors serve the next step."""
+        self.forget()
+        matrix = self._symmetric(tangent)
+        try:
+            self._factors = self.factor(matrix)
+        except SingularMatrix:
+            return None
+        if not self._factors.negative:
+            return True
+        return False if self._released(matrix, self._factors.releasing()) < 0 else None
+
+    def releasing(self, tangent: Tangent) -> Array | None:
+        """A displacement (size,) that releases energy; None without one."""
+        matrix = self._symmetric(tangent)
+        factors = self.factor(matrix)
+        if not factors.negative:
+            return None
+        x = factors.releasing()
+        x[self._still.ravel()] = 0.0
+        if self._released(matrix, x) >= 0:
+            return None
+        result = np.zeros(self._size)
+        result[self._dofs] = x
+        return result
+
+    def times(self, tangent: Tangent, u: Array) -> Array:
+        """The tangent times displacements (size,)."""
+        x = u[self._dofs].astype(np.float32)
+        result = np.zeros(self._size)
+        result[self._dofs] = self._product(self._symmetric(tangent), x)
+        return result
+
+    def _symmetric(self, tangent: Tangent) -> bsr_matrix:
+        cells, *lumens = tangent.body
+        touching = tangent.blocks[len(tangent.body) :]
+        return self.matrix(self.joined(cells), *_even(lumens), *touching)
+
+    def joined(self, blocks: Blocks) -> Singles:
         """The sums (p, 3, 3) of the elements' tangents (m, 3k, 3k), the first group's, for each
         pair of nodes that elements join."""
         place = self._places[0]
         m, k, _ = place.shape
         sums = np.zeros((len(self._columns), 3, 3), dtype=np.float32)
         if kernel.BUILT:
-            kernel.join_blocks(np.ascontiguousarray(blocks), place, sums)
+            kernel.join_blocks(np.ascontiguousarray(blocks, dtype=np.float32), place, sums)
             return sums
         parts = blocks.reshape(m, 3, k, 3, k)
         for i, j in np.ndindex(3, 3):
@@ -87,7 +160,7 @@ class LinearSolver:
             sums[:, i, j] = np.bincount(place.ravel(), weights=weights, minlength=len(sums))
         return sums
 
-    def matrix(self, joined: Singles, *sides: Array) -> bsr_matrix:
+    def matrix(self, joined: Singles, *sides: Blocks) -> bsr_matrix:
         """The tangent, without what leans, from the elements' sums and one (m, 3k, 3k) array per
         group after them; one on the diagonal of what is fixed."""
         values = joined.copy()
@@ -110,13 +183,13 @@ class LinearSolver:
     ) -> Array:
         """Displacements (size,) under ``force`` (size,) [N], of which ``enough_n`` may be left.
 
-        Raises `Singular`. New factors are those of a ``simpler`` matrix, where there is one.
+        Raises `SingularMatrix`. New factors are those of a ``simpler`` matrix, where there is one.
         """
         right = force[self._dofs].astype(np.float32)
         right[self._still.ravel()] = 0.0
         result = np.zeros(self._size)
         if not np.isfinite(right).all():
-            raise Singular
+            raise SingularMatrix("no solution was found")
         if not np.any(right):
             self._negative = 0
             return result
@@ -127,7 +200,7 @@ class LinearSolver:
             self._factors = self.factor(simpler() if simpler else matrix)
             x, taken = self._krylov(matrix, right, self._factors, 2 * MOST_STEPS, enough_n)
         if x is None:
-            raise Singular
+            raise SingularMatrix("no solution was found")
         assert self._factors is not None
         self._negative = self._factors.negative
         if taken > SLOW_STEPS:
@@ -142,7 +215,7 @@ class LinearSolver:
         self.forget()
         try:
             factors = self.factor(matrix)
-        except Singular:
+        except SingularMatrix:
             return False
         self._factors = None if factors.negative else factors
         return not factors.negative
@@ -155,34 +228,6 @@ class LinearSolver:
     def negative(self) -> int:
         """How many negative pivots the factors of the last `solve` have."""
         return self._negative
-
-    def lowest_curvature(self, matrix: bsr_matrix) -> float | None:
-        """Infinite where all pivots are positive; else x A x / x x of a displacement x for which it
-        is negative, None where the first negative pivot's is not: single precision does not decide
-        eigenvalues near zero. Its factors serve the next `solve`. Raises `Singular`."""
-        self.forget()
-        self._factors = factors = self.factor(matrix)
-        if not factors.negative:
-            return float("inf")
-        x = factors.releasing()
-        curvature = self._released(matrix, x) / float(x @ x)
-        return curvature if curvature < 0 else None
-
-    def released_by(self, matrix: bsr_matrix) -> Array | None:
-        """A displacement (size,) along which `lowest_curvature` is negative; None without one.
-
-        Raises `Singular`.
-        """
-        factors = self.factor(matrix)
-        if not factors.negative:
-            return None
-        x = factors.releasing()
-        x[self._still.ravel()] = 0.0
-        if self._released(matrix, x) >= 0:
-            return None
-        result = np.zeros(self._size)
-        result[self._dofs] = x
-        return result
 
     def _released(self, matrix: bsr_matrix, x: Singles) -> float:
         """x A x, summed in double precision: negative where energy is released."""
@@ -219,7 +264,7 @@ class LinearSolver:
         return solve
 
     def factor(self, matrix: bsr_matrix) -> Factors:
-        """Factors of ``matrix`` and the diagonals of what leans. Raises `Singular`."""
+        """Factors of ``matrix`` and the diagonals of what leans. Raises `SingularMatrix`."""
         propped = matrix.copy() if self._leaning else matrix
         for stiffness, weight in self._leaning:
             on_diagonal = stiffness * (weight**2).reshape(-1, 3)
@@ -251,6 +296,12 @@ class LinearSolver:
         left_n = float(np.linalg.norm(right - self._product(matrix, x)))
         good = left_n <= max(GOOD * float(np.linalg.norm(right)), 2 * enough_n)
         return (np.asarray(x) if good else None), counted
+
+
+def _even(lumens: Sequence[Blocks]) -> list[Blocks]:
+    """The symmetric part of lumens' tangent blocks: at a lumen's open ends there is another, which
+    in factors, of which half is made, would weigh as much as the softest displacements."""
+    return [(block + np.swapaxes(block, 1, 2)) / 2 for block in lumens]
 
 
 def _places(groups: list[Ints], block: Ints) -> list[Ints]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from sim_backend.arrays import Bools, Ints
 from sim_backend.fem.mesh import T6_EDGES
-from sim_backend.fem.model import Section
+from sim_backend.fem.section import Section
 from sim_backend.fem.solid.forces import Faces
 from sim_backend.fem.solid.prism import quad_shape, triangle_shape
 from sim_backend.scene.inclusion import Artery

@@ -2,23 +2,16 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from math import ceil
 
-from sim_backend.fem.newton import Load, NotConverged
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.continuation import continuation, judged
+from sim_backend.fem.mesh_transfer import continued
+from sim_backend.fem.newton import Load, NotConverged, Solution, unloaded
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import MOST_UNKNOWNS, build_body
-from sim_backend.fem.solid.mesh_transfer import carried
-from sim_backend.fem.solid.newton import (
-    SolidSolution,
-    continuation,
-    equilibrium,
-    is_stable,
-    unloaded,
-)
 from sim_backend.scene.scene_file import Scene
 
-SolvedSolid = tuple[Body, list[SolidSolution]]
+SolvedSolid = tuple[SolidBody, list[Solution]]
 
 FIRST_M, STEP_M = 0.35e-3, 0.55e-3
 """First depth on the way down, where single nodes come into contact, and the longest step from
@@ -34,36 +27,34 @@ def solve_solid(
     *,
     coarser: SolvedSolid | None = None,
     most_unknowns: float = MOST_UNKNOWNS,
-    judged: bool = True,
+    judge: bool = True,
 ) -> SolvedSolid:
     """One solution per lumen pressure, ``depth_m`` deep at (``x_m``, z = 0).
 
     The press comes first and the pressures in turn: the answer does not depend on the order, since
     nothing slides with friction. With what was solved on a ``coarser`` mesh the way down need not
-    be gone again. Unless they are ``judged`` no state is asked whether it is stable. Raises
+    be gone again. Without ``judge`` no state is asked whether it is stable. Raises
     `CannotSolve`, also for a mesh of more than ``most_unknowns``.
     """
     body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, most_unknowns=most_unknowns)
-    solver = body.solver()
     first = pressures_pa[0] if body.lumens else 0.0
-    now: SolidSolution | None = None
+    now: Solution | None = None
     if coarser is not None:
         with suppress(NotConverged):
             # displacements between a coarser mesh's nodes do not keep volumes: one such start is
             # enough, and pressures are followed from there
-            guess = carried(coarser[0], coarser[1][0], body)
-            now = equilibrium(body, solver, guess, Load(depth_m, first))
+            now = continued(coarser[0], coarser[1][0], body)
     if now is None:
         *way, there = [Load(d, first) for d in _depths(depth_m)]
-        (now,) = continuation(body, solver, unloaded(body), [there], way)
+        (now,) = continuation(body, unloaded(body), [there], way)
     solutions = [now]
     for pressure in pressures_pa[1:]:
-        if judged:  # its factors serve the next state
-            solutions[-1] = replace(now, stable=is_stable(body, solver, now))
-        (now,) = continuation(body, solver, now, [Load(depth_m, pressure)])
+        if judge:  # its factors serve the next state
+            solutions[-1] = judged(body, now)
+        (now,) = continuation(body, now, [Load(depth_m, pressure)])
         solutions.append(now)
-    if judged:
-        solutions[-1] = replace(now, stable=is_stable(body, solver, now))
+    if judge:
+        solutions[-1] = judged(body, now)
     return body, solutions
 
 

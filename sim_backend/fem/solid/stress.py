@@ -3,14 +3,14 @@
 import numpy as np
 
 from sim_backend.fem.material_3d import von_mises
-from sim_backend.fem.solid.body import Body
-from sim_backend.fem.solid.newton import SolidSolution
+from sim_backend.fem.newton import Solution
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.prism import wedge_gradient
 
 TRIANGLE_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
 
-def under_finger_pa(body: Body, solution: SolidSolution) -> float:
+def under_finger_pa(body: SolidBody, solution: Solution) -> float:
     """Von Mises stress [Pa] at the surface's node nearest to the finger's lowest point: the mean
     over its wedges of F there."""
     moved = body.wedges.nodes + solution.displacement
@@ -26,9 +26,9 @@ def under_finger_pa(body: Body, solution: SolidSolution) -> float:
     return float(von_mises(f, body.shear[around][rows]).mean())
 
 
-def contact_m(body: Body, solution: SolidSolution) -> tuple[float, float]:
+def contact_m(body: SolidBody, solution: Solution) -> tuple[float, float]:
     """Left and right end [m] of the nodes that the finger presses; twice its middle where none."""
-    pressed = body.surface[solution.multiplier > 0]
+    pressed = body.surface[solution.multiplier[0] > 0]
     if not len(pressed):
         return float(body.finger.under_m[0]), float(body.finger.under_m[0])
     x = body.wedges.nodes[pressed, 0] + solution.displacement[pressed, 0]

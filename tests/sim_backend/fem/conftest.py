@@ -15,7 +15,8 @@ from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import lumen_sides, unit_pressure
 from sim_backend.fem.material import moduli
 from sim_backend.fem.mesh import Mesh
-from sim_backend.fem.model import Section, SlidingConstraint
+from sim_backend.fem.section import Section
+from sim_backend.fem.support import SlidingConstraint
 from sim_backend.scene.indenter.profile import Profile
 
 Ints = Ints

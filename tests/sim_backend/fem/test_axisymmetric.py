@@ -9,10 +9,11 @@ from scipy.integrate import quad
 
 from sim_backend.arrays import Array
 from sim_backend.fem.axisymmetric import build_axisymmetric, solve_axisymmetric
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.internal import forces_and_tangents
-from sim_backend.fem.model import Grading, Section
-from sim_backend.fem.newton import Load
+from sim_backend.fem.model import Grading
+from sim_backend.fem.newton import Load, unloaded
+from sim_backend.fem.section import Section
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene
 

@@ -5,14 +5,13 @@ import pytest
 from lumen_area import lumen_area_m2
 from small_block import BLOCK
 
-from sim_backend.fem import newton
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem import section as section_rules
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.internal import deformation
 from sim_backend.fem.material import energy_density, plane_stress
 from sim_backend.fem.model import build_section
-from sim_backend.fem.newton import Load
-from sim_backend.fem.section_pairs import contact_pairs
+from sim_backend.fem.newton import Load, unloaded
 from sim_backend.scene.scene_file import load_scene, mirrored, scene_from_text
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -87,8 +86,7 @@ def test_contact_is_complementary(plane):
     """Where the finger pushes there is no gap; where there is a gap nothing pushes or pulls."""
     section = build_section(scene_in(plane), 0.032, depth_m=DEPTH_M, size_m=0.8e-3)
     *_, solved = marched(section, [Load(DEPTH_M / 2, P), Load(DEPTH_M, P)])
-    finger = section.finger.lowered_to(section.finger.y - DEPTH_M)
-    pair = contact_pairs(section, finger, solved.displacement)[0]
+    pair = section.contact_pairs(solved.displacement, DEPTH_M)[0]
     multiplier = solved.multiplier[0]
     on = multiplier > 0
     assert multiplier.min() >= 0
@@ -161,7 +159,7 @@ def test_stiffer_tissue_pushes_back_in_proportion(scale):
 def test_forces_and_gaps_close_together(plane, monkeypatch):
     """Where the contact stays, Newton's method squares its error: normals turn under the forces
     that the finger bears. And a step deeper begins with about the nodes that will touch."""
-    monkeypatch.setattr(newton, "CHORDS", 1)
+    monkeypatch.setattr(section_rules, "CHORDS", 1)
     section = build_section(
         BLOCK.model_copy(update={"plane": plane}), 12e-3, depth_m=1.5e-3, size_m=0.5e-3
     )

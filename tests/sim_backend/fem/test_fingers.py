@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from small_block import BLOCK
 
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import build_section, half_contact
-from sim_backend.fem.newton import CannotSolve, Load
+from sim_backend.fem.newton import CannotSolve, Load, unloaded
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.models.press import press

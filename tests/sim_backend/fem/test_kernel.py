@@ -11,8 +11,9 @@ from sim_backend.fem import kernel
 from sim_backend.fem.elements import ELEMENTS
 from sim_backend.fem.internal import internal_forces, least_area_ratio
 from sim_backend.fem.lumen import unit_pressure
-from sim_backend.fem.model import Section, build_section
+from sim_backend.fem.model import build_section
 from sim_backend.fem.newton import Solution
+from sim_backend.fem.section import Section
 from sim_backend.models.press import press
 from tests.support.small_block import BLOCK
 

@@ -7,10 +7,10 @@ from small_block import BLOCK
 
 from sim_backend import load_scene
 from sim_backend.fem.axisymmetric import build_axisymmetric
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.limits import physical_limit
 from sim_backend.fem.model import Grading, build_section, usual_grading
-from sim_backend.fem.newton import Load, NotConverged, SkinPressedFlat
+from sim_backend.fem.newton import Load, NotConverged, SkinPressedFlat, unloaded
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 

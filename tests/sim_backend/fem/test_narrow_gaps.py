@@ -5,7 +5,8 @@ from math import pi
 import numpy as np
 import pytest
 
-from sim_backend.fem.model import Grading, Section, build_section
+from sim_backend.fem.model import Grading, build_section
+from sim_backend.fem.section import Section
 from sim_backend.models.refine import FIRST_SHARE, mesh_grading
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, SceneError

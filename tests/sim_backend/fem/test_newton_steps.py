@@ -1,16 +1,21 @@
 """Steps of Newton's method: which of them form a tangent, and how exact what they end at is."""
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from sim_backend import Scene
 from sim_backend.fem import continuation as continuation_module
 from sim_backend.fem import finite_strain, newton
+from sim_backend.fem import section as section_rules
 from sim_backend.fem.assembly import Assembly
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.model import Section, build_section
-from sim_backend.fem.newton import Load, Solution
+from sim_backend.fem.model import build_section
+from sim_backend.fem.newton import Load, Solution, unloaded
+from sim_backend.fem.section import Section
 from sim_backend.scene.waves import PA_PER_MMHG
 from tests.support.small_block import BLOCK
 
@@ -43,14 +48,14 @@ def test_the_last_steps_take_the_tangent_that_is_there(
 
     monkeypatch.setattr(Assembly, "factor", counted)
     steps = sum(one.iterations - 1 for one in solved(section))
-    assert steps - newton.CHORDS * len(WAY) <= len(formed) < steps - len(WAY)
+    assert steps - section_rules.CHORDS * len(WAY) <= len(formed) < steps - len(WAY)
 
 
 def test_that_costs_no_exactness(section: Section, monkeypatch: pytest.MonkeyPatch) -> None:
     """Against residuals a hundred times smaller, which tangents formed anew lead to."""
     usual = solved(section)
-    monkeypatch.setattr(newton, "TOLERANCE", 1e-2 * newton.TOLERANCE)
-    exact = solved(section)
+    monkeypatch.setattr(section_rules, "TOLERANCE", 1e-2 * section_rules.TOLERANCE)
+    exact = solved(replace(section))
     forces, wanted = (np.array([one.force_n_per_m for one in each]) for each in (usual, exact))
     np.testing.assert_allclose(forces, wanted, rtol=1e-6)
     assert np.diff(forces)[-1] == pytest.approx(np.diff(wanted)[-1], rel=1e-5)
@@ -82,8 +87,8 @@ def test_the_way_down_belongs_to_the_finger(plane: str, monkeypatch: pytest.Monk
     taken: list[int] = []
     equilibrium = newton.equilibrium
 
-    def counted(section: Section, start: Solution, load: Load, drag_pa: float = 0.0) -> Solution:
-        found = equilibrium(section, start, load, drag_pa)
+    def counted(section: Section, start: Solution, load: Load, **rules: Any) -> Solution:
+        found = equilibrium(section, start, load, **rules)
         taken.append(found.iterations)
         return found
 

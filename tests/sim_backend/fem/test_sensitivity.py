@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from small_block import BLOCK
 
-from sim_backend.fem import newton
+from sim_backend.fem import section as section_rules
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.fem.model import Section
 from sim_backend.fem.newton import Solution, as_solved, equilibrium
 from sim_backend.fem.redrawn import followed
+from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import LOADS, gradients, loaded, renumbered
 from sim_backend.scene.numbers import numbers, with_number
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
@@ -65,8 +65,8 @@ SCENES: dict[str, tuple[Scene, float, float]] = {
 @pytest.fixture
 def solved(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Section, Solution]]:
     """Presses solved until rounding, which differences of forces need."""
-    monkeypatch.setattr(newton, "TOLERANCE", 1e-12)
-    monkeypatch.setattr(newton, "CLOSED_M", 1e-15)
+    monkeypatch.setattr(section_rules, "TOLERANCE", 1e-12)
+    monkeypatch.setattr(section_rules, "CLOSED_M", 1e-15)
 
     def solve(
         scene: Scene, depth_m: float, mmhg: float, x_m: float, size_m: float = SIZE_M

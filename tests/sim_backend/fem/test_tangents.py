@@ -6,13 +6,12 @@ from lumen_area import lumen_area_m2
 
 from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.contact.lumen_self_contact import wall_gaps
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.elements import ELEMENTS
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.model import build_section
-from sim_backend.fem.newton import Load
-from sim_backend.fem.section_pairs import contact_pairs
+from sim_backend.fem.newton import Load, unloaded
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.scene.indenter.profile import Profile
 from sim_backend.scene.scene_file import load_scene
@@ -117,19 +116,18 @@ def _section(element="T6", plane="stress"):
 def test_touching_finger():
     """Contact blocks are the slope of the contact force while its springs stay closed."""
     section = _section()
-    finger = section.finger.lowered_to(section.finger.y - 1e-3)
     u = np.zeros_like(section.mesh.nodes)
     u[section.mesh.surface, 1] = -0.5e-3
     penalty, multiplier = 3e6, np.linspace(5.0, 40.0, len(section.mesh.surface))
 
     def force(v):
-        pair = contact_pairs(section, finger, v)[0]
-        start = contact_pairs(section, finger, u)[0]
+        pair = section.contact_pairs(v, 1e-3)[0]
+        start = section.contact_pairs(u, 1e-3)[0]
         total = np.zeros(section.size)
         pair.add_force(multiplier - penalty * (pair.gap - start.gap), total)
         return total
 
-    pair = contact_pairs(section, finger, u)[0]
+    pair = section.contact_pairs(u, 1e-3)[0]
     blocks = pair.blocks(multiplier, np.ones(len(multiplier), bool), penalty)
     near = np.flatnonzero(np.abs(section.mesh.nodes[section.mesh.surface, 0] - 0.03) < 3e-3)
     assert len(near) > 4

@@ -11,8 +11,9 @@ from sim_backend.fem.axisymmetric import build_axisymmetric, solve_axisymmetric
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.internal import forces_and_tangents
 from sim_backend.fem.material import moduli
-from sim_backend.fem.model import Grading, Section, build_section, usual_grading
+from sim_backend.fem.model import Grading, build_section, usual_grading
 from sim_backend.fem.newton import CannotSolve
+from sim_backend.fem.section import Section
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.models.press import press
 from sim_backend.scene.scene_file import Scene

@@ -9,10 +9,10 @@ from small_block import BLOCK
 from soft_walls import soft_walled
 
 from sim_backend.fem import finite_strain
-from sim_backend.fem.continuation import continuation, unloaded
+from sim_backend.fem.continuation import continuation
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.model import build_section
-from sim_backend.fem.newton import CannotSolve, Load, NotConverged
+from sim_backend.fem.newton import CannotSolve, Load, NotConverged, unloaded
 from sim_backend.models import refine as refining
 from sim_backend.models.refine import ENTERING_PCT, FLOOR_PCT, ORDER, mesh_grading, refine
 from sim_backend.scene.scene_file import load_scene

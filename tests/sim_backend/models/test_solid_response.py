@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 from small_solid import small_solid, vessel
 
-from sim_backend.fem.newton import CannotSolve
+from sim_backend.fem.newton import CannotSolve, Solution, Unstable
 from sim_backend.fem.solid.build import half_width_m
-from sim_backend.fem.solid.newton import SolidSolution
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.fem.solid.stress import under_finger_pa
 from sim_backend.models import kept_tables, solid_response, station_response
@@ -155,11 +154,13 @@ def test_what_is_unstable_is_left_where_that_changes_little(
     plain = SCENE.model_copy(update={"inclusion": ()})
     before = solid_response.solve_place(plain, 8e-3, DEPTH_M)["ramp"]
 
-    def fall(_body: object, _solver: object, one: SolidSolution) -> SolidSolution | None:
-        return falls_to and replace(one, force_n=falls_to * one.force_n)
+    def fall(_body: object, one: Solution) -> Solution:
+        if falls_to is None:
+            raise Unstable("nowhere")
+        return replace(one, force=falls_to * one.force)
 
-    monkeypatch.setattr(solid_response, "is_stable", lambda *_: False)
-    monkeypatch.setattr(solid_response, "fallen", fall)
+    monkeypatch.setattr(solid_response, "judged", lambda _, one: replace(one, stable=False))
+    monkeypatch.setattr(solid_response, "stable_branch", fall)
     if not answers:
         with pytest.raises(CannotSolve, match="unstable"):
             solid_response.solve_place(plain, 8e-3, DEPTH_M)

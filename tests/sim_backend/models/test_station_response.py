@@ -6,8 +6,8 @@ import pytest
 from flat_lumens import drawn
 from soft_walls import soft_walled
 
-from sim_backend.fem.continuation import continuation, unloaded
-from sim_backend.fem.newton import CannotSolve, Load
+from sim_backend.fem.continuation import continuation
+from sim_backend.fem.newton import CannotSolve, Load, unloaded
 from sim_backend.models.plane_response import section_for
 from sim_backend.models.press import press
 from sim_backend.models.response import levels_pa

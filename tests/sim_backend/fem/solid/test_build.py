@@ -8,7 +8,7 @@ import pytest
 
 from sim_backend.fem import kernel
 from sim_backend.fem.newton import CannotSolve
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import build_body
 from sim_backend.fem.solid.forces import forces, tangents, unit_pressure
 from sim_backend.models.press import press
@@ -29,11 +29,11 @@ def block(*inclusion: dict[str, Any], length_mm: float = 20.0) -> Scene:
     )  # fmt: skip
 
 
-def body_of(*inclusion: dict[str, Any]) -> Body:
+def body_of(*inclusion: dict[str, Any]) -> SolidBody:
     return build_body(block(*inclusion), 16e-3, depth_m=1e-3, size_m=2e-3)
 
 
-def volume_mm3(body: Body, region: int) -> float:
+def volume_mm3(body: SolidBody, region: int) -> float:
     return 2e9 * float(body.wedges.weight[body.region == region].sum())  # a half is meshed
 
 

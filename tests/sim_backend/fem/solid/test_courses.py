@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import build_body, half_width_m
 from sim_backend.fem.solid.courses import lean
 from sim_backend.fem.solid.forces import unit_pressure
@@ -34,7 +34,7 @@ def block(*inclusion: dict[str, Any], ends: str = "free") -> Scene:
     )  # fmt: skip
 
 
-def body_of(*inclusion: dict[str, Any], ends: str = "free") -> Body:
+def body_of(*inclusion: dict[str, Any], ends: str = "free") -> SolidBody:
     return build_body(block(*inclusion, ends=ends), 12e-3, depth_m=1e-3, size_m=2.5e-3)
 
 

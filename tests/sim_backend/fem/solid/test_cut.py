@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from sim_backend.fem.material_3d import von_mises
+from sim_backend.fem.newton import unloaded
 from sim_backend.fem.solid.build import build_body
 from sim_backend.fem.solid.cut import Cut
-from sim_backend.fem.solid.newton import unloaded
 from sim_backend.scene.scene_file import Scene
 
 VESSEL = {"kind": "artery", "x_mm": 7.0, "depth_mm": 4.5, "inner_diameter_mm": 2.0, "wall_mm": 1.0,

@@ -8,13 +8,13 @@ a cylinder of 5 x 10 mm, 12 mm beside the vessel: at 117 mmHg the least imbalanc
 the force, and beyond the node's slide the force is 0.3 % smaller.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.assembly import gather
-from sim_backend.fem.newton import Load
-from sim_backend.fem.solid.balance import body_forces
-from sim_backend.fem.solid.body import Body
+from sim_backend.fem.body import Body
+from sim_backend.fem.contact.bonded import BondedContact
 
 STEEP = 0.5
 """A step ends where the energy's slope along it is within this share of what it was."""
@@ -22,23 +22,26 @@ FARTHEST, SHORTEST = 16.0, 1 / 32
 
 
 def share_of_step(
-    body: Body, load: Load, u: Array, change: Array, pushed: Array, penalty: float
-) -> float:
-    """The share of ``change`` (n, 3) [m], doubled or halved, after which energy falls no more.
+    body: Body, depth_m: float, pressure_pa: float, u: Array, change: Array,
+    pushed: Sequence[Array], bonds: Sequence[BondedContact],
+) -> float:  # fmt: skip
+    """The share of ``change`` (n, d) [m], doubled or halved, after which energy falls no more.
 
-    ``pushed`` (s,) are the contact forces [N] at ``u`` of nodes whose springs hold either way, and
-    zero of others, which ``penalty`` [N/m] keeps out of the finger only.
+    ``pushed`` are the contact forces at ``u``, an array per group of pairs: springs of pairs that
+    carry one hold either way, the others' keep them apart only.
     """
-    finger = body.finger.lowered_by(load.depth_m)
     way = np.zeros(body.size)
     way[body.free] = change.ravel()[body.free]
 
     def slope(share: float) -> float:
         there = u + share * change
-        gap, normal, _ = finger.gap((body.wedges.nodes + there)[body.surface])
-        force = pushed - penalty * np.where(pushed > 0, gap, np.minimum(gap, 0.0))
-        residual, _ = body_forces(body, there, load.pressure_pa)
-        residual -= gather(body.size, body.contact_dofs, force[:, None] * normal)
+        residual, _ = body.forces(there, pressure_pa)
+        for t, m in zip(body.contact_pairs(there, depth_m, bonds), pushed, strict=True):
+            gap = t.open(m)
+            closing = np.where((m > 0) | t.bonded, gap, np.minimum(gap, 0.0))
+            t.add_force(t.stiffness(body.rules.penalty) * closing - m, residual)
+        for bond in bonds:
+            bond.add_force(there, residual)
         return float(residual @ way)
 
     first, share = slope(0.0), 1.0
