@@ -22,14 +22,26 @@ JOG_CANCEL = b"\x85"
 
 ASK_AGAIN_S = 0.1  # an unanswered `?` is repeated after this
 LOOK_S = 0.001
+PUZZLES = 5  # reports of another dialect with none of ours between: noise does not do that
 LINE_MAX = 4096
 
 Point = tuple[float, float, float]
 _FIELD = re.compile(r"(MPos|WPos|WCO|Pn):([^|>]*)")
 _STATE = re.compile(r"<([A-Za-z]+)(?::(\d+))?((?:\|[^|>]*)*)>")
+_OLD_STATE = re.compile(r"<[A-Za-z]+,[MW]Pos:")
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _PROBE = re.compile(rf"\[PRB:{_NUMBER},{_NUMBER},{_NUMBER}(?:,[-\d.]+)*:([01])\]")
-_SETTING = re.compile(r"\$(\d+)=(-?\d+(?:\.\d+)?)(?: .*)?")  # grblHAL also has text settings
+_SETTING = re.compile(  # some explain each in brackets; grblHAL also has text settings
+    r"\$(\d+)\s*=\s*(-?\d+(?:\.\d+)?)(?:[\s(].*)?"
+)
+OLD = (
+    "it speaks GRBL 0.9 or older, which knows no jogs: a move could not be broken off where it is; "
+    "load GRBL 1.1 or grblHAL onto the board"
+)
+TWO_AXES = (
+    "it reports two axes, x and y, and the probe is pressed along z: load a GRBL that was built "
+    "for three"
+)
 
 
 @dataclass(frozen=True)
@@ -57,15 +69,20 @@ class Conversation:
         self.settings: dict[int, float] = {}
         self.alarm: str | None = None
         self.gone: str | None = None
+        self.unfit: str | None = None  # why a board that answers cannot be used
+        self.refused: str | None = None  # what it said against the last line, in words
         self.restarts = 0
         self.asked = 0
         self.unanswered = False  # the last line: the board may still carry it out
+        self.sent_s = -math.inf  # when that was
         self.arrived = threading.Condition()
         self.after_status: Callable[[Status], None] = lambda _status: None
+        self.after_reply: Callable[[], None] = lambda: None
         self._device = device
         self._line = line
         self._period_s = period_s
         self._answered = True
+        self._puzzled = 0
         self._asked_s = -1.0
         self._offset: Point | None = None  # of work coordinates, once reported
         self._partial = b""
@@ -85,14 +102,8 @@ class Conversation:
     def command(self, text: str, timeout_s: float) -> None:
         """Send a line and wait for ``ok``. Raises `DeviceFault` with the error in words."""
         with self._one_line:
-            with self.arrived:
-                self._replies.clear()
-                self.unanswered = True
-                alarm = self.alarm
-            try:
-                self._line.write(text.encode("ascii") + b"\n")
-            except (OSError, TypeError) as error:
-                self._lose(str(error))
+            alarm = self.alarm
+            self.send(text)
             self.wait(
                 lambda: bool(self._replies) or self.alarm is not alarm,
                 timeout_s,
@@ -100,9 +111,17 @@ class Conversation:
             )
             reply = self._replies[0] if self._replies else str(self.alarm)
         if reply != "ok":
-            digits = reply.partition(":")[2]
-            words = error_in_words(int(digits)) if digits.isdigit() else reply
-            raise DeviceFault(self._device, f"{text!r} refused: {words}")
+            raise DeviceFault(self._device, f"{text!r} refused: {_in_words(reply)}")
+
+    def send(self, text: str) -> None:
+        """Send a line and do not wait: see `unanswered` and `refused`. Never raises."""
+        with self.arrived:
+            self._replies.clear()
+            self.unanswered, self.refused, self.sent_s = True, None, time.monotonic()
+        try:
+            self._line.write(text.encode("ascii") + b"\n")
+        except (OSError, TypeError) as error:
+            self._lose(str(error))
 
     def wait(self, ready: Callable[[], bool], timeout_s: float, otherwise: str) -> None:
         """Wait until ``ready``. Raises `DeviceFault` if not, or if the line is lost meanwhile."""
@@ -116,10 +135,13 @@ class Conversation:
     def fresh(self, timeout_s: float) -> Status:
         """A status asked for after this call. Raises `DeviceFault`."""
         asked = self.asked
-        self.wait(lambda: self.newer(asked) is not None, timeout_s, "no status")
-        found = self.newer(asked)
-        assert found is not None
-        return found
+        self.wait(
+            lambda: self.newer(asked) is not None or self.unfit is not None, timeout_s, "no status"
+        )
+        status = self.newer(asked)
+        if status is None:
+            raise DeviceFault(self._device, str(self.unfit))
+        return status
 
     def newer(self, asked: int) -> Status | None:
         """The latest status, if it answers a request after the first ``asked``."""
@@ -175,6 +197,8 @@ class Conversation:
             elif text == "ok" or text.startswith("error:"):
                 self._replies.append(text)
                 self.unanswered = False
+                self.refused = None if text == "ok" else _in_words(text)
+                self.after_reply()
             elif text.startswith("ALARM:"):
                 number = text[6:]
                 self.alarm = alarm_in_words(int(number)) if number.isdigit() else text
@@ -189,9 +213,16 @@ class Conversation:
                 self.settings[int(found[1])] = float(found[2])
             self.arrived.notify_all()
 
+    def _puzzle(self, why: str | None) -> None:
+        """Only a report that always looks like this is no damaged one."""
+        self._puzzled += why is not None
+        self.unfit = why if self._puzzled >= PUZZLES else self.unfit
+        self._answered = self._answered or why is not None
+
     def _report(self, text: str) -> None:
         """A damaged report is none: the next one is a few milliseconds away."""
         if not (found := _STATE.fullmatch(text)):
+            self._puzzle(OLD if _OLD_STATE.match(text) else None)
             return
         fields = dict(_FIELD.findall(found[3]))
         try:
@@ -205,7 +236,10 @@ class Conversation:
                 if (offset := self._offset) is not None:
                     position = (x + offset[0], y + offset[1], z + offset[2])
         except (KeyError, ValueError):
+            two = str(fields.get("MPos", fields.get("WPos"))).count(",") == 1
+            self._puzzle(TWO_AXES if two else None)
             return
+        self.unfit, self._puzzled = None, 0
         substate = None if found[2] is None else int(found[2])
         status = Status(
             found[1], substate, position, fields.get("Pn", ""), self.asked - 1, time.monotonic()
@@ -213,6 +247,11 @@ class Conversation:
         self._answered = True
         self.status = status
         self.after_status(status)
+
+
+def _in_words(reply: str) -> str:
+    digits = reply.partition(":")[2]
+    return error_in_words(int(digits)) if digits.isdigit() else reply
 
 
 def _point(text: str) -> Point:

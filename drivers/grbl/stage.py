@@ -7,30 +7,36 @@ boards have it.
 
 import logging
 import math
-import threading
 import time
+from collections.abc import Sequence
 from contextlib import suppress
+from functools import partial
 
-from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault, MotionFault
+from drivers.core.abilities import StopMeans
+from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.core.ports import PortName, nobody_else, open_port
 from drivers.core.protocols import Clock, Pose
+from drivers.core.segments import Place
 from drivers.core.settings import Baud, Point, Positive, Settings
 from drivers.core.stage_limits import Limits, check_speed, check_target, check_upright
-from drivers.grbl.line import HOLD, JOG_CANCEL, RESET, Conversation, Status
+from drivers.grbl.board import REPORT_MASK, BoardSettings, in_machine
+from drivers.grbl.line import HOLD, Conversation, Status
+from drivers.grbl.motion import HEARD_S, Motion
 from drivers.grbl.words import STATES, pins_in_words
 
 log = logging.getLogger("palpate")
 LATE_LINE_S = 2.0  # a line that has waited this long in a board that works is lost
 HELLO_S = 4.0  # an Arduino that resets when its port is opened needs two seconds
 HOME_S = 120.0
-INCH_MM = 25.4
-MOVING = ("Jog", "Run", "Hold", "Home", "Door")
 SETTINGS_S = 2.0
 OFFSET_REPORTS = 35  # GRBL 1.1 reports the offset every 10 to 30 reports
 REPORT_S = 0.02  # between two reports, at least
-REPORT_MASK = 10
-REPORT_INCHES, SOFT_LIMITS, HOMING = 13, 20, 22
-MAX_RATE = (110, 111, 112)  # mm/min
+LOST = (
+    "it was reset while it moved, as no other stop was obeyed: where it is is known only once it "
+    "was homed"
+)
+UNLOCKED_S = 0.5  # its greeting, and the answer to $X: as long as a line may take
+UP_MM = 0.05  # sideways in a move that is called straight up: a report's rounding in inches, twice
 
 
 class GrblSettings(Settings):
@@ -68,12 +74,8 @@ class GrblStage:
         self._settings = settings
         self._period_s = 1 / settings.status_hz
         self._talk: Conversation | None = None
-        self._unit_mm = 1.0
-        self._probing = self._homing = False
-        self._stops = self._stops_before = 0  # now, and when the last move was sent
-        self._stopping = threading.Event()
-        self._moved_after = 0  # status requests sent before the last move was accepted
-        self._restarts = 0  # those we asked for
+        self._motion: Motion | None = None
+        self._stops = 0
 
     def connect(self) -> None:
         """Open the port, greet the board, read its settings."""
@@ -82,20 +84,21 @@ class GrblStage:
         keys = self._settings
         line = open_port(self.name, keys.port, keys.baud)
         talk = Conversation(self.name, line, self._period_s)
+        motion = Motion(self.name, talk, BoardSettings({}), self._period_s, keys.answer_s)
         try:
             status = talk.fresh(HELLO_S)
-            self._read_settings(talk, locked=status.state == "Alarm")
+            self._read_settings(talk, motion, locked=status.state == "Alarm")
         except DeviceFault as fault:
             talk.close()
+            if talk.unfit is not None:
+                raise DeviceFault(self.name, talk.unfit) from None
             raise DeviceAbsent(
                 self.name, f"no GRBL answers at {keys.port}: {fault.reason}"
                 f"{nobody_else(keys.port)}. GRBL 1.1 is silent "
                 "after a limit alarm until it is reset (its button, or power), and while it homes"
             ) from None  # fmt: skip
-        self._stopping.clear()
-        self._restarts = talk.restarts  # opening the port resets an Arduino
-        talk.after_status = self._finish_stop
-        self._moved_after = 0
+        motion.own_resets = talk.restarts  # opening the port resets an Arduino
+        self._motion = motion
         self._talk = talk
         try:
             if status.state == "Alarm" and not self.homes:
@@ -114,22 +117,17 @@ class GrblStage:
 
         Raises `DeviceFault`.
         """
-        talk = self._line()
+        talk, motion = self._line()
         status = self._fresh(talk)
         if status.state in STATES:
             raise DeviceFault(self.name, STATES[status.state])
         if pressed := pins_in_words(status.pins):
             raise DeviceFault(self.name, f"active at rest: {pressed}")
-        notes = []
-        if not talk.settings.get(HOMING, 1.0):
-            notes.append("homing is off ($22=0): the board does not know where its travel ends")
-        elif not talk.settings.get(SOFT_LIMITS, 1.0):
-            notes.append("soft limits are off ($20=0): nothing but limits_mm bounds the travel")
-        if "P" in status.pins:
-            notes.append("its probe contact is closed")
-        return notes
+        if motion.lost:
+            raise DeviceFault(self.name, LOST)
+        return motion.board.notes() + ["its probe contact is closed"] * ("P" in status.pins)
 
-    def _read_settings(self, talk: Conversation, *, locked: bool) -> None:
+    def _read_settings(self, talk: Conversation, motion: Motion, *, locked: bool) -> None:
         """After some alarms a board reports its settings only once it was reset, as homing does."""
         try:
             talk.command("$$", SETTINGS_S)
@@ -137,8 +135,10 @@ class GrblStage:
             if not locked:
                 raise
             return
-        self._unit_mm = INCH_MM if talk.settings.get(REPORT_INCHES) else 1.0
-        self._tell_slow_axes(talk)
+        motion.board = BoardSettings(talk.settings)
+        speed_mm_s = self._settings.max_speed_mm_s
+        for slow in motion.board.slower_than(speed_mm_s):
+            log.warning("%s: %s, not max_speed_mm_s = %g", self.name, slow, speed_mm_s)
 
     def _find_position(self, talk: Conversation) -> None:
         """Wait until the machine's position is known: some boards say it in every 30th report."""
@@ -156,30 +156,47 @@ class GrblStage:
 
     def pose(self) -> Pose:
         """The tip as the board reports it, asked for now."""
-        talk = self._line()
+        talk, motion = self._line()
         status = self._fresh(talk)
-        self._check(talk, status)
-        if status.position is None:
-            raise DeviceFault(self.name, "has not reported where the machine is ($10)")
-        return Pose(*self._scan_m(status.position))
+        self._check(talk, motion, status)
+        return self._scan_pose(self._place(motion, status))
+
+    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        """Those beyond the travel that the board's settings give. Raises `DeviceFault`."""
+        talk, motion = self._line()
+        here, origin_mm = self._place(motion, self._fresh(talk)), self._settings.origin_mm
+        why = {p: motion.board.beyond_travel(here, in_machine(p, origin_mm)) for p in poses}
+        return {pose: words for pose, words in why.items() if words is not None}
 
     def move(self, target: Pose, speed_m_s: float) -> None:
-        """Set off. Raises `DeviceFault` if out of bounds, too fast, moving, or refused."""
-        talk = self._line()
-        self._check(talk, self._fresh(talk))
-        if self.moving():
+        """Set off. Raises `DeviceFault` if out of bounds, too fast, moving, or refused.
+
+        The board gets the way in segments, and rests soon when no more of them come; see
+        `drivers.core.segments`.
+        """
+        talk, motion = self._line()
+        status = self._fresh(talk)
+        self._check(talk, motion, status)
+        if motion.moves():
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
-        if talk.unanswered:  # a stop of the move before waits for it no longer
-            self._stopping.clear()
         check_speed(self.name, self._settings.max_speed_mm_s, speed_m_s)
         check_upright(self.name, target)
-        machine = self._machine_mm(target)
-        words = "".join(f"{axis}{at:.4f}" for axis, at in zip("XYZ", machine, strict=True))
-        stops = self._stops_before = self._stops
-        talk.command(f"$J=G21G90G53{words}F{60e3 * speed_m_s:.3f}", self._settings.answer_s)
-        self._moved_after = talk.asked
+        check_target(self.name, self.limits_mm, target)
+        here, to = self._place(motion, status), in_machine(target, self._settings.origin_mm)
+        if motion.lost and (to[2] < here[2] or math.dist(here[:2], to[:2]) > UP_MM):
+            raise DeviceFault(self.name, LOST)
+        if (beyond := motion.board.beyond_travel(here, to)) is not None:
+            raise DeviceFault(self.name, beyond)
+        stops = self._stops
+        motion.begin(here, to, 1e3 * speed_m_s)
         if stops != self._stops:  # stopped while the board was thinking
-            self._send_stop(talk)
+            motion.stop()
+
+    def keep_alive(self) -> None:
+        """Whoever checks the force has just done so; without these calls a move is not gone on
+        with, once there was one."""
+        if (motion := self._motion) is not None:
+            motion.guarded_s = time.monotonic()
 
     def probe(self, depth_m: float, speed_m_s: float, timeout_s: float = 60.0) -> Pose:
         """Go down by ``depth_m`` until the board's probe input closes; where it closed.
@@ -187,25 +204,26 @@ class GrblStage:
         Blocks. The board halts a little below, so this is its latched position, not the last
         one. Raises `DeviceFault` if there was no contact, or already one before.
         """
-        talk = self._line()
+        talk, motion = self._line()
         if depth_m <= 0:
             raise ConfigError(f"depth_m = {depth_m:g}: must be above 0")
-        talk.probed, self._probing = None, True
+        talk.probed, motion.probing = None, True
         try:
             feed = 60e3 * speed_m_s
             talk.command(f"G21G91G38.2Z{-1e3 * depth_m:.4f}F{feed:.3f}", timeout_s)
             talk.command("G90", self._settings.answer_s)
-            self._moved_after = talk.asked
+            motion.moved_after = talk.asked
             talk.wait(lambda: talk.probed is not None, self._settings.answer_s, "no probe report")
         except DeviceFault as fault:
             raise DeviceFault(self.name, talk.alarm or fault.reason) from None
         finally:
-            self._probing = False
+            motion.probing = False
         assert talk.probed is not None
         position, hit = talk.probed
         if not hit:
             raise DeviceFault(self.name, talk.alarm or "probe: no contact within the move")
-        return Pose(*self._scan_m(position))
+        x, y, z = (motion.board.unit_mm * at for at in position)
+        return self._scan_pose((x, y, z))
 
     def home(self) -> None:
         """Run the homing cycle, then go to ``park_mm``; blocks. Raises `DeviceFault`.
@@ -213,23 +231,24 @@ class GrblStage:
         A `stop` breaks it off at any instant: during the cycle by a reset, the only thing that a
         board listens to then.
         """
-        talk, stops = self._line(), self._stops
+        (talk, motion), stops = self._line(), self._stops
         if self._fresh(talk).state == "Alarm":  # after some alarms only a reset is listened to
-            self._reset(talk)
-            asked = self._restarts
+            motion.reset()
+            asked = motion.own_resets
             talk.wait(lambda: talk.restarts >= asked, HELLO_S, "no greeting after a reset")
             talk.fresh(HELLO_S)  # grblHAL reports ALARM:11, homing required, after its greeting
         talk.alarm = None
-        self._read_settings(talk, locked=False)
-        self._homing = True
+        self._read_settings(talk, motion, locked=False)
+        motion.homing = True
         try:
             self._unless_stopped(stops)
             talk.command("$H", HOME_S)
             self._unless_stopped(stops)
         finally:
-            self._homing = False
-        self._restarts = talk.restarts  # whatever restarted it before: it knows where it is
-        self._moved_after = talk.asked
+            motion.homing = False
+        motion.own_resets = talk.restarts  # whatever restarted it before: it knows where it is
+        motion.lost = False
+        motion.moved_after = talk.asked
         self._find_position(talk)
         self._park(stops)
 
@@ -253,101 +272,75 @@ class GrblStage:
         self._unless_stopped(stops)
 
     def moving(self) -> bool:
-        """True until the last move has ended. Raises `DeviceFault` on an alarm or a lost line."""
-        talk = self._line()
-        status = talk.status
-        if status is not None:
-            self._check(talk, status)
-        new = talk.newer(self._moved_after)
-        held = new is not None and new.state == "Hold"
-        if held and not self._probing and self._stops == self._stops_before:
-            raise MotionFault(self.name, STATES["Hold"])
-        return new is None or new.state in MOVING
+        """True until the last move has ended. Raises `MotionFault` if it was broken off, and
+        `DeviceFault` on an alarm or a lost line."""
+        talk, motion = self._line()
+        if talk.status is not None:
+            self._check(talk, motion, talk.status)
+        return motion.moves()
 
     def stop(self) -> None:
         """Slow down at the board's acceleration and forget the rest of the move."""
         self._stops += 1
-        if (talk := self._talk) is not None:
-            self._send_stop(talk)
+        if (motion := self._motion) is not None:
+            motion.stop()
+
+    def stop_means(self) -> tuple[StopMeans, ...]:
+        """A jog cancel (its eighth bit is set: a 7-bit line loses it), a feed hold, a reset.
+
+        A jog is cancelled by a hold, too. After a reset in motion the board is unlocked, and lifts.
+        """
+        motion = self._motion
+        if motion is None:
+            return (StopMeans("stop", self.stop, math.inf),)
+        braking_s = motion.board.braking_s(self._settings.max_speed_mm_s)
+        heard_s = HEARD_S + self._period_s
+        return (
+            StopMeans("jog cancel (0x85)", self.stop, heard_s + braking_s),
+            StopMeans("feed hold (!)", partial(motion.stop, HOLD), heard_s + braking_s),
+            StopMeans("reset (0x18)", motion.cut, heard_s + UNLOCKED_S),
+        )
 
     def close(self) -> None:
         """Stop and release the port."""
-        talk, self._talk = self._talk, None
-        if talk is not None:
-            if talk.gone is None:
-                self._send_stop(talk)
-            if talk.unanswered:  # a line that the board takes late must not move it unguarded
-                self._talk = talk
-                with suppress(DeviceFault):
-                    talk.wait(lambda: not self._stopping.is_set(), LATE_LINE_S, "")
-                self._talk = None
-            talk.close()
-
-    def _send_stop(self, talk: Conversation) -> None:
-        if self._homing:
-            self._reset(talk)
+        talk, motion, self._talk, self._motion = self._talk, self._motion, None, None
+        if talk is None or motion is None:
             return
-        self._stopping.set()
-        talk.realtime(HOLD if self._probing else JOG_CANCEL)
+        if talk.gone is None:
+            motion.stop()
+        if talk.unanswered:  # a line that the board takes late must not move it unguarded
+            with suppress(DeviceFault):
+                talk.wait(lambda: not motion.stopping, LATE_LINE_S, "")
+        talk.close()
 
-    def _reset(self, talk: Conversation) -> None:
-        self._restarts += 1
-        talk.realtime(RESET)
-
-    def _tell_slow_axes(self, talk: Conversation) -> None:
-        """The board itself slows a move that is too fast for an axis, and says nothing."""
-        for axis, number in zip("xyz", MAX_RATE, strict=True):
-            rate_mm_s = talk.settings.get(number, math.inf) / 60
-            if rate_mm_s < self._settings.max_speed_mm_s * (1 - 1e-6):
-                log.warning(
-                    "%s: the board moves %s at %.4g mm/s at most ($%d), not max_speed_mm_s = %g",
-                    self.name, axis, rate_mm_s, number, self._settings.max_speed_mm_s,
-                )  # fmt: skip
-
-    def _finish_stop(self, status: Status) -> None:
-        """In the reader's thread: repeat a stop that was not heard; flush what a hold left."""
-        talk = self._talk
-        if talk is None or not self._stopping.is_set():
-            return
-        if status.state == "Hold" and status.substate in (0, None):
-            self._reset(talk)  # at rest, so the position is kept
-            self._stopping.clear()
-        elif status.state in ("Jog", "Run"):
-            talk.realtime(JOG_CANCEL if status.state == "Jog" else HOLD)
-        elif status.state != "Hold" and not talk.unanswered:
-            self._stopping.clear()
-
-    def _line(self) -> Conversation:
-        if self._talk is None:
+    def _line(self) -> tuple[Conversation, Motion]:
+        if self._talk is None or self._motion is None:
             raise DeviceFault(self.name, "not connected")
-        return self._talk
+        return self._talk, self._motion
 
     def _fresh(self, talk: Conversation) -> Status:
         return talk.fresh(self._settings.silent_s)
 
-    def _check(self, talk: Conversation, status: Status) -> None:
+    def _check(self, talk: Conversation, motion: Motion, status: Status) -> None:
         if talk.gone is not None:
             raise DeviceFault(self.name, f"connection lost ({talk.gone})")
         if talk.alarm is not None or status.state == "Alarm":
             raise DeviceFault(self.name, talk.alarm or "alarm; the board does not say which")
-        if talk.restarts > self._restarts:
+        if talk.restarts > motion.own_resets:
             raise DeviceFault(self.name, "the board restarted by itself; home again")
         age_s = time.monotonic() - status.arrival_s
         if age_s > self._settings.silent_s:
             allowed = f"silent_s = {self._settings.silent_s:g}"
             raise DeviceFault(self.name, f"silent for {age_s:.2f} s; allowed: {allowed}")
 
-    def _machine_mm(self, target: Pose) -> Point:
-        check_target(self.name, self.limits_mm, target)
-        x, y, z = (1e3 * at + o for at, o in zip(target, self._settings.origin_mm, strict=False))
-        return (x, y, z)
+    def _place(self, motion: Motion, status: Status) -> Place:
+        if (place := motion.place(status)) is None:
+            raise DeviceFault(self.name, "has not reported where the machine is ($10)")
+        return place
 
-    def _scan_m(self, reported: Point) -> Point:
-        x, y, z = (
-            1e-3 * (self._unit_mm * at - o)
-            for at, o in zip(reported, self._settings.origin_mm, strict=True)
-        )
-        return (x, y, z)
+    def _scan_pose(self, place: Place) -> Pose:
+        x, y, z = (1e-3 * (at - o) for at, o in zip(place, self._settings.origin_mm, strict=True))
+        return Pose(x, y, z)
 
 
 def open_stage(_clock: Clock, settings: GrblSettings) -> GrblStage:

@@ -55,9 +55,10 @@ STATES = {
 }
 """States in which somebody else is in command."""
 
+DOOR = "D"
 PINS = {
     "X": "limit switch of x", "Y": "limit switch of y", "Z": "limit switch of z",
-    "A": "limit switch of a", "D": "safety door", "R": "reset button", "H": "feed hold button",
+    "A": "limit switch of a", DOOR: "safety door", "R": "reset button", "H": "feed hold button",
     "S": "cycle start button", "E": "emergency stop", "F": "motor fault",
 }  # fmt: skip
 

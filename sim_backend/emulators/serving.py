@@ -18,7 +18,8 @@ from drivers.core.errors import ConfigError
 
 TICK_S = 0.001
 LATE_S = 0.4
-LINE_FAULTS = ("silence", "drop", "garbage", "bad crc", "noise", "late")
+LINE_FAULTS = ("silence", "drop", "garbage", "bad crc", "noise", "late", "seven bits")
+SEVEN_BITS = bytes(value & 0x7F for value in range(256))  # a bridge that drops the eighth
 
 
 class Device(Protocol):
@@ -205,9 +206,12 @@ class Served:
     def _step(self) -> None:
         if self._fault == "drop":
             self._line.drop()
-            self._end.wait(0.01)
+            self._device.due()  # it goes on with what it has
+            self._end.wait(TICK_S)
             return
         data = self._line.read()
+        if self._fault == "seven bits":
+            data = data.translate(SEVEN_BITS)
         answer = (self._device.received(data) if data else b"") + self._device.due()
         now = time.monotonic()
         if answer:
@@ -230,6 +234,8 @@ class Served:
             case "noise":
                 self.spoilt += 1
                 return damaged(answer, self._rng)
+            case "seven bits":
+                return answer.translate(SEVEN_BITS)
         return answer
 
 

@@ -27,7 +27,8 @@ class Rest(NamedTuple):
 class Leg(NamedTuple):
     """Speed up for ``rise_s``, cruise at ``speed`` for ``cruise_s``, slow down for ``fall_s``.
 
-    A halt is a leg that only slows down, a recorded piece one that only cruises.
+    A halt is a leg that only slows down, a recorded piece one that only cruises; one that goes on
+    in the middle of another begins with the speed ``entry``.
     """
 
     start_s: float
@@ -38,6 +39,7 @@ class Leg(NamedTuple):
     rise_s: float
     cruise_s: float
     fall_s: float
+    entry: float = 0.0
 
     @property
     def end_s(self) -> float:
@@ -50,7 +52,8 @@ class Leg(NamedTuple):
         cruise = min(max(t - self.rise_s, 0.0), self.cruise_s)
         fall = min(max(t - self.rise_s - self.cruise_s, 0.0), self.fall_s)
         return (
-            0.5 * self.acceleration * rise * rise
+            self.entry * rise
+            + 0.5 * self.acceleration * rise * rise
             + self.speed * (cruise + fall)
             - 0.5 * self.acceleration * fall * fall
         )
@@ -59,7 +62,7 @@ class Leg(NamedTuple):
         """Speed along the leg [m/s]."""
         t = time_s - self.start_s
         if t < self.rise_s:
-            return max(self.acceleration * t, 0.0)
+            return max(self.entry + self.acceleration * t, 0.0)
         return max(self.speed - self.acceleration * max(t - self.rise_s - self.cruise_s, 0.0), 0.0)
 
     def points(self, time_s: Array) -> Array:
@@ -69,7 +72,8 @@ class Leg(NamedTuple):
         cruise = np.clip(t - self.rise_s, 0.0, self.cruise_s)
         fall = np.clip(t - self.rise_s - self.cruise_s, 0.0, self.fall_s)
         half = 0.5 * self.acceleration
-        s = half * rise * rise + self.speed * (cruise + fall) - half * fall * fall
+        s = self.entry * rise + half * rise * rise
+        s += self.speed * (cruise + fall) - half * fall * fall
         placed: Array = np.array(self.origin) + s[:, None] * np.array(self.direction)
         return placed
 
@@ -104,6 +108,26 @@ class Trajectory:
         cruise_s = max(length / peak - rise_s, 0.0)
         x, y, z = direction
         self._append(Leg(time_s, origin, (x, y, z), peak, acceleration, rise_s, cruise_s, rise_s))
+
+    def extend(self, time_s: float, target: Point, speed: float, acceleration: float) -> None:
+        """Go on to ``target`` without coming to rest, as a planner that looks ahead does.
+
+        ``target`` lies on the way that it goes, not nearer than where it can come to rest.
+        """
+        leg = self._legs[-1]
+        if time_s >= leg.end_s:
+            self.move(time_s, target, speed, acceleration)
+            return
+        entry, origin = leg.speed_at(time_s), leg.point(time_s)
+        length = math.dist(origin, target)
+        x, y, z = ((b - a) / length for a, b in zip(origin, target, strict=True))
+        peak = min(max(speed, entry), math.sqrt(length * acceleration + 0.5 * entry * entry))
+        rise_s, fall_s = max(peak - entry, 0.0) / acceleration, peak / acceleration
+        ramps = 0.5 * (entry + peak) * rise_s + 0.5 * peak * fall_s
+        cruise_s = max(length - ramps, 0.0) / peak
+        self._append(
+            Leg(time_s, origin, (x, y, z), peak, acceleration, rise_s, cruise_s, fall_s, entry)
+        )
 
     def halt(self, time_s: float, acceleration: float) -> None:
         """Slow down from ``time_s`` on, along the way it was going. At rest, do nothing."""

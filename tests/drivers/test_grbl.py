@@ -171,7 +171,7 @@ def test_homing_can_be_stopped_at_any_instant(
 def test_inches_are_understood(board: Served) -> None:
     made = stage_at(board)
     made.connect()
-    made._line().command("$13=1", 5.0)
+    made._line()[0].command("$13=1", 5.0)
     made.close()
     made.connect()
     assert made.pose()[:3] == pytest.approx(HOME, abs=2e-5)
@@ -211,7 +211,7 @@ def test_settings_of_any_kind_are_read(board: Served) -> None:
     """grblHAL lists addresses, names and floats among its numbers."""
     made = stage_at(board)
     made.connect()
-    talk = made._line()
+    talk, _ = made._line()
     for line in ("$302=192.168.5.1", "$300=grbl.local", "$110=6000.000", "$5=", "$N0=G54"):
         talk._understand(line)
     assert talk.settings[110] == 6000.0

@@ -11,6 +11,7 @@ import pytest
 from waiting import until
 
 from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
+from drivers.grbl.board import BoardSettings
 from drivers.grbl.line import Conversation
 from drivers.grbl.stage import GrblSettings, GrblStage, open_stage
 from sim_backend.emulators.serving import Served, served
@@ -22,7 +23,7 @@ class Board:
     faults = ()
 
     def __init__(self) -> None:
-        self.place, self.state = "0.000,0.000,0.000", "Idle"
+        self.place, self.state, self.report = "0.000,0.000,0.000", "Idle", ""
         self.mute, self.late_s = False, 0.0
         self.jogs = self.cancelled = 0
         self._line, self._begins_s = b"", float("inf")
@@ -31,7 +32,8 @@ class Board:
         answer = b""
         for byte in () if self.mute else re.findall(rb"(?s).", data):
             if byte == b"?":
-                answer += f"<{self.state}|MPos:{self.place}|Bf:15,128>\r\n".encode()
+                report = self.report or f"<{self.state}|MPos:{self.place}|Bf:15,128>"
+                answer += f"{report}\r\n".encode()
             elif byte == b"\x85":
                 if self.state == "Jog":
                     self.state, self.cancelled = "Idle", self.cancelled + 1
@@ -127,6 +129,72 @@ def test_why_the_board_refuses_is_said_in_words(number: int, words: str) -> None
     with pytest.raises(DeviceFault, match=f"refused: error {number}: .*{words}"):
         talk.command("$J=X1", 2.0)
     talk.close()
+
+
+SPACED = b"""$10 = 1    (Status report, mask)
+$13 = 1    (Report in inches, boolean)
+$110 = 500.000 (x max rate, mm/min)
+$111=3000.000 (y)
+ok
+"""
+
+
+def test_settings_that_are_explained_are_read() -> None:
+    """With blanks around the sign or not: a board that reports in inches must not be misread."""
+    talk = Conversation("mine", Answers(SPACED), 0.1)
+    talk.command("$$", 2.0)
+    assert talk.settings == {10: 1.0, 13: 1.0, 110: 500.0, 111: 3000.0}
+    assert BoardSettings(talk.settings).unit_mm == 25.4
+    assert BoardSettings(talk.settings).slower_than(25.0) == [
+        "the board moves x at 8.333 mm/s at most ($110)"
+    ]
+    talk.close()
+
+
+@pytest.mark.parametrize(
+    ("report", "words"),
+    [
+        ("<Idle|MPos:0.000,0.000|Bf:15,128>", "two axes, x and y, and the probe is pressed along"),
+        ("<Idle,MPos:0.000,0.000,0.000,WPos:0.000,0.000,0.000>", r"GRBL 0\.9 or older.*no jogs"),
+    ],
+)
+def test_a_board_that_answers_and_cannot_be_used_is_told_why(
+    line: Served, board: Board, report: str, words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And is not called absent: a rig that falls back on a virtual stage keeps to it."""
+    monkeypatch.setattr("drivers.grbl.stage.HELLO_S", 1.0)
+    board.report = report
+    with pytest.raises(DeviceFault, match=words) as fault:
+        open_stage(WallClock(), GrblSettings(port=line.address)).connect()
+    assert not isinstance(fault.value, DeviceAbsent)
+
+
+def test_one_damaged_report_is_no_other_board(stage: GrblStage, board: Board) -> None:
+    board.report = "<Idle|MPos:0.000,0.000|Bf:15,128>"
+    until(lambda: stage._line()[0]._puzzled > 0)
+    board.report = ""
+    assert stage.pose().z == 0.0
+
+
+@pytest.mark.parametrize(
+    ("numbers", "at_mm", "to_mm", "refused"),
+    [
+        ({20: 1, 22: 1, 132: 60}, -10.0, -61.0, r"z = -61 mm in machine.*\$132 = 60"),
+        ({20: 1, 22: 1, 132: 60}, -10.0, 1.0, "error 15: the target is outside"),
+        ({20: 1, 22: 1, 132: 60}, 10.0, 59.0, None),  # built to count from 0 upwards
+        ({20: 1, 22: 1, 132: 60}, 10.0, -1.0, "error 15"),
+        ({20: 0, 22: 1, 132: 60}, -10.0, -61.0, None),
+        ({}, -10.0, -1e4, None),
+    ],
+)
+def test_what_a_board_would_refuse_in_mid_move_is_known_before(
+    numbers: dict[int, float], at_mm: float, to_mm: float, refused: str | None
+) -> None:
+    why = BoardSettings(numbers).beyond_travel((0.0, 0.0, at_mm), (0.0, 0.0, to_mm))
+    if refused is None:
+        assert why is None
+    else:
+        assert re.search(refused, str(why))
 
 
 def test_a_work_position_is_a_place_once_its_zero_is_reported() -> None:

@@ -104,8 +104,10 @@ def test_a_board_without_homing_that_restarted_is_not_believed(
 
 @pytest.mark.parametrize("lost", [1, 5, 12])
 def test_a_stop_that_is_not_heard_is_repeated(lost: int, stage: GrblStage, board: Board) -> None:
+    """In a move straight up, of which the board knows all."""
     board.ills.lost_stops = lost
-    set_off(stage, board)
+    stage.move(Pose(*HOME)._replace(z=0.045), 0.02)
+    until(lambda: board.world.speed_m_s > 0)
     stage.stop()
     until(lambda: not board.world.moving, 1.0)
     assert len(board.stops) > lost
@@ -115,14 +117,14 @@ def test_a_stop_while_the_board_thinks_about_a_move_is_not_lost(
     stage: GrblStage, board: Board
 ) -> None:
     """The order reaches a board at rest; the move that it was meant for is accepted after it."""
-    command = stage._line().command
+    command = stage._line()[0].command
 
     def stopped_meanwhile(text: str, timeout_s: float) -> None:
         stage.stop()
-        until(lambda: not stage._stopping.is_set())
+        until(lambda: not stage._line()[1].stopping)
         command(text, timeout_s)
 
-    stage._line().command = stopped_meanwhile  # type: ignore[method-assign]
+    stage._line()[0].command = stopped_meanwhile  # type: ignore[method-assign]
     stage.move(FAR, 0.02)
     until(lambda: bool(board.jogs))
     until(lambda: not board.world.moving, 0.5)

@@ -27,7 +27,8 @@ class GrblBoard(GrblMachine):
     """Bytes in, bytes out; see `sim_backend.emulators.serving.Device`."""
 
     faults = ("alarm", "limit", "restart", "feed hold", "switch pressed", "other program",
-              "check mode")  # fmt: skip
+              "check mode", "ignores 0x85", "ignores 0x85 and !", "door", "door while jogging",
+              "sleep", "frozen reports")  # fmt: skip
 
     def received(self, data: bytes) -> bytes:
         """Real-time bytes act at once, wherever they stand; lines when they are whole."""
@@ -37,13 +38,13 @@ class GrblBoard(GrblMachine):
             match byte:
                 case 0x3F:
                     self._said += self._report()
-                case 0x21:
+                case 0x21 if self._deaf < 2:
                     self._hold()
                 case 0x7E:
                     self._resume()
                 case 0x18:
                     self._reset()
-                case 0x85:
+                case 0x85 if self._deaf < 1:
                     self._cancel_jog()
                 case 0x0A:
                     line, self._text = self._text.strip().upper(), ""
@@ -58,7 +59,7 @@ class GrblBoard(GrblMachine):
             self._lock()
         if self._held and self._now is not None:
             self._start(self._now)
-        moving = self._held or self._phantom.tip.moving(self._time())
+        moving = self._held or self._frozen or self._phantom.tip.moving(self._time())
         if self._now is not None and self._now.kind == "Probe" and self._state == "Run":
             self._feel()
         if self._settings[21] and moving and self._beyond(self._place(), SWITCH_MM):
@@ -70,8 +71,29 @@ class GrblBoard(GrblMachine):
         return self._take()
 
     def fail(self, fault: str) -> None:
-        """``alarm``: emergency stop; ``limit``: a limit switch; ``restart``: power glitch."""
+        """``alarm``: emergency stop; ``limit``: a limit switch; ``restart``: power glitch.
+
+        ``door`` as GRBL 1.1 has it: the jog is cancelled; ``door while jogging`` as grblHAL: it
+        freezes, and goes on when the door is shut.
+        """
         match fault:
+            case "ignores 0x85":
+                self._deaf = 1
+            case "ignores 0x85 and !":
+                self._deaf = 2
+            case "door":
+                self._halt(self._settings[120])
+                self._queue.clear()
+                self._now, self._state, self._door_open = None, "Door", True
+            case "door while jogging":
+                self._halt(self._settings[120])
+                self._frozen = self._door_open = True
+            case "sleep":
+                self._halt(self._settings[120])
+                self._queue.clear()
+                self._now, self._state = None, "Sleep"
+            case "frozen reports":
+                self._same = self._report()
             case "alarm":
                 self._alarm(10)
             case "limit":
@@ -94,15 +116,27 @@ class GrblBoard(GrblMachine):
                 self._state = "Alarm"
                 self._said += BANNER
 
+    def mend(self) -> None:
+        """Shut the door; hear and report again."""
+        self._deaf, self._same, self._door_open = 0, "", False
+        if self._frozen:
+            self._frozen = False
+            if self._now is not None:
+                self._start(self._now)
+
     # --- real time ---------------------------------------------------------------------------
 
     def _report(self) -> str:
+        if self._same:
+            return self._same
         moving = self._phantom.tip.moving(self._time())
-        state = {"Cancel": "Jog", "Hold": "Hold:1" if moving else "Hold:0"}.get(
-            self._state, self._state
-        )
+        door = 0 if not self._door_open else 2 if moving else 1
+        state = {
+            "Cancel": "Jog", "Hold": f"Hold:{int(moving)}", "Door": f"Door:{door}"
+        }.get(self._state, self._state)  # fmt: skip
         scale = INCH_MM if self._settings[13] else 1.0
-        pins = self._pins + ("P" if self._touching(self._time()) else "")
+        touches = self._touching(self._time())
+        pins = self._pins + "D" * self._door_open + "P" * touches
         self._reports += 1
         extra = f"|Pn:{pins}" if pins else ""
         if self._settings[10] in (0, 2):  # work positions; grblHAL then never reports their offset
@@ -121,7 +155,7 @@ class GrblBoard(GrblMachine):
             self._state = "Hold"
 
     def _resume(self) -> None:
-        if self._state != "Hold":
+        if self._state != "Hold" and (self._state != "Door" or self._door_open):
             return
         self._state = "Idle"
         if self._now is not None:
@@ -132,8 +166,11 @@ class GrblBoard(GrblMachine):
             self._said += "ALARM:3\r\n"
             self._state = "Alarm"
             self._halt(1e6)
+        elif self._state == "Sleep":  # the motors were without current
+            self._state = "Alarm"
         elif self._state != "Alarm":
-            self._state = "Idle"
+            self._state = "Door" if self._door_open else "Idle"
+        self._frozen = False
         self._critical = False
         self._queue.clear()
         self._now = None
@@ -149,7 +186,7 @@ class GrblBoard(GrblMachine):
         self._alarm(11)
 
     def _cancel_jog(self) -> None:
-        if self._state == "Jog":
+        if self._state == "Jog" and not self._frozen:
             self._halt(self._settings[120])
             self._queue.clear()
             self._now = None

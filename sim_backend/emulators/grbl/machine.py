@@ -19,6 +19,7 @@ SETTINGS = {
     13: 0.0,  # reports in inches
     20: 1.0, 21: 1.0, 22: 1.0,  # soft limits, hard limits, homing
     25: 3000.0, 27: 1.0,  # homing: speed [mm/min], way back off the switches [mm]
+    100: 80.0, 101: 80.0, 102: 400.0,  # steps of x, y, z to a mm
     110: 6000.0, 111: 6000.0, 112: 3000.0,  # greatest speed of x, y, z [mm/min]
     120: 1000.0, 121: 1000.0, 122: 1000.0,  # acceleration of x, y, z [mm/s2]
     130: 100.0, 131: 40.0, 132: 60.0,  # travel of x, y, z [mm]
@@ -26,6 +27,7 @@ SETTINGS = {
 SWITCH_MM = 0.5  # the limit switches sit this far beyond the soft limits
 INCH_MM = 25.4
 CRITICAL = (1, 2, 10)  # after these only a reset is listened to
+STRAIGHT = 0.999999  # the cosine from which GRBL's planner takes a joint as straight
 LATCH_S = 1e-5  # a step of 0.04 um at 4 mm/s
 AT_ONCE_MM_S2 = 1e6  # an alarm cuts the motors: from the greatest speed to rest within 5 um
 
@@ -67,7 +69,10 @@ class GrblMachine:
         self._relative = False
         self._inches = False
         self._reports = 0
-        self._pins = ""  # inputs that are active, beside the probe's
+        self._pins = ""  # inputs that are active, beside the probe's and the door's
+        self._deaf = 0  # 1: to a jog cancel; 2: to a feed hold, too
+        self._door_open = self._frozen = False  # frozen: a jog that goes on once the door is shut
+        self._same = ""  # the report that is given for ever
         self._locks_s = np.inf  # when a board that was reset will have asked to be homed
 
     def _dwells(self) -> bool:
@@ -77,6 +82,25 @@ class GrblMachine:
     def _next(self) -> None:
         if self._now is None and self._queue:
             self._start(self._queue.popleft())
+        while self._now is not None and self._queue and self._goes_on(self._now, self._queue[0]):
+            self._now = self._queue.popleft()
+            self._extend(self._now)
+
+    def _goes_on(self, now: Motion, then: Motion) -> bool:
+        """Whether the planner passes without a stop from one jog to the next: along one line."""
+        if self._held or {now.kind, then.kind} != {"Jog"} or now.speed_mm_s != then.speed_mm_s:
+            return False
+        here, joint, end = (np.array(p) for p in (self._place(), now.target, then.target))
+        before, after = joint - here, end - joint
+        ways = float(np.linalg.norm(before) * np.linalg.norm(after))
+        aligned = ways > 0 and float(before @ after) > STRAIGHT * ways
+        x, y, z = (1e-3 * (end - self._origin)).tolist()
+        return aligned and self._phantom.tip.moving(self._time()) and self._ready((x, y, z))
+
+    def _extend(self, motion: Motion) -> None:
+        x, y, z = (1e-3 * (np.array(motion.target) - self._origin)).tolist()
+        speed = self._speed_mm_s(motion)
+        self._phantom.tip.extend(self._time(), (x, y, z), 1e-3 * speed, 1e-3 * self._settings[120])
 
     def _start(self, motion: Motion) -> None:
         self._now = motion
@@ -87,13 +111,15 @@ class GrblMachine:
         self._held = not self._ready((x, y, z))
         if self._held:
             return
-        here = np.array(self._place())
-        way = np.abs(np.array(motion.target) - here)
+        speed = 1e-3 * self._speed_mm_s(motion)
+        self._phantom.tip.move(self._time(), (x, y, z), speed, 1e-3 * self._settings[120])
+
+    def _speed_mm_s(self, motion: Motion) -> float:
+        """What was asked for, unless an axis is too slow."""
+        way = np.abs(np.array(motion.target) - np.array(self._place()))
         share = way / max(float(np.linalg.norm(way)), 1e-9)
         rates = np.array([self._settings[n] / 60 for n in (110, 111, 112)])
-        fastest = float(np.min(rates / np.maximum(share, 1e-9)))
-        speed = 1e-3 * min(motion.speed_mm_s, fastest)
-        self._phantom.tip.move(self._time(), (x, y, z), speed, 1e-3 * self._settings[120])
+        return min(motion.speed_mm_s, float(np.min(rates / np.maximum(share, 1e-9))))
 
     def _arrive(self) -> None:
         done, self._now = self._now, None
