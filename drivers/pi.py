@@ -6,10 +6,12 @@ docs/decisions/0030-line-stages.md.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Annotated
 
 from pydantic import Field
 
+from drivers.core.abilities import StopMeans
 from drivers.core.axes import LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
@@ -18,6 +20,7 @@ from drivers.core.protocols import Clock
 from drivers.core.stage_limits import AXES
 from drivers.core.table import Table
 
+STOP_ALL = b"\x18"  # at once, by a single character; as STP
 MOTION = b"\x05"  # answered at once with the axes that move, as a hexadecimal mask
 STOPPED = 10
 ERRORS = {
@@ -62,6 +65,12 @@ class PiAxes:
         self._all = " ".join(keys.axis for keys in self._axes.values())
         self._line = Line(settings.name, settings.port, settings.baud, settings.answer_s)
         self._device = settings.name
+        self._off = False  # whether we have switched the servos off
+        self.travel_mm: dict[str, tuple[float, float]] = {}
+        self.harder = (
+            StopMeans("stop all axes (#24)", lambda: self._line.say(STOP_ALL), 0.0),
+            StopMeans("servo off (SVO)", self._switch_off, 0.0),
+        )
 
     def read(self) -> Reading:
         """Positions, what moves, and the error that has come up since the last time."""
@@ -74,6 +83,12 @@ class PiAxes:
     def ready(self) -> list[str]:
         """Servos on, every axis referenced. Raises `DeviceFault`."""
         self._referenced_or_raise()
+        with suppress(DeviceFault):  # it then refuses a place beyond on the way there
+            lowest, highest = self._query("TMN?"), self._query("TMX?")
+            for axis, keys in self._axes.items():
+                ends = [float(units[keys.axis]) / keys.units_per_mm for units in (lowest, highest)]
+                self.travel_mm[axis] = (min(ends), max(ends))
+        self._error()  # of a controller that does not know these
         off = [a for a, on in self._query("SVO?").items() if on != "1"]
         for axis in off:
             self._do(f"SVO {axis} 1")
@@ -81,8 +96,12 @@ class PiAxes:
 
     def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
         """All axes by one command."""
+        if self._off:
+            self._do("SVO " + " ".join(f"{keys.axis} 1" for keys in self._axes.values()))
+            self._off = False
         per_mm = {a: k.units_per_mm for a, k in self._axes.items()}
-        self._do("VEL " + self._each({a: abs(per_mm[a]) * v for a, v in speeds_mm_s.items()}))
+        if speeds_mm_s:
+            self._do("VEL " + self._each({a: abs(per_mm[a]) * v for a, v in speeds_mm_s.items()}))
         self._do("MOV " + self._each({a: per_mm[a] * at for a, at in places_mm.items()}))
 
     def home(self, axis: str) -> None:
@@ -96,6 +115,12 @@ class PiAxes:
         self._line.say(f"HLT {self._all}\n".encode())
         if (error := self._error()) not in (0, STOPPED):
             raise DeviceFault(self._device, f"'HLT' refused: {in_words(error)}")
+
+    def _switch_off(self) -> None:
+        """No servo, no force: where nothing else ends the motion."""
+        self._off = True
+        for keys in self._axes.values():
+            self._line.say(f"SVO {keys.axis} 0\n".encode())
 
     def close(self) -> None:
         """Release the line."""

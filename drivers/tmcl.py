@@ -13,6 +13,7 @@ from typing import Annotated
 
 from pydantic import Field
 
+from drivers.core.abilities import StopMeans
 from drivers.core.axes import LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
@@ -24,7 +25,8 @@ from drivers.core.table import Table
 
 MST, MVP, SAP, GAP, SGP, GGP, RFS = 3, 4, 5, 6, 9, 10, 13
 ABSOLUTE = 0
-POSITION, SPEED, MAX_SPEED, REACHED, RIGHT_SWITCH, LEFT_SWITCH = 1, 3, 4, 8, 10, 11
+POSITION, SPEED, MAX_SPEED, MAX_CURRENT, STANDBY_CURRENT = 1, 3, 4, 6, 7
+REACHED, RIGHT_SWITCH, LEFT_SWITCH = 8, 10, 11
 SEARCH, ABANDON, SEARCHING = 0, 1, 2
 USER_VARIABLES, MARK = 2, 55  # bank, and the last variable: 0 again after a power failure
 DONE = 100
@@ -75,6 +77,11 @@ class TmclAxes:
         self._set_off_s: dict[str, float] = {}
         self._homing: set[str] = set()
         self._marks: dict[int, int] = {}
+        self._currents: dict[str, dict[int, int]] = {}  # of motors that we have switched off
+        self.harder = (
+            StopMeans("a move to where it is (MVP)", self._turn_back, 0.0),
+            StopMeans("no current (SAP 6)", self._switch_off, 0.0),
+        )
 
     def read(self) -> Reading:
         """Positions, speeds and flags. Raises `DeviceFault` after a power failure."""
@@ -102,6 +109,10 @@ class TmclAxes:
 
     def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
         """Speeds first, so that all set off one right after the other."""
+        for name, currents in self._currents.items():
+            for kind, current in currents.items():
+                self._axis(name, SAP, kind, current)
+        self._currents.clear()
         for name, speed in speeds_mm_s.items():
             rate = abs(self._axes[name].microsteps_per_mm) * speed / self._speed_unit_hz
             self._axis(name, SAP, MAX_SPEED, max(round(rate), 1))
@@ -124,6 +135,20 @@ class TmclAxes:
             self._axis(name, MST, 0)
         self._homing.clear()
         self._set_off_s.clear()
+
+    def _turn_back(self) -> None:
+        """Another command than `stop`, which a module may have taken and not obey."""
+        for name in self._axes:
+            self._axis(name, MVP, ABSOLUTE, self._axis(name, GAP, POSITION))
+
+    def _switch_off(self) -> None:
+        """No current, no force: where nothing else ends the motion."""
+        for name in set(self._axes) - set(self._currents):
+            kinds = (MAX_CURRENT, STANDBY_CURRENT)
+            self._currents[name] = {kind: self._axis(name, GAP, kind) for kind in kinds}
+        for name, currents in self._currents.items():
+            for kind in currents:
+                self._axis(name, SAP, kind, 0)
 
     def close(self) -> None:
         """Release the line."""

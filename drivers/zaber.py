@@ -5,10 +5,12 @@ own library: docs/decisions/0030-line-stages.md.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
+from drivers.core.abilities import StopMeans
 from drivers.core.axes import LineStageSettings, Reading, check_axes
 from drivers.core.errors import DeviceFault
 from drivers.core.line import Line, NoAnswer
@@ -22,6 +24,7 @@ IDS = 100
 MAX_UNASKED_MESSAGES = 4  # messages before the awaited reply, at most
 LEAST_WORDS = 5
 UNREFERENCED = ("WR", "WH")
+SWITCHED_OFF = "FO"
 FLAGS = {
     "FD": "its driver is disabled",
     "FQ": "encoder error",
@@ -29,7 +32,7 @@ FLAGS = {
     "FT": "excessive twist",
     "FB": "stopped by a collision",
     "FE": "limit error",
-    "FO": "its motor is switched off",
+    SWITCHED_OFF: "its motor is switched off",
     "FF": "critical system error",
     "FN": "not supported here",
     "NC": "moved by its knob",
@@ -86,6 +89,12 @@ class ZaberAxes:
         self._id = 0
         self._referenced: set[str] = set()
         self._flagged: set[str] = set()
+        self._off: set[str] = set()  # whose motor we have switched off
+        self.travel_mm: dict[str, tuple[float, float]] = {}
+        self.harder = (
+            StopMeans("estop", lambda: self._all("estop"), 0.0),
+            StopMeans("driver disable", self._switch_off, 0.0),
+        )
         self._checked: bool | None = None  # whether replies carry a check sum; not asked yet
 
     def read(self) -> Reading:
@@ -104,7 +113,8 @@ class ZaberAxes:
                     self._device, f"{name} has lost its reference position (was its power off?); "
                     "home it again"
                 )  # fmt: skip
-            if (words := FLAGS.get(reply.flag)) is not None:
+            own = reply.flag == SWITCHED_OFF and name in self._off
+            if (words := FLAGS.get(reply.flag)) is not None and not own:
                 self._flagged.add(name)
                 faults.append(f"{name}: {words} ({reply.flag})")
         return Reading(places, moving, ", ".join(faults))
@@ -116,12 +126,20 @@ class ZaberAxes:
                 self._device, f"{', '.join(sorted(unknown))}: no reference position since power "
                 "was switched on; home it (home = true in the rig file)"
             )  # fmt: skip
+        for name, keys in self._axes.items():
+            with suppress(DeviceFault):  # it then refuses a place beyond on the way there
+                ends = [self._ask(name, f"get limit.{end}") for end in ("min", "max")]
+                low, high = sorted(self._number(reply) / keys.microsteps_per_mm for reply in ends)
+                self.travel_mm[name] = (low, high)
         if self._checked:
             return []
         return ["its replies carry no check sum (comm.checksum is 0): a damaged one may pass"]
 
     def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
         """Speeds first, so that all set off one right after the other."""
+        if self._off:
+            self._all("driver enable")
+            self._off.clear()
         for name in self._flagged:  # a flag stays until it is taken note of
             self._ask(name, "warnings clear")
         self._flagged.clear()
@@ -138,8 +156,16 @@ class ZaberAxes:
 
     def stop(self) -> None:
         """Slow every axis down."""
+        self._all("stop")
+
+    def _switch_off(self) -> None:
+        """No current, no force: where nothing else ends the motion."""
+        self._off.update(self._axes)
+        self._all("driver disable")
+
+    def _all(self, command: str) -> None:
         for name in self._axes:
-            self._ask(name, "stop")
+            self._ask(name, command)
 
     def close(self) -> None:
         """Release the line."""

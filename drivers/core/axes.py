@@ -54,7 +54,9 @@ class Axes(Protocol):
     Every method may raise `NoAnswer` (asked again until ``silent_s``), `DeviceFault` (refused; when
     reading: the end) or `OSError` (the line is lost). It may have ``home(axis)``, which begins the
     reference move of one axis, and ``ready() -> list[str]``, asked before the first move: what
-    holds, in words, or `DeviceFault`.
+    holds, in words, or `DeviceFault`; ``travel_mm``, each axis's least and greatest place as far as
+    it is known then; and ``harder``, a table of `StopMeans` for axes that do not obey `stop`: what
+    they take away, such as a motor's current, the next `move` gives back.
     """
 
     names: str
@@ -67,7 +69,7 @@ class Axes(Protocol):
         ...
 
     def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
-        """Set the named axes off, and return."""
+        """Set the named axes off, and return; without speeds, to go on from where they are led."""
         ...
 
     def stop(self) -> None:

@@ -1,19 +1,25 @@
 """What every stage on a line shares: one thread that talks, a frame, limits, stops and deadlines.
 
 A driver gives `Axes`: the open controller, used by that one thread only. The thread reads where
-the axes are without end; a stop goes first, between two exchanges, and is repeated until they rest.
+the axes are without end, and leads them on by segments (`drivers.core.segments`): a controller that
+hears no more comes to rest. A stop goes first, between two exchanges, and is repeated until then.
 """
 
+import logging
 import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import NamedTuple
 
+from drivers.core.abilities import StopMeans
 from drivers.core.axes import Axes, LineStageSettings, Reading
 from drivers.core.errors import DeviceAbsent, DeviceFault, MotionFault, as_fault
+from drivers.core.leading import Lead
 from drivers.core.line import NoAnswer
 from drivers.core.protocols import Pose
+from drivers.core.segments import AHEAD_S, Place, SegmentedMove
 from drivers.core.stage_limits import (
     AXES,
     STILL_MM,
@@ -23,8 +29,10 @@ from drivers.core.stage_limits import (
     check_way,
 )
 
+log = logging.getLogger("palpate")
 HOMING_ORDER = "zxy"  # the probe goes up before anything goes sideways
 JOIN_S = 2.0
+BRAKES_S = 0.2  # to rest from 10 mm/s at 50 mm/s2; what is led by segments rests by then anyway
 LATER_S = 5e-3  # after a wrong answer: asked on and on, a controller's buffer would fill
 
 
@@ -47,6 +55,7 @@ class LineStage:
         self.limits_mm, self.park_mm = settings.limits_mm, settings.park_mm
         self._settings = settings
         self._open = open_axes
+        self._axes: Axes | None = None  # used by the thread that talks alone, but for its facts
         self._names = ""
         self._origin = dict(zip(AXES, settings.origin_mm, strict=True))
         self._changed = threading.Condition()
@@ -59,9 +68,13 @@ class LineStage:
         self._moved_after = 0
         self._job: _Job | None = None
         self._stopping = False
+        self._harder: StopMeans | None = None  # what is taken where `stop` is not obeyed
         self._stops = 0
         self._homed = False
         self._target: Pose | None = None
+        self._lead: Lead | None = None
+        self._between_s = 0.0  # the newest reading and the one before
+        self._guarded_s: float | None = None  # when somebody last checked the force
 
     def connect(self) -> None:
         """Open the line and wait for a first reading; nothing moves. Raises `DeviceAbsent`."""
@@ -75,9 +88,9 @@ class LineStage:
             raise
         except DeviceFault as fault:
             raise DeviceAbsent(self.name, fault.reason) from None
-        self._names = axes.names
+        self._axes, self._names = axes, axes.names
         self._fault, self._reading, self._target = None, None, None
-        self._job, self._stopping = None, False
+        self._job, self._stopping, self._lead, self._harder = None, False, None, None
         self._end = threading.Event()
         self._thread = threading.Thread(
             target=self._talk, args=(axes, self._end), name=f"palpate {self.name}", daemon=True
@@ -119,26 +132,39 @@ class LineStage:
         self._check(here, target, speed_m_s)
         if self._reading is not None and self._reading.moving:
             raise DeviceFault(self.name, "still moving; wait or stop before the next move")
-        way = {a: 1e3 * (b - h) for a, h, b in zip(AXES, here, target, strict=False)}
-        length = math.hypot(*way.values())
-        going = [a for a in self._names if abs(way[a]) > STILL_MM]
-        places = {a: 1e3 * getattr(target, a) + self._origin[a] for a in going}
-        speeds = {a: 1e3 * speed_m_s * abs(way[a]) / length for a in going}
-        self._target = target
-        if going:  # else it is there
-            self._have(lambda axes: axes.move(places, speeds))
+        start, end, speed_mm_s = _mm(here), _mm(target), 1e3 * speed_m_s
+        aside_mm = math.dist(start[:2], end[:2])
+        up = end[2] > start[2] and aside_mm < self._settings.arrived_mm  # finished by itself
+        ahead_mm = math.inf if up else (AHEAD_S + self._between_s) * speed_mm_s
+        way = SegmentedMove(start, end, speed_mm_s, ahead_mm=ahead_mm)
+        lead = Lead(way, self._names, self._origin, self._settings.arrived_mm)
+        self._target, self._harder = target, None
+        if lead.going:  # else it is there
+            self._have(lead.set_off)
+            self._lead = lead
         if stops != self._stops:  # stopped while the axes got their commands
             self.stop()
+
+    def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
+        """Those beyond the travel that the controller gives."""
+        why = {pose: self._beyond_travel(pose) for pose in poses}
+        return {pose: words for pose, words in why.items() if words is not None}
+
+    def keep_alive(self) -> None:
+        """Whoever checks the force has just done so; without these calls a move is not gone on
+        with, once there was one."""
+        self._guarded_s = time.monotonic()
 
     def moving(self) -> bool:
         """True until the last move has ended. Raises `MotionFault` if it ended elsewhere."""
         reading = self._alive()
         if reading is None or self._answered <= self._moved_after or self._stopping:
             return True
-        if reading.fault:
-            raise MotionFault(self.name, reading.fault)
-        if reading.moving:
+        if why := reading.fault or (self._lead is not None and self._lead.trouble):
+            raise MotionFault(self.name, why)
+        if reading.moving or (self._lead is not None and not self._lead.whole):
             return True
+        self._lead = None
         target, self._target = self._target, None
         if target is not None:
             off_mm = max(
@@ -157,7 +183,7 @@ class LineStage:
         stops = self._stops
         for axis in (a for a in HOMING_ORDER if a in self._names):
             self._unless_stopped(stops)
-            self._target = None
+            self._target = self._lead = None
             self._have(lambda axes, axis=axis: axes.home(axis))  # type: ignore[misc]
             self._arrive(stops)
         if self._settings.park_mm is not None:
@@ -170,10 +196,22 @@ class LineStage:
     def stop(self) -> None:
         """Slow down now; does not wait."""
         self._stops += 1
-        self._target = None
+        self._target = self._lead = None
         with self._changed:
             self._stopping = self._thread is not None
             self._changed.notify_all()
+
+    def stop_means(self) -> tuple[StopMeans, ...]:
+        """`stop`, and what the controller has beside it."""
+        within_s = self._between_s + self._settings.answer_s + BRAKES_S
+        harder: Sequence[StopMeans] = getattr(self._axes, "harder", ())
+        return (
+            StopMeans("stop", self.stop, within_s),
+            *(
+                StopMeans(m.name, partial(self._stop_by, m), within_s + m.within_s, m.lifts)
+                for m in harder
+            ),
+        )
 
     def close(self) -> None:
         """Stop and release the line."""
@@ -199,6 +237,22 @@ class LineStage:
         check_upright(self.name, target)
         check_way(self.name, self._names, here, target)
         check_target(self.name, self.limits_mm, target)
+        if (beyond := self._beyond_travel(target)) is not None:
+            raise DeviceFault(self.name, beyond)
+
+    def _beyond_travel(self, target: Pose) -> str | None:
+        """A move that leads there would be refused on its way, where a press has begun."""
+        travel_mm = getattr(self._axes, "travel_mm", {})
+        for axis, to_mm in zip(AXES, _mm(target), strict=True):
+            low, high = travel_mm.get(axis, (-math.inf, math.inf))
+            if not low - STILL_MM <= to_mm + self._origin[axis] <= high + STILL_MM:
+                low, high = low - self._origin[axis], high - self._origin[axis]
+                return f"{axis} = {to_mm:g} mm: out of range; its travel: {low:g} to {high:g} mm"
+        return None
+
+    def _stop_by(self, means: StopMeans) -> None:
+        self._harder = means
+        self.stop()
 
     # --- between the threads -----------------------------------------------------------------
 
@@ -258,10 +312,10 @@ class LineStage:
             self._leave(axes)
 
     def _step(self, axes: Axes) -> None:
-        """A stop, or else a job; then a reading."""
+        """A stop, or else a job; then a reading, and the next segment."""
         try:
             if self._stopping:
-                axes.stop()
+                self._order_stop(axes)
             with self._changed:
                 job, self._job = self._job, None
             if job is not None:
@@ -269,14 +323,35 @@ class LineStage:
             self._asked += 1
             number, stops = self._asked, self._stops
             reading = axes.read()
+            self._take(reading, number, stops)
+            if (lead := self._lead) is not None and not self._stopping:
+                self._moved_after = (
+                    number if lead.go_on(axes, reading, self._guarded_s) else self._moved_after
+                )
         except NoAnswer:  # the reading's age shows it, if it lasts
             self._end.wait(LATER_S)
-            return
+
+    def _take(self, reading: Reading, number: int, stops: int) -> None:
         with self._changed:
-            self._reading, self._read_s, self._answered = reading, time.monotonic(), number
+            now_s = time.monotonic()
+            if self._reading is not None:
+                self._between_s = min(now_s - self._read_s, self._settings.silent_s)
+            self._read_s = now_s
+            self._reading, self._answered = reading, number
             if self._stopping and stops == self._stops and not reading.moving:
                 self._stopping = False
             self._changed.notify_all()
+
+    def _order_stop(self, axes: Axes) -> None:
+        """The usual one always; a harder one may be unknown to a controller."""
+        axes.stop()
+        if (means := self._harder) is not None:
+            try:
+                means.call()
+            except NoAnswer:
+                raise
+            except DeviceFault as fault:
+                log.warning("%s: %s: %s", self.name, means.name, fault.reason)
 
     def _do(self, axes: Axes, job: _Job) -> None:
         try:
@@ -307,3 +382,8 @@ class LineStage:
             if job is not None:
                 job.found.append(self._fault or DeviceFault(self.name, "closed"))
                 job.done.set()
+
+
+def _mm(pose: Pose) -> Place:
+    x, y, z = (1e3 * at for at in pose[:3])
+    return (x, y, z)

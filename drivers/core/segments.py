@@ -16,6 +16,9 @@ AHEAD_S = 0.15
 Less would make a ramp uneven: a segment (50 ms), a report's way (up to 40 ms) and a busy computer's
 pauses (60 ms are left) come from it."""
 
+RESTS_S = 0.3
+"""Rest on the way for so long is no late segment: twice `AHEAD_S`."""
+
 
 class SegmentedMove:
     """The way from ``start`` to ``target`` [mm] at ``speed_mm_s``.

@@ -5,7 +5,7 @@ import time
 from typing import Literal
 
 from drivers.core.errors import DeviceFault, MotionFault
-from drivers.core.segments import AHEAD_S, Place, SegmentedMove
+from drivers.core.segments import AHEAD_S, RESTS_S, Place, SegmentedMove
 from drivers.grbl.board import BoardSettings
 from drivers.grbl.line import HOLD, JOG_CANCEL, RESET, Conversation, Status
 from drivers.grbl.words import DOOR, STATES, alarm_in_words
@@ -14,9 +14,6 @@ MOVING = ("Jog", "Run", "Hold", "Home", "Door")
 HEARD_S = 0.1
 """A stop shows within this and the braking: grblHAL's last step came 66 ms after it (20 mm/s,
 500 mm/s2), its report up to 12 ms later."""
-RESTS_S = 0.3
-"""After an order to stop, a place that stays the same for so long is rest whatever else is
-reported: three times `HEARD_S`. A board that still went would run out of segments by then."""
 CUT_AGAIN_S = 1.0  # a board that is reset again and again does nothing else
 STANDS_S = 2.0  # in a move: as long as an engine waits beyond the time that it should take
 WHILE_MOVING = alarm_in_words(3)

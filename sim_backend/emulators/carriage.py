@@ -18,7 +18,12 @@ TRAVEL_MM = {"x": 100.0, "y": 40.0, "z": 60.0}
 HOMING_MM_S = 100.0
 STOP_MM_S2 = 1e6
 """A motor that is blocked, or without current."""
+IGNORES = {"ignores stop": 1, "ignores stops": 2}
+"""Faults, and how many means to stop are then acknowledged and not obeyed."""
 HERE_MM = 1e-6
+ALONG = 0.8
+"""The cosine up to which axes that get their targets one after another count as going on: each has
+its own ramps, which one straight way with one speed does not show."""
 
 
 class Carriage:
@@ -38,6 +43,7 @@ class Carriage:
         self.homed = dict.fromkeys(AXES, homed)
         self._phantom = phantom
         self._acceleration_mm_s2 = acceleration_mm_s2
+        self.deaf = 0  # so many ways to stop, the mildest first, are acknowledged and not obeyed
         self._ready = ready
         self._held = False
         self._going: dict[str, tuple[float, float]] = {}  # target [mm], speed [mm/s]
@@ -77,6 +83,11 @@ class Carriage:
         self._searching.add(axis)
         self.go_on()
 
+    def stop(self, axis: str, acceleration_mm_s2: float | None = None) -> None:
+        """An order to stop: slow down, or at once, unless it is `deaf` to that."""
+        if self.deaf < (1 if acceleration_mm_s2 is None else 2):
+            self.halt(axis, acceleration_mm_s2)
+
     def halt(self, axis: str, acceleration_mm_s2: float | None = None) -> None:
         """Slow one axis down, others go on."""
         self.go_on()
@@ -113,10 +124,16 @@ class Carriage:
         self._held = not self._ready((x, y, z))
         if self._held:
             return
-        speed_mm_s = math.hypot(*(speed for _, speed in self._going.values()))
-        self._phantom.tip.move(
-            self._now(), (x, y, z), 1e-3 * speed_mm_s, 1e-3 * self._acceleration_mm_s2
-        )
+        speed_m_s = 1e-3 * math.hypot(*(speed for _, speed in self._going.values()))
+        lead = self._phantom.tip.extend if self._aligned((x, y, z)) else self._phantom.tip.move
+        lead(self._now(), (x, y, z), speed_m_s, 1e-3 * self._acceleration_mm_s2)
+
+    def _aligned(self, target: Point) -> bool:
+        """Whether a target that is set in motion leads on, without a stop."""
+        here, going = self._phantom.tip.point(self._now()), self._phantom.tip.velocity(self._now())
+        way = [t - h for h, t in zip(here, target, strict=True)]
+        product = math.hypot(*way) * math.hypot(*going)
+        return product > 0 and sum(w * v for w, v in zip(way, going, strict=True)) > ALONG * product
 
     def _scan_mm(self, axis: str) -> float:
         """Where it goes, or stays, in the scan frame."""

@@ -7,7 +7,7 @@ reference switch.
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from sim_backend.emulators.carriage import ORIGIN_MM, SIGN, TRAVEL_MM, Carriage
+from sim_backend.emulators.carriage import IGNORES, ORIGIN_MM, SIGN, STOP_MM_S2, TRAVEL_MM, Carriage
 from sim_backend.emulators.serving import Served, served
 from sim_backend.phantom.phantom import Phantom
 from sim_backend.phantom.trajectory import Point
@@ -22,10 +22,11 @@ FASTEST_MM_S = 100.0
 class PiController:
     """Bytes in, bytes out; see `sim_backend.emulators.serving.Device`.
 
+    ``ignores stop`` and ``ignores stops`` acknowledge the mildest, or all but the last means.
     Faults: ``motion error`` (an axis is blocked and its servo switches off), ``restart`` (power).
     """
 
-    faults = ("motion error", "restart")
+    faults = ("motion error", "restart", "ignores stop", "ignores stops")
 
     def __init__(self, carriage: Carriage, *, servo: bool) -> None:
         self._carriage = carriage
@@ -60,7 +61,9 @@ class PiController:
 
     def fail(self, fault: str) -> None:
         """Begin one of `faults`."""
-        if fault == "restart":
+        if fault in IGNORES:
+            self._carriage.deaf = IGNORES[fault]
+        elif fault == "restart":
             self._carriage.forget()
             self._servo = dict.fromkeys(AXES, False)
             self._error = 0
@@ -96,6 +99,8 @@ class PiController:
                 self._stop(axes, hard=command == "STP")
             case "SVO":
                 self._servo |= {axis: bool(on) for axis, on in given.items()}
+                for axis in (axis for axis, on in given.items() if not on):
+                    self._carriage.halt(AXES[axis], STOP_MM_S2)
             case "VEL" if all(0 <= v <= FASTEST_MM_S for v in given.values()):
                 self._speeds |= given
             case "VEL":
@@ -124,7 +129,7 @@ class PiController:
 
     def _stop(self, axes: list[str], *, hard: bool) -> None:
         for axis in axes:
-            self._carriage.halt(AXES[axis], 1e4 if hard else None)
+            self._carriage.stop(AXES[axis], STOP_MM_S2 if hard else None)
         self._error = STOPPED
 
     def _query(self, command: str, words: list[str]) -> str:

@@ -8,7 +8,7 @@ import struct
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from sim_backend.emulators.carriage import ORIGIN_MM, SIGN, Carriage
+from sim_backend.emulators.carriage import IGNORES, ORIGIN_MM, SIGN, STOP_MM_S2, Carriage
 from sim_backend.emulators.serving import Served, served
 from sim_backend.phantom.phantom import Phantom
 from sim_backend.phantom.trajectory import Point
@@ -24,10 +24,11 @@ USER_VARIABLES = 56
 class TmclModule:
     """Bytes in, bytes out; see `sim_backend.emulators.serving.Device`.
 
+    ``ignores stop`` and ``ignores stops`` acknowledge the mildest, or all but the last means.
     Faults: ``limit switch`` (motors stop at one), ``restart`` (power): position 0, variables 0.
     """
 
-    faults = ("limit switch", "restart")
+    faults = ("limit switch", "restart", "ignores stop", "ignores stops")
 
     def __init__(self, carriage: Carriage) -> None:
         self._carriage = carriage
@@ -37,6 +38,7 @@ class TmclModule:
         self._zero = dict.fromkeys("xyz", 0)  # microsteps that count as 0
         self._variables = [0] * USER_VARIABLES
         self._at_switch: set[str] = set()
+        self._currents = {(axis, kind): 128 for axis in "xyz" for kind in (6, 7)}
 
     def received(self, data: bytes) -> bytes:
         """Nine bytes each; a wrong sum is answered, and the rest of what came forgotten."""
@@ -64,7 +66,9 @@ class TmclModule:
     def fail(self, fault: str) -> None:
         """Begin one of `faults`."""
         moving = {axis for axis in "xyz" if self._carriage.moving(axis)}
-        if fault == "restart":
+        if fault in IGNORES:
+            self._carriage.deaf = IGNORES[fault]
+        elif fault == "restart":
             self._carriage.forget()
             self._variables = [0] * USER_VARIABLES
             self._zero = {axis: self._steps(axis) for axis in "xyz"}
@@ -84,12 +88,18 @@ class TmclModule:
         axis = "xyz"[bank]
         match command:
             case 3:  # MST
-                self._carriage.halt(axis)
+                self._carriage.stop(axis)
+            case 4 if self._carriage.deaf > 1 and self._carriage.moving(axis):
+                pass
             case 4 if kind == 0:  # MVP ABS
                 self._at_switch.discard(axis)
                 self._targets[axis] = value
                 to_mm = (value + self._zero[axis]) / MICROSTEPS_PER_MM
                 self._carriage.set_off(axis, to_mm, self._speeds[axis] / MICROSTEPS_PER_MM)
+            case 5 if kind in (6, 7):  # SAP, the current while it moves and while it rests
+                self._currents[axis, kind] = value
+                if value == 0:
+                    self._carriage.halt(axis, STOP_MM_S2)
             case 5 if kind == 4:  # SAP, the speed of positioning
                 if not 0 <= value <= FASTEST:
                     return BAD_VALUE, value
@@ -120,6 +130,8 @@ class TmclModule:
             1: at,
             3: self._speeds[axis] if moving else 0,
             4: self._speeds[axis],
+            6: self._currents[axis, 6],
+            7: self._currents[axis, 7],
             8: int(not moving and abs(at - self._targets[axis]) <= 1),
             10: 0,
             11: int(axis in self._at_switch),

@@ -7,7 +7,7 @@ Device 1 carries x, 2 y, 3 z. Positions are microsteps from the home sensor.
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 
-from sim_backend.emulators.carriage import ORIGIN_MM, SIGN, Carriage
+from sim_backend.emulators.carriage import IGNORES, ORIGIN_MM, SIGN, STOP_MM_S2, TRAVEL_MM, Carriage
 from sim_backend.emulators.serving import Served, served
 from sim_backend.phantom.phantom import Phantom
 from sim_backend.phantom.trajectory import Point
@@ -22,10 +22,11 @@ FIRMWARE, DEVICE_ID = "7.38", "50081"
 class ZaberChain:
     """Bytes in, bytes out; see `sim_backend.emulators.serving.Device`.
 
+    ``ignores stop`` and ``ignores stops`` acknowledge the mildest, or all but the last means.
     Faults: ``stall`` (the motors are blocked), ``driver off`` (overheated), ``restart`` (power).
     """
 
-    faults = ("stall", "driver off", "restart")
+    faults = ("stall", "driver off", "restart", "ignores stop", "ignores stops")
 
     def __init__(self, carriage: Carriage, *, check_sums: bool) -> None:
         self._carriage = carriage
@@ -47,6 +48,9 @@ class ZaberChain:
 
     def fail(self, fault: str) -> None:
         """Begin one of `faults`."""
+        if fault in IGNORES:
+            self._carriage.deaf = IGNORES[fault]
+            return
         moving = [axis for axis in DEVICES.values() if self._carriage.moving(axis)]
         if fault == "restart":
             self._carriage.forget()
@@ -109,7 +113,14 @@ class ZaberChain:
             case ["home"] if self._enabled:
                 self._carriage.home(name)
             case ["stop"]:
-                self._carriage.halt(name)
+                self._carriage.stop(name)
+            case ["estop"]:
+                self._carriage.stop(name, STOP_MM_S2)
+            case ["driver", ("enable" | "disable") as what]:
+                self._enabled = what == "enable"
+                self._flags[name] = "" if self._enabled else "FO"
+                if not self._enabled:
+                    self._carriage.block()
             case ["warnings", *clear] if clear in ([], ["clear"]):
                 flags = [flag for flag in self._warnings(name) if flag != "--"]
                 if clear:
@@ -125,6 +136,8 @@ class ZaberChain:
             "maxspeed": self._speeds[name],
             "version": FIRMWARE,
             "device.id": DEVICE_ID,
+            "limit.min": 0,
+            "limit.max": round(TRAVEL_MM[name] * MICROSTEPS_PER_MM),
             "comm.checksum": int(self._check_sums),
             "system.axiscount": 1,
         }

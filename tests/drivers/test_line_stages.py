@@ -1,6 +1,7 @@
 """Zaber, PI and TMCL against emulated controllers: what each says is understood in its words."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib import import_module
@@ -8,6 +9,7 @@ from itertools import islice
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import drivers.pi
@@ -16,9 +18,11 @@ import drivers.zaber
 from drivers import DeviceFault, MotionFault, Pose, SimulatedClock, WallClock
 from drivers.core.abilities import enable
 from drivers.core.errors import ConfigError
+from drivers.core.leading import Lead
 from drivers.core.line import NoAnswer
 from drivers.core.line_stage import LineStage
 from drivers.core.registry import open_driver
+from drivers.core.segments import AHEAD_S, SegmentedMove
 from drivers.testing.awake import AwakeTime
 from sim_backend import load_scene
 from sim_backend.emulators import pi, tmcl, zaber
@@ -43,6 +47,7 @@ class Rig:
             end_s = awake.now() + 5.0
             while not ready():
                 assert awake.now() < end_s
+                time.sleep(1e-3)  # who waits here must not keep the others from running
 
     def until_fault(self, match: str, kind: type[DeviceFault] = DeviceFault) -> None:
         with pytest.raises(kind, match=match):
@@ -335,3 +340,139 @@ def test_what_is_reported_at_rest_was_read_at_rest(
         while (reading := axes.read()).moving:
             pass
         assert reading.places_mm["x"] == pytest.approx(target_mm, abs=1e-3)
+
+
+TOP, BOTTOM = Pose(0.032, 0.0, 0.002), Pose(0.032, 0.0, -0.0024)
+PRESS_M_S = 1.2e-3
+BUSY_M = 0.1e-3  # 80 ms in which a busy machine looks late at what has happened
+
+
+def tip_m(rig: Rig) -> float:
+    return rig.phantom.tip.point(rig.phantom.clock.now())[2]
+
+
+def still_m(rig: Rig) -> float:
+    """Where the tip comes to rest, as the emulator's side has it."""
+    rig.wait_for(lambda: not rig.phantom.tip.moving(rig.phantom.clock.now()))
+    rests_m = tip_m(rig)
+    time.sleep(0.2)
+    assert tip_m(rig) == rests_m
+    return rests_m
+
+
+def press(rig: Rig) -> float:
+    """Half a millimetre deep."""
+    enable(rig.stage)
+    rig.stage.move(BOTTOM, PRESS_M_S)
+    rig.wait_for(lambda: tip_m(rig) < -0.5e-3)
+    return tip_m(rig)
+
+
+@each
+def test_a_controller_that_is_left_alone_comes_to_rest(name: str, winkler: Respond) -> None:
+    """The plug is pulled, or everything that could send dies."""
+    with rig_of(name, winkler) as rig:
+        before_m = press(rig)
+        bound_m = PRESS_M_S * (AHEAD_S + rig.stage._between_s + 0.01)
+        rig.served.fail("drop")
+        assert before_m - still_m(rig) < bound_m + BUSY_M
+
+
+@each
+def test_a_lift_is_finished_with_nobody_there(name: str, winkler: Respond) -> None:
+    with rig_of(name, winkler) as rig:
+        press(rig)
+        rig.stage.stop()
+        rig.wait_for(lambda: not rig.stage.moving())
+        rig.stage.move(TOP, PRESS_M_S)
+        rig.wait_for(lambda: tip_m(rig) > 0.0)
+        rig.served.fail("drop")
+        assert still_m(rig) == pytest.approx(TOP.z, abs=5e-6)
+
+
+@each
+def test_a_press_is_not_gone_on_with_when_nobody_checks_the_force(
+    name: str, winkler: Respond
+) -> None:
+    with rig_of(name, winkler) as rig:
+        enable(rig.stage)
+        rig.stage.move(BOTTOM, PRESS_M_S)
+        while tip_m(rig) > -0.5e-3:
+            rig.stage.keep_alive()
+            time.sleep(1e-3)
+        before_m = tip_m(rig)
+        assert before_m - still_m(rig) < PRESS_M_S * (2 * AHEAD_S + rig.stage._between_s) + BUSY_M
+
+
+@each
+@pytest.mark.parametrize("fault", ["ignores stop", "ignores stops"])
+def test_where_a_stop_is_not_obeyed_the_next_means_is(
+    name: str, fault: str, winkler: Respond
+) -> None:
+    """In a lift, of which the controller knows all: 30 mm in 6 s. And it lifts afterwards."""
+    with rig_of(name, winkler) as rig:
+        enable(rig.stage)
+        rig.stage.move(TOP._replace(z=0.032), 5e-3)
+        rig.wait_for(lambda: tip_m(rig) > 3e-3)
+        rig.served.fail(fault)
+        *deaf, heard = rig.stage.stop_means()[: 2 + (fault == "ignores stops")]
+        for means in deaf:
+            means.call()
+            time.sleep(0.3)
+            assert rig.phantom.tip.moving(rig.phantom.clock.now())
+        heard.call()
+        began_s = time.monotonic()
+        still_m(rig)
+        assert time.monotonic() - began_s < heard.within_s + 0.4
+        rig.wait_for(lambda: not rig.stage.moving())
+        top = rig.stage.pose()._replace(z=tip_m(rig) + 2e-3)
+        rig.stage.move(top, 5e-3)
+        rig.arrive()
+        assert tip_m(rig) == pytest.approx(top.z, abs=5e-6)
+
+
+@pytest.mark.parametrize("exchange_s", [0.001, 0.004])
+@each
+def test_a_ramp_that_is_led_has_no_ripple(
+    name: str, exchange_s: float, winkler: Respond, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The force as the emulator's side has it; an exchange takes what it does at 115200 or 38400
+    baud, and between two readings there are 10 ms."""
+    clock = SimulatedClock()
+    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.0))
+    device: Any = {"zaber": lambda c: zaber.ZaberChain(c, check_sums=True),
+                   "pi": lambda c: pi.PiController(c, servo=True),
+                   "tmcl": tmcl.TmclModule}[name](Carriage(phantom, homed=True))  # fmt: skip
+
+    class Line:
+        def ask(self, data: bytes, *, end: bytes = b"", **_how: Any) -> bytes:
+            clock.sleep_until(clock.now() + exchange_s)
+            answer = b"".join(device.received(bytes([byte])) for byte in data)
+            return answer.removesuffix(end) if end else answer
+
+        def say(self, data: bytes) -> None:
+            device.received(data)
+
+    for module in (f"drivers.{name}.Line", "drivers.tmcl.time", "drivers.core.leading.time"):
+        stands_in: Any = SimpleNamespace(monotonic=clock.now)
+        monkeypatch.setattr(module, (lambda *_: Line()) if module.endswith("Line") else stands_in)
+    module = import_module(f"drivers.{name}")
+    keys = {"port": "pty", "z": EMULATORS[name].RIG_AXES["z"]}
+    axes = getattr(module, f"{name.title()}Axes")(
+        getattr(module, f"{name.title()}Settings")(**keys)
+    )
+    origin_mm = dict(zip("xyz", EMULATORS[name].RIG_ORIGIN_MM, strict=True))
+    speed_mm_s = 1e3 * PRESS_M_S
+    way = SegmentedMove((0.0,) * 3, (0.0, 0.0, -2.4), speed_mm_s, ahead_mm=AHEAD_S * speed_mm_s)
+    lead = Lead(way, "z", origin_mm, 0.05)
+    lead.set_off(axes)
+    began_s = clock.now()
+    while clock.now() < began_s + 2.5:
+        lead.go_on(axes, axes.read(), None)
+        clock.sleep_until(clock.now() + 0.01)
+    assert not lead.trouble
+    assert phantom.tip.point(clock.now())[2] == pytest.approx(-2.4e-3, abs=1e-6)
+    times = began_s + np.arange(0.01, 1.98, 1e-3)
+    force = phantom.force_n(times)
+    even = np.interp(times, times[[0, -1]], force[[0, -1]])
+    assert np.abs(force - even).max() < 2e-4 * force[-1]  # a speed is a whole number of steps
