@@ -1,5 +1,6 @@
 """Axes that are led along a straight move, reading by reading, and what keeps them from it."""
 
+import math
 import time
 from collections.abc import Mapping
 
@@ -56,7 +57,8 @@ class Lead:
         if reading.moving or way.way_mm((x, y, z)) > way.given_mm - self._arrived_mm:
             self._on_s = now_s
         elif now_s - self._on_s > RESTS_S and not way.whole:
-            self.trouble = "came to rest on its way: somebody or something holds it"
+            off_mm = math.dist((x, y, z), way.target)
+            self.trouble = f"came to rest {off_mm:.2f} mm from its target: something holds it"
         alone = guarded_s is not None and now_s - guarded_s > AHEAD_S
         before_mm = way.given_mm
         if self.trouble or alone or (to := way.next((x, y, z))) is None:

@@ -160,7 +160,11 @@ class Motion:
             return
         stood_s, idle = self._stood_s(status), status.state == "Idle"
         if idle and not self._talk.unanswered and stood_s > RESTS_S:
-            self._trouble = "came to rest on its way: somebody held it, or cancelled its jog"
+            off_mm = math.dist(place, move.target)
+            self._trouble = (
+                f"came to rest {off_mm:.2f} mm from its target: somebody held it, or has cancelled "
+                "its jog"
+            )
         elif self._set_off and stood_s > STANDS_S + move.shortest_mm / move.speed_mm_s:
             self._trouble = (
                 f"reports the same place for {stood_s:.1f} s of a move: it is held up, or its "
