@@ -57,6 +57,20 @@ def press(
             "--gradient", help="Also say how force and pulse change with each number of the scene."
         ),
     ] = False,
+    taxels: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ROWSxCOLUMNS",
+            help="Also say the force on each taxel of an array in the finger: rows along the "
+            "vessels, columns across.",
+        ),
+    ] = None,
+    pitch: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM", help="Size of a taxel [mm]; without it they share the finger's face."
+        ),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Press once into a scene and print force, contact stress, pulse and contact."""
@@ -86,10 +100,11 @@ def press(
             several = path.parent.glob(f"{path.stem}-[0-9]*{path.suffix}") if vtu == path else ()
             for file in (path, *several):
                 check_out(option, file, mark)
+    array = taxel_array(taxels, pitch)
     with solving() as show:
         pressed = press_once(
             pressed_into, x, depth, pressure or None, accuracy_pct=accuracy, solving=show,
-            gradient=gradient, **chosen,
+            gradient=gradient, taxels=array, **chosen,
         )  # fmt: skip
     pressures = [state.pressure_mmhg for state in pressed.states]
     if deck is not None:
@@ -170,7 +185,37 @@ def describe_press(found: dict[str, Any]) -> list[str]:
             f"contact stress, error about {found['pulse_error_estimate_pct']:.2g} %"
             + (": the force falls while the pressure rises" if falls else "")
         )
-    return [*lines, *describe_gradient(found)]
+    return [*lines, *describe_taxels(found), *describe_gradient(found)]
+
+
+def taxel_array(text: str | None, pitch_mm: float | None) -> Any:
+    """The array that ``--taxels`` and ``--pitch`` mean, or None. Raises `SceneError`."""
+    from sim_backend.scene.scene_file import SceneError
+    from sim_backend.scene.taxels import TaxelArray
+
+    if text is None:
+        if pitch_mm is not None:
+            raise SceneError(f"--pitch {pitch_mm:g}: of which taxels? Say --taxels 1x8, too")
+        return None
+    rows, times, columns = text.lower().partition("x")
+    if not (times and rows.isdecimal() and columns.isdecimal()):
+        raise SceneError(f"--taxels {text}: must be rows x columns, such as 1x8 or 4x4")
+    return TaxelArray(int(rows), int(columns), pitch_mm)
+
+
+def describe_taxels(found: dict[str, Any]) -> list[str]:
+    """The force on each taxel, row by row, and what no taxel takes."""
+    lines = []
+    for state in found["states"]:
+        rows = state.get("taxels_n") or []
+        if rows:
+            beside = state["force_n"] - sum(map(sum, rows))
+            rest = (
+                f", {1e3 * beside:.3g} mN beside them" if beside > 1e-4 * state["force_n"] else ""
+            )
+            lines.append(f"  taxels at {state['pressure_mmhg']:g} mmHg [mN]{rest}:")
+        lines += ["   " + "".join(f"{1e3 * one:9.2f}" for one in row) for row in rows]
+    return lines
 
 
 def describe_gradient(found: dict[str, Any]) -> list[str]:

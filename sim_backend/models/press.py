@@ -19,17 +19,20 @@ from sim_backend.fem.solid import stress as solid_stress
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.forces import smallest_volume_ratio
 from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
+from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n, turned_taxels_n
 from sim_backend.models.choose import choose, named
 from sim_backend.models.press_gradient import force_gradient_n, with_gradient
 from sim_backend.models.press_range import check_asked
 from sim_backend.models.refine import SMALL_PULSE, Solving, refine
 from sim_backend.models.solid_press import (
     holds_a_round_block,
+    need_wide_taxels,
     refine_axisymmetric,
     refine_solid,
 )
 from sim_backend.notebook_line import notebook_line
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
+from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
 __all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
@@ -47,7 +50,8 @@ class State:
     ``force_n`` is the whole finger's. ``stable``: the body would stay so if it were nudged;
     None where a solid's factors do not decide. ``gradient``, where it was asked for: how much
     ``force_n`` changes [N] for one more of each number of the scene, and of ``x_mm``,
-    ``depth_mm`` and ``pressure_mmhg``, the contact as it is.
+    ``depth_mm`` and ``pressure_mmhg``, the contact as it is. ``taxels_n`` (rows, columns),
+    where asked for: the part of ``force_n`` on each taxel.
     """
 
     pressure_mmhg: float
@@ -59,6 +63,7 @@ class State:
     stable: bool | None
     solution: Solution = field(repr=False)
     gradient: Mapping[str, float] | None = field(default=None, repr=False)
+    taxels_n: Array | None = field(default=None, repr=False)
 
     @property
     def displacement_m(self) -> Array:
@@ -216,6 +221,7 @@ class Press:
                     "min_jacobian": s.min_jacobian,
                     "stable": s.stable,
                     **({} if s.gradient is None else {"gradient": dict(s.gradient)}),
+                    **({} if s.taxels_n is None else {"taxels_n": s.taxels_n.tolist()}),
                 }
                 for s, stress_pa in zip(self.states, self.contact_stress_pa, strict=True)
             ],
@@ -231,6 +237,7 @@ def press(
     model: str = "auto",
     accuracy_pct: float = 1.0,
     gradient: bool = False,
+    taxels: TaxelArray | None = None,
     solving: Solving | None = None,
 ) -> Press:
     """Press a finger into a scene by finite elements.
@@ -255,6 +262,8 @@ def press(
     gradient
         Let each state say what its force changes with: exactly on its mesh, at finite
         strain, nothing of the scene left out.
+    taxels
+        An array in the finger: let each state say how its force is spread over that.
     solving
         Given a line about each mesh before it is solved; without it a notebook shows them
         below the cell.
@@ -282,7 +291,7 @@ def press(
         with notebook_line() as line:
             return press(
                 scene, x_mm, depth_mm, pressures_mmhg, model=model, accuracy_pct=accuracy_pct,
-                gradient=gradient, solving=lambda what: line(f"solving {what}"),
+                gradient=gradient, taxels=taxels, solving=lambda what: line(f"solving {what}"),
             )  # fmt: skip
     if not isinstance(scene, Scene):  # what cannot beat can be solved, as a stored run's may be
         scene = load_scene(scene)
@@ -299,7 +308,9 @@ def press(
     if scene.plane == "solid":
         if gradient:
             raise SceneError(f"{scene.name}: gradients are known of plane scenes, not of solids")
-        return _press_solid(scene, x_mm, depth_mm, pressures, model, accuracy_pct, solving, began)
+        return _press_solid(
+            scene, x_mm, depth_mm, pressures, model, accuracy_pct, taxels, solving, began
+        )
     if gradient:
         choice = with_gradient(model, scene)
     elif model == "auto":
@@ -318,6 +329,12 @@ def press(
     if gradient:
         states = tuple(
             replace(state, gradient=force_gradient_n(scene, section, solution))
+            for state, solution in zip(states, solutions, strict=True)
+        )
+    if taxels:
+        edges_m, length_m = taxels.edges_m(scene.indenter), 1e-3 * scene.indenter.length_mm
+        states = tuple(
+            replace(state, taxels_n=section_taxels_n(section, solution, *edges_m, length_m))
             for state, solution in zip(states, solutions, strict=True)
         )
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)
@@ -350,6 +367,7 @@ def _press_solid(
     pressures: tuple[float, ...],
     model: str,
     accuracy_pct: float,
+    taxels: TaxelArray | None,
     solving: Solving,
     began: float,
 ) -> Press:
@@ -360,6 +378,10 @@ def _press_solid(
         section, solution, pct = refine_axisymmetric(*place, accuracy_pct, solving)
         if pct <= accuracy_pct or model == "axisymmetric":
             states = tuple(_round_state(scene, section, solution, p, x_mm) for p in pressures)
+            if taxels:
+                edges_m = taxels.edges_m(scene.indenter)
+                spread_n = turned_taxels_n(section, solution, *edges_m)
+                states = tuple(replace(state, taxels_n=spread_n) for state in states)
             return Press(
                 scene, x_mm, depth_mm, "axisymmetric", len(section.assembly.free),
                 perf_counter() - began, pct, None if len(pressures) == 1 else 0.0, states, None,
@@ -370,15 +392,23 @@ def _press_solid(
             f"model = {model!r}: scene {scene.name} is a solid, to be solved as solid, or as "
             "axisymmetric under a sphere or a round flat, over nothing or over one ball right below"
         )
+    if taxels:
+        need_wide_taxels(scene, taxels)
     levels_pa = [p * PA_PER_MMHG for p in pressures]
     (body, solutions), error_pct = refine_solid(
         *place, levels_pa, np.full(2, accuracy_pct), solving
     )
     pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
+    states = tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True))
+    if taxels:
+        edges_m = taxels.edges_m(scene.indenter)
+        states = tuple(
+            replace(state, taxels_n=solid_taxels_n(body, solution, *edges_m))
+            for state, solution in zip(states, solutions, strict=True)
+        )
     return Press(
         scene, x_mm, depth_mm, "solid", len(body.free), perf_counter() - began,
-        float(error_pct[0]), pulse_pct,
-        tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True)), None,
+        float(error_pct[0]), pulse_pct, states, None,
         "wedge", 'the scene says plane = "solid"',
     )  # fmt: skip
 

@@ -131,3 +131,34 @@ def test_without_being_asked_a_press_says_no_gradient(palpate: Any) -> None:
     found = palpate("press", "TI", "--x", "32", "--depth", "0.1", "--accuracy", "5", "--json").json
     assert "pulse_gradient" not in found
     assert "gradient" not in found["states"][0]
+
+
+def test_a_press_spreads_its_force_over_taxels(palpate: Any) -> None:
+    asked = ("press", "TI", "--x", "32", "--depth", "1", "--accuracy", "5", "--taxels", "2x6")
+    (state,) = palpate(*asked, "--json").json["states"]
+    assert [len(row) for row in state["taxels_n"]] == [6, 6]
+    assert sum(map(sum, state["taxels_n"])) == pytest.approx(state["force_n"], rel=1e-9)
+    lines = palpate(*asked, "--pitch", "1").out.splitlines()
+    first = next(n for n, line in enumerate(lines) if "taxels at 0 mmHg [mN]" in line)
+    assert "mN beside them" in lines[first], "two rows of 1 mm of a finger of 10 mm"
+    assert len(lines[first + 1].split()) == 6
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [(("--taxels", "8"), "must be rows x columns"),
+     (("--pitch", "1"), "of which taxels"),
+     (("--taxels", "0x3"), "from 1 x 1"),
+     (("--taxels", "1x3", "--pitch", "-1"), "must be above 0")],
+)  # fmt: skip
+def test_taxels_that_cannot_be_are_refused(palpate: Any, more: Any, words: str) -> None:
+    outcome = palpate("press", "TI", "--x", "32", "--depth", "1", *more)
+    assert (outcome.status, words in outcome.err) == (2, True)
+
+
+def test_taxels_finer_than_a_solid_s_elements_are_refused_before_it_is_solved(
+    palpate: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sim_backend.models.press.refine_solid", None)
+    outcome = palpate("press", "TIHA-solid", "--x", "32", "--depth", "1", "--taxels", "8x8")
+    assert (outcome.status, "take a pitch of" in outcome.err) == (2, True)

@@ -1,0 +1,136 @@
+"""Forces on taxels: their sum, their symmetry, Hertz' profile, and another mesh's."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim_backend.arrays import Array
+from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.model import Grading
+from sim_backend.fem.newton import Solution
+from sim_backend.fem.section import Section
+from sim_backend.fem.solid.solve import solve_solid
+from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n, turned_taxels_n
+from sim_backend.models.refine import mesh_grading, refine
+from sim_backend.models.solid_press import refine_axisymmetric
+from sim_backend.scene.scene_file import Scene, SceneError, load_scene
+from sim_backend.scene.taxels import TaxelArray
+from sim_backend.scene.waves import PA_PER_MMHG
+
+LEVELS_PA = [80 * PA_PER_MMHG, 120 * PA_PER_MMHG]
+EDGES_M = 1e-3 * np.arange(-5.0, 5.5)
+ALL_ALONG_M = np.array([-1.0, 1.0])
+
+
+def columns(section: Section, solution: Solution, edges_m: Array = EDGES_M) -> Array:
+    """Force [N/m] on each."""
+    return section_taxels_n(section, solution, edges_m, ALL_ALONG_M, 1.0)[0]
+
+
+@pytest.mark.parametrize("depth_m", [0.5e-3, 1.0e-3, 3.0e-3])
+def test_taxels_over_the_middle_of_a_vessel(depth_m: float) -> None:
+    """Of the press that a user gets: all of the force, and alike to both sides."""
+    scene = load_scene("TIHA")
+    section, solutions = refine(
+        "finite", scene, 0.032, depth_m, LEVELS_PA, np.array([1.0, 1.0])
+    ).solved
+    for solution in solutions:
+        found = columns(section, solution)
+        assert found.sum() == pytest.approx(solution.force, rel=1e-12)
+        np.testing.assert_allclose(found, found[::-1], atol=1e-3 * found.max())
+    low, high = (columns(section, one) for one in solutions)
+    pulse = high - low
+    np.testing.assert_allclose(pulse, pulse[::-1], atol=0.01 * pulse.max())
+
+
+@pytest.mark.parametrize("depth_m", [0.5e-3, 2.0e-3])
+def test_another_mesh_s_taxels_and_pulses_are_the_same(depth_m: float) -> None:
+    scene = load_scene("TIHA")
+    half_m = scene.indenter.profile.scale
+    found = []
+    for share in (0.35, 0.25, 0.2):
+        grading = mesh_grading(scene, share * half_m, share)
+        section, both = solve_finite(
+            scene, 0.032, depth_m, LEVELS_PA, share * half_m, grading=grading
+        )
+        found.append([columns(section, one) for one in both])
+    low, high = np.swapaxes(found, 0, 1)
+    pulse = high - low
+    for one, p in zip(low, pulse, strict=True):
+        np.testing.assert_allclose(one, low[-1], atol=3e-3 * low.max())
+        np.testing.assert_allclose(p, pulse[-1], atol=0.05 * np.abs(pulse).max())
+
+
+@pytest.mark.parametrize("skin", [None, {"thickness_mm": 0.3, "modulus_kpa": 1e6}])
+def test_taxels_under_a_cylinder_are_hertz_s(skin: dict[str, float] | None) -> None:
+    """p = 2 P / (pi a^2) sqrt(a^2 - x^2), a^2 = 4 P R / (pi E*) (Johnson 1985, eqs. 4.43, 4.45); a
+    hard skin changes nothing."""
+    scene = Scene.model_validate({
+        "name": "hertz", "plane": "strain", "indenter": {"radius_mm": 10.0, "skin": skin},
+        "tissue": {"width_mm": 120.0, "height_mm": 60.0, "modulus_kpa": 50.0, "poisson": 0.3},
+    })  # fmt: skip
+    grading = Grading(0.06e-3, lambda radius: radius, 0.25, 8e-3)
+    section, (solution,) = solve_finite(scene, 0.06, 0.3e-3, [0.0], 1e-3, grading=grading)
+    force = solution.force
+    half_m = np.sqrt(4 * force * 10e-3 / (np.pi * 50e3 / (1 - 0.3**2)))
+    edges_m = np.linspace(-1.25, 1.25, 11) * half_m
+    s = np.clip(edges_m / half_m, -1, 1)
+    below = force * (0.5 + (s * np.sqrt(1 - s**2) + np.arcsin(s)) / np.pi)
+    wanted = np.diff(below)
+    found = columns(section, solution, edges_m)
+    np.testing.assert_allclose(found, wanted, atol=0.03 * wanted.max())
+
+
+def solid(**finger: Any) -> Scene:
+    tissue = {"width_mm": 24.0, "length_mm": 24.0, "height_mm": 12.0, "modulus_kpa": 50.0,
+              "poisson": 0.45}  # fmt: skip
+    return Scene.model_validate(
+        {"name": "solid", "plane": "solid", "tissue": tissue, "indenter": finger}
+    )
+
+
+def test_taxels_of_a_solid_are_those_of_the_body_of_revolution() -> None:
+    scene = solid(shape="sphere", radius_mm=4.0)
+    edges_m = TaxelArray(4, 4, 2.0).edges_m(scene.indenter)
+    body, (pressed,) = solve_solid(scene, 0.012, 1e-3, [0.0], 0.36 * 4e-3, judge=False)
+    found = solid_taxels_n(body, pressed, *edges_m)
+    assert found.sum() == pytest.approx(pressed.force, rel=1e-12)
+    np.testing.assert_allclose(found, found[::-1], rtol=1e-9)  # of which one half was solved
+    section, turned, _ = refine_axisymmetric(scene, 0.012, 1e-3, 1.0)
+    round_n = turned_taxels_n(section, turned, *edges_m)
+    assert round_n.sum() == pytest.approx(turned.force, rel=1e-9)
+    np.testing.assert_allclose(round_n, round_n.T, atol=1e-6 * round_n.max())
+    scaled = round_n * pressed.force / turned.force
+    np.testing.assert_allclose(found, scaled, atol=0.06 * scaled.max())
+
+
+def test_rows_share_a_section_s_force_by_their_length() -> None:
+    """An array shorter than the finger leaves the rest beside it, a longer one has empty rows."""
+    section, (solution,) = solve_finite(load_scene("TI"), 0.032, 1e-3, [0.0], 2e-3)
+    whole = 0.01 * columns(section, solution)
+    for rows, pitch_mm, parts in ((2, 2.0, [0.2, 0.2]), (4, 5.0, [0.0, 0.5, 0.5, 0.0])):
+        across_m, along_m = TaxelArray(rows, 8, pitch_mm).edges_m(load_scene("TI").indenter)
+        found = section_taxels_n(section, solution, across_m, along_m, 0.01)
+        np.testing.assert_allclose(found.sum(axis=1) / whole.sum(), parts, atol=1e-9)
+
+
+@settings(max_examples=40)
+@given(st.integers(1, 9), st.integers(1, 9), st.one_of(st.none(), st.floats(0.1, 5)))
+def test_an_array_s_middle_is_the_finger_s(rows: int, columns: int, pitch: float | None) -> None:
+    across_m, along_m = TaxelArray(rows, columns, pitch).edges_m(load_scene("TI").indenter)
+    assert (len(across_m), len(along_m)) == (columns + 1, rows + 1)
+    for edges_m in (across_m, along_m):
+        np.testing.assert_allclose(edges_m, -edges_m[::-1], atol=1e-12)
+        np.testing.assert_allclose(np.diff(edges_m), edges_m[1] - edges_m[0])
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [((0, 4), "from 1 x 1"), ((65, 64), "from 1 x 1"), ((1, 4, -1.0), "must be above 0")],
+)
+def test_an_array_that_cannot_be_is_refused(given: tuple[Any, ...], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        TaxelArray(*given)
