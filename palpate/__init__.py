@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from probe.studies.sweep import sweep
     from sim_backend.models.press import CannotSolve, Press, press
     from sim_backend.scene.scene_file import Scene, SceneError, load_scene, scene_names
+    from sim_backend.scene.taxels import TaxelArray
 
 __all__ = [
     "Calibration",
@@ -67,6 +68,7 @@ __all__ = [
     "SimulatedClock",
     "Station",
     "StationFinding",
+    "TaxelArray",
     "WallClock",
     "calibrate",
     "compare",
@@ -120,6 +122,7 @@ _HOMES = {
     "probe.studies.sweep": ("sweep",),
     "sim_backend.models.press": ("CannotSolve", "Press", "press"),
     "sim_backend.scene.scene_file": ("Scene", "SceneError", "load_scene", "scene_names"),
+    "sim_backend.scene.taxels": ("TaxelArray",),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

@@ -15,7 +15,16 @@ MOST = 4096
 @dataclass(frozen=True)
 class TaxelArray:
     """``rows`` x ``columns`` taxels of ``pitch_mm`` either way, their middle under the finger's;
-    without a pitch they share its projected width and breadth. Raises `SceneError`."""
+    without a pitch they share its projected width and breadth. Raises `SceneError`.
+
+    Examples
+    --------
+    >>> import palpate
+    >>> array = palpate.TaxelArray(rows=1, columns=4, pitch_mm=1.5)
+    >>> pressed = palpate.press("TI", x_mm=32.0, depth_mm=1.0, accuracy_pct=5, taxels=array)
+    >>> pressed.states[0].taxels_n.shape
+    (1, 4)
+    """
 
     rows: int
     columns: int
