@@ -209,7 +209,8 @@ def test_a_press_that_goes_on_after_the_door_has_failed(pressing: GrblStage, boa
 def test_a_jog_that_somebody_else_cancels_has_failed(pressing: GrblStage) -> None:
     """As a hold button does: GRBL 1.1 forgets the jog, and says Idle."""
     pressing._line()[0].realtime(b"\x85")
-    with pytest.raises(MotionFault, match=r"came to rest 1\.\d\d mm from its target: somebody held it"):
+    words = r"came to rest 1\.\d\d mm from its target: somebody held it"
+    with pytest.raises(MotionFault, match=words):
         until(lambda: not pressing.moving())
 
 
