@@ -11,6 +11,10 @@ RunFiles = Annotated[
 ]
 
 
+MAX_STATION = 100_000
+"""As many as a rig file can ask for."""
+
+
 def storable(value: Any) -> Any:
     """An option's text (or list of texts), which a file shall keep, as it is. Raises
     `typer.BadParameter` where it holds bytes that are not UTF-8: no file of ours can hold them."""
@@ -20,6 +24,21 @@ def storable(value: Any) -> Any:
         if not is_text(text):
             raise typer.BadParameter(f"{text!r}: {NO_TEXT}")
     return value
+
+
+def station_numbers(text: str, option: str) -> list[int]:
+    """``5-9``, ``2,4`` or both as numbers from 1. Raises `typer.BadParameter`."""
+    numbers: set[int] = set()
+    for part in text.split(","):
+        first, _, last = part.strip().partition("-")
+        if not (first.isdecimal() and (last or first).isdecimal() and int(first) >= 1):
+            raise typer.BadParameter(f"{option} {text}: say station numbers as 5-9 or 2,4,7")
+        if int(last or first) < int(first):
+            raise typer.BadParameter(f"{option} {text}: {part.strip()} ends before it begins")
+        if int(last or first) > MAX_STATION:
+            raise typer.BadParameter(f"{option} {text}: no scan has so many stations")
+        numbers.update(range(int(first), int(last or first) + 1))
+    return sorted(numbers)
 
 
 def scene_names(begun: str) -> list[str]:

@@ -1,6 +1,6 @@
 """Before a scan: what would it take, can it see the pulse, are the devices well."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
@@ -139,14 +139,19 @@ def plan(
     show_checks(checks)
 
 
-def show_dry_run(rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool) -> int:
+def show_dry_run(
+    rig_file: Path | None, scene_name: str | None, out: Path, as_json: bool,
+    changes: Mapping[str, str],
+) -> int:  # fmt: skip
     """Check a scan without touching a device; the exit status."""
     from drivers import MissingExtra
     from probe.checks.dry_run import dry_run
     from probe.checks.tip_path import draw_path
+    from probe.config.changed_rig import changed
     from probe.scan.session import resolve_rig
 
     rig, scene = resolve_rig(rig_file, scene_name)
+    rig, scene = resolve_rig(changed(rig, changes), None) if changes else (rig, scene)
     if scene is not None:
         from sim_backend.models.station_response import respond
 

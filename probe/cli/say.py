@@ -118,12 +118,12 @@ def plain(value: Any) -> Any:
     return value
 
 
-def key_values(notes: Sequence[str]) -> dict[str, str]:
+def key_values(notes: Sequence[str], option: str = "--note") -> dict[str, str]:
     """``--note KEY=VALUE`` given any number of times. Raises `typer.BadParameter`."""
     pairs = [text.partition("=") for text in notes]
     for key, equals, value in pairs:
         if not (key and value):
-            raise typer.BadParameter(f"--note {key}{equals}{value}: say it as KEY=VALUE")
+            raise typer.BadParameter(f"{option} {key}{equals}{value}: say it as KEY=VALUE")
     return {key: value for key, _, value in pairs}
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from probe.cli import ABORTED
-from probe.cli.arguments import RunFile, scene_names, storable
+from probe.cli.arguments import RunFile, scene_names, station_numbers, storable
 from probe.cli.errors import FAULT
 from probe.cli.logs import already_reported
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
@@ -43,6 +43,13 @@ Fallback = Annotated[
     Literal["virtual"] | None,
     typer.Option(help="Let simulated devices take the place of absent ones."),
 ]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Any key of the rig file; may be given again.",
+        callback=storable,
+    ),
+]  # fmt: skip
 
 AFTER_A_SCAN = ("probe.detection", "probe.storage.run", "rich.table")
 """What a finding needs: 0.3 s to import, in which simulated stations are solved elsewhere."""
@@ -58,6 +65,11 @@ def scan(
     rig: RigFile = None,
     scene: SceneName = None,
     out: Out = Path("runs"),
+    settings: Settings = None,
+    stations: Annotated[
+        str | None,
+        typer.Option(metavar="5-9", help="Press only these of the stations, numbered from 1."),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
     operator: Annotated[
         str | None,
@@ -89,16 +101,23 @@ def scan(
 ) -> None:
     """Scan station by station, store every sample, and say what lies beneath.
 
+    --set changes any key of the rig file for this scan, as --set scan.pitch_mm=2.
+
     Ctrl-C lifts the probe and ends the run; a second one stops where it is.
     """
     if seed < 0:
         raise typer.BadParameter(f"--seed {seed}: must be 0 or more")
+    if stations:
+        numbers = station_numbers(stations, "--stations")
+        settings = [*(settings or []), f"scan.only={numbers}"]
+    changes = key_values(settings or [], "--set")
     if dry_run:
         from probe.cli.rig import show_dry_run
 
-        raise typer.Exit(show_dry_run(rig, scene, out, json))
+        raise typer.Exit(show_dry_run(rig, scene, out, json, changes))
     need_report(report)
     from probe.cli.progress import ScanProgress
+    from probe.config.changed_rig import changed
     from probe.config.scan_plan import plan_for
     from probe.guards.commands import Control, ctrl_c
     from probe.scan.session import resolve_rig
@@ -106,7 +125,7 @@ def scan(
 
     began_s = time.perf_counter()
     labels = labels_of(operator, specimen, note or [])
-    whole, _ = resolve_rig(rig, scene)
+    whole = changed(resolve_rig(rig, scene)[0], changes)
     control = Control()
     shown = ScanProgress(len(plan_for(whole).places))
     with keeping(live) as opened, ctrl_c(control), shown as progress:
@@ -146,12 +165,20 @@ def resume(
     live: Live = False,
     real_time: RealTime = False,
     report: Report = False,
+    redo: Annotated[
+        str | None,
+        typer.Option(metavar="5-9", help="Press these stations again; the latest press counts."),
+    ] = None,
+    settings: Settings = None,
     trust: Annotated[
         bool, typer.Option(help="Open the devices that a run from another computer names.")
     ] = False,
     json: Json = False,
 ) -> None:
-    """Go on with a run that was killed, aborted or broke off; complete stations stay."""
+    """Go on with a run that was killed, aborted or broke off; complete stations stay.
+
+    --redo presses stations again, with --set scan.indentation_mm=3 deeper.
+    """
     need_report(report)
     from probe.cli.progress import ScanProgress
     from probe.guards.commands import Control, ctrl_c
@@ -159,7 +186,9 @@ def resume(
     from probe.scan.resume import unfinished
 
     began_s = time.perf_counter()
-    left, control = unfinished(run), Control()
+    again = tuple(station_numbers(redo, "--redo")) if redo else ()
+    changes = key_values(settings or [], "--set")
+    left, control = unfinished(run, again, changes), Control()
     total, done = len(left.plan.places), len(left.completed)
     with keeping(live) as opened, ctrl_c(control), ScanProgress(total, done) as progress:
         scanned = go_on(
@@ -170,6 +199,8 @@ def resume(
             observers=[progress],
             opened=opened,
             trust=trust,
+            redo=again,
+            settings=changes,
         )
     status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)

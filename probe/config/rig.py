@@ -88,6 +88,8 @@ class Scan(Table):
     """How long the press takes."""
     hold_s: Annotated[float, Field(ge=0, le=3600)] = 0.825
     """How long the probe stays pressed; at least two heartbeats to find a pulse well."""
+    only: tuple[Annotated[int, Field(ge=1)], ...] = ()
+    """Which of the stations are pressed, by their numbers from 1; by default all."""
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Presses at each place, one after the other; each is a station of its own."""
     travel_mm_s: Positive = 20.0

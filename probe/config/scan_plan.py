@@ -2,7 +2,7 @@
 
 from probe.config.calibrated import compliance_of, surface_of
 from probe.config.rig import Heights, Rig, RigError, pair
-from probe.planning.plan import Plan, grid, repeated
+from probe.planning.plan import Place, Plan, grid, repeated
 from probe.planning.press_direction import pressed
 from probe.planning.surfaces import Surface, level, through
 from sim_backend.models.press_range import along_mm, reach_mm
@@ -49,7 +49,7 @@ def plan_for(rig: Rig) -> Plan:
     compliance_m_per_n = compliance_of(files["compliance"]) if "compliance" in files else 0.0
     places = grid((1e-3 * x, 1e-3 * y), (1e-3 * dx, 1e-3 * dy), (int(columns), int(rows)))
     return Plan(
-        places=repeated(places, scan.repeats),
+        places=_only(repeated(places, scan.repeats), scan.only),
         indentation_m=1e-3 * scan.indentation_mm,
         ramp_s=scan.ramp_s,
         hold_s=scan.hold_s,
@@ -67,6 +67,13 @@ def plan_for(rig: Rig) -> Plan:
         compliance_m_per_n=compliance_m_per_n,
         max_deflection_m=compliance_m_per_n * rig.safety.max_force_n,
     )
+
+
+def _only(places: tuple[Place, ...], numbers: tuple[int, ...]) -> tuple[Place, ...]:
+    """The stations with these ``numbers``, which keep them; all without any."""
+    if beyond := [n for n in numbers if n > len(places)]:
+        raise RigError(f"scan.only = {beyond[0]}: the scan has the stations 1 to {len(places)}")
+    return tuple(place for place in places if not numbers or place.index + 1 in numbers)
 
 
 def beside_the_block(plan: Plan, scene: Scene) -> str | None:

@@ -6,7 +6,7 @@ stored time, so that times stay unique within a run.
 """
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from drivers.core.files import path_of
 from probe.checks.run_size import need_room
+from probe.config.changed_rig import changed
 from probe.config.rig import Fallback, Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
@@ -67,8 +68,11 @@ class Unfinished:
         return tuple(p.index for p in self.plan.places if p.index not in self.completed)
 
 
-def unfinished(path: str | PathLike[str]) -> Unfinished:
-    """Read what is left to do. Raises `RunFileError` for a damaged file or one without a rig."""
+def unfinished(
+    path: str | PathLike[str], redo: Collection[int] = (), settings: Mapping[str, str] | None = None
+) -> Unfinished:
+    """Read what is left to do, stations to ``redo`` (from 1) among it, with the rig as
+    ``settings`` change it. Raises `RunFileError` for a damaged file or one without a rig."""
     path = path_of(path, "a run or the name of its file")
     run = open_run(path)
     if "imported" in run.config:
@@ -100,13 +104,18 @@ def unfinished(path: str | PathLike[str]) -> Unfinished:
             last_s = max(last_s, event.time_s)
         elif len(event.block.time_s):
             last_s = max(last_s, float(event.block.time_s[-1]))
+    plan = plan_for(rig := changed(rig, settings or {}))
+    again = {n - 1 for n in redo}
+    if missing := sorted(again - {place.index for place in plan.places}):
+        numbers = ", ".join(str(place.index + 1) for place in plan.places)
+        raise RunFileError(f"{path}: has no station {missing[0] + 1}; it has {numbers}")
     return Unfinished(
         path,
         rig,
-        plan_for(rig),
+        plan,
         scene_of_run,
         seed + NOISE_STEP * sessions,
-        frozenset(completed),
+        frozenset(completed - again),
         dict(attempts),
         last_s + PAUSE_S,
         _files(run.config),
@@ -125,6 +134,8 @@ def resume(
     opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
     respond: Respond | None = None,
     trust: bool = False,
+    redo: Collection[int] = (),
+    settings: Mapping[str, str] | None = None,
 ) -> ScanResult:
     """Scan the stations that a run lacks, with the rig, scene and plan stored in it.
 
@@ -146,6 +157,11 @@ def resume(
         As of `connect`.
     trust
         Open real devices though the run is from another computer.
+    redo
+        Stations to press again though they are complete, by their numbers from 1; of each
+        station the latest complete press counts.
+    settings
+        Keys of the rig changed from now on, as ``{"scan.indentation_mm": "3"}``.
 
     Returns
     -------
@@ -167,7 +183,7 @@ def resume(
     >>> palpate.resume(begun.path).ended.finish.value
     'completed'
     """
-    left = unfinished(path)
+    left = unfinished(path, redo, settings)
     if not left.missing and open_run(path).finish is Finish.COMPLETED:
         raise RunFileError(f"{left.path}: all {len(left.completed)} stations are complete")
     if not trust:

@@ -59,6 +59,7 @@ class Audit:
     finish: Finish | None = None
     problems: list[str] = field(default_factory=list)
     more: int = 0
+    _pressed: set[int] = field(default_factory=set)  # complete since the run was last begun
     _started: RunStarted | None = None
     _phase: Phase = Phase.IDLE
     _last_s: float = -math.inf
@@ -129,7 +130,7 @@ class Audit:
         elif dict(event.channels) != dict(self._started.channels):
             yield "goes on with other channels than it began with"
         self.sessions += 1
-        self._phase, self._open, self.finish = Phase.IDLE, None, None
+        self._phase, self._open, self.finish, self._pressed = Phase.IDLE, None, None, set()
 
     def _start_station(self, event: StationStarted) -> Iterator[str]:
         key = (event.station, event.attempt)
@@ -142,7 +143,7 @@ class Audit:
                 f"attempt {event.attempt} at station {event.station + 1} should be "
                 f"{self.attempts[event.station]}"
             )
-        if event.station in self.complete:
+        if event.station in self._pressed:  # a resumed run may press it again, one scan may not
             yield f"station {event.station + 1} was complete already"
         place = self.planned.get(event.station)
         if place is None:
@@ -168,6 +169,7 @@ class Audit:
         if not event.complete:
             return
         self.complete.add(event.station)
+        self._pressed.add(event.station)
         scanned = self._scanned()
         if scanned and (missing := [phase for phase in PRESSING if phase not in press.phases]):
             yield f"station {event.station + 1} is complete without {', '.join(missing)}"

@@ -10,7 +10,7 @@ from probe.core.errors import RunFileError
 from probe.storage.rows import FIRST, link
 
 APPLICATION_ID = 0x50414C50  # "PALP"
-VERSION = 3
+VERSION = 4
 BUSY_S = 1.5
 
 _EVENT = """CREATE TABLE event (
@@ -37,13 +37,15 @@ FROM event AS began LEFT JOIN event AS ended
     ON ended.kind = 'station_ended'
     AND ended.station = began.station AND ended.attempt = began.attempt
 WHERE began.kind = 'station_started'"""
-# The file itself refuses a press that is numbered twice, ended twice, or complete twice.
+# The file itself refuses a press that is numbered twice or ended twice.
 _RULES = (
     "CREATE UNIQUE INDEX started_once ON event (station, attempt) WHERE kind = 'station_started'",
     "CREATE UNIQUE INDEX ended_once ON event (station, attempt) WHERE kind = 'station_ended'",
-    "CREATE UNIQUE INDEX complete_once ON event (station) "
-    "WHERE kind = 'station_ended' AND json_extract(body, '$.complete')",
     "CREATE INDEX samples_of ON event (station, attempt) WHERE kind = 'samples'",
+)
+_COMPLETE_ONCE = (
+    "CREATE UNIQUE INDEX complete_once ON event (station) "
+    "WHERE kind = 'station_ended' AND json_extract(body, '$.complete')"
 )
 # One row. While a scan writes, and after it was killed, both are NULL: then ``RUN-wal`` belongs to
 # the run. A writer that closes the file puts in the number and the chain of the last event.
@@ -53,12 +55,13 @@ _SEAL = """CREATE TABLE seal (
     chain BLOB
 ) STRICT"""
 # Version 1 had no chain: a lost row showed only as a gap in the numbers. Version 2 had no seal: a
-# lost log did not show.
+# lost log did not show. Up to version 3 no complete station could be pressed again.
 _EVENT_1 = _EVENT.replace("    chain BLOB NOT NULL,\n", "")
 SHAPES = {
-    1: (_EVENT_1, *_RULES, _STATION),
-    2: (_EVENT, *_RULES, _STATION),
-    3: (_EVENT, *_RULES, _STATION, _SEAL),
+    1: (_EVENT_1, *_RULES, _COMPLETE_ONCE, _STATION),
+    2: (_EVENT, *_RULES, _COMPLETE_ONCE, _STATION),
+    3: (_EVENT, *_RULES, _COMPLETE_ONCE, _STATION, _SEAL),
+    4: (_EVENT, *_RULES, _STATION, _SEAL),
 }
 # What ANALYZE and PRAGMA optimize of other programs leave behind: numbers for the query planner.
 _STATISTICS = (
@@ -113,8 +116,10 @@ def migrate(connection: sqlite3.Connection) -> None:
     try:
         if version == 1:
             _add_chain(connection)
-        connection.execute(_SEAL)
-        connection.execute("INSERT INTO seal VALUES (1, NULL, NULL)")
+        if version < 3:
+            connection.execute(_SEAL)
+            connection.execute("INSERT INTO seal VALUES (1, NULL, NULL)")
+        connection.execute("DROP INDEX IF EXISTS complete_once")
         connection.execute(f"PRAGMA user_version = {VERSION}")
     except BaseException:
         connection.execute("ROLLBACK")

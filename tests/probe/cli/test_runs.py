@@ -148,3 +148,25 @@ def test_what_is_no_run_opens_no_window(
         outcome = palpate("live", path)
         assert (outcome.status, f"Waiting for {path}" in outcome.err) == (0, path != run)
     assert shown == [begun, run, tmp_path / "later.run"]
+
+
+def test_some_stations_are_scanned_with_another_key_and_one_is_redone(
+    palpate: Any, tmp_path: Path
+) -> None:
+    """``--set``, ``--stations`` and ``--redo`` as a person types them."""
+    asked = ("--stations", "2-3,5", "--set", "scan.pitch_mm=3", "--seed", 1)
+    outcome = palpate("scan", "--scene", "TI", "--out", tmp_path, *asked, "--json")
+    assert outcome.status == 0, outcome.err
+    assert [(s["station"], s["x_mm"]) for s in outcome.json["stations"]] == [
+        (2, 7.0), (3, 10.0), (5, 16.0),
+    ]  # fmt: skip
+    run = outcome.json["run"]
+    assert open_run(run).config["rig"]["scan"]["pitch_mm"] == 3.0
+    again = palpate("resume", run, "--redo", "3", "--set", "scan.indentation_mm=2", "--json")
+    assert again.status == 0, again.err
+    level_pa = {s["station"]: s["baseline_pa"] for s in again.json["stations"]}
+    assert level_pa[3] < 0.9 * level_pa[2]
+    for wrong in ("9-5", "x", "0", "1-"):
+        refused = palpate("scan", "--stations", wrong, "--out", tmp_path)
+        assert refused.status == 2
+        assert f"--stations {wrong}" in refused.err

@@ -1,6 +1,7 @@
 """A scan that was killed or broke off goes on, and nothing that was complete changes."""
 
 import json
+import lzma
 import os
 import shutil
 import sqlite3
@@ -301,3 +302,30 @@ def test_a_rehearsal_goes_on_as_one_and_nothing_else_does(
     with pytest.raises(RunFileError, match="rehearsal in the air, and the devices found now"):
         resume(begun.path, respond=winkler)
     assert open_run(begun.path).finish is Finish.ABORTED
+
+
+def test_complete_stations_are_pressed_again_deeper(tmp_path: Path, winkler: Any) -> None:
+    """The first presses stay as they are, the latest complete one of a station counts."""
+    path = scan(Rig.model_validate(FIVE), "TIHA", tmp_path, seed=7, respond=winkler).path
+    before, first = open_run(path).recording(), blocks(path, {1, 2})
+    ended = resume(path, redo=[2, 3], settings={"scan.indentation_mm": "3"}, respond=winkler).ended
+    assert ended.finish is Finish.COMPLETED
+    after = open_run(path).recording()
+    for old, new in zip(before.stations, after.stations, strict=True):
+        deep_mm = 3.0 if new.index in (1, 2) else 2.5
+        assert 1e3 * new.hold_depth_m == pytest.approx(deep_mm, abs=0.01)
+        assert (new.time_s[0] > old.time_s[0]) == (new.index in (1, 2))
+    assert blocks(path, {1, 2})[: len(first)] == first
+    assert verify(path).ok
+    assert unfinished(path).rig.scan.indentation_mm == 2.5, "only those were to be deeper"
+    with pytest.raises(RunFileError, match="has no station 6; it has 1, 2, 3, 4, 5"):
+        resume(path, redo=[6], respond=winkler)
+
+
+def test_a_run_of_before_lets_its_stations_be_pressed_again(tmp_path: Path) -> None:
+    """Up to version 3 of the file no station could be complete twice."""
+    packed = TESTS / "data" / "runs" / "completed.run.xz"
+    path = tmp_path / "completed.run"
+    path.write_bytes(lzma.decompress(packed.read_bytes()))
+    assert resume(path, redo=[1], trust=True).ended.finish is Finish.COMPLETED
+    assert verify(path).ok
