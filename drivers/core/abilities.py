@@ -106,6 +106,16 @@ def pace(stage: Stage) -> float:
     return float(getattr(stage, "pace", 1.0))
 
 
+def why_still(stage: Stage) -> str | None:
+    """What holds a move up now, in the device's own words; None if it does not say.
+
+    Raises `DeviceFault`.
+    """
+    if (own := getattr(stage, "why_still", None)) is not None:
+        return None if (why := own()) is None else str(why)
+    return None if (now := pace(stage)) >= 1 else f"it allows {100 * now:.3g} % of a speed"
+
+
 def max_speed_m_s(stage: Stage) -> float:
     """The speed above which it refuses a move; infinite if it does not say."""
     return float(getattr(stage, "max_speed_m_s", math.inf))

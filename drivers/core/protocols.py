@@ -107,6 +107,8 @@ class Stage(Protocol):
       these are not in the scan frame.
     - ``park_mm``: where `home` ends; one out of ``limits_mm`` or the workspace is not gone to.
     - ``pace``: the share of a commanded speed that the device allows now, above 0 up to 1.
+    - ``why_still() -> str | None``: what holds a move up now, in the device's own words (an open
+      door, a feed hold, a slider at 0); asked where a move stands still.
     - ``unreachable(poses) -> dict[Pose, str]``: those that it cannot go to in this order, and why;
       asked before the first move.
     - ``base_pose() -> Pose``: where the tool is in the arm's own frame, from which `palpate teach`

@@ -1,6 +1,7 @@
-"""Where the tip may be: above the depth limit, in the workspace, on its commanded path."""
+"""Where the tip may be: above the depth limit, in the workspace, on its way and not at a stand."""
 
 import math
+from collections import deque
 
 from drivers import Pose
 from probe.planning.limits import ARRIVED_M, Limits
@@ -11,6 +12,8 @@ POSE_AGE_S = 0.1  # drivers report a pose up to this old, and then all that was 
 SPEED_SLACK = 1.2  # what a pose's last digits add to the way
 # How far from its straight way, and from where it was to rest, a tip may be that nobody else moves:
 # five times what the engine takes for an arrival, and once that with a pose's jitter.
+STILL_S, STILL_M = 2.0, 20e-6  # a move stands still; reported poses at rest jitter by this
+SLOWEST_PACE = 0.01  # a slower controller is taken for one that stands
 WAY_M, REST_M = 5 * ARRIVED_M, ARRIVED_M + POSE_SLACK_M
 
 
@@ -74,6 +77,46 @@ class PoseGuard:
             moved = f"moved {1e3 * way_m:.1f} mm within {within_s:.2f} s"
             return f"{moved}; the limit is {1e3 * limit_m_s:g} mm/s", True
         return None
+
+
+class StandStill:
+    """A move that does not go on, though nobody has stopped it."""
+
+    def __init__(self) -> None:
+        self._poses: deque[tuple[float, Pose]] = deque()
+        self._target: Pose | None = None
+        self._speed_m_s = 0.0
+
+    def begin(self, target: Pose, speed_m_s: float) -> None:
+        """A move has been ordered."""
+        self._poses.clear()
+        self._target, self._speed_m_s = target, speed_m_s
+
+    def end(self) -> None:
+        """It is over, or was stopped."""
+        self._target = None
+
+    def check(self, pose: Pose, now_s: float) -> str | None:
+        """Why the move is not under way any more, if it is not.
+
+        For `STILL_S`, or as long as the way takes that an arrival may lack, the tip has gone less
+        than `SLOWEST_PACE` of what was commanded.
+        """
+        if self._target is None or math.dist(pose[:3], self._target[:3]) <= ARRIVED_M:
+            self._poses.clear()
+            return None
+        window_s = max(STILL_S, 2 * ARRIVED_M / self._speed_m_s)
+        self._poses.append((now_s, pose))
+        while len(self._poses) > 1 and self._poses[1][0] <= now_s - window_s:
+            self._poses.popleft()
+        since_s, then = self._poses[0]
+        if since_s > now_s - window_s:
+            return None
+        least_m = max(SLOWEST_PACE * self._speed_m_s * window_s, STILL_M)
+        if math.dist(then[:3], pose[:3]) >= least_m:
+            return None
+        left_mm = 1e3 * math.dist(pose[:3], self._target[:3])
+        return f"has stood still for {window_s:.3g} s in a move, {left_mm:.2f} mm from its target"
 
 
 def _off_the_way(pose: Pose, start: Pose, target: Pose) -> float:

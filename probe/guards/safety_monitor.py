@@ -8,6 +8,7 @@ simulated clock the engine calls `step`: every two samples on the way down, else
 import threading
 import time
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import partial
 from typing import TypeVar
 
@@ -20,18 +21,19 @@ from probe.guards.commands import STOPPED, Control, RunCommand
 from probe.guards.force_limit import SensorGuard
 from probe.guards.guard_threads import GuardThreads
 from probe.guards.interruption import Trip
-from probe.guards.pose_guard import PoseGuard
-from probe.guards.press_guard import PERIODS, WAY_M, ForceReading, check_blind
+from probe.guards.pose_guard import PoseGuard, StandStill
+from probe.guards.press_guard import WAY_M
 from probe.guards.presses import Presses
 from probe.guards.readings import STAGE, Readings
 from probe.guards.retreat import Retreat, lift_speed_m_s
+from probe.guards.silence import Silence
 from probe.planning.limits import Limits
 from probe.planning.surfaces import Surface
 
 SUPERVISOR = "supervisor"
 STAGE_PERIOD_S = 0.008  # 0.16 mm at 20 mm/s; none is critical, see `force_limit.LEVEL_MEMORY_S`
 SUPERVISOR_PERIOD_S = 0.01  # a silence is found late by this at most, a tenth of `PAUSE_S`
-LOCK_S = 0.25  # the second stop waits so long for an order under way; a way out stops again
+LOCK_S = 0.25  # the second stop waits so long for an order; a way out stops again
 # The supervisor only sleeps and looks. Late by this much, it is the program that did not run, and
 # nobody else is to blame for having been silent meanwhile.
 PAUSE_S = 0.1
@@ -85,12 +87,13 @@ class SafetyMonitor:
         self._presses = Presses(self._sensors, surface, limits)
         self._down_m_s = 0.0  # of the move under way, if it goes down
         self._pose_guard = PoseGuard(surface, limits)
+        self._stand_still = StandStill()
         self._clock_guards = [
             ClockGuard(limits, clock.now, time.monotonic),
             ClockGuard(limits, time.monotonic),
         ]
         self._readings = Readings(s.name for s in sensors)
-        self._excused_s = -np.inf
+        self._silence = Silence(stage.name, self._sensors, self._readings, limits)
         self._in_motion = self._homing = False
         self._surface = surface
         self._engine_s = time.monotonic()
@@ -193,6 +196,7 @@ class SafetyMonitor:
     def arrived(self, pose: Pose) -> None:
         """The move is over: from now on the tip rests at ``pose``."""
         self._in_motion = False
+        self._stand_still.end()
         self._pose_guard.expect_rest(pose)
         self._presses.end()
 
@@ -272,6 +276,7 @@ class SafetyMonitor:
         lowest_m = here.z if self._lift_z_m is None else min(here.z, self._lift_z_m)
         self._down_m_s = speed_m_s if target.z < lowest_m - WAY_M else 0.0
         self._in_motion = True
+        self._stand_still.begin(target, speed_m_s)
         abilities.move(self._stage, target, speed_m_s, search=search)
 
     def _alone(self, ask: Callable[[], Answer]) -> Answer:
@@ -347,10 +352,18 @@ class SafetyMonitor:
             if retreat.done and known is not None:
                 self.arrived(known)
 
+    def _why_still(self) -> str:
+        with suppress(DeviceFault):
+            if (why := self._alone(partial(abilities.why_still, self._stage))) is not None:
+                return f": {why}"
+        return "; nothing says why"
+
     def _take(self, pose: Pose, now: float, asked_s: float) -> None:
         self._readings.take_pose(pose, now)
         if (why := self._pose_guard.check(pose, now, asked_s)) is not None:
             self.object(self._stage.name, why[0], can_retract=why[1], again=True)
+        if self.retreat is None and (stands := self._stand_still.check(pose, now)) is not None:
+            self.object(self._stage.name, stands + self._why_still(), can_retract=True)
         odd = self._presses.check(pose, now)
         if odd is not None and not abilities.touched(self._stage):  # which may go back by then
             self.object(*odd, can_retract=True)
@@ -359,7 +372,7 @@ class SafetyMonitor:
         """What only the wall clock can show: a pause, a jump, a blocked engine, a stop."""
         late_s = self._threads.late_s(SUPERVISOR)
         if late_s > PAUSE_S:
-            self._excused_s = self._clock.now()
+            self._silence.excuse(self._clock.now())
             self._threads.excuse()
             self._engine_s = max(self._engine_s, time.monotonic() - self._limits.engine_s / 2)
             if late_s > self._limits.silence_s:
@@ -381,27 +394,8 @@ class SafetyMonitor:
             abilities.keep_alive(self._stage)  # where a guard hangs, a stage with a watchdog halts
 
     def _check_silence(self) -> None:
-        """Every device has been seen lately: the later, the less while the stage moves."""
-        now, limits = self._clock.now(), self._limits
-        key = "late_s" if self._in_motion else "silence_s"
-        for sensor, _ in self._sensors:
-            most_s = max(getattr(limits, key), PERIODS / sensor.rate_hz)
-            self._check_seen(sensor.name, sensor.name, now, most_s, key)
-        self._check_seen(STAGE, self._stage.name, now, limits.silence_s, "silence_s")
-        if self._in_motion and self._down_m_s > 0:
-            seen_s = self._readings.seen_s
-            readings = [
-                ForceReading(
-                    s.name, now - max(seen_s[s.name], self._excused_s), g.true_n, s.rate_hz
-                )
-                for s, g in self._sensors
-                if g.feels
-            ]
-            if (blind := check_blind(limits, self._down_m_s, readings)) is not None:
-                self.object(*blind, can_retract=True)
-
-    def _check_seen(self, whose: str, device: str, now: float, most_s: float, key: str) -> None:
-        silent_s = now - max(self._readings.seen_s[whose], self._excused_s)
-        if silent_s > most_s:
-            why = f"silent for {silent_s:.2f} s; allowed: {most_s:g} s (safety.{key})"
+        silent = self._silence.check(
+            self._clock.now(), in_motion=self._in_motion, down_m_s=self._down_m_s
+        )
+        for device, why in silent:
             self.object(device, why, can_retract=True)

@@ -44,6 +44,9 @@ from probe.scan.touching import find_surface
 TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
 DEEP_ENOUGH_M = 5e-6
 HOME_STOPS_S = 5.0
+# A ramp that is longer than planned by more than this is noted: a stage's acceleration and the
+# reports of its end take 0.1 s of the rigs in `rigs/`.
+RAMP_SHARE, RAMP_LATE_S = 0.1, 0.1
 GIVE_UP_S = 30.0  # for a way out; the retreat itself is done long before, unless the stage hangs
 BY_HAND = "take its load off by hand or at the stage's own panel, before anything else moves it"
 """What is left to a person where the program cannot lift the probe."""
@@ -347,9 +350,10 @@ class _Scan(RunLoop):
             self.go(surface, plan.approach_m_s)
         else:
             surface = find_surface(self, surface, plan.touch_n)
-        self.enter(Phase.INDENTING)
+        indenting_s = self.enter(Phase.INDENTING)
         depth_m = self._indent(surface)
         holding_s = self.enter(Phase.HOLDING)
+        self._note_the_ramp(place, holding_s - indenting_s)
         self.handle()
         self._check_contact()
         self.wait_until(holding_s + plan.hold_s)
@@ -358,6 +362,13 @@ class _Scan(RunLoop):
         begin_lift(self, surface, depth_m)
         self.go(above, plan.travel_m_s)
         self.end_station(complete=True)
+
+    def _note_the_ramp(self, place: Place, took_s: float) -> None:
+        """A press that stood still or was slowed relaxes the tissue in another way."""
+        planned_s = self.plan.ramp_s
+        if took_s > (1 + RAMP_SHARE) * planned_s + RAMP_LATE_S:
+            text = f"station {place.index + 1}: the press took {took_s:.2f} s, not ramp_s = "
+            self.bus.note("warning", self.stage.name, f"{text}{planned_s:g}")
 
     def _check_contact(self) -> None:
         if self.in_the_air:

@@ -20,6 +20,7 @@ from probe.guards.commands import Control
 from probe.guards.guard_client import GuardClient
 from probe.guards.interruption import Interrupted
 from probe.guards.levels import Levels, Usual
+from probe.guards.pose_guard import SLOWEST_PACE
 from probe.guards.press_guard import WAY_M
 from probe.guards.readings import PUBLISH_S
 from probe.guards.safety_monitor import STAGE_PERIOD_S, SafetyMonitor
@@ -35,7 +36,8 @@ TICK_S = 0.005  # the engine's own pace with the wall clock
 FINE_S = 0.0005  # its pace around the expected end of a way down, so that a hold starts on time
 SIMULATED_PUBLISH_S = 0.25  # which passes in some 10 ms
 MAX_JUMPS = 3  # of a clock, in one press
-SLOWEST_PACE = 0.01  # a slower controller is taken for one that stands
+FULL_PACE = 0.995  # pendants show whole per cents
+PACE_AGAIN_S = 1.0  # a slider that is being moved is noted no more often
 
 
 class RunLoop:
@@ -71,6 +73,8 @@ class RunLoop:
         self.in_the_air = limits.in_the_air
         self.noted_little = False
         self.jumps = 0
+        self._pace: float | None = None  # as last noted
+        self._paced_s = -math.inf
         self.station: int | None = None
         self.attempt: int | None = None
         self.last_published_s = clock.now()
@@ -102,7 +106,7 @@ class RunLoop:
         expected_s, slowest = began_s + length / speed_m_s, 1.0
         while self.monitor.moving():
             now = self.clock.now()
-            slowest = min(slowest, max(abilities.pace(self.stage), SLOWEST_PACE))
+            slowest = min(slowest, max(self._watch_pace(now), SLOWEST_PACE))
             if now > began_s + 2 * (expected_s - began_s) / slowest + 2.0:
                 raise MotionFault(self.stage.name, f"has not arrived after {now - began_s:.1f} s")
             ends = now - expected_s < 20 * fine_s
@@ -117,6 +121,20 @@ class RunLoop:
             raise MotionFault(self.stage.name, f"came to rest {1e3 * off:.2f} mm from its target")
         self.monitor.arrived(here if touched else target)
         return not touched
+
+    def _watch_pace(self, now: float) -> float:
+        """The share of a commanded speed that the stage allows; a change of it is a note at once.
+        What held when it was made ready is told by `Stage.enable`."""
+        pace = abilities.pace(self.stage)
+        if self._pace is None:
+            self._pace = pace
+        if abs(pace - self._pace) > 1 - FULL_PACE and now - self._paced_s >= PACE_AGAIN_S:
+            words = (
+                f"allows {100 * pace:.0f} % of a commanded speed, after {100 * self._pace:.0f} %"
+            )
+            self.bus.note("warning", self.stage.name, words)
+            self._pace, self._paced_s = pace, now
+        return pace
 
     def halt(self) -> None:
         """Stop where it is and wait for rest; repeated until it rests."""
