@@ -15,7 +15,7 @@ import sys
 import threading
 import time
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -76,11 +76,15 @@ class Facts:
 class Leaving:
     """A `Retreat` as the scan sees it."""
 
-    done: bool
-    lifting: bool
-    up: bool
-    why_not: str | None
+    done: bool = False
+    lifting: bool = False
+    up: bool = False
+    why_not: str | None = None
     unheeded: tuple[str, ...] = ()
+    unsure: bool = False
+
+
+OF_RETREAT = fields(Leaving)
 
 
 @dataclass(frozen=True)
@@ -141,9 +145,7 @@ class Service:
             None if error is None else f"{type(error).__name__}: {error}",
             monitor.seen_s(),
             monitor.force_n(),
-            None
-            if out is None
-            else Leaving(out.done, out.lifting, out.up, out.why_not, out.unheeded),
+            None if out is None else Leaving(**{f.name: getattr(out, f.name) for f in OF_RETREAT}),
             self._homed is not None and self._homed.is_set(),
             self._pace(),
             jumped,

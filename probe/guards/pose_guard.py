@@ -27,14 +27,17 @@ class PoseGuard:
         self._way_m = 0.0
         self._since_s, self._since_m = -math.inf, 0.0
         self._way: tuple[Pose, Pose, float] | None = None
+        self._left_m = -math.inf  # of the way, at least so far
 
-    def expect(self, start: Pose, target: Pose) -> None:
-        """From now on the tip is on its straight way between these, or at rest there."""
+    def expect(self, start: Pose, target: Pose, *, may_go_back: bool = False) -> None:
+        """From now on the tip is on its straight way between these, or at rest there; on it only
+        onward, unless it ``may_go_back`` as a controller does from a contact."""
         self._way = (start, target, WAY_M)
+        self._left_m = -math.inf if may_go_back else math.dist(start[:3], target[:3])
 
     def expect_rest(self, pose: Pose) -> None:
         """From now on the tip rests here."""
-        self._way = (pose, pose, REST_M)
+        self._way, self._left_m = (pose, pose, REST_M), -math.inf
 
     def check(
         self, pose: Pose, now_s: float, asked_s: float | None = None
@@ -62,6 +65,11 @@ class PoseGuard:
             off_m = _off_the_way(pose, start, target)
             if off_m > allowed_m:
                 return f"is {1e3 * off_m:.2f} mm from where it was commanded to be", True
+            left_m = math.dist(pose[:3], target[:3])
+            self._left_m = min(self._left_m, left_m)
+            if left_m - self._left_m > WAY_M and math.isfinite(self._left_m):
+                back_mm = 1e3 * (left_m - self._left_m)
+                return f"went back {back_mm:.2f} mm on its way: something else moves it", True
         return self._check_speed(pose, now_s, now_s if asked_s is None else asked_s)
 
     def _check_speed(self, pose: Pose, now_s: float, asked_s: float) -> tuple[str, bool] | None:

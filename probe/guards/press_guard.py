@@ -14,6 +14,7 @@ from typing import NamedTuple
 from drivers import ConfigError, Pose, Sensor
 from probe.core.contact_stress import FORCE_ROLES
 from probe.guards.force_limit import SensorGuard
+from probe.guards.pose_guard import POSE_SLACK_M
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
 
@@ -189,6 +190,8 @@ class PressGuard:
         if pose.z < self._z_m:
             self._keep_gap(now)
             self._z_m, self._changed_s = pose.z, now
+        elif pose.z > self._z_m + POSE_SLACK_M:
+            return None  # pulled up again: its force is not that of its deepest place
         force = self._feels.smooth_n
         if not self._times:
             if force - self._first_n < NOISE_SIGMAS * self._noise_n:

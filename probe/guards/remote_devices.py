@@ -4,7 +4,7 @@ import time
 from typing import Any, Protocol
 
 from drivers import Block, Pose
-from probe.guards.guard_process import Facts, SensorFacts, Status
+from probe.guards.guard_process import Facts, Leaving, SensorFacts, Status
 
 POSE_S = 0.5  # an arm's driver gives its controller 0.3 s for the questions about one pose
 
@@ -91,40 +91,13 @@ class RemoteSensor:
 
 
 class RemoteRetreat:
-    """The way out in the other process, as of the last heartbeat."""
+    """The way out in the other process: what `Leaving` says, as of the last heartbeat."""
 
     def __init__(self, client: Line) -> None:
         self._client = client
 
-    @property
-    def done(self) -> bool:
-        """The stage rests, lifted or not."""
-        out = self._client.status().leaving
-        return out is not None and out.done
-
-    @property
-    def lifting(self) -> bool:
-        """It was commanded to lift."""
-        out = self._client.status().leaving
-        return out is not None and out.lifting
-
-    @property
-    def up(self) -> bool:
-        """The tip was lifted."""
-        out = self._client.status().leaving
-        return out is not None and out.up
-
-    @property
-    def why_not(self) -> str | None:
-        """Why the tip is not up."""
-        out = self._client.status().leaving
-        return None if out is None else out.why_not
-
-    @property
-    def unheeded(self) -> tuple[str, ...]:
-        """The ways to stop that were not seen to work."""
-        out = self._client.status().leaving
-        return () if out is None else out.unheeded
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._client.status().leaving or Leaving(), name)
 
     def stay(self) -> None:
         """Do not lift (any more)."""

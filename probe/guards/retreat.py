@@ -41,7 +41,8 @@ class Retreat:
     that it is up.
 
     ``why_not`` says why the tip could not be brought up, once ``done``; ``lifting`` is true from
-    the first order to lift on, ``up`` once the tip was lifted.
+    the first order to lift on, ``up`` once the tip was lifted; ``unsure`` where it was told to lift
+    and its place, which never changed, does not say whether it did.
     """
 
     def __init__(
@@ -58,7 +59,7 @@ class Retreat:
         led_down: bool,
     ) -> None:
         self.done = False
-        self.lifting = self.up = False
+        self.lifting = self.up = self.unsure = False
         self.why_not: str | None = None
         self._stopping = Stopping(means)
         self._moving, self._start, self._force_n = moving, start, force_n
@@ -71,6 +72,7 @@ class Retreat:
         self._broken_off = 0
         self._poses: deque[tuple[float, Pose]] = deque()
         self._from: Pose | None = None
+        self._frozen: tuple[Pose, float] | None = None  # where, and the force, when told to lift
         self._limit_n = math.inf
         self._stays = False
 
@@ -89,6 +91,8 @@ class Retreat:
             return
         if self._stays:
             self._lift_z_m = self._from = None
+        if self._frozen and pose and math.dist(pose[:3], self._frozen[0][:3]) > STILL_M:
+            self._frozen = None
         try:
             moving = self._moving()
         except DeviceFault as fault:
@@ -144,6 +148,7 @@ class Retreat:
             if not self.lifting:  # once: a stage that rests short for ever must not be asked so
                 way_s = (self._lift_z_m - pose.z) / self._speed_m_s
                 self._deadline_s = max(self._deadline_s, now_s + 2 * way_s + PATIENCE_S)
+                self._frozen = pose, force_n
             self.lifting, self._from = True, pose
             self._trouble = "it has not arrived"
             self._poses.clear()
@@ -189,4 +194,11 @@ class Retreat:
         return still and not moving
 
     def _end(self, why_not: str | None) -> None:
+        if self._frozen is not None and why_not is not None:
+            before_n, now_n = self._frozen[1], abs(self._force_n())
+            self.unsure = not now_n > before_n / 2 > 0  # what still presses has lost less than that
+            why_not = (
+                "the stage was told to lift, and the place that it reports has not changed since; "
+                f"the force went from {before_n:.3f} N to {now_n:.3f} N"
+            )
         self.why_not, self.done = why_not, True

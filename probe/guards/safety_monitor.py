@@ -271,7 +271,8 @@ class SafetyMonitor:
 
     def _start(self, target: Pose, speed_m_s: float, search: bool = False) -> None:
         here = self._stage.pose()
-        self._pose_guard.expect(here, target)
+        goes_back = search and abilities.finds_contact(self._stage)
+        self._pose_guard.expect(here, target, may_go_back=goes_back)
         self._presses.begin(here, target, speed_m_s, search=search)
         lowest_m = here.z if self._lift_z_m is None else min(here.z, self._lift_z_m)
         self._down_m_s = speed_m_s if target.z < lowest_m - WAY_M else 0.0

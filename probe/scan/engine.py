@@ -48,6 +48,7 @@ HOME_STOPS_S = 5.0
 # reports of its end take 0.1 s of the rigs in `rigs/`.
 RAMP_SHARE, RAMP_LATE_S = 0.1, 0.1
 GIVE_UP_S = 30.0  # for a way out; the retreat itself is done long before, unless the stage hangs
+NOT_LIFTED = "the probe was not lifted"
 BY_HAND = "take its load off by hand or at the stage's own panel, before anything else moves it"
 """What is left to a person where the program cannot lift the probe."""
 
@@ -295,9 +296,9 @@ class _Scan(RunLoop):
             self.bus.note("warning", self.stage.name, f"{text}; see why before it moves again")
         if retreat.why_not is not None or not retreat.done:
             what = retreat.why_not or "the stage does not answer"
-            said = f"THE PROBE WAS NOT LIFTED: {what}; {BY_HAND}"
-            self.bus.note("fault", self.stage.name, said)
-            reason = f"{why.reason}; the probe was not lifted: {what}"
+            lifted = "whether the probe was lifted is not known" if retreat.unsure else NOT_LIFTED
+            self.bus.note("fault", self.stage.name, f"{lifted.upper()}: {what}; {BY_HAND}")
+            reason = f"{why.reason}; {lifted}: {what}"
             why = Interrupted(Finish.FAULTED, reason, why.device, retract=False)
         elif not retreat.up:
             text = "the probe was not lifted, as asked; it may still press"

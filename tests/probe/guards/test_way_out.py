@@ -137,7 +137,7 @@ def test_a_stage_that_never_gets_there_is_not_asked_for_ever() -> None:
     stage.start = lambda _target, _speed_m_s: stage.lifts.append(stage.now_s)  # type: ignore[method-assign]
     retreat = stage.out(most_s=60.0)
     assert retreat.done
-    assert retreat.why_not == "the stage: it has not arrived"
+    assert str(retreat.why_not).startswith("the stage was told to lift, and the place that it")
     assert len(stage.lifts) > 1
     assert stage.now_s < 30.0
 
@@ -150,6 +150,41 @@ def test_a_tip_that_was_sent_down_is_lifted_though_its_pose_never_changed() -> N
     stage.lifts.clear()
     assert stage.out().up  # and what was not is left where it is
     assert stage.lifts == []
+
+
+@pytest.mark.parametrize("obeys", [True, False])
+def test_a_lift_that_frozen_reports_hide_is_told_by_the_force(obeys: bool) -> None:
+    stage = Stage(spring)
+    stage.says_m = DOWN_M
+    if not obeys:
+        stage.start = lambda _target, _speed_m_s: None  # type: ignore[method-assign]
+    retreat = stage.out()
+    assert retreat.unsure == obeys
+    assert retreat.why_not == (
+        "the stage was told to lift, and the place that it reports has not changed since; "
+        f"the force went from 1.000 N to {0.0 if obeys else 1.0:.3f} N"
+    )
+
+
+def test_a_run_does_not_say_that_a_lift_was_none_where_it_does_not_know() -> None:
+    class Frozen(SpringStage):
+        """Reports where it was once it has been stopped, for ever."""
+
+        froze: Pose | None = None
+
+        def pose(self) -> Pose:
+            return self.froze or super().pose()
+
+        def stop(self) -> None:
+            super().stop()
+            self.froze = self.froze or super().pose()
+
+    bed = Bed(SimulatedClock(), 1000.0)
+    ran = run_springs(bed, Frozen(bed), [SpringSensor(bed)])
+    assert ran.lifted
+    assert not any("NOT LIFTED" in note for note in ran.notes)
+    assert any(note.startswith("WHETHER THE PROBE WAS LIFTED IS NOT KNOWN") for note in ran.notes)
+    assert "not known: the stage was told to lift" in ran.reason
 
 
 def test_a_lift_never_goes_down() -> None:

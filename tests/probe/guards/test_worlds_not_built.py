@@ -21,6 +21,7 @@ from springs import (
     Bed,
     SpringSensor,
     SpringStage,
+    on_simulated_springs,
     on_springs,
     run_springs,
     spring_rig,
@@ -237,6 +238,28 @@ def test_a_probe_that_somebody_else_moves_is_noticed(way_m: tuple[float, float, 
     ran = run_springs(bed, stage, [sensor], rig=spring_rig(scan={"hold_s": 1.5}), observers=[push])
     assert "mm from where it was commanded to be" in ran.reason
     assert ran.complete == []
+    assert ran.lifted
+
+
+@pytest.mark.parametrize("up_m", [0.7e-3, 2e-3, 4e-3])
+def test_a_probe_that_is_pulled_up_in_a_press_is_not_blamed_on_the_sensor(up_m: float) -> None:
+    bed, _, sensor = on_simulated_springs(stiffness_n_m=600.0)
+
+    class Pulled(SpringStage):
+        pulled = False
+
+        def moving(self) -> bool:
+            now = self.bed.clock.now()
+            x_m, y_m, z_m = self.bed.tip.point(now)
+            if not self.pulled and z_m < -1.5e-3:
+                self.pulled = True
+                self.bed.tip.halt(now, 1.0)
+                self.bed.tip.move(now, (x_m, y_m, z_m + up_m), 20e-3, 1.0)
+            return super().moving()
+
+    ran = run_springs(bed, Pulled(bed), [sensor])
+    assert ran.reason.startswith("stage of springs: went back 0.")
+    assert "something else moves it" in ran.reason
     assert ran.lifted
 
 
