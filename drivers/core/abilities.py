@@ -85,6 +85,12 @@ def start_again(stage: Stage) -> None:
         own()
 
 
+def lift_when_alone(stage: Stage, z_m: float, speed_m_s: float) -> None:
+    """Tell a stage that can lift without this process how high: see `Stage`."""
+    if (own := getattr(stage, "lift_when_alone", None)) is not None:
+        own(z_m, speed_m_s)
+
+
 def finds_contact(stage: Stage) -> bool:
     """Whether it may itself end a move at a contact."""
     return bool(getattr(stage, "finds_contact", False))

@@ -98,6 +98,9 @@ class Stage(Protocol):
       watchdog halts by itself when the calls stop.
     - ``start_again()``: called by the way out alone, where the stage does not answer: what its
       watchdog ended is begun again, so that the probe can be lifted; what a person ended is not.
+    - ``lift_when_alone(z_m, speed_m_s)``: told before the first move; where this process dies, what
+      is left of the driver (a process of its own, the controller) stops, and lifts the tip straight
+      up to ``z_m``.
     - ``finds_contact``, ``search(target, speed_m_s)`` and ``touched``: where the first is true,
       the second moves as `move`, and the device itself stops at a contact on the way, and may go
       back to where it began; the third is then true.

@@ -6,6 +6,8 @@ runs where the engine runs.
 
 Reading needs no program on the robot and changes nothing there. Control begins when it is asked
 for: the library then uploads its program, in place of whatever runs.
+
+Where the process that guards has died, this one lifts the probe before it ends (`alone`).
 """
 
 import math
@@ -17,25 +19,30 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, NamedTuple
 
+from drivers.ur.alone import ALONE_S, Lift, Replaced, lift_alone
+from drivers.ur.dashboard import END_PROGRAM, tell
+from drivers.ur.echo import Echo
 from drivers.ur.joints import hindrances
+from drivers.ur.version import Controller
 
 READY = 0  # number of the answer that says the client is connected
 NO_ANSWER = -1  # number of a command that nobody waits for
 READ_S = 2e-4  # states that were held up come less than a millisecond apart
 OBEY_S = 0.005  # a command wakes at once; the watchdog is kicked within this
 SEND_S = 0.004
-ORPHAN_S = 3.0  # to stop the robot's program, which takes less than one
-WATCHDOG_RESETS = 4  # in the time that the robot's watchdog waits
-STARVED_SHARE = 0.5  # of that time without a reset, twice what is usual, or without a state
+LEAVE_S = 3.0  # to stop the robot's program, which takes less than one
+WATCHDOG_RESETS = 8  # in the time that the robot's watchdog waits: see `settings.WATCHDOG_S`
+STARVED_SHARE = 0.5  # of that time without a reset, a state or an answer: four times what is usual
 STARTS_S = 5.0  # as long as the library waits for the first start
 BEGINS_S = 1.0  # an accepted move is under way within a few cycles, on a busy machine later
 NICE_LEVEL = -10
 """Samples and the watchdog wait for nobody's computing."""
-PLAYING = 2  # a runtime state
+PLAYING, PAUSED = 2, (3, 4, 5)  # runtime states; pausing, paused and resuming are one here
+TEACH_BIT = 0b100  # of the robot's status bits
 REDUCED = 2  # a safety mode in which the arm may move, slower
 VARIABLES = [
     "timestamp", "actual_TCP_pose", "actual_TCP_force", "target_TCP_speed", "robot_mode",
-    "safety_mode", "runtime_state", "speed_scaling", "target_speed_fraction", "payload",
+    "safety_mode", "runtime_state", "speed_scaling", "target_speed_fraction", "robot_status_bits",
 ]  # fmt: skip
 
 
@@ -46,8 +53,8 @@ class State(NamedTuple):
     asks of the tool now (m/s and rad/s). ``pace`` is the share of a commanded speed that the
     controller allows. ``busy``: our program says that a move or a stop is under way; it comes by
     another stream than the rest, and may be earlier or later. ``starved``: a moment ago this
-    machine or the line stood still for so long that the robot's watchdog may have ended our
-    program.
+    machine or the line, in either direction, stood still for so long that the robot's watchdog may
+    have ended our program. ``teaches``: the freedrive button is pressed.
     """
 
     timestamp_s: float
@@ -61,6 +68,7 @@ class State(NamedTuple):
     pace: float
     busy: bool
     starved: bool = False
+    teaches: bool = False
 
 
 class Control(NamedTuple):
@@ -75,49 +83,58 @@ class Control(NamedTuple):
     watchdog_s: float
 
 
-def serve(host: str, frequency_hz: float, states: Connection, commands: Connection) -> None:
-    """Body of the process: stream states, obey commands, until the other end closes."""
+def serve(
+    host: str, controller: Controller, frequency_hz: float, states: Connection, commands: Connection
+) -> None:
+    """Body of the process: stream states, obey commands, until the other end closes or dies."""
     import rtde_receive
 
-    _silence()
+    terminal = _silence()
     with suppress(AttributeError, OSError):  # a terminal's Ctrl-C is for the scan, which lifts
         os.setsid()
     with suppress(OSError):  # only root may
         os.setpriority(os.PRIO_PROCESS, 0, NICE_LEVEL)
     try:
-        receive = rtde_receive.RTDEReceiveInterface(host, frequency_hz, VARIABLES)
+        known = [*VARIABLES, "payload"] if controller.reports_payload else VARIABLES
+        receive = rtde_receive.RTDEReceiveInterface(host, frequency_hz, known)
     except RuntimeError as error:
         commands.send((READY, False, str(error)))
         return
-    client = _Client(host, frequency_hz, receive)
+    client = _Client(host, frequency_hz, receive, controller.reports_payload)
     threading.Thread(target=client.stream, args=(states,), daemon=True).start()
     commands.send((READY, True, ""))
     try:
         client.obey(commands)
-    except (EOFError, OSError):
-        pass  # the scan's process has gone: leave the arm at rest
+    except (EOFError, OSError):  # nobody has said farewell
+        with suppress(OSError):
+            os.write(terminal, f"palpate: {client.left_alone()}\n".encode())
     finally:
         client.end.set()
         if client.control is not None:
             client.control.stopScript()
 
 
-def _silence() -> None:
-    """The library talks to standard output and error, which belong to the scan."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
+def _silence() -> int:
+    """The library talks to standard output and error, which belong to the scan; the latter is
+    returned, for last words."""
+    nowhere, terminal = os.open(os.devnull, os.O_WRONLY), os.dup(2)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
+    return terminal
 
 
 class _Client:
     """Both interfaces of the library; a thread streams, the main one obeys."""
 
-    def __init__(self, host: str, frequency_hz: float, receive: Any) -> None:
+    def __init__(self, host: str, frequency_hz: float, receive: Any, has_payload: bool) -> None:
         self.control: Any = None
         self.end = threading.Event()
         self._host = host
         self._frequency_hz = frequency_hz
         self._receive = receive
+        self._has_payload = has_payload
+        self._echo = Echo(host, self.end)
+        self._lift: Lift | None = None
         self._guarded = False
         self._detects = False
         self._before = (-1, 0.0)
@@ -130,8 +147,9 @@ class _Client:
     def stream(self, states: Connection) -> None:
         """Send every new sample; a few at a time, so that the pipe is not the bottleneck.
 
-        When nobody listens any more `obey` ends too, and with it the process; unless the library
-        waits for a controller that has gone as well, which it does for ever. The library does not
+        When nobody listens any more `obey` ends too, and with it the process, once it has lifted
+        the probe where need be; unless the library waits for a controller that has gone as well,
+        which it does for ever. The library does not
         connect again by itself after a cut: the process ends at once, so that a new one may.
         """
         waiting: list[State] = []
@@ -139,7 +157,7 @@ class _Client:
         while not self.end.is_set() and os.getppid() == self._parent:
             state = whole_state(self._receive, last_s, self._busy)
             if state is not None:
-                self._notice_starving(state.arrival_s - arrival_s)
+                self._notice_starving(state.arrival_s - arrival_s, self._echo.unanswered_s())
                 last_s, arrival_s = state.timestamp_s, state.arrival_s
                 starved = state.arrival_s - self._starved_s < self._watchdog_s
                 waiting.append(state._replace(starved=starved))
@@ -154,7 +172,8 @@ class _Client:
             if not self._receive.isConnected():
                 os._exit(1)
             time.sleep(READ_S)
-        time.sleep(ORPHAN_S)
+        self.end.wait(ALONE_S)
+        time.sleep(LEAVE_S)
         os._exit(1)
 
     def obey(self, commands: Connection) -> None:
@@ -175,11 +194,32 @@ class _Client:
                 with suppress(RuntimeError):
                     self._end_detection()
 
+    def left_alone(self) -> str:
+        """Lift if it is known where to and our program runs; how that went, in words."""
+        if self.control is None:
+            return "the scan has died; it had not moved the robot"
+        if self._receive.getRuntimeState() in PAUSED:  # nobody would stop an arm that goes on
+            tell(self._host, END_PROGRAM)
+        how = "it was not said where to lift the probe to"
+        if self._lift is not None:
+            try:
+                how = lift_alone(self.control, self._receive, self._plays_on, self._lift)
+            except Replaced:
+                self.control = None  # its end would be that of the program that came after it
+                how = "its program has ended: look at the probe"
+        return f"the scan and its guard have died; {how}"
+
     def _do(self, name: str, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
         control = self.control
         match name:
             case "take control":
                 return self._take_control(*arguments)
+            case "lift when alone":
+                (self._lift,) = arguments
+                return True, ""
+            case "farewell":
+                self.end.set()
+                return True, ""
             case "guarded":  # whoever checks the force has just done so
                 self._guarded = True
                 self._kick()
@@ -259,7 +299,7 @@ class _Client:
         self._kick_s = setup.watchdog_s / WATCHDOG_RESETS
         self.control = control
         payload_kg = setup.payload_kg  # the stream's may still be from before
-        if payload_kg is None:
+        if payload_kg is None and self._has_payload:
             payload_kg = self._receive.getPayload()
         return True, {"tcp": tcp, "payload_kg": payload_kg}
 
@@ -267,22 +307,26 @@ class _Client:
         """Wait for a program that was uploaded again: the library itself does not, and refuses
         commands until it plays."""
         end_s = time.monotonic() + STARTS_S
-        while self._receive.getRuntimeState() != PLAYING:
+        while not self._plays_on():
             if time.monotonic() > end_s:
                 return False
             time.sleep(OBEY_S)
         return True
 
+    def _plays_on(self) -> bool:
+        return bool(self._receive.getRuntimeState() == PLAYING)
+
     def _kick(self) -> None:
         if self.control is not None and time.monotonic() - self._kicked_s > self._kick_s:
-            self._notice_starving(0.0)
+            self._notice_starving()
             self.control.kickWatchdog()
             self._kicked_s = time.monotonic()
 
-    def _notice_starving(self, silent_s: float) -> None:
-        """From the last reset, or from the time between two states, ``silent_s``."""
+    def _notice_starving(self, *silent_s: float) -> None:
+        """From the last reset, from the time between two states, or from that in which what was
+        sent was not answered: both ``silent_s``."""
         now_s = time.monotonic()
-        if max(now_s - self._kicked_s, silent_s) > STARVED_SHARE * self._watchdog_s:
+        if max(now_s - self._kicked_s, *silent_s, 0.0) > STARVED_SHARE * self._watchdog_s:
             self._starved_s = now_s
 
     def _begin_operation(self) -> None:
@@ -315,5 +359,6 @@ def whole_state(
         tuple(receive.getActualTCPForce()), tuple(receive.getTargetTCPSpeed()),
         int(receive.getSafetyMode()), int(receive.getRobotMode()), int(receive.getRuntimeState()),
         receive.getSpeedScaling() * receive.getTargetSpeedFraction(), busy(),
+        teaches=bool(receive.getRobotStatus() & TEACH_BIT),
     )  # fmt: skip
     return state if receive.getTimestamp() == before_s and before_s > 0 else None

@@ -4,8 +4,8 @@ A stage and a sensor on the same host share one link; it closes with its last us
 control is taken when a stage is enabled.
 """
 
+import math
 import select
-import socket
 import threading
 import time
 from collections import deque
@@ -16,15 +16,17 @@ from typing import Any
 
 from drivers.core.child import Child
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
+from drivers.ur.alone import Lift
 from drivers.ur.client import NO_ANSWER, PLAYING, READY, Control, State, serve
+from drivers.ur.dashboard import CLOSE_BRAKES, END_PROGRAM, IS_REMOTE, tell
 from drivers.ur.settings import CONNECT_S
-from drivers.ur.stops import PROGRAM_RUNS, SAFETY_STOPS, why_stopped
-from drivers.ur.version import DASHBOARD_PORT, ask_version, check_control
+from drivers.ur.stops import LOCAL, PROGRAM_RUNS, SAFETY_STOPS, STOPPED, why_stopped
+from drivers.ur.version import ask_version, check_control
 
 FIRST_S = 1.0
 COMMAND_S = 0.5
-DASHBOARD_S = 0.1
 RECENT_S = 0.1
+MOVED_M = 20e-6  # within `RECENT_S`: more than a pose changes at rest
 LONGEST_S = 20.0  # of samples kept for a reader that is late
 
 
@@ -61,7 +63,8 @@ class Link:
         self._gone = ""
         self._starting = False
         self._halted = self._ended_by_us = False
-        self._child = Child(serve, (host, self.rate_hz), pipes=2)
+        self._remote: bool | None = None
+        self._child = Child(serve, (host, self.controller, self.rate_hz), pipes=2)
         self._states, self._commands = self._child.pipes
         self._thread = threading.Thread(target=self._follow, name=f"palpate {name}", daemon=True)
         self._thread.start()
@@ -92,6 +95,7 @@ class Link:
         with self._fresh:  # a state from after the program's start; the next line says if none came
             self._fresh.wait_for(lambda: bool(self._gone) or self._runs(), COMMAND_S)
         self.controls, self._halted, self._ended_by_us = True, False, False
+        self._remote = None
         self.state()
         return dict(found)
 
@@ -121,8 +125,12 @@ class Link:
             why = f"the robot has sent nothing for {age_s:.2f} s; allowed: {allowed}"
             raise DeviceFault(self.name, why)
         if (words := why_stopped(state, controls=self.controls)) is not None:
-            raise DeviceFault(self.name, words)
+            raise DeviceFault(self.name, LOCAL if words == STOPPED and self._local() else words)
         return state
+
+    def newest(self) -> State | None:
+        """The newest one, whatever is wrong; None before the first."""
+        return self._state
 
     def earlier(self, by_s: float) -> State | None:
         """The state that was ``by_s`` before the newest, None if that is not known (yet)."""
@@ -157,31 +165,40 @@ class Link:
         with suppress(DeviceFault):  # the next state says it
             self._send("guarded", (), number=NO_ANSWER)
 
+    def lift_when_alone(self, lift: Lift) -> None:
+        """What the client does where this process has died."""
+        with suppress(DeviceFault):  # the next state says it
+            self._send("lift when alone", (lift,), number=NO_ANSWER)
+
     def stop(self, deceleration_m_s2: float, within_s: float) -> None:
-        """Halt: by the program, or if that does not answer ``within_s`` by the dashboard.
-
-        The dashboard ends the program. Never raises.
-
-        Somebody else's program is left alone.
-        """
+        """Have the program halt the arm; one that has not answered ``within_s`` is ended. Never
+        raises."""
         if not self.controls:
             return
-        with suppress(DeviceFault, OSError):
+        with suppress(DeviceFault):
             done, _ = self._answer(self._send("stop", (deceleration_m_s2,)), within_s)
             if done:
                 return
-        self._halted = self._runs()  # what has ended already was ended by somebody else
-        with suppress(OSError), socket.create_connection(
-            (self.host, DASHBOARD_PORT), DASHBOARD_S
-        ) as line:  # fmt: skip
-            line.settimeout(DASHBOARD_S)
-            with suppress(TimeoutError):
-                line.recv(64)  # it greets before it listens
-            line.sendall(b"stop\n")
-            line.recv(64)  # closing before the answer could lose the order
+        self.end_program()
+
+    def end_program(self) -> None:
+        """By the dashboard. One that has ended already was ended by somebody else, and somebody
+        else's is left alone; where nothing is heard, it may still run."""
+        if self.controls and (self._gone or self._state is None or self._may_run()):
+            self._halted = self._runs()
+            tell(self.host, END_PROGRAM)
+
+    def close_brakes(self) -> None:
+        """By the dashboard, of an arm that is seen to move though its program has ended."""
+        with self._fresh:
+            recent = list(self._recent)
+        if self.controls and len(recent) > 1 and _far(recent[0], recent[-1]) and not self._gone:
+            tell(self.host, CLOSE_BRAKES)
 
     def close(self) -> None:
-        """End the client, by force if it does not end by itself."""
+        """End the client, by force if it does not end by itself; it lifts nothing."""
+        with suppress(DeviceFault):
+            self._send("farewell", (), number=NO_ANSWER)
         self._gone = self._gone or "closed"
         self._child.end(timeout_s=1.5)
         self._thread.join(timeout=1.0)
@@ -197,6 +214,15 @@ class Link:
 
     def _runs(self) -> bool:
         return self._state is not None and self._state.runtime_state == PLAYING
+
+    def _may_run(self) -> bool:
+        return self._state is not None and self._state.runtime_state in PROGRAM_RUNS
+
+    def _local(self) -> bool:
+        """Whether the pendant has taken over; asked once after each end of the program."""
+        if self._remote is None:
+            self._remote = tell(self.host, IS_REMOTE) != "false"
+        return not self._remote
 
     def _fail(self, why: str) -> None:
         """Give up connecting, in the robot's words if it has any."""
@@ -258,6 +284,10 @@ class Link:
                 able = why_stopped(state, controls=False) is None
                 self._ended_by_us = able and (self._halted or state.starved)
             self._state = state
+
+
+def _far(one: State, other: State) -> bool:
+    return math.dist(one.pose[:3], other.pose[:3]) > MOVED_M
 
 
 _links: dict[str, Link] = {}

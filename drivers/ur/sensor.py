@@ -16,6 +16,7 @@ from drivers.ur.link import Link, leave_link, take_link
 from drivers.ur.settings import Normal, UrSensorSettings
 from drivers.ur.version import E_SERIES_HZ
 
+SET_AHEAD_S = 0.5  # between two states: later ones that wait for the client come as late as it
 AXES = ("fx", "fy", "fz", "mx", "my", "mz")
 SETTLE_S = 0.15  # after zeroing, until a tare's samples are all from after it
 TOOL_AXIS = np.array([0.0, 0.0, 1.0])
@@ -29,7 +30,7 @@ class WrenchSource:
         self._link = link
         self._normal = normal
         self._time = DeviceTime(stands_still=True)
-        self._last_s: float | None = None
+        self._last: State | None = None
 
     def read(self) -> list[Sample]:
         """What has come."""
@@ -43,9 +44,12 @@ class WrenchSource:
         arrival_s = self._clock.now() - (time.monotonic() - state.arrival_s)
         time_s = self._time.stamp(state.timestamp_s, arrival_s)
         missing = 0
-        if self._last_s is not None:
-            missing = max(round((state.timestamp_s - self._last_s) * self._link.rate_hz) - 1, 0)
-        self._last_s = state.timestamp_s
+        if self._last is not None:  # a clock that is set ahead loses nothing that was sent
+            went_s = state.timestamp_s - self._last.timestamp_s
+            passed_s = state.arrival_s - self._last.arrival_s
+            if went_s - passed_s < SET_AHEAD_S:
+                missing = max(round(went_s * self._link.rate_hz) - 1, 0)
+        self._last = state
         force = pressed_n(state.wrench, state.pose, self._normal)
         return Sample(time_s, [force, *state.wrench], missing, self._time.jumped_s)
 

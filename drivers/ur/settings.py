@@ -13,6 +13,11 @@ Normal = Literal["tool", "+fx", "-fx", "+fy", "-fy", "+fz", "-fz"]
 
 CONNECT_S = 9.0  # the library itself waits 5 s for its program to start
 SILENCE_S = 0.1  # 50 cycles: far beyond any gap seen (reference/devices/ur.md); 2 mm at 20 mm/s
+LOST_SEGMENT_S = 0.2
+"""What a TCP segment that is lost costs at least: Linux' TCP_RTO_MIN, in which it is sent again."""
+WATCHDOG_S = 0.35
+"""(`LOST_SEGMENT_S` + `SILENCE_S`) * 8 / 7, rounded up: of eight resets in this time one may be
+lost, and the line and both machines be late by as much as is no fault of the other direction."""
 
 
 class UrStageSettings(Settings):
@@ -28,11 +33,11 @@ class UrStageSettings(Settings):
     controller by its own contact detection, whose threshold nobody can set (PolyScope 5.4).
 
     What a busy machine may need longer: ``watchdog_s``, after which the arm halts by itself when
-    nobody has checked the force (half a millimetre at 2.5 mm/s); ``stop_s``, after which a stop
-    that was not answered goes to the dashboard, which ends the program; ``answer_s``, after which
-    a command that was not answered is a fault; ``silence_s``, after which the newest state is a
-    fault; ``connect_s``, within which the library must have connected, and again its program have
-    started. (Of a stage and a sensor on one robot, the first's count.)
+    nobody has checked the force (0.9 mm at 2.5 mm/s); ``stop_s``, in which a stop must be seen to
+    work, beside what the arm takes to slow down: then the dashboard ends the program;
+    ``answer_s``, after which a command that was not answered is a fault; ``silence_s``, after
+    which the newest state is a fault; ``connect_s``, within which the library must have connected,
+    and again its program have started. (Of a stage and a sensor on one robot, the first's count.)
     """
 
     name: str = "ur"
@@ -50,7 +55,7 @@ class UrStageSettings(Settings):
     max_speed_mm_s: Positive = 100.0
     replace_program: bool = False
     contact: Literal["sensor", "controller"] = "sensor"
-    watchdog_s: Positive = 0.2
+    watchdog_s: Positive = WATCHDOG_S
     stop_s: Positive = 0.1
     answer_s: Positive = 0.5
     silence_s: Positive = SILENCE_S

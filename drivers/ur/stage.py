@@ -8,10 +8,12 @@ from contextlib import suppress
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from drivers.core.abilities import StopMeans
 from drivers.core.errors import DeviceFault, MotionFault
 from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
 from drivers.core.stage_limits import check_speed
+from drivers.ur.alone import Lift
 from drivers.ur.client import REDUCED, Control, State
 from drivers.ur.link import Link, leave_link, renew_link, take_link
 from drivers.ur.settings import UrStageSettings
@@ -22,6 +24,7 @@ MAX_SPEED_AT_REST = 1e-6  # m/s and rad/s asked of the tool: a move that has end
 SETTLES_S = 0.2  # the joints follow their targets within this long
 REACH_S = 0.3  # three questions take some of the controller's cycles each, of a CB3 8 ms each
 FULL_PACE = 0.995
+STANDS_S = 2.0  # longer than any pause of an arm that goes on; a person at the slider is faster
 
 
 class UrStage:
@@ -46,6 +49,8 @@ class UrStage:
         self._searches = self._touched = False
         self._rests_since_s: float | None = None
         self._set_off_s = 0.0
+        self._went_on_s: float | None = None
+        self._lift: Lift | None = None
 
     @property
     def pace(self) -> float:
@@ -85,6 +90,8 @@ class UrStage:
             keys.watchdog_s,
         )
         found = link.take_control(setup, replace_program=keys.replace_program)
+        if self._lift is not None:
+            link.lift_when_alone(self._lift)
         return _in_words(link, found) if found else []
 
     def pose(self) -> Pose:
@@ -134,7 +141,7 @@ class UrStage:
         if not link.controls:
             self.enable()
         link.state()  # a program that has ended is not started again by a move
-        self._target, self._rests_since_s = target, None
+        self._target, self._rests_since_s, self._went_on_s = target, None, None
         self._searches = self._touched = False
         acceleration_m_s2 = 1e-3 * keys.acceleration_mm_s2
         link.command(
@@ -145,7 +152,7 @@ class UrStage:
     def moving(self) -> bool:
         """True until the controller says that the move has ended and the tip rests.
 
-        Raises `MotionFault` if it rests elsewhere than commanded.
+        Raises `MotionFault` if it rests elsewhere than commanded, or stands still on its way.
         """
         link = self._there()
         state, before = link.state(), link.earlier(STILL_S)
@@ -155,6 +162,7 @@ class UrStage:
         rests = still and asked < MAX_SPEED_AT_REST
         if state.busy or not rests or state.arrival_s < self._set_off_s:
             self._rests_since_s = None
+            self._look_for_standstill(state, rests)
             return True
         if self._searches:
             self._searches = False
@@ -175,6 +183,16 @@ class UrStage:
             raise MotionFault(self.name, f"came to rest {1e3 * off_m:.2f} mm from its target")
         return True
 
+    def _look_for_standstill(self, state: State, rests: bool) -> None:
+        if self._target is None or self._went_on_s is None or not rests:
+            self._went_on_s = state.arrival_s
+        elif state.arrival_s - self._went_on_s > STANDS_S:
+            self._target = self._went_on_s = None
+            raise MotionFault(
+                self.name, f"stands still in a move for {STANDS_S:g} s; its speed slider is at "
+                f"{100 * state.pace:.0f} %"
+            )  # fmt: skip
+
     def keep_alive(self) -> None:
         """Whoever checks the force has just done so; the robot stops when this is not called."""
         if (link := self._link) is not None:
@@ -193,17 +211,46 @@ class UrStage:
         elif link.program_ended_by_us():
             self.enable()
 
+    def lift_when_alone(self, z_m: float, speed_m_s: float) -> None:
+        """Where this process dies, the client's lifts the tip straight up to ``z_m``."""
+        normal = self._mounted.apply((0.0, 0.0, 1.0))
+        x, y, z = map(float, normal)
+        height_m = float(normal @ self._origin_m) + z_m
+        self._lift = Lift((x, y, z), height_m, speed_m_s, 1e-3 * self._settings.acceleration_mm_s2)
+        self._there().lift_when_alone(self._lift)
+
+    def stop_means(self) -> tuple[StopMeans, ...]:
+        """Its program's ``stopL``; the end of the program; the brakes."""
+        link, keys = self._link, self._settings
+        state = None if link is None else link.newest()
+        speed_m_s = self.max_speed_m_s if state is None else math.hypot(*state.target_speed[:3])
+        slows_s = speed_m_s / (1e-3 * keys.acceleration_mm_s2)
+        within_s = keys.answer_s + slows_s
+        return (
+            StopMeans("stopL", self.stop, keys.stop_s + slows_s),
+            StopMeans("dashboard stop", self._end_program, within_s),
+            StopMeans("dashboard power off", self._close_brakes, within_s, lifts=False),
+        )
+
     def stop(self) -> None:
         """Halt where it is."""
         self._target, self._searches = None, False
         if (link := self._link) is not None:
             link.stop(1e-3 * self._settings.acceleration_mm_s2, self._settings.stop_s)
 
+    def _end_program(self) -> None:
+        if (link := self._link) is not None:
+            link.end_program()
+
+    def _close_brakes(self) -> None:
+        if (link := self._link) is not None:
+            link.close_brakes()
+
     def close(self) -> None:
         """Halt and disconnect."""
+        self.stop()
         link, self._link = self._link, None
         if link is not None:
-            link.stop(1e-3 * self._settings.acceleration_mm_s2, self._settings.stop_s)
             leave_link(link)
 
     def _off_m(self, state: State, target: Pose) -> float:
@@ -229,10 +276,12 @@ def _in_words(link: Link, found: dict[str, object]) -> list[str]:
     state, tcp = link.state(), found["tcp"]
     assert isinstance(tcp, tuple)
     place = ", ".join(f"{1e3 * v:.1f}" for v in tcp[:3])
+    payload_kg = found["payload_kg"]
+    carries = "not reported" if payload_kg is None else f"{payload_kg:.2f} kg"
     reduced = "reduced" if state.safety_mode == REDUCED else "normal"
     notes = [
         f"{link.controller.described} at {link.rate_hz:g} Hz, safety mode {reduced}, speed slider "
-        f"{100 * state.pace:.0f} %, tool centre {place} mm, payload {found['payload_kg']:.2f} kg"
+        f"{100 * state.pace:.0f} %, tool centre {place} mm, payload {carries}"
     ]
     if state.pace < FULL_PACE:
         notes.append(f"the controller slows every move to {100 * state.pace:.0f} % of its speed")

@@ -3,9 +3,12 @@
 Numbers by Universal Robots, "RTDE guide": safety mode, robot mode, runtime state.
 """
 
-from drivers.ur.client import PLAYING, State
+from drivers.ur.client import PAUSED, PLAYING, State
 
 RUNNING = 7
+STOPPED = "its control program has stopped: somebody has ended it, or its log says why"
+PAUSES = "its control program is paused on the pendant"
+LOCAL = "its control program has stopped: the pendant was switched to local control"
 PROGRAM_RUNS = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
 SAFETY_STOPS = {
     3: "protective stop: clear it on the pendant, and find out why",
@@ -30,6 +33,8 @@ def why_stopped(state: State, *, controls: bool) -> str | None:
     # A playing program implies a running robot; the mode only says why none plays.
     if state.runtime_state != PLAYING and state.robot_mode != RUNNING:
         return f"the robot is not running ({MODES.get(state.robot_mode, str(state.robot_mode))})"
-    if controls and state.runtime_state != PLAYING:
-        return "its control program has stopped: connect again"
-    return None
+    if not controls or state.runtime_state == PLAYING:
+        return None
+    if state.teaches:
+        return "its freedrive (teach) button is pressed: its control program does not run"
+    return PAUSES if state.runtime_state in PAUSED else STOPPED

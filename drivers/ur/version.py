@@ -13,6 +13,7 @@ PREFLIGHT_S = 1.0
 CB3, POLYSCOPE_X = 3, 10
 CB3_HZ, E_SERIES_HZ = 125.0, 500.0
 CONTROLLER = ord("v")
+ANSWER_BYTES = 19  # of the controller's version
 
 
 class Controller(NamedTuple):
@@ -35,6 +36,12 @@ class Controller(NamedTuple):
         return (self.major, self.minor) >= (5, 4)
 
     @property
+    def reports_payload(self) -> bool:
+        """It knows the output ``payload``, as `rtde_receive_interface.cpp` of ur-rtde 1.6.5 asks
+        for it; an older one would refuse all others with it."""
+        return self[:3] >= (5, 5, 1) or (3, 11) <= self[:2] < (4, 0)
+
+    @property
     def described(self) -> str:
         """Its name in words."""
         family = {CB3: "CB3, PolyScope", POLYSCOPE_X: "PolyScope X"}.get(self.major, "PolyScope")
@@ -48,8 +55,8 @@ def ask_version(name: str, host: str) -> Controller:
         if line.recv(4)[2:] != b"V\x01":
             raise DeviceAbsent(name, f"{host}:{RTDE_PORT} speaks no RTDE version 2")
         line.sendall(struct.pack(">HB", 3, CONTROLLER))
-        answer = line.recv(19)
-        if len(answer) != 19 or answer[2] != CONTROLLER:
+        answer = line.recv(ANSWER_BYTES)
+        if len(answer) != ANSWER_BYTES or answer[2] != CONTROLLER:
             raise DeviceAbsent(name, f"{host}:{RTDE_PORT} does not report its version")
         return Controller(*struct.unpack(">4I", answer[3:]))
 

@@ -31,6 +31,7 @@ from probe.guards.guard_threads import come_first
 from probe.guards.interruption import Trip
 from probe.guards.levels import Levels
 from probe.guards.prepare import prepare
+from probe.guards.retreat import lift_speed_m_s
 from probe.guards.safety_monitor import SafetyMonitor
 from sim_backend.scene.scene_file import Scene
 
@@ -261,6 +262,8 @@ def _ready(order: Order, devices: Devices, urgent: Connection) -> tuple[Facts, S
         lift_z_m=prepared.plan.travel_z_m,
         lifts_only=not order.rig.sensor,
     )
+    lift_m_s = lift_speed_m_s(devices.stage, prepared.limits)
+    abilities.lift_when_alone(devices.stage, prepared.plan.travel_z_m, lift_m_s)
     threading.Thread(target=_hear, args=(urgent, devices, control), daemon=True).start()
     facts = Facts(
         devices.stage.name,

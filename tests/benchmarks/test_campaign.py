@@ -22,7 +22,8 @@ from campaign.judge import judge
 from campaign.world import HARDENING_PER_M, PULSE_N, TAU_S, Bed, World
 
 from probe.core.events import Finish
-from sim_backend.emulators.ur.robot import Mounting, Robot
+from sim_backend.emulators.ur.mounting import Mounting
+from sim_backend.emulators.ur.robot import Robot
 
 DEEP = (0.0, 0.0, -2e-3)
 

@@ -18,12 +18,12 @@ from scipy.spatial.transform import Rotation
 from sim_backend.emulators.serving import on_this_machine
 from sim_backend.emulators.ur import wire
 from sim_backend.emulators.ur.kinematics import Inverse, anywhere
+from sim_backend.emulators.ur.mounting import Mounting, Point
 from sim_backend.emulators.ur.robot import (
     EMERGENCY_MODE,
     PROTECTIVE_MODE,
+    STOP_L,
     TICK_S,
-    Mounting,
-    Point,
     Robot,
 )
 from sim_backend.phantom.phantom import Phantom
@@ -33,6 +33,7 @@ CB3_HZ = 125.0
 SCRIPT_PORTS = (30001, 30002, 30003)
 LATE_S = 0.2
 LAG_S = 0.1
+AHEAD_S = 10.0
 MISSED_S = 0.06  # as seen of a controller in a container
 SLOW = 0.2
 JITTER_S = 0.002
@@ -49,6 +50,14 @@ DASHBOARD = {
     "safetystatus": "Safetystatus: NORMAL",
     "get robot model": "UR5",
 }
+ORDERS = {
+    "stop": (Robot.end_program, "Stopped"),
+    "pause": (Robot.pause, "Pausing program"),
+    "play": (Robot.resume, "Starting program"),
+    "power off": (Robot.power_off, "Powering off"),
+}
+PAYLOAD_SINCE = {3: (3, 11, 0), 5: (5, 5, 1)}
+"""The output `payload` came with these (Universal Robots, "RTDE guide")."""
 
 
 Version = tuple[int, int, int, int]
@@ -62,12 +71,18 @@ class UrController:
 
     faults = ("protective stop", "emergency stop", "lost program", "silence", "drop", "garbage",
               "late", "mute", "blink", "no start", "other program", "slow slider", "missed cycles",
-              "jitter", "late readings")  # fmt: skip
+              "jitter", "late readings", "uplink stalls", "ignored stops", "paused", "freedrive",
+              "local", "clock ahead")  # fmt: skip
 
     def __init__(self, robot: Robot, host: str, version: Version = E_SERIES) -> None:
         self.address = host
         self.robot = robot
         self._version = version
+        self._unknown = frozenset[str]()
+        if version[:3] < PAYLOAD_SINCE.get(version[0], (0, 0, 0)):
+            self._unknown = frozenset({"payload"})
+        self.deaf_to: frozenset[str] = frozenset()
+        """Orders at the dashboard that are answered and not obeyed."""
         self._fault: str | None = None
         self._rng = np.random.default_rng(0)
         self._end = threading.Event()
@@ -97,6 +112,17 @@ class UrController:
                 self.robot.slide(SLOW)
             case "missed cycles":
                 self.robot.miss_cycles(MISSED_S)
+            case "ignored stops":
+                self.robot.ignores = frozenset({STOP_L})
+            case "paused":
+                self.robot.pause()
+            case "freedrive":
+                self.robot.teaches = True
+                self.robot.pause()
+            case "local":
+                self.robot.end_program()
+            case "clock ahead":
+                self.robot.ahead_s += AHEAD_S
             case None:
                 self.robot.clear()
         self.robot.stuck = fault == "no start"
@@ -165,7 +191,7 @@ class UrController:
             # at most one state per wait: of two that arrive at once, a client drops the first
             wait_s = max(robot.until_s(cycle), CATCH_UP * robot.period_s)
             time.sleep(min(wait_s, robot.period_s))
-            buffer += _received(client, socket.MSG_DONTWAIT)
+            buffer += self._heard(client, socket.MSG_DONTWAIT)
             for kind, payload in wire.packages(buffer):
                 if kind == wire.DATA:
                     recipe = inputs.get(payload[0])
@@ -174,7 +200,7 @@ class UrController:
                 elif kind == wire.OUTPUTS:
                     (wanted_hz,) = struct.unpack_from(">d", payload)
                     every = max(round(1 / (wanted_hz * robot.period_s)), 1)
-                    output = wire.Recipe(1, _names(payload[8:]))
+                    output = wire.Recipe(1, _names(payload[8:]), self._unknown)
                     self._send(client, wire.OUTPUTS, output.answer())
                 elif kind == wire.INPUTS:
                     recipe = wire.Recipe(len(inputs) + 1, _names(payload))
@@ -197,6 +223,13 @@ class UrController:
                 self._send(client, wire.DATA, output.pack(robot.outputs(cycle)))
             cycle += every
 
+    def _heard(self, client: socket.socket, flags: int = 0) -> bytes:
+        """What has arrived; where the way to the robot stalls, it arrives later."""
+        if self._fault == "uplink stalls":
+            self._end.wait(0.0 if flags else 0.05)
+            return b""
+        return _received(client, flags)
+
     def _send(self, client: socket.socket, kind: int, payload: bytes) -> None:
         if self._fault == "late":
             time.sleep(LATE_S)
@@ -212,24 +245,28 @@ class UrController:
         client.sendall(BANNER)
         text = ""
         while not self._end.is_set():
-            text += _received(client).decode("ascii", "replace")
+            text += self._heard(client).decode("ascii", "replace")
             while "\n" in text:
                 line, _, text = text.partition("\n")
                 client.sendall(self._dashboard_answer(line.strip()).encode() + b"\n")
 
     def _dashboard_answer(self, line: str) -> str:
-        if line == "stop":
-            self.robot.end_program()
-            return "Stopped"
+        if line in ORDERS:
+            order, answer = ORDERS[line]
+            if line not in self.deaf_to:
+                order(self.robot)
+            return answer
         if line == "running":
             return f"Program running: {str(self.robot.playing).lower()}"
+        if line == "is in remote control" and self._fault == "local":
+            return "false"
         return DASHBOARD.get(line, f"could not understand: '{line}'")
 
     def _script(self, client: socket.socket) -> None:
         client.settimeout(0.05)
         text = ""
         while not self._end.is_set():
-            text += _received(client).decode("ascii", "replace")
+            text += self._heard(client).decode("ascii", "replace")
             if text.startswith("def ") and "\nend" in text[-8:]:
                 self.robot.upload()
                 text = ""

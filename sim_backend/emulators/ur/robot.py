@@ -6,8 +6,6 @@ own script obeys them.
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from sim_backend.arrays import Array
 from sim_backend.emulators.ur.contact import Contact
-from sim_backend.emulators.ur.kinematics import POSTURE, Inverse, Six, anywhere
+from sim_backend.emulators.ur.kinematics import POSTURE, Six
+from sim_backend.emulators.ur.mounting import Mounting, Point
 from sim_backend.phantom.phantom import Phantom, slope_at
 
 READY, DONE = 1, 2
@@ -25,9 +24,10 @@ JOINTS_NEAR, WITHIN_LIMITS, JOINTS_WITHIN_LIMITS, TCP_OFFSET, JOINTS = 30, 36, 3
 TOOL_CONTACT, DETECT, END_DETECTION, READ_DETECTION = 25, 62, 63, 64
 STOP_SCRIPT = 255
 AT_ONCE = (SPEED_L, SERVO_L, TOOL_CONTACT)  # obeyed in each cycle: READY stays, DONE never comes
-PLAYING, STOPPED = 2, 1
+STOPPED, PLAYING, PAUSED = 1, 2, 4
+RUNNING, POWER_OFF = 7, 3
 NORMAL_MODE, PROTECTIVE_MODE, EMERGENCY_MODE = 1, 3, 7
-POWERED_BITS = 0b11  # power on, program running
+POWERED_BIT, PROGRAM_BIT, TEACH_BIT = 0b1, 0b10, 0b100  # of robot_status_bits
 TOOL_DOWN = (0.0, np.pi, 0.0)
 STOP_M_S2 = 10.0
 TICK_S = 0.01
@@ -35,33 +35,6 @@ RUNNING_BIT, NUMBER_SHIFT, NUMBERS = 1 << 15, 24, 128
 """Of the register in which the library's script reports an asynchronous move."""
 REMEMBERED = 250
 """Cycles whose measurement is kept: every client of a cycle gets the same."""
-
-Point = tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class Mounting:
-    """Where the scan frame lies in the robot's base frame, how far the arm reaches from there, and
-    how far its joints turn."""
-
-    origin_m: Point = (0.0, 0.0, 0.0)
-    turn: Rotation = field(default_factory=Rotation.identity)
-    reach_m: float = 10.0
-    inverse: Inverse = anywhere
-    joint_limit_rad: float = 2 * np.pi
-
-    @cached_property
-    def matrix(self) -> Array:
-        """``turn`` as (3, 3): a tenth of its time on single vectors, 1500 times a second."""
-        return np.asarray(self.turn.as_matrix())
-
-    def to_base(self, place: Array) -> Array:
-        """A place (3,) of the scan frame, in the base frame."""
-        return np.asarray(np.array(self.origin_m) + self.matrix @ place)
-
-    def to_scan(self, place: Array) -> Array:
-        """A place (3,) of the base frame, in the scan frame."""
-        return np.asarray((place - np.array(self.origin_m)) @ self.matrix)
 
 
 class Robot:
@@ -81,6 +54,8 @@ class Robot:
         self.uploads = 0
         self.refuses: frozenset[int] = frozenset()
         """Commands that are never done."""
+        self.ignores: frozenset[int] = frozenset()
+        """Commands that are answered as if they were obeyed."""
         self.stuck = False
         """Programs do not start."""
         self.foreign = False
@@ -106,8 +81,13 @@ class Robot:
         self._inputs: dict[str, Any] = {}
         self._said: dict[str, Any] = {f"output_int_register_{n}": 0 for n in range(3)}
         self._number = 0
-        self._playing = False
+        self._playing = self._paused = False
         self._blocked = False
+        self.teaches = False
+        """The freedrive button is pressed."""
+        self.mode = RUNNING
+        self.ahead_s = 0.0
+        """How far the controller's clock was set ahead."""
         self.contact = Contact(phantom, period_s, contact_n)
         self._watchdog_s = np.inf
         self._unheard_s, self._ticked_s = 0.0, 0.0
@@ -120,7 +100,8 @@ class Robot:
             self.contact.end_program()
             self.uploads += 1
             self.foreign = False
-            if self._safety == NORMAL_MODE and not self.stuck:
+            self._paused = False
+            if self._safety == NORMAL_MODE and self.mode == RUNNING and not self.stuck:
                 self._playing = True
                 self._blocked = False
                 self._watchdog_s = np.inf
@@ -134,10 +115,33 @@ class Robot:
     def end_program(self) -> None:
         """The program ends and the arm halts."""
         with self._lock:
-            self._playing = self.foreign = False
+            self._playing = self._paused = self.foreign = False
             self.contact.end_program()
             self._said["output_int_register_0"] = 0
             self._halt()
+
+    def pause(self) -> None:
+        """Somebody presses *pause* on the pendant, or the freedrive button: the arm halts, and the
+        program goes on from here when it is resumed."""
+        with self._lock:
+            if self._playing and not self._paused:
+                under_way, self._paused = self._under_way, True
+                self._halt()
+                self._under_way = under_way
+
+    def resume(self) -> None:
+        """Somebody presses *play*."""
+        with self._lock:
+            if self._paused:
+                self._paused, self._unheard_s = False, 0.0
+                if self._under_way is not None:
+                    self._set_off(*self._under_way)
+
+    def power_off(self) -> None:
+        """The brakes close."""
+        with self._lock:
+            self.mode = POWER_OFF
+            self.end_program()
 
     def protect(self, mode: int) -> None:
         """A protective or emergency stop."""
@@ -148,14 +152,16 @@ class Robot:
     def clear(self) -> None:
         """Safety is normal again; a program must be uploaded anew."""
         with self._lock:
-            self._safety = NORMAL_MODE
+            self._safety, self.mode = NORMAL_MODE, RUNNING
+            self.teaches, self.ignores = False, frozenset()
             self.slide(1.0)
+            self.resume()
 
     def slide(self, fraction: float) -> None:
         """The speed slider, from now on and for the move that is under way."""
         with self._lock:
             self._slider = fraction
-            if self._under_way is not None:
+            if self._under_way is not None and not self._paused:
                 self._set_off(*self._under_way)
 
     def miss_cycles(self, seconds: float) -> None:
@@ -179,7 +185,7 @@ class Robot:
                     self.end_program()
                 return
             state = self._said["output_int_register_0"]
-            if self.contact.stops:
+            if self.contact.stops or self._paused:
                 pass  # its end is taken for that of a command which is given meanwhile
             elif command == 0:
                 self._said["output_int_register_0"] = READY
@@ -202,7 +208,7 @@ class Robot:
             self._unheard_s += min(now - self._ticked_s, 2 * TICK_S)
             self._ticked_s = now
             self._go_on(now)
-            if self._playing and self._unheard_s > self._watchdog_s:
+            if self._playing and not self._paused and self._unheard_s > self._watchdog_s:
                 self.end_program()
 
     def until_s(self, cycle: int) -> float:
@@ -222,22 +228,31 @@ class Robot:
             fx, fy, fz = (np.array(force) - self._zero).tolist()
             wrench = (fx, fy, fz, 0.0, 0.0, 0.0)
             return {
-                "timestamp": cycle * self.period_s,
+                "timestamp": cycle * self.period_s + self.ahead_s,
                 "actual_TCP_pose": pose,
                 "target_TCP_pose": pose,
                 "target_TCP_speed": (*velocity, 0.0, 0.0, 0.0),
                 "actual_TCP_force": wrench,
                 "ft_raw_wrench": wrench,
-                "robot_mode": 7,
+                "robot_mode": self.mode,
                 "safety_mode": self._safety,
                 "safety_status_bits": 1 << (self._safety - 1),
-                "robot_status_bits": POWERED_BITS if self._playing else 1,
-                "runtime_state": PLAYING if self._playing else STOPPED,
+                "robot_status_bits": self._status_bits(),
+                "runtime_state": self._runtime_state(),
                 "speed_scaling": 1.0,
                 "target_speed_fraction": 0.0 if self._held else self._slider,
                 "payload": self._payload_kg,
                 **self._said,
             }
+
+    def _status_bits(self) -> int:
+        bits = POWERED_BIT if self.mode == RUNNING else 0
+        return bits | PROGRAM_BIT * self._playing | TEACH_BIT * self.teaches
+
+    def _runtime_state(self) -> int:
+        if not self._playing:
+            return STOPPED
+        return PAUSED if self._paused else PLAYING
 
     def _measure(self, time_s: float) -> tuple[Point, Point, Point]:
         """Tip [m], its velocity, and force [N] before zeroing, with its noise; in the base frame.
@@ -265,7 +280,7 @@ class Robot:
         if self._held and self._under_way is not None:
             self._set_off(*self._under_way)
         moving = self._phantom.tip.moving(now)
-        if not moving and self._slider > 0 and not self._held:
+        if not moving and self._slider > 0 and not self._held and not self._paused:
             self._under_way = None
         busy = (moving or self._under_way is not None) and not self.contact.stops
         running = RUNNING_BIT if busy else 0
@@ -278,6 +293,8 @@ class Robot:
     def _obey(self, command: int) -> bool:
         """Begin a command; False while it blocks the program (a move that is waited for)."""
         now = self._phantom.clock.now()
+        if command in self.ignores:
+            return True
         if command == MOVE_L:
             target = self._mounting.to_scan(np.array(self._numbers(3)))
             rx, ry, rz, speed, acceleration = self._numbers(8)[3:]

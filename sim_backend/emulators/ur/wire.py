@@ -78,10 +78,12 @@ def packages(buffer: bytearray) -> Iterator[tuple[int, bytes]]:
 class Recipe:
     """An agreed list of fields under a number."""
 
-    def __init__(self, number: int, names: list[str]) -> None:
+    def __init__(
+        self, number: int, names: list[str], unknown: frozenset[str] = frozenset()
+    ) -> None:
         self.number = number
         self.names = names
-        self.types = [type_of(name) for name in names]
+        self.types = ["NOT_FOUND" if name in unknown else type_of(name) for name in names]
         self._fields: list[tuple[str, struct.Struct, int]] = []
         self._size = 1  # its number comes first
         for name, kind in zip(names, self.types, strict=True):

@@ -11,7 +11,8 @@ from drivers.ur import sensor
 from drivers.ur.client import State
 from sim_backend import load_scene
 from sim_backend.emulators.ur import MISSED_S
-from sim_backend.emulators.ur.robot import Mounting, Robot
+from sim_backend.emulators.ur.mounting import Mounting
+from sim_backend.emulators.ur.robot import Robot
 from sim_backend.phantom.phantom import Phantom, Respond
 
 EVERY, AT = 600, 200

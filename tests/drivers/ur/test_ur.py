@@ -22,7 +22,8 @@ from drivers.ur.link import leave_link, take_link
 from drivers.ur.settings import UrStageSettings
 from sim_backend import load_scene
 from sim_backend.emulators import ur
-from sim_backend.emulators.ur.robot import Mounting, Robot
+from sim_backend.emulators.ur.mounting import Mounting
+from sim_backend.emulators.ur.robot import Robot
 from sim_backend.phantom.phantom import Phantom, Respond
 
 
@@ -241,7 +242,7 @@ class Receive:
 @pytest.mark.parametrize("lasts", range(1, 13))
 def test_fields_of_two_cycles_are_no_sample(lasts: int) -> None:
     state = whole_state(Receive(lasts), -1.0)
-    assert (state is None) == (lasts < 10)  # time, eight fields, time again
+    assert (state is None) == (lasts < 11)  # time, nine fields, time again
     if state is not None:
         assert state.pose[0] == state.wrench[0] == 1.0
 
