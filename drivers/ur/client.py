@@ -270,7 +270,7 @@ class _Client:
         """Upload the program, set what is to be set, and return what then holds."""
         import rtde_control
 
-        self._detects = False
+        self._detects, self._before = False, (-1, 0.0)  # nothing that the last one was doing
         if self.control is None:
             control = rtde_control.RTDEControlInterface(self._host, self._frequency_hz)
         else:

@@ -20,7 +20,15 @@ from drivers.ur.alone import Lift
 from drivers.ur.client import NO_ANSWER, PLAYING, READY, Control, State, serve
 from drivers.ur.dashboard import CLOSE_BRAKES, END_PROGRAM, IS_REMOTE, tell
 from drivers.ur.settings import CONNECT_S
-from drivers.ur.stops import LOCAL, PROGRAM_RUNS, SAFETY_STOPS, STOPPED, why_stopped
+from drivers.ur.stops import (
+    HALTED,
+    LOCAL,
+    PROGRAM_RUNS,
+    SAFETY_STOPS,
+    STOPPED,
+    UNHEARD,
+    why_stopped,
+)
 from drivers.ur.version import ask_version, check_control
 
 FIRST_S = 1.0
@@ -79,7 +87,7 @@ class Link:
         """
         if self.controls and self._runs():
             return {}
-        self.controls = False
+        controlled, self.controls = self.controls, False
         state = self.state()
         if state.runtime_state in PROGRAM_RUNS and not replace_program:
             raise DeviceFault(
@@ -89,7 +97,10 @@ class Link:
         check_control(self.name, self.host, self.controller)
         with self._silent_while_starting():
             done, found = self._answer(self._send("take control", (setup,)), self._connect_s)
+        with self._fresh:
+            self._recent.clear()  # where the arm went before is not what this program does
         if not done:
+            self.controls = controlled  # what was ours may be tried again
             self.state()  # says more than the library does
             raise DeviceFault(self.name, str(found) or "its control program does not start")
         with self._fresh:  # a state from after the program's start; the next line says if none came
@@ -125,7 +136,7 @@ class Link:
             why = f"the robot has sent nothing for {age_s:.2f} s; allowed: {allowed}"
             raise DeviceFault(self.name, why)
         if (words := why_stopped(state, controls=self.controls)) is not None:
-            raise DeviceFault(self.name, LOCAL if words == STOPPED and self._local() else words)
+            raise DeviceFault(self.name, self._who_ended_it() if words == STOPPED else words)
         return state
 
     def newest(self) -> State | None:
@@ -135,7 +146,7 @@ class Link:
     def earlier(self, by_s: float) -> State | None:
         """The state that was ``by_s`` before the newest, None if that is not known (yet)."""
         with self._fresh:
-            newest = self._recent[-1].timestamp_s
+            newest = self._recent[-1].timestamp_s if self._recent else -math.inf
             old = [s for s in self._recent if s.timestamp_s <= newest - by_s]
         return old[-1] if old else None
 
@@ -189,11 +200,26 @@ class Link:
             tell(self.host, END_PROGRAM)
 
     def close_brakes(self) -> None:
-        """By the dashboard, of an arm that is seen to move though its program has ended."""
-        with self._fresh:
-            recent = list(self._recent)
-        if self.controls and len(recent) > 1 and _far(recent[0], recent[-1]) and not self._gone:
+        """By the dashboard."""
+        if self.controls:
             tell(self.host, CLOSE_BRAKES)
+
+    def rests(self) -> bool:
+        """The program runs, and the arm is seen at rest: a program that was started again for the
+        lift is not ended by the stop that ended the one before."""
+        return self._runs() and self._way_m() < MOVED_M
+
+    def moves(self) -> bool:
+        """The arm is seen to move, whatever runs."""
+        return MOVED_M < self._way_m() < math.inf
+
+    def _way_m(self) -> float:
+        """How far the tip went over `RECENT_S`; infinite where nothing was heard lately."""
+        with self._fresh:
+            recent = [state for state in (*self._recent, self._state) if state is not None]
+        if self._gone or not recent or time.monotonic() - recent[-1].arrival_s > self.silence_s:
+            return math.inf
+        return math.dist(recent[0].pose[:3], recent[-1].pose[:3])
 
     def close(self) -> None:
         """End the client, by force if it does not end by itself; it lifts nothing."""
@@ -218,11 +244,13 @@ class Link:
     def _may_run(self) -> bool:
         return self._state is not None and self._state.runtime_state in PROGRAM_RUNS
 
-    def _local(self) -> bool:
-        """Whether the pendant has taken over; asked once after each end of the program."""
+    def _who_ended_it(self) -> str:
+        """In words; whether the pendant has taken over is asked once after each end."""
+        if self._ended_by_us:
+            return HALTED if self._halted else UNHEARD
         if self._remote is None:
             self._remote = tell(self.host, IS_REMOTE) != "false"
-        return not self._remote
+        return STOPPED if self._remote else LOCAL
 
     def _fail(self, why: str) -> None:
         """Give up connecting, in the robot's words if it has any."""
@@ -284,10 +312,6 @@ class Link:
                 able = why_stopped(state, controls=False) is None
                 self._ended_by_us = able and (self._halted or state.starved)
             self._state = state
-
-
-def _far(one: State, other: State) -> bool:
-    return math.dist(one.pose[:3], other.pose[:3]) > MOVED_M
 
 
 _links: dict[str, Link] = {}

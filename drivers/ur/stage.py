@@ -239,11 +239,12 @@ class UrStage:
             link.stop(1e-3 * self._settings.acceleration_mm_s2, self._settings.stop_s)
 
     def _end_program(self) -> None:
-        if (link := self._link) is not None:
+        if (link := self._link) is not None and not link.rests():
             link.end_program()
 
     def _close_brakes(self) -> None:
-        if (link := self._link) is not None:
+        """Only of an arm that is seen to move: with its brakes closed nobody can lift it soon."""
+        if (link := self._link) is not None and link.moves():
             link.close_brakes()
 
     def close(self) -> None:

@@ -8,6 +8,8 @@ from drivers.ur.client import PAUSED, PLAYING, State
 RUNNING = 7
 STOPPED = "its control program has stopped: somebody has ended it, or its log says why"
 PAUSES = "its control program is paused on the pendant"
+UNHEARD = "its control program has stopped: it had heard nothing from here for watchdog_s"
+HALTED = "its control program has stopped: it did not answer, and was ended from here"
 LOCAL = "its control program has stopped: the pendant was switched to local control"
 PROGRAM_RUNS = (2, 3, 4, 5, 6)  # playing, pausing, paused, resuming, retracting
 SAFETY_STOPS = {

@@ -72,7 +72,7 @@ class UrController:
     faults = ("protective stop", "emergency stop", "lost program", "silence", "drop", "garbage",
               "late", "mute", "blink", "no start", "other program", "slow slider", "missed cycles",
               "jitter", "late readings", "uplink stalls", "ignored stops", "paused", "freedrive",
-              "local", "clock ahead")  # fmt: skip
+              "local", "clock ahead", "slider at 0")  # fmt: skip
 
     def __init__(self, robot: Robot, host: str, version: Version = E_SERIES) -> None:
         self.address = host
@@ -108,8 +108,8 @@ class UrController:
                 self.robot.end_program()
             case "other program":
                 self.robot.play_other()
-            case "slow slider":
-                self.robot.slide(SLOW)
+            case "slow slider" | "slider at 0":
+                self.robot.slide(SLOW if fault == "slow slider" else 0.0)
             case "missed cycles":
                 self.robot.miss_cycles(MISSED_S)
             case "ignored stops":

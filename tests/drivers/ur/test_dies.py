@@ -1,0 +1,299 @@
+"""What is left of a UR's driver where its process dies, the line stalls or the robot disobeys.
+
+The press is 2.4 mm at 1.2 mm/s; places are the emulated arm's own.
+"""
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+from emulated_ur import ORIGIN_MM, PATIENT_S, Rig, connected, fresh_host, until
+
+from drivers import DeviceFault, MotionFault, Pose, WallClock
+from drivers.ur.settings import LOST_SEGMENT_S, SILENCE_S, WATCHDOG_S
+from sim_backend import load_scene
+from sim_backend.emulators import ur
+from sim_backend.phantom.phantom import Phantom, Respond
+
+X_M, TOP_M, SPEED_M_S = 0.03, 4e-3, 1.2e-3
+BOTTOM = Pose(X_M, 0.0, -2.4e-3)
+BUSY_S = 0.3  # in which a busy machine looks late at what has happened
+PRESS = """
+import sys, time
+from drivers import Pose, WallClock
+from drivers.ur.settings import UrStageSettings
+from drivers.ur.stage import open_stage
+host, says = sys.argv[1:]
+keys = UrStageSettings(host=host, origin_mm={origin}, silence_s=5.0, answer_s=5.0, watchdog_s=0.6,
+                       roll_deg=90.0)
+stage = open_stage(WallClock(), keys)
+stage.connect()
+if says == "where to":
+    stage.lift_when_alone({top}, 0.01)
+stage.enable()
+here = stage.pose()
+stage.move(Pose({x}, 0.0, -2.4e-3), 1.2e-3)
+print("pressing", flush=True)
+while True:
+    stage.keep_alive()
+    time.sleep(0.01)
+"""
+
+
+class Press:
+    """A process that presses, and the world it presses in."""
+
+    def __init__(self, phantom: Phantom, robot: ur.UrController, process: subprocess.Popen[str]):
+        self._phantom, self.robot, self.process = phantom, robot.robot, process
+
+    @property
+    def z_m(self) -> float:
+        return self._phantom.tip.point(self._phantom.clock.now())[2]
+
+    @property
+    def deepest_m(self) -> float:
+        legs = self._phantom.tip.all_legs()
+        ends_s = [*(leg.start_s for leg in legs[1:]), math.inf]
+        return min(leg.point(end_s)[2] for leg, end_s in zip(legs, ends_s, strict=True))
+
+    def client(self) -> int:
+        found = subprocess.run(
+            ["pgrep", "-P", str(self.process.pid)], capture_output=True, text=True, check=True
+        )
+        return int(found.stdout)
+
+    def last_words(self) -> str:
+        assert self.process.stderr is not None
+        return self.process.stderr.read()
+
+
+@contextmanager
+def pressing(respond: Respond, says: str = "where to") -> Iterator[Press]:
+    """A millimetre deep. The arm's base is mounted on a wall: up is none of its axes' z."""
+    clock, host = WallClock(), fresh_host()
+    phantom = Phantom(load_scene("TIHA"), clock, respond, home=(X_M, 0.0, 1e-4))
+    script = PRESS.format(origin=ORIGIN_MM, top=TOP_M, x=X_M)
+    with ur.emulate(phantom, at=host, origin_mm=ORIGIN_MM, rotation_deg=(90.0, 0.0, 0.0)) as robot:
+        process = subprocess.Popen(
+            [sys.executable, "-c", script, host, says],
+            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        try:
+            made = Press(phantom, robot, process)
+            until(lambda: process.poll() is not None or made.z_m < -1e-3)
+            assert process.poll() is None, made.last_words()
+            yield made
+        finally:
+            process.kill()
+            process.communicate()
+
+
+def test_the_client_lifts_where_the_process_that_guards_dies(winkler: Respond) -> None:
+    with pressing(winkler) as press:
+        before_m = press.z_m
+        press.process.send_signal(signal.SIGKILL)
+        until(lambda: not press.robot.playing)
+        assert press.z_m == pytest.approx(TOP_M, abs=2e-4)
+        assert before_m - press.deepest_m < BUSY_S * SPEED_M_S
+        assert "have died; the probe was lifted by" in press.last_words()
+
+
+def test_a_client_that_was_not_told_where_to_lifts_nothing(winkler: Respond) -> None:
+    with pressing(winkler, says="nothing") as press:
+        press.process.send_signal(signal.SIGKILL)
+        until(lambda: not press.robot.playing)
+        time.sleep(0.3)
+        assert -2e-3 < press.z_m < -1e-3
+        assert "it was not said where to lift the probe to" in press.last_words()
+
+
+def test_a_client_that_cannot_lift_says_so(winkler: Respond) -> None:
+    with pressing(winkler) as press:
+        press.robot.ignores = frozenset({33})  # stopL
+        press.process.send_signal(signal.SIGKILL)
+        until(lambda: not press.robot.playing)
+        assert "THE PROBE WAS NOT LIFTED" in press.last_words()
+        assert press.z_m < -1e-3
+
+
+def test_a_client_leaves_a_program_alone_that_came_after_its_own(winkler: Respond) -> None:
+    """Another process has taken over, which lifts by itself."""
+    with pressing(winkler) as press:
+        press.robot.ignores = frozenset({33})
+        press.process.send_signal(signal.SIGKILL)
+        time.sleep(0.1)
+        press.robot.end_program()
+        until(lambda: "died" in press.last_words())
+        press.robot.upload()
+        time.sleep(0.5)
+        assert press.robot.playing
+
+
+def test_where_nobody_is_left_the_watchdog_halts_the_arm(winkler: Respond) -> None:
+    with pressing(winkler) as press:
+        before_m, client = press.z_m, press.client()
+        for process in (client, press.process.pid):
+            os.kill(process, signal.SIGKILL)
+        until(lambda: not press.robot.playing)
+        assert before_m - press.deepest_m < (0.6 + BUSY_S) * SPEED_M_S
+
+
+def test_the_watchdog_outlives_a_lost_segment() -> None:
+    """A reset that is lost is sent again 0.2 s later, and may be late by what is no silence."""
+    assert WATCHDOG_S * (1 - 1 / 8) >= LOST_SEGMENT_S + SILENCE_S
+
+
+@contextmanager
+def under_way(respond: Respond, **keys: float) -> Iterator[tuple[Rig, ur.UrController]]:
+    """Half a millimetre on the way down, by a stage of this process."""
+    with connected(respond, keys={"watchdog_s": 0.6, **keys}) as (made, robot):
+        made.stage.enable()
+        made.stage.move(Pose(X_M, 0.0, 0.1e-3), 0.05)
+        made.arrive(PATIENT_S)
+        made.stage.move(BOTTOM, SPEED_M_S)
+        until(lambda: true_z_m(made) < -0.5e-3)
+        yield made, robot
+
+
+def true_z_m(made: Rig) -> float:
+    return made.phantom.tip.point(made.clock.now())[2]
+
+
+def lift(made: Rig) -> None:
+    made.stage.move(Pose(X_M, 0.0, TOP_M), 0.02)
+    made.arrive(PATIENT_S)
+    assert true_z_m(made) == pytest.approx(TOP_M, abs=1e-4)
+
+
+def until_said(made: Rig, words: str) -> None:
+    until(lambda: words in made.trouble())
+
+
+def test_a_short_stall_of_the_way_to_the_robot_does_no_harm(winkler: Respond) -> None:
+    with under_way(winkler) as (made, robot):
+        robot.fail("uplink stalls")
+        time.sleep(0.15)
+        robot.fail(None)
+        made.arrive(PATIENT_S)
+        assert robot.robot.uploads == 1
+
+
+def test_what_did_not_arrive_ended_the_program_and_it_is_started_again(winkler: Respond) -> None:
+    """The robot goes on sending all the while: this side alone would not know."""
+    with under_way(winkler) as (made, robot):
+        robot.fail("uplink stalls")
+        until_said(made, "it had heard nothing from here for watchdog_s")
+        robot.fail(None)
+        made.stage.start_again()
+        lift(made)
+
+
+def test_a_stop_that_is_not_obeyed_is_followed_by_the_next_way_to_stop(winkler: Respond) -> None:
+    with under_way(winkler) as (made, robot):
+        robot.fail("ignored stops")
+        by_program, by_dashboard, _ = made.stage.stop_means()
+        by_program.call()
+        time.sleep(by_program.within_s)
+        assert made.phantom.tip.moving(made.clock.now())
+        by_dashboard.call()
+        until(lambda: not made.phantom.tip.moving(made.clock.now()))
+        until_said(made, "was ended from here")
+        made.stage.start_again()
+        by_dashboard.call()  # repeated until the arm is seen at rest: it ends no second program
+        assert robot.robot.playing
+        lift(made)
+
+
+def test_the_brakes_close_only_on_an_arm_that_goes_on(winkler: Respond) -> None:
+    with under_way(winkler) as (made, robot):
+        robot.fail("ignored stops")
+        robot.deaf_to = frozenset({"stop"})
+        *_, by_brakes = made.stage.stop_means()
+        assert not by_brakes.lifts
+        by_brakes.call()
+        until(lambda: not made.phantom.tip.moving(made.clock.now()))
+        until_said(made, "power off")
+        robot.fail(None)
+        time.sleep(0.3)
+        by_brakes.call()
+        time.sleep(0.2)
+        assert robot.robot.mode != 3
+
+
+def test_a_paused_program_is_ended_and_does_not_go_on(winkler: Respond) -> None:
+    with under_way(winkler) as (made, robot):
+        robot.fail("paused")
+        until_said(made, "paused on the pendant")
+        before_m = true_z_m(made)
+        made.stage.stop_means()[1].call()
+        until(lambda: not robot.robot.playing)
+        robot.robot.resume()
+        time.sleep(0.3)
+        assert true_z_m(made) == before_m
+        made.stage.start_again()  # a person has paused it
+        assert robot.robot.uploads == 1
+
+
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        ("paused", "paused on the pendant"),
+        ("freedrive", "freedrive"),
+        ("local", "switched to local control"),
+        ("lost program", "somebody has ended it"),
+    ],
+)
+def test_it_is_said_why_the_program_does_not_run(winkler: Respond, fault: str, words: str) -> None:
+    with connected(winkler) as (made, robot):
+        made.stage.enable()
+        robot.fail(fault)
+        until_said(made, words)
+
+
+def test_an_arm_that_stands_still_on_its_way_is_a_fault(winkler: Respond) -> None:
+    with under_way(winkler) as (made, robot):
+        robot.fail("slider at 0")
+        with pytest.raises(MotionFault, match=r"stands still .* speed slider is at 0 %"):
+            made.arrive(2 * PATIENT_S)
+
+
+@pytest.mark.parametrize("version", [(5, 5, 0, 1), (5, 4, 0, 1), (3, 10, 1, 1)])
+def test_controllers_that_do_not_report_the_payload_are_used(
+    winkler: Respond, version: tuple[int, int, int, int]
+) -> None:
+    with connected(winkler, version=version) as (made, _):
+        assert "payload not reported" in made.stage.enable()[0]
+        lift(made)
+
+
+def test_a_clock_that_is_set_ahead_loses_no_samples(winkler: Respond) -> None:
+    with connected(winkler) as (made, robot):
+        made.sensor.start()
+        time.sleep(0.3)
+        lost = made.sensor.read().lost
+        robot.fail("clock ahead")
+        end_s, times_s = made.clock.now() + 0.5, list[float]()
+        while made.clock.now() < end_s:
+            time.sleep(0.05)
+            block = made.sensor.read()
+            times_s += block.time_s.tolist()
+            lost += block.lost
+        assert lost < 200  # of 400 samples, where a busy machine loses some; 5,000 were not sent
+        assert times_s[-1] <= made.clock.now()
+
+
+def test_nothing_is_ordered_from_a_robot_that_was_only_read(winkler: Respond) -> None:
+    with connected(winkler) as (made, robot):
+        robot.robot.play_other()
+        for means in made.stage.stop_means():
+            means.call()
+        time.sleep(0.2)
+        assert robot.robot.playing
+        with pytest.raises(DeviceFault, match="another program"):
+            made.stage.move(BOTTOM, SPEED_M_S)
