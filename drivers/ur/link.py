@@ -217,9 +217,11 @@ class Link:
         """How far the tip went over `RECENT_S`; infinite where nothing was heard lately."""
         with self._fresh:
             recent = [state for state in (*self._recent, self._state) if state is not None]
-        if self._gone or not recent or time.monotonic() - recent[-1].arrival_s > self.silence_s:
+        now_s = time.monotonic()
+        if self._gone or not recent or now_s - recent[-1].arrival_s > self.silence_s:
             return math.inf
-        return math.dist(recent[0].pose[:3], recent[-1].pose[:3])
+        first = next(s for s in recent if recent[-1].arrival_s - s.arrival_s <= RECENT_S)
+        return math.dist(first.pose[:3], recent[-1].pose[:3])
 
     def close(self) -> None:
         """End the client, by force if it does not end by itself; it lifts nothing."""
