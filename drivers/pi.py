@@ -58,6 +58,8 @@ class PiSettings(LineStageSettings):
 class PiAxes:
     """See `drivers.core.axes.Axes`."""
 
+    retargets = True
+
     def __init__(self, settings: PiSettings) -> None:
         given = {axis: getattr(settings, axis) for axis in AXES}
         self._axes: dict[str, PiAxis] = {a: keys for a, keys in given.items() if keys}

@@ -67,6 +67,8 @@ class TmclSettings(LineStageSettings):
 class TmclAxes:
     """See `drivers.core.axes.Axes`."""
 
+    retargets = True
+
     def __init__(self, settings: TmclSettings) -> None:
         given = {axis: getattr(settings, axis) for axis in AXES}
         self._axes: dict[str, TmclAxis] = {a: keys for a, keys in given.items() if keys}

@@ -80,6 +80,8 @@ class Reply(NamedTuple):
 class ZaberAxes:
     """See `drivers.core.axes.Axes`."""
 
+    retargets = True
+
     def __init__(self, settings: ZaberSettings) -> None:
         given = {axis: getattr(settings, axis) for axis in AXES}
         self._axes: dict[str, ZaberAxis] = {a: keys for a, keys in given.items() if keys}

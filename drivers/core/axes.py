@@ -55,8 +55,10 @@ class Axes(Protocol):
     reading: the end) or `OSError` (the line is lost). It may have ``home(axis)``, which begins the
     reference move of one axis, and ``ready() -> list[str]``, asked before the first move: what
     holds, in words, or `DeviceFault`; ``travel_mm``, each axis's least and greatest place as far as
-    it is known then; and ``harder``, a table of `StopMeans` for axes that do not obey `stop`: what
-    they take away, such as a motor's current, the next `move` gives back.
+    it is known then; ``retargets = True``, if a `move` in motion leads on without a stop: a move is
+    then given in segments, see `drivers.core.segments`; and ``harder``, a table of `StopMeans` for
+    axes that do not obey `stop`: what they take away, such as a motor's current, the next `move`
+    gives back.
     """
 
     names: str
@@ -69,7 +71,7 @@ class Axes(Protocol):
         ...
 
     def move(self, places_mm: Mapping[str, float], speeds_mm_s: Mapping[str, float]) -> None:
-        """Set the named axes off, and return; without speeds, to go on from where they are led."""
+        """Set the named axes off, and return; without speeds (`retargets`), lead them on."""
         ...
 
     def stop(self) -> None:

@@ -135,7 +135,8 @@ class LineStage:
         start, end, speed_mm_s = _mm(here), _mm(target), 1e3 * speed_m_s
         aside_mm = math.dist(start[:2], end[:2])
         up = end[2] > start[2] and aside_mm < self._settings.arrived_mm  # finished by itself
-        ahead_mm = math.inf if up else (AHEAD_S + self._between_s) * speed_mm_s
+        whole = up or not getattr(self._axes, "retargets", False)
+        ahead_mm = math.inf if whole else (AHEAD_S + self._between_s) * speed_mm_s
         way = SegmentedMove(start, end, speed_mm_s, ahead_mm=ahead_mm)
         lead = Lead(way, self._names, self._origin, self._settings.arrived_mm)
         self._target, self._harder = target, None

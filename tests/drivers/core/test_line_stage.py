@@ -78,7 +78,7 @@ def test_every_axis_must_have_arrived() -> None:
     stage.connect()
     try:
         stage.move(Pose(2e-3, 0.0, 1e-3), 1e-3)
-        with pytest.raises(MotionFault, match=r"came to rest 1\.\d\d mm from its target"):
+        with pytest.raises(MotionFault, match=r"came to rest 1\.00 mm from its target"):
             until(lambda: not stage.moving(), 5.0)
     finally:
         stage.close()
