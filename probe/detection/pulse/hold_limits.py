@@ -4,7 +4,6 @@ import numpy as np
 
 from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
-from probe.detection.pulse.possible_rates import SLOWEST_HZ
 from probe.detection.pulse.running_median import running_median
 from probe.detection.pulse.scatter import SD_OF_MEDIAN
 
@@ -21,8 +20,13 @@ and lose 0.12 s at the median; without it 452, and 0.01 s; with 0.5, 2 and 0.24 
 MOST_SAMPLES, MOST_STARTS = 5000, 200
 """Of a record that are looked at for its fall, and of what may be its start, 16 MB: a longer one is
 thinned, and looked at again where it falls."""
-NEAR_TOP_SHARE, AHEAD_S = 0.9, 0.25
-"""A ramp ends where nothing higher follows this soon, this far up from lowest to highest."""
+AHEAD_S = 0.25
+"""Of a hold beside its ramp or lift, what is looked at at least: a third of a beat."""
+NEAR_TOP_SHARE = 0.9
+"""Of the highest force: a ramp does not end below, though a beat on it may look like its end."""
+LOW_SHARE, REST_OF_RAMP = 0.1, 1.8
+"""From the first share of its force to half of it, a ramp takes a time; from there to its end up to
+1.25 times that (forces that grow with a power of 1 to 1.6 of the depth); so is the rest hold."""
 STEP_S, STEP_REST_S, STEP_OVER_FALL, STEP_OVER_NOISE = 0.02, 0.3, 2.0, 8.0
 """A lift's first step falls within the first of these, and is followed by at most so long a rest;
 no beat falls so much more steeply than those before, and no noise by so many of its standard
@@ -44,15 +48,30 @@ def hold_limits(station: Station, mean: Array, whole: Bools) -> tuple[float, flo
     smooth = running_median(mean, 3)
     if not np.isfinite(begin):
         begin = time_s[0]
-        top = _top_of_ramp(mean, smooth, step)
-        if smooth[0] < RAMP_RISE * smooth[top] and top <= len(smooth) - MIN_SAMPLES:
-            begin = time_s[top]
+        high = float(np.median(smooth[smooth >= 0.5 * smooth.max()])) if len(smooth) else 0.0
+        if smooth[0] < RAMP_RISE * high:
+            begin = _end_of_ramp(time_s, mean, smooth, high)
         else:
             settling = 0.0
     if not np.isfinite(end):
         held = time_s >= begin
         end = _end_of_hold(time_s[held], mean[held], smooth[held], step)
     return begin + settling, end
+
+
+def _end_of_ramp(time_s: Array, mean: Array, smooth: Array, high: float) -> float:
+    """When the ramp of a record (n,) ends that holds about ``high``: seen from the hold, backwards
+    in time, it is a fall. The hold is looked at for about as long as the ramp takes, up to the
+    middle of what is above half of its force."""
+    above = np.flatnonzero(smooth >= 0.5 * high)
+    half, last = int(above[0]), int(above[-1])
+    low = np.flatnonzero(smooth[:half] < LOW_SHARE * high)
+    rising_s = float(time_s[half] - time_s[low[-1] if len(low) else 0])
+    until_s = time_s[half] + max(REST_OF_RAMP * rising_s, AHEAD_S)
+    until_s = min(until_s, (time_s[half] + time_s[last]) / 2)
+    near = slice(half, max(int(np.searchsorted(time_s, until_s, "right")), half + MIN_SAMPLES))
+    begins_s = -_start_of_fall(-time_s[near][::-1], mean[near][::-1])
+    return max(begins_s, float(time_s[np.argmax(smooth >= NEAR_TOP_SHARE * smooth.max())]))
 
 
 def _end_of_hold(time_s: Array, mean: Array, smooth: Array, step_s: float) -> float:
@@ -110,24 +129,3 @@ def _before_a_step(time_s: Array, mean: Array, end_s: float) -> float:
     noise = max(SD_OF_MEDIAN * float(np.median(rise)), least) / np.sqrt(2)
     steep = fallen[step] > max(STEP_OVER_FALL * usual, STEP_OVER_NOISE * noise)
     return float(time_s[step]) if steep else end_s
-
-
-def _top_of_ramp(mean: Array, smooth: Array, step_s: float) -> int:
-    """The first top of those that come near the highest sample, which may be a later beat's.
-
-    A beat on a slow ramp makes a top too: where what follows within a beat still rises half as
-    fast as the ramp, or faster, the ramp goes on.
-    """
-    low, span = float(smooth.min()), float(np.ptp(smooth))
-    ahead, beat = (max(2, round(one / step_s)) for one in (AHEAD_S, 1 / SLOWEST_HZ))
-    near_top = np.flatnonzero(smooth >= low + NEAR_TOP_SHARE * span)
-    tops = [int(i) for i in near_top if smooth[i] >= smooth[i : i + ahead].max()]
-    early = int(np.argmax(smooth >= low + (1 - NEAR_TOP_SHARE) * span))
-    slope = (2 * NEAR_TOP_SHARE - 1) * span / max(int(near_top[0]) - early, 1)
-
-    def goes_on(i: int) -> bool:
-        later = smooth[i + 1 : i + 1 + beat] - smooth[i]
-        return bool((later > 0.5 * slope * np.arange(1, len(later) + 1)).any())
-
-    top = next((i for i in tops if not goes_on(i)), tops[-1])
-    return max(range(max(top - 1, 0), min(top + 2, len(mean))), key=lambda i: mean[i])

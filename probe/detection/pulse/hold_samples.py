@@ -71,8 +71,8 @@ class Hold:
     clock. A mean weakens what oscillates at f as one over ``averaged_s`` without gaps does, by
     sinc(f averaged_s). Samples differ from ``code_pa`` by multiples of ``quantum_pa``, which is 0
     where no such steps show. Where noise does not reach over these there are so many ``stretches``
-    of one value, else 0. Two are equal only if they are the same one, so that what is made of one
-    can be kept."""
+    of one value, else 0. ``outliers`` readings far off those beside them are left out. Two are
+    equal only if they are the same one, so that what is made of one can be kept."""
 
     time_s: Array
     signal_pa: Array
@@ -84,6 +84,7 @@ class Hold:
     code_pa: float = 0.0
     stretches: int = 0
     lost: float = 0.0
+    outliers: int = 0
 
     @property
     def step_s(self) -> float:
@@ -135,8 +136,9 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
         station = replace(
             station, signal_pa=station.signal_pa[:, ~dead], saturated=station.saturated[:, ~dead]
         )
-    time_s, signal, clipped, lost = _between(_in_order(station))
+    time_s, signal, clipped, lost, outliers = _between(_in_order(station))
     good = without_spikes(signal)
+    outliers += int(np.count_nonzero(~good))
     kept = _unbroken(time_s[good])
     time_s, signal = time_s[good][kept], signal[good][kept]
     lost += (1 - lost) * (1 - float(kept.mean())) if len(kept) else 0.0
@@ -177,7 +179,7 @@ def hold_of(station: Station, dead: Bools | None = None) -> Hold:
     weight = count[there] / count[there].mean()
     averaged_s = round(step_s * float(np.sqrt(max(np.median(count[there]) ** 2 - 1, 0.0))), 4)
     return Hold(mean[0], mean[1], weight, clipped, start, averaged_s,
-                *_steps_of(station, signal), lost)  # fmt: skip
+                *_steps_of(station, signal), lost, outliers)  # fmt: skip
 
 
 def _unbroken(time_s: Array) -> Bools:
@@ -244,8 +246,9 @@ def _in_order(station: Station) -> Station:
     )  # fmt: skip
 
 
-def _between(station: Station) -> tuple[Array, Array, float, float]:
-    """Times and channel means of the hold, and the shares of it that were clipped and lost."""
+def _between(station: Station) -> tuple[Array, Array, float, float, int]:
+    """Times and channel means of the hold, the shares of it that were clipped and lost, and how
+    many readings were far off for a while."""
     clipped = np.asarray(station.saturated.any(axis=1))
     stale = np.column_stack([repeated(channel) for channel in station.signal_pa.T])
     each = np.where(stale & ~station.saturated, np.nan, station.signal_pa)
@@ -253,16 +256,19 @@ def _between(station: Station) -> tuple[Array, Array, float, float]:
         each = filled(mended(each))
     whole = np.isfinite(each).all(axis=1) & np.isfinite(station.time_s)
     mean = np.where(whole, each.mean(axis=1), np.nan)
-    begin, end = hold_limits(station, mean, whole)
+    steady = mean.copy()
+    steady[whole] = mended(mean[whole])  # one reading far off may not say when a hold ends
+    begin, end = hold_limits(station, steady, whole)
     inside = (station.time_s >= begin) & (station.time_s <= end)
     kept = inside & whole & ~clipped
-    kept[kept] = ~dropped_out(mean[kept])
+    gone = dropped_out(mean[kept])
+    kept[kept] = ~gone
     lost = inside & ~kept & ~clipped
 
     def share(some: Bools) -> float:
         return float(some[inside].mean()) if inside.any() else 0.0
 
-    return station.time_s[kept], mean[kept], share(clipped), share(lost)
+    return station.time_s[kept], mean[kept], share(clipped), share(lost), int(gone.sum())
 
 
 def _check_contact(station: Station, signal: Array) -> None:

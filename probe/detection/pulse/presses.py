@@ -222,6 +222,9 @@ def _press(station: Station, hold: Hold | None, pulse: Pulse | None, note: str) 
     if hold.lost >= LEAST_LOST:
         lost = f"{100 * hold.lost:.0f} % of its samples"
         notes.append(f"{lost} are missing, behind a gap, or one reading repeated")
+    if hold.outliers:
+        readings = "1 reading" if hold.outliers == 1 else f"{hold.outliers} readings"
+        notes.append(f"{readings} of its hold, far off those around, left out")
     return Press(station, pulse, scatter, hold.clipped, "; ".join(notes))
 
 

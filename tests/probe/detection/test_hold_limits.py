@@ -10,7 +10,7 @@ from known_presses import wave
 
 from drivers.core.arrays import Array
 from probe.config.rig import Rig
-from probe.core.recording import Station
+from probe.core.recording import Recording, Station
 from probe.detection import detect
 from probe.detection.pulse.hold_limits import _before_a_step, hold_limits
 from probe.detection.pulse.wave import brachial
@@ -145,3 +145,50 @@ def test_a_scan_without_its_phases_finds_the_same(tmp_path: Path, scene: str, fi
     unknown = {"indent_s": np.nan, "hold_s": np.nan, "retract_s": np.nan}
     bare = replace(recording, stations=tuple(replace(s, **unknown) for s in recording.stations))
     assert detect(bare).finding == detect(recording).finding == finding
+
+
+def bare(rate_hz: float, seed: int = 0) -> Station:
+    """Half a second of air, a ramp of 1 s, a hold of 0.825 s with a beat that begins with it, and a
+    lift: a press as another program records it, without a word of when it was held."""
+    t = np.arange(0, 2.6, 1e-3)
+    depth = np.interp(t, [0.5, 1.5, 2.325, 2.5], [0, 1, 1, 0])
+    pulse = 450.0 * brachial(np.maximum(t - 1.5, 0.0) / 0.825) * (depth > 0)
+    signal = 8800.0 * depth**1.2 + pulse * depth
+    each = round(1000 / rate_hz)
+    kept = len(t) // each * each
+    t, signal = (v[:kept].reshape(-1, each).mean(axis=1) for v in (t, signal))
+    signal = signal + 5.0 * np.random.default_rng(seed).standard_normal(len(t))
+    return Station(
+        0, np.nan, np.nan, t, signal[:, None], np.zeros((len(t), 1), dtype=bool),
+        np.nan, np.nan, np.nan, np.full(len(t), np.nan),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("rate_hz", [100.0, 500.0])
+def test_a_beat_does_not_hide_where_a_ramp_ends(rate_hz: float) -> None:
+    """A hold of 0.825 s was recognised 0.15 s late, and its pulse was taken for two thirds."""
+    begins_s, ends_s = limits(bare(rate_hz))
+    assert 1.49 < begins_s < 1.58
+    assert 2.25 < ends_s < 2.33
+
+
+@pytest.mark.parametrize("value", [0.0, -999.0, 8400.0, 32767.0])
+def test_one_reading_far_off_moves_nothing_and_is_noted(value: float) -> None:
+    """One zero of 20,937 readings made a second artery: the hold ended with it."""
+    clean = bare(500.0)
+    signal = clean.signal_pa.copy()
+    signal[900] = value
+    (said,), (as_clean,) = (
+        detect(Recording((one,), ("force",), (), 1e-4)).stations
+        for one in (replace(clean, signal_pa=signal), clean)
+    )
+    assert said.pulse_pa == pytest.approx(as_clean.pulse_pa, abs=as_clean.pulse_sd_pa)
+    assert "1 reading of its hold, far off" in said.note
+    assert not as_clean.note
+
+
+def test_ten_readings_a_second_state_no_rate() -> None:
+    """It said 39 to 41 beats a minute where 72 is true."""
+    found = detect(Recording((bare(10.0),), ("force",), (), 1e-4))
+    assert found.finding == "undecided"
+    assert found.heart_rate_bpm is None
