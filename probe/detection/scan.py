@@ -29,7 +29,7 @@ from probe.detection.map.row_shapes import MIN_WITH_EDGES, with_edges
 from probe.detection.map.straight_line import or_lines
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.estimate import Pulse
-from probe.detection.pulse.least_pulse import least_pulse_pa
+from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.presses import Press, presses_of
 from probe.detection.repeats import distinct_m, pitch_m
@@ -245,8 +245,7 @@ def _shown_pa(presses: tuple[Press, ...], false_alarm: float) -> Array:
 
     ``false_alarm`` is the chance of a false pulse in all of them.
     """
-    judged = sum(p.pulse is not None for p in presses)
-    each = false_alarm / max(judged, 1) / (2 if judged > 1 else 1)  # half is for neighbours
+    each = chance_each(false_alarm, sum(p.pulse is not None for p in presses))
 
     def shown(pulse: Pulse | None) -> float:
         if pulse is None:

@@ -15,6 +15,12 @@ DEGREES = 2
 """Of a pulse of the known shape: size and phase."""
 
 
+def chance_each(false_alarm: float, presses: int) -> float:
+    """Of the chance of a false pulse in a scan, that of each of its presses by itself; with more
+    than one, half is for neighbours together."""
+    return false_alarm / max(presses, 1) / (2 if presses > 1 else 1)
+
+
 def least_pulse_pa(search: Search, chance: float) -> float:
     """Size of a pulse, trough to crest, that most such holds would show [Pa].
 

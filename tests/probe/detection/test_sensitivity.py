@@ -4,36 +4,42 @@ import re
 
 import numpy as np
 import pytest
+from known_presses import recording, station
 
-from probe.detection.sensitivity import bound_n, in_words, visibility
-
-
-@pytest.mark.parametrize(
-    ("noise_n", "rate_hz", "known_phase_n"),
-    [(0.1, 100, 0.156), (0.2, 500, 0.139), (3.1e-3, 1000, 1.5e-3)],
-)
-def test_a_short_hold_needs_more_than_a_known_phase_would(
-    noise_n: float, rate_hz: float, known_phase_n: float
-) -> None:
-    """Of known phase, with nothing else to fit, those sensors show so much in 0.825 s."""
-    smallest = 5 * bound_n(noise_n, rate_hz, 0.825, 1.2)
-    assert known_phase_n < smallest < 3 * known_phase_n
+from probe.detection import detect
+from probe.detection.sensitivity import in_words, smallest_n, visibility
 
 
-def test_the_bound_is_reached_by_least_squares() -> None:
-    rng = np.random.default_rng(1)
-    t = np.arange(500) / 500
-    columns = np.column_stack([np.ones(500), t, np.cos(2 * np.pi * 1.2 * t),
-                               np.sin(2 * np.pi * 1.2 * t)])  # fmt: skip
-    noise = 0.01 * rng.standard_normal((500, 4000))
-    found = np.linalg.lstsq(columns, noise, rcond=None)[0][2:]
-    rms = 2 * np.sqrt(np.mean(found**2))
-    assert bound_n(0.01, 500, 1.0, 1.2) == pytest.approx(rms, rel=0.03)
+def pulse_shows(pulse_pa: float, noise_pa: float, hold_s: float, seed: int) -> bool:
+    """Whether something is found in one press with a pulse of some rate and phase."""
+    rng = np.random.default_rng(seed)
+    beat_hz = float(rng.choice([0.9, 1.1, 1.2, 1.4]))
+    press = station(rng, pulse_pa=pulse_pa, noise_pa=noise_pa, hold_s=hold_s, sample_hz=100.0,
+                    rate_hz=beat_hz, relaxing=0.0)  # fmt: skip
+    return bool(detect(recording([press])).objects)
 
 
-def test_it_falls_with_the_root_of_time_and_samples() -> None:
-    assert bound_n(1, 100, 40, 1.2) == pytest.approx(bound_n(1, 100, 10, 1.2) / 2, rel=0.05)
-    assert bound_n(1, 400, 10, 1.2) == pytest.approx(bound_n(1, 100, 10, 1.2) / 2, rel=0.02)
+@pytest.mark.parametrize("hold_s", [1.7, 2.5])
+def test_what_a_plan_says_to_show_nine_of_ten_presses_show(hold_s: float) -> None:
+    """A bound that detection does not reach said "yes" where 4 of 24 scans found something."""
+    noise_pa, face_m2 = 200.0, 1e-4
+    least_pa = smallest_n(noise_pa * face_m2, 100.0, hold_s) / face_m2
+    assert sum(pulse_shows(least_pa, noise_pa, hold_s, seed) for seed in range(20)) >= 16
+    assert sum(pulse_shows(0.4 * least_pa, noise_pa, hold_s, seed) for seed in range(10)) <= 5
+
+
+def test_it_is_what_detection_says_after_the_scan() -> None:
+    press = station(np.random.default_rng(4), noise_pa=200.0, hold_s=2.5, sample_hz=100.0,
+                    relaxing=0.0)  # fmt: skip
+    said_pa = detect(recording([press])).needed_pa
+    assert smallest_n(0.02, 100.0, 2.5) / 1e-4 == pytest.approx(said_pa, rel=0.25)
+
+
+def test_more_presses_need_a_larger_pulse_and_more_samples_a_smaller_one() -> None:
+    one = smallest_n(0.02, 100.0, 2.5)
+    assert one < smallest_n(0.02, 100.0, 2.5, 15) < 1.5 * one
+    assert smallest_n(0.02, 400.0, 2.5) == pytest.approx(one / 2, rel=0.1)
+    assert smallest_n(0.02, 100.0, 40.0) == pytest.approx(smallest_n(0.02, 100.0, 10.0) / 2)
 
 
 def test_a_tisa_pulse_under_an_ft300_is_not_visible() -> None:
