@@ -66,7 +66,7 @@ def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN_A RUN_B", help="Two run files.")],
     json: Json = False,
 ) -> None:
-    """Say which of two runs has the diseased artery: the stiffer one with the weaker pulse."""
+    """Say what two runs of one place have in common: a stenosed artery, a lump that changed."""
     if len(runs) != 2:
         names = ", ".join(map(str, runs))
         raise typer.BadParameter(f"compare takes two runs, got {len(runs)}: {names}; name two")

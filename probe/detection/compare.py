@@ -1,25 +1,69 @@
-"""Two scans beside each other: which one shows disease."""
+"""Two scans beside each other: what lies in both, and what changed.
 
-from math import isfinite, log, nan
+`probe.detection.detect` says what each scan shows. Objects are matched by place. Forces depend on
+the tissue and are not compared: a vessel is judged in its own scan, by contrast and pulse over
+force, and a lump by its contrast.
+"""
+
+from dataclasses import dataclass
+from math import exp, hypot, isfinite, isnan, nan
 from os import PathLike
 
-from scipy.special import ndtr
+import numpy as np
 
-from probe.core.false_alarm import DEFAULT_FALSE_ALARM
+from drivers.core.arrays import Array
+from probe.core.finding_words import NORMAL_95, percent
 from probe.core.recording import Recording
-from probe.detection.finding import Comparison, Diseased, stated
-from probe.detection.pulse.presses import Press, presses_of
+from probe.detection.classify.classifier import MIN_POSTERIOR
+from probe.detection.finding import (
+    Comparison,
+    Diseased,
+    Finding,
+    ObjectFinding,
+    ObjectPair,
+    stated,
+)
+from probe.detection.map.bumps import MIN_DISTANCE
+from probe.detection.repeats import pitch_m
+from probe.detection.scan import detect
 from probe.storage.run import recording_of
 
-MIN_POSTERIOR = 0.95
+VESSELS = ("artery", "stenotic artery")
+SAME_PRESS = 0.05
+"""Difference of depth or face, over the mean, up to which contrasts of two scans compare."""
+
+
+@dataclass(frozen=True)
+class _Scan:
+    recording: Recording
+    finding: Finding
+
+    @property
+    def pitch_m(self) -> float:
+        return pitch_m(np.array([one.x_m for one in self.finding.stations]))
+
+    def station_at(self, one: ObjectFinding) -> tuple[float, float]:
+        """Level and pulse [Pa] of the station nearest to an object."""
+        judged = [s for s in self.finding.stations if isfinite(s.baseline_pa)]
+        if isnan(one.position_m) and len(judged) > 1:
+            judged = [max(judged, key=lambda s: s.pulse_pa)]
+        near = min(judged, key=lambda s: abs(s.x_m - one.position_m) if len(judged) > 1 else 0.0)
+        return near.baseline_pa, near.pulse_pa if isnan(near.pulse_below_pa) else nan
+
+    @property
+    def press(self) -> Array:
+        """Depth [m] of the usual press and face [m2]."""
+        deep_m = [one.hold_depth_m for one in self.recording.stations]
+        return np.array([np.nanmedian(deep_m) if np.isfinite(deep_m).any() else nan,
+                         self.recording.face_m2])  # fmt: skip
 
 
 def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[str]) -> Comparison:
-    """Which of two scans shows the diseased artery: the stiffer one with the weaker pulse.
+    """What two scans of one place have in common, and what changed from ``a`` to ``b``.
 
-    ``a`` and ``b`` are recordings, runs or run files. Each scan is represented by the station of
-    its largest pulse. ``neither`` when stiffness and pulse are equal within their doubt,
-    ``undecided`` when they contradict each other or no pulse is seen at all.
+    ``a`` and ``b`` are recordings, runs or run files. ``diseased`` names the scan in which a vessel
+    is stenosed that is not in the other; ``neither`` if no vessel is, or none more than the other;
+    ``undecided`` if there is nothing to compare, or the scans do not say.
 
     Parameters
     ----------
@@ -43,69 +87,161 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
     >>> import palpate
     >>> recording = palpate.open_run("TIHA.run").recording()
     >>> palpate.compare(recording, recording).reason  # of one scan with itself
-    'stiffness and pulse are equal within what the two scans can tell'
+    'both show an artery, and neither is stenosed'
     """
-    presses = [presses_of(recording_of(scan), DEFAULT_FALSE_ALARM / 2) for scan in (a, b)]
-    one, other = (_clearest(some) for some in presses)
-    if one is None or other is None:
-        which = "A" if one is None else "B"
-        return _unknown(f"scan {which} has no press that can be judged")
-    for which, press in (("A", one), ("B", other)):
-        if press.level_pa <= 0:
+    scans = [_Scan(one, detect(one)) for one in map(recording_of, (a, b))]
+    for which, scan in zip("AB", scans, strict=True):
+        if any(s.baseline_pa <= 0 for s in scan.finding.stations):
             return _unknown(
                 f"scan {which} reads no force above zero where it presses, so that stiffness does "
                 "not compare: turn its sign, or take the zero in the air"
             )
-    if not any(press.pulsing for some in presses for press in some):
-        return _unknown("neither scan has a pulse: hold for more beats, or press deeper")
-    stiffer = _above(one.level_pa, one.level_sd_pa, other.level_pa, other.level_sd_pa)
-    weaker = _above(other.size_pa, _size_sd(other), one.size_pa, _size_sd(one))
-    diseased, confidence, reason = _judge(stiffer, weaker)
-    ratios = _ratio(one.level_pa, other.level_pa), _ratio(one.size_pa, other.size_pa)
-    return Comparison(diseased, *ratios, stated(confidence), reason)
+    pairs = _pairs(*scans)
+    if not any(pair.a and pair.b for pair in pairs):
+        return _unknown("; ".join(map(_nothing, "AB", scans)) + ": nothing to compare", pairs)
+    judged = [(_judged(pair, scans), pair) for pair in pairs if pair.a and pair.b]
+    order = [("A", "B"), ("undecided",), ("neither",)]  # what a person would act on comes first
+    (diseased, confidence, _), main = next(
+        one for names in order for one in judged if one[0][0] in names
+    )
+    reasons = [said[2] for said, _ in judged] + [_only_one(p) for p in pairs if not (p.a and p.b)]
+    ratios = _ratios(main, scans) if diseased != "undecided" else (nan, nan)
+    return Comparison(diseased, *ratios, stated(confidence), "; ".join(reasons), tuple(pairs))
 
 
-def _ratio(x: float, y: float) -> float:
-    """NaN where either is no size: a level in the noise about 0 has no ratio."""
-    return x / y if min(x, y) > 0 else nan
+def _unknown(reason: str, pairs: list[ObjectPair] | None = None) -> Comparison:
+    return Comparison("undecided", nan, nan, 0.0, reason, tuple(pairs or ()))
 
 
-def _unknown(reason: str) -> Comparison:
-    return Comparison("undecided", nan, nan, 0.0, reason)
+def _pairs(a: _Scan, b: _Scan) -> list[ObjectPair]:
+    """Objects of both scans, the nearest ones first, as far as they may be one; then single ones.
+
+    One vessel in each scan is a pair wherever it lies: two arms do not lie alike.
+    """
+    rest_a, rest_b = list(a.finding.objects), list(b.finding.objects)
+    pitches = [p for p in (a.pitch_m, b.pitch_m) if isfinite(p)]
+    reach_m = MIN_DISTANCE * max(pitches, default=0.0)
+    distances = sorted(
+        ((_apart_m(x, y), i, j) for i, x in enumerate(rest_a) for j, y in enumerate(rest_b)),
+    )
+    matched: list[tuple[ObjectFinding, ObjectFinding]] = []
+    for apart_m, i, j in distances:
+        x, y = a.finding.objects[i], b.finding.objects[j]
+        if x in rest_a and y in rest_b and apart_m <= reach_m + hypot(_reach_m(x), _reach_m(y)):
+            matched.append((x, y))
+            rest_a.remove(x)
+            rest_b.remove(y)
+    vessels = [[one for one in rest if one.kind in VESSELS] for rest in (rest_a, rest_b)]
+    if not matched and len(vessels[0]) == len(vessels[1]) == 1:
+        matched = [(vessels[0][0], vessels[1][0])]
+        rest_a.remove(vessels[0][0])
+        rest_b.remove(vessels[1][0])
+    return [
+        *(ObjectPair(x, y, _changes(x, y)) for x, y in matched),
+        *(ObjectPair(x, None) for x in rest_a),
+        *(ObjectPair(None, y) for y in rest_b),
+    ]
 
 
-def _judge(stiffer: float, weaker: float) -> tuple[Diseased, float, str]:
-    """From the probabilities that A is stiffer, and that A's pulse is weaker."""
-    if min(stiffer, weaker) >= MIN_POSTERIOR:
-        return "A", stiffer * weaker, "A is stiffer and its pulse is weaker"
-    if max(stiffer, weaker) <= 1 - MIN_POSTERIOR:
-        return "B", (1 - stiffer) * (1 - weaker), "B is stiffer and its pulse is weaker"
-    certain = [p for p in (stiffer, weaker) if not 1 - MIN_POSTERIOR < p < MIN_POSTERIOR]
-    if not certain:
-        even = 1 - abs(stiffer - 0.5) - abs(weaker - 0.5)
-        return "neither", even, "stiffness and pulse are equal within what the two scans can tell"
-    if len(certain) == 2:
-        return "undecided", 0.5, "the stiffer one has the stronger pulse: not what stenosis does"
-    which = "pulse" if 1 - MIN_POSTERIOR < weaker < MIN_POSTERIOR else "stiffness"
-    reason = f"only one of the two differs, the {which} is equal within its doubt: hold longer"
-    return "undecided", max(certain[0], 1 - certain[0]), reason
+def _apart_m(x: ObjectFinding, y: ObjectFinding) -> float:
+    """How far two objects lie apart; 0 where a place is unknown."""
+    if isnan(x.position_m) or isnan(y.position_m):
+        return 0.0
+    if len(x.course) == len(y.course) == 1:
+        return float(np.hypot(*(np.array(x.course[0]) - y.course[0])))
+    return abs(x.position_m - y.position_m)
 
 
-def _above(x: float, x_sd: float, y: float, y_sd: float) -> float:
-    """Probability that x is above y, by the logarithm of their ratio; even where one is no size."""
-    if min(x, y) <= 0:
-        return 0.5
-    spread = ((x_sd / x) ** 2 + (y_sd / y) ** 2) ** 0.5
-    return float(ndtr(log(x / y) / max(spread, 1e-12)))
+def _reach_m(one: ObjectFinding) -> float:
+    low_m, high_m = one.position_ci_m
+    return (high_m - low_m) / 2 if isfinite(high_m - low_m) else 0.0
 
 
-def _clearest(presses: tuple[Press, ...]) -> Press | None:
-    """The press of the largest pulse, or where none is seen, of the largest stress."""
-    judged = [p for p in presses if p.pulse and isfinite(p.level_pa)]
-    if any(p.pulsing for p in judged):
-        return max(judged, key=lambda p: p.size_pa)
-    return max(judged, key=lambda p: p.level_pa, default=None)
+def _changes(a: ObjectFinding, b: ObjectFinding) -> dict[str, tuple[float, float, float]]:
+    """Of contrast and pulse over force where both are known: B over A less 1, and its interval."""
+    both = {"contrast": (a.contrast, b.contrast), "pulse_share": (a.pulse_share, b.pulse_share)}
+    found = {}
+    for name, (one, other) in both.items():
+        if one and other and min(one[0] / max(one[1], 1e-12), other[0] / max(other[1], 1e-12)) > 0:
+            ratio = other[0] / one[0]
+            reach = NORMAL_95 * hypot(one[1] / one[0], other[1] / other[0])
+            found[name] = (ratio - 1, ratio * exp(-reach) - 1, ratio * exp(reach) - 1)
+    return found
 
 
-def _size_sd(press: Press) -> float:
-    return press.pulse.size_sd_pa if press.pulse else nan
+def _judged(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]:
+    a, b = pair.a, pair.b
+    assert a is not None and b is not None
+    kinds = {a.kind, b.kind}
+    still = all(one.chances.get("artery", 1.0) <= 1 - MIN_POSTERIOR for one in (a, b))
+    if "tumour" in kinds and kinds <= {"tumour", "undecided"} and still:
+        return _lumps(pair, scans)
+    if min(_vessel(a), _vessel(b)) < MIN_POSTERIOR:
+        return "undecided", 0.0, f"A shows {_what(a)}, B {_what(b)}: nothing to compare"
+    sick_a, sick_b = (one.chances["stenotic artery"] / _vessel(one) for one in (a, b))
+    only: dict[Diseased, float] = {
+        "A": sick_a * (1 - sick_b), "B": (1 - sick_a) * sick_b
+    }  # fmt: skip
+    chances = only | {"neither": 1 - only["A"] - only["B"]}
+    best = max(chances, key=lambda name: chances[name])
+    if chances[best] < MIN_POSTERIOR:
+        said = ", ".join(f"{name} {percent(stated(p))}" for name, p in chances.items())
+        return "undecided", chances[best], f"whether only one vessel is stenosed is open: {said}"
+    if best != "neither":
+        other = "B" if best == "A" else "A"
+        return best, chances[best], f"{best}'s vessel is stenosed, {other}'s is not"
+    both = "both are stenosed" if sick_a > 0.5 else "neither is stenosed"
+    return best, chances[best], f"both show an artery, and {both}"
+
+
+def _vessel(one: ObjectFinding) -> float:
+    """Probability that an object is a vessel."""
+    return sum(one.chances.get(kind, 0.0) for kind in VESSELS)
+
+
+def _lumps(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]:
+    a, b = pair.a, pair.b
+    assert a is not None and b is not None
+    sure = a.confidence * b.confidence
+    depth, face = (2 * abs(x - y) / (x + y) for x, y in zip(*(s.press for s in scans), strict=True))
+    where = f"the lump at x = {1e3 * a.position_m:.1f} mm" if isfinite(a.position_m) else "the lump"
+    if max(depth, face) > SAME_PRESS:
+        return "neither", sure, (
+            f"{where} is in both, but they were pressed to other depths or with other faces: press "
+            "both alike to see whether it grew"
+        )  # fmt: skip
+    if "contrast" not in pair.change:
+        return "neither", sure, f"{where} is in both; no contrast is known that could be compared"
+    value, low, high = (100 * part for part in pair.change["contrast"])
+    interval = f"{value:+.0f} % (95 %: {low:+.0f} to {high:+.0f})"
+    if low > 0:
+        return "neither", sure, f"{where} is larger or harder in B: contrast {interval}"
+    if high < 0:
+        return "neither", sure, f"{where} is smaller or softer in B: contrast {interval}"
+    return "neither", sure, f"{where} is no different: contrast {interval}"
+
+
+def _what(one: ObjectFinding) -> str:
+    if one.kind == "undecided":
+        return "something undecided"
+    return f"{'an' if one.kind == 'artery' else 'a'} {one.kind}"
+
+
+def _only_one(pair: ObjectPair) -> str:
+    one = pair.a or pair.b
+    assert one is not None
+    which, other = ("A", "B") if pair.a else ("B", "A")
+    where = f" at x = {1e3 * one.position_m:.1f} mm" if isfinite(one.position_m) else ""
+    return f"only {which} shows {_what(one)}{where}, {other} nothing there"
+
+
+def _nothing(which: str, scan: _Scan) -> str:
+    return f"{which}: {scan.finding.finding}"
+
+
+def _ratios(pair: ObjectPair, scans: list[_Scan]) -> tuple[float, float]:
+    """Force and pulse at the objects' stations, A over B; NaN where either is not above zero."""
+    assert pair.a is not None and pair.b is not None
+    above, below = scans[0].station_at(pair.a), scans[1].station_at(pair.b)
+    level, pulse = (x / y if min(x, y) > 0 else nan for x, y in zip(above, below, strict=True))
+    return level, pulse

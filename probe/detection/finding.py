@@ -1,6 +1,7 @@
 """The result of detection: the finding of a scan, and of two scans compared."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import isfinite, nan
 from typing import Any, Literal
 
@@ -74,6 +75,9 @@ class ObjectFinding:
     likeliest kind, or that what moves is a pulse. ``course`` has a point (x, y) per row
     of a grid where the object was seen, ``stenosed_m`` the rows (y) between which it is diseased.
     ``diseased`` is the probability of a stenosis if it is known elsewhere that this is a vessel.
+    ``chances`` are the posterior probabilities of the kinds, empty where unknown. ``contrast`` is
+    ``peak_pa`` over the level of the surroundings and ``pulse_share`` the pulse over the level at
+    the object, each (value, standard deviation) and None where unknown.
 
     Examples
     --------
@@ -95,6 +99,9 @@ class ObjectFinding:
     course: tuple[tuple[float, float], ...] = ()
     stenosed_m: tuple[float, float] | None = None
     diseased: float = nan
+    chances: Mapping[str, float] = field(default_factory=dict)
+    contrast: tuple[float, float] | None = None
+    pulse_share: tuple[float, float] | None = None
 
     @property
     def position_mm(self) -> float:
@@ -187,8 +194,30 @@ class Finding:
 
 
 @dataclass(frozen=True)
+class ObjectPair:
+    """What lies at one place in scan A and in scan B; None where one of them shows nothing there.
+
+    ``change`` is, by the name of a quantity, (B over A less 1, low, high): its 95 % interval.
+    """
+
+    a: ObjectFinding | None
+    b: ObjectFinding | None
+    change: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON-able; each field is a pair, A first, None where that scan shows nothing."""
+        both = (self.a, self.b)
+        return {
+            "kind": [one and one.kind for one in both],
+            "position_mm": [one and _mm(one.position_m) for one in both],
+            "change": {name: value for name, (value, _, _) in self.change.items()},
+            "change_ci": {name: [low, high] for name, (_, low, high) in self.change.items()},
+        }
+
+
+@dataclass(frozen=True)
 class Comparison:
-    """Which of two scans shows disease; ratios are A over B.
+    """Which of two scans shows a diseased artery, and what changed; ratios are A over B.
 
     Examples
     --------
@@ -204,6 +233,7 @@ class Comparison:
     pulse_ratio: float
     confidence: float
     reason: str
+    objects: tuple[ObjectPair, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """JSON-able; None where a number is unknown."""
@@ -213,6 +243,7 @@ class Comparison:
             "pulse_ratio": _known(self.pulse_ratio),
             "confidence": _known(self.confidence),
             "reason": self.reason,
+            "objects": [pair.as_json() for pair in self.objects],
         }
 
 

@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 from drivers.core.arrays import Array
 from probe.core.finding_words import NORMAL_95, percent, plain
 from probe.detection.classify.classifier import MIN_POSTERIOR, PULSE_BLUR, PULSE_FLOOR
-from probe.detection.classify.single_press import WORLDS, apparent_modulus_pa, vessels
+from probe.detection.classify.single_press import VESSELS, WORLDS, apparent_modulus_pa, vessels
 from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS
 from probe.detection.map.row_shapes import shape
@@ -52,8 +52,9 @@ def lone_vessel(presses: tuple[Press, ...], rows: list[list[int]]) -> ObjectFind
     level = np.array([max(p.level_pa, 0.0) for p in met])
     above = met[int(np.argmax(level))]
     assert above.pulse is not None
-    share = shares(above.size_pa / above.level_pa, above.pulse.size_sd_pa / above.level_pa)
-    best = max(share, key=lambda k: share[k])
+    pulse = above.size_pa / above.level_pa, above.pulse.size_sd_pa / above.level_pa
+    share = shares(*pulse)
+    best = max(VESSELS, key=lambda kind: share[kind])
     place = float(np.average(x_m, weights=level)) if level.sum() > 0 else above.station.x_m
     ends = beside(place, [presses[i] for i in row])
     chance = share[best] * _pulse(above)
@@ -62,23 +63,25 @@ def lone_vessel(presses: tuple[Press, ...], rows: list[list[int]]) -> ObjectFind
         return ObjectFinding(
             "undecided", place, ends, above.level_pa, above.size_pa,
             stated(chance), f"a vessel out of tissue, between {chances}: hold for more beats",
+            chances=share, pulse_share=pulse,
         )  # fmt: skip
     return ObjectFinding(
         best, place, ends, above.level_pa, above.size_pa, stated(chance),
         "it pulses and nothing lies beside it: a vessel out of tissue, judged by its pulse over "
         f"its force ({100 * above.size_pa / above.level_pa:.2g} %)",
+        chances=share, pulse_share=pulse,
     )  # fmt: skip
 
 
 def shares(
     pulse: float, pulse_sd: float, modulus_pa: float = float("nan"),
     worlds: Sequence[str] = ("alone",),
-) -> dict[Kind, float]:  # fmt: skip
+) -> dict[str, float]:  # fmt: skip
     """Posterior probability of each kind of vessel in any of ``worlds``, all alike beforehand,
     given its pulse over its force and, where it is known, the apparent modulus under the finger."""
     size = max(pulse, PULSE_FLOOR)
     blur = float(np.hypot(PULSE_BLUR, min(pulse_sd / size, 2.0)))
-    score: dict[Kind, float] = {}
+    score: dict[str, float] = {}
     for kind in _solved()[worlds[0]]:
         each = []
         for world in worlds:
@@ -110,7 +113,7 @@ def pulsing_place(
     x_m = strongest.station.x_m
     around = [beside(p.station.x_m, presses) for p in pulsing if _as_strong(p, strongest)]
     ends = min(low for low, _ in around), max(high for _, high in around)
-    kind, sure, reason = _vessel(strongest, face_m2)
+    kind, sure, reason, chances = _vessel(strongest, face_m2)
     every, aside_m = [p.station.x_m for p in presses], 1e-3 * ASIDE_MM[-1]
     if not unfinished and np.ptp(every) > 0 and x_m in (min(every), max(every)):
         low, high = ends
@@ -127,7 +130,17 @@ def pulsing_place(
             ": what pulses lies here or beyond the last station so far" if last_m in ends else ""
         )
         kind, reason = "undecided", f"the row is not finished{where}; {reason}"
-    return [ObjectFinding(kind, x_m, ends, float("nan"), strongest.size_pa, stated(sure), reason)]
+    return [ObjectFinding(
+        kind, x_m, ends, float("nan"), strongest.size_pa, stated(sure), reason, chances=chances,
+        pulse_share=_pulse_share(strongest),
+    )]  # fmt: skip
+
+
+def _pulse_share(press: Press) -> tuple[float, float] | None:
+    """Pulse over force, with its standard deviation; None without a force above zero."""
+    if press.pulse is None or press.level_pa <= 0:
+        return None
+    return press.size_pa / press.level_pa, press.pulse.size_sd_pa / press.level_pa
 
 
 def _as_strong(one: Press, strongest: Press) -> bool:
@@ -147,12 +160,14 @@ def beside(x_m: float, presses: Sequence[Press]) -> tuple[float, float]:
     return max(x_m - pitch, float(np.nanmin(every))), min(x_m + pitch, float(np.nanmax(every)))
 
 
-def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:
-    """What a press that pulses by itself is called, how likely it is so, and why."""
-    deep_m = press.station.hold_depth_m
-    known = np.isfinite(press.station.x_m) and deep_m > 0 and press.level_pa > 0
-    if not known or press.pulse is None:
-        return "artery", _pulse(press), f"it pulses; whether it is stenosed needs {MORE}"
+def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str, dict[str, float]]:
+    """What a press that pulses by itself is called, how likely it is so, why, and the chances of
+    both kinds: by the pulse alone where its stiffness is unknown."""
+    deep_m, pulse = press.station.hold_depth_m, _pulse_share(press)
+    if pulse is None or not np.isfinite(press.station.x_m) or not deep_m > 0:
+        share = shares(*pulse, worlds=WORLDS) if pulse else {}
+        reason = f"it pulses; whether it is stenosed needs {MORE}"
+        return "artery", _pulse(press), reason, share
     modulus_pa = apparent_modulus_pa(press.level_pa, face_m2, deep_m)
     softest_pa, stiffest_pa = _solved_moduli_pa()
     if not softest_pa / BEYOND < modulus_pa < stiffest_pa * BEYOND:
@@ -160,16 +175,15 @@ def _vessel(press: Press, face_m2: float) -> tuple[Kind, float, str]:
             f"it pulses on what is {plain(1e-3 * modulus_pa, 2)} kPa stiff under the finger, where "
             f"solved vessels have {1e-3 * softest_pa:.0f} to {1e-3 * stiffest_pa:.0f}: check the "
             "sensor's scale and unit, and face_mm2"
-        )  # fmt: skip
-    share = shares(
-        press.size_pa / press.level_pa, press.pulse.size_sd_pa / press.level_pa, modulus_pa, WORLDS
-    )
-    best = max(share, key=lambda kind: share[kind])
+        ), {}  # fmt: skip
+    share = shares(*pulse, modulus_pa, WORLDS)
+    best = max(VESSELS, key=lambda kind: share[kind])
     sure = share[best] * _pulse(press)
     by = f"{best} is likeliest, {percent(stated(sure))} by pulse and stiffness of one press"
     if sure < MIN_OF_ONE:
-        return "undecided", sure, f"it pulses; {by}; to decide it needs {MORE}"
-    return best, sure, f"it pulses; {by}"
+        reason = f"it pulses; {by}; to decide it needs {MORE}"
+        return "undecided", sure, reason, share
+    return best, sure, f"it pulses; {by}", share
 
 
 def _pulse(press: Press) -> float:

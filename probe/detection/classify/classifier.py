@@ -1,7 +1,8 @@
 """The kind of an object: its contrast and pulse compared with a population of solved ones."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -72,12 +73,13 @@ class Seen:
 class Judged:
     """The kind with its posterior probability; ``reason`` says why it is undecided, and what would
     decide it. ``diseased``: that it is no healthy vessel, if it is a vessel: what is stiff without
-    a pulse then is a stenosis."""
+    a pulse then is a stenosis. ``chances`` are the posterior probabilities of all kinds."""
 
     kind: Kind
     confidence: float
     reason: str
     diseased: float
+    chances: Mapping[str, float] = field(default_factory=dict)
 
 
 def judge(seen: Seen) -> Judged:
@@ -88,10 +90,10 @@ def judge(seen: Seen) -> Judged:
     diseased = stiff / max(stiff + share["artery"], 1e-300)
     for kind in KINDS:
         if kind == best and share[best] >= MIN_POSTERIOR:
-            return Judged(kind, stated(share[best]), "", diseased)
+            return Judged(kind, stated(share[best]), "", diseased, share)
     rival = max(REASONS, key=lambda k: share[k])
     if share[rival] >= MIN_REASON:
-        return Judged("undecided", stated(share[best]), REASONS[rival], diseased)
+        return Judged("undecided", stated(share[best]), REASONS[rival], diseased, share)
     chances = ", ".join(f"{k} {percent(stated(v))}" for k, v in share.items() if v >= 0.005)
     if seen.hidden is None:
         advice = "press deeper, or hold for more beats, to know the pulse and the peak better"
@@ -101,7 +103,8 @@ def judge(seen: Seen) -> Judged:
             f"a pulse of up to {100 * could:.2g} % of the force could be hidden: hold for more "
             "beats, repeat, or take a quieter sensor"
         )
-    return Judged("undecided", stated(share[best]), f"between {chances}; {advice}", diseased)
+    reason = f"between {chances}; {advice}"
+    return Judged("undecided", stated(share[best]), reason, diseased, share)
 
 
 def shares(seen: Seen) -> dict[str, float]:

@@ -198,7 +198,11 @@ def _object(
                     1.0 if moving is None else moving)  # fmt: skip
     else:
         seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still, uneven=rise)
-    return _placed(spot, level, pulse, judge(seen), levels)
+    said = judge(seen)
+    return replace(
+        _placed(spot, level, pulse, said, levels), diseased=said.diseased, chances=said.chances,
+        contrast=(contrast, contrast_sd), pulse_share=(pulse / whole, pulse_sd / whole),
+    )  # fmt: skip
 
 
 def _placed(spot: Spot, level: Spot, pulse_pa: float, said: Judged, levels: Map) -> ObjectFinding:

@@ -204,7 +204,11 @@ def _object(
     said = judge(seen)
     if said.kind != "undecided" and at in (0, len(line.x_m) - 1):
         said = replace(said, kind="undecided", reason=AT_AN_END)
-    return _finding(place, height, pulse, said, line)
+    found = _finding(place, height, pulse, said, line)
+    return replace(
+        found, chances=said.chances, contrast=(seen.contrast, seen.contrast_sd),
+        pulse_share=(pulse / whole, pulse_sd / whole),
+    )  # fmt: skip
 
 
 def _unseen(line: Line, place: Place, size_pa: Array) -> Array:

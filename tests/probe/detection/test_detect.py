@@ -8,7 +8,7 @@ import pytest
 from known_presses import recording, row, station
 
 from drivers.core.arrays import Array
-from probe.detection import compare, detect
+from probe.detection import detect
 from probe.detection.finding import Finding, ObjectFinding, StationFinding
 from probe.detection.map.row_objects import Line, objects_in
 from probe.detection.map.row_shapes import shape
@@ -189,29 +189,6 @@ def test_repeats_at_one_place_are_one_station() -> None:
     found = detect(recording(twice))
     assert found.finding == "tumour"
     assert len(found.stations) == 30
-
-
-def test_compare_names_the_stiffer_with_the_weaker_pulse() -> None:
-    rng = np.random.default_rng(10)
-    healthy = recording([station(rng, pulse_pa=300.0, relaxing=0.0)])
-    sick = recording([station(rng, level_pa=20000.0, pulse_pa=200.0, relaxing=0.0)])
-    found = compare(healthy, sick)
-    assert found.diseased == "B"
-    assert found.peak_ratio == pytest.approx(9 / 20, rel=0.05)
-    assert found.pulse_ratio == pytest.approx(3 / 2, rel=0.1)
-    assert found.confidence == 0.999, "nothing is certain"
-    assert compare(sick, healthy).diseased == "A"
-    same = recording([station(rng, pulse_pa=300.0, relaxing=0.0)])
-    assert compare(healthy, same).diseased == "neither"
-    within_doubt = recording([station(rng, level_pa=9045.0, pulse_pa=300.0, relaxing=0.0)])
-    assert compare(healthy, within_doubt).diseased == "neither"  # presses repeat to 0.5 %
-    turned = recording([station(rng, level_pa=-9000.0, pulse_pa=300.0, relaxing=0.0)])
-    for pair, which in (((healthy, turned), "B"), ((turned, healthy), "A")):
-        unknown = compare(*pair)
-        assert (unknown.diseased, unknown.confidence) == ("undecided", 0.0)
-        assert f"scan {which} reads no force above zero" in unknown.reason
-    none = recording([station(rng, relaxing=0.0)])
-    assert compare(none, none).diseased == "undecided"
 
 
 @pytest.mark.parametrize("level_pa", [9000.0, -9000.0])
