@@ -10,7 +10,7 @@ from sim_backend.arrays import Array
 from sim_backend.fem.contact.finger_gaps import finger_over
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.elements import as_element
-from sim_backend.fem.finite_strain import Solved
+from sim_backend.fem.finite_strain import Solved, bonded_way_m
 from sim_backend.fem.mesh import block_mesh
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import (
@@ -38,7 +38,8 @@ def is_round(scene: Scene, x_mm: float) -> bool:
     centred = all(
         isinstance(one, Tumour) and one.x_mm == x_mm and not one.z_mm for one in scene.inclusion
     )
-    return scene.plane == "solid" and scene.indenter.turns and centred and len(scene.inclusion) <= 1
+    finger = scene.indenter.turns and scene.indenter.skin is None
+    return scene.plane == "solid" and finger and centred and len(scene.inclusion) <= 1
 
 
 def solve_axisymmetric(
@@ -47,12 +48,17 @@ def solve_axisymmetric(
     """The press ``depth_m`` deep into a block of ``radius_m``; its force is the whole finger's [N].
 
     With what was solved on a ``coarser`` mesh, or for another radius, the way down need not be gone
-    again. Raises `CannotSolve`.
+    again, but by a bonded finger. Raises `CannotSolve`.
     """
     section = build_axisymmetric(scene, radius_m, depth_m, grading)
-    if coarser is not None:
+    if coarser is not None and not scene.indenter.bonded:
         with suppress(NotConverged):
             return section, [continued(coarser[0], coarser[1][0], section)]
+    if scene.indenter.bonded:
+        depths = bonded_way_m(section.finger.profile, depth_m, grading.contact_m)
+        return section, [*continuation(section, unloaded(section), [Load(d, 0.0) for d in depths])][
+            -1:
+        ]
     first = min(FIRST_M, depth_m)
     steps = ceil((depth_m - first) / STEP_M - 1e-9)
     loads = [Load(first, 0.0)]
@@ -76,7 +82,8 @@ def build_axisymmetric(scene: Scene, radius_m: float, depth_m: float, grading: G
     mesh, cells = as_element(block_mesh(radius_m, height_m, rings, size), best_element(scene))
     shear, bulk = materials(moved, mesh.region)
     on_axis = np.flatnonzero(mesh.nodes[:, 0] < 1e-12)
-    fixed = np.unique(np.concatenate([2 * on_axis, 2 * mesh.bottom + 1]))
+    aside = [2 * mesh.bottom] if scene.bonded_support else []
+    fixed = np.unique(np.concatenate([2 * on_axis, 2 * mesh.bottom + 1, *aside]))
     nothing = SlidingConstraint(np.empty((1, 0), dtype=np.int64), np.empty(0), 0.0)
     return Section(
         replace(mesh, lumens=()), revolved(cells, mesh.nodes), shear, bulk, False, fixed, (),

@@ -4,12 +4,12 @@ from collections.abc import Sequence
 from contextlib import suppress
 from math import ceil
 
-from sim_backend.fem.contact.finger_gaps import Finger
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import CONTACT_SHARE, Grading, build_section
 from sim_backend.fem.newton import CannotSolve, Load, NotConverged, Solution, unloaded
 from sim_backend.fem.section import Section
+from sim_backend.scene.indenter.profile import Profile
 from sim_backend.scene.scene_file import Scene
 
 Solved = tuple[Section, list[Solution]]
@@ -60,7 +60,7 @@ def solve_finite(
             )
     if scene.indenter.bonded:
         contact_m = grading.contact_m if grading else CONTACT_SHARE * size_m
-        depths = bonded_way_m(section.finger, depth_m, contact_m)
+        depths = bonded_way_m(section.finger.profile, depth_m, contact_m)
     else:
         depths = _ramp(scene, depth_m)
     first = pressures_pa[0] if section.lumens else 0.0
@@ -79,10 +79,10 @@ def solve_finite(
     return section, solutions[-len(pressures_pa) :]
 
 
-def bonded_way_m(finger: Finger, depth_m: float, contact_m: float) -> list[float]:
+def bonded_way_m(profile: Profile, depth_m: float, contact_m: float) -> list[float]:
     """Depths on the way down of a bonded finger over elements of ``contact_m``: the contact's edge,
     which goes with the root of the depth, moves evenly."""
-    edge_m = finger.profile.arc(depth_m) - finger.profile.chord(0.0)
+    edge_m = profile.arc(depth_m) - profile.chord(0.0)
     steps = max(STEPS_PER_ELEMENT, ceil(STEPS_PER_ELEMENT * edge_m / contact_m))
     return [depth_m * ((k + 1) / steps) ** 2 for k in range(steps)]
 

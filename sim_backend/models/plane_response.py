@@ -142,7 +142,7 @@ def _down(scene: Scene, section: Section, start: Solution, loads: list[Load]) ->
         return
     deepest = loads[-1]
     contact_m = CONTACT_SHARE * element_size_m(scene)
-    way = bonded_way_m(section.finger, deepest.depth_m, contact_m)
+    way = bonded_way_m(section.finger.profile, deepest.depth_m, contact_m)
     wanted = {load.depth_m for load in loads}
     path = [Load(d, deepest.pressure_pa) for d in sorted({*wanted, *way})]
     found = continuation(section, start, path)

@@ -1,6 +1,6 @@
 """One press into a scene, as accurate as asked for."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import isfinite, nan
 from pathlib import Path
@@ -208,6 +208,7 @@ class Press:
             "force_error_estimate_pct": _rounded(self.force_error_estimate_pct),
             "pulse_error_estimate_pct": _rounded(self.pulse_error_estimate_pct),
             "pulse_n": self.pulse_n,
+            "pulse_error_n": self.pulse_error_n,
             "pulse_pa": self.pulse_pa,
             **({} if (change := self.pulse_gradient) is None else {"pulse_gradient": change}),
             "states": [
@@ -340,8 +341,7 @@ def press(
     left_out = len(scene.inclusion) - len(choice.scene.inclusion)
     name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")
     error_pct = model_pct + refined.error_pct
-    if len(pressures) > 1 and any(len(s.multiplier) > PAIRS_WITH_OPEN_LUMENS for s in solutions):
-        error_pct[1] = max(error_pct[1], SELF_CONTACT_PCT)
+    error_pct = with_closed_lumens(error_pct, solutions)
     pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
     return Press(
         scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
@@ -354,6 +354,13 @@ def scene_pressures_mmhg(scene: Scene) -> tuple[float, ...]:
     """Diastolic and systolic where there is a vessel, else 0."""
     pulse = scene.pulse
     return (pulse.diastolic_mmhg, pulse.systolic_mmhg) if scene.arteries else (0.0,)
+
+
+def with_closed_lumens(error_pct: Array, solutions: Sequence[Solution]) -> Array:
+    """The errors (force, pulse) [%], with what is stated of a pulse where a lumen's walls touch."""
+    closed = any(len(one.multiplier) > PAIRS_WITH_OPEN_LUMENS for one in solutions)
+    least_pct = SELF_CONTACT_PCT if closed and len(solutions) > 1 else 0.0
+    return np.maximum(error_pct, [0.0, least_pct])
 
 
 def _rounded(pct: float | None) -> float | None:
@@ -398,6 +405,7 @@ def _press_solid(
     (body, solutions), error_pct = refine_solid(
         *place, levels_pa, np.full(2, accuracy_pct), solving
     )
+    error_pct = with_closed_lumens(error_pct, solutions)
     pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
     states = tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True))
     if taxels:

@@ -211,8 +211,10 @@ def _need_solid(scene: Scene) -> None:
     if scene.tissue.length_mm is None:
         raise ValueError('tissue.length_mm is missing: plane = "solid" needs the block\'s length')
     scene.indenter.need_solid()
-    if scene.support != Support():
-        raise ValueError("[support] is of plane scenes: a solid rests on its bottom, frictionless")
+    if scene.support.lifts:
+        raise ValueError(
+            "support.lifts = true: in plane scenes only; a solid's bottom is held down"
+        )
     half_mm, middle_mm = scene.tissue.length_mm / 2, scene.tissue.z_mm or 0.0
     if abs(middle_mm) >= half_mm:
         raise ValueError(

@@ -46,9 +46,13 @@ class Finger:
 
 def finger_over(indenter: Indenter, x_m: float, surface_m: float) -> Finger:
     """The scene's finger just touching the undeformed surface at ``x_m``."""
+    return Finger(indenter.profile, x_m, surface_m, indenter.bonded, *skin_of(indenter))
+
+
+def skin_of(indenter: Indenter) -> tuple[float, float]:
+    """Thickness of a finger's skin [m] and how far it gives way per pressure [m/Pa]; 0 without."""
     skin = indenter.skin
-    face = (1e-3 * skin.thickness_mm, skin.m_per_pa) if skin else (0.0, 0.0)
-    return Finger(indenter.profile, x_m, surface_m, indenter.bonded, *face)
+    return (1e-3 * skin.thickness_mm, skin.m_per_pa) if skin else (0.0, 0.0)
 
 
 def finger_pairs(

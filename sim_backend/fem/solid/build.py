@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_backend.arrays import Array, Bools, Ints
+from sim_backend.fem.contact.finger_gaps import skin_of
 from sim_backend.fem.mesh import TISSUE
 from sim_backend.fem.model import (
     CHORD,
@@ -131,6 +132,7 @@ def build_body(
         solid_finger(scene.indenter, x_m, 1e-3 * scene.surface_mm),
         0.5 if span.halved else 1.0, size_m, 1e3 * tissue.modulus_kpa,
         (section.mesh.nodes, planes_of(edges)), _thrust(scene, section, placed, span),
+        scene.indenter.bonded, *skin_of(scene.indenter),
     )  # fmt: skip
     if len(body.free) > most_unknowns:
         raise CannotSolve(
@@ -331,9 +333,11 @@ def _room_mm(scene: Scene, one: Tumour) -> float:
 
 
 def _held(scene: Scene, nodes: Array, span: _Span) -> Ints:
-    """The bottom rests on its support; symmetry and fixed ends keep their places along z."""
+    """The bottom rests on its support, and may stick to it; symmetry and fixed ends keep their
+    places along z."""
     assert scene.tissue is not None
-    fixed = [3 * np.flatnonzero(nodes[:, 1] < 1e-9) + 1]
+    bottom = np.flatnonzero(nodes[:, 1] < 1e-9)
+    fixed = [3 * bottom + axis for axis in ((0, 1, 2) if scene.bonded_support else (1,))]
     levels = [span.low] if span.halved else []
     if scene.tissue.ends == "held":
         levels += [span.low, span.high]

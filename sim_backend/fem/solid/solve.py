@@ -5,6 +5,7 @@ from contextlib import suppress
 from math import ceil
 
 from sim_backend.fem.continuation import continuation, judged
+from sim_backend.fem.finite_strain import bonded_way_m
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.newton import Load, NotConverged, Solution, unloaded
 from sim_backend.fem.solid.body import SolidBody
@@ -33,20 +34,24 @@ def solve_solid(
 
     The press comes first and the pressures in turn: the answer does not depend on the order, since
     nothing slides with friction. With what was solved on a ``coarser`` mesh the way down need not
-    be gone again. Without ``judge`` no state is asked whether it is stable. Raises
-    `CannotSolve`, also for a mesh of more than ``most_unknowns``.
+    be gone again, but by a bonded finger. Without ``judge`` no state is asked whether it is stable.
+    Raises `CannotSolve`, also for a mesh of more than ``most_unknowns``.
     """
     body = build_body(scene, x_m, depth_m=depth_m, size_m=size_m, most_unknowns=most_unknowns)
     first = pressures_pa[0] if body.lumens else 0.0
     now: Solution | None = None
-    if coarser is not None:
+    if coarser is not None and not body.bonded:
         with suppress(NotConverged):
             # displacements between a coarser mesh's nodes do not keep volumes: one such start is
             # enough, and pressures are followed from there
             now = continued(coarser[0], coarser[1][0], body)
     if now is None:
-        *way, there = [Load(d, first) for d in _depths(depth_m)]
-        (now,) = continuation(body, unloaded(body), [there], way)
+        if body.bonded:  # the answer is its path's, of which nothing is only passed
+            depths = bonded_way_m(body.finger.profile, depth_m, body.contact_m)
+            *_, now = continuation(body, unloaded(body), [Load(d, first) for d in depths])
+        else:
+            *way, there = [Load(d, first) for d in _depths(depth_m)]
+            (now,) = continuation(body, unloaded(body), [there], way)
     solutions = [now]
     for pressure in pressures_pa[1:]:
         if judge:  # its factors serve the next state

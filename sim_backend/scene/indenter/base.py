@@ -3,10 +3,10 @@
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from sim_backend.scene.indenter.profile import Profile
-from sim_backend.scene.indenter.skin import Skin
+from sim_backend.scene.indenter.skin import Skin, need_thin
 from sim_backend.scene.table import Table, is_unset
 
 Tilt = Annotated[float | None, Field(ge=-45, le=45, exclude_if=is_unset)]
@@ -95,8 +95,6 @@ class Indenter(Table, ABC):
         """Raise ValueError for what a solid's finger cannot be."""
         if "solid" not in self.planes:
             raise ValueError(f"indenter.shape = {self.shape}: in plane scenes only")
-        if self.bonded or self.skin is not None:
-            raise ValueError("indenter: bonded and skin are known in plane scenes only")
 
     def mirrored(self) -> Self:
         """The finger seen from the other side along the vessels."""
@@ -105,17 +103,16 @@ class Indenter(Table, ABC):
 
 
 class RoundIndenter(Indenter):
-    """A solid's finger of revolution, as broad as wide, without a skin; nothing sticks to it."""
+    """A solid's finger of revolution, as broad as wide. ``bonded``: what it touches sticks."""
 
     planes: ClassVar[tuple[str, ...]] = ("solid",)
+    bonded: bool = False
+    skin: Skin | None = None
 
-    @property
-    def bonded(self) -> bool:
-        return False
-
-    @property
-    def skin(self) -> None:
-        return None
+    @model_validator(mode="after")
+    def _skin(self) -> Self:
+        need_thin(self.skin, "half of the width", self.width_mm_projected / 2)
+        return self
 
     @property
     def length_mm(self) -> float:
