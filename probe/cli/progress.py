@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock, Timer
+from time import monotonic
 from types import TracebackType
 from typing import TYPE_CHECKING, Self
 
@@ -16,6 +17,8 @@ if TYPE_CHECKING:  # where there is no terminal, there is no bar to import it fo
 
 PATIENCE_S = 2.0
 """Who waits longer for an answer wants to know what for."""
+LINE_EVERY_S = 10.0
+"""Between two lines of progress in a log: of an hour 360."""
 
 
 class ScanProgress:
@@ -110,9 +113,10 @@ def solving(after_s: float | None = None) -> Iterator[Callable[[str], None]]:
 
 @contextmanager
 def counting(what: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar for ``done`` of ``total`` things, with the time left; in a terminal only."""
+    """A bar for ``done`` of ``total`` things, with the time left; into a file or a pipe a plain
+    line at most every `LINE_EVERY_S`. What is over within `PATIENCE_S` writes none."""
     if not sys.stderr.isatty():  # a bar that is off ends with an empty line where rich is before 15
-        yield lambda _done, _total: None
+        yield _Lines(what)
         return
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
@@ -124,6 +128,25 @@ def counting(what: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: bar.update(task, completed=done, total=total)
     finally:
         _try(bar.stop)
+
+
+class _Lines:
+    """``3 of 12 points, about 40 s left``: what a log can keep of a bar."""
+
+    def __init__(self, what: str) -> None:
+        self._what, self._began_s, self._said_s = what, monotonic(), monotonic()
+        self._first: int | None = None  # done before: an interrupted sweep has some
+
+    def __call__(self, done: int, total: int) -> None:
+        now_s = monotonic()
+        if self._first is None:
+            self._first = done
+        wait_s = LINE_EVERY_S if self._said_s > self._began_s else PATIENCE_S
+        if now_s - self._said_s < wait_s or done == self._first:
+            return
+        self._said_s = now_s
+        left_s = (now_s - self._began_s) / (done - self._first) * (total - done)
+        inform(f"{done} of {total} {self._what}, about {left_s:.0f} s left")
 
 
 def _bar(*columns: "ProgressColumn") -> "Progress":

@@ -1,10 +1,12 @@
 """One command over several runs: one that cannot be read stops no other."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 from probe.cli.errors import BAD_INPUT, status_of
+from probe.cli.progress import counting
 from probe.cli.say import inform
 
 Work = Callable[[Path], Mapping[str, Any]]
@@ -15,14 +17,18 @@ def of_each(runs: Sequence[Path], work: Work) -> tuple[list[dict[str, Any]], int
     exit status. A single run's error is raised, and so is any error that lies with no run."""
     found: list[dict[str, Any]] = []
     worst = 0
-    for run in runs:
-        try:
-            found.append(dict(work(run)))
-        except Exception as error:
-            status, text = status_of(error)
-            if len(runs) == 1 or status != BAD_INPUT:
-                raise
-            worst = status
-            inform(text)
-            found.append({"run": run, "error": text})
+    several = counting("runs") if len(runs) > 1 else nullcontext(lambda _done, _total: None)
+    with several as progress:
+        for run in runs:
+            progress(len(found), len(runs))
+            try:
+                found.append(dict(work(run)))
+            except Exception as error:
+                status, text = status_of(error)
+                if len(runs) == 1 or status != BAD_INPUT:
+                    raise
+                worst = status
+                inform(text)
+                found.append({"run": run, "error": text})
+        progress(len(found), len(runs))
     return found, worst

@@ -61,6 +61,7 @@ def page(
             f"<p class='bad' role='note'>This run was {escape(finding['finish'])}: it shows only "
             "the stations that were complete.</p>"
         )
+    parts.append(_about(config))
     parts.append(f"<p class='finding'>Finding: {escape(headline(finding))}</p>")
     parts += [
         f"<p>{escape(line)}</p>"
@@ -96,6 +97,29 @@ def _picture(picture: Picture) -> str:
     caption = escape(picture.caption)
     drawing = svg(picture.figure).replace("<svg ", f"<svg role='img' aria-label='{caption}' ", 1)
     return f"<figure>{drawing}<figcaption>{caption}</figcaption></figure>"
+
+
+def _about(config: Mapping[str, Any]) -> str:
+    """Who scanned what, how, and with which devices: what a reader wants to know first."""
+    labels, plan, rig = (config.get(key) or {} for key in ("labels", "plan", "rig"))
+    devices = [
+        (rig.get("stage") or {}).get("driver"),
+        *(s["driver"] for s in rig.get("sensor", ())),
+    ]
+    stated = {
+        **{str(key): str(value) for key, value in labels.items()},
+        "stations": str(len(plan["stations"])) if plan.get("stations") else "",
+        "depth": _with_unit(plan.get("indentation_mm"), "mm"),
+        "ramp": _with_unit(plan.get("ramp_s"), "s"),
+        "hold": _with_unit(plan.get("hold_s"), "s"),
+        "rig": " + ".join(str(driver) for driver in devices if driver),
+    }
+    words = (f"<b>{escape(key)}</b> {escape(text)}" for key, text in stated.items() if text)
+    return f"<p class='about'>{' &middot; '.join(words)}</p>"
+
+
+def _with_unit(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:g} {unit}"
 
 
 def _objects(objects: Sequence[Mapping[str, Any]]) -> str:

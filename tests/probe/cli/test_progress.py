@@ -7,7 +7,7 @@ import time
 import pytest
 
 from palpate import press
-from probe.cli.progress import solving
+from probe.cli.progress import counting, solving
 
 
 def test_who_waits_sees_what_is_solved(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -52,3 +52,24 @@ def test_a_long_press_says_so_on_standard_error(palpate, monkeypatch: pytest.Mon
     outcome = palpate("press", "TI", "--x", "32", "--depth", "1", "--json")
     assert outcome.json["model"]
     assert "solving" in outcome.err
+
+
+def test_a_log_has_lines_of_progress(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Only a terminal had any: an hour's sweep into a file said nothing."""
+    now_s = 0.0
+    monkeypatch.setattr("probe.cli.progress.monotonic", lambda: now_s)
+    with counting("points") as progress:
+        progress(2, 12)  # done before
+        for done in range(3, 13):
+            now_s += 4.0
+            progress(done, 12)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "3 of 12 points, about 36 s left"
+    assert 3 <= len(lines) <= 5
+    with counting("points") as progress:
+        progress(0, 2)
+        now_s += 0.5
+        progress(2, 2)
+    assert not capsys.readouterr().err

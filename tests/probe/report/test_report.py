@@ -263,6 +263,27 @@ def test_simulated_and_aborted_runs_say_so_on_the_page(tmp_path: Path) -> None:
     assert "This run was aborted" in text
 
 
+def test_the_top_says_who_scanned_what_and_how(tmp_path: Path) -> None:
+    config = started().config | {
+        "labels": {"operator": "Ann <A>", "specimen": "gel 3"},
+        "plan": {
+            "stations": [[0, 4.0, 0.0]],
+            "indentation_mm": 2.5,
+            "ramp_s": 1.0,
+            "hold_s": 0.825,
+        },
+        "rig": {"stage": {"driver": "ur"}, "sensor": [{"driver": "ft300"}]},
+    }
+    begun = replace(started(), config=config)
+    text = report(row(), begun, finding(row()), Path("a.run"), tmp_path).read_text("utf-8")
+    top = re.sub(r"<[^>]+>", "", text.split("class='about'>")[1].split("</p>")[0])
+    assert top == (
+        "operator Ann &lt;A&gt; &middot; specimen gel 3 &middot; stations 1 &middot; depth 2.5 mm "
+        "&middot; ramp 1 s &middot; hold 0.825 s &middot; rig ur + ft300"
+    )
+    assert text.index("class='about'") < text.index("Finding:")
+
+
 def test_text_from_a_run_cannot_become_markup(tmp_path: Path) -> None:
     path = report(row(), started(), finding(row()), Path("<script>x</script>"), tmp_path)
     assert "<script>" not in path.read_text()
