@@ -12,7 +12,8 @@ from paths import ROOT
 HELD = (
     "CHANGELOG.md", "CITATION.cff", "LICENSE", "README.md", "docs/index.md", "docs/generate.py",
     "rigs/ur5e.toml", "tests/palpate/test_sdist.py", "tests/support/paths.py",
-    "palpate/__init__.py", "tests/data/runs/completed.run.xz", "sim_backend/fem/kernel/kernel.h", "mkdocs.yml",
+    "palpate/__init__.py", "tests/data/runs/completed.run.xz", "mkdocs.yml",
+    "sim_backend/fem/kernel/kernel.h",
 )  # fmt: skip
 
 
