@@ -95,11 +95,9 @@ def children(of: int) -> list[int]:
     ]
 
 
-def die(scan: Scan, _robot: ur.UrController, survivors: int) -> None:
-    """The scan's process and its offspring but for the youngest ``survivors``: the last is the
-    process of the robot's client."""
-    family = children(scan.pid)
-    for process in family[: len(family) - survivors]:
+def die(scan: Scan, which: slice) -> None:
+    """Of the scan's process, the one that guards and the one of the robot's client."""
+    for process in children(scan.pid)[which]:
         with suppress(ProcessLookupError):
             os.kill(process, signal.SIGKILL)
 
@@ -121,8 +119,9 @@ def begin(fault: str, lasts_s: float = LASTS_S) -> Callable[[Scan, ur.UrControll
 
 
 FAULTS: dict[str, Callable[[Scan, ur.UrController], None]] = {
-    "scan and guard die": lambda scan, robot: die(scan, robot, 1),
-    "all dies": lambda scan, robot: die(scan, robot, 0),
+    "guard dies": lambda scan, _robot: die(scan, slice(1, 2)),
+    "scan and guard die": lambda scan, _robot: die(scan, slice(0, 2)),
+    "all dies": lambda scan, _robot: die(scan, slice(0, 3)),
     "uplink stalls for 0.15 s": begin("uplink stalls", 0.15),
     "uplink stalls for 1 s": begin("uplink stalls", 1.0),
     "stopL not obeyed": begin("ignored stops"),

@@ -24,7 +24,6 @@ MAX_SPEED_AT_REST = 1e-6  # m/s and rad/s asked of the tool: a move that has end
 SETTLES_S = 0.2  # the joints follow their targets within this long
 REACH_S = 0.3  # three questions take some of the controller's cycles each, of a CB3 8 ms each
 FULL_PACE = 0.995
-STANDS_S = 2.0  # longer than any pause of an arm that goes on; a person at the slider is faster
 
 
 class UrStage:
@@ -49,13 +48,17 @@ class UrStage:
         self._searches = self._touched = False
         self._rests_since_s: float | None = None
         self._set_off_s = 0.0
-        self._went_on_s: float | None = None
         self._lift: Lift | None = None
 
     @property
     def pace(self) -> float:
         """The share of a commanded speed that the controller allows now (its speed slider)."""
         return self._there().state().pace
+
+    def why_still(self) -> str | None:
+        """The speed slider, where it slows or holds a move. Raises `DeviceFault`."""
+        pace = self.pace
+        return None if pace >= FULL_PACE else f"its speed slider is at {100 * pace:.3g} %"
 
     def connect(self) -> None:
         """Connect for reading: nothing changes on the robot. Raises `DeviceAbsent`."""
@@ -141,7 +144,7 @@ class UrStage:
         if not link.controls:
             self.enable()
         link.state()  # a program that has ended is not started again by a move
-        self._target, self._rests_since_s, self._went_on_s = target, None, None
+        self._target, self._rests_since_s = target, None
         self._searches = self._touched = False
         acceleration_m_s2 = 1e-3 * keys.acceleration_mm_s2
         link.command(
@@ -152,7 +155,7 @@ class UrStage:
     def moving(self) -> bool:
         """True until the controller says that the move has ended and the tip rests.
 
-        Raises `MotionFault` if it rests elsewhere than commanded, or stands still on its way.
+        Raises `MotionFault` if it rests elsewhere than commanded.
         """
         link = self._there()
         state, before = link.state(), link.earlier(STILL_S)
@@ -162,7 +165,6 @@ class UrStage:
         rests = still and asked < MAX_SPEED_AT_REST
         if state.busy or not rests or state.arrival_s < self._set_off_s:
             self._rests_since_s = None
-            self._look_for_standstill(state, rests)
             return True
         if self._searches:
             self._searches = False
@@ -182,16 +184,6 @@ class UrStage:
             self._target = None
             raise MotionFault(self.name, f"came to rest {1e3 * off_m:.2f} mm from its target")
         return True
-
-    def _look_for_standstill(self, state: State, rests: bool) -> None:
-        if self._target is None or self._went_on_s is None or not rests:
-            self._went_on_s = state.arrival_s
-        elif state.arrival_s - self._went_on_s > STANDS_S:
-            self._target = self._went_on_s = None
-            raise MotionFault(
-                self.name, f"stands still in a move for {STANDS_S:g} s; its speed slider is at "
-                f"{100 * state.pace:.0f} %"
-            )  # fmt: skip
 
     def keep_alive(self) -> None:
         """Whoever checks the force has just done so; the robot stops when this is not called."""
