@@ -29,8 +29,9 @@ from sim_backend.scene.inclusion import Tumour
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.table import beyond_a_file
 
-FIRST_M, STEP_M = 0.2e-3, 0.6e-3
-"""First depth on the way down, where single nodes come into contact, and the steps from there."""
+FIRST, STEP = 0.04, 0.12
+"""First depth on the way down, where single nodes come into contact, and the steps from there, over
+the finger's half width."""
 
 
 def is_round(scene: Scene, x_mm: float) -> bool:
@@ -59,8 +60,9 @@ def solve_axisymmetric(
         return section, [*continuation(section, unloaded(section), [Load(d, 0.0) for d in depths])][
             -1:
         ]
-    first = min(FIRST_M, depth_m)
-    steps = ceil((depth_m - first) / STEP_M - 1e-9)
+    half_m = scene.indenter.profile.scale
+    first = min(FIRST * half_m, depth_m)
+    steps = ceil((depth_m - first) / (STEP * half_m) - 1e-9)
     loads = [Load(first, 0.0)]
     loads += [Load(first + (depth_m - first) * (k + 1) / steps, 0.0) for k in range(steps)]
     return section, [list(continuation(section, unloaded(section), loads))[-1]]

@@ -71,9 +71,10 @@ class Rules:
     multiplier; ``closed_m`` is the largest gap left. A residual may be ``tolerance`` times the
     contact forces and ``least_force`` and the pressure over ``pressure_area``. ``indefinite``
     negative pivots in all are borne; ``chords`` steps may take an earlier tangent; loads that
-    are only passed may miss ``on_the_way`` times as much. ``careful_iterations`` is 0 where no
-    step is ever taken with a line search; ``push_m`` is the displacement by which an unstable
-    state is then left, over `continuation.PUSHES`.
+    are only passed may miss ``on_the_way`` times as much. ``min_step`` is the shortest share of
+    the way from one load to the next. ``careful_iterations`` is 0 where no step is ever taken
+    with a line search; ``push_m`` is the displacement by which an unstable state is then left,
+    over `continuation.PUSHES`.
     """
 
     penalty: float
@@ -88,6 +89,7 @@ class Rules:
     push_m: float = 0.0
     chords: int = 0
     indefinite: float = np.inf
+    min_step: float = 1 / 256
     on_the_way: float = 1.0
     extrapolates: bool = True
     always_judged: bool = True

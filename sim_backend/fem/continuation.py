@@ -28,8 +28,8 @@ from sim_backend.fem.newton import (
     tangent,
 )
 
-MIN_STEP, CAREFUL_STEP = 1 / 256, 1 / 8
-"""Shortest step, and the longest that is taken carefully, where a body's rules are so."""
+CAREFUL_STEP = 1 / 8
+"""The longest step that is taken carefully, where a body's rules are so."""
 GROWTH = 1.5
 """Of a step after one that did not fail."""
 MAX_FAILURES = 14
@@ -73,7 +73,7 @@ def _advance(
         except NotConverged as failure:
             step, growth = step / 2, 1.0  # twice this one has just failed
             failures += 1
-            if step < MIN_STEP or failures > MAX_FAILURES:
+            if step < body.rules.min_step or failures > MAX_FAILURES:
                 raise physical_limit(body, now, target, failure) from None
             continue
         if as_solved(body, now) is body and body.walls_cross(reached.displacement):

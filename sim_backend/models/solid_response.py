@@ -21,7 +21,7 @@ from sim_backend.fem.continuation import continuation, judged, stable_branch
 from sim_backend.fem.newton import CannotSolve, Load, Solution, Unstable, unloaded
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import build_body, half_width_m
-from sim_backend.fem.solid.solve import STEP_M
+from sim_backend.fem.solid.solve import STEP
 from sim_backend.fem.solid.stress import under_finger_pa
 from sim_backend.models.curve import from_nothing, monotone
 from sim_backend.models.kept_tables import kept_table, table_file
@@ -122,7 +122,7 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
     Raises `CannotSolve`.
     """
     rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
-    between = max(1, ceil(max_depth_m * DEPTHS[0] / STEP_M))
+    between = max(1, ceil(max_depth_m * DEPTHS[0] / (STEP * half_width_m(scene))))
     depths = np.linspace(0.0, max_depth_m, len(DEPTHS) * between + 1)[1:]
     body, bulge, down = _pressed(scene, x_m, depths, rest)
     ramp = down[between - 1 :: between]

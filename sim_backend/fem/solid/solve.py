@@ -9,14 +9,15 @@ from sim_backend.fem.finite_strain import bonded_way_m
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.newton import Load, NotConverged, Solution, unloaded
 from sim_backend.fem.solid.body import SolidBody
-from sim_backend.fem.solid.build import MOST_UNKNOWNS, build_body
+from sim_backend.fem.solid.build import MOST_UNKNOWNS, build_body, half_width_m
 from sim_backend.scene.scene_file import Scene
 
 SolvedSolid = tuple[SolidBody, list[Solution]]
 
-FIRST_M, STEP_M = 0.35e-3, 0.55e-3
+FIRST, STEP = 0.07, 0.11
 """First depth on the way down, where single nodes come into contact, and the longest step from
-there: of 0.7 mm one in three crushed elements or stayed indefinite, and was halved after all."""
+there, over the finger's smaller half width: of 0.14 one in three crushed elements or stayed
+indefinite, and was halved after all."""
 
 
 def solve_solid(
@@ -50,7 +51,7 @@ def solve_solid(
             depths = bonded_way_m(body.finger.profile, depth_m, body.contact_m)
             *_, now = continuation(body, unloaded(body), [Load(d, first) for d in depths])
         else:
-            *way, there = [Load(d, first) for d in _depths(depth_m)]
+            *way, there = [Load(d, first) for d in _depths(depth_m, half_width_m(scene))]
             (now,) = continuation(body, unloaded(body), [there], way)
     solutions = [now]
     for pressure in pressures_pa[1:]:
@@ -63,9 +64,10 @@ def solve_solid(
     return body, solutions
 
 
-def _depths(depth_m: float) -> list[float]:
+def _depths(depth_m: float, half_m: float) -> list[float]:
     """The way down."""
-    if depth_m <= 1.5 * FIRST_M:
+    first_m = FIRST * half_m
+    if depth_m <= 1.5 * first_m:
         return [depth_m]
-    steps = ceil((depth_m - FIRST_M) / STEP_M - 1e-9)
-    return [FIRST_M + (depth_m - FIRST_M) * k / steps for k in range(steps + 1)]
+    steps = ceil((depth_m - first_m) / (STEP * half_m) - 1e-9)
+    return [first_m + (depth_m - first_m) * k / steps for k in range(steps + 1)]

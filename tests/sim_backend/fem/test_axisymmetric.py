@@ -45,6 +45,23 @@ def test_hertz(poisson: float) -> None:
     assert solution.force_n_per_m == pytest.approx(hertz, rel=0.01)
 
 
+def test_the_way_down_belongs_to_the_finger() -> None:
+    """At a hundredth of the size steps of 0.2 mm and more crushed the elements."""
+
+    def force_n(times: float) -> float:
+        tissue = {"width_mm": 40.0 * times, "height_mm": 20.0 * times, "length_mm": 40.0 * times,
+                  "modulus_kpa": 50.0, "poisson": 0.49}  # fmt: skip
+        scene = Scene.model_validate(
+            {"name": "block", "plane": "solid", "tissue": tissue,
+             "indenter": {"shape": "sphere", "radius_mm": 5.0 * times}}
+        )  # fmt: skip
+        sizes = grading(0.3e-3 * times, 4e-3 * times)
+        _, (found,) = solve_axisymmetric(scene, 20e-3 * times, 2e-3 * times, sizes)
+        return found.force_n
+
+    assert force_n(0.01) == pytest.approx(1e-4 * force_n(1.0), rel=5e-3)  # on a mesh of its own
+
+
 def layer_kernel(poisson: float, bonded: bool) -> Any:
     """1 - L(u): what a rigid base at depth h takes off the half-space's answer to a wave number
     u / h (Vorovich, Aleksandrov and Babeshko 1974; bonded as in Hayes et al. 1972)."""
