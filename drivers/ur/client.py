@@ -197,7 +197,7 @@ class _Client:
     def left_alone(self) -> str:
         """Lift if it is known where to and our program runs; how that went, in words."""
         if self.control is None:
-            return "the scan has died; it had not moved the robot"
+            return "what guards the robot has died; it had not moved it"
         if self._receive.getRuntimeState() in PAUSED:  # nobody would stop an arm that goes on
             tell(self._host, END_PROGRAM)
         how = "it was not said where to lift the probe to"
@@ -207,7 +207,7 @@ class _Client:
             except Replaced:
                 self.control = None  # its end would be that of the program that came after it
                 how = "its program has ended: look at the probe"
-        return f"the scan and its guard have died; {how}"
+        return f"what guards the robot has died; {how}"
 
     def _do(self, name: str, arguments: tuple[Any, ...]) -> tuple[bool, Any]:
         control = self.control

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from paths import ROOT
 
+from drivers.ur.settings import WATCHDOG_S
 from probe.guards import levels, press_guard, retreat, safety_monitor, stuck_sensor
 from probe.planning.limits import HARDEST_N_M, Limits
 from probe.scan import lifting
@@ -71,6 +72,7 @@ def test_each_of_its_tests_is_there(name: str) -> None:
 
 
 def test_its_numbers_are_the_codes() -> None:
+    assert WATCHDOG_S == 0.35  # "within `watchdog_s`"
     assert press_guard.PERIODS == 5  # "five periods"
     assert press_guard.JUDGED_SHARE == 0.25  # "a quarter deeper"
     assert press_guard.FLAT == 0.1  # "less than a tenth"

@@ -101,7 +101,7 @@ def test_the_client_lifts_where_the_process_that_guards_dies(winkler: Respond) -
         until(lambda: not press.robot.playing)
         assert press.z_m == pytest.approx(TOP_M, abs=2e-4)
         assert before_m - press.deepest_m < BUSY_S * SPEED_M_S
-        assert "have died; the probe was lifted by" in press.last_words()
+        assert "what guards the robot has died; the probe was lifted by" in press.last_words()
 
 
 def test_a_client_that_was_not_told_where_to_lifts_nothing(winkler: Respond) -> None:
