@@ -19,7 +19,7 @@ from drivers.core.arrays import Array
 from drivers.core.timestamps import DeviceTime, FrameTime
 
 OF_FRAMES = (
-    "FRAME_DRIFT", "LATE_READS", "LATE_PERIODS", "PERIOD_SLACK", "WINDOW_FRAMES", "WINDOWS",
+    "BLOCK_READS", "LATE_PERIODS", "PERIOD_SLACK", "PERIOD_BLOCKS", "PERIOD_LAG", "OFFSET_BLOCKS",
 )  # fmt: skip
 OF_DEVICES = ("DRIFT", "STOOD_S", "MAX_LATENESS_SPREAD", "LASTING_S", "INSTANT_S")
 STALL_S = 0.06

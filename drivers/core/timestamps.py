@@ -9,9 +9,9 @@ crystals that run apart stay together.
 import math
 from collections import deque
 from statistics import median
+from typing import NamedTuple
 
 DRIFT = 5e-4  # far more than crystals differ, far less than a line's jitter
-FRAME_DRIFT = 2e-3  # while a device's period is still being learnt
 INSTANT_S = 1e-6  # times ascend by at least this; half or twice of it changes nothing
 STOOD_S = 0.01  # a smaller loss heals by `DRIFT` within 20 s
 MAX_LATENESS_SPREAD = 0.25
@@ -22,19 +22,16 @@ LASTING_S = 0.25  # at half of it too; twice of it finds the same stops
 
 # Of frames without a time of their own. What half or twice of each does to the error of the times
 # and to the count of lost frames is measured by benchmarks/time_stamps.py.
-LATE_READS = 5
-"""Late reads in a row that mean lost frames, not a busy reader: with 2 most counts are wrong, with
-10 as many as with 5."""
-LATE_PERIODS = 0.75
-"""How late they are, in periods, between jitter and one whole lost frame: with half most counts are
-wrong, with 0.9 as many as with 0.75."""
+BLOCK_READS = 32
+"""Reads in a row that must all be late before frames count as lost: one that is not, ends it."""
+LATE_PERIODS = 0.65
+"""How late they are, in periods, between jitter and one whole lost frame. Where the jitter is four
+periods, one in a thousand blocks is wrong by one."""
 PERIOD_SLACK = 0.03
 """Share by which a period may differ from the nominal one: a device's own clock may be 2 % off its
 data sheet. Half of it loses those; with twice a device that loses frames passes for a slow one."""
-WINDOW_FRAMES = 10
-"""Half or twice of it makes the times up to twice as wrong, and half as many counts again."""
-WINDOWS = 80
-"""Half or twice of it changes nothing."""
+PERIOD_BLOCKS, PERIOD_LAG = 80, 4
+OFFSET_BLOCKS = 8
 
 
 class DeviceTime:
@@ -91,59 +88,87 @@ class DeviceTime:
             self._late_s.clear()
 
 
+class _Block(NamedTuple):
+    """The earliest frame of some reads: its number among those counted on the line, when it came,
+    and how many were known by then to have vanished unseen."""
+
+    number: int
+    arrival_s: float
+    lost: int
+
+    def offset_s(self, period_s: float) -> float:
+        return self.arrival_s - (self.number + self.lost) * period_s
+
+
 class FrameTime:
     """Scan time of frames that come at a fixed rate and carry no time.
 
-    Their true period, within `PERIOD_SLACK` of the nominal one, is learnt from the arrivals. A
-    frame known to be lost is given by ``skipped``; frames that vanished unseen show as a lateness
-    that none of `LATE_READS` reads makes up for.
+    A frame arrives late by a delay that is never below some least one, so of each `BLOCK_READS`
+    reads only the earliest frame counts. The period, within `PERIOD_SLACK` of the nominal one, is
+    the median slope between such frames as they were counted on the line, never as they were
+    repaired: a loss is one steep slope among many. Frames that vanished unseen show as a whole
+    block that is later than every recent one, by `LATE_PERIODS` at least.
     """
 
     def __init__(self, period_s: float, latency_s: float = 0.0) -> None:
         self._nominal_s = self._period_s = period_s
-        self._time = DeviceTime(latency_s, FRAME_DRIFT)
         self._latency_s = latency_s
-        self._index = 0
-        self._device_s = 0.0
-        self._arrival_s = -math.inf
-        self._late: deque[float] = deque(maxlen=LATE_READS)
-        self._least_s = math.inf
-        self._earliest: deque[tuple[int, float]] = deque(maxlen=WINDOWS)
+        self._number = self._lost = self._reads = 0
+        self._offset_s = math.inf
+        self._arrival_s = self._last_s = -math.inf
+        self._earliest: tuple[float, int, float] | None = None
+        self._blocks: deque[_Block] = deque(maxlen=PERIOD_BLOCKS)
 
     def stamp(self, arrival_s: float, skipped: int = 0) -> tuple[float, int]:
-        """Scan time of the next frame, and how many frames are missing right before it.
+        """Scan time of the next frame, and how many frames are missing right before it: those
+        ``skipped``, and those that vanished unseen up to some `BLOCK_READS` reads ago.
 
         Frames that were read together have the same ``arrival_s``.
         """
         missing = skipped
         if arrival_s != self._arrival_s:
-            missing += self._unseen()
             self._arrival_s = arrival_s
-            self._late.append(math.inf)
-        self._index += 1 + missing
-        self._device_s += (1 + missing) * self._period_s
-        time_s = self._time.stamp(self._device_s, arrival_s)
-        self._late[-1] = arrival_s - self._latency_s - time_s  # of the read's freshest frame
-        self._learn(arrival_s)
-        return time_s, missing
+            if self._reads == BLOCK_READS:
+                missing += self._end_block()
+            self._reads += 1
+        self._number += 1 + skipped
+        index = self._number + self._lost
+        offset_s = arrival_s - index * self._period_s
+        self._offset_s = min(self._offset_s, offset_s)
+        if self._earliest is None or offset_s < self._earliest[0]:
+            self._earliest = offset_s, self._number, arrival_s
+        time_s = index * self._period_s + self._offset_s - self._latency_s
+        self._last_s = max(time_s, self._last_s + INSTANT_S)
+        return self._last_s, missing
 
-    def _unseen(self) -> int:
-        behind_s = min(self._late, default=0.0)
-        if len(self._late) < LATE_READS or behind_s < LATE_PERIODS * self._period_s:
-            return 0
-        self._late.clear()
-        return round(behind_s / self._period_s)
+    def _end_block(self) -> int:
+        """Learn from a block; how many frames vanished before it."""
+        assert self._earliest is not None
+        _, number, arrival_s = self._earliest
+        self._reads, self._earliest = 0, None
+        self._blocks.append(_Block(number, arrival_s, self._lost))
+        self._period_s = self._nominal_s + self._slope_s()
+        *before_s, now_s = [b.offset_s(self._period_s) for b in self._blocks][-OFFSET_BLOCKS:]
+        vanished = 0
+        if before_s and now_s - max(before_s) > LATE_PERIODS * self._period_s:
+            vanished = round((now_s - median(before_s)) / self._period_s)
+            self._lost += vanished
+            self._blocks[-1] = _Block(number, arrival_s, self._lost)
+            now_s -= vanished * self._period_s
+        self._offset_s = min(now_s, *before_s) if before_s else now_s
+        return vanished
 
-    def _learn(self, arrival_s: float) -> None:
-        """The slope of the earliest arrivals of each window is the period's error."""
-        self._least_s = min(self._least_s, arrival_s - self._index * self._nominal_s)
-        first = self._earliest[-1][0] if self._earliest else 0
-        if self._index - first < WINDOW_FRAMES:
-            return
-        self._earliest.append((self._index, self._least_s))
-        self._least_s = math.inf
-        (a, then_s), (b, now_s) = self._earliest[0], self._earliest[-1]
-        if b > a:
-            slack_s = PERIOD_SLACK * self._nominal_s
-            slope_s = (now_s - then_s) / (b - a)
-            self._period_s = self._nominal_s + min(max(slope_s, -slack_s), slack_s)
+    def _slope_s(self) -> float:
+        """The period minus the nominal one; 0 where no two blocks lie within the slack."""
+        blocks = list(self._blocks)
+        lag = min(PERIOD_LAG, len(blocks) // 2)
+        slack_s = PERIOD_SLACK * self._nominal_s
+        slopes_s = (
+            [
+                (b.arrival_s - a.arrival_s) / (b.number - a.number) - self._nominal_s
+                for a, b in zip(blocks[:-lag], blocks[lag:], strict=True)
+            ]
+            if lag
+            else []
+        )
+        return median([s for s in slopes_s if abs(s) <= slack_s] or [0.0])
