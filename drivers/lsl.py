@@ -8,6 +8,7 @@ brings liblsl).
 """
 
 import math
+import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 READ_S = 0.02
 RESOLVE_S = 5.0
+ANSWER_S = 1.0  # LSL asks again after 0.5 s
 OPEN_S = 5.0
 CHUNK = 4096
 TRIES = 8
@@ -79,6 +81,33 @@ class LslSource:
         self._inlet.close_stream()
 
 
+def _the_stream(name: str, stream: str, source_id: str) -> "pylsl.StreamInfo":
+    """The only stream of that name and id: all that answer within `ANSWER_S` are heard, since LSL's
+    own search by name ends with the first. Raises `DeviceAbsent`."""
+    import pylsl
+
+    until_s = time.monotonic() + RESOLVE_S
+    while True:
+        streams = [one for one in pylsl.resolve_streams(ANSWER_S) if one.name() == stream]
+        chosen = [one for one in streams if source_id in ("", one.source_id())]
+        if chosen or time.monotonic() > until_s:
+            break
+    ids = sorted({one.source_id() for one in streams})
+    listed = ", ".join(map(repr, ids))
+    if not chosen:
+        others = f"; there are those of source_id {listed}" if ids else ""
+        raise DeviceAbsent(name, f"no LSL stream {stream!r} within {RESOLVE_S:g} s{others}")
+    if len(chosen) > 1 and len(ids) == len(streams):
+        raise DeviceAbsent(name, f"several streams {stream!r}: say source_id, one of {listed}")
+    if len(chosen) > 1:
+        raise DeviceAbsent(
+            name,
+            f"{len(streams)} outlets carry the name {stream!r} and the source_ids {listed}: end "
+            "those that were forgotten, or give each its own source_id",
+        )
+    return chosen[0]
+
+
 def open_sensor(
     clock: Clock,
     *,
@@ -107,17 +136,12 @@ def open_sensor(
     factors = [one.si_per_number for one in channel]
 
     def open_source() -> LslSource:
-        found = pylsl.resolve_byprop("name", stream, timeout=RESOLVE_S)
-        found = [one for one in found if source_id in ("", one.source_id())]
-        if not found:
-            raise DeviceAbsent(name, f"no LSL stream {stream!r} within {RESOLVE_S:g} s")
-        if len(found) > 1:
-            ids = ", ".join(repr(one.source_id()) for one in found)
-            raise DeviceAbsent(name, f"several streams {stream!r}: say source_id, one of {ids}")
-        if found[0].channel_count() != len(channels):
-            count = found[0].channel_count()
+        info = _the_stream(name, stream, source_id)
+        if info.channel_format() == pylsl.cf_string:
+            raise DeviceAbsent(name, f"the channels of stream {stream!r} are text; numbers needed")
+        if (count := info.channel_count()) != len(channels):
             raise DeviceAbsent(name, f"the stream has {count} channels, the rig {len(channels)}")
-        inlet = pylsl.StreamInlet(found[0], recover=False, processing_flags=pylsl.proc_clocksync)
+        inlet = pylsl.StreamInlet(info, recover=False, processing_flags=pylsl.proc_clocksync)
         try:
             inlet.open_stream(timeout=OPEN_S)
         except line_errors() as error:

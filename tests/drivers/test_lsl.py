@@ -111,6 +111,45 @@ def test_a_stream_of_other_channels_is_refused(name: str) -> None:
     del sender
 
 
+@pytest.mark.parametrize("ids", [("left", "right"), ("same", "same")])
+def test_of_several_streams_of_a_name_none_is_read_by_chance(
+    name: str, ids: tuple[str, str]
+) -> None:
+    senders = [
+        pylsl.StreamOutlet(pylsl.StreamInfo(name, "test", 1, RATE_HZ, pylsl.cf_float32, own))
+        for own in ids
+    ]
+    sensor = open_sensor(WallClock(), stream=name, channel=[FORCE], rate_hz=RATE_HZ)
+    said = "several streams .* one of 'left', 'right'" if ids[0] != ids[1] else "2 outlets carry"
+    for _ in range(3):
+        with pytest.raises(DeviceAbsent, match=said):
+            sensor.connect()
+    del senders
+
+
+def test_a_stream_is_found_by_its_source_id_among_others(name: str) -> None:
+    senders = {
+        own: pylsl.StreamOutlet(pylsl.StreamInfo(name, "t", 2, RATE_HZ, pylsl.cf_double64, own))
+        for own in ("left", "right")
+    }
+    sensor = open_sensor(
+        WallClock(), stream=name, source_id="right", channel=[PPG, FORCE], rate_hz=RATE_HZ
+    )
+    try:
+        with sending(senders["right"]):
+            sensor.connect()  # a first sample has come, which `left` never sent
+    finally:
+        sensor.close()
+
+
+def test_a_text_stream_is_refused_in_words(name: str) -> None:
+    sender = pylsl.StreamOutlet(pylsl.StreamInfo(name, "test", 1, RATE_HZ, pylsl.cf_string, name))
+    sensor = open_sensor(WallClock(), stream=name, channel=[FORCE], rate_hz=RATE_HZ)
+    with pytest.raises(DeviceAbsent, match="are text; numbers needed"):
+        sensor.connect()
+    del sender
+
+
 def test_a_sender_that_goes_is_a_fault(name: str) -> None:
     senders = [outlet(name, 2)]
     sensor = open_sensor(WallClock(), stream=name, channel=[PPG, FORCE], rate_hz=RATE_HZ)
