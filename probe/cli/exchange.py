@@ -1,5 +1,6 @@
 """``palpate export`` and ``palpate import``: runs to and from other programs."""
 
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -63,6 +64,19 @@ def import_run(
         str | None,
         typer.Option(metavar="NAME", help="Which WrenchStamped topic of an MCAP file to take."),
     ] = None,
+    maps: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--map",
+            metavar="NAME=COLUMN|FILE.toml",
+            help="Which column is what: force_n='Fz [N]', '-Fz' turns the sign; or a TOML file "
+            "of such lines, which may say rate_hz too.",
+        ),
+    ] = None,
+    rate_hz: Annotated[
+        float | None,
+        typer.Option(min=1e-3, max=1e6, help="Samples a second, where the file has no times."),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Make a run of a recording from elsewhere, to detect in it, show and report it.
@@ -71,10 +85,15 @@ def import_run(
     x_mm, y_mm, depth_mm (below the surface), station, reference. What `palpate export` wrote is
     read too, and MCAP files with geometry_msgs/WrenchStamped: the force along z is taken as the
     normal force. Of an export with several sensors the one that the run was judged on is taken.
+    Recordings of other programs (.mat, .npy, .npz, .h5, .xdf, .bag, .db3, .lvm, .txt, .tsv, and CSV
+    with any names) are read with --map.
     """
     from probe.storage.csv_import import import_csv
 
-    made = import_csv(file, out, face_mm2=face_mm2, topic=topic)
+    mapping, said_hz = _mapping(maps or [])
+    made = import_csv(
+        file, out, face_mm2=face_mm2, topic=topic, mapping=mapping, rate_hz=rate_hz or said_hz
+    )
     for note in made.notes:
         inform(f"note: {note}")
     if json:
@@ -90,3 +109,23 @@ def import_run(
         many = "station" if made.stations == 1 else "stations"
         answer(f"Run: {made.path} ({made.stations} {many}, {made.samples} samples)")
         answer(f"What it means: {next_command('detect', made.path)}")
+
+
+def _mapping(said: list[str]) -> tuple[dict[str, str], float | None]:
+    """Columns by what they are, and samples a second where a file of them says so."""
+    mapping: dict[str, str] = {}
+    rate_hz = None
+    for item in said:
+        name, equals, column = item.partition("=")
+        if equals:
+            mapping[name.strip()] = column
+            continue
+        try:
+            kept = tomllib.loads(Path(item).read_text(encoding="utf-8"))
+            rate_hz = float(kept.pop("rate_hz")) if "rate_hz" in kept else rate_hz
+        except (OSError, ValueError, TypeError) as error:
+            raise typer.BadParameter(
+                f"--map {item}: NAME=COLUMN or a TOML file ({error})"
+            ) from None
+        mapping |= {key: str(value) for key, value in kept.items()}
+    return mapping, rate_hz

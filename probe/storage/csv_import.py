@@ -13,7 +13,7 @@ if known ``x_mm``, ``y_mm``, ``depth_mm`` (of the tip below the surface), ``stat
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -41,6 +41,7 @@ from probe.core.events import (
 from probe.core.places import SAME_PLACE_M
 from probe.storage.csv_columns import first_line
 from probe.storage.csv_table import CsvRecording, cut, read_csv
+from probe.storage.import_foreign import read_foreign
 from probe.storage.import_formats import ENDINGS, is_exported, read_format
 from probe.storage.import_table import CsvError, check_face
 from probe.storage.writer import create_store
@@ -72,7 +73,13 @@ class Imported:
 
 
 def import_csv(
-    source: str | Path, out: str | Path, *, face_mm2: float | None = None, topic: str | None = None
+    source: str | Path,
+    out: str | Path,
+    *,
+    face_mm2: float | None = None,
+    topic: str | None = None,
+    mapping: Mapping[str, str] | None = None,
+    rate_hz: float | None = None,
 ) -> Imported:
     """Read a recording made elsewhere and write it as a new run file.
 
@@ -89,6 +96,11 @@ def import_csv(
         own, as ``palpate export`` writes it to netCDF, HDF5, Parquet and MCAP.
     topic
         Of an MCAP file: the topic of its wrenches.
+    mapping
+        The file's own name of each column, as ``{"force_n": "Fz [N]"}``; ``"-Fz [N]"`` turns the
+        sign. With it, or of a format of `probe.storage.import_foreign`, any names are read.
+    rate_hz
+        Samples a second, where the file has no times.
 
     Returns
     -------
@@ -115,7 +127,10 @@ def import_csv(
     check_face(face_mm2, f"{source}: face_mm2")
     try:
         named = not is_exported(first_line(source)) and source.suffix not in ENDINGS
-        if not named:
+        known = (*ENDINGS, ".csv", ".gz")
+        if mapping or rate_hz is not None or source.suffix.lower() not in known:
+            table = read_foreign(source, mapping, rate_hz)
+        elif not named:
             table = read_format(source, topic)
         else:
             table = read_csv(source)

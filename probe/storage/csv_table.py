@@ -84,7 +84,9 @@ def cut(table: Table) -> CsvRecording:
     """The recording's stations. Raises `CsvError` naming column and row (1 is the header's)."""
     if not len(table.rows):
         raise CsvError("no rows below the column names")
-    notes = [f"columns left out: {', '.join(table.left_out)}"] if table.left_out else []
+    notes = list(table.notes)
+    if table.left_out:
+        notes.append(f"columns left out: {', '.join(table.left_out)}")
     presses = _once(_presses(table.rows, len(table.channels), notes), notes)
     presses = _apart(presses, notes)
     if len(presses) == 1 and (places := _places_in_one(table.rows)):

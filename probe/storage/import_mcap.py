@@ -19,6 +19,7 @@ from drivers.core.extras import needs
 from probe.core.contact_stress import tactile_or_none
 from probe.core.places import planned
 from probe.storage.import_device import Device, face_mm2_of, judged, placed
+from probe.storage.import_foreign import in_order
 from probe.storage.import_table import (
     DEPTH,
     PHASE,
@@ -42,34 +43,63 @@ def read_mcap(source: Path, topic: str | None) -> Table:
     """The samples of the device that the run was judged on, or the wrenches of ``topic``."""
     with needs("export", "MCAP"):
         from mcap.exceptions import McapError
-        from mcap.reader import make_reader
+        from mcap.reader import NonSeekingReader, make_reader
 
+    notes: list[str] = []
     try:
         with source.open("rb") as file:
             reader = make_reader(file)
             summary = reader.get_summary()
-            if summary is None:
-                raise CsvError("has no summary; `mcap recover` repairs it")
-            names = {
-                c.topic: summary.schemas[c.schema_id].name
-                for _, c in sorted(summary.channels.items())
-                if c.schema_id in summary.schemas
-            }
+            names = _names(summary) if summary is not None else {}
             ours = [t for t, name in names.items() if name.startswith(SAMPLE)]
             if ours and topic is None:
                 return _own_samples(reader, summary, ours)
-            wrenches = [t for t, name in names.items() if name.rpartition("/")[2] == WRENCH]
-            chosen = [t for t in wrenches if topic in (None, t)]
-            if len(chosen) != 1:
-                found = ", ".join(sorted(wrenches)) or "none"
-                raise CsvError(f"--topic must name one topic of WrenchStamped; found: {found}")
-            rows = [_wrench(c.message_encoding, m) for _, c, m in reader.iter_messages(chosen)]
-    except McapError as error:
-        raise CsvError(f"not a whole MCAP file ({error})") from None
+    except (McapError, OSError):  # a recorder that died wrote no end
+        names = {}
+    samples: dict[str, list[tuple[float, float]]] = {t: [] for t in names if _is_wrench(names[t])}
+    with source.open("rb") as file:
+        try:
+            for schema, channel, message in NonSeekingReader(file).iter_messages(
+                log_time_order=False
+            ):
+                if (
+                    schema is not None
+                    and _is_wrench(schema.name)
+                    and topic in (None, channel.topic)
+                ):
+                    row = _wrench(channel.message_encoding, message)
+                    samples.setdefault(channel.topic, []).append(row)
+        except (McapError, OSError, ValueError, struct.error) as error:
+            if not any(samples.values()):
+                why = f" ({error})" if str(error) else ""
+                raise CsvError(
+                    f"not a whole MCAP file{why}: not finished, and no whole wrench is in it; "
+                    "`mcap recover` may repair it"
+                ) from None
+            notes.append("the file was not finished; what is whole is read (`mcap recover`)")
+    chosen = [t for t in samples if topic in (None, t)]
+    if len(chosen) != 1:
+        listed = ", ".join(sorted(samples)) or "none"
+        raise CsvError(f"--topic must name one topic of WrenchStamped; found: {listed}")
+    rows = samples[chosen[0]]
     table = pd.DataFrame(rows, columns=["time_s", signal(0)], dtype=float)
     check_size(table["time_s"].to_numpy(), f"time of {chosen[0]}", "s")
     check_size(table[signal(0)].to_numpy(), f"force.z of {chosen[0]}", "N")
-    return Table(table.assign(**{saturated(0): 0.0}), (SIGNALS["force_n"],), ("force_n",))
+    table = in_order(table, notes).assign(**{saturated(0): 0.0})
+    return Table(table, (SIGNALS["force_n"],), ("force_n",), notes=tuple(notes))
+
+
+def _names(summary: Any) -> dict[str, str]:
+    """The kind of message of each topic."""
+    return {
+        c.topic: summary.schemas[c.schema_id].name
+        for _, c in sorted(summary.channels.items())
+        if c.schema_id in summary.schemas
+    }
+
+
+def _is_wrench(name: str) -> bool:
+    return name.rpartition("/")[2] == WRENCH
 
 
 def _wrench(encoding: str, message: Any) -> tuple[float, float]:
@@ -77,8 +107,9 @@ def _wrench(encoding: str, message: Any) -> tuple[float, float]:
     if encoding == "json":
         decoded = json.loads(message.data)
         stamp = decoded["header"]["stamp"]
-        nanosec = stamp.get("nanosec", stamp.get("nsec", 0))
-        return _time_s(stamp["sec"], nanosec, message), float(decoded["wrench"]["force"]["z"])
+        seconds = stamp.get("sec", stamp.get("secs", 0))  # secs and nsecs: rosbridge of ROS 1
+        nanosec = next((stamp[k] for k in ("nanosec", "nsec", "nsecs") if k in stamp), 0)
+        return _time_s(seconds, nanosec, message), float(decoded["wrench"]["force"]["z"])
     if encoding != "cdr":
         raise CsvError(f"messages in {encoding!r}: cdr and json are read")
     order = "<" if message.data[1] & 1 else ">"

@@ -44,7 +44,8 @@ class Table(NamedTuple):
     Their columns: ``time_s``; `signal` and `saturated` of each of ``channels``, in its unit; and of
     `PER_STATION`, ``station``, ``reference`` and `PHASE` those that are known. ``names`` are
     the columns by their names in the file, ``left_out`` those not taken, ``face_mm2`` the probe's
-    face where the file has it, ``sha256`` that of the file.
+    face where the file has it, ``sha256`` that of the file, ``notes`` what was
+    lost or put in order.
     """
 
     rows: pd.DataFrame
@@ -53,6 +54,7 @@ class Table(NamedTuple):
     left_out: tuple[str, ...] = ()
     face_mm2: float | None = None
     sha256: str = ""
+    notes: tuple[str, ...] = ()
 
 
 def signal(number: int) -> str:
