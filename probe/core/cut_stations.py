@@ -30,6 +30,8 @@ from probe.core.places import planned
 from probe.core.recording import Recording, Station
 from probe.core.spill import Growing, Spill
 
+OF_BLOCK = ("plane", "tissue", "indenter", "support")
+"""What a rig knows of a scene: not what lies in it."""
 MAX_LEVELS, MAX_PARTS = 20_000, 16
 PART = 1 << 16  # samples of a press that are computed at once: half a megabyte a column
 
@@ -77,6 +79,7 @@ def record(events: Iterable[Event], face_mm2: float | None = None) -> Recording:
             finish,
             signal.quantum_pa or 0.0,
             ended,
+            signal.block,
         )
     except ValueError as error:
         raise RunFileError(str(error)) from None
@@ -162,6 +165,8 @@ class _Signal:
         self.names = tuple(f"{self.device}.{own[n].name}" for n in self.picked)
         self.reference, self.depth = self._first("reference"), self._first("depth")
         self.surface_m = _surface(config)
+        scene = config.get("scene") or {}
+        self.block = {key: scene[key] for key in OF_BLOCK if key in scene} or None
         self.incline = _incline(config)
         self.compliance_m_per_n = compliance_m_per_n(config)
         self.quantum_pa: float | None = None

@@ -41,14 +41,39 @@ def object_line(one: Mapping[str, Any]) -> str:
         parts.append(f"{'softer' if peak_pa < 0 else 'stiffer'} by {_pascal(abs(peak_pa), 3)}")
     if one.get("pulse_pa") is not None:
         parts.append(f"pulse {_pascal(one['pulse_pa'], 3)}")
+    parts += sizes_words(one)
     if one["kind"] != "undecided":  # of which kind would it be?
         parts.append(f"confidence {percent(one['confidence'])}")
     return ", ".join(parts + over_rows(one))
 
 
+def sizes_words(one: Mapping[str, Any]) -> list[str]:
+    """Depth, diameter and stiffness with their 95 % intervals, or their bounds."""
+    parts = []
+    for name, unit in (("depth", "mm"), ("diameter", "mm"), ("modulus", "kPa")):
+        low, high = one.get(f"{name}_ci_{unit.lower()}") or (None, None)
+        value = one.get(f"{name}_{unit.lower()}")
+        of = "inner diameter" if name == "diameter" and "artery" in one["kind"] else name
+        if value is not None:
+            parts.append(f"{of} {value:.3g} {unit} (95 %: {low or 0:.3g} to {high:.3g})")
+        elif low is not None:
+            parts.append(f"{of} above {low:.2g} {unit}")
+        elif high is not None:
+            parts.append(f"{of} below {high:.2g} {unit}")
+    return parts
+
+
+def unknown_words(one: Mapping[str, Any]) -> list[str]:
+    """What of its depth, size and stiffness is not known, and why: a line for each reason."""
+    reasons: dict[str, list[str]] = {}
+    for name, why in (one.get("undecided_because") or {}).items():
+        reasons.setdefault(why, []).append(name)
+    return [f"{', '.join(names)} unknown: {why}" for why, names in reasons.items()]
+
+
 def summary(found: Mapping[str, Any]) -> list[str]:
     """The finding in lines: the headline, what it is made of, why, and what was assumed."""
-    objects = (object_line(one) for one in found["objects"])
+    objects = [line for one in found["objects"] for line in (object_line(one), *unknown_words(one))]
     more = (heart_rate_line(found), found.get("reason"), assumption(found))
     return [f"Finding: {headline(found)}", *(f"  {line}" for line in (*objects, *more) if line)]
 

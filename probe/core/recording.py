@@ -1,6 +1,8 @@
 """What detection works on: one tactile signal per station, wherever it came from."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -88,7 +90,7 @@ class Recording:
     names of all simulated channels. ``face_m2`` is the area of the probe's face (NaN = unknown),
     ``finish`` how the run ended (``completed``, ``aborted`` or ``faulted``), ``ended`` why, in
     words (empty of a run that was broken off), ``quantum_pa`` the sensor's resolution (0 =
-    unknown).
+    unknown). ``block`` is what is known of finger, block and support, as a scene file says it.
 
     Examples
     --------
@@ -105,6 +107,7 @@ class Recording:
     finish: str = "completed"
     quantum_pa: float = 0.0
     ended: str = ""
+    block: Mapping[str, Any] | None = None
 
     def __post_init__(self) -> None:
         """Raises `ValueError` for a face that none has, and places that cannot be in metres."""

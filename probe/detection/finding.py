@@ -6,6 +6,7 @@ from math import isfinite, nan
 from typing import Any, Literal
 
 from probe.core.finding_words import summary
+from probe.detection.beneath.sizes import Sizes
 from sim_backend import html
 
 Kind = Literal["nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see"]
@@ -78,6 +79,7 @@ class ObjectFinding:
     ``chances`` are the posterior probabilities of the kinds, empty where unknown. ``contrast`` is
     ``peak_pa`` over the level of the surroundings and ``pulse_share`` the pulse over the level at
     the object, each (value, standard deviation) and None where unknown.
+    ``sizes`` are how deep, how large and how stiff it is, where the scan says so.
 
     Examples
     --------
@@ -102,6 +104,7 @@ class ObjectFinding:
     chances: Mapping[str, float] = field(default_factory=dict)
     contrast: tuple[float, float] | None = None
     pulse_share: tuple[float, float] | None = None
+    sizes: Sizes = field(default_factory=Sizes)
 
     @property
     def position_mm(self) -> float:
@@ -257,6 +260,7 @@ def _object(one: ObjectFinding, pulse_pa: float) -> dict[str, Any]:
         "pulse_pa": _known(pulse_pa),
         "confidence": _known(one.confidence),
     }
+    fields |= one.sizes.as_json()
     if one.course:
         fields["course_mm"] = [[_mm(x), _mm(y)] for x, y in one.course]
     if one.stenosed_m is not None:

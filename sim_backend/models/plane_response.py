@@ -74,7 +74,7 @@ def respond_plane(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
     bulge = 0.0
     if beats:
         (start,) = continuation(section, start, [Load(-max_depth_m, rest)])
-        bulge = _surface_m(section, start)
+        bulge = surface_m(section, start)
         # the finger in the air is in equilibrium as far down as it just touches, which is where
         # the first step begins that the second one continues
         start = replace(start, load=Load(-bulge, rest))
@@ -211,7 +211,7 @@ def _powers(
     ]).T)  # fmt: skip
 
 
-def _surface_m(section: Section, solution: Solution) -> float:
+def surface_m(section: Section, solution: Solution) -> float:
     """How far the surface rises under the finger, on which it will first touch."""
     surface = section.mesh.surface
     gap, _, _ = section.finger.gap(section.mesh.nodes[surface] + solution.displacement[surface])

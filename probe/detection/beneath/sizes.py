@@ -1,0 +1,52 @@
+"""How deep, how large and how stiff an object is, with what is not known of it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import nan
+from typing import Any
+
+import numpy as np
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """Numbers in SI units with their 95 % intervals, NaN where the data do not say; an infinite end
+    is one that they do not bound. ``undecided`` says why, by name."""
+
+    depth_m: float = nan
+    depth_ci_m: Interval = (nan, nan)
+    diameter_m: float = nan
+    diameter_ci_m: Interval = (nan, nan)
+    modulus_pa: float = nan
+    modulus_ci_pa: Interval = (nan, nan)
+    undecided: Mapping[str, str] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """The contract of an object in ``detect --json``; a diameter is a vessel's inner one."""
+        return {
+            **_said("depth", "mm", 1e3, self.depth_m, self.depth_ci_m),
+            **_said("diameter", "mm", 1e3, self.diameter_m, self.diameter_ci_m),
+            **_said("modulus", "kpa", 1e-3, self.modulus_pa, self.modulus_ci_pa),
+            "stenosis": None,
+            "stenosis_ci": None,
+            "undecided": sorted(self.undecided),
+            "undecided_because": dict(self.undecided),
+        }
+
+
+NAMES = ("depth", "diameter", "modulus", "stenosis")
+
+
+def unknown(why: str) -> Sizes:
+    """Nothing is known of depth, size and stiffness."""
+    return Sizes(undecided=dict.fromkeys(NAMES, why))
+
+
+def _said(name: str, unit: str, per: float, value: float, ci: Interval) -> dict[str, Any]:
+    low, high = (None if not np.isfinite(end) else per * end for end in ci)
+    return {
+        f"{name}_{unit}": None if np.isnan(value) else per * value,
+        f"{name}_ci_{unit}": None if low is None and high is None else [low, high],
+    }
