@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.continuation import continuation, unloaded
-from sim_backend.fem.model import Section
-from sim_backend.fem.newton import CannotSolve, Load, Solution
+from sim_backend.fem.continuation import continuation
+from sim_backend.fem.newton import CannotSolve, Load, Solution, unloaded
+from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import gradients
 from sim_backend.models.plane_response import section_for, surface_m
 from sim_backend.scene.numbers import numbers

@@ -36,7 +36,8 @@ class Kind:
 
     ``coordinates`` and ``size`` are functions of where the finger is over the block's middle (n,),
     how deep it is pressed (n,), and the parameters (n, p): coordinates (n, c), of which the first
-    alone is of the place and the last alone of the depth, and sizes (n, 2) of bump and pulse. ``inflation``
+    alone is of the place and the last alone of the depth, and sizes (n, 2) of bump and pulse.
+    ``inflation``
     (n,) is about how far a lumen is widened by its greatest pressure.
     """
 
