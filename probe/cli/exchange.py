@@ -2,13 +2,16 @@
 
 import tomllib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from probe.cli.arguments import RunFiles, export_formats
 from probe.cli.say import Json, answer, answer_json, inform, next_command
 from probe.cli.several import of_each
+
+if TYPE_CHECKING:
+    from probe.detection.finding import Finding
 
 
 def register(app: typer.Typer) -> None:
@@ -41,7 +44,7 @@ def export_run(
         raise typer.BadParameter(f"--to {to}: {unknown[0]!r} is not known; allowed: {allowed}")
 
     def write(run: Path) -> dict[str, Any]:
-        files = export(run, formats, out or run.parent)
+        files = export(run, formats, out or run.parent, _finding(run))
         for file in () if json else files:
             answer(str(file))
         return {"run": run, "files": files}
@@ -50,6 +53,17 @@ def export_run(
     if json:
         answer_json(written[0] if len(written) == 1 else {"runs": written})
     raise typer.Exit(status)
+
+
+def _finding(run: Path) -> "Finding | None":
+    """What lies beneath; None of a run that detection cannot read, as one without a force."""
+    from probe.core.errors import RunFileError
+    from probe.detection import detect
+
+    try:
+        return detect(run)
+    except RunFileError:
+        return None
 
 
 def import_run(

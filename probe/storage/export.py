@@ -20,7 +20,7 @@ from drivers.core.extras import needs, require
 from probe.core.contact_stress import tactile_or_none
 from probe.storage.distinct_names import distinct
 from probe.storage.import_table import PER_STATION
-from probe.storage.run import Run, open_run
+from probe.storage.run import Judged, Run, open_run
 
 with needs("data", "an export"):
     import pandas as pd
@@ -36,7 +36,10 @@ UNITS = ("mm", "m", "s", "N", "Nm", "Pa", "mbar")
 
 
 def export(
-    run_path: str | PathLike[str], formats: str | Sequence[str], out_dir: str | Path
+    run_path: str | PathLike[str],
+    formats: str | Sequence[str],
+    out_dir: str | Path,
+    finding: Judged | None = None,
 ) -> tuple[Path, ...]:
     """Write a run in other formats.
 
@@ -48,6 +51,9 @@ def export(
         csv, hdf5, netcdf, parquet, mcap: a list, or text as in the shell, ``"csv,mcap"``.
     out_dir
         Where to. Files of an earlier export are replaced once all new ones are whole.
+    finding
+        What `detect` gave: the table of stations then has level and pulse of each, with their
+        intervals and notes.
 
     Returns
     -------
@@ -77,6 +83,7 @@ def export(
     if unknown := [str(name) for name in formats if name not in WRITERS]:
         raise ValueError(f"format {', '.join(unknown)!r}: known are {', '.join(WRITERS)}")
     run, out_dir = open_run(run_path), Path(out_dir)
+    run.finding = finding
     out_dir.mkdir(parents=True, exist_ok=True)
     try:
         with TemporaryDirectory(dir=out_dir, prefix=".export-") as drafts:  # half a file is none
@@ -241,7 +248,7 @@ def _frame(
 
 def _columns(group: "h5py.Group", table: pd.DataFrame) -> None:
     for name in table:
-        group[name] = table[name].to_numpy()
+        group[name] = _storable(table[name].to_numpy())
         if unit := unit_of(str(name)):
             group[name].attrs["units"] = unit
 

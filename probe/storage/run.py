@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from functools import cached_property
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from drivers import Channel
 from drivers.core.files import path_of
@@ -32,6 +32,12 @@ __all__ = ["NotBegun", "Run", "RunFileError", "follow", "open_run"]
 FOLLOW_ROWS = 200
 
 
+class Judged(Protocol):
+    """A finding of detection, which stands above this room."""
+
+    def as_json(self) -> dict[str, Any]: ...
+
+
 class Run:
     """A run file, read anew at each call: a scan may still be writing it.
 
@@ -50,6 +56,7 @@ class Run:
     def __init__(self, path: Path, started: RunStarted) -> None:
         self.path = path
         self.started = started
+        self.finding: Judged | None = None
 
     def __fspath__(self) -> str:
         """A run stands for its file wherever a path is taken."""
@@ -132,15 +139,29 @@ class Run:
         except RunFileError as error:
             raise _at(self.path, error) from None
 
-    def stations(self) -> "pd.DataFrame":
-        """One row per press: see `probe.storage.tables.stations`."""
-        from probe.storage.tables import stations  # here: reading events needs no pandas
+    def stations(self, finding: "Judged | None" = None) -> "pd.DataFrame":
+        """One row per press: see `probe.storage.tables.stations`.
+
+        With a ``finding``, what `palpate.detect` gave, also level and pulse of each press; by
+        default with the run's own ``finding``, if one was set.
+
+        Examples
+        --------
+        >>> import palpate
+        >>> run = palpate.open_run("TIHA.run")
+        >>> table = run.stations(palpate.detect(run))
+        >>> bool(table["pulse_low_pa"][7] < table["pulse_pa"][7] < table["pulse_high_pa"][7])
+        True
+        """
+        from probe.storage.tables import judged, stations  # here: reading events needs no pandas
 
         try:
             depths_m = {one.index: one.hold_depth_m for one in self.recording().stations}
         except RunFileError:  # nothing in it feels, or its face is not known
             depths_m = {}
-        return stations(self.started, self.events(), depths_m)
+        table = stations(self.started, self.events(), depths_m)
+        finding = finding or self.finding
+        return table if finding is None else judged(table, finding.as_json()["stations"])
 
     def samples(self, device: str | None = None, station: int | None = None) -> "xr.Dataset":
         """The samples of one device, by default the one that feels: see `probe.storage.tables`."""

@@ -19,12 +19,15 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
+from probe.core.finding_words import reach
 from probe.storage.distinct_names import channel_names
 
 with needs("data", "a run as tables and arrays"):
     import pandas as pd
     import xarray as xr
 
+SIZES = ["level_pa", "level_low_pa", "level_high_pa", "pulse_pa", "pulse_low_pa", "pulse_high_pa",
+         "note"]  # fmt: skip
 MAX_SAMPLES = 100_000_000  # in memory at once, times channels
 
 
@@ -69,6 +72,35 @@ def stations(
             "depth_mm": depth_mm,
         }
     )
+
+
+def judged(table: pd.DataFrame, found: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
+    """``table`` of `stations` with what detection says of each: the ``stations`` of its JSON.
+
+    Columns: level_pa and pulse_pa with the ends of their 95 % intervals (level_low_pa,
+    level_high_pa, pulse_low_pa, pulse_high_pa), and note. A pulse that was not seen is NaN, and its
+    interval reaches from 0 to what it is below. Presses that are not judged have NaN and no note.
+    """
+    of = {one["station"]: _sizes(one) for one in found}
+    latest = table[table["complete"]].groupby("station").tail(1)
+    rows = pd.DataFrame(
+        [of.get(number, {}) for number in latest["station"]], index=latest.index, columns=SIZES
+    )
+    joined = table.join(rows.astype(dict.fromkeys(SIZES[:-1], float)))
+    return joined.assign(note=joined["note"].fillna("").astype(str))
+
+
+def _sizes(station: Mapping[str, Any]) -> dict[str, Any]:
+    level, pulse = station["baseline_pa"], station["pulse_pa"]
+    around = reach(station["baseline_sd_pa"])
+    sizes = {"level_pa": level, "note": station["note"]}
+    if None not in (level, around):
+        sizes |= {"level_low_pa": level - around, "level_high_pa": level + around}
+    if (below := station["pulse_below_pa"]) is not None:
+        return sizes | {"pulse_low_pa": 0.0, "pulse_high_pa": below}
+    if None not in (pulse, around := reach(station["pulse_sd_pa"])):
+        sizes |= {"pulse_low_pa": max(pulse - around, 0.0), "pulse_high_pa": pulse + around}
+    return sizes | {"pulse_pa": pulse}
 
 
 def samples(

@@ -4,6 +4,7 @@ import csv
 import errno
 import json
 import struct
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from mcap.reader import make_reader
 from drivers import Block, Channel
 from probe.config.rig import Rig
 from probe.core.events import Finish, RunEnded, RunStarted, Samples
+from probe.detection import detect
 from probe.scan.session import scan
 from probe.storage.export import WRITERS, export
 from probe.storage.run import Run, RunFileError, open_run
@@ -163,3 +165,23 @@ def of_mcap(file: Path) -> list[float]:
     assert len(topics) == len(schemas) == 5
     kept = [m.data for _, channel, m in read if channel.topic.endswith("/sample")]
     return [struct.unpack_from("<d", data, len(data) - 9)[0] for data in kept]
+
+
+def test_the_table_of_stations_says_what_detection_says(tmp_path: Path, winkler: Any) -> None:
+    """In every format; a pulse that is not seen has none, and what it is below."""
+    rig = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
+    path = scan(rig, "TIHA", tmp_path, seed=1, respond=winkler).path
+    found = detect(path)
+    one = found.stations[1]
+    unseen = replace(one, pulse_below_pa=8.0, note="why")
+    found = replace(found, stations=(found.stations[0], unseen, found.stations[2]))
+    made = export(path, list(WRITERS), tmp_path / "out", found)
+    (table,) = [file for file in made if file.name.endswith("-stations.csv")]
+    rows = pd.read_csv(table, keep_default_na=False, na_values=[""])
+    assert rows["level_pa"].tolist() == pytest.approx([s.baseline_pa for s in found.stations])
+    first, second = rows.iloc[0], rows.iloc[1]
+    reach_pa = 1.96 * found.stations[0].pulse_sd_pa
+    assert first.pulse_high_pa - first.pulse_pa == pytest.approx(reach_pa)
+    assert np.isnan(second.pulse_pa)
+    assert (second.pulse_low_pa, second.pulse_high_pa, second.note) == (0.0, 8.0, "why")
+    assert "level_pa" not in open_run(path).stations()
