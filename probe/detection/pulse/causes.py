@@ -31,7 +31,9 @@ COARSE_S = 0.04
 LONGEST_S = 20.0
 """Of a longer hold the first part is asked: what beat trains keep grows with the square of the
 samples, 0.9 GB at 30 s, and twenty beats show what moves."""
-LINE_HZ = (0.3, 5.0)
+LINE_HZ = (0.3, 12.0)
+"""Up to the fastest tremor of a hand (8 to 12 Hz; Elble & Koller 1990): a third of 5.8 Hz is a
+heart's rate, and without a line there 3 of 24 tremors of 4 to 12 Hz were an artery."""
 BREATHING_HARMONICS = (1, 2, 6)
 """Of a breath by itself: a faint one shows fewer, and each unknown costs."""
 MOTION_S = (0.1, 0.2, 0.4, 0.8)

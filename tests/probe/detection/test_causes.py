@@ -183,3 +183,14 @@ def test_who_asks_for_more_false_pulses_takes_less_sure_ones() -> None:
     doubtful = moved(3, breathed_upon, 10.0)
     assert detect(recording([doubtful])).finding == "undecided"
     assert detect(recording([doubtful]), false_alarm=0.3).finding == "artery"
+
+
+def test_a_tremor_at_three_times_a_hearts_rate_is_no_artery() -> None:
+    """One of 5.8 Hz was a third harmonic without a first, an artery at 99.9 %."""
+
+    def tremor(t: Array, rng: np.random.Generator) -> Array:
+        hz = rng.uniform(5.5, 6.5)
+        return np.asarray(0.0015 * np.cos(2 * np.pi * hz * t + rng.uniform(0, 6.28)))
+
+    said = [detect(recording([moved(seed, tremor, 100.0)])).finding for seed in range(6)]
+    assert "artery" not in said
