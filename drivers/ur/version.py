@@ -71,6 +71,11 @@ def check_control(name: str, host: str, controller: Controller) -> None:
             name, f"{host} runs {controller.described}, which has no dashboard server to stop it "
             "by: only reading is supported; moving needs PolyScope 3 or 5"
         )  # fmt: skip
+    if controller.minor < 4:
+        raise DeviceAbsent(
+            name, f"{host} runs {controller.described}, which ur-rtde cannot control, as it asks "
+            "for no answers there: moving needs PolyScope 5.4, or 3.4 of a CB3"
+        )  # fmt: skip
     with _connected(name, host, DASHBOARD_PORT) as line:
         line.recv(64)
     with _connected(name, host, SCRIPT_PORT):

@@ -15,7 +15,7 @@ from contextlib import contextmanager
 import pytest
 from emulated_ur import ORIGIN_MM, PATIENT_S, Rig, connected, fresh_host, until
 
-from drivers import DeviceFault, Pose, WallClock
+from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.ur.settings import LOST_SEGMENT_S, SILENCE_S, WATCHDOG_S
 from sim_backend import load_scene
 from sim_backend.emulators import ur
@@ -270,6 +270,14 @@ def test_controllers_that_do_not_report_the_payload_are_used(
     with connected(winkler, version=version) as (made, _):
         assert "payload not reported" in made.stage.enable()[0]
         lift(made)
+
+
+def test_a_controller_that_the_library_cannot_control_is_refused(winkler: Respond) -> None:
+    """It would connect again and again, and crash (`setupRecipes` of ur-rtde 1.6.5)."""
+    with connected(winkler, version=(5, 3, 1, 64192)) as (made, _):
+        made.stage.pose()
+        with pytest.raises(DeviceAbsent, match=r"moving needs PolyScope 5\.4"):
+            made.stage.enable()
 
 
 def test_a_clock_that_is_set_ahead_loses_no_samples(winkler: Respond) -> None:
