@@ -15,7 +15,6 @@ HEARD_S = 0.1
 """A stop shows within this and the braking: grblHAL's last step came 66 ms after it (20 mm/s,
 500 mm/s2), its report up to 12 ms later."""
 CUT_AGAIN_S = 1.0  # a board that is reset again and again does nothing else
-STANDS_S = 2.0  # in a move: as long as an engine waits beyond the time that it should take
 WHILE_MOVING = alarm_in_words(3)
 
 
@@ -36,7 +35,6 @@ class Motion:
         self._way: SegmentedMove | None = None
         self._trouble: str | None = None
         self._still: tuple[float, Place] | None = None  # since when it stands where
-        self._set_off = False  # it was seen elsewhere than where the move began
         self._cut_s = -math.inf  # when it was reset in motion
         self._unlock: Literal["", "wanted", "asked"] = ""
         self.stopping = False  # repeated until it is seen to rest
@@ -56,7 +54,7 @@ class Motion:
             shortest_mm=self.board.two_steps_mm(),
         )  # fmt: skip
         self.stopping = False  # the move before: it rests, or its line is lost
-        self._trouble, self._still, self._set_off = None, None, False
+        self._trouble, self._still = None, None
         self._talk.command(_jog(move.next(start) or target, speed_mm_s), self._answer_s)
         with self._talk.arrived:
             self.moved_after, self._way = self._talk.asked, move
@@ -120,7 +118,6 @@ class Motion:
     def _heard(self, status: Status) -> None:
         place = self.place(status)
         if place is not None and (self._still is None or place != self._still[1]):
-            self._set_off = self._still is not None
             self._still = (status.arrival_s, place)
         if self.stopping:
             self._see_to_the_stop(status)
@@ -164,11 +161,6 @@ class Motion:
             self._trouble = (
                 f"came to rest {off_mm:.2f} mm from its target: somebody held it, or has cancelled "
                 "its jog"
-            )
-        elif self._set_off and stood_s > STANDS_S + move.shortest_mm / move.speed_mm_s:
-            self._trouble = (
-                f"reports the same place for {stood_s:.1f} s of a move: it is held up, or its "
-                "reports have frozen"
             )
 
     def _see_to_the_stop(self, status: Status) -> None:

@@ -214,12 +214,6 @@ def test_a_jog_that_somebody_else_cancels_has_failed(pressing: GrblStage) -> Non
         until(lambda: not pressing.moving())
 
 
-def test_reports_that_freeze_in_a_move_are_a_fault(pressing: GrblStage, board: Served) -> None:
-    board.fail("frozen reports")
-    with pytest.raises(MotionFault, match="the same place for 2"):
-        until(lambda: not pressing.moving(), 4.0)
-
-
 @pytest.mark.parametrize("late_s", [0.0, 0.02, 0.05])
 def test_segments_leave_no_ripple_in_a_ramp(late_s: float, winkler: Respond) -> None:
     """A report every 20 ms, and each segment as late as a busy machine may make it.
