@@ -35,6 +35,7 @@ KEYS = ("device", "fault", "stiffness_n_mm")
 ANSWERS = ("at_mm", "deeper_mm", "most_n", "rest_s", "up_s", "left_mm", "program", "said")
 STIFFNESSES_N_MM = (1.0, 3.0, 10.0)
 AT_M, AT_N, UP_M = 1.2e-3, 2.4, 1e-3
+APPROACHES_M = 1e-3
 LASTS_S, TRIES = 40.0, 5
 STAGES: dict[str, Any] = {"grbl": grbl, "zaber": zaber, "pi": pi, "tmcl": tmcl}
 RIG = """
@@ -98,19 +99,18 @@ def children(of: int) -> list[int]:
     return [of, *(later for child in done.stdout.split() for later in children(int(child)))]
 
 
-def all_dies(scan: Scan, _stage: Served) -> None:
+def all_dies(_scan: Scan, _stage: Served, family: list[int]) -> None:
     """Scan, guards and whatever they began; none sees another die."""
-    family = children(scan.pid)
     for number in (signal.SIGSTOP, signal.SIGKILL):
         for process in family:
             with suppress(ProcessLookupError):
                 os.kill(process, number)
 
 
-def begin(fault: str, lasts_s: float = LASTS_S) -> Callable[[Scan, Served], None]:
+def begin(fault: str, lasts_s: float = LASTS_S) -> Callable[[Scan, Served, list[int]], None]:
     """A fault of the emulator, mended after ``lasts_s``."""
 
-    def strike(scan: Scan, stage: Served) -> None:
+    def strike(scan: Scan, stage: Served, _family: list[int]) -> None:
         stage.fail(fault)
         end_s = time.monotonic() + lasts_s
         while scan.poll() is None and time.monotonic() < end_s:
@@ -121,7 +121,7 @@ def begin(fault: str, lasts_s: float = LASTS_S) -> Callable[[Scan, Served], None
     return strike
 
 
-Faults = dict[str, Callable[[Scan, Served], None]]
+Faults = dict[str, Callable[[Scan, Served, list[int]], None]]
 BOTH: Faults = {"all dies": all_dies, "plug pulled": begin("drop")}
 OF_GRBL: Faults = {
     "0x85 not heard": begin("seven bits"),
@@ -160,7 +160,7 @@ def judge(device: str, fault: str, stiffness_n_mm: float) -> Row:
 def struck(device: str, fault: str, stiffness_n_mm: float) -> Row | None:
     """What one scan did; None if it ended by itself before the fault."""
     clock, spring = WallClock(), Spring(stiffness_n_mm)
-    phantom = Phantom(load_scene("TIHA"), clock, spring, home=(0.032, 0.0, 3e-3))  # type: ignore[arg-type]
+    phantom = Phantom(load_scene("TIHA"), clock, spring, home=(0.032, 0.0, 3e-3))
 
     def z_m() -> float:
         return phantom.tip.point(clock.now())[2]
@@ -179,12 +179,15 @@ def struck(device: str, fault: str, stiffness_n_mm: float) -> Row | None:
             stderr=subprocess.STDOUT, text=True, cwd=ROOT,
         )  # fmt: skip
         deep_m = min(AT_M, AT_N / spring.n_m)
+        family: list[int] = []
         while z_m() > -deep_m:
             time.sleep(0.001)
+            if not family and z_m() < APPROACHES_M:
+                family = children(scan.pid)
             if scan.poll() is not None:
                 return None
         struck_s, at_m = clock.now(), z_m()
-        FAULTS[device][fault](scan, stage)
+        FAULTS[device][fault](scan, stage, family)
         said, _ = scan.communicate(timeout=LASTS_S)
         while phantom.tip.moving(clock.now()):
             time.sleep(0.01)

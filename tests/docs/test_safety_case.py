@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from paths import ROOT
 
+from drivers.core import segments
 from drivers.ur.settings import WATCHDOG_S
 from probe.guards import levels, press_guard, retreat, safety_monitor, stuck_sensor
 from probe.planning.limits import HARDEST_N_M, Limits
@@ -45,7 +46,7 @@ def sentences() -> list[str]:
     """Of the sections that say what the guards do, without tables and formulas."""
     page = PAGE.read_text("utf-8")
     body = page[page.index("## The stopping") : page.index("## What remains for the controller")]
-    lines = [line for line in body.splitlines() if not line.startswith(("|", "#", "    "))]
+    lines = [line for line in body.splitlines() if not line.startswith(("|", "#", "    ", "{{"))]
     return re.split(r"(?<=[.:])\s+(?=[A-Z`])", " ".join(" ".join(lines).split()))
 
 
@@ -89,6 +90,7 @@ def test_its_numbers_are_the_codes() -> None:
     assert (stuck_sensor.MIN_RUN, Limits.same_readings) == (20, 100)
     assert (retreat.LIFTS, retreat.PATIENCE_S) == (3, 10.0)
     assert safety_monitor.SUPERVISOR_PERIOD_S == 0.01  # "every 10 ms"
+    assert segments.AHEAD_S == 0.15  # "0.15 s"
     assert writer.LATE_S == 2.0  # "a disk that takes longer than 2 s"
     assert HARDEST_N_M == 10e3  # "10 N/mm (the default)"
 
