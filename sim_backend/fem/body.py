@@ -36,6 +36,11 @@ class LinearSolver(Protocol):
     """Solves with a tangent. Raises `sim_backend.fem.assembly.SingularMatrix`."""
 
     @property
+    def exact(self) -> bool:
+        """Whether it solves to rounding, in double precision."""
+        ...
+
+    @property
     def negative(self) -> int:
         """Negative pivots of the factors of the last `solve`."""
         ...

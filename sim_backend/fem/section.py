@@ -217,6 +217,8 @@ class Section:
 class Direct:
     """A `sim_backend.fem.body.LinearSolver` by factors of the tangent itself."""
 
+    exact = True
+
     def __init__(self, assembly: Assembly) -> None:
         self._assembly = assembly
         self._factors: Factors | None = None

@@ -10,13 +10,13 @@ A number moves the mesh as `sim_backend.fem.redrawn` says.
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.assembly import Factors, gather
+from sim_backend.fem.body import Body
 from sim_backend.fem.contact.pairs import ContactPairs
-from sim_backend.fem.lumen import unit_pressure
 from sim_backend.fem.newton import (
     Load,
     Solution,
@@ -25,8 +25,7 @@ from sim_backend.fem.newton import (
     pairs_of,
     tangent,
 )
-from sim_backend.fem.redrawn import redrawn
-from sim_backend.fem.section import Section
+from sim_backend.fem.redrawn import beside, redrawn
 from sim_backend.scene.numbers import numbers, with_number
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -39,70 +38,83 @@ ROUNDS, LEFT = 8, 1e-3
 """Most back-substitutions of a number, and the last one's share of the contact forces' change at
 which they end: each leaves 1e-4 of the one before, so that two leave 1e-8."""
 
+SETTLED = 1e-5
+"""Change of displacements at which corrections end; each is a hundredth or less of the one before.
+"""
 LOADS = ("x_mm", "depth_mm", "pressure_mmhg")
 """How a scene is pressed: numbers that are not in its file."""
-End = tuple[Section, Load]
-Moved = Callable[[float], End]
-"""The press with a number changed by so much."""
+End = tuple[Body, Load]
+
+
+class Number(NamedTuple):
+    """A number of a press: the ``moved`` body and load with it changed by so much, a ``step`` for
+    differences, and whether the body's own forces change with it."""
+
+    moved: Callable[[float], End]
+    step: float
+    of_body: bool
 
 
 @dataclass(frozen=True)
 class Slope:
-    """``displacement`` (n, 2) and force ``force_n_per_m`` by a number; ``multiplier`` (s,) is
-    the change of the finger's contact forces [N/m]."""
+    """``displacement`` (n, d) and the finger's ``force`` by a number; ``multiplier`` (s,) is
+    the change of the finger's contact forces. Forces as `sim_backend.fem.newton.Solution`'s."""
 
     displacement: Array
-    force_n_per_m: float
+    force: float
     multiplier: Array
 
+    def per(self, units: float) -> "Slope":
+        """By another unit, so many of which are one of this."""
+        return Slope(self.displacement / units, self.force / units, self.multiplier / units)
 
-class Tangent:
-    """A solved press, linearised; its factors hold until the section is solved again.
+
+class Linearised:
+    """A solved press and its tangent, which holds until the body is solved again.
 
     Raises `SingularMatrix`.
     """
 
-    def __init__(self, section: Section, solution: Solution) -> None:
-        self.section, self.solution = as_solved(section, solution), solution
-        blocks = tangent(self.section, solution).blocks
-        self._factors: Factors = self.section.assembly.factor(blocks)
-        self._pairs: list[ContactPairs] = pairs_of(self.section, solution.load, solution)
-        self._active = [
-            (m > 0) | t.bonded for t, m in zip(self._pairs, solution.multiplier, strict=True)
-        ]
-        penalty = self.section.rules.penalty
+    def __init__(self, body: Body, solution: Solution) -> None:
+        self.body, self.solution = as_solved(body, solution), solution
+        self.body.linear.linearise(tangent(self.body, solution), careful=False, rough=False)
+        self._pairs: list[ContactPairs] = pairs_of(self.body, solution.load, solution)
+        penalty = self.body.rules.penalty
         self._springs = [
-            np.where(on, t.stiffness(penalty), 0.0)
-            for t, on in zip(self._pairs, self._active, strict=True)
+            np.where((m > 0) | t.bonded, t.stiffness(penalty), 0.0)
+            for t, m in zip(self._pairs, solution.multiplier, strict=True)
         ]
 
-    def slope(self, moved: Moved, step: float) -> Slope:
-        """By the number that ``moved`` changes by a ``step`` either way."""
-        ends = moved(step), moved(-step)
-        by_force = self._by_force(*ends) / (2 * step)
+    def slope(self, number: Number) -> Slope:
+        """By a number."""
+        step = number.step
+        ends = number.moved(step), number.moved(-step)
+        by_force = np.zeros(self.body.size)
+        if number.of_body:
+            u = self.solution.displacement
+            ahead, behind = (body.forces(u, load.pressure_pa)[0] for body, load in ends)
+            by_force = (ahead - behind) / (2 * step)
         pairs = zip(*(pairs_of(*end, self.solution) for end in ends), strict=True)
-        multiplier = self.solution.multiplier
         gaps, turns = [], []
-        for (a, b), m in zip(pairs, multiplier, strict=True):
+        for (a, b), m in zip(pairs, self.solution.multiplier, strict=True):
             turned = replace(a, gradient=(a.gradient - b.gradient) / (2 * step))
             turned.add_force(-m, by_force)
             turns.append(turned.gradient)
             gaps.append((a.open(m) - b.open(m)) / (2 * step))
         du, change = self._solved(by_force, gaps)
-        if self.section.self_contact:
+        if self.body.self_contact or not self.body.linear.exact:
             du, change = self._corrected(ends, step, du, change)
-        finger, m = self._pairs[0], multiplier[0]
-        along = du[self.section.mesh.surface]
-        across = along[:, 1] - finger.gradient[:, 1] * (finger.gradient * along).sum(axis=1)
-        turned_y = turns[0][:, 1] + finger.turning * across
+        finger, m = self._pairs[0], self.solution.multiplier[0]
+        along = du[self.body.surface]
+        turned_y = turns[0][:, 1] - (finger.turned(np.ones(len(m)))[:, 1] * along).sum(axis=1)
         force = -float(change[0] @ finger.gradient[:, 1] + m @ turned_y)
-        return Slope(du, force, change[0])
+        return Slope(du, force / self.body.share, change[0])
 
     def _corrected(
         self, ends: tuple[End, End], step: float, du: Array, change: list[Array]
     ) -> tuple[Array, list[Array]]:
         """Displacements and contact forces by what they leave out of balance: in the tangent the
-        normals of a lumen's walls do not turn."""
+        normals of a lumen's walls do not turn, and a solid's is solved in single precision."""
         for _ in range(ROUNDS):
             forces, gaps = zip(
                 *(
@@ -115,7 +127,7 @@ class Tangent:
             more, more_change = self._solved((forces[0] - forces[1]) / (2 * step), by_gap)
             du = du + more
             change = [a + b for a, b in zip(change, more_change, strict=True)]
-            if np.abs(more).max() <= LEFT * LEFT * np.abs(du).max():
+            if np.abs(more).max() <= SETTLED * np.abs(du).max():
                 break
         return du, change
 
@@ -128,29 +140,16 @@ class Tangent:
             multiplier=tuple(m + by * c for m, c in forces),
         )
 
-    def _by_force(self, ahead: End, behind: End) -> Array:
-        """Difference (2n,) [N/m] of what body and lumens are out of balance by."""
-        u, (section, load) = self.solution.displacement, ahead
-        if section.cells is not behind[0].cells or section.shear is not behind[0].shear:
-            a, b = (one.forces(u, load.pressure_pa)[0] for one, load in (ahead, behind))
-            return np.asarray(a - b)
-        difference = np.zeros(section.size)
-        if pressure_pa := load.pressure_pa - behind[1].pressure_pa:
-            for sides in section.lumens:
-                force = pressure_pa * unit_pressure(sides, u)[0]
-                difference -= gather(section.size, sides.dofs, force)
-        return difference
-
     def _solved(self, by_force: Array, by_gap: list[Array]) -> tuple[Array, list[Array]]:
-        """How displacements (n, 2) and contact forces follow."""
+        """How displacements (n, d) and contact forces follow."""
         groups = list(zip(self._pairs, self._springs, by_gap, strict=True))
         change = [np.zeros(len(one)) for one in by_gap]
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS if self.body.linear.exact else 1):
             load = -by_force
             for (t, k, g), m in zip(groups, change, strict=True):
                 t.add_force(np.where(k > 0, m - k * (t.compliance * m + g), 0.0), load)
-            load[self.section.fixed] = 0.0
-            du = self._factors.solve(load).reshape(-1, 2)
+            load[self.body.fixed] = 0.0
+            du = self.body.linear.step(load, 0.0).reshape(self.body.nodes.shape)
             before = np.concatenate(change)
             change = [
                 np.where(k > 0, m - k * (t.opening(du) + t.compliance * m + g), 0.0)
@@ -162,24 +161,21 @@ class Tangent:
         return du, change
 
 
-def slopes(section: Section, solution: Solution) -> tuple[Slope, Slope]:
+def slopes(body: Body, solution: Solution) -> tuple[Slope, Slope]:
     """By depth [m] and by pressure [Pa], the contact staying as it is; cheapest just after
     ``solution``. Raises `SingularMatrix`."""
-    here = Tangent(section, solution)
-    (by_depth, depth_step), (by_pressure, pressure_step) = (
-        loaded(here.section, solution.load, key) for key in ("depth_mm", "pressure_mmhg")
+    here = Linearised(body, solution)
+    by_depth, by_pressure = (
+        here.slope(loaded(here.body, solution.load, key)) for key in ("depth_mm", "pressure_mmhg")
     )
-    return (
-        _per(here.slope(by_depth, depth_step), 1e-3),
-        _per(here.slope(by_pressure, pressure_step), PA_PER_MMHG),
-    )
+    return by_depth.per(1e-3), by_pressure.per(PA_PER_MMHG)
 
 
 def gradients(
-    section: Section, solution: Solution, scene: Scene, keys: Iterable[str] | None = None
+    body: Body, solution: Solution, scene: Scene, keys: Iterable[str] | None = None
 ) -> dict[str, float]:
-    """How much the finger's force [N/m] of ``solution`` changes by each number of ``scene``, of
-    which ``section`` is, in the unit of its key.
+    """How much the finger's force of ``solution``, [N/m] in a plane and else [N], changes by each
+    number of ``scene``, of which ``body`` is, in the unit of its key.
 
     ``keys`` are of `sim_backend.scene.numbers.numbers`, or `LOADS`; all without them. A pulse's
     gradient is the difference of two states'. The contact stays as it is. Raises `SingularMatrix`,
@@ -202,40 +198,37 @@ def gradients(
             "so that the gradient hangs on the way there, and is not known. Take "
             'indenter.bonded = false and support.contact = "frictionless"'
         )
-    here = Tangent(section, solution)
+    here = Linearised(body, solution)
     found = {}
     for key in (*LOADS, *numbers(scene)) if keys is None else keys:
+        if key.endswith(".z_mm") and here.body.share < 1:
+            found[key] = 0.0  # it is symmetric about z = 0
+            continue
         by = loaded if key in LOADS else renumbered
-        moved, step = by(here.section, solution.load, key, scene)
-        found[key] = here.slope(moved, step).force_n_per_m
+        found[key] = here.slope(by(here.body, solution.load, key, scene)).force
     return found
 
 
-def loaded(section: Section, load: Load, key: str, _scene: object = None) -> tuple[Moved, float]:
-    """The press at another place, depth or pressure, and a step of that."""
+def loaded(body: Body, load: Load, key: str, _scene: object = None) -> Number:
+    """The press at another place, depth or pressure."""
 
     def moved(by: float) -> End:
         if key == "x_mm":
-            finger = replace(section.finger, x=section.finger.x + 1e-3 * by)
-            return replace(section, finger=finger), load
+            return beside(body, 1e-3 * by), load
         depth_m, pressure_pa = load.depth_m, load.pressure_pa
         if key == "depth_mm":
-            return section, Load(depth_m + 1e-3 * by, pressure_pa)
-        return section, Load(depth_m, pressure_pa + PA_PER_MMHG * by)
+            return body, Load(depth_m + 1e-3 * by, pressure_pa)
+        return body, Load(depth_m, pressure_pa + PA_PER_MMHG * by)
 
-    return moved, STEP
+    return Number(moved, STEP, of_body=key == "pressure_mmhg")
 
 
-def renumbered(section: Section, load: Load, key: str, scene: Scene) -> tuple[Moved, float]:
-    """The press into a scene of which the number ``key`` is another, and a step of that."""
+def renumbered(body: Body, load: Load, key: str, scene: Scene) -> Number:
+    """The press into a scene of which the number ``key`` is another."""
     value = numbers(scene)[key]
 
     def moved(by: float) -> End:
-        return redrawn(section, scene, with_number(scene, key, value + by)), load
+        return redrawn(body, scene, with_number(scene, key, value + by)), load
 
     most = MOST.get(key.rpartition(".")[2], np.inf)
-    return moved, STEP * min(abs(value) or 1.0, most - value)
-
-
-def _per(slope: Slope, units: float) -> Slope:
-    return Slope(slope.displacement / units, slope.force_n_per_m / units, slope.multiplier / units)
+    return Number(moved, STEP * min(abs(value) or 1.0, most - value), of_body=True)

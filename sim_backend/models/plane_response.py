@@ -167,7 +167,7 @@ def _ends(
     deepest, slope = ramp[-1], slopes[-1]
     rest_pa = deepest.load.pressure_pa
     high = _at(section, deepest, slope, high_pa)
-    straight = slope.force_n_per_m * (high_pa - rest_pa)
+    straight = slope.force * (high_pa - rest_pa)
     bend = abs(high.force_n_per_m - deepest.force_n_per_m - straight)
     low_u = deepest.displacement + (low_pa - rest_pa) * slope.displacement
     above: list[list[Solution]] = [[] for _ in ramp[:-1]]

@@ -15,6 +15,7 @@ from sim_backend.fem.internal import smallest_area_ratio
 from sim_backend.fem.model import best_element
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
 from sim_backend.fem.section import Section
+from sim_backend.fem.sensitivity import gradients
 from sim_backend.fem.solid import stress as solid_stress
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.forces import smallest_volume_ratio
@@ -308,10 +309,9 @@ def press(
     began = perf_counter()
     if scene.plane == "solid":
         if gradient:
-            raise SceneError(f"{scene.name}: gradients are known of plane scenes, not of solids")
-        return _press_solid(
-            scene, x_mm, depth_mm, pressures, model, accuracy_pct, taxels, solving, began
-        )
+            model = with_gradient(model, scene).model
+        pressed = scene, x_mm, depth_mm, pressures, model, accuracy_pct
+        return _press_solid(*pressed, gradient, taxels, solving, began)
     if gradient:
         choice = with_gradient(model, scene)
     elif model == "auto":
@@ -374,6 +374,7 @@ def _press_solid(
     pressures: tuple[float, ...],
     model: str,
     accuracy_pct: float,
+    gradient: bool,
     taxels: TaxelArray | None,
     solving: Solving,
     began: float,
@@ -412,6 +413,11 @@ def _press_solid(
         edges_m = taxels.edges_m(scene.indenter)
         states = tuple(
             replace(state, taxels_n=solid_taxels_n(body, solution, *edges_m))
+            for state, solution in zip(states, solutions, strict=True)
+        )
+    if gradient:
+        states = tuple(
+            replace(state, gradient=gradients(body, solution, scene))
             for state, solution in zip(states, solutions, strict=True)
         )
     return Press(

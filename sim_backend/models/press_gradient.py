@@ -9,14 +9,20 @@ from sim_backend.scene.scene_file import Scene, SceneError
 
 def with_gradient(model: str, scene: Scene) -> Choice:
     """The model of a press whose gradient is asked for. Raises `SceneError` for another."""
-    if model not in ("auto", "finite"):
-        raise SceneError(f"model = {model!r}: gradients are of finite strain; leave model out")
-    return Choice("finite", scene, 0.0, why="gradients are of finite strain")
+    known = "solid" if scene.plane == "solid" else "finite"
+    if model not in ("auto", known):
+        raise SceneError(
+            f"model = {model!r}: gradients are of finite strain, in a plane or of a solid; take "
+            f"{known}, or leave model out"
+        )
+    if known == "solid" and any(one.path for one in scene.arteries):
+        raise SceneError(f"{scene.name}: gradients of a vessel with a path are not known")
+    return Choice(known, scene, 0.0, why="gradients are of finite strain")
 
 
 def force_gradient_n(scene: Scene, section: Section, solution: Solution) -> dict[str, float]:
-    """The whole finger's force [N] by each key of `sim_backend.fem.sensitivity.gradients`, per unit
-    of that. Raises `SingularMatrix`."""
+    """A section's force on the whole finger [N] by each key of
+    `sim_backend.fem.sensitivity.gradients`, per unit of that. Raises `SingularMatrix`."""
     length_m = 1e-3 * scene.indenter.length_mm
     found = {key: length_m * by for key, by in gradients(section, solution, scene).items()}
-    return found | {"indenter.length_mm": 1e-3 * solution.force_n_per_m}
+    return found | {"indenter.length_mm": 1e-3 * solution.force}

@@ -232,7 +232,7 @@ def _steepness(
         return np.array([0.0, len(pressures_pa) > 1], float)
     forces, (low, high) = _forces(states), np.argsort(pressures_pa)[[0, -1]]
     least, pressure = pressures_pa[low], pressures_pa[high]
-    slope = slopes(section, states[high])[1].force_n_per_m
+    slope = slopes(section, states[high])[1].force
     of_force = pressure * abs(slope) / max(float(np.abs(forces).max()), 1e-12)
     if pressure == least:
         return np.array([of_force, 0.0])

@@ -205,7 +205,7 @@ def _press(section: Section, load: Load, guess: Array) -> _Pressed:
         steps = [Load(load.depth_m / 2, load.pressure_pa / 2), load]
         *_, solution = continuation(section, unloaded(section), steps)
     by_depth, by_pressure = slopes(section, solution)
-    return _Pressed(section, solution, by_depth.force_n_per_m, by_pressure.force_n_per_m)
+    return _Pressed(section, solution, by_depth.force, by_pressure.force)
 
 
 def _guess(scene: Scene, section: Section, load: Load, filled: Displacements) -> Array:

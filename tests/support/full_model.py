@@ -98,4 +98,4 @@ def _slopes(one: Press, k: int) -> tuple[float, float]:
             f"solved as {one.model}"
         )
     by_depth, by_pressure = slopes(one.mesh.section, solution)
-    return by_depth.force_n_per_m, by_pressure.force_n_per_m
+    return by_depth.force, by_pressure.force

@@ -41,6 +41,8 @@ class LinearSolver:
     that are fixed: dense, so that factors see their diagonals instead.
     """
 
+    exact = False
+
     def __init__(
         self,
         nodes: Array,

@@ -8,13 +8,17 @@ import pytest
 from small_block import BLOCK
 
 from sim_backend.fem import section as section_rules
+from sim_backend.fem.axisymmetric import solve_axisymmetric
 from sim_backend.fem.finite_strain import solve_finite
+from sim_backend.fem.model import Grading
 from sim_backend.fem.newton import Solution, as_solved, equilibrium
 from sim_backend.fem.redrawn import followed
 from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import LOADS, gradients, loaded, renumbered
+from sim_backend.scene.inclusion import Tumour
 from sim_backend.scene.numbers import numbers, with_number
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
+from sim_backend.scene.table import beyond_a_file
 from sim_backend.scene.waves import PA_PER_MMHG
 
 X_M, SIZE_M = 0.030, 1.2e-3
@@ -81,7 +85,7 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[Section, Solu
 def difference(section: Section, here: Solution, scene: Scene, key: str, steps: float) -> float:
     """Central difference of the force [N/m]; NaN where other nodes touch than here."""
     by = loaded if key in LOADS else renumbered
-    moved, step = by(as_solved(section, here), here.load, key, scene)
+    moved, step, _ = by(as_solved(section, here), here.load, key, scene)
     forces = []
     for sign in (1, -1):
         other, load = moved(sign * steps * step)
@@ -176,3 +180,26 @@ def test_an_unknown_number_is_refused() -> None:
     section, (here,) = solve_finite(scene, X_M, 1e-3, [0.0], 2e-3)
     with pytest.raises(KeyError, match="wall_mm"):
         gradients(section, here, scene, ["wall_mm"])
+
+
+def test_a_body_of_revolution_s_derivatives_obey_the_laws_of_scale() -> None:
+    """Its force goes with the moduli, and with the square of all lengths; x = 0 stays its axis."""
+    raw = load_scene("TI-solid").model_dump()
+    lump = {"kind": "tumour", "x_mm": 0.0, "depth_mm": 7.0, "diameter_mm": 5.0,
+            "modulus_kpa": 400.0, "poisson": 0.45}  # fmt: skip
+    tissue = {"width_mm": 40.0, "length_mm": 40.0, "height_mm": 14.0, "modulus_kpa": 50.0,
+              "poisson": 0.45}  # fmt: skip
+    ball = {"shape": "sphere", "radius_mm": 5.0}
+    scene = Scene.model_validate(raw | {"tissue": tissue, "indenter": ball, "inclusion": []})
+    turned = beyond_a_file(scene, {"inclusion": (Tumour.model_validate(lump),)})
+    grading = Grading(0.4e-3, lambda radius: 0.3 * radius, 0.4, 3e-3)
+    section, (here,) = solve_axisymmetric(turned, 40e-3, 1.0e-3, grading)
+    keys = [key for key in numbers(turned) if key not in ("tissue.length_mm", "inclusion.0.x_mm")]
+    found = gradients(section, here, turned, ["depth_mm", *keys])
+    values = {**numbers(turned), "depth_mm": 1.0}
+    change = {key: values[key] * by for key, by in found.items()}
+    assert sum(v for k, v in change.items() if k.endswith("_kpa")) == pytest.approx(
+        here.force, rel=1e-6
+    )
+    lengths = sum(v for k, v in change.items() if k.endswith("_mm"))
+    assert lengths == pytest.approx(2 * here.force, rel=1e-5)
