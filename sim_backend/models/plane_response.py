@@ -110,8 +110,8 @@ def respond_plane(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
     force = curve(
         lambda state: state.force_n_per_m,
         [state.force_n_per_m for state in ramp],
-        [one.force_n_per_m for one in by_depth],
-        [one.force_n_per_m for one in by_pressure],
+        [one.force for one in by_depth],
+        [one.force for one in by_pressure],
     )
 
     on_ramp = [stress_pa(state) for state in ramp]
