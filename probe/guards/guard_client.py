@@ -13,15 +13,15 @@ import threading
 import time
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, Self
 
-from drivers import Block, ConfigError, DeviceFault, Pose
+from drivers import Block, ConfigError, DeviceFault
 from probe.guards.commands import Control, RunCommand
-from probe.guards.guard_process import Facts, Leaving, Order, Status
+from probe.guards.guard_process import OF_MONITOR, Facts, Leaving, Order, Status
 from probe.guards.interruption import Trip
-from probe.guards.levels import Levels
 from probe.guards.remote_devices import RemoteHoming, RemoteRetreat, RemoteSensor, RemoteStage
 
 ANSWER_S = 20.0  # longer than any call takes: a tare, or a stage that hangs
@@ -116,11 +116,6 @@ class GuardClient:
         """As of the last heartbeat."""
         return self._status.force_n
 
-    def levels(self, from_s: float) -> Levels:
-        """As `SafetyMonitor.levels`."""
-        found: Levels = self.call("levels", from_s)
-        return found
-
     def collect(self) -> list[tuple[str, Block]]:
         """As `SafetyMonitor.collect`; nothing from a process that is gone, nor from the one that
         took over: its sensors are not tared."""
@@ -146,30 +141,11 @@ class GuardClient:
     def step(self) -> None:
         """Nothing: the other process steps by itself."""
 
-    def move(self, target: Pose, speed_m_s: float, *, search: bool = False) -> None:
-        """As `SafetyMonitor.move`."""
-        self.call("move", target, speed_m_s, search)
-
-    def touched_n(self, since_s: float, readings: int = 1) -> float | None:
-        """As `SafetyMonitor.touched_n`."""
-        found: float | None = self.call("touched_n", since_s, readings)
-        return found
-
-    def moving(self) -> bool:
-        """As `SafetyMonitor.moving`."""
-        return bool(self.call("moving"))
-
-    def pose(self) -> Pose:
-        """As `SafetyMonitor.pose`."""
-        return Pose(*self.call("pose"))
-
-    def arrived(self, pose: Pose) -> None:
-        """As `SafetyMonitor.arrived`."""
-        self.call("arrived", pose)
-
-    def tare(self) -> None:
-        """As `SafetyMonitor.tare`."""
-        self.call("tare")
+    def __getattr__(self, name: str) -> Any:
+        """All else that the monitor itself answers."""
+        if name not in OF_MONITOR:
+            raise AttributeError(name)
+        return partial(self.call, name)
 
     def home(self) -> "RemoteHoming":
         """As `SafetyMonitor.home`."""
@@ -187,10 +163,6 @@ class GuardClient:
         """Do not lift any more."""
         with suppress(DeviceFault):
             self.call("stay")
-
-    def go_on(self) -> None:
-        """As `SafetyMonitor.go_on`."""
-        self.call("go_on")
 
     def status(self) -> Status:
         """As of the last heartbeat."""
@@ -238,7 +210,7 @@ class GuardClient:
         facts: Facts = answer
         return facts
 
-    def call(self, name: str, *arguments: Any, extra_s: float = 0.0) -> Any:
+    def call(self, name: str, *arguments: Any, extra_s: float = 0.0, **keywords: Any) -> Any:
         """What `Service` answers to ``name``, which may take ``extra_s`` longer than others.
 
         Raises `DeviceFault`, also when it is gone.
@@ -247,7 +219,7 @@ class GuardClient:
             if self._gone:
                 raise DeviceFault("guard", GONE)
             try:
-                done, answer = self._ask(name, *arguments, extra_s=extra_s)
+                done, answer = self._ask(name, *arguments, extra_s=extra_s, **keywords)
             except (EOFError, OSError):
                 self._replace()
                 raise DeviceFault("guard", DIED) from None
@@ -255,13 +227,15 @@ class GuardClient:
             raise answer
         return answer
 
-    def _ask(self, name: str, *arguments: Any, extra_s: float = 0.0) -> tuple[bool, Any]:
+    def _ask(
+        self, name: str, *arguments: Any, extra_s: float = 0.0, **keywords: Any
+    ) -> tuple[bool, Any]:
         """Raises `EOFError` or `OSError` where nobody answers any more.
 
         An answer carries its call's number: one that came too late is not the next call's.
         """
         self._asked += 1
-        self._calls.send((self._asked, name, arguments))
+        self._calls.send((self._asked, name, arguments, keywords))
         within_s = STATUS_S if name == "status" else ANSWER_S + extra_s
         until_s = time.monotonic() + within_s
         number, done, answer = 0, False, None

@@ -14,12 +14,13 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, fields
 from multiprocessing.connection import Connection
 from typing import Any
 
-from drivers import Block, Channel, Clock, DeviceFault, Pose
+from drivers import Channel, Clock, DeviceFault, Pose
 from drivers.core import abilities
 from drivers.core.errors import as_fault
 from probe.config.devices import Devices, connect
@@ -29,7 +30,6 @@ from probe.config.scan_plan import plan_for
 from probe.guards.commands import ENDING, Control, RunCommand
 from probe.guards.guard_threads import come_first
 from probe.guards.interruption import Trip
-from probe.guards.levels import Levels
 from probe.guards.prepare import prepare
 from probe.guards.retreat import lift_speed_m_s
 from probe.guards.safety_monitor import SafetyMonitor
@@ -106,13 +106,24 @@ class Status:
     jumped: tuple[str, float] | None = None
 
 
+OF_MONITOR = (
+    "move", "moving", "pose", "arrived", "touched_n", "tare", "levels", "collect", "go_on",
+)  # fmt: skip
+"""What the scan's process asks of the monitor itself, by the same names."""
+
+
 class Service:
-    """What the scan's process may call, each by its name."""
+    """What the scan's process may call, each by its name: these, and `OF_MONITOR`."""
 
     def __init__(self, devices: Devices, monitor: SafetyMonitor) -> None:
         self.finished = self.started = False
         self._devices, self._monitor = devices, monitor
         self._homed: threading.Event | None = None
+
+    def asked(self, name: str) -> Callable[..., Any]:
+        """What answers to a name."""
+        found: Callable[..., Any] = getattr(self._monitor if name in OF_MONITOR else self, name)
+        return found
 
     def start(self, homes: bool) -> Status:
         """Sensors first, then the guards, which begin also where a sensor has died meanwhile."""
@@ -166,30 +177,6 @@ class Service:
     def home(self) -> None:
         self._homed = self._monitor.home()
 
-    def move(self, target: Pose, speed_m_s: float, search: bool) -> None:
-        self._monitor.move(target, speed_m_s, search=search)
-
-    def touched_n(self, since_s: float, readings: int = 1) -> float | None:
-        return self._monitor.touched_n(since_s, readings)
-
-    def moving(self) -> bool:
-        return self._monitor.moving()
-
-    def pose(self) -> Pose:
-        return self._monitor.pose()
-
-    def arrived(self, pose: Pose) -> None:
-        self._monitor.arrived(pose)
-
-    def tare(self) -> None:
-        self._monitor.tare()
-
-    def levels(self, from_s: float) -> Levels:
-        return self._monitor.levels(from_s)
-
-    def collect(self) -> list[tuple[str, Block]]:
-        return self._monitor.collect()
-
     def leave(self, lift: bool) -> Status:
         self._monitor.leave(lift=lift)
         return self.status()
@@ -197,9 +184,6 @@ class Service:
     def stay(self) -> None:
         if self._monitor.retreat is not None:
             self._monitor.retreat.stay()
-
-    def go_on(self) -> None:
-        self._monitor.go_on()
 
     def finish(self) -> None:
         """End the guards; what was read can still be collected."""
@@ -281,12 +265,12 @@ def _ready(order: Order, devices: Devices, urgent: Connection) -> tuple[Facts, S
 def _serve(service: Service, calls: Connection) -> None:
     while True:
         try:
-            number, name, arguments = calls.recv()
+            number, name, arguments, keywords = calls.recv()
         except (EOFError, OSError):
             break
         answer: tuple[int, bool, Any]
         try:
-            answer = (number, True, getattr(service, name)(*arguments))
+            answer = (number, True, service.asked(name)(*arguments, **keywords))
         except Exception as error:  # noqa: BLE001 - every fault is the engine's to handle
             answer = (number, False, error)
         with suppress(OSError):  # it went away meanwhile: the next `recv` says so

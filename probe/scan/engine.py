@@ -23,7 +23,7 @@ from probe.core.events import (
 )
 from probe.core.states import ALLOWED
 from probe.guards.commands import STOPPED, Control, RunCommand
-from probe.guards.guard_client import GuardClient
+from probe.guards.interface import Guards
 from probe.guards.interruption import Interrupted, interruption_of
 from probe.guards.levels import LEVEL_S, little
 from probe.guards.readings import STAGE, STAGE_CHANNELS
@@ -66,7 +66,7 @@ def run_scan(
     config: Mapping[str, Any] | None = None,
     completed: Collection[int] = (),
     attempts: Mapping[int, int] | None = None,
-    monitor: GuardClient | None = None,
+    monitor: Guards | None = None,
 ) -> RunEnded:
     """Run a whole scan on devices that are already open.
 
@@ -119,7 +119,7 @@ def run_scan(
     """
     control = control or Control()
     threaded = not isinstance(clock, SimulatedClock)
-    guards: SafetyMonitor | GuardClient = monitor or SafetyMonitor(
+    guards: Guards = monitor or SafetyMonitor(
         stage, sensors, clock, plan.surface, limits, control,
         threaded=threaded, lift_z_m=plan.travel_z_m,
     )  # fmt: skip

@@ -17,13 +17,13 @@ from probe.core.events import (
 )
 from probe.core.states import PRESSING, follow
 from probe.guards.commands import Control
-from probe.guards.guard_client import GuardClient
+from probe.guards.interface import Guards
 from probe.guards.interruption import Interrupted
 from probe.guards.levels import Levels, Usual
 from probe.guards.pose_guard import SLOWEST_PACE
 from probe.guards.press_guard import WAY_M
 from probe.guards.readings import PUBLISH_S
-from probe.guards.safety_monitor import STAGE_PERIOD_S, SafetyMonitor
+from probe.guards.safety_monitor import STAGE_PERIOD_S
 from probe.guards.stopping import STOP_AGAIN_S
 from probe.planning.limits import ARRIVED_M, Limits
 from probe.planning.plan import Place, Plan
@@ -50,7 +50,7 @@ class RunLoop:
         sensors: Sequence[Sensor],
         clock: Clock,
         limits: Limits,
-        monitor: SafetyMonitor | GuardClient,
+        monitor: Guards,
         control: Control,
         bus: EventBus,
     ) -> None:
