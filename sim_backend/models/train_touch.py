@@ -72,7 +72,7 @@ def touch_table(
     units = Units(bare)
     middle = np.linspace(0.0, units.half_width - 0.4, BARE_PLACES)
     force = np.array([
-        [state.force_n_per_m for state, *_ in _ramp(bare, units.place_m(x))[1]] for x in middle
+        [state.force_n_per_m for state, *_ in ramp(bare, units.place_m(x))[1]] for x in middle
     ]) / units.force_n_per_m  # fmt: skip
     table = TouchTable(about_block(bare), SUNK, middle, force.T, {})
     rng = np.random.default_rng(seed)
@@ -168,8 +168,8 @@ def _sample(
     )
     force, slope = np.zeros((2, len(SUNK))), np.zeros((2, len(theta) + 1, len(SUNK)))
     unit = units.force_n_per_m
-    section, ramp = _ramp(scene, units.place_m(x))
-    for k, states in enumerate(ramp):
+    section, depths = ramp(scene, units.place_m(x))
+    for k, states in enumerate(depths):
         for end, solution in enumerate(states):
             force[end, k] = solution.force_n_per_m / unit
             by = gradients(section, solution, scene, [*keys, "depth_mm", *_pressed(kind)])
@@ -210,7 +210,7 @@ def _numbers_by_theta(kind: Kind, units: Units, theta: Array) -> tuple[list[str]
     return keys, np.array(rows)
 
 
-def _ramp(scene: Scene, x_m: float) -> tuple[Section, list[tuple[Solution, ...]]]:
+def ramp(scene: Scene, x_m: float) -> tuple[Section, list[tuple[Solution, ...]]]:
     """The section, and at each depth the state at diastole and, if anything beats, at systole."""
     length_m = 0.5e-3 * scene.indenter.width_mm_projected
     depths_m = SUNK * length_m
@@ -224,11 +224,11 @@ def _ramp(scene: Scene, x_m: float) -> tuple[Section, list[tuple[Solution, ...]]
         (start,) = continuation(section, start, [Load(-float(depths_m[-1]), rest)])
         bulge = surface_m(section, start)
         start = replace(start, load=Load(-bulge, rest))
-    ramp = list(continuation(section, start, [Load(float(d), rest) for d in depths_m]))
+    down = list(continuation(section, start, [Load(float(d), rest) for d in depths_m]))
     if not section.lumens:
-        return section, [(state,) for state in ramp]
-    tops = [next(continuation(section, s, [Load(s.load.depth_m, high)])) for s in ramp]
-    return section, list(zip(ramp, tops, strict=True))
+        return section, [(state,) for state in down]
+    tops = [next(continuation(section, s, [Load(s.load.depth_m, high)])) for s in down]
+    return section, list(zip(down, tops, strict=True))
 
 
 def trained(kind: Kind, samples: Samples) -> Ratios:

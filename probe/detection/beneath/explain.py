@@ -41,8 +41,7 @@ def sizes(recording: Recording, presses: tuple[Press, ...], kind: str) -> Sizes:
     found = table_of(recording)
     if isinstance(found, str):
         return unknown(found)
-    body = HYPOTHESES.get(kind)
-    if body is None:
+    if kind not in HYPOTHESES:
         return unknown("it has no kind yet")
     if len(recording.rows()) > 1:
         return unknown("depth and size are known of single rows: detect each row of a grid alone")
@@ -55,7 +54,12 @@ def sizes(recording: Recording, presses: tuple[Press, ...], kind: str) -> Sizes:
     if data.sunk_m[-1] > 1.01 * table.sunk[-1] * half_width_m:
         deepest_mm = 1e3 * table.sunk[-1] * half_width_m
         return unknown(f"the table of this finger ends at {deepest_mm:.3g} mm: press less deep")
-    likelihood = Likelihood(data, table, half_width_m, length_m, middle_m)
+    return stated(kind, Likelihood(data, table, half_width_m, length_m, middle_m))
+
+
+def stated(kind: str, likelihood: Likelihood) -> Sizes:
+    """What a row says of the one body of this kind beneath it."""
+    body = HYPOTHESES[kind]
     mode = most_likely(likelihood.model(body))
     model = likelihood.model(body, mode)
     posterior = sample(model, np.random.default_rng(0))
@@ -67,10 +71,10 @@ def sizes(recording: Recording, presses: tuple[Press, ...], kind: str) -> Sizes:
         )
     if posterior.effective < FEWEST:
         return unknown("its posterior could not be sampled well enough to state intervals")
-    return _stated(body, posterior, model.low, model.high, half_width_m)
+    return _intervals(body, posterior, model.low, model.high, likelihood.half_width_m)
 
 
-def _stated(
+def _intervals(
     body: Kind, posterior: Posterior, low: Array, high: Array, half_width_m: float
 ) -> Sizes:
     names = names_of(body)

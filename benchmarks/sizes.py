@@ -1,0 +1,138 @@
+"""Depth, diameter and modulus of random bodies from rows of presses: do 95 % intervals hold?
+
+    python -m sizes --rows 60
+
+Truth is a row of 15 presses of the finite elements over one lump or vessel, which no table was
+trained on, with what a rig adds: tilt, bow and height of the surface, a stage's repeatability, a
+gain of each depth, a zero, and noise.
+"""
+
+import argparse
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from kept import ROOT, Row, exact, fill, read
+
+import palpate
+from probe.detection.beneath.explain import stated
+from probe.detection.beneath.hypotheses import HYPOTHESES, Likelihood
+from probe.detection.beneath.row_data import RowData
+from sim_backend.fem.newton import CannotSolve
+from sim_backend.models.train_touch import SUNK, Units, ramp
+from sim_backend.touch.kept import table_for
+
+KEPT = ROOT / "docs/results/sizes.csv"
+X_M = 4e-3 * np.arange(1, 16)
+NAMES = ("depth", "diameter", "modulus")
+ANSWERS = (*(f"{name}_{part}" for name in NAMES for part in ("true", "low", "high")), "found")
+
+
+def body(kind: str, seed: int, units: Units) -> np.ndarray:
+    """Parameters of a body within what a table knows, away from the ends of the block."""
+    rng, shape = np.random.default_rng([seed, len(kind)]), HYPOTHESES[kind]
+    low, high = np.array(shape.low), np.array(shape.high)
+    while True:
+        theta = low + (high - low) * rng.random(len(low))
+        theta[0] *= 16 / 18  # 16 mm aside of the middle at most
+        if shape.beats and seed % 2:
+            theta[shape.parameters.index("narrowing")] = 0.0
+        if shape.fits(theta[None], units.height)[0]:
+            return theta
+
+
+@lru_cache(maxsize=4)
+def truth(kind: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Parameters (p,), forces (15, d) and pulses (15, d) [N]."""
+    units = Units(palpate.load_scene("TI"))
+    while True:
+        theta = body(kind, seed, units)
+        scene = units.scene(HYPOTHESES[kind], theta)
+        try:
+            rows = [
+                [[s.force_n_per_m for s in states] for states in ramp(scene, x)[1]] for x in X_M
+            ]
+        except (CannotSolve, ValueError):
+            seed += 1000
+            continue
+        force = 1e-3 * scene.indenter.length_mm * np.array(rows)
+        return theta, force[..., 0], force[..., -1] - force[..., 0]
+
+
+def measured(force: np.ndarray, pulse: np.ndarray, noise_n: float, seed: int) -> RowData:
+    """What a rig would have read."""
+    rng, sunk_m = np.random.default_rng([seed, 7]), 5e-3 * SUNK
+    x_m = X_M - X_M.mean()
+    height_m = 5e-3 * rng.normal() * x_m + 30e-6 * rng.normal() * (x_m / x_m.max()) ** 2
+    height_m = height_m + 30e-6 * rng.normal() + 8e-6 * rng.normal(size=len(X_M))
+    row = RowData(X_M, sunk_m, force, np.full_like(force, noise_n), pulse[:, -1], pulse[:, -1])
+    force = force + row.slope_n_per_m * height_m[:, None]
+    force = force * (1 + 0.1 * rng.normal(size=len(SUNK))) + 1e-3 * rng.normal()
+    force = force + noise_n * rng.normal(size=force.shape)
+    beat_n = 0.4 * noise_n  # a pulse of many beats is known better than one level
+    seen = pulse[:, -1] * (1 + 0.04 * rng.normal(size=len(X_M))) + beat_n * rng.normal(
+        size=len(X_M)
+    )
+    seen = np.where(np.abs(seen) < 3 * beat_n, 0.0, np.abs(seen))
+    spread = np.where(seen == 0, 1.5 * beat_n, beat_n)
+    return replace(row, force_n=force, pulse_n=seen, pulse_sd_n=spread)
+
+
+def judged(kind: str, noise_mn: float, seed: int) -> Row | None:
+    """One row: what was stated, and whether it holds."""
+    theta, force, pulse = truth(kind, seed)
+    data = measured(force, pulse, 1e-3 * noise_mn, seed)
+    if (data.force_n <= 0).any():
+        return None
+    table = table_for(palpate.load_scene("TI"))
+    assert table is not None
+    likelihood = Likelihood(data, table, 5e-3, 10e-3, 32e-3)
+    sizes = stated(kind, likelihood)
+    shape = dict(zip(HYPOTHESES[kind].parameters, theta, strict=True))
+    across = shape.get("log_diameter", shape.get("log_inner", 0.0))
+    true = {
+        "depth": 5e-3 * shape["depth"], "diameter": 5e-3 * np.exp(across),
+        "modulus": 50e3 * np.exp(shape["log_ratio"]),
+    }  # fmt: skip
+    ends = {"depth": sizes.depth_ci_m, "diameter": sizes.diameter_ci_m,
+            "modulus": sizes.modulus_ci_pa}  # fmt: skip
+    row: dict[str, object] = {}
+    for name in NAMES:
+        low, high = ends[name]
+        row |= {f"{name}_true": f"{true[name]:.5g}", f"{name}_low": f"{low:.5g}"}
+        row[f"{name}_high"] = f"{high:.5g}"
+    return row | {"found": "stated" if len(sizes.undecided) < 3 else "unknown"}
+
+
+def table(path: Path = KEPT) -> None:
+    """How often the intervals held."""
+    for kind in ("tumour", "artery"):
+        for noise in ("0.5", "5.0"):
+            rows = [r for r in read(path) if (r["kind"], r["noise_mn"]) == (kind, noise)]
+            rows = [r for r in rows if r["found"]]
+            for name in NAMES:
+                ends = [[float(r[f"{name}_{p}"]) for p in ("low", "true", "high")] for r in rows]
+                given = [e for e in ends if not np.isnan(e[0]) or not np.isnan(e[2])]
+                held = sum(low <= true <= high for low, true, high in given)
+                print(f"{kind} {noise} mN {name}: held {exact(held, len(given))} % of {len(given)}, "
+                      f"of {len(rows)} rows")  # fmt: skip
+
+
+def main() -> None:
+    """Judge rows, and print the table."""
+    parser = argparse.ArgumentParser(prog="sizes", description=__doc__)
+    parser.add_argument("--rows", type=int, default=60, help="rows of each kind at each noise")
+    given = parser.parse_args()
+    jobs = [
+        (kind, noise, seed)
+        for seed in range(given.rows)
+        for kind in ("tumour", "artery")
+        for noise in (0.5, 5.0)
+    ]
+    fill(KEPT, ("kind", "noise_mn", "seed"), ANSWERS, jobs, judged)
+    table()
+
+
+if __name__ == "__main__":
+    main()
