@@ -115,8 +115,8 @@ def table(path: Path = KEPT) -> None:
                 ends = [[float(r[f"{name}_{p}"]) for p in ("low", "true", "high")] for r in rows]
                 given = [e for e in ends if not np.isnan(e[0]) or not np.isnan(e[2])]
                 held = sum(low <= true <= high for low, true, high in given)
-                print(f"{kind} {noise} mN {name}: held {exact(held, len(given))} % of {len(given)}, "
-                      f"of {len(rows)} rows")  # fmt: skip
+                share = f"{exact(held, len(given))} % of {len(given)}, of {len(rows)} rows"
+                print(f"{kind} {noise} mN {name}: held {share}")
 
 
 def main() -> None:
