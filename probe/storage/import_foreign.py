@@ -16,6 +16,7 @@ import numpy as np
 from drivers.core.arrays import Array
 from drivers.core.errors import MissingExtra
 from drivers.core.extras import needs
+from drivers.core.units import SI
 from probe.storage.import_table import (
     PER_STATION,
     SIGNALS,
@@ -263,10 +264,10 @@ def _text(source: Path) -> Recording:
             break
     else:
         raise CsvError("no table of numbers is in it")
-    count, head = width[first], first
-    while head and len(cells[head - 1]) >= count and any(cells[head - 1]):
-        head -= 1  # names, and below them units
-    above = cells[head] if head < first else []
+    count = width[first]
+    whole = [cells[n] for n in (first - 1, first - 2) if n >= 0 and len(cells[n]) >= count]
+    units = len(whole) == 2 and all(_is_unit(cell) for cell in whole[0][:count] if cell)
+    above = whole[1] if units else whole[0] if whole else []
     names = [n or str(k) for k, n in enumerate(above[:count])] or [str(k) for k in range(count)]
     values = [
         [_number(c, comma) for c in row[:count]] for row in cells[first:] if len(row) >= count
@@ -287,6 +288,10 @@ def _cells(line: str, mark: str | None) -> list[str]:
         return []
     found = line.split() if mark is None else next(csv.reader([line], delimiter=mark), [])
     return [cell.strip() for cell in found]
+
+
+def _is_unit(cell: str) -> bool:
+    return cell.strip("[]()") in {"s", "ms", "m", "cm", "um", "%", "V", "-", "1", *SI}
 
 
 def _number(cell: str, comma: bool) -> float | None:

@@ -283,7 +283,7 @@ def test_a_run_from_another_computer_opens_nothing_unasked(
     left = unfinished(done.path)
     stage = Device.model_validate({"driver": "grbl", "port": str(port)})
     foreign = replace(left, rig=left.rig.model_copy(update={"stage": stage}), computer="another")
-    monkeypatch.setattr("probe.scan.resume.unfinished", lambda _path: foreign)
+    monkeypatch.setattr("probe.scan.resume.unfinished", lambda *_: foreign)
     before = done.path.read_bytes()
     with pytest.raises(RunFileError, match=r"not scanned on this computer.*grbl port = .*--trust"):
         resume(done.path)
