@@ -30,14 +30,15 @@ def station_numbers(text: str, option: str) -> list[int]:
     """``5-9``, ``2,4`` or both as numbers from 1. Raises `typer.BadParameter`."""
     numbers: set[int] = set()
     for part in text.split(","):
-        first, _, last = part.strip().partition("-")
-        if not (first.isdecimal() and (last or first).isdecimal() and int(first) >= 1):
+        first, dash, last = part.strip().partition("-")
+        last = last if dash else first
+        if not (first.isdecimal() and last.isdecimal() and int(first) >= 1):
             raise typer.BadParameter(f"{option} {text}: say station numbers as 5-9 or 2,4,7")
-        if int(last or first) < int(first):
+        if int(last) < int(first):
             raise typer.BadParameter(f"{option} {text}: {part.strip()} ends before it begins")
-        if int(last or first) > MAX_STATION:
+        if int(last) > MAX_STATION:
             raise typer.BadParameter(f"{option} {text}: no scan has so many stations")
-        numbers.update(range(int(first), int(last or first) + 1))
+        numbers.update(range(int(first), int(last) + 1))
     return sorted(numbers)
 
 

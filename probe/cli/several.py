@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from probe.cli.errors import BAD_INPUT, status_of
-from probe.cli.progress import counting
 from probe.cli.say import inform
 
 Work = Callable[[Path], Mapping[str, Any]]
@@ -15,6 +14,8 @@ Work = Callable[[Path], Mapping[str, Any]]
 def of_each(runs: Sequence[Path], work: Work) -> tuple[list[dict[str, Any]], int]:
     """What ``work`` made of each run, ``run`` and ``error`` where it cannot be read, and the
     exit status. A single run's error is raised, and so is any error that lies with no run."""
+    from probe.cli.progress import counting  # here: --help needs no numpy
+
     found: list[dict[str, Any]] = []
     worst = 0
     several = counting("runs") if len(runs) > 1 else nullcontext(lambda _done, _total: None)

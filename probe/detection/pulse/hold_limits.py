@@ -4,6 +4,7 @@ import numpy as np
 
 from drivers.core.arrays import Array, Bools
 from probe.core.recording import Station
+from probe.detection.pulse.possible_rates import SLOWEST_HZ
 from probe.detection.pulse.running_median import running_median
 from probe.detection.pulse.scatter import SD_OF_MEDIAN
 
@@ -48,9 +49,11 @@ def hold_limits(station: Station, mean: Array, whole: Bools) -> tuple[float, flo
     smooth = running_median(mean, 3)
     if not np.isfinite(begin):
         begin = time_s[0]
-        high = float(np.median(smooth[smooth >= 0.5 * smooth.max()])) if len(smooth) else 0.0
-        if smooth[0] < RAMP_RISE * high:
-            begin = _end_of_ramp(time_s, mean, smooth, high)
+        zero = float(smooth.min())  # a sensor may have any
+        over = smooth - zero
+        high = float(np.median(over[over >= 0.5 * over.max()]))
+        if smooth[0] < RAMP_RISE * (zero + high):
+            begin = _end_of_ramp(time_s, mean - zero, over, high, step)
         else:
             settling = 0.0
     if not np.isfinite(end):
@@ -59,10 +62,11 @@ def hold_limits(station: Station, mean: Array, whole: Bools) -> tuple[float, flo
     return begin + settling, end
 
 
-def _end_of_ramp(time_s: Array, mean: Array, smooth: Array, high: float) -> float:
+def _end_of_ramp(time_s: Array, mean: Array, smooth: Array, high: float, step_s: float) -> float:
     """When the ramp of a record (n,) ends that holds about ``high``: seen from the hold, backwards
     in time, it is a fall. The hold is looked at for about as long as the ramp takes, up to the
-    middle of what is above half of its force."""
+    middle of what is above half of its force. A beat on a slow ramp looks like an end: where what
+    follows within a beat still rises half as fast as the ramp, or faster, the ramp goes on."""
     above = np.flatnonzero(smooth >= 0.5 * high)
     half, last = int(above[0]), int(above[-1])
     low = np.flatnonzero(smooth[:half] < LOW_SHARE * high)
@@ -71,7 +75,20 @@ def _end_of_ramp(time_s: Array, mean: Array, smooth: Array, high: float) -> floa
     until_s = min(until_s, (time_s[half] + time_s[last]) / 2)
     near = slice(half, max(int(np.searchsorted(time_s, until_s, "right")), half + MIN_SAMPLES))
     begins_s = -_start_of_fall(-time_s[near][::-1], mean[near][::-1])
-    return max(begins_s, float(time_s[np.argmax(smooth >= NEAR_TOP_SHARE * smooth.max())]))
+    top_s = float(time_s[np.argmax(smooth >= NEAR_TOP_SHARE * smooth.max())])
+    begin = min(int(np.searchsorted(time_s, max(begins_s, top_s))), len(time_s) - 1)
+    slope = (0.5 - LOW_SHARE) * high / max(rising_s, step_s)
+    ahead, beat = (max(2, round(span_s / step_s)) for span_s in (AHEAD_S, 1 / SLOWEST_HZ))
+
+    def goes_on(i: int) -> bool:
+        later = smooth[i + ahead : i + 1 + beat] - smooth[i]
+        after_s = step_s * np.arange(ahead, ahead + len(later))
+        return bool((later > 0.5 * slope * after_s).any())
+
+    if not goes_on(begin):
+        return max(begins_s, top_s)
+    tops = (i for i in range(begin + 1, last) if smooth[i] >= smooth[i : i + ahead].max())
+    return float(time_s[next((i for i in tops if not goes_on(i)), begin)])
 
 
 def _end_of_hold(time_s: Array, mean: Array, smooth: Array, step_s: float) -> float:

@@ -1,1 +1,3 @@
-"""The third dimension: `build` meshes a block, `newton` solves it with contact, `solve` presses."""
+"""The third dimension: `build` meshes a block, `body` is what Newton's method asks of it, `solve`
+presses.
+"""
