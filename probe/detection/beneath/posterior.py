@@ -2,8 +2,8 @@
 
 Parameters lie in a box in which the prior is even; their logits have no ends. Least squares from
 several starts finds modes; a mixture of Student's t distributions about them proposes points, and
-is fitted to the points that weigh most, a few times (population Monte Carlo, Cappe et al. 2008).
-The mean weight is the evidence.
+is fitted to the points that weigh most, a few times (adaptive multiple importance sampling, Cornuet
+et al. 2012). The mean weight is the evidence.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from scipy.special import expit, gammaln, log_expit, logit, logsumexp
 
 from drivers.core.arrays import Array, Bools
 
-ROUNDS, POINTS = 6, 2000
+ROUNDS, POINTS = 8, 2000
 FREEDOM = 5.0
 """Degrees of freedom of the proposals, whose tails must be heavier than the posterior's."""
 MODES = 3
@@ -66,16 +66,21 @@ def sample(model: Model, rng: np.random.Generator) -> Posterior:
     """The posterior of a model."""
     modes = _modes(model)
     mixture: list[Component] = [(m, np.asarray(1.5 * np.linalg.inv(c))) for _, m, c in modes]
-    kept: list[tuple[Array, Array]] = []
-    for round_ in range(ROUNDS):
-        logits = _drawn(mixture, rng)
-        log_weight = _log_posterior(model, logits) - _log_density(logits, mixture)
-        if round_:
-            kept.append((logits, log_weight))
-        if round_ < ROUNDS - 1 and np.isfinite(log_weight).any():
-            mixture = _fitted(logits, log_weight)
-    points = model.at(np.concatenate([logits for logits, _ in kept]))
-    log_weight = np.concatenate([one for _, one in kept])
+    proposals: list[list[Component]] = []
+    drawn: list[Array] = []
+    heights: list[Array] = []
+    for _ in range(ROUNDS):
+        proposals.append(mixture)
+        drawn.append(_drawn(mixture, rng))
+        heights.append(_log_posterior(model, drawn[-1]))
+        log_weight = heights[-1] - _log_density(drawn[-1], mixture)
+        if np.isfinite(log_weight).any():
+            mixture = _fitted(drawn[-1], log_weight)
+    logits = np.concatenate(drawn)
+    # each point is weighed by all proposals, so that none that missed a part has it weigh too much
+    each = [_log_density(logits, proposal) for proposal in proposals]
+    log_weight = np.concatenate(heights) - logsumexp(each, axis=0) + np.log(ROUNDS)
+    points = model.at(logits)
     total = float(logsumexp(log_weight))
     weights = np.exp(log_weight - total)
     chi2, best, _ = modes[0]
