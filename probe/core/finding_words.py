@@ -57,9 +57,9 @@ def sizes_words(one: Mapping[str, Any]) -> list[str]:
         if value is not None:
             parts.append(f"{of} {value:.3g} {unit} (95 %: {low or 0:.3g} to {high:.3g})")
         elif low is not None:
-            parts.append(f"{of} above {low:.2g} {unit}")
+            parts.append(f"{of} above {plain(low, 2)} {unit}")
         elif high is not None:
-            parts.append(f"{of} below {high:.2g} {unit}")
+            parts.append(f"{of} below {plain(high, 2)} {unit}")
     return parts
 
 
