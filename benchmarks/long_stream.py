@@ -256,11 +256,11 @@ def scan(rig: Rig, path: Path, looks: Looks) -> tuple[RunEnded, float]:
     signal.signal(signal.SIGINT, lambda _number, _frame: control.abort())
     plan = plan_for(rig)
     looking = threading.Thread(target=looks.go_on)
-    with opened_devices(Order(rig, clock, None, 0, None), None, control) as devices:
-        prepared = prepare(rig, plan, limits_for(rig, plan), None, devices, 0)
+    with opened_devices(Order(rig, clock, None, 0, None), None, control) as ready:
+        prepared = prepare(rig, plan, limits_for(rig, plan), None, ready.devices, 0)
         looking.start()
         with create_store(path) as sink:
-            done = run_prepared(devices, prepared, clock, sink, control, (), {})
+            done = run_prepared(ready, prepared, clock, sink, control, (), {})
         looks.look()
     looks.end.set()
     looking.join()

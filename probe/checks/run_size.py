@@ -9,6 +9,7 @@ from typing import Literal
 
 from drivers import Sensor
 from probe.core.errors import StoreError
+from probe.guards.device_facts import SensorFacts
 from probe.guards.levels import LEVEL_S
 from probe.guards.readings import PUBLISH_S, STAGE_CHANNELS
 from probe.guards.safety_monitor import STAGE_PERIOD_S
@@ -42,7 +43,7 @@ def search_seconds(plan: Plan) -> float:
     return 0.0 if plan.touch_n is None else len(plan.places) * plan.search_m / TOUCH_M_S
 
 
-def run_bytes(plan: Plan, sensors: Sequence[Sensor]) -> float:
+def run_bytes(plan: Plan, sensors: Sequence[Sensor | SensorFacts]) -> float:
     """How large [bytes] the run of a scan becomes at most."""
     read = [(1 / STAGE_PERIOD_S, len(STAGE_CHANNELS))]
     read += [(sensor.rate_hz, len(sensor.channels)) for sensor in sensors]
@@ -72,7 +73,7 @@ def room(out: Path, size_bytes: float) -> tuple[Literal["ok", "warning", "fault"
     return "ok", text
 
 
-def need_room(out: Path, plan: Plan, sensors: Sequence[Sensor]) -> None:
+def need_room(out: Path, plan: Plan, sensors: Sequence[Sensor | SensorFacts]) -> None:
     """Raises `StoreError`, in the words of a dry run, where the disk is short of room."""
     level, text = room(out, run_bytes(plan, sensors))
     if level == "fault":

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -18,11 +19,12 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 from typing import Any, Self
 
-from drivers import Block, ConfigError, DeviceFault
+from drivers import Block, ConfigError, DeviceFault, Pose
 from probe.guards.commands import Control, RunCommand
-from probe.guards.guard_process import OF_MONITOR, Facts, Leaving, Order, Status
+from probe.guards.device_facts import Facts
+from probe.guards.guard_process import Order
+from probe.guards.interface import Guards, Status, WayOut
 from probe.guards.interruption import Trip
-from probe.guards.remote_devices import RemoteHoming, RemoteRetreat, RemoteSensor, RemoteStage
 
 ANSWER_S = 20.0  # longer than any call takes: a tare, or a stage that hangs
 COMMAND_LOOK_S = 0.005
@@ -30,6 +32,7 @@ CLOSE_S = 70.0  # it may still be lifting the probe
 STATUS_S = 5.0  # a status is at hand: a process that does not report it hangs
 LONG_S = 1.0  # most answers take milliseconds; who takes longer is asked whether it lives
 LIVES_S = STATUS_S - LONG_S
+POSE_S = 0.5  # an arm's driver gives its controller 0.3 s for the questions about one pose
 OPEN_S = 30.0  # to take the devices over: imports on a busy machine, and an arm's program
 GONE = "the process that guards has ended: the probe may be in the tissue, look at it"
 DIED = "the process that guarded has ended; another took the devices over, to lift the probe"
@@ -37,12 +40,8 @@ SPARE = 9  # descriptors that a process takes to start: its three lines, and sub
 BODY = "from probe.guards.guard_process import main; main()"
 
 
-class Error(RuntimeError):
-    """A mistake in a driver or guard, in the other process."""
-
-
 class GuardClient:
-    """A `SafetyMonitor` in a process of its own, with the devices of ``order``.
+    """A `SafetyMonitor` in a process of its own, with the devices of ``order``: `Guards`.
 
     Raises what `probe.config.devices.connect` raises, and `DeviceFault` if the process does not
     come up.
@@ -54,18 +53,13 @@ class GuardClient:
         self._control = control
         self._order = order
         self._homing = self._replaced = self._closing = False
-        self.jumped: tuple[str, float] | None = None
         self._lock = threading.Lock()
         self._gone = False
         self._asked = 0
         self._launch()
-        facts = self._open(order, None)
+        self.facts = self._open(order, None)
         self._spare = [os.open(os.devnull, os.O_RDONLY) for _ in range(SPARE)]
-        self._enable_s = facts.enable_s
-        self.stage = RemoteStage(facts, self)
-        self.sensors = tuple(RemoteSensor(one) for one in facts.sensors)
-        self.notes, self.scene = facts.notes, facts.scene
-        self._status = Status(None, None, order.clock.now(), 0.0, None, False)
+        self._status = Status(None, None, order.clock.now(), 0.0)
         threading.Thread(target=self._pass_on, name="palpate commands", daemon=True).start()
 
     def __enter__(self) -> Self:
@@ -83,90 +77,57 @@ class GuardClient:
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(CLOSE_S)
 
-    # --- what the engine reads ---------------------------------------------------------------
+    def __getattr__(self, name: str) -> Any:
+        """What the monitor itself answers."""
+        if name not in vars(Guards):
+            raise AttributeError(name)
+        return partial(self.call, name)
 
-    @property
-    def trip(self) -> Trip | None:
-        """As of the last heartbeat."""
-        return self._status.trip
+    def ready(self, poses: Sequence[Pose]) -> list[str]:
+        """As `SafetyMonitor.ready`."""
+        wait_s = self.facts.stage.enable_s + POSE_S * len(poses)
+        return list(self.call("ready", poses, extra_s=wait_s))
 
-    @property
-    def error(self) -> Error | None:
-        """As of the last heartbeat."""
-        return None if self._status.error is None else Error(self._status.error)
-
-    def engine_heartbeat(self) -> None:
-        """The engine lives; and what is new."""
+    def look(self) -> Status:
+        """As `SafetyMonitor.look`; of a process that is gone, what it said last."""
         try:
-            self._status = self.call("status")
+            self._status = self.call("look")
             self._homing = self._homing and not self._status.homed
-            self.jumped = self.jumped or self._status.jumped
         except DeviceFault as fault:
-            if not self._gone:
-                return  # another took over, and has said how things stand
-            trip = self._status.trip or Trip(self._status.seen_s, fault.device, fault.reason, False)
-            out = Leaving(done=True, lifting=False, up=False, why_not=fault.reason)
-            self._status = Status(trip, None, self._status.seen_s, 0.0, out, homed=True)
-
-    def seen_s(self) -> float:
-        """As of the last heartbeat."""
-        return self._status.seen_s
-
-    def force_n(self) -> float:
-        """As of the last heartbeat."""
-        return self._status.force_n
+            if self._gone:  # else another took over, and has said how things stand
+                seen_s = self._status.seen_s
+                trip = self._status.trip or Trip(seen_s, fault.device, fault.reason, False)
+                out = WayOut(done=True, why_not=fault.reason)
+                self._status = Status(trip, None, seen_s, 0.0, out, homed=True)
+        return self._status
 
     def collect(self) -> list[tuple[str, Block]]:
         """As `SafetyMonitor.collect`; nothing from a process that is gone, nor from the one that
         took over: its sensors are not tared."""
-        if self._replaced:
-            return []
-        try:
-            found: list[tuple[str, Block]] = self.call("collect")
-        except DeviceFault:
-            return []
-        return found
-
-    # --- what the engine does ----------------------------------------------------------------
-
-    def start(self, *, homes: bool = False) -> None:
-        """As `SafetyMonitor.start`, and start the sensors."""
-        self._status = self.call("start", homes)
+        with suppress(DeviceFault):
+            return [] if self._replaced else list(self.call("collect"))
+        return []
 
     def finish(self) -> None:
         """End the guards."""
         with suppress(DeviceFault):
             self.call("finish")
 
-    def step(self) -> None:
-        """Nothing: the other process steps by itself."""
-
-    def __getattr__(self, name: str) -> Any:
-        """All else that the monitor itself answers."""
-        if name not in OF_MONITOR:
-            raise AttributeError(name)
-        return partial(self.call, name)
-
-    def home(self) -> "RemoteHoming":
+    def home(self) -> None:
         """As `SafetyMonitor.home`."""
         self._homing = True
         self.call("home")
-        return RemoteHoming(self)
 
-    def leave(self, *, lift: bool) -> "RemoteRetreat":
+    def leave(self, *, lift: bool) -> Status:
         """As `SafetyMonitor.leave`."""
-        with suppress(DeviceFault):  # the next heartbeat says what is wrong
-            self._status = self.call("leave", lift)
-        return RemoteRetreat(self)
-
-    def stay(self) -> None:
-        """Do not lift any more."""
-        with suppress(DeviceFault):
-            self.call("stay")
-
-    def status(self) -> Status:
-        """As of the last heartbeat."""
+        with suppress(DeviceFault):  # the next look says what is wrong
+            self._status = self.call("leave", lift=lift)
         return self._status
+
+    def stop(self) -> None:
+        """Stop the stage now, past all calls that wait for an answer."""
+        with suppress(OSError):
+            self._urgent.send(None)
 
     # --- the line ----------------------------------------------------------------------------
 
@@ -236,12 +197,12 @@ class GuardClient:
         """
         self._asked += 1
         self._calls.send((self._asked, name, arguments, keywords))
-        within_s = STATUS_S if name == "status" else ANSWER_S + extra_s
+        within_s = STATUS_S if name == "look" else ANSWER_S + extra_s
         until_s = time.monotonic() + within_s
         number, done, answer = 0, False, None
         while number != self._asked:
             if not self._answers(until_s):
-                if name != "status":
+                if name != "look":
                     raise DeviceFault("guard", f"no answer to {name} within {within_s:g} s")
                 self._process.kill()
             number, done, answer = self._calls.recv()
@@ -275,6 +236,7 @@ class GuardClient:
         if self._closing or not first:
             return
         self._replaced = True
+        enable_s = self.facts.stage.enable_s
         alone = replace(self._order, rig=self._order.rig.model_copy(update={"sensor": ()}))
         failed: Exception | None = None
         for order in (self._order, alone):
@@ -284,10 +246,8 @@ class GuardClient:
             self._close_spare()
             try:
                 self._launch()
-                self._open(order, OPEN_S + self._enable_s)
-                done, answer = self._ask(
-                    "take_over", DIED, not self._homing, extra_s=self._enable_s
-                )
+                self._open(order, OPEN_S + enable_s)
+                done, answer = self._ask("take_over", DIED, not self._homing, extra_s=enable_s)
             except (EOFError, OSError, DeviceFault, ConfigError) as error:
                 failed = failed or error
                 continue
@@ -296,17 +256,12 @@ class GuardClient:
             return
         raise DeviceFault("guard", f"{GONE} ({failed})")
 
-    def stop(self) -> None:
-        """Stop the stage now."""
-        with suppress(OSError):
-            self._urgent.send(None)
-
     def _pass_on(self) -> None:
         """The user's command goes over whatever the engine is doing."""
         sent = RunCommand.RESUME
         while not self._closing:
             if self._process.poll() is not None:
-                self.engine_heartbeat()  # also where the engine is busy: the probe is lifted
+                self.look()  # also where the engine is busy: the probe is lifted
             if self._gone:
                 return
             if (command := self._control.command) > sent and command >= RunCommand.ABORT:

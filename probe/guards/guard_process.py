@@ -14,23 +14,23 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from typing import Any
 
-from drivers import Channel, Clock, DeviceFault, Pose
+from drivers import Clock, DeviceFault, Stage
 from drivers.core import abilities
-from drivers.core.errors import as_fault
 from probe.config.devices import Devices, connect
 from probe.config.rig import Fallback, Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.guards.commands import ENDING, Control, RunCommand
+from probe.guards.device_facts import Facts
 from probe.guards.guard_threads import come_first
-from probe.guards.interruption import Trip
-from probe.guards.prepare import prepare
+from probe.guards.interface import Status
+from probe.guards.prepare import monitor_for, prepare
 from probe.guards.retreat import lift_speed_m_s
 from probe.guards.safety_monitor import SafetyMonitor
 from sim_backend.scene.scene_file import Scene
@@ -50,158 +50,42 @@ class Order:
     fallback: Fallback | None
 
 
-@dataclass(frozen=True)
-class SensorFacts:
-    """What the scan must know of a sensor it does not have."""
-
-    name: str
-    channels: tuple[Channel, ...]
-    rate_hz: float
-
-
-@dataclass(frozen=True)
-class Facts:
-    """What was opened; ``enable_s`` as `drivers.core.abilities.enable_s`."""
-
-    stage: str
-    simulated: bool
-    turns: bool
-    homes: bool
-    enable_s: float
-    sensors: tuple[SensorFacts, ...]
-    scene: Scene | None
-    notes: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Leaving:
-    """A `Retreat` as the scan sees it."""
-
-    done: bool = False
-    lifting: bool = False
-    up: bool = False
-    why_not: str | None = None
-    unheeded: tuple[str, ...] = ()
-    unsure: bool = False
-
-
-OF_RETREAT = fields(Leaving)
-
-
-@dataclass(frozen=True)
-class Status:
-    """How things stand; asking for it is the engine's heartbeat.
-
-    ``leaving`` is how the way out stands, None if there is none;
-    ``jumped`` is a device whose clock stood still, and for how long, said once.
-    """
-
-    trip: Trip | None
-    error: str | None
-    seen_s: float
-    force_n: float
-    leaving: Leaving | None
-    homed: bool
-    pace: float = 1.0
-    jumped: tuple[str, float] | None = None
-
-
-OF_MONITOR = (
-    "move", "moving", "pose", "arrived", "touched_n", "tare", "levels", "collect", "go_on",
-)  # fmt: skip
-"""What the scan's process asks of the monitor itself, by the same names."""
+class MistakeElsewhere(RuntimeError):
+    """A mistake in a driver or guard, in the other process: its own error may not come over."""
 
 
 class Service:
-    """What the scan's process may call, each by its name: these, and `OF_MONITOR`."""
+    """What the scan's process may ask: all of `Guards`, and `take_over`."""
 
-    def __init__(self, devices: Devices, monitor: SafetyMonitor) -> None:
-        self.finished = self.started = False
-        self._devices, self._monitor = devices, monitor
-        self._homed: threading.Event | None = None
+    def __init__(self, stage: Stage, monitor: SafetyMonitor) -> None:
+        self._stage, self._monitor = stage, monitor
 
-    def asked(self, name: str) -> Callable[..., Any]:
-        """What answers to a name."""
-        found: Callable[..., Any] = getattr(self._monitor if name in OF_MONITOR else self, name)
-        return found
-
-    def start(self, homes: bool) -> Status:
-        """Sensors first, then the guards, which begin also where a sensor has died meanwhile."""
-        for sensor in self._devices.sensors:
-            try:
-                sensor.start()
-            except Exception as error:  # noqa: BLE001 - without guards nobody lifts the probe
-                fault = as_fault(sensor.name, error)
-                self._monitor.object(fault.device, fault.reason, can_retract=not homes)
-        self._monitor.start(homes=homes)
-        self.started = True
-        return self.status()
+    def answer(self, name: str, arguments: Sequence[Any], keywords: Mapping[str, Any]) -> Any:
+        """Raises what it raises."""
+        ask = self.take_over if name == "take_over" else getattr(self._monitor, name)
+        answer = ask(*arguments, **keywords)
+        if isinstance(answer, Status) and (error := answer.error) is not None:
+            return answer._replace(error=MistakeElsewhere(f"{type(error).__name__}: {error}"))
+        return answer
 
     def take_over(self, why: str, lift: bool) -> Status:
         """Go on for a process that died: guard, stop, and lift."""
         with suppress(DeviceFault):  # the way out asks again
-            self.enable()
+            abilities.enable(self._stage)
         # Before the guards look: what they object to first would say whether to lift.
         self._monitor.object("guard", why, can_retract=lift)
-        self.start(homes=False)
-        return self.status()
-
-    def status(self) -> Status:
-        """See `Status`."""
-        monitor = self._monitor
-        monitor.engine_heartbeat()
-        out, error = monitor.retreat, monitor.error
-        jumped, monitor.jumped = monitor.jumped, None
-        return Status(
-            monitor.trip,
-            None if error is None else f"{type(error).__name__}: {error}",
-            monitor.seen_s(),
-            monitor.force_n(),
-            None if out is None else Leaving(**{f.name: getattr(out, f.name) for f in OF_RETREAT}),
-            self._homed is not None and self._homed.is_set(),
-            self._pace(),
-            jumped,
-        )
-
-    def _pace(self) -> float:
-        with suppress(DeviceFault):  # a heartbeat is answered above all when the stage is lost
-            return abilities.pace(self._devices.stage)
-        return 1.0
-
-    def enable(self) -> list[str]:
-        return abilities.enable(self._devices.stage)
-
-    def unreachable(self, poses: list[Pose]) -> dict[Pose, str]:
-        return abilities.unreachable(self._devices.stage, poses)
-
-    def home(self) -> None:
-        self._homed = self._monitor.home()
-
-    def leave(self, lift: bool) -> Status:
-        self._monitor.leave(lift=lift)
-        return self.status()
-
-    def stay(self) -> None:
-        if self._monitor.retreat is not None:
-            self._monitor.retreat.stay()
-
-    def finish(self) -> None:
-        """End the guards; what was read can still be collected."""
-        self._monitor.finish()
-        for sensor in self._devices.sensors:
-            sensor.stop()
-        self.finished = True
+        return self._monitor.start(homes=False)
 
     def left_alone(self) -> None:
         """The scan's process has gone: lift the probe, whatever it was doing."""
-        if not self.started or self.finished:
-            return
         monitor, end_s = self._monitor, time.monotonic() + ALONE_S
+        if not monitor.running:
+            return
         monitor.object("scan", "its process has ended", can_retract=True)
         while time.monotonic() < end_s and not (monitor.retreat and monitor.retreat.done):
             monitor.engine_heartbeat()
             time.sleep(LOOK_S)
-        self.finish()
+        monitor.finish()
 
 
 def main() -> None:
@@ -235,31 +119,15 @@ def _ready(order: Order, devices: Devices, urgent: Connection) -> tuple[Facts, S
     limits = limits_for(order.rig, plan)
     prepared = prepare(order.rig, plan, limits, scene, devices, order.seed)
     control = Control()
-    monitor = SafetyMonitor(
-        devices.stage,
-        devices.sensors,
-        order.clock,
-        prepared.plan.surface,
-        prepared.limits,
-        control,
-        threaded=True,
-        lift_z_m=prepared.plan.travel_z_m,
+    monitor = monitor_for(
+        devices.stage, devices.sensors, order.clock, prepared.plan, prepared.limits, control,
         lifts_only=not order.rig.sensor,
-    )
+    )  # fmt: skip
     lift_m_s = lift_speed_m_s(devices.stage, prepared.limits)
     abilities.lift_when_alone(devices.stage, prepared.plan.travel_z_m, lift_m_s)
-    threading.Thread(target=_hear, args=(urgent, devices, control), daemon=True).start()
-    facts = Facts(
-        devices.stage.name,
-        devices.stage.simulated,
-        abilities.turns(devices.stage),
-        abilities.homes(devices.stage),
-        abilities.enable_s(devices.stage),
-        tuple(SensorFacts(s.name, s.channels, s.rate_hz) for s in devices.sensors),
-        scene,
-        devices.notes,
-    )
-    return facts, Service(devices, monitor)
+    threading.Thread(target=_hear, args=(urgent, monitor, control), daemon=True).start()
+    facts = monitor.facts._replace(notes=devices.notes, scene=scene)
+    return facts, Service(devices.stage, monitor)
 
 
 def _serve(service: Service, calls: Connection) -> None:
@@ -270,7 +138,7 @@ def _serve(service: Service, calls: Connection) -> None:
             break
         answer: tuple[int, bool, Any]
         try:
-            answer = (number, True, service.asked(name)(*arguments, **keywords))
+            answer = (number, True, service.answer(name, arguments, keywords))
         except Exception as error:  # noqa: BLE001 - every fault is the engine's to handle
             answer = (number, False, error)
         with suppress(OSError):  # it went away meanwhile: the next `recv` says so
@@ -285,13 +153,13 @@ def _echo(life: Connection) -> None:
             life.send(life.recv())
 
 
-def _hear(urgent: Connection, devices: Devices, control: Control) -> None:
+def _hear(urgent: Connection, monitor: SafetyMonitor, control: Control) -> None:
     """What cannot wait for an answer: the user's command, or None for a stop."""
     with suppress(EOFError, OSError):
         while True:
             command: RunCommand | None = urgent.recv()
             if command is None:
-                devices.stage.stop()
+                monitor.stop()
             elif command is RunCommand.STOP:
                 control.stop()
             elif command is RunCommand.ABORT:

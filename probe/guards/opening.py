@@ -1,28 +1,31 @@
 """Opening a rig's devices: in the process that guards them, or here where time is simulated."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-from drivers import Sensor, SimulatedClock, Stage
+from drivers import SimulatedClock
 from probe.config.devices import connect
 from probe.guards.commands import Control
 from probe.guards.guard_client import GuardClient
 from probe.guards.guard_process import Order
+from probe.guards.interface import Guards
+from probe.guards.prepare import Opened, Prepared, monitor_for
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene
 
 
 @dataclass(frozen=True)
 class OpenedRig:
-    """What a scan runs on; ``monitor`` is in the other process, None if the engine makes one."""
+    """What a scan runs on, and what makes its ``guards``; ``scene`` is what simulated devices feel.
 
-    stage: Stage
-    sensors: tuple[Sensor, ...]
+    Of devices in the other process their facts are here.
+    """
+
+    devices: Opened
     scene: Scene | None
-    notes: tuple[str, ...]
-    monitor: GuardClient | None
+    guards: Callable[[Prepared], Guards]
 
 
 @contextmanager
@@ -36,11 +39,17 @@ def opened_devices(order: Order, respond: Respond | None, control: Control) -> I
     simulated = isinstance(order.clock, SimulatedClock) or respond is not None
     if not simulated and os.name == "posix":
         with GuardClient(order, control) as remote:
-            yield OpenedRig(remote.stage, remote.sensors, remote.scene, remote.notes, remote)
+            yield OpenedRig(remote.facts, remote.facts.scene, lambda _prepared: remote)
         return
     with connect(
         order.rig, order.clock, order.scene, seed=order.seed, fallback=order.fallback,
         respond=respond,
     ) as devices:  # fmt: skip
         scene = devices.phantom.scene if devices.phantom is not None else None
-        yield OpenedRig(devices.stage, devices.sensors, scene, devices.notes, None)
+        yield OpenedRig(
+            devices,
+            scene,
+            lambda prepared: monitor_for(
+                devices.stage, devices.sensors, order.clock, prepared.plan, prepared.limits, control
+            ),
+        )

@@ -5,14 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from drivers import ConfigError, Pose, Sensor, Stage
+from drivers import Clock, ConfigError, Pose, Sensor, SimulatedClock, Stage
 from drivers.core import abilities
 from drivers.core.stage_limits import outside
 from probe.config.rig import Rig, RigError
 from probe.config.snapshot import run_config
 from probe.core.contact_stress import FORCE_ROLES, square_metres
+from probe.guards.commands import Control
+from probe.guards.device_facts import SensorFacts, StageFacts
 from probe.guards.press_guard import ROUNDING, check_speed, press_speeds_m_s
 from probe.guards.rehearsal import in_the_air, lift_m, needs_rehearsal
+from probe.guards.safety_monitor import SafetyMonitor
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan
 from probe.planning.press_direction import pressed
@@ -23,12 +26,12 @@ PULSE_HZ = 1.2  # of a resting adult, 72 a minute
 
 
 class Opened(Protocol):
-    """Open devices, in this process or in another."""
+    """Open devices, or the facts of those that another process has opened."""
 
     @property
-    def stage(self) -> Stage: ...
+    def stage(self) -> Stage | StageFacts: ...
     @property
-    def sensors(self) -> tuple[Sensor, ...]: ...
+    def sensors(self) -> Sequence[Sensor | SensorFacts]: ...
     @property
     def notes(self) -> tuple[str, ...]: ...
 
@@ -49,13 +52,11 @@ def prepare(
     """The plan and limits as these devices allow them: in the air where nothing real feels.
 
     Raises `RigError` where newtons cannot become a stress, `ConfigError` where a rehearsal has no
-    room, and where a move is too fast for the stage, or a press for its sensors.
+    room, and where a move is too fast for the stage, or a press for its sensors. Whoever has the
+    stage itself sees that it can make the moves.
     """
-    if plan.touch_n is None and abilities.finds_contact(devices.stage):
-        raise ConfigError(
-            'stage.contact = "controller": the stage finds contact where the approach looks for '
-            "it; say scan.touch_n too, or leave stage.contact out"
-        )
+    if isinstance(devices.stage, Stage):
+        _check_contact(devices.stage, plan)
     notes, config = devices.notes, run_config(rig, scene, plan, seed)
     face_mm2 = config["face_mm2"]
     _check_face(face_mm2, devices.sensors)
@@ -77,10 +78,35 @@ def prepare(
         where = f"{places} place{'s' * (places != 1)}"
         notes = (*notes, f"{len(plan.places)} stations lie at {where}: of a grid scan.pitch_mm is "
                  "[along x, along y]; scan.repeats presses a place again")  # fmt: skip
-    _check_stage(devices.stage, plan)
-    _check_reach(devices.stage, plan, limits)
+    if isinstance(devices.stage, Stage):
+        _check_stage(devices.stage, plan)
+        _check_reach(devices.stage, plan, limits)
     check_speed(plan, limits, devices.sensors)
     return Prepared(plan, limits, config, notes)
+
+
+def monitor_for(
+    stage: Stage,
+    sensors: Sequence[Sensor],
+    clock: Clock,
+    plan: Plan,
+    limits: Limits,
+    control: Control,
+    *,
+    lifts_only: bool = False,
+) -> SafetyMonitor:
+    """The guards of a scan on these devices, in this process."""
+    return SafetyMonitor(
+        stage,
+        sensors,
+        clock,
+        plan.surface,
+        limits,
+        control,
+        threaded=not isinstance(clock, SimulatedClock),
+        lift_z_m=plan.travel_z_m,
+        lifts_only=lifts_only,
+    )
 
 
 def _filters(rig: Rig, devices: Opened) -> dict[str, float]:
@@ -92,6 +118,14 @@ def _filters(rig: Rig, devices: Opened) -> dict[str, float]:
 def _passed(filter_s: float) -> float:
     """The share of a pulse that a low pass of first order leaves."""
     return 1 / math.hypot(1.0, 2 * math.pi * PULSE_HZ * filter_s)
+
+
+def _check_contact(stage: Stage, plan: Plan) -> None:
+    if plan.touch_n is None and abilities.finds_contact(stage):
+        raise ConfigError(
+            'stage.contact = "controller": the stage finds contact where the approach looks for '
+            "it; say scan.touch_n too, or leave stage.contact out"
+        )
 
 
 def _check_stage(stage: Stage, plan: Plan) -> None:
@@ -126,7 +160,7 @@ def _check_reach(stage: Stage, plan: Plan, limits: Limits) -> None:
             raise ConfigError(f"stage.park_mm: {beyond} ({key})")
 
 
-def _check_face(face_mm2: float | None, sensors: Sequence[Sensor]) -> None:
+def _check_face(face_mm2: float | None, sensors: Sequence[Sensor | SensorFacts]) -> None:
     """Newtons and pascals become each other, for detection and limits, over a known face only."""
     force_channels = [(s.name, c) for s in sensors for c in s.channels if c.role in FORCE_ROLES]
     if force_channels and face_mm2 is None:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from drivers import ConfigError, Pose, Sensor
 from probe.core.contact_stress import FORCE_ROLES
+from probe.guards.device_facts import SensorFacts
 from probe.guards.force_limit import SensorGuard
 from probe.guards.pose_guard import POSE_SLACK_M
 from probe.planning.limits import Limits
@@ -87,7 +88,7 @@ def press_speeds_m_s(plan: Plan) -> dict[str, float]:
     }
 
 
-def check_speed(plan: Plan, limits: Limits, sensors: Sequence[Sensor]) -> None:
+def check_speed(plan: Plan, limits: Limits, sensors: Sequence[Sensor | SensorFacts]) -> None:
     """Refuse a press that `PERIODS` of the fastest sensor, and its low pass, could hide from the
     limit.
 

@@ -5,10 +5,12 @@ depth limit with it: the tip stays above the planned surface. What the simulated
 is air.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from drivers import ConfigError, Sensor, Stage
 from probe.core.contact_stress import FORCE_ROLES
+from probe.guards.device_facts import SensorFacts, StageFacts
 from probe.planning.limits import Limits
 from probe.planning.plan import Plan, check_reach
 
@@ -16,7 +18,7 @@ AIR_M = 10e-3  # between the deepest point of a rehearsal and the planned surfac
 SURFACE_M = 0.5e-3  # and between the planned surface and where a guard stops the stage
 
 
-def needs_rehearsal(stage: Stage, sensors: tuple[Sensor, ...]) -> bool:
+def needs_rehearsal(stage: Stage | StageFacts, sensors: Sequence[Sensor | SensorFacts]) -> bool:
     """Whether the stage is real and everything that would feel its force is simulated."""
     force_channels = [c for s in sensors for c in s.channels if c.role in FORCE_ROLES]
     return not stage.simulated and bool(force_channels) and all(c.simulated for c in force_channels)

@@ -16,10 +16,13 @@ import numpy as np
 
 from drivers import Block, Clock, ConfigError, DeviceFault, Pose, Sensor, Stage
 from drivers.core import abilities
+from drivers.core.errors import as_fault
 from probe.guards.clock_guard import ClockGuard
 from probe.guards.commands import STOPPED, Control, RunCommand
+from probe.guards.device_facts import facts_of
 from probe.guards.force_limit import SensorGuard
 from probe.guards.guard_threads import GuardThreads
+from probe.guards.interface import Status, WayOut
 from probe.guards.interruption import Trip
 from probe.guards.pose_guard import PoseGuard, StandStill
 from probe.guards.press_guard import WAY_M
@@ -68,6 +71,9 @@ class SafetyMonitor:
         self.error: BaseException | None = None
         self.retreat: Retreat | None = None
         self.threaded = threaded
+        self.facts = facts_of(stage, sensors)
+        self._homed = threading.Event()
+        self._stepped_s = np.inf  # before `start` nothing is read
         self._stage = stage
         self._clock = clock
         self._limits = limits
@@ -104,21 +110,58 @@ class SafetyMonitor:
 
     # --- the engine's side -------------------------------------------------------------------
 
-    def start(self, *, homes: bool = False) -> None:
-        """Begin; every device counts as seen now. ``homes``: the stage has no pose until `home`."""
+    def ready(self, poses: Sequence[Pose]) -> list[str]:
+        """Connect all devices and make the stage ready; what it then says of itself.
+
+        Raises `DeviceFault` where it cannot go to all of ``poses``.
+        """
+        self._stage.connect()
+        words = abilities.enable(self._stage)
+        if far := abilities.unreachable(self._stage, poses):
+            pose, why = next(iter(far.items()))
+            x, y, z = (1e3 * at for at in pose[:3])
+            raise DeviceFault(
+                self._stage.name, f"cannot go to {len(far)} of {len(poses)} planned poses, such as "
+                f"{x:.1f}, {y:.1f}, {z:.1f} mm: {why}"
+            )  # fmt: skip
+        for sensor, _ in self._sensors:
+            sensor.connect()
+        return words
+
+    def start(self, *, homes: bool = False) -> Status:
+        """Begin; every device counts as seen now. ``homes``: the stage has no pose until `home`.
+
+        They begin also where a sensor has died meanwhile: without them nobody lifts the probe.
+        """
+        for sensor, _ in self._sensors:
+            try:
+                sensor.start()
+            except Exception as error:  # noqa: BLE001 - drivers of others may raise anything
+                fault = as_fault(sensor.name, error)
+                self.object(fault.device, fault.reason, can_retract=not homes)
         self._homing = homes
-        self._readings.all_seen(self._clock.now())
+        self._stepped_s = self._clock.now()
+        self._readings.all_seen(self._stepped_s)
         self._engine_s = time.monotonic()
-        if not self.threaded:
-            return
-        self._threads.run(STAGE, partial(self._guarded, self._step_stage), STAGE_PERIOD_S)
-        for (sensor, _), step in zip(self._sensors, self._sensor_steps, strict=True):
-            self._threads.run(sensor.name, step, max(0.5 / sensor.rate_hz, 0.5e-3))
-        self._threads.run(SUPERVISOR, partial(self._guarded, self._supervise), SUPERVISOR_PERIOD_S)
+        if self.threaded:
+            self._threads.run(STAGE, partial(self._guarded, self._step_stage), STAGE_PERIOD_S)
+            for (sensor, _), step in zip(self._sensors, self._sensor_steps, strict=True):
+                self._threads.run(sensor.name, step, max(0.5 / sensor.rate_hz, 0.5e-3))
+            self._threads.run(
+                SUPERVISOR, partial(self._guarded, self._supervise), SUPERVISOR_PERIOD_S
+            )
+        return self.status()
+
+    @property
+    def running(self) -> bool:
+        """The threads have begun, and not ended."""
+        return self._threads.running
 
     def finish(self) -> None:
-        """End the threads."""
+        """End the threads, and the sensors' sampling; what was read can still be collected."""
         self._threads.finish()
+        for sensor, _ in self._sensors:
+            sensor.stop()
 
     def step(self) -> None:
         """Read and check everything once; only without threads."""
@@ -132,6 +175,32 @@ class SafetyMonitor:
         self._engine_s = time.monotonic()
         if self._threads.running:
             self._check_thread(SUPERVISOR)
+
+    def look(self) -> Status:
+        """The engine's heartbeat; without threads, what has come since the last is checked here."""
+        now_s = self._clock.now()
+        if not self.threaded and now_s > self._stepped_s:
+            self._stepped_s = now_s
+            self.step()
+        self.engine_heartbeat()
+        return self.status()
+
+    def status(self) -> Status:
+        """How things stand; a jump of a clock is said once."""
+        way_out, pace = self.retreat, 1.0
+        with suppress(DeviceFault):  # it is answered above all when the stage is lost
+            pace = abilities.pace(self._stage)
+        jumped, self.jumped = self.jumped, None
+        return Status(
+            self.trip,
+            self.error,
+            self.seen_s(),
+            self.force_n(),
+            None if way_out is None else WayOut(*(getattr(way_out, f) for f in WayOut._fields)),
+            self._homed.is_set(),
+            pace,
+            jumped,
+        )
 
     def seen_s(self) -> float:
         """Up to when the samples of every sensor are in."""
@@ -168,14 +237,13 @@ class SafetyMonitor:
         if self.trip is not None:
             raise DeviceFault(self.trip.device, self.trip.reason)
 
-    def home(self) -> threading.Event:
-        """Let the stage find its switches; set when it has, or a trip says why it has not.
+    def home(self) -> None:
+        """Let the stage find its switches; `Status.homed` when it has, or a trip says why not.
 
         Its poses mean nothing meanwhile; force, silence of the sensors and commands are watched.
         Raises `DeviceFault` if a guard has stopped the scan.
         """
         self._refuse_after_a_trip()
-        over = threading.Event()
 
         def go() -> None:
             try:
@@ -188,10 +256,13 @@ class SafetyMonitor:
             self._pose_guard = PoseGuard(self._surface, self._limits)
             self._readings.seen_s[STAGE] = self._clock.now()
             self._homing = False
-            over.set()
+            self._homed.set()
 
         threading.Thread(target=go, name="palpate homing", daemon=True).start()
-        return over
+
+    def stop(self) -> None:
+        """Stop the stage now."""
+        self._stage.stop()
 
     def arrived(self, pose: Pose) -> None:
         """The move is over: from now on the tip rests at ``pose``."""
@@ -214,7 +285,7 @@ class SafetyMonitor:
         """The stage's pose. Raises `DeviceFault`."""
         return self._alone(self._stage.pose)
 
-    def leave(self, *, lift: bool) -> Retreat:
+    def leave(self, *, lift: bool) -> Status:
         """Stop, and lift if so wanted; the way out that is under way already is not begun anew."""
         with self._trip_lock:
             if self.retreat is None:
@@ -223,7 +294,7 @@ class SafetyMonitor:
             if not lift:
                 self.retreat.stay()
         self._stage.stop()
-        return self.retreat
+        return self.status()
 
     def go_on(self) -> None:
         """After a pause: there is nothing to get away from any more."""

@@ -13,8 +13,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
-from drivers import Clock, DeviceFault, Pose, Sensor, SimulatedClock, Stage
-from drivers.core import abilities
+from drivers import Clock, DeviceFault, Pose, Sensor, Stage
 from probe.core.events import (
     Finish,
     Phase,
@@ -23,19 +22,19 @@ from probe.core.events import (
 )
 from probe.core.states import ALLOWED
 from probe.guards.commands import STOPPED, Control, RunCommand
-from probe.guards.interface import Guards
+from probe.guards.interface import Guards, WayOut
 from probe.guards.interruption import Interrupted, interruption_of
 from probe.guards.levels import LEVEL_S, little
+from probe.guards.prepare import monitor_for
 from probe.guards.readings import STAGE, STAGE_CHANNELS
 from probe.guards.retreat import UP_M
-from probe.guards.safety_monitor import SafetyMonitor
 from probe.guards.stopping import STOP_AGAIN_S
 from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan
 from probe.planning.press_direction import pressed
 from probe.scan.event_bus import EventBus, EventSink
 from probe.scan.lifting import begin_lift
-from probe.scan.readiness import make_ready
+from probe.scan.readiness import planned_poses
 from probe.scan.run_loop import FINE_S, TICK_S, RunLoop
 from probe.scan.stop_rules import ABORTED, no_contact
 from probe.scan.taring import note_last_drift, note_unseen, take_zero
@@ -66,7 +65,6 @@ def run_scan(
     config: Mapping[str, Any] | None = None,
     completed: Collection[int] = (),
     attempts: Mapping[int, int] | None = None,
-    monitor: Guards | None = None,
 ) -> RunEnded:
     """Run a whole scan on devices that are already open.
 
@@ -95,8 +93,6 @@ def run_scan(
         Stations of a resumed run that are skipped.
     attempts
         Attempts made so far at each station of a resumed run.
-    monitor
-        The guards that have the devices in another process; without it they are made here.
 
     Returns
     -------
@@ -118,15 +114,30 @@ def run_scan(
     (True, 'every station is complete')
     """
     control = control or Control()
-    threaded = not isinstance(clock, SimulatedClock)
-    guards: Guards = monitor or SafetyMonitor(
-        stage, sensors, clock, plan.surface, limits, control,
-        threaded=threaded, lift_z_m=plan.travel_z_m,
+    guards = monitor_for(stage, sensors, clock, plan, limits, control)
+    return run_guarded(
+        guards, plan, clock, sink, limits, control, observers, config or {}, completed,
+        attempts or {},
     )  # fmt: skip
-    bus = EventBus(clock, sink, observers, threaded=threaded)
-    scan = _Scan(plan, stage, sensors, clock, limits, guards, control, bus)
+
+
+def run_guarded(
+    guards: Guards,
+    plan: Plan,
+    clock: Clock,
+    sink: EventSink,
+    limits: Limits,
+    control: Control,
+    observers: Sequence[EventSink],
+    config: Mapping[str, Any],
+    completed: Collection[int],
+    attempts: Mapping[int, int],
+) -> RunEnded:
+    """`run_scan` on devices that ``guards`` have, in this process or in another."""
+    bus = EventBus(clock, sink, observers, threaded=guards.threaded)
     try:
-        return scan.run(config or {}, completed, dict(attempts or {}))
+        scan = _Scan(plan, clock, limits, guards, control, bus)
+        return scan.run(config, completed, dict(attempts))
     finally:
         bus.close()
 
@@ -156,12 +167,12 @@ class _Scan(RunLoop):
             try:
                 reason = self._leave(Interrupted(finish, reason, whose, retract=True)).reason
             finally:
-                self.stage.stop()
+                self.monitor.stop()
                 self._end(finish, reason)
             raise
         ended = self._end(finish, reason)
-        if self.monitor.error is not None:
-            raise self.monitor.error
+        if self.status.error is not None:
+            raise self.status.error
         return ended
 
     def _connect(self, config: Mapping[str, Any]) -> None:
@@ -173,19 +184,15 @@ class _Scan(RunLoop):
         self.bus.publish(RunStarted(self.clock.now(), utc, config, channels))
         self.enter(Phase.CONNECTING)
         try:
-            self.stage.connect()
-            for words in make_ready(self.stage, self.plan):
+            poses = planned_poses(self.plan, turns=self.stage.turns)
+            for words in self.monitor.ready(poses):
                 self.bus.note("info", self.stage.name, words)
-            for sensor in self.sensors:
-                sensor.connect()
-                sensor.start()
         except DeviceFault as fault:
             self._note_not_lifted()
             raise self._interruption(fault) from fault
-        homes = abilities.homes(self.stage)
         self.guarded = True
-        self.monitor.start(homes=homes)
-        if homes:
+        self.status = self.monitor.start(homes=self.stage.homes)
+        if self.stage.homes:
             self._home()
             return
         try:
@@ -219,16 +226,16 @@ class _Scan(RunLoop):
             raise
         self.enter(Phase.HOMING)
         self.bus.note("info", self.stage.name, "moves to its limit switches and to its park")
-        over = self.monitor.home()
+        self.monitor.home()
         try:
-            while not over.is_set():
+            while not self.status.homed:
                 self.tick(math.inf)
             self.handle()
         except Interrupted as why:
             began_s = self.clock.now()
-            while not over.is_set() and self.clock.now() - began_s < HOME_STOPS_S:
-                self.stage.stop()
-                over.wait(STOP_AGAIN_S)
+            while not self.look().homed and self.clock.now() - began_s < HOME_STOPS_S:
+                self.monitor.stop()
+                time.sleep(STOP_AGAIN_S)
             self._warn_not_lifted("its homing was broken off; where it stands is not known")
             by_user = why.device == "user"
             finish = Finish.ABORTED if by_user else Finish.FAULTED
@@ -276,19 +283,20 @@ class _Scan(RunLoop):
         try:
             if self.phase is not Phase.STOPPING:
                 self.enter(Phase.STOPPING)
-            retreat = self.monitor.leave(lift=why.retract)
-            began_s = self.clock.now()
-            while not retreat.done and self.clock.now() - began_s < GIVE_UP_S:
+            self.status = self.monitor.leave(lift=why.retract)
+            began_s, stays = self.clock.now(), not why.retract
+            while not self._way_out().done and self.clock.now() - began_s < GIVE_UP_S:
                 self.tick(self.clock.now() + FINE_S)
                 if self.control.command is RunCommand.STOP:
-                    retreat.stay()
+                    if not stays:
+                        self.status, stays = self.monitor.leave(lift=False), True
                     if why.finish is not Finish.FAULTED:
                         why = Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
-                if retreat.lifting and self.phase is Phase.STOPPING:
+                if self._way_out().lifting and self.phase is Phase.STOPPING:
                     self.enter(Phase.RETRACTING)
         finally:
             self.leaving = False
-        trip = self.monitor.trip
+        trip, retreat = self.status.trip, self._way_out()
         if why.finish is not Finish.FAULTED and trip is not None and trip.device != "user":
             why = interruption_of(trip)
         if retreat.unheeded:
@@ -309,20 +317,21 @@ class _Scan(RunLoop):
             self.monitor.go_on()
         return why
 
+    def _way_out(self) -> WayOut:
+        return self.status.way_out or WayOut()
+
     def _interruption(self, error: Interrupted | DeviceFault) -> Interrupted:
         if isinstance(error, Interrupted):
             return error
-        self.monitor.engine_heartbeat()  # a guard may have acted before the engine saw anything
+        trip = self.look().trip  # a guard may have acted before the engine saw anything
         if self.control.command is RunCommand.STOP:
             return Interrupted(Finish.ABORTED, STOPPED, "user", retract=False)
-        if (trip := self.monitor.trip) is not None:
+        if trip is not None:
             return interruption_of(trip)
         return Interrupted(Finish.FAULTED, str(error), error.device, retract=True)
 
     def _end(self, finish: Finish, reason: str) -> RunEnded:
         self.monitor.finish()
-        for sensor in self.sensors:
-            sensor.stop()
         self.publish_samples()
         if Phase.FINISHED not in ALLOWED[self.phase]:
             self.enter(Phase.STOPPING)
@@ -374,7 +383,7 @@ class _Scan(RunLoop):
     def _check_contact(self) -> None:
         if self.in_the_air:
             return
-        levels = self.monitor.levels(self.monitor.seen_s() - LEVEL_S)
+        levels = self.monitor.levels(self.status.seen_s - LEVEL_S)
         rates_hz = {sensor.name: sensor.rate_hz for sensor in self.sensors}
         if (why := no_contact(levels, rates_hz, self.most_n, self.plan.indentation_m)) is not None:
             raise why
@@ -389,7 +398,7 @@ class _Scan(RunLoop):
         speed = math.dist(self.monitor.pose()[:3], bottom[:3]) / plan.ramp_s
         self.go(bottom, speed)
         for _ in range(TOP_UPS if plan.compliance_m_per_n else 0):
-            yielded_m = max(plan.compliance_m_per_n * self.monitor.force_n(), 0.0)
+            yielded_m = max(plan.compliance_m_per_n * self.status.force_n, 0.0)
             yielded_m = min(yielded_m, plan.max_deflection_m)
             if abs(plan.indentation_m + yielded_m - depth) < DEEP_ENOUGH_M:
                 break

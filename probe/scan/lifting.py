@@ -22,7 +22,7 @@ def begin_lift(loop: RunLoop, surface: Pose, depth_m: float) -> None:
     if loop.in_the_air or way_m > depth_m:
         return
     held_s = max(min(MAX_LEVEL_S, loop.plan.hold_s / 2), LEVEL_S)
-    held = loop.monitor.levels(loop.monitor.seen_s() - held_s)
+    held = loop.monitor.levels(loop.status.seen_s - held_s)
     loop.go(pressed(surface, depth_m - way_m), loop.plan.travel_m_s)
     lifted = next_level(loop)
     usual = {name: loop.usual.error_n(name) * math.sqrt(LEVEL_S / held_s) for name in held}

@@ -1,28 +1,19 @@
-"""Before the first move: the stage made ready, and asked about every pose of the plan."""
+"""Every pose of a plan, as it is given to the stage."""
 
-from drivers import DeviceFault, Pose, Stage
-from drivers.core import abilities
+from drivers import Pose
 from probe.planning.plan import Plan
 from probe.planning.press_direction import pressed
 
 
-def make_ready(stage: Stage, plan: Plan) -> list[str]:
-    """What the stage then says of itself. Raises `DeviceFault` if it cannot make the scan."""
-    words = abilities.enable(stage)
-    poses: dict[Pose, None] = {}  # each once, in the order of the scan
+def planned_poses(plan: Plan, *, turns: bool) -> list[Pose]:
+    """Each once, in the order of the scan."""
+    poses: dict[Pose, None] = {}
     for place in plan.places:
         for pose in (plan.above(place), pressed(plan.at_surface(place), plan.indentation_m)):
-            poses[turned(stage, pose)] = None
-    if far := abilities.unreachable(stage, list(poses)):
-        pose, why = next(iter(far.items()))
-        x, y, z = (1e3 * at for at in pose[:3])
-        raise DeviceFault(
-            stage.name, f"cannot go to {len(far)} of {len(poses)} planned poses, such as "
-            f"{x:.1f}, {y:.1f}, {z:.1f} mm: {why}"
-        )  # fmt: skip
-    return words
+            poses[turned(pose, turns=turns)] = None
+    return list(poses)
 
 
-def turned(stage: Stage, target: Pose) -> Pose:
+def turned(target: Pose, *, turns: bool) -> Pose:
     """The pose as it is given to the stage: only one that ``turns`` is asked to turn the tool."""
-    return target if abilities.turns(stage) else Pose(*target[:3])
+    return target if turns else Pose(*target[:3])

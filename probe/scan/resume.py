@@ -200,21 +200,21 @@ def resume(
     order = Order(left.rig, clock, left.scene, left.seed, fallback)
     with (  # the run's lock first: no device is touched while another scan writes it
         reopen_store(left.path) as sink,
-        opened_devices(order, respond, control) as devices,
+        opened_devices(order, respond, control) as ready,
         listening(control, left.path),
     ):
-        prepared = prepare(left.rig, left.plan, limits, left.scene, devices, left.seed)
+        prepared = prepare(left.rig, left.plan, limits, left.scene, ready.devices, left.seed)
         if prepared.config.get("rehearsal_mm") != left.rehearsal_mm:
             raise RunFileError(
                 f"{left.path}: was {'a' if left.rehearsal_mm else 'no'} rehearsal in the air, and "
                 "the devices found now would change that; begin a new run"
             )
         missing = tuple(p for p in prepared.plan.places if p.index in left.missing)
-        need_room(left.path.parent, replace(prepared.plan, places=missing), devices.sensors)
+        need_room(left.path.parent, replace(prepared.plan, places=missing), ready.devices.sensors)
         opened(left.path, prepared.notes)
         labels = open_run(left.path).config.get("labels", {})
         return run_prepared(
-            devices, prepared, clock, sink, control, observers, labels,
+            ready, prepared, clock, sink, control, observers, labels,
             completed=left.completed, attempts=left.attempts,
         )  # fmt: skip
 

@@ -4,10 +4,9 @@
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
-from drivers import Clock, DeviceFault, MotionFault, Pose, Sensor, Stage
-from drivers.core import abilities
+from drivers import Clock, DeviceFault, MotionFault, Pose
 from probe.core.events import (
     Finish,
     Phase,
@@ -17,7 +16,7 @@ from probe.core.events import (
 )
 from probe.core.states import PRESSING, follow
 from probe.guards.commands import Control
-from probe.guards.interface import Guards
+from probe.guards.interface import Guards, Status
 from probe.guards.interruption import Interrupted
 from probe.guards.levels import Levels, Usual
 from probe.guards.pose_guard import SLOWEST_PACE
@@ -46,19 +45,17 @@ class RunLoop:
     def __init__(
         self,
         plan: Plan,
-        stage: Stage,
-        sensors: Sequence[Sensor],
         clock: Clock,
         limits: Limits,
-        monitor: Guards,
+        guards: Guards,
         control: Control,
         bus: EventBus,
     ) -> None:
         self.plan = plan
-        self.stage = stage
-        self.sensors = sensors
+        self.stage, self.sensors = guards.facts.stage, guards.facts.sensors
         self.clock = clock
-        self.monitor = monitor
+        self.monitor = guards
+        self.status = Status(None, None, -math.inf, 0.0)  # as of the last `look`
         self.control = control
         self.bus = bus
         self.phase = Phase.IDLE
@@ -67,21 +64,22 @@ class RunLoop:
         self.known_levels: Levels | None = None
         self.zero_unseen = False  # since the last complete press
         self.usual = Usual()
-        self.rates = SensorRates(sensors)
+        self.rates = SensorRates(self.sensors)
         self.most_n = limits.max_force_n
         self.top_m = limits.workspace_m[2][1]
         self.in_the_air = limits.in_the_air
         self.noted_little = False
         self.jumps = 0
+        self._jumped: tuple[str, float] | None = None
         self._pace: float | None = None  # as last noted
         self._paced_s = -math.inf
         self.station: int | None = None
         self.attempt: int | None = None
         self.last_published_s = clock.now()
-        fastest_hz = max((s.rate_hz for s in sensors), default=1 / TICK_S)
-        self.tick_s = TICK_S if monitor.threaded else max(2 / fastest_hz, FINE_S)
-        self.publish_s = PUBLISH_S if monitor.threaded else SIMULATED_PUBLISH_S
-        self.rest_s = TICK_S if monitor.threaded else max(self.tick_s, STAGE_PERIOD_S)
+        fastest_hz = max((s.rate_hz for s in self.sensors), default=1 / TICK_S)
+        self.tick_s = TICK_S if guards.threaded else max(2 / fastest_hz, FINE_S)
+        self.publish_s = PUBLISH_S if guards.threaded else SIMULATED_PUBLISH_S
+        self.rest_s = TICK_S if guards.threaded else max(self.tick_s, STAGE_PERIOD_S)
 
     def go(
         self, target: Pose, speed_m_s: float, *, until: Callable[[], bool] | None = None
@@ -94,7 +92,7 @@ class RunLoop:
 
         On the way down the guards look most often, and its end is met to `FINE_S`.
         """
-        target = turned(self.stage, target)
+        target = turned(target, turns=self.stage.turns)
         start = self.monitor.pose()
         length = math.dist(start[:3], target[:3])
         if length < 1e-9:
@@ -125,7 +123,7 @@ class RunLoop:
     def _watch_pace(self, now: float) -> float:
         """The share of a commanded speed that the stage allows; a change of it is a note at once.
         What held when it was made ready is told by `Stage.enable`."""
-        pace = abilities.pace(self.stage)
+        pace = self.status.pace
         if self._pace is None:
             self._pace = pace
         if abs(pace - self._pace) > 1 - FULL_PACE and now - self._paced_s >= PACE_AGAIN_S:
@@ -139,12 +137,12 @@ class RunLoop:
     def halt(self) -> None:
         """Stop where it is and wait for rest; repeated until it rests."""
         limit_s = self.clock.now() + 2.0
-        self.stage.stop()
+        self.monitor.stop()
         while self.monitor.moving():
             if self.clock.now() > limit_s:
                 raise DeviceFault(self.stage.name, "does not stop")
             self.tick(self.clock.now() + STOP_AGAIN_S)
-            self.stage.stop()
+            self.monitor.stop()
         self.monitor.arrived(self.monitor.pose())
 
     def wait_until(self, time_s: float) -> None:
@@ -158,26 +156,30 @@ class RunLoop:
 
     def _look_at(self, time_s: float) -> None:
         self.clock.sleep_until(time_s)
-        if not self.monitor.threaded:
-            self.monitor.step()
-        self.monitor.engine_heartbeat()
+        self.look()
         if self.clock.now() - self.last_published_s >= self.publish_s:
             self.publish_samples()
         self.handle()
+
+    def look(self) -> Status:
+        """The engine lives; how things stand."""
+        self.status = self.monitor.look()
+        self._jumped = self._jumped or self.status.jumped
+        return self.status
 
     def handle(self) -> None:
         """Raise `Interrupted` if a guard, the store or the user wants something else."""
         if self.leaving:
             return
-        seen = Seen(self.control.command, self.monitor.trip, self.bus.sink_error, self.phase)
+        seen = Seen(self.control.command, self.status.trip, self.bus.sink_error, self.phase)
         if (why := interrupted(seen)) is not None:
             raise why
-        if self.monitor.jumped is not None:
-            self._handle_jump(*self.monitor.jumped)
+        if self._jumped is not None:
+            self._handle_jump(*self._jumped)
 
     def _handle_jump(self, device: str, jumped_s: float) -> None:
         """Samples near a device's clock that stood still have wrong times: press again."""
-        self.monitor.jumped = None
+        self._jumped = None
         reason = f"{device}: its clock stood still for {1e3 * jumped_s:.0f} ms"
         if self.phase not in PRESSING:
             self.bus.note("info", device, reason)
@@ -210,7 +212,7 @@ class RunLoop:
             math.inf
         )  # hold back: what is read now may still belong to this station
         try:
-            while complete and self.monitor.seen_s() < now:
+            while complete and self.status.seen_s < now:
                 self.tick(math.inf)
         finally:
             self.last_published_s = now

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from drivers import Block, Sensor
+from probe.guards.device_facts import SensorFacts
 
 ENOUGH = 0.8
 """Of the stated rate: the noise of a mean is then at most an eighth above what was planned with."""
@@ -11,7 +12,7 @@ ENOUGH = 0.8
 class SensorRates:
     """How many readings each of ``sensors`` has sent, and over which time."""
 
-    def __init__(self, sensors: Sequence[Sensor]) -> None:
+    def __init__(self, sensors: Sequence[Sensor | SensorFacts]) -> None:
         self._stated_hz = {sensor.name: sensor.rate_hz for sensor in sensors}
         self._seen: dict[str, tuple[int, int, float, float]] = {}
 

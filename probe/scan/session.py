@@ -20,7 +20,7 @@ from probe.guards.commands import Control
 from probe.guards.guard_process import Order
 from probe.guards.opening import OpenedRig, opened_devices
 from probe.guards.prepare import Prepared, prepare
-from probe.scan.engine import run_scan
+from probe.scan.engine import run_guarded
 from probe.scan.event_bus import EventSink
 from probe.scan.progress import in_notebook
 from probe.scan.remote import listening
@@ -151,19 +151,19 @@ def scan(
     clock = clock_for(rig, real_time=real_time)
     control = control or Control()
     order = Order(rig, clock, chosen, seed, fallback)
-    with opened_devices(order, respond, control) as devices:
-        simulated = devices.scene
-        prepared = prepare(rig, plan, limits, simulated, devices, seed)
-        name = devices.stage.name if simulated is None else simulated.name
-        need_room(Path(out), prepared.plan, devices.sensors)  # before its folder is made
+    with opened_devices(order, respond, control) as ready:
+        simulated = ready.scene
+        prepared = prepare(rig, plan, limits, simulated, ready.devices, seed)
+        name = ready.devices.stage.name if simulated is None else simulated.name
+        need_room(Path(out), prepared.plan, ready.devices.sensors)  # before its folder is made
         path = new_run_path(Path(out), name)
         with create_store(path) as sink, listening(control, path):
             opened(path, prepared.notes)
-            return run_prepared(devices, prepared, clock, sink, control, observers, labels or {})
+            return run_prepared(ready, prepared, clock, sink, control, observers, labels or {})
 
 
 def run_prepared(
-    devices: OpenedRig,
+    ready: OpenedRig,
     prepared: Prepared,
     clock: Clock,
     sink: Store,
@@ -188,19 +188,17 @@ def run_prepared(
 
     shown = in_notebook(len(prepared.plan.places), len(completed))
     try:
-        ended = run_scan(
+        ended = run_guarded(
+            ready.guards(prepared),
             prepared.plan,
-            devices.stage,
-            devices.sensors,
             clock,
             keep,
             prepared.limits,
-            control=control,
-            observers=(log_event, *shown, *observers),
-            config=prepared.config | {"labels": {k: str(v) for k, v in labels.items()}},
-            completed=completed,
-            attempts=attempts,
-            monitor=devices.monitor,
+            control,
+            (log_event, *shown, *observers),
+            prepared.config | {"labels": {k: str(v) for k, v in labels.items()}},
+            completed,
+            attempts or {},
         )
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"{reason}; {to_go_on(sink.path)} goes on") from None

@@ -91,7 +91,7 @@ def next_level(loop: RunLoop) -> Levels:
     from_s = loop.clock.now()
     loop.wait_until(from_s + LEVEL_S)
     until_s = loop.clock.now() + LEVEL_S
-    while loop.monitor.seen_s() < from_s + LEVEL_S and loop.clock.now() < until_s:
+    while loop.status.seen_s < from_s + LEVEL_S and loop.clock.now() < until_s:
         loop.tick(math.inf)
     return loop.monitor.levels(from_s)
 

@@ -29,14 +29,14 @@ def find_surface(loop: RunLoop, planned: Pose, touch_n: float) -> Pose:
     began_s = loop.clock.now()
 
     def touches() -> bool:
-        from_s = loop.monitor.seen_s() - readings / rate_hz
-        return loop.monitor.force_n() >= alone_n or (
+        from_s = loop.status.seen_s - readings / rate_hz
+        return loop.status.force_n >= alone_n or (
             readings > 1 and from_s >= began_s and loop.monitor.levels(from_s)[name][0] >= touch_n
         )
 
     lowest = planned._replace(z=planned.z - loop.plan.search_m)
     if loop.go(lowest, TOUCH_M_S, until=touches):
-        felt_n, _ = next(iter(loop.monitor.levels(loop.monitor.seen_s() - LEVEL_S).values()))
+        felt_n, _ = next(iter(loop.monitor.levels(loop.status.seen_s - LEVEL_S).values()))
         raise Interrupted(
             Finish.FAULTED,
             f"no touch of {touch_n:g} N down to {1e3 * loop.plan.search_m:g} mm below the planned "
@@ -56,7 +56,7 @@ def _check_contact(
     """A stage may have gone back to where contact began; before, the force must have been there:
     else the contact is none, and the press would be too shallow."""
     rests_s = loop.clock.now()
-    while loop.monitor.seen_s() < rests_s:
+    while loop.status.seen_s < rests_s:
         loop.tick(math.inf)
     most_n = loop.monitor.touched_n(began_s, readings) or 0.0
     if most_n < touch_n:

@@ -288,7 +288,7 @@ def test_who_takes_over_and_hangs_is_not_waited_for(
         began_s = time.monotonic()
         with pytest.raises(DeviceFault, match="the probe may be in the tissue"):
             while time.monotonic() < began_s + 20.0:
-                client.call("status")
+                client.call("look")
         assert time.monotonic() < began_s + 20.0
         client._process.kill()
 
@@ -310,9 +310,9 @@ def test_who_takes_long_to_answer_but_lives_is_waited_for(
 ) -> None:
     monkeypatch.setattr(guard_client, "LONG_S", 0.001)  # a tare takes longer
     with guarded(winkler, tmp_path) as client:
-        client.start()
+        client.start(homes=False)
         client.tare()
-        assert client.trip is None
+        assert client.look().trip is None
 
 
 def test_an_answer_that_comes_too_late_is_not_the_next_call_s(
@@ -327,8 +327,7 @@ def test_an_answer_that_comes_too_late_is_not_the_next_call_s(
                 client.call("collect")
         client._process.send_signal(signal.SIGCONT)
         assert client.pose() == here
-        client.engine_heartbeat()
-        assert client.trip is None
+        assert client.look().trip is None
 
 
 @pytest.mark.parametrize("homing", [True, False])
@@ -339,11 +338,10 @@ def test_who_takes_over_a_stage_that_was_homing_does_not_lift_it(
         if homing:
             client.home()
         client._process.kill()
-        while client.trip is None:
-            client.engine_heartbeat()
+        while (trip := client.look().trip) is None:
             time.sleep(0.01)
-        assert client.trip.reason == guard_client.DIED
-        assert client.trip.can_retract is not homing
+        assert trip.reason == guard_client.DIED
+        assert trip.can_retract is not homing
         while not client.call("collect"):  # its sensors are read, and have no tare
             time.sleep(0.01)
         for _ in range(20):

@@ -8,12 +8,12 @@ import pytest
 from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs, spring_rig
 
 from drivers import Block, DeviceFault, Pose
-from probe.config.devices import Devices
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.guards.clock_guard import ClockGuard
 from probe.guards.commands import Control
-from probe.guards.guard_process import Leaving, Service, Status
+from probe.guards.guard_process import Service
+from probe.guards.interface import Status, WayOut
 from probe.guards.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
 from probe.planning.limits import Limits
 from probe.planning.surfaces import flat
@@ -112,34 +112,35 @@ def test_who_takes_over_amid_a_homing_does_not_lift_for_what_the_pose_says() -> 
     monitor = monitored(sensor, stage, lift_z_m=bed.tip.point(bed.clock.now())[2] + 1e-3)
     start = monitor.start
 
-    def start_where_the_guards_look_first(*, homes: bool) -> None:
-        start(homes=homes)
+    def start_where_the_guards_look_first(*, homes: bool) -> Status:
+        status = start(homes=homes)
         time.sleep(0.1)
+        return status
 
     monitor.start = start_where_the_guards_look_first  # type: ignore[method-assign,assignment]
-    status = left(Service(Devices(stage, (sensor,), None, ()), monitor), lift=False)
+    status = left(stage, monitor, lift=False)
     assert status.trip is not None and not status.trip.can_retract
     assert "move" not in {what for _, what in stage.orders}
 
 
-def left(service: Service, *, lift: bool) -> Status:
+def left(stage: SpringStage, monitor: SafetyMonitor, *, lift: bool) -> Status:
     """The status in which the way out of guards has ended that take over from others."""
-    status = service.take_over("the process that guarded has ended", lift)
+    status = Service(stage, monitor).take_over("the process that guarded has ended", lift)
     try:
-        while status.leaving is None or not status.leaving.done:
+        while status.way_out is None or not status.way_out.done:
             time.sleep(0.01)
-            status = service.status()
+            status = monitor.look()
     finally:
-        service.finish()
+        monitor.finish()
     return status
 
 
-def taken_over(sensor: SpringSensor, stage: SpringStage, *, lift: bool) -> Leaving:
+def taken_over(sensor: SpringSensor, stage: SpringStage, *, lift: bool) -> WayOut:
     """How the way out ended, of guards that take over from others."""
     monitor = monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3)
-    status = left(Service(Devices(stage, (sensor,), None, ()), monitor), lift=lift)
-    assert status.leaving is not None
-    return status.leaving
+    status = left(stage, monitor, lift=lift)
+    assert status.way_out is not None
+    return status.way_out
 
 
 class Disabled(SpringStage):
@@ -174,8 +175,7 @@ def test_a_heartbeat_is_answered_also_when_the_stage_is_lost() -> None:
     """By it the scan learns that the way out is over, and how it ended."""
     bed, _, sensor = on_springs()
     stage = Lost(bed)
-    service = Service(Devices(stage, (sensor,), None, ()), monitored(sensor, stage))
-    assert service.status().pace == 1.0
+    assert monitored(sensor, stage).look().pace == 1.0
 
 
 @pytest.mark.parametrize("lift", [True, False])
@@ -214,16 +214,15 @@ def test_a_sensor_that_dies_before_the_guards_begin_has_the_probe_lifted(
     _, stage, _ = on_springs(home=(0.0, 0.0, -2.5e-3))
     sensor = Unplugged(stage, error)
     monitor = monitored(sensor, stage, lift_z_m=2e-3)
-    service = Service(Devices(stage, (sensor,), None, ()), monitor)
     try:
-        status, end_s = service.start(homes=False), time.monotonic() + 10.0
+        status, end_s = monitor.start(homes=False), time.monotonic() + 10.0
         assert status.trip is not None
         assert (status.trip.device, status.trip.reason) == ("cell", said)
-        while not (status.leaving and status.leaving.done) and time.monotonic() < end_s:
+        while not (status.way_out and status.way_out.done) and time.monotonic() < end_s:
             time.sleep(0.01)
-            status = service.status()
+            status = monitor.look()
     finally:
-        service.finish()
-    assert status.leaving is not None
-    assert status.leaving.up
+        monitor.finish()
+    assert status.way_out is not None
+    assert status.way_out.up
     assert stage.pose().z == pytest.approx(2e-3)

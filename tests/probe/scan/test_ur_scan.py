@@ -4,12 +4,13 @@ A CB3's 125 Hz ask less of a machine that other tests keep busy.
 """
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import pytest
 from emulated_ur import connected
+from springs import SpringStage, on_springs
 
-from drivers import DeviceFault, Pose, Stage
+from drivers import DeviceFault, Pose
 from probe.core.events import (
     Event,
     Finish,
@@ -18,10 +19,12 @@ from probe.core.events import (
     PhaseEntered,
     RunEnded,
 )
+from probe.guards.commands import Control
+from probe.guards.prepare import monitor_for
 from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan, row
 from probe.scan.engine import run_scan
-from probe.scan.readiness import make_ready
+from probe.scan.readiness import planned_poses
 from sim_backend.emulators.ur import CB3, UrController
 from sim_backend.phantom.phantom import Respond
 
@@ -67,20 +70,20 @@ def test_a_scan_that_cannot_be_reached_moves_nothing(winkler: Respond) -> None:
         assert made.phantom.tip.all_legs() == before
 
 
-class Arm:
+class Arm(SpringStage):
     """One that cannot go below the surface."""
-
-    name = "arm"
 
     def unreachable(self, poses: Sequence[Pose]) -> dict[Pose, str]:
         return {pose: "out of reach" for pose in poses if pose.z < 0.0}
 
 
 def test_the_bottom_of_every_press_is_asked_about_too() -> None:
+    bed, _, sensor = on_springs()
     plan = Plan(row(0.0, 4e-3, 2))
+    guards = monitor_for(Arm(bed), [sensor], bed.clock, plan, LIMITS, Control())
     said = r"cannot go to 2 of 4 planned poses, such as 0\.0, 0\.0, -2\.5 mm: out of reach"
     with pytest.raises(DeviceFault, match=said):
-        make_ready(cast(Stage, Arm()), plan)
+        guards.ready(planned_poses(plan, turns=False))
 
 
 def test_a_fault_of_motion_lifts_the_probe(winkler: Respond) -> None:
