@@ -12,7 +12,7 @@ export OMP_NUM_THREADS ?= 1
 # Tests start hundreds of processes: each would compile anew all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: install demo demo-ur test beside first-computing-then-waiting test-peers test-lowest figures clean
+.PHONY: install demo demo-ur test types beside first-computing-then-waiting test-peers test-lowest figures clean
 
 install: .venv/.installed-all
 	@echo "To use it here: . $(BIN)/activate && palpate --help"
@@ -47,9 +47,12 @@ test: .venv/.installed-dev
 		[ $$status = 1 ] || break; \
 	done; [ $$status = 0 ] || [ $$status = 5 ]  # 5: no test, as none had failed
 
+types:
+	$(BIN)/mypy
+
 beside:
 	nice -n 19 $(BIN)/lint-imports
-	nice -n 19 $(BIN)/mypy
+	nice -n 19 $(MAKE) --no-print-directory types
 	nice -n 19 $(BIN)/pytest -p no:cacheprovider --timeout 900 $(BESIDE)
 
 first-computing-then-waiting:
