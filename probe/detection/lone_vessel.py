@@ -14,9 +14,9 @@ from probe.detection.finding import Kind, ObjectFinding, stated
 from probe.detection.map.bumps import MIN_STATIONS
 from probe.detection.map.row_shapes import shape
 from probe.detection.pulse.presses import Press
-from probe.detection.repeats import distinct_m, pitch_m
+from probe.detection.repeats import MIN_NAMED, distinct_m, pitch_m
 
-MORE = f"a row of {MIN_STATIONS} stations over it, or presses beside it that meet nothing"
+MORE = f"a row of {MIN_NAMED} stations over it, or presses beside it that meet nothing"
 ASIDE_MM, FELT_MM = (0.0, 3.0, 6.0, 9.0, 12.0), 5.0
 """How far beside a vessel in tissue a press may be to feel it, and half of its pulse's width:
 between those of TIHA and of the solved blocks."""

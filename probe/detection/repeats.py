@@ -5,6 +5,9 @@ import numpy as np
 from drivers.core.arrays import Array, Ints
 from probe.core.places import SAME_PLACE_M
 
+MIN_NAMED = 9
+"""Stations of a row that names what it holds: a level with its two edges and a bump have eight
+unknowns. The one number that a person is told."""
 REPEATS = 0.1
 """Of the pitch: stations as near as that are repeats, as are those within `SAME_PLACE_M`."""
 

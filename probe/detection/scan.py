@@ -15,7 +15,7 @@ from probe.detection.beneath.sizes import unknown
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
-from probe.detection.map.bumps import MIN_LEVELS, MIN_STATIONS
+from probe.detection.map.bumps import MIN_STATIONS
 from probe.detection.map.field import MIN_PRESSES
 from probe.detection.map.field_objects import (
     is_field,
@@ -27,14 +27,14 @@ from probe.detection.map.field_objects import (
 from probe.detection.map.open_row import least_bump_pa, only_pulses, open_objects
 from probe.detection.map.row_doubts import DOUBT, beside_named, between_rows, doubtful
 from probe.detection.map.row_objects import line_of, objects_in
-from probe.detection.map.row_shapes import MIN_WITH_EDGES, with_edges
+from probe.detection.map.row_shapes import with_edges
 from probe.detection.map.straight_line import or_lines
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.pulse.estimate import Pulse
 from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ
 from probe.detection.pulse.presses import Press, presses_of
-from probe.detection.repeats import distinct_m, pitch_m
+from probe.detection.repeats import MIN_NAMED, distinct_m, pitch_m
 from probe.storage.run import recording_of
 
 ORDER: tuple[Kind, ...] = ("stenotic artery", "artery", "tumour", "undecided")
@@ -140,8 +140,14 @@ def detect(
     kind = _whole(objects, presses, unfinished)
     if kind == "nothing" and needed_pa > asked_pa:
         kind = "cannot see"
+    elif (
+        kind == "nothing"
+        and np.isinf(least_pa)
+        and any(np.isfinite(s.x_m) for s in recording.stations)
+    ):
+        kind = "undecided"  # of a recording without places only a pulse is asked
     if presses:
-        reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa)
+        reason = _reason(kind, objects, presses, (needed_pa, asked_pa), least_pa, unfinished)
     else:
         reason = _why_no_station(recording)
     return Finding(
@@ -276,9 +282,9 @@ def _whole(objects: list[ObjectFinding], presses: tuple[Press, ...], unfinished:
 
 def _reason(
     kind: Kind, objects: list[ObjectFinding], presses: tuple[Press, ...],
-    bounds_pa: tuple[float, float], least_pa: float,
+    bounds_pa: tuple[float, float], least_pa: float, unfinished: bool,
 ) -> str:  # fmt: skip
-    """Why, in a sentence; for a finding of nothing, how much could still be hidden.
+    """Why, in a sentence; where nothing was found, how much could still be hidden.
 
     ``least_pa``: the bump that would have shown; infinite where none could, NaN if unknown.
     """
@@ -294,13 +300,13 @@ def _reason(
     if objects:
         return _reasons(objects)
     needed_pa, asked_pa = bounds_pa
-    if kind == "undecided":
+    if unfinished:
         x_mm = 1e3 * distinct_m(np.array([p.station.x_m for p in judged]))
         where = f"between {x_mm[0]:.0f} and {x_mm[-1]:.0f} mm yet" if len(x_mm) else "yet"
         if np.isinf(least_pa):
             return (
-                f"the row is not finished; no pulse {where}, and a lump needs {MIN_WITH_EDGES} "
-                "stations to be distinguished from the tissue's edge"
+                f"the row is not finished; no pulse {where}, and a lump needs a row of {MIN_NAMED} "
+                "stations"
             )
         return f"the row is not finished; nothing {where}, the tissue's edge aside"
     if kind == "cannot see":
@@ -310,7 +316,7 @@ def _reason(
         )
     text = f"no pulse (one of {plain(needed_pa, 2)} Pa would have shown)"
     if np.isinf(least_pa):
-        return f"{text}; a lump would need a row of {MIN_LEVELS} stations or more to show"
+        return f"{text}; a lump needs a row of {MIN_NAMED} stations"
     text = f"{text}, and no place stiffer or softer than its surroundings"
     return text if np.isnan(least_pa) else f"{text} ({plain(least_pa, 2)} Pa would have shown)"
 

@@ -12,13 +12,12 @@ from probe.detection.beneath.posterior import Posterior, most_likely, sample
 from probe.detection.beneath.row_data import row_data
 from probe.detection.beneath.sizes import Sizes, unknown
 from probe.detection.pulse.presses import Press
+from probe.detection.repeats import MIN_NAMED
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.kinds import Kind
 from sim_backend.touch.table import TouchTable
 
-MIN_STATIONS = 9
-"""Of a row: a bump and what lies beside it on either side."""
 WORST = 0.01
 """Chance of a greater misfit, below which the body in the table is not what lies there."""
 FEWEST = 100.0
@@ -48,8 +47,8 @@ def sizes(recording: Recording, presses: tuple[Press, ...], kind: str) -> Sizes:
     data = row_data(presses, recording.face_m2)
     if data is None:
         return unknown("the run holds no ramps with places and depths")
-    if len(np.unique(data.x_m)) < MIN_STATIONS:
-        return unknown(f"a row of at least {MIN_STATIONS} stations is needed")
+    if len(np.unique(data.x_m)) < MIN_NAMED:
+        return unknown(f"a row of at least {MIN_NAMED} stations is needed")
     table, half_width_m, length_m, middle_m = found
     if data.sunk_m[-1] > 1.01 * table.sunk[-1] * half_width_m:
         deepest_mm = 1e3 * table.sunk[-1] * half_width_m

@@ -32,8 +32,6 @@ MAX_OBJECTS, TOGETHER = 4, 3
 """Bumps of a row at most, and how many are looked for at once."""
 MIN_STATIONS = 6
 """Stations that can show a bump apart from a background."""
-MIN_LEVELS = 7
-"""Stations that can show one apart from a tilted and curved background, as `surroundings`."""
 
 
 @dataclass(frozen=True)

@@ -5,17 +5,15 @@ from dataclasses import replace
 
 from drivers.core.arrays import Array
 from probe.detection.finding import ObjectFinding
-from probe.detection.map.bumps import MIN_STATIONS, least_height
+from probe.detection.map.bumps import least_height
 from probe.detection.map.row_objects import Line, objects_in
 from probe.detection.map.row_shapes import surroundings, with_edges
 from probe.detection.map.sideways import SQUEEZED
-from probe.detection.repeats import pitch_m
+from probe.detection.repeats import MIN_NAMED, pitch_m
 
 MIN_BEYOND = 3.0
 """Pitches between an object and the open end: a vessel raises the force two to either side, and
 a bump's half width is up to 2.8."""
-MIN_NAMED = MIN_STATIONS + int(MIN_BEYOND)
-"""Stations that show a bump beside what may follow."""
 REASON = "the row is not finished: further stations may change this"
 OR_BEYOND = "the row is not finished: this lies here or beyond the last station so far"
 

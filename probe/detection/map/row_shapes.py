@@ -3,7 +3,7 @@
 import numpy as np
 
 from drivers.core.arrays import Array
-from probe.detection.repeats import pitch_m
+from probe.detection.repeats import MIN_NAMED, pitch_m
 
 EDGE_PITCHES, EDGE_M = 0.45, 1.8e-3
 """How far the free sides of a block lower its level (an exponential): in station distances, and at
@@ -15,8 +15,6 @@ LEAST_LEVEL = 1e-6
 TAIL, OTHER_TAILS = 1.5, (1.0, 50.0)
 """Of a bump's `shape`: what is fitted, and what it may be as well, a Lorentzian or (to 0.3 % of its
 height) a Gaussian."""
-MIN_WITH_EDGES = 9
-"""Stations that can show a bump apart from a block's edges too: eight unknowns and one more."""
 
 
 def shape(
@@ -41,7 +39,7 @@ def slopes(x_m: Array, centre: float, half_width: float, tail: float = TAIL) -> 
 def surroundings(x_m: Array) -> Array:
     """Columns (n, 3 or 5) of a tilted, curved level, of 9 stations or more also its two edges."""
     columns = with_edges(x_m)
-    return columns if len(x_m) >= MIN_WITH_EDGES else columns[:, :3]
+    return columns if len(x_m) >= MIN_NAMED else columns[:, :3]
 
 
 def with_edges(x_m: Array) -> Array:

@@ -169,6 +169,9 @@ def test_one_press_tells_a_pulse_and_no_more() -> None:
     nothing = detect(recording([station(rng)]))
     assert nothing.finding == "nothing"
     assert "would have shown" in nothing.reason
+    placed = detect(recording([station(rng, x_mm=32.0)]))
+    assert placed.finding == "undecided"  # a lump may lie there
+    assert "would have shown); a lump needs a row of 9 stations" in placed.reason
     pulse = detect(recording([station(rng, pulse_pa=200.0)]))
     assert pulse.finding == "artery"
     assert json.loads(json.dumps(pulse.as_json(), allow_nan=False))["objects"][0]["peak_pa"] is None

@@ -75,7 +75,7 @@ def test_the_edge_of_the_tissue_is_no_object_of_an_open_row(count: int) -> None:
     block = [replace(s, signal_pa=by * s.signal_pa) for s, by in zip(whole, softer, strict=True)]
     found = detect(replace(recording(block[:count]), finish="aborted"))
     assert (found.finding, found.objects) == ("undecided", ())
-    assert ("a lump needs 9 stations" in found.reason) == (count < 9)
+    assert ("a lump needs a row of 9 stations" in found.reason) == (count < 9)
     assert detect(recording(block)).finding == "nothing"
 
 
