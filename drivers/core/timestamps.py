@@ -17,11 +17,11 @@ STOOD_S = 0.01  # a smaller loss heals by `DRIFT` within 20 s
 MAX_LATENESS_SPREAD = 0.25
 """Spread of the lateness, (median - least) / least, above which it is jitter and not a clock that
 stood still. 0.03 was seen in a stall of 60 ms; at 0.5 a busy second is taken for a stop of the
-clock (benchmarks/time_stamps.py)."""
+clock (benchmarks/time_stamps.py at c51866cd)."""
 LASTING_S = 0.25  # at half of it too; twice of it finds the same stops
 
 # Of frames without a time of their own. What half or twice of each does to the error of the times
-# and to the count of lost frames is measured by benchmarks/time_stamps.py.
+# and to the count of lost frames is measured by benchmarks/time_stamps.py at c51866cd.
 BLOCK_READS = 32
 """Reads in a row that must all be late before frames count as lost: one that is not, ends it."""
 LATE_PERIODS = 0.65

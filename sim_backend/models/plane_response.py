@@ -36,9 +36,9 @@ PROBE_PA, PROBE_M = 10.0, 1e-6
 """Steps of the stress's slopes by pressure and depth, along the exact displacement slopes."""
 MUCH = 0.2
 """The same from which the ends are solved at each depth, for half as much time again. Of 50 random
-presses over soft walls (benchmarks/soft_walls.py) pulses that bend less are up to 5.4 % off at half
-the depth; those that bend more would be up to 20 %, 2.5 times what is stated, and are up to 6 %,
-0.5 times."""
+presses over soft walls (benchmarks/soft_walls.py at c51866cd) pulses that bend less are up to 5.4 %
+off at half the depth; those that bend more would be up to 20 %, 2.5 times what is stated, and are
+up to 6 %, 0.5 times."""
 RELATIVE_SIZE = 0.1
 """Element size over the finger's half width: 0.3 % of force, 2 % of pulse on the paper's scenes."""
 GROWTH, COARSEST = 0.6, 0.24

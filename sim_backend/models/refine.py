@@ -47,8 +47,8 @@ SMALL_PULSE = 1e-3
 ENTERING_PCT = 1.0
 """How much nodes that enter the contact one by one change the force, in per cent of the mean force
 of one node in contact: peak to peak over depth 0.4 to 1.6 %, median 0.9
-(benchmarks/entering_nodes.py). It falls so slowly that no finer mesh is made for it, nor for less:
-it is stated."""
+(benchmarks/entering_nodes.py at c51866cd). It falls so slowly that no finer mesh is made for it,
+nor for less: it is stated."""
 WORTHLESS_PCT = 50.0
 """A force that meshes disagree on by more is no answer."""
 MAX_UNKNOWNS = 20_000

@@ -54,8 +54,8 @@ FINER = 0.5
 """Element size of what is solved again, over the first."""
 MUCH = 0.1
 """Bend from which the pulse is solved too, over the vessel. Of 50 random presses over soft walls
-(benchmarks/soft_walls.py) those that bend less are up to 0.7 times the stated error off without it,
-the others up to 5.4 times, and with it up to 1.0 times."""
+(benchmarks/soft_walls.py at c51866cd) those that bend less are up to 0.7 times the stated error off
+without it, the others up to 5.4 times, and with it up to 1.0 times."""
 FORCE_LEFT, PULSE_LEFT = 0.003, 0.03
 """What a correction leaves at most: of the force, and of the scan's largest pulse."""
 

@@ -1,6 +1,6 @@
 """One thousand random damages of the bytes of each checked protocol: never a wrong number.
 
-`benchmarks/corruption.py` does the same over live lines and for the protocols without a check sum.
+`docs/results/corruption.csv` has the same over live lines and for protocols without a check sum.
 """
 
 import struct

@@ -49,9 +49,9 @@ SLOWER, AWAY_FROM = 0.8, 0.69
 """Power of the contact's element size with which the others shrink; and that size, over `SHARE`'s,
 below which those away from contact and inclusions shrink no more: the second mesh of a press (0.25
 over 0.36) is just above it. Five vessels in a small block
-(`benchmarks/equal_error.py`) are 0.19 % off in force and 0.39 % in pulse on the third mesh (root
-mean squares), 0.21 and 0.56 % where they go on; it has a quarter fewer unknowns, and two fifths
-fewer for TIHA in 64 x 40 mm."""
+(`benchmarks/equal_error.py` at c51866cd) are 0.19 % off in force and 0.39 % in pulse on the third
+mesh (root mean squares), 0.21 and 0.56 % where they go on; it has a quarter fewer unknowns, and two
+fifths fewer for TIHA in 64 x 40 mm."""
 MOST_UNKNOWNS = 85_000
 """No mesh much above this is solved: of TIHA-solid 64,169 unknowns take 1.14 GB."""
 LEAST_LAYER = 0.01

@@ -1,5 +1,5 @@
 """Against presses in nearly incompressible plane strain that another method solved on other meshes:
-displacements and pressures as separate fields (`benchmarks/taylor_hood.py` made the table)."""
+displacements and pressures as separate fields (the table says what made it)."""
 
 import json
 from pathlib import Path

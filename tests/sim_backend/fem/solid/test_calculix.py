@@ -1,5 +1,5 @@
 """Solids against presses that CalculiX solved on hexahedra of its own, kept with their decks
-(`benchmarks/calculix_solids.py` made them)."""
+(`benchmarks/calculix_solids.py` at c51866cd made them)."""
 
 import json
 from pathlib import Path

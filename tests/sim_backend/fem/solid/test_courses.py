@@ -106,7 +106,7 @@ def test_under_a_ball_an_oblique_vessel_is_felt_as_a_straight_one() -> None:
 
 @pytest.mark.timeout(900)
 def test_a_vessel_that_dips_is_felt_as_calculix_says() -> None:
-    """Hexahedra that were moved up and down by straight lines (`benchmarks/hexahedra.py`)."""
+    """Hexahedra that were moved up and down by straight lines (tests/data/presses)."""
     kept = Path(__file__).parents[3] / "data" / "presses" / "vessel-on-a-path.json"
     solved = json.loads(kept.read_text("utf-8"))
     scene = Scene.model_validate(solved["scene"])
