@@ -7,13 +7,12 @@ and of a shorter one what it begins with. Goes on where docs/results/artefacts.c
 hold of 2.5 s, artefacts-2.5-s.csv.
 """
 
-import sys
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, exact, fill, read
+from kept import ROOT, Row, exact, fill, read, run
 from pulses import named, press
 
 from drivers.core.arrays import Array
@@ -143,7 +142,7 @@ def judge(rate_hz: float, artefact: str, seed: int, hold_s: float = WHOLE_S) -> 
     return {"found": named(press(t[kept], signal[kept]))}
 
 
-def main(cases: int, hold_s: float) -> None:
+def main(cases: int = 60, hold_s: float = WHOLE_S) -> None:
     """Judge, and tell what is kept."""
     out = OUT if hold_s == WHOLE_S else OUT.with_name(f"artefacts-{hold_s:g}-s.csv")
     jobs = [(rate, name, seed) for seed in range(cases) for rate in (500.0, 10.0)
@@ -158,5 +157,4 @@ def main(cases: int, hold_s: float) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 60,
-         float(sys.argv[2]) if len(sys.argv) > 2 else WHOLE_S)  # fmt: skip
+    run(main)

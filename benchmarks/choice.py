@@ -11,7 +11,6 @@ that was good enough is broken off. Each scene is a row of
 docs/results/choice.csv, and a run goes on where the last one stopped.
 """
 
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -19,7 +18,7 @@ from time import process_time
 
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, fill
+from kept import ROOT, Row, fill, run
 from random_presses import TooLong, within
 
 from sim_backend.fem.finite_strain import solve_finite
@@ -179,10 +178,8 @@ def compared(case: Case, budget_pct: float) -> Row:
     return {k: f"{v:.4g}" if isinstance(v, float) else v for k, v in row.items()}
 
 
-def main() -> None:
+def main(count: int = 80, path: Path = TABLE) -> None:
     """Go on with the table, and print how often the statement and the budget hold."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 80
-    path = Path(sys.argv[2]) if len(sys.argv) > 2 else TABLE
     fill(path, ("scene",), ANSWERS, ((n,) for n in range(count)), judge)
     every = pd.read_csv(path)
     table = every.dropna(subset=["true_pct"])
@@ -198,4 +195,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

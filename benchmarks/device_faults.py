@@ -19,12 +19,10 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import count
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -273,6 +271,11 @@ def strike(name: str, fault: str, phase: str) -> Outcome:
         )  # fmt: skip
 
 
+def judge(*job: str) -> Row:
+    """One scan's row."""
+    return strike(*job).as_row
+
+
 def contract(name: str) -> str:
     """The outcome of the contract's tests, in pytest's words."""
     tests = "tests/drivers/testing/test_contract.py"
@@ -316,13 +319,10 @@ def main() -> int:
     given = parser.parse_args()
     jobs = [(n, "", "") for n in given.devices]
     jobs += [(n, f, str(p)) for n in given.devices for f in DEVICES[n].faults for p in PHASES]
-    have = outcomes()
-    solved()
-    with ProcessPoolExecutor(given.workers, get_context("fork")) as pool:
-        begun = {job: pool.submit(strike, *job) for job in jobs if job not in have}
-        fill(KEPT, ("device", "fault", "phase"),
-             ("ended_s", "rest_s", "finish", "reason", "samples", "deepest_mm"),
-             begun, lambda *job: begun[job].result().as_row)  # fmt: skip
+    solved()  # once, for all that are forked from here
+    fill(KEPT, ("device", "fault", "phase"),
+         ("ended_s", "rest_s", "finish", "reason", "samples", "deepest_mm"), jobs, judge,
+         given.workers)  # fmt: skip
     have = outcomes()
     done = [have[job] for job in jobs]
     print(table(done, {n: contract(n) for n in given.devices} if given.contract else {}))

@@ -8,13 +8,12 @@ at 10 Hz, or taken as 500 Hz with the noise of a sensor of 0.02 % of the level. 
 docs/results/empty-scans.csv ends.
 """
 
-import sys
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, exact, fill, read
+from kept import ROOT, Row, exact, fill, read, run
 from real_data import holds
 from scipy.interpolate import PchipInterpolator
 
@@ -49,7 +48,7 @@ def station(index: int, curve: tuple[Array, Array], rate_hz: float,
                    np.full(len(t), 2.5e-3))  # fmt: skip
 
 
-def main(file: Path, scans: int) -> None:
+def main(file: Path, scans: int = 100) -> None:
     """Judge, and tell what is kept."""
 
     def judge(rate_hz: float, stations: int, seed: int) -> Row:
@@ -69,4 +68,4 @@ def main(file: Path, scans: int) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 100)
+    run(main)

@@ -7,11 +7,9 @@ one in a hold, tissue that relaxes by a power law or a stretched exponential, wh
 are, or not at all. Goes on where docs/results/heart-rates.csv ends.
 """
 
-import sys
-
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, exact, fill
+from kept import ROOT, Row, exact, fill, run
 from short_holds import LEVEL_PA, SWING_PA, WAVES
 
 from palpate import Recording, Station, detect
@@ -53,7 +51,7 @@ def judge(seed: int) -> Row | None:
             "found": "in the interval" if low <= rate_bpm <= high else "outside"}  # fmt: skip
 
 
-def main(rows: int) -> None:
+def main(rows: int = 600) -> None:
     """Judge, tell."""
     answers = ("wave", "relaxing", "hold_s", "beats", "beats_found", "low_bpm", "high_bpm",
                "rate_bpm", "found")  # fmt: skip
@@ -69,4 +67,4 @@ def main(rows: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 600)
+    run(main)

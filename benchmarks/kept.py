@@ -1,9 +1,17 @@
-"""Results that grow row by row: a benchmark that was broken off goes on where it stopped."""
+"""What every benchmark is run by: a command line, and results that grow row by row.
 
+A benchmark that was broken off goes on where it stopped.
+"""
+
+import argparse
 import csv
+import inspect
 import subprocess
-from collections.abc import Callable, Iterable, Mapping
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from datetime import UTC, datetime
+from multiprocessing import get_context
 from pathlib import Path
 
 from scipy.stats import beta
@@ -23,12 +31,13 @@ def commit() -> str:
 
 def fill(
     path: Path, keys: tuple[str, ...], answers: tuple[str, ...],
-    jobs: Iterable[tuple[object, ...]], judge: Callable[..., Row | None],
-) -> None:  # fmt: skip
-    """Append ``judge(*job)`` to the CSV ``path`` for each job that it does not hold yet.
+    jobs: Iterable[tuple[object, ...]], judge: Callable[..., Row | None], workers: int = 1,
+) -> list[dict[str, str]]:  # fmt: skip
+    """Append ``judge(*job)`` to the CSV ``path`` for each job that it does not hold yet; all rows.
 
     ``keys`` name a job's parts, ``answers`` what is judged; a row also gets the commit and the
-    date. A job that is judged None is kept without answers, so that it is not asked again.
+    date. A job that is judged None is kept without answers, so that it is not asked again. Several
+    ``workers`` are forks that ask beside each other.
     """
     have = {tuple(row[key] for key in keys) for row in read(path)}
     origin = {"commit": commit(), "date": datetime.now(UTC).date().isoformat()}
@@ -37,11 +46,22 @@ def fill(
         writer = csv.DictWriter(file, [*keys, *answers, *origin])
         if not have:
             writer.writeheader()
-        for job in jobs:
-            if tuple(str(part) for part in job) in have:
-                continue
-            writer.writerow(dict(zip(keys, job, strict=True)) | dict(judge(*job) or {}) | origin)
+        missing = (job for job in jobs if tuple(str(part) for part in job) not in have)
+        for job, row in _judged(missing, judge, workers):
+            writer.writerow(dict(zip(keys, job, strict=True)) | dict(row or {}) | origin)
             file.flush()
+    return read(path)
+
+
+def _judged(
+    jobs: Iterable[tuple[object, ...]], judge: Callable[..., Row | None], workers: int
+) -> Iterator[tuple[tuple[object, ...], Row | None]]:
+    if workers == 1:
+        yield from ((job, judge(*job)) for job in jobs)
+        return
+    with ProcessPoolExecutor(workers, get_context("fork")) as pool:
+        begun = {pool.submit(judge, *job): job for job in jobs}
+        yield from ((begun[answer], answer.result()) for answer in as_completed(begun))
 
 
 def read(path: Path) -> list[dict[str, str]]:
@@ -50,6 +70,25 @@ def read(path: Path) -> list[dict[str, str]]:
         return []
     with path.open(newline="") as file:
         return list(csv.DictReader(file))
+
+
+def run(main: Callable[..., int | None]) -> None:
+    """Call ``main`` with the arguments of the command line, and exit by what it returns.
+
+    Each of its parameters is an argument of the parameter's type, as many as are given of a
+    ``*parameter``; what has a default need not be given.
+    """
+    parser = argparse.ArgumentParser(
+        description=inspect.getdoc(inspect.getmodule(main)),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    for one in inspect.signature(main, eval_str=True).parameters.values():
+        needed = one.default is one.empty
+        nargs = "*" if one.kind is one.VAR_POSITIONAL else None if needed else "?"
+        default = None if needed else one.default
+        parser.add_argument(one.name, type=one.annotation, nargs=nargs, default=default)
+    values = vars(parser.parse_args()).values()
+    sys.exit(main(*(word for v in values for word in (v if isinstance(v, list) else [v]))))
 
 
 def interval(count: int, of: int) -> tuple[float, float]:

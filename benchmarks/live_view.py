@@ -7,7 +7,6 @@ the phantom takes to the screen. Prints percentiles, and keeps every frame in
 """
 
 import os
-import sys
 from collections import deque
 from concurrent.futures import Future
 from pathlib import Path
@@ -16,7 +15,7 @@ from time import perf_counter
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 import numpy as np
-from kept import ROOT, fill
+from kept import ROOT, fill, run
 
 from drivers import Block, Channel
 from probe.core.events import Event, Phase, PhaseEntered, RunStarted, Samples, StationStarted
@@ -43,7 +42,7 @@ def start() -> list[Event]:
     ]
 
 
-def main() -> None:
+def main(picture: str = "") -> None:
     app = application()
     waiting: deque[Event] = deque(start())
 
@@ -77,8 +76,8 @@ def main() -> None:
         latencies.append(done - began - follower.state.now_s)
         while perf_counter() - drawing < FRAME_MS / 1e3:
             app.processEvents()
-    if len(sys.argv) > 1:
-        window.grab().save(sys.argv[1])
+    if picture:
+        window.grab().save(picture)
     window.close()
     for name, values_s in (
         ("one frame", frames), ("from sample to screen", latencies),
@@ -115,4 +114,4 @@ def feel(frames: int = 300) -> list[float]:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -8,12 +8,11 @@ array of nine taxels of which one fails. A wrong name is any that the scene is n
 *cannot see* are none. Goes on where docs/results/odd-scans.csv ends.
 """
 
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
 import numpy as np
-from kept import ROOT, Row, exact, fill, read
+from kept import ROOT, Row, exact, fill, run
 from six_scenes import SILENT, TRUTH, noisy
 
 import palpate
@@ -155,12 +154,11 @@ def judge(change: str, scene: str, seed: int) -> Row:
     return {"found": found.finding, "confidence": f"{best:.4f}"}
 
 
-def main(seeds: int) -> None:
+def main(seeds: int = 20) -> None:
     """Judge, and tell what is kept."""
     jobs = [(change, scene, seed) for seed in range(seeds) for change in CHANGES
             for scene in SCENES]  # fmt: skip
-    fill(OUT, ("change", "scene", "seed"), ("found", "confidence"), jobs, judge)
-    rows = read(OUT)
+    rows = fill(OUT, ("change", "scene", "seed"), ("found", "confidence"), jobs, judge)
     for change in CHANGES:
         said = [(r["scene"], r["found"]) for r in rows if r["change"] == change]
         wrong = [f"{s}: {f}" for s, f in said if f not in (TRUTH[s], "nothing", *SILENT)]
@@ -168,4 +166,4 @@ def main(seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 20)
+    run(main)

@@ -10,7 +10,6 @@ rms over 15 mm: the depth that the stage does not know of). Goes on where
 docs/results/other-phantoms.csv ends.
 """
 
-import sys
 import tempfile
 from functools import lru_cache
 from pathlib import Path
@@ -18,7 +17,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, exact, fill, read
+from kept import ROOT, Row, exact, fill, read, run
 from real_data import pulses
 
 from drivers.core.arrays import Array
@@ -120,7 +119,7 @@ ANSWERS = ("x_mm", "width_mm", "found", "kind_confidence", "position_mm", "low_m
            "contrast", "pulse_share")  # fmt: skip
 
 
-def main(file: Path, scans: int) -> None:
+def main(file: Path, scans: int = 150) -> None:
     """Judge, and tell what is kept."""
 
     def judge(kind: str, seed: int) -> Row | None:
@@ -174,4 +173,4 @@ def tell() -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 150)
+    run(main)

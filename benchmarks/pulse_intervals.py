@@ -9,13 +9,12 @@ whose noise is drawn by seed. Goes on where docs/results/pulse-intervals.csv end
 docs/pictures/pulse-intervals.png.
 """
 
-import sys
 from functools import lru_cache
 
 import numpy as np
 import pandas as pd
 from artefacts import RELAXATION
-from kept import ROOT, Row, exact, fill, interval
+from kept import ROOT, Row, exact, fill, interval, run
 from matplotlib.figure import Figure
 from pulses import press
 from six_scenes import noisy, silent
@@ -78,7 +77,7 @@ def judge(hold_s: float, relaxing: float, station: int, seed: int) -> Row:
             "sd_pa": f"{one.pulse.size_sd_pa:.3f}"}  # fmt: skip
 
 
-def main(cases: int) -> None:
+def main(cases: int = 200) -> None:
     """Judge, tell, draw."""
     jobs = [(hold_s, relaxing, 0, seed) for seed in range(cases) for hold_s in HOLDS_S
             for relaxing in RELAXING]  # fmt: skip
@@ -131,4 +130,4 @@ def draw(table: pd.DataFrame) -> Figure:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 200)
+    run(main)

@@ -1,7 +1,7 @@
 """Pulses of people on real tissue, person by person, with peers at equal false rates.
 
     pip install .[benchmarks]
-    python benchmarks/pulses.py HOLDS.csv PULSES.csv.gz[,MORE.csv.gz] [CASES]
+    python benchmarks/pulses.py HOLDS.csv CASES PULSES.csv.gz [MORE.csv.gz...]
 
 HOLDS: indent-and-hold recordings of tissue without a pulse; PULSES: arterial pressure (columns:
 `benchmarks/real_data.py`). A stretch of a pulse, its slow wander removed, is scaled to a share of
@@ -13,13 +13,12 @@ lets through that share of the holds without a pulse of all specimens but the on
 Goes on where docs/results/pulses.csv ends. Draws docs/pictures/power.png.
 """
 
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from kept import ROOT, Row, exact, fill
+from kept import ROOT, Row, exact, fill, run
 from matplotlib.figure import Figure
 from real_data import holds, pulses
 
@@ -172,7 +171,7 @@ def own_scores(station: Station) -> Row:
     return {"palpate": named(station), "pulse": f"{1 - asked:.6g}", "movement": f"{1 - chance:.6g}"}
 
 
-def main(tissue_file: Path, heart_files: list[Path], cases: int) -> None:
+def main(tissue_file: Path, cases: int, *heart_files: Path) -> None:
     """Judge, and tell what is kept."""
     tissue = holds(tissue_file)
     hearts: dict[str, list[Curve]] = {}
@@ -271,5 +270,4 @@ def tell() -> None:
 
 
 if __name__ == "__main__":
-    files = [Path(one) for one in sys.argv[2].split(",")]
-    main(Path(sys.argv[1]), files, int(sys.argv[3]) if len(sys.argv) > 3 else 60)
+    run(main)

@@ -9,7 +9,6 @@ something is. A place is right if the interval holds the truth in its row, a str
 very rows of the stenosis. Goes on where docs/results/random-grids.csv ends.
 """
 
-import sys
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +16,7 @@ from typing import Any
 
 import numpy as np
 import tomli_w
-from kept import ROOT, Row, exact, fill, read
+from kept import ROOT, Row, exact, fill, run
 
 import palpate
 from drivers.core.arrays import Array
@@ -130,10 +129,9 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def main(grids: int) -> None:
+def main(grids: int = 100) -> None:
     """Judge, and tell what is kept."""
-    fill(OUT, ("seed",), ANSWERS, [(seed,) for seed in range(grids)], judge)
-    rows = read(OUT)
+    rows = fill(OUT, ("seed",), ANSWERS, [(seed,) for seed in range(grids)], judge)
     for truth in KINDS:
         said = [row["found"] for row in rows if row["truth"] == truth]
         print(
@@ -145,4 +143,4 @@ def main(grids: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    run(main)

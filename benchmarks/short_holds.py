@@ -7,12 +7,10 @@ anywhere, three sizes and noises, with and without steps of 10 Pa, and tissue th
 relaxes a tenth as much as real tissue, or as much. Goes on where docs/results/short-holds.csv ends.
 """
 
-import sys
-
 import numpy as np
 import pandas as pd
 from artefacts import RELAXATION
-from kept import ROOT, Row, exact, fill
+from kept import ROOT, Row, exact, fill, run
 from pulses import press
 
 from palpate import Recording, detect
@@ -54,7 +52,7 @@ def judge(seed: int) -> Row:
             "size_pa": f"{one.pulse_pa:.1f}", "sd_pa": f"{one.pulse_sd_pa:.2f}"}  # fmt: skip
 
 
-def main(holds: int) -> None:
+def main(holds: int = 1500) -> None:
     """Judge, tell."""
     answers = ("wave", "sample_hz", "relaxing", "noise_pa", "hold_s", "beats", "found", "true_pa",
                "size_pa", "sd_pa")  # fmt: skip
@@ -68,4 +66,4 @@ def main(holds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1500)
+    run(main)

@@ -7,14 +7,13 @@ resolution of each sensor are then drawn on what was stored. Goes on where
 docs/results/six-scenes.csv ends.
 """
 
-import sys
 import tempfile
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from kept import ROOT, Row, exact, fill, read
+from kept import ROOT, Row, exact, fill, run
 
 import palpate
 from palpate import Recording, Rig
@@ -70,11 +69,10 @@ def judge(scene: str, sensor: str, seed: int) -> Row:
     return {"found": found.finding, "confidence": f"{best:.4f}"}
 
 
-def main(seeds: int) -> None:
+def main(seeds: int = 50) -> None:
     """Judge, and tell what is kept."""
     jobs = [(scene, sensor, seed) for seed in range(seeds) for sensor in SENSORS for scene in TRUTH]
-    fill(OUT, ("scene", "sensor", "seed"), ("found", "confidence"), jobs, judge)
-    rows = read(OUT)
+    rows = fill(OUT, ("scene", "sensor", "seed"), ("found", "confidence"), jobs, judge)
     for sensor in SENSORS:
         for scene, truth in TRUTH.items():
             said = [r["found"] for r in rows if (r["scene"], r["sensor"]) == (scene, sensor)]
@@ -85,4 +83,4 @@ def main(seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50)
+    run(main)

@@ -1,19 +1,18 @@
 """Depth, diameter and modulus of random bodies from rows of presses: do 95 % intervals hold?
 
-    python -m sizes --rows 60
+    python benchmarks/sizes.py [ROWS]
 
 Truth is a row of 15 presses of the finite elements over one lump or vessel, which no table was
 trained on, with what a rig adds: tilt, bow and height of the surface, a stage's repeatability, a
 gain of each depth, a zero, and noise.
 """
 
-import argparse
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from kept import ROOT, Row, exact, fill, read
+from kept import ROOT, Row, exact, fill, read, run
 
 import palpate
 from probe.detection.beneath.explain import stated
@@ -119,14 +118,11 @@ def table(path: Path = KEPT) -> None:
                 print(f"{kind} {noise} mN {name}: held {share}")
 
 
-def main() -> None:
-    """Judge rows, and print the table."""
-    parser = argparse.ArgumentParser(prog="sizes", description=__doc__)
-    parser.add_argument("--rows", type=int, default=60, help="rows of each kind at each noise")
-    given = parser.parse_args()
+def main(rows: int = 60) -> None:
+    """Judge so many rows of each kind at each noise, and print the table."""
     jobs = [
         (kind, noise, seed)
-        for seed in range(given.rows)
+        for seed in range(rows)
         for kind in ("tumour", "artery")
         for noise in (0.5, 5.0)
     ]
@@ -135,4 +131,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -1,4 +1,4 @@
-"""The headline figures in one run: a whole scan, a whole small-strain scan, peers, cost by size.
+"""The headline figures in one run: a whole scan, a whole small-strain scan, peers.
 
     python benchmarks/speed_accuracy.py [--scans | --ccx]
 
@@ -227,39 +227,6 @@ def peers(scene: Scene, names: Sequence[str]) -> None:
                   f"{off_pct(one.answer[0], truth)}")  # fmt: skip
 
 
-def by_size(scene: Scene) -> None:
-    """Fitted exponents of time by degrees of freedom, stations and inclusions."""
-    sizes = np.array([1.4e-3, 0.7e-3, 0.35e-3, 0.2e-3])
-    found = [fresh(one_press, scene, float(size)) for size in sizes]
-    exponent("degrees of freedom", [one.answer[1] for one in found], [one.cpu_s for one in found])
-    counts = (1, 2, 4, 8)
-    exponent("stations", counts, [fresh(stations, scene, n).cpu_s for n in counts])
-    exponent("inclusions", counts[:3], [fresh(one_press, row_of(scene, n), 0.7e-3).cpu_s
-                                        for n in counts[:3]])  # fmt: skip
-
-
-def stations(scene: Scene, count: int) -> None:
-    """The first ``count`` stations."""
-    for x in STATIONS_M[:count]:
-        respond(scene, float(x), DEPTH_M)
-
-
-def row_of(scene: Scene, count: int) -> Scene:
-    """Vessels side by side."""
-    first = scene.inclusion[0]
-    row = [
-        first.model_copy(update={"x_mm": 32.0 + 8 * (k - (count - 1) / 2)}) for k in range(count)
-    ]
-    return scene.model_copy(update={"inclusion": tuple(row)})
-
-
-def exponent(what: str, sizes: Sequence[int], seconds: Sequence[float]) -> None:
-    """Print processors' time = a size^b."""
-    b, _ = np.polyfit(np.log(sizes), np.log(seconds), 1)
-    table = ", ".join(f"{n}: {t:.2f} s" for n, t in zip(sizes, seconds, strict=True))
-    print(f"time by {what}: power {b:.2f} ({table})")
-
-
 def main() -> None:
     """Print all parts."""
     scene = load_scene("TIHA")
@@ -269,7 +236,6 @@ def main() -> None:
         return
     names = ["ours", *(["FElupe"] if has_felupe() else [])]
     peers(strain, [*names, *(["CalculiX"] if "--ccx" in sys.argv else [])])
-    by_size(scene)
 
 
 if __name__ == "__main__":

@@ -8,20 +8,16 @@ notes when the first byte that ends a motion arrives. Real command, real drivers
 The documentation's table is of `docs/results/guard-latency.csv`.
 """
 
-import csv
 import os
-from concurrent.futures import as_completed
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from kept import commit, read
+from kept import Row, fill, read
 
 from campaign.cell import RATE_HZ
 from campaign.faults import BY_NAME, Draw, Fault
 from campaign.judge import judge, load
-from campaign.once import beside, struck_once
+from campaign.once import struck_once
 from campaign.world import Bed
 
 CONDITIONS = {
@@ -33,12 +29,10 @@ CONDITIONS = {
 }
 PRESSED_M = 2.3e-3
 WHOLE = (1.0, 1.0, 1.0)
-COLUMNS = ("condition", "seed", "ms", "late_ms", "up", "load", "commit", "date")
 
 
-def trial(task: tuple[str, int]) -> dict[str, Any]:
+def trial(name: str, seed: int) -> Row:
     """One scan, one broken limit, under one condition."""
-    name, seed = task
     rng = np.random.default_rng([seed, len(name)])
     faults = [Fault(BY_NAME[kind], WHOLE, 0.0, 0, PRESSED_M) for kind in CONDITIONS[name]]
     later_s = float(rng.uniform(0.05, 0.35))
@@ -50,30 +44,17 @@ def trial(task: tuple[str, int]) -> dict[str, Any]:
             said=ended.said, run=None,
         )  # fmt: skip
     return {
-        "condition": name,
-        "seed": seed,
         "ms": round(1e3 * verdict.latency_s, 3),
         "late_ms": round(1e3 * verdict.late_s, 3),
         "up": verdict.up,
         "load": round(os.getloadavg()[0], 2),
-        "commit": commit(),
-        "date": datetime.now(UTC).date().isoformat(),
     }
 
 
 def run(trials: int, jobs: int, log: Path) -> int:
     """All trials that the log does not hold, then the table."""
-    rows = read(log)
-    have = {(row["condition"], int(row["seed"])) for row in rows}
-    left = [(name, seed) for seed in range(trials) for name in CONDITIONS]
-    left = [task for task in left if task not in have]
-    with beside(jobs) as pool, log.open("a", newline="", encoding="utf-8") as out:
-        writer = csv.DictWriter(out, COLUMNS)
-        if not rows:
-            writer.writeheader()
-        for future in as_completed([pool.submit(trial, task) for task in left]):
-            writer.writerow(future.result())
-            out.flush()
+    every = [(name, seed) for seed in range(trials) for name in CONDITIONS]
+    fill(log, ("condition", "seed"), ("ms", "late_ms", "up", "load"), every, trial, jobs)
     print_table(log)
     return 0
 

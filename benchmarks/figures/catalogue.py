@@ -1,9 +1,11 @@
 """Every figure, the quick ones first."""
 
 from figures.calibrating import calibration, wrong_rig
+from figures.fast_model import fast_model
+from figures.fleet import fleet
 from figures.installing import install
 from figures.keep import Figure
-from figures.presses import fast_model, fleet, lone_vessel, paper
+from figures.presses import lone_vessel, paper
 from figures.scans import demo
 
 FIGURES = {

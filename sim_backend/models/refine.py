@@ -37,11 +37,11 @@ FLOOR_PCT = np.array([6.0, 20.0])
 finger's half width: two meshes may agree by chance. The pulse's grows with the square of how flat a
 lumen in tissue is pressed, as its ends bend so much more sharply: TIHA 7.5 mm deep, pressed to
 0.47 of its height, has pulses within 1 % of each other on shares of 0.5 and 0.35, and both miss 8 %
-(benchmarks/flat_lumens.py)."""
+(benchmarks/flat_lumens.py at c51866cd)."""
 FEW_PCT = {"axisymmetric": 12.0, "finite": 6.0, "small": 6.0}
 """What contact at nodes misses of the force in tissue at most, over how many are pressed, of a body
 of revolution along a radius: up to 8, there 15, of ten nodes or fewer
-(benchmarks/shallow_presses.py)."""
+(benchmarks/shallow_presses.py at c51866cd)."""
 SMALL_PULSE = 1e-3
 """A pulse below this share of the force is judged against the share: no sensor feels it."""
 ENTERING_PCT = 1.0

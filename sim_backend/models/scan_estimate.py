@@ -9,8 +9,8 @@
   where they bend much, as near the pressure at which a wall bursts, by how much more a pulse is.
 
 The station nearest to the vessel is solved again on elements of half the size. What that changes
-corrects all stations, and with what a correction was seen to leave (benchmarks/fleet.py) bounds
-their error.
+corrects all stations, and with what a correction was seen to leave (benchmarks/figures/fleet.py)
+bounds their error.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,13 +1,13 @@
 """A rig that is wrong in four ways finds the wrong place and depth; calibrated, the right ones.
 
-`benchmarks/calibrations.py` does the same on finite elements and draws it.
+`benchmarks/figures/calibrating.py` does the same on finite elements and draws it.
 """
 
 from typing import Any
 
 import numpy as np
 import pytest
-from emulated_rig import DELAY_MS, GAIN, STIFFNESS_N_MM, TILT_MM, WrongRig
+from figures.emulated_rig import DELAY_MS, GAIN, STIFFNESS_N_MM, TILT_MM, WrongRig
 
 from calibration import load
 from probe.core.recording import Recording

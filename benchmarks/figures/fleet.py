@@ -1,23 +1,16 @@
-"""A fleet of random scans: how fast, how far off, and whether a second worker helps.
-
-    python benchmarks/fleet.py [SCANS] [CHECKED]
+"""Random scans by the quick model, and some of their rows by the full one.
 
 Scans like the paper's TIHA, 15 stations each, with the artery's depth, place, diameter, wall and
 modulus, the tissue's modulus and both pressures drawn by Latin hypercube, go through the sweep
 with the quick model on two workers. Random rows are solved again by the full model (finite strain,
 elements of half the usual size); the difference stands beside the error that the row states.
-Throughput is counted from the first finished scan to the last, so that starting Python is left
-out. The load of the machine by others is printed, since it stretches every time.
-
-Prints the tables, writes docs/pictures/fleet.csv and draws docs/pictures/fleet.png.
+Writes docs/pictures/fleet.csv and draws docs/pictures/fleet.png.
 """
 
-import os
-import resource
-import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -40,8 +33,8 @@ VARIED = (
 STATIONS_MM = places("4..60:15")
 INDENTATION_MM = 2.5
 SEED = 9
-THROUGHPUT_SCANS, TIMED_SCANS = 24, 30
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+SCANS, CHECKED, TIMED_SCANS = 200, 20, 30
+PICTURES = Path(__file__).parents[2] / "docs" / "pictures"
 
 
 def drawn(scene: Scene, count: int) -> list[Point]:
@@ -49,19 +42,10 @@ def drawn(scene: Scene, count: int) -> list[Point]:
     return points([parse(text, scene) for text in VARIED], "lhs", count, SEED)
 
 
-def run(scene: Scene, some: list[Point], workers: int, out: Path) -> tuple[pd.DataFrame, float]:
-    """The sweep's table, and scans per second from the first that was finished to the last."""
-    at: list[tuple[float, int]] = []
-
-    def progress(done: int, every: int) -> None:
-        at.append((time.perf_counter(), done))
-        if done and done % 50 == 0:
-            print(f"  {done} of {every} after {at[-1][0] - at[0][0]:.0f} s", flush=True)
-
-    table = solve_points(scene, some, out, x_mm=STATIONS_MM, indentation_mm=INDENTATION_MM,
-                         model="quick", seed=SEED, workers=workers, progress=progress)  # fmt: skip
-    (first_s, first), (last_s, last) = at[1], at[-1]
-    return table, (last - first) / (last_s - first_s)
+def swept(scene: Scene, some: list[Point], out: Path) -> pd.DataFrame:
+    """The sweep's table."""
+    return solve_points(scene, some, out, x_mm=STATIONS_MM, indentation_mm=INDENTATION_MM,
+                        model="quick", seed=SEED, workers=2, progress=lambda *_: None)  # fmt: skip
 
 
 def checked(scene: Scene, some: list[Point], table: pd.DataFrame, count: int) -> pd.DataFrame:
@@ -117,58 +101,34 @@ def draw(off: pd.DataFrame, seconds: list[float]) -> Figure:
     return figure
 
 
-def main() -> None:
-    """Sweep, check, compare workers, print, draw."""
-    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
-    checks = int(sys.argv[2]) if len(sys.argv) > 2 else 20
+def fleet() -> dict[str, Any]:
+    """Random scans by the quick model; some rows solved again by the full one."""
     scene = load_scene("TIHA")
-    some = drawn(scene, count)
-    with tempfile.TemporaryDirectory() as folder:
-        print(f"load before: {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
+    some = drawn(scene, SCANS)
+    with tempfile.TemporaryDirectory() as name:
         began_s = time.perf_counter()
-        table, _ = run(scene, some, 2, Path(folder) / "fleet.parquet")
+        table = swept(scene, some, Path(name) / "fleet.parquet")
         wall_s = time.perf_counter() - began_s
-        used = resource.getrusage(resource.RUSAGE_CHILDREN)
-        cpu_s = used.ru_utime + used.ru_stime
-        failed = table[table["reason"] != ""]
-        print(f"{count} scans, {len(table)} rows, {len(failed)} without an answer: {wall_s:.0f} s "
-              f"on 2 workers, {cpu_s / count:.2f} s of a processor per scan; load "
-              f"{os.getloadavg()[0]:.1f} (2 of it ours)")  # fmt: skip
-        for reason, number in failed["reason"].str[:90].value_counts().head(5).items():
-            print(f"  {number} x {reason}")
-        rates: dict[int, list[float]] = {1: [], 2: []}
-        few = some[:THROUGHPUT_SCANS]
-        for turn, workers in enumerate((1, 2, 2, 1)):
-            _, rate = run(scene, few, workers, Path(folder) / f"{turn}.parquet")
-            rates[workers].append(rate)
-    one, two = (float(np.mean(rates[w])) for w in (1, 2))
-    print(f"throughput each turn: {rates}")
-    print(f"throughput: {one:.2f} scans/s with one worker, {two:.2f} with two: {two / one:.2f} "
-          f"times; load {os.getloadavg()[0]:.1f}")  # fmt: skip
-    off = checked(scene, some, table, checks)
-    print(off.round(2).to_string(index=False))
-    for name in ("force", "pulse"):
-        within = int((off[f"{name}_off_mn"] <= off[f"{name}_stated_mn"]).sum())
-        share = (off[f"{name}_off_mn"] / off[f"{name}_stated_mn"]).max()
-        print(f"{name}: {within} of {len(off)} rows within the stated error; largest is "
-              f"{share:.2f} of it")  # fmt: skip
     solved = table[table["reason"] == ""]
+    off = checked(scene, some, table, CHECKED)
+    seconds = timed(scene, some[: 1 + TIMED_SCANS])
+    off.round(4).to_csv(PICTURES / "fleet.csv", index=False)
+    draw(off, seconds).savefig(PICTURES / "fleet.png", dpi=150, facecolor="white")
     stated = 100 * solved["force_error_n"] / solved["force_n"]
     peak = solved.groupby("point")["pulse_n"].transform("max")
     stated_pulse = 100 * solved["pulse_error_n"] / peak
-    print(
-        f"stated: force {stated.median():.2f} % (largest {stated.max():.2f}), pulse "
-        f"{stated_pulse.median():.1f} % of the scan's largest (at most {stated_pulse.max():.1f})"
-    )
-    off.round(4).to_csv(PICTURES / "fleet.csv", index=False)
-    seconds = timed(scene, some[: 1 + TIMED_SCANS])
-    print(
-        f"{len(seconds)} scans one by one: {np.mean(seconds):.2f} s of a processor each (median "
-        f"{np.median(seconds):.2f}, longest {max(seconds):.2f}); load {os.getloadavg()[0]:.1f}"
-    )
-    draw(off, seconds).savefig(PICTURES / "fleet.png", dpi=150, facecolor="white")
-
-
-if __name__ == "__main__":
-    main()
+    return {
+        "scans": SCANS, "wall_s": wall_s, "unsolved": len(table) - len(solved),
+        "scan_s": float(np.mean(seconds)), "checked": CHECKED,
+        **{
+            f"{name}_{key}": value
+            for name in ("force", "pulse")
+            for key, value in {
+                "within": int((off[f"{name}_off_mn"] <= off[f"{name}_stated_mn"]).sum()),
+                "share": float((off[f"{name}_off_mn"] / off[f"{name}_stated_mn"]).max()),
+            }.items()
+        },
+        "stated_pct": float(stated.median()), "stated_max_pct": float(stated.max()),
+        "stated_pulse_pct": float(stated_pulse.median()),
+        "stated_pulse_max_pct": float(stated_pulse.max()),
+    }  # fmt: skip

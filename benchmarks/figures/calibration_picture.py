@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from emulated_rig import DELAY_MS, GAIN, STIFFNESS_N_MM, TILT_MM, WrongRig
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 import palpate
 from drivers.core.arrays import Array
+from figures.emulated_rig import DELAY_MS, GAIN, STIFFNESS_N_MM, TILT_MM, WrongRig
 from probe.cli import main
 from probe.config.rig import Rig
 from probe.core.recording import Recording
