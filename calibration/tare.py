@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from calibration.censored import unrounded
 from calibration.errors import CalibrationError
 from calibration.fit import (
     Array,
@@ -17,6 +16,7 @@ from calibration.fit import (
     same_length,
     stacked,
 )
+from calibration.rounding import no_nearer
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     """Bias and drift from readings without load; ``time_s`` (n,), ``values`` (n, channels).
 
     Filtered sensors give correlated noise: see `calibration.fit.correlated`; readings in steps
-    larger than their noise: `calibration.censored.unrounded`. Raises `CalibrationError`.
+    larger than their noise: `calibration.rounding.no_nearer`. Raises `CalibrationError`.
     """
     time = as_columns(time_s, "time_s", 1)[:, 0]
     values = as_columns(values, "values")
@@ -73,7 +73,7 @@ def fit_tare(time_s: Array, values: Array) -> TareCalibration:
     fits = []
     for channel in values.T:
         fit = linear_fit(design, channel, ("bias", "drift"), "record longer")
-        fits.append(unrounded(correlated(fit, design), design, channel))
+        fits.append(no_nearer(fit, design, channel) or correlated(fit, design))
     bias = np.array([fit.values[0] for fit in fits])
     drift = np.array([fit.values[1] for fit in fits])
     return TareCalibration(at_s, bias, drift, stacked(fits))

@@ -43,8 +43,8 @@ def test_a_tare_of_coarse_steps_holds(noise_steps: float, count: int) -> None:
 
 @pytest.mark.parametrize(
     ("noise_steps", "drift_steps_s", "widest_steps"),
-    [(0.05, 0.02, 0.2), (0.05, 0.1, 0.03), (0.05, 1, 0.03), (0.05, 3, 0.03), (0.3, 1, 0.06),
-     (0.01, 1, 1.0), (0.01, 1.037, 0.012)],
+    [(0.05, 0.02, 0.6), (0.05, 0.1, 0.15), (0.05, 1, 0.1), (0.05, 3, 0.2), (0.3, 1, 0.1),
+     (0.01, 1, 0.1)],
 )  # fmt: skip
 def test_a_tare_that_drifts_over_steps_holds(
     noise_steps: float, drift_steps_s: float, widest_steps: float
@@ -81,13 +81,6 @@ def test_what_bounds_each_reading_bounds_the_tare(codes: np.ndarray) -> None:
     assert drift < 0.02
     assert found.values == pytest.approx(np.polyfit(np.arange(600) / 10 - 29.95, codes, 1)[::-1],
                                          abs=0.1)  # fmt: skip
-
-
-def test_a_tare_of_coarse_steps_is_nearer_than_their_mean() -> None:
-    """In a fifth of a step of noise means are off by 5 mN rms."""
-    draws = (tare(np.random.default_rng(seed), 0.2 * STEP_N, 600) for seed in range(30))
-    off = [values[0] - truth[0] for _, values, truth in draws]
-    assert np.sqrt(np.mean(np.square(off))) < 4e-3
 
 
 def test_a_tare_of_fine_steps_is_as_it_was() -> None:
