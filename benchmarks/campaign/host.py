@@ -13,7 +13,7 @@ from pathlib import Path
 
 from campaign.faults import Fault
 from campaign.scanning import Scan, start
-from probe.scan.remote import NotRunning, ask, control_path
+from probe.scan.remote import DOOR, NotRunning, ask, control_path
 
 FLOOD = 300
 STOP_OUTPUT, START_OUTPUT = b"\x13", b"\x11"  # ctrl-S, ctrl-Q
@@ -165,14 +165,13 @@ class Host:
         run = self.run_file
         if run is None:
             return
-        import json
-
-        port = json.loads(control_path(run).read_text(encoding="utf-8"))["port"]
+        door = Path(control_path(run).read_text(encoding="utf-8")) / DOOR
+        peer = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        peer.setblocking(False)
+        self._sockets.append(peer)
         for _ in range(FLOOD):
-            peer = socket.socket()
-            peer.setblocking(False)
-            peer.connect_ex(("127.0.0.1", port))
-            self._sockets.append(peer)
+            with suppress(BlockingIOError):
+                peer.sendto(b"rewind", str(door))
 
     def _ask(self, word: str) -> None:
         if (run := self.run_file) is not None:

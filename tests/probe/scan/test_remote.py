@@ -1,18 +1,21 @@
 """A window's command reaches the scan, and nobody else's does."""
 
-import json
+import os
 import socket
 import stat
 import subprocess
 import sys
+import tempfile
 import threading
+import time
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from paths import ROOT
 
 from probe.guards.commands import Control, RunCommand
-from probe.scan.remote import NotRunning, ask, control_path, listening
+from probe.scan.remote import DOOR, NotRunning, ask, control_path, listening
 
 
 @pytest.mark.parametrize(
@@ -79,56 +82,54 @@ def test_without_a_scan_the_user_is_shown_what_to_do(tmp_path: Path) -> None:
         ask(tmp_path / "a.run", "stop")
 
 
-@pytest.mark.parametrize(
-    "line", [b"", b"{}", b"[]", b'"stop"', b"\xff\xfe", b'{"token": "guess", "word": "stop"}']
-)
-def test_strangers_and_noise_change_nothing(line: bytes, tmp_path: Path) -> None:
-    control = Control()
-    with listening(control, tmp_path / "a.run"):
-        path = control_path(tmp_path / "a.run")
-        assert stat.S_IMODE(path.stat().st_mode) == 0o600
-        port = json.loads(path.read_text())["port"]
-        with socket.create_connection(("127.0.0.1", port), 1) as peer:
-            peer.sendall(line + b"\n")
-            assert peer.recv(100) != b"ok\n"
-    assert control.command is RunCommand.RESUME
+def door_of(run: Path) -> str:
+    return str(Path(control_path(run).read_text()) / DOOR)
 
 
-def test_a_word_that_it_does_not_know_leaves_the_scan_listening(tmp_path: Path) -> None:
-    """A window of a later version may say it, with the secret."""
+@pytest.mark.parametrize("said", [b"", b"rewind", b"stop now", b"\xff\xfe", b"stop" * 1000])
+def test_noise_changes_nothing_and_hides_no_stop(said: bytes, tmp_path: Path) -> None:
+    """A window of a later version may say a word that this scan does not know."""
     control, run = Control(), tmp_path / "a.run"
     with listening(control, run):
-        where = json.loads(control_path(run).read_text())
-        with socket.create_connection(("127.0.0.1", where["port"]), 5) as peer:
-            said = json.dumps({"token": where["token"], "word": "rewind"})
-            peer.sendall(said.encode() + b"\n")
-            assert peer.recv(100) == b"unknown word\n"
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as peer:
+            peer.sendto(said, door_of(run))  # it has no name that could be answered
+        time.sleep(0.1)
+        assert control.command is RunCommand.RESUME
         ask(run, "stop")
     assert control.command is RunCommand.STOP
 
 
-def test_a_flood_of_connections_takes_no_threads_and_hides_no_stop(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Anybody on this machine may connect; only who has the secret is heard."""
-    monkeypatch.setattr("probe.scan.remote.TIMEOUT_S", 30.0)
-    control, before = Control(), threading.active_count()
-    with listening(control, tmp_path / "a.run"):
-        port = json.loads(control_path(tmp_path / "a.run").read_text())["port"]
-        crowd = [socket.create_connection(("127.0.0.1", port), 5) for _ in range(300)]
+def test_a_flood_takes_no_threads_and_hides_no_stop(tmp_path: Path) -> None:
+    control, before, run = Control(), threading.active_count(), tmp_path / "a.run"
+    with listening(control, run), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as peer:
+        peer.setblocking(False)
+        for _ in range(3000):
+            with suppress(BlockingIOError):
+                peer.sendto(b"rewind", door_of(run))
         assert threading.active_count() <= before + 1
-        ask(tmp_path / "a.run", "stop")
+        ask(run, "stop")
         assert control.command is RunCommand.STOP
-        assert crowd[0].recv(100) == b""  # who came first gave way
-        for peer in crowd:
-            peer.close()
 
 
-def test_a_peer_that_says_nothing_is_hung_up_on(
+def test_only_its_user_can_reach_a_scan(tmp_path: Path) -> None:
+    run, before = tmp_path / "a.run", os.umask(0)
+    try:
+        with listening(Control(), run):
+            folder = Path(door_of(run)).parent
+            mode = stat.S_IMODE(folder.stat().st_mode)
+    finally:
+        os.umask(before)
+    assert mode == 0o700
+    assert not folder.exists()
+    assert not control_path(run).exists()
+
+
+def test_a_long_name_of_the_folder_for_temporary_files_is_not_in_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("probe.scan.remote.TIMEOUT_S", 0.1)
-    with listening(Control(), tmp_path / "a.run"):
-        port = json.loads(control_path(tmp_path / "a.run").read_text())["port"]
-        with socket.create_connection(("127.0.0.1", port), 10) as peer:
-            assert peer.recv(100) == b""
+    control, run = Control(), tmp_path / "a.run"
+    (long := tmp_path / ("long" * 25)).mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(long))
+    with listening(control, run):
+        ask(run, "abort")
+    assert control.command is RunCommand.ABORT
