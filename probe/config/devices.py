@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import ValidationError
 
@@ -26,10 +26,11 @@ from probe.config.calibrated import calibrated
 from probe.config.rig import Device, Fallback, Rig, RigError
 from probe.config.scan_plan import beside_the_block, plan_for, true_surface
 from probe.planning.plan import Plan
-from sim_backend.models import station_response
-from sim_backend.phantom.phantom import Phantom, Respond
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, load_scene, scene_names
+
+if TYPE_CHECKING:  # a rig that only scans needs no phantom
+    from sim_backend.phantom.phantom import Phantom, Respond
 
 VIRTUAL = Device(driver="virtual")
 MADE: dict[Kind, type] = {"stages": Stage, "sensors": Sensor}
@@ -41,7 +42,7 @@ class Devices:
 
     stage: Stage
     sensors: tuple[Sensor, ...]
-    phantom: Phantom | None
+    phantom: "Phantom | None"
     notes: tuple[str, ...]
 
     def __enter__(self) -> Self:
@@ -67,7 +68,7 @@ def connect(
     *,
     seed: int = 0,
     fallback: Fallback | None = None,
-    respond: Respond | None = None,
+    respond: "Respond | None" = None,
 ) -> Devices:
     """Open every device of the rig.
 
@@ -177,14 +178,14 @@ class World:
         clock: Clock,
         scene: Scene | None,
         seed: int,
-        respond: Respond | None,
+        respond: "Respond | None",
     ) -> None:
         self.rig, self.plan, self.clock = rig, plan, clock
         self.seed, self.respond = seed, respond
         self.scene = scene
         self.phantom: Phantom | None = None
 
-    def get(self) -> Phantom:
+    def get(self) -> "Phantom":
         if self.phantom is not None:
             return self.phantom
         rig, folder = self.rig, Path()
@@ -202,12 +203,15 @@ class World:
                 f"scan.indentation_mm = {rig.scan.indentation_mm:g}: scene {self.scene.name} is "
                 f"only {self.scene.surface_mm:g} mm thick"
             )
+        from sim_backend.models.station_response import respond as by_finite_elements
+        from sim_backend.phantom.phantom import Phantom
+
         plan = self.plan
         first = plan.places[0]
         self.phantom = Phantom(
             self.scene,
             self.clock,
-            self.respond or station_response.respond,
+            self.respond or by_finite_elements,
             seed=self.seed,
             surface=true_surface(rig) or plan.surface,
             home=(first.x_m, first.y_m, plan.travel_z_m),

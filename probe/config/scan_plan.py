@@ -5,7 +5,6 @@ from probe.config.rig import Heights, Rig, RigError, pair
 from probe.planning.plan import Place, Plan, grid, repeated
 from probe.planning.press_direction import pressed
 from probe.planning.surfaces import Surface, level, through
-from sim_backend.models.press_range import along_mm, reach_mm
 from sim_backend.scene.scene_file import Scene
 
 SLACK_MM = 1e-6
@@ -81,6 +80,8 @@ def beside_the_block(plan: Plan, scene: Scene) -> str | None:
     where none does. Beside a lone vessel, on its support, a press feels nothing, and is allowed."""
     if scene.tissue is None:
         return None
+    from sim_backend.models.press_range import along_mm, reach_mm
+
     (left, right), (low, high) = reach_mm(scene), along_mm(scene)
     for place in plan.places:
         start = plan.at_surface(place)

@@ -4,6 +4,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from drivers import SimulatedClock
 from probe.config.devices import connect
@@ -12,8 +13,10 @@ from probe.guards.guard_client import GuardClient
 from probe.guards.guard_process import Order
 from probe.guards.interface import Guards
 from probe.guards.prepare import Opened, Prepared, monitor_for
-from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene
+
+if TYPE_CHECKING:  # a rig that only scans needs no phantom
+    from sim_backend.phantom.phantom import Respond
 
 
 @dataclass(frozen=True)
@@ -29,7 +32,9 @@ class OpenedRig:
 
 
 @contextmanager
-def opened_devices(order: Order, respond: Respond | None, control: Control) -> Iterator[OpenedRig]:
+def opened_devices(
+    order: Order, respond: "Respond | None", control: Control
+) -> Iterator[OpenedRig]:
     """Within: the devices of ``order``, closed at the end. Raises as `connect` does.
 
     On the wall clock they are in a process of their own. With a simulated clock there is nothing

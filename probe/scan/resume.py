@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -33,9 +33,11 @@ from probe.scan.remote import listening
 from probe.scan.session import ScanResult, clock_for, run_prepared
 from probe.storage.run import open_run
 from probe.storage.writer import reopen_store
-from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene
+
+if TYPE_CHECKING:  # a rig that only scans needs no phantom
+    from sim_backend.phantom.phantom import Respond
 
 PAUSE_S = 1.0  # between the last stored time and the resumed scan's first
 NOISE_STEP = 7919  # a resumed scan's simulated noise must not repeat that of the first
@@ -132,7 +134,7 @@ def resume(
     control: Control | None = None,
     observers: Sequence[EventSink] = (),
     opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
-    respond: Respond | None = None,
+    respond: "Respond | None" = None,
     trust: bool = False,
     redo: Collection[int] = (),
     settings: Mapping[str, str] | None = None,

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from operator import index
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from drivers import Clock, ConfigError, SimulatedClock, WallClock
 from probe.checks.run_size import need_room
@@ -26,8 +27,10 @@ from probe.scan.progress import in_notebook
 from probe.scan.remote import listening
 from probe.storage.writer import Store, create_store
 from sim_backend import html
-from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene, as_scene, load_scene
+
+if TYPE_CHECKING:  # a rig that only scans needs no phantom
+    from sim_backend.phantom.phantom import Respond
 
 DEFAULT_SCENE = "TIHA"
 
@@ -83,7 +86,7 @@ def scan(
     control: Control | None = None,
     observers: Sequence[EventSink] = (),
     opened: Callable[[Path, tuple[str, ...]], None] = lambda _path, _notes: None,
-    respond: Respond | None = None,
+    respond: "Respond | None" = None,
 ) -> ScanResult:
     """Scan with a rig, and store the run in a new file.
 

@@ -80,6 +80,20 @@ def test_a_scan_begins_without_scipy(room: str) -> None:
     assert done.stdout.strip() == "False"
 
 
+def test_a_rig_that_scans_and_detects_needs_no_simulation() -> None:
+    """Scenes are what a rig's file may name, and the touch tables are what detection reads."""
+    code = (
+        "import sys, probe.guards.guard_process, probe.scan.session, probe.scan.resume\n"
+        "import probe.detection, probe.storage.run\n"
+        "print(*(m for m in sys.modules if m.startswith('sim_backend.') and m.split('.')[1] in"
+        " ('fem', 'models', 'phantom', 'emulators')))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert done.stdout.strip() == ""
+
+
 @pytest.mark.parametrize("package", ["drivers", "calibration", "probe", "sim_backend"])
 def test_a_folder_that_hides_ours_is_named(tmp_path: Path, package: str) -> None:
     (tmp_path / package).mkdir()
