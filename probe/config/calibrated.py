@@ -54,38 +54,23 @@ class CalibratedSensor:
         self._sensor = sensor
         self._latency = latency
         self._taxels = taxels
-        self._channels = sensor.channels
+        self.channels = sensor.channels
         self._gains: list[tuple[list[int], Array]] = []
         if force is not None:
             where = _of_role(sensor, ("force", "pressure"))
             _check_count(sensor, "force", force.sensitivity.shape, len(where))
             gains = np.asarray(np.linalg.inv(force.sensitivity).T, float)
             self._gains.append((where, gains))
-            self._channels = _in_newtons(self._channels, where, gains)
+            self.channels = _in_newtons(self.channels, where, gains)
         if taxels is not None:
             self._where = _of_role(sensor, ("taxel",))
             _check_count(sensor, "taxel", taxels.gain.shape, len(self._where))
             dead = ~np.isfinite(taxels.gain)
             self._gains.append((self._where, np.diag(np.where(dead, 1.0, taxels.gain))))
-            self._channels = _as_pressures(self._channels, self._where, taxels.gain)
+            self.channels = _as_pressures(self.channels, self._where, taxels.gain)
 
-    @property
-    def name(self) -> str:
-        return self._sensor.name
-
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        return self._channels
-
-    @property
-    def rate_hz(self) -> float:
-        return self._sensor.rate_hz
-
-    def connect(self) -> None:
-        self._sensor.connect()
-
-    def start(self) -> None:
-        self._sensor.start()
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._sensor, name)
 
     def read(self) -> Block:
         """The device's block, calibrated."""
@@ -103,15 +88,6 @@ class CalibratedSensor:
             time_s = self._latency.true_time(time_s)
         return Block(time_s, values, saturated, block.lost, block.jumped_s)
 
-    def tare(self) -> None:
-        self._sensor.tare()
-
-    def stop(self) -> None:
-        self._sensor.stop()
-
-    def close(self) -> None:
-        self._sensor.close()
-
 
 class CalibratedStage:
     """A stage whose axes' errors are put right: poses are true ones, both ways.
@@ -126,17 +102,6 @@ class CalibratedStage:
 
     def __getattr__(self, ability: str) -> Any:
         return getattr(self._stage, ability)
-
-    @property
-    def name(self) -> str:
-        return self._stage.name
-
-    @property
-    def simulated(self) -> bool:
-        return self._stage.simulated
-
-    def connect(self) -> None:
-        self._stage.connect()
 
     def pose(self) -> Pose:
         """The true pose."""
@@ -165,15 +130,6 @@ class CalibratedStage:
         far = ask(self._stage, readings)
         both = zip(poses, readings, strict=True)
         return {pose: far[reading] for pose, reading in both if reading in far}
-
-    def moving(self) -> bool:
-        return self._stage.moving()
-
-    def stop(self) -> None:
-        self._stage.stop()
-
-    def close(self) -> None:
-        self._stage.close()
 
 
 def calibrated(

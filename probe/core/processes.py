@@ -1,15 +1,29 @@
-"""What worker processes share."""
+"""Processes that compute for this one, and end with it."""
 
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import parent_process
+from multiprocessing import get_context, parent_process
 from threading import Thread
 from types import ModuleType
+from typing import Any
 
 from drivers.core.child import no_ctrl_c
+
+
+class Workers(ProcessPoolExecutor):
+    """A pool of ``count`` fresh interpreters."""
+
+    def __init__(self, count: int) -> None:
+        super().__init__(count, mp_context=get_context("spawn"), initializer=leave_with_parent)
+
+    def submit(self, do: Callable[..., Any], /, *arguments: Any, **keywords: Any) -> Future[Any]:
+        """As `ProcessPoolExecutor.submit`."""
+        with starting_workers():
+            return super().submit(do, *arguments, **keywords)
 
 
 def leave_with_parent() -> None:

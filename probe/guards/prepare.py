@@ -55,8 +55,9 @@ def prepare(
     room, and where a move is too fast for the stage, or a press for its sensors. Whoever has the
     stage itself sees that it can make the moves.
     """
-    if isinstance(devices.stage, Stage):
-        _check_contact(devices.stage, plan)
+    here = None if isinstance(devices.stage, StageFacts) else devices.stage
+    if here is not None:
+        _check_contact(here, plan)
     notes, config = devices.notes, run_config(rig, scene, plan, seed)
     face_mm2 = config["face_mm2"]
     _check_face(face_mm2, devices.sensors)
@@ -78,9 +79,9 @@ def prepare(
         where = f"{places} place{'s' * (places != 1)}"
         notes = (*notes, f"{len(plan.places)} stations lie at {where}: of a grid scan.pitch_mm is "
                  "[along x, along y]; scan.repeats presses a place again")  # fmt: skip
-    if isinstance(devices.stage, Stage):
-        _check_stage(devices.stage, plan)
-        _check_reach(devices.stage, plan, limits)
+    if here is not None:
+        _check_stage(here, plan)
+        _check_reach(here, plan, limits)
     check_speed(plan, limits, devices.sensors)
     return Prepared(plan, limits, config, notes)
 

@@ -2,8 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ProcessPoolExecutor
-from multiprocessing import get_context
+from concurrent.futures import Future
 from time import perf_counter
 
 import numpy as np
@@ -11,7 +10,7 @@ from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
 
-from probe.core.processes import leave_with_parent, starting_workers
+from probe.core.processes import Workers
 from probe.gui.body import draw_scene, finger_outline, frame_scene
 from probe.gui.heat_map import HeatMap
 from probe.gui.style import application, label, open_at, pen, plot, until_closed
@@ -205,13 +204,10 @@ def run_feel(scene: Scene) -> int:
     Solving runs in a process of its own, so that no frame waits for it.
     """
     application()
-    with ProcessPoolExecutor(
-        1, mp_context=get_context("spawn"), initializer=leave_with_parent
-    ) as solver:
+    with Workers(1) as solver:
 
         def prepare(x_mm: float) -> "Future[Table]":
-            with starting_workers():
-                return solver.submit(solve, scene, x_mm, deepest_mm(scene))
+            return solver.submit(solve, scene, x_mm, deepest_mm(scene))
 
         window = FeelWindow(scene, prepare)
         status = until_closed(window)

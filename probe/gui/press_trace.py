@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from drivers.core.arrays import Array
+from drivers.core.arrays import Array, Bools
 
 MAX_POINTS = 2000
 """What a plot can show beside each other; a station then takes at most 32 kB."""
@@ -37,11 +37,15 @@ class PressTrace:
         zero_s = self.hold_from_s if np.isfinite(self.hold_from_s) else self._time_s[0]
         return self._time_s - zero_s, self._stress_pa
 
+    def held(self, time_s: Array) -> Bools:
+        """Which of ``time_s`` (n,) are in the hold."""
+        return np.asarray((time_s >= self.hold_from_s) & (time_s < self.hold_to_s))
+
     def hold(self, *, marked: bool) -> tuple[Array, Array]:
         """Times (n,) and stresses (n,) [Pa] of the hold alone; of a record whose phases are not
         ``marked``, what is near its highest."""
         if marked:
-            held = (self._time_s >= self.hold_from_s) & (self._time_s < self.hold_to_s)
+            held = self.held(self._time_s)
         else:
             held = self._stress_pa >= NEAR_TOP_SHARE * self._stress_pa.max(initial=0.0)
         return self._time_s[held], self._stress_pa[held]

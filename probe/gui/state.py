@@ -117,9 +117,6 @@ class ViewState:
     _places: dict[int, Place] = field(default_factory=dict)
     _conversions: dict[str, StressConversion] = field(default_factory=dict)
     _measured: dict[int, Measured] = field(default_factory=dict)
-    _hold: list[tuple[Array, Array]] = field(default_factory=list)
-    _hold_from_s: float = float("inf")
-    _hold_to_s: float = float("inf")
     _began_s: float = float("nan")
     _spent_s: float = 0.0
     _timed: int = 0
@@ -131,18 +128,14 @@ class ViewState:
             case RunStarted():
                 self._start(event)
             case StationStarted(time_s, station):
-                self.station, self._began_s, self._hold = station, time_s, []
-                self._hold_from_s, self._hold_to_s = np.inf, np.inf
+                self.station, self._began_s = station, time_s
                 self.presses[station] = PressTrace()
                 self._tick(time_s)
             case PhaseEntered(time_s, phase, _):
-                if phase is Phase.HOLDING:
-                    self._hold, self._hold_from_s, self._hold_to_s = [], time_s, np.inf
-                elif self.phase is Phase.HOLDING:
-                    self._hold_to_s = time_s
-                if self.station is not None:
-                    press = self.presses[self.station]
-                    press.hold_from_s, press.hold_to_s = self._hold_from_s, self._hold_to_s
+                if self.station is not None and phase is Phase.HOLDING:
+                    self.presses[self.station].hold_from_s = time_s
+                elif self.station is not None and self.phase is Phase.HOLDING:
+                    self.presses[self.station].hold_to_s = time_s
                 self.phase = phase
                 self.phases.append((time_s, phase))
                 self._tick(time_s)
@@ -221,14 +214,11 @@ class ViewState:
         if event.device != self.signal_device or event.station is None:
             return
         pressed = self.stress_pa(event.device, event.block.values)
-        self.presses.setdefault(event.station, PressTrace()).add(
-            event.block.time_s, pressed.mean(axis=1)
-        )
+        press = self.presses.setdefault(event.station, PressTrace())
+        press.add(event.block.time_s, pressed.mean(axis=1))
         # A block may reach over either end of the hold, and come after the phase has changed.
-        time_s = event.block.time_s
-        held = (time_s >= self._hold_from_s) & (time_s < self._hold_to_s)
+        held = press.held(event.block.time_s)
         if held.any():
-            self._hold.append((time_s[held], pressed[held].mean(axis=1)))
             self.taxels_pa = pressed[held].mean(axis=0)
             self._map(event.station)
 
@@ -245,12 +235,8 @@ class ViewState:
 
     def hold(self) -> tuple[Array, Array]:
         """Times (n,) and mean stress (n,) [Pa] of the current hold."""
-        if not self.phases and self.station is not None:  # an import may know none
-            return self.presses[self.station].hold(marked=False)
-        if not self._hold:
-            return np.empty(0), np.empty(0)
-        times, stresses = zip(*self._hold, strict=True)
-        return np.concatenate(times), np.concatenate(stresses)
+        press = self.presses.get(-1 if self.station is None else self.station, PressTrace())
+        return press.hold(marked=bool(self.phases))  # an import may know no phases
 
     @property
     def signal_device(self) -> str:

@@ -5,9 +5,7 @@ criterion, von Mises stress under the finger, stands beside the mean contact str
 """
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
-from probe.core.processes import leave_with_parent, starting_workers
+from probe.core.processes import Workers
 from probe.studies.paper_figures import draw
 from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA
 from sim_backend.fem.small_strain import solve_small
@@ -173,12 +171,8 @@ def paper(out: Path, progress: Callable[[str], None] = print, workers: int = 2) 
     all_tasks = tasks()
     flat = [(figure, task) for figure, some in all_tasks.items() for task in some]
     progress(f"Solving {len(flat)} presses …")
-    with ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=leave_with_parent
-    ) as pool:
-        with starting_workers():
-            answers = pool.map(answer, [task for _, task in flat], chunksize=2)
-        rows = list(answers)
+    with Workers(workers) as pool:
+        rows = list(pool.map(answer, [task for _, task in flat], chunksize=2))
     table = pd.DataFrame([{"figure": f, **row} for (f, _), row in zip(flat, rows, strict=True)])
     table.to_csv(out / "paper.csv", index=False)
     readings = sensitivity(table)

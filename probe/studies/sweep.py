@@ -8,11 +8,10 @@ it is the same whoever solved which point.
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from hashlib import sha256
-from multiprocessing import get_context
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 
 from drivers import ConfigError
 from drivers.core.extras import needs, require
-from probe.core.processes import leave_with_parent, starting_workers
+from probe.core.processes import Workers
 from probe.studies.solve import Job, Row, jobs, solve
 from probe.studies.vary import Design, Point, parse, places, points
 from sim_backend.notebook_line import notebook_line
@@ -220,15 +219,12 @@ def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
         return
     for name in THREADS:  # one thread per process: the solves are small
         os.environ.setdefault(name, "1")
-    with ProcessPoolExecutor(
-        count, mp_context=get_context("spawn"), initializer=leave_with_parent
-    ) as pool:
+    with Workers(count) as pool:
         # As they come, in a queue: a Ctrl-C while `as_completed` holds the locks of all would leave
         # them held, and the pool would wait for them for ever.
         solved: SimpleQueue[Future[Solved]] = SimpleQueue()
-        with starting_workers():
-            for job in todo:
-                pool.submit(solve, job).add_done_callback(solved.put)
+        for job in todo:
+            pool.submit(solve, job).add_done_callback(solved.put)
         try:
             for _ in todo:
                 yield solved.get().result()

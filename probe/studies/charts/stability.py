@@ -12,10 +12,9 @@ there the independent answer is that of the element that is chosen by itself, an
 
 import signal
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -23,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from drivers.core.extras import needs
-from probe.core.processes import leave_with_parent, starting_workers
+from probe.core.processes import Workers
 from probe.studies.charts.cells import Cell, cells
 from probe.studies.charts.kept_rows import kept_rows, rows_of, write_rows
 from probe.studies.solve import first_line
@@ -95,14 +94,10 @@ def chart(out: Path, quick: bool = False, progress: Callable[[str], None] = prin
 
 def judged(left: Sequence[Cell], workers: int) -> Generator[dict[str, Any]]:
     """Rows of the cells that are ``left``, as they come; closed, it begins no more of them."""
-    with ProcessPoolExecutor(
-        workers, mp_context=get_context("spawn"), initializer=leave_with_parent
-    ) as pool:
+    with Workers(workers) as pool:
         try:
-            with starting_workers():
-                each = [pool.submit(judge, cell) for cell in left]
-            for one in as_completed(each):
-                yield one.result()
+            for solved in as_completed([pool.submit(judge, cell) for cell in left]):
+                yield solved.result()
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
