@@ -26,9 +26,8 @@ def force_of_modulus(
     Known a tenth deeper than ``deepest_m``, and straight on below. Pressed at ``x_mm`` of the
     block, by default in its middle. A solid's block under a round finger is solved as a body of
     revolution."""
-    from sim_backend.fem.axisymmetric import is_round  # finite elements: for nothing else here
-    from sim_backend.models.press import press
-    from sim_backend.models.solid_press import holds_a_round_block
+    from sim_backend.models.press import press  # finite elements: for nothing else here
+    from sim_backend.models.table import Asked, steady
 
     if scene.tissue is None:
         raise CalibrationError(f"scene {scene.name} has no tissue")
@@ -38,14 +37,11 @@ def force_of_modulus(
     if not 0 < x_mm < width_mm:
         raise CalibrationError(f"pressed at x = {x_mm:g} mm; the scene's block is {width_mm:g} mm "
                                "wide, from 0")  # fmt: skip
-    solid = scene.plane == "solid"
-    round_one = is_round(scene, x_mm) and holds_a_round_block(scene, 1e-3 * x_mm, float(depths[-1]))
-    model = model or ("axisymmetric" if round_one else "solid" if solid else "finite")
     # of a body of revolution the block's outline alone leaves 1 %
-    accuracy_pct = {"axisymmetric": 1.0, "solid": 3.0}.get(model, 0.2)
+    entry = steady(Asked(scene, 1e-3 * x_mm, float(depths[-1]), (0.0,)), model or "auto")
     empty = (0.0,)
-    pressed = [press(scene, x_mm, 1e3 * d, empty, model=model, accuracy_pct=accuracy_pct)
-               for d in depths]  # fmt: skip
+    pressed = [press(scene, x_mm, 1e3 * d, empty, model=entry.name,
+                     accuracy_pct=entry.usual_pct) for d in depths]  # fmt: skip
     force_n = np.array([one.states[0].force_n for one in pressed])
     off = 1e-2 * max(np.array([one.error_estimate_pct for one in pressed]) * force_n) / max(force_n)
     return proportional(depths, force_n / (1e3 * scene.tissue.modulus_kpa)), off

@@ -2,7 +2,7 @@
 
 from contextlib import suppress
 from dataclasses import replace
-from math import ceil
+from math import ceil, isclose
 
 import numpy as np
 
@@ -34,13 +34,14 @@ FIRST, STEP = 0.04, 0.12
 the finger's half width."""
 
 
-def is_round(scene: Scene, x_mm: float) -> bool:
-    """Whether a press at ``x_mm`` is a body of revolution but for the block's outline."""
+def is_round(scene: Scene, x_m: float) -> bool:
+    """Whether a press at ``x_m`` is a body of revolution but for the block's outline."""
     centred = all(
-        isinstance(one, Tumour) and one.x_mm == x_mm and not one.z_mm for one in scene.inclusion
+        isinstance(one, Tumour) and isclose(1e-3 * one.x_mm, x_m, abs_tol=1e-12) and not one.z_mm
+        for one in scene.inclusion
     )
     finger = scene.indenter.turns and scene.indenter.skin is None
-    return scene.plane == "solid" and finger and centred and len(scene.inclusion) <= 1
+    return finger and centred and len(scene.inclusion) <= 1
 
 
 def solve_axisymmetric(

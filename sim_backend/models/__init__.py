@@ -1,3 +1,3 @@
-"""From a scene to a force: `choose` picks the model by its error, `press` is one press,
-`surrogate` the fast table behind a phantom.
+"""From a scene to a force: `place` is one solved place, `table` the models to choose from,
+`press` what a person asks of it.
 """

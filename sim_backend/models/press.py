@@ -1,8 +1,8 @@
 """One press into a scene, as accurate as asked for."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from math import isfinite, nan
+from dataclasses import dataclass, field
+from math import isfinite
 from pathlib import Path
 from time import perf_counter
 
@@ -10,27 +10,13 @@ import numpy as np
 
 from sim_backend import html
 from sim_backend.arrays import Array, Ints
-from sim_backend.fem.axisymmetric import is_round
-from sim_backend.fem.internal import smallest_area_ratio
-from sim_backend.fem.model import best_element
-from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
+from sim_backend.fem.newton import CannotSolve, Solution
 from sim_backend.fem.section import Section
-from sim_backend.fem.sensitivity import gradients
-from sim_backend.fem.solid import stress as solid_stress
-from sim_backend.fem.solid.body import SolidBody
-from sim_backend.fem.solid.forces import smallest_volume_ratio
-from sim_backend.fem.stress import contact_m, nodal_von_mises, under_finger_pa
-from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n, turned_taxels_n
-from sim_backend.models.choose import choose, named
-from sim_backend.models.press_gradient import force_gradient_n, with_gradient
+from sim_backend.fem.stress import nodal_von_mises
+from sim_backend.models.place import place
 from sim_backend.models.press_range import check_asked
-from sim_backend.models.refine import SMALL_PULSE, Solving, refine
-from sim_backend.models.solid_press import (
-    holds_a_round_block,
-    need_wide_taxels,
-    refine_axisymmetric,
-    refine_solid,
-)
+from sim_backend.models.refine import SMALL_PULSE, Solving
+from sim_backend.models.solved import SECTION, Solved
 from sim_backend.notebook_line import notebook_line
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.taxels import TaxelArray
@@ -38,8 +24,6 @@ from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
 __all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
 
-SELF_CONTACT_PCT = 3.0
-"""Error of a pulse where a lumen's walls touch: elements differ by up to 6 % there."""
 HALVES = ([0, 1, 2], [0, 2, 3])
 
 
@@ -307,46 +291,19 @@ def press(
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
     check_asked(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
     began = perf_counter()
-    if scene.plane == "solid":
-        if gradient:
-            model = with_gradient(model, scene).model
-        pressed = scene, x_mm, depth_mm, pressures, model, accuracy_pct
-        return _press_solid(*pressed, gradient, taxels, solving, began)
-    if gradient:
-        choice = with_gradient(model, scene)
-    elif model == "auto":
-        choice = choose(scene, x_mm, depth_mm, pressures, accuracy_pct, solving)
-    else:
-        choice = named(model, scene, depth_mm, pressures)
-    levels_pa = [p * PA_PER_MMHG for p in pressures]
-    model_pct = np.array([choice.error_pct, choice.pulse_error_pct])
-    left_pct = np.maximum(accuracy_pct - model_pct, accuracy_pct / 2)
-    place = 1e-3 * x_mm, 1e-3 * depth_mm
-    known = choice.first if levels_pa == [0.0] else None
-    refined = refine(choice.model, choice.scene, *place, levels_pa, left_pct, first=known,
-                     solving=solving)  # fmt: skip
-    section, solutions = refined.solved
-    states = tuple(_state(scene, section, s, p) for s, p in zip(solutions, pressures, strict=True))
-    if gradient:
-        states = tuple(
-            replace(state, gradient=force_gradient_n(scene, section, solution))
-            for state, solution in zip(states, solutions, strict=True)
-        )
-    if taxels:
-        edges_m, length_m = taxels.edges_m(scene.indenter), 1e-3 * scene.indenter.length_mm
-        states = tuple(
-            replace(state, taxels_n=section_taxels_n(section, solution, *edges_m, length_m))
-            for state, solution in zip(states, solutions, strict=True)
-        )
-    left_out = len(scene.inclusion) - len(choice.scene.inclusion)
-    name = choice.model + (f", {left_out} far inclusions left out" if left_out else "")
-    error_pct = model_pct + refined.error_pct
-    error_pct = with_closed_lumens(error_pct, solutions)
-    pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
+    solved = place(scene, 1e-3 * x_mm).solve(
+        1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures], model=model,
+        accuracy_pct=accuracy_pct, gradient=gradient, taxels=taxels, solving=solving,
+    )  # fmt: skip
+    left_out = f", {solved.left_out} far inclusions left out" if solved.left_out else ""
+    force_pct, pulse_pct = (float(pct) for pct in solved.error_pct)
+    states = _states(solved, pressures, gradient=gradient, taxels=taxels)
+    body = solved.body
+    mesh = PressMesh(body) if solved.kind is SECTION and isinstance(body, Section) else None
     return Press(
-        scene, x_mm, depth_mm, name, len(section.assembly.free), perf_counter() - began,
-        float(error_pct[0]), pulse_pct, states, PressMesh(section),
-        best_element(choice.scene), choice.why,
+        scene, x_mm, depth_mm, solved.model + left_out, len(solved.body.free),
+        perf_counter() - began, force_pct, pulse_pct if len(pressures) > 1 else None, states,
+        mesh, solved.kind.element(scene), solved.why,
     )  # fmt: skip
 
 
@@ -356,110 +313,23 @@ def scene_pressures_mmhg(scene: Scene) -> tuple[float, ...]:
     return (pulse.diastolic_mmhg, pulse.systolic_mmhg) if scene.arteries else (0.0,)
 
 
-def with_closed_lumens(error_pct: Array, solutions: Sequence[Solution]) -> Array:
-    """The errors (force, pulse) [%], with what is stated of a pulse where a lumen's walls touch."""
-    closed = any(len(one.multiplier) > PAIRS_WITH_OPEN_LUMENS for one in solutions)
-    least_pct = SELF_CONTACT_PCT if closed and len(solutions) > 1 else 0.0
-    return np.maximum(error_pct, [0.0, least_pct])
-
-
 def _rounded(pct: float | None) -> float | None:
     return None if pct is None else float(f"{pct:.3g}")
 
 
-def _press_solid(
-    scene: Scene,
-    x_mm: float,
-    depth_mm: float,
-    pressures: tuple[float, ...],
-    model: str,
-    accuracy_pct: float,
-    gradient: bool,
-    taxels: TaxelArray | None,
-    solving: Solving,
-    began: float,
-) -> Press:
-    """A solid scene as a body of revolution where that is near enough, else as a solid."""
-    place = scene, 1e-3 * x_mm, 1e-3 * depth_mm
-    tried = model == "axisymmetric" or (model == "auto" and holds_a_round_block(*place))
-    if tried and is_round(scene, x_mm):
-        section, solution, pct = refine_axisymmetric(*place, accuracy_pct, solving)
-        if pct <= accuracy_pct or model == "axisymmetric":
-            states = tuple(_round_state(scene, section, solution, p, x_mm) for p in pressures)
-            if taxels:
-                edges_m = taxels.edges_m(scene.indenter)
-                spread_n = turned_taxels_n(section, solution, *edges_m)
-                states = tuple(replace(state, taxels_n=spread_n) for state in states)
-            return Press(
-                scene, x_mm, depth_mm, "axisymmetric", len(section.assembly.free),
-                perf_counter() - began, pct, None if len(pressures) == 1 else 0.0, states, None,
-                best_element(scene), "finger and block are round, and nothing lies aside of them",
-            )  # fmt: skip
-    if model not in ("auto", "solid"):
-        raise SceneError(
-            f"model = {model!r}: scene {scene.name} is a solid, to be solved as solid, or as "
-            "axisymmetric under a sphere or a round flat, over nothing or over one ball right below"
+def _states(
+    solved: Solved, pressures: Sequence[float], *, gradient: bool, taxels: TaxelArray | None
+) -> tuple[State, ...]:
+    per_mm, contact_mm = 1e-3 * solved.force_n_per_m, 1e3 * solved.contact_m
+    by = solved.gradient if gradient else {}
+    on_taxels = solved.taxels_n(taxels) if taxels else None
+    return tuple(
+        State(
+            pressure_mmhg, float(per_mm[k]), float(solved.force_n[k]),
+            float(solved.von_mises_pa[k]), (float(contact_mm[k, 0]), float(contact_mm[k, 1])),
+            float(solved.least_volume_ratio[k]), solution.stable, solution,
+            {key: float(value[k]) for key, value in by.items()} if gradient else None,
+            None if on_taxels is None else on_taxels[k],
         )
-    if taxels:
-        need_wide_taxels(scene, taxels)
-    levels_pa = [p * PA_PER_MMHG for p in pressures]
-    (body, solutions), error_pct = refine_solid(
-        *place, levels_pa, np.full(2, accuracy_pct), solving
-    )
-    error_pct = with_closed_lumens(error_pct, solutions)
-    pulse_pct = float(error_pct[1]) if len(pressures) > 1 else None
-    states = tuple(_solid_state(body, s, p) for s, p in zip(solutions, pressures, strict=True))
-    if taxels:
-        edges_m = taxels.edges_m(scene.indenter)
-        states = tuple(
-            replace(state, taxels_n=solid_taxels_n(body, solution, *edges_m))
-            for state, solution in zip(states, solutions, strict=True)
-        )
-    if gradient:
-        states = tuple(
-            replace(state, gradient=gradients(body, solution, scene))
-            for state, solution in zip(states, solutions, strict=True)
-        )
-    return Press(
-        scene, x_mm, depth_mm, "solid", len(body.free), perf_counter() - began,
-        float(error_pct[0]), pulse_pct, states, None,
-        "wedge", 'the scene says plane = "solid"',
+        for k, (solution, pressure_mmhg) in enumerate(zip(solved.states, pressures, strict=True))
     )  # fmt: skip
-
-
-def _round_state(
-    scene: Scene, section: Section, solution: Solution, pressure_mmhg: float, x_mm: float
-) -> State:
-    """Of a whole turn about ``x_mm``: the force is in newtons, and what touches is a radius."""
-    half = _state(scene, section, solution, pressure_mmhg)
-    _, radius_mm = half.contact_mm
-    touching_mm = (x_mm - radius_mm, x_mm + radius_mm)
-    return replace(half, force_n=solution.force_n_per_m, force_n_per_mm=nan, contact_mm=touching_mm)
-
-
-def _solid_state(body: SolidBody, solution: Solution, pressure_mmhg: float) -> State:
-    left, right = solid_stress.contact_m(body, solution)
-    return State(
-        pressure_mmhg,
-        nan,
-        solution.force_n,
-        solid_stress.under_finger_pa(body, solution),
-        (1e3 * left, 1e3 * right),
-        smallest_volume_ratio(body.wedges, solution.displacement)[0],
-        solution.stable,
-        solution,
-    )
-
-
-def _state(scene: Scene, section: Section, solution: Solution, pressure_mmhg: float) -> State:
-    left, right = contact_m(section, solution)
-    return State(
-        pressure_mmhg,
-        1e-3 * solution.force_n_per_m,
-        1e-3 * scene.indenter.length_mm * solution.force_n_per_m,
-        under_finger_pa(section, solution.displacement),
-        (1e3 * left, 1e3 * right),
-        smallest_area_ratio(section, solution.displacement)[0],
-        solution.stable,
-        solution,
-    )

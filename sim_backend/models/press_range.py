@@ -74,7 +74,7 @@ def reach_mm(scene: Scene) -> tuple[float, float]:
 def along_mm(scene: Scene) -> tuple[float, float]:
     """From where to where along z a scene can be pressed: a solid up to its ends."""
     tissue = scene.tissue
-    if scene.plane != "solid" or tissue is None or tissue.length_mm is None:
+    if tissue is None or tissue.length_mm is None:
         return -inf, inf
     middle_mm, half_mm = tissue.z_mm or 0.0, tissue.length_mm / 2
     return middle_mm - half_mm, middle_mm + half_mm

@@ -139,12 +139,12 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
     def at(one: Solution, pressure_pa: float) -> tuple[float, float]:
         if scene.arteries:
             (one,) = continuation(body, one, [Load(one.load.depth_m, pressure_pa)])
-        return one.force_n, under_finger_pa(body, one)
+        return one.force_n, under_finger_pa(body, one.displacement)
 
     lowest = at(ramp[-1], low)
     filled = [at(ramp[k], high) for k in FILLED[::-1]][::-1]
     return {
-        "ramp": np.array([(one.force_n, under_finger_pa(body, one)) for one in ramp]),
+        "ramp": np.array([(one.force_n, under_finger_pa(body, one.displacement)) for one in ramp]),
         "filled": np.array(filled), "lowest": np.array(lowest), "bulge": np.array(bulge),
     }  # fmt: skip
 

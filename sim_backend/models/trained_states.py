@@ -220,7 +220,7 @@ def _solid_states(
         if not (finer and limit.limit == "mesh"):
             raise
         body, found = solve_solid(scene, x_m, depth_m, levels, SHARES[0] * half_m)
-    return np.array([(one.force_n, under_solid_finger_pa(body, one)) for one in found])
+    return np.array([(one.force_n, under_solid_finger_pa(body, one.displacement)) for one in found])
 
 
 def _all_solved(tasks: list[Station], depth: Array, pressure: Array) -> list[Array]:

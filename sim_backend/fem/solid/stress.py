@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sim_backend.arrays import Array
 from sim_backend.fem.material_3d import von_mises
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.solid.body import SolidBody
@@ -10,10 +11,10 @@ from sim_backend.fem.solid.prism import wedge_gradient
 TRIANGLE_NODES = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0], [0.5, 0.5], [0, 0.5]])
 
 
-def under_finger_pa(body: SolidBody, solution: Solution) -> float:
+def under_finger_pa(body: SolidBody, u: Array) -> float:
     """Von Mises stress [Pa] at the surface's node nearest to the finger's lowest point: the mean
     over its wedges of F there."""
-    moved = body.wedges.nodes + solution.displacement
+    moved = body.wedges.nodes + u
     under = body.finger.under_m[[0, 2]]
     node = body.surface[np.argmin(np.hypot(*(moved[body.surface][:, [0, 2]] - under).T))]
     around = np.any(body.wedges.cells == node, axis=1)
@@ -22,7 +23,7 @@ def under_finger_pa(body: SolidBody, solution: Solution) -> float:
     rows, at = np.nonzero(cells == node)
     jacobian = np.einsum("mka,mki->mia", slope[at], body.wedges.nodes[cells[rows]])
     gradient = slope[at] @ np.linalg.inv(jacobian)
-    f = np.swapaxes(solution.displacement[cells[rows]], 1, 2) @ gradient + np.eye(3)
+    f = np.swapaxes(u[cells[rows]], 1, 2) @ gradient + np.eye(3)
     return float(von_mises(f, body.shear[around][rows]).mean())
 
 

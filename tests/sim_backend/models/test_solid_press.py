@@ -12,7 +12,9 @@ from own_scene import BALL
 from sim_backend import load_scene
 from sim_backend.fem.model import best_element
 from sim_backend.fem.solid.build import build_body, half_width_m
-from sim_backend.models import press, solid_press
+from sim_backend.fem.solid.solve import solve_solid
+from sim_backend.models import solid_press, table
+from sim_backend.models.press import press
 from sim_backend.scene.scene_file import SceneError, scene_from_text
 
 
@@ -100,18 +102,18 @@ def test_a_round_finger_over_a_side_or_an_end_is_pressed_as_a_solid(
 ) -> None:
     """No round block fits in there: one of radius 0 could not be meshed, which ended in a stack
     trace."""
-    solid = SimpleNamespace(
-        force_n=1.0, stable=True, displacement=None, load=None, wedges=None, free=[0], multiplier=()
-    )
-    monkeypatch.setattr(press, "_solid_state", lambda *_: solid)
-    monkeypatch.setattr(press, "refine_solid", lambda *_: ((solid, [solid]), np.array([1.0, 0.0])))
+
+    def roughly(*place: Any) -> Any:
+        return solve_solid(*place[:4], 4e-3), np.array([1.0, 0.0])
+
+    monkeypatch.setattr(table, "refine_solid", roughly)
     mine = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
     assert mine.tissue is not None
     tissue = mine.tissue.model_copy(update={"z_mm": -z_mm})
     scene = mine.model_copy(update={"indenter": ROUND_FINGERS[finger], "tissue": tissue})
-    assert press.press(scene, x_mm, 1.0, accuracy_pct=50).model == "solid"
+    assert press(scene, x_mm, 1.0, accuracy_pct=50).model == "solid"
     with pytest.raises(SceneError, match=r"model = 'axisymmetric': 0.* mm from a side or an end"):
-        press.press(scene, x_mm, 1.0, model="axisymmetric")
+        press(scene, x_mm, 1.0, model="axisymmetric")
 
 
 def test_an_incompressible_round_block_is_pressed_by_elements_that_do_not_lock() -> None:
@@ -124,7 +126,7 @@ def test_an_incompressible_round_block_is_pressed_by_elements_that_do_not_lock()
 
 def test_a_round_finger_further_inside_stays_a_body_of_revolution() -> None:
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    pressed = press.press(scene, 6.0, 0.2, accuracy_pct=20)
+    pressed = press(scene, 6.0, 0.2, accuracy_pct=20)
     assert pressed.model == "axisymmetric"
     left, right = pressed.states[0].contact_mm
     assert left + right == pytest.approx(12.0)  # it touches about x, as in other models

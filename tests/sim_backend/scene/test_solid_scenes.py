@@ -172,7 +172,7 @@ def test_plane_models_refuse_a_solid() -> None:
     solid = load_scene("TI-solid")
     with pytest.raises(SceneError, match="is a solid"):
         build_section(solid, 32e-3, depth_m=1e-3, size_m=1e-3)
-    with pytest.raises(SceneError, match="is a solid, to be solved as"):
+    with pytest.raises(SceneError, match="plane = 'solid', is solved as axisymmetric or solid"):
         press(solid, 32.0, 1.0, model="finite")
     with pytest.raises(SceneError, match="plane = 'stress'"):
         press(load_scene("TI"), 32.0, 1.0, model="solid")
@@ -185,8 +185,8 @@ def test_a_finger_that_leans_leans_the_other_way_in_the_mirror() -> None:
     assert mirrored(upright) == upright
     assert mirrored(leaning).indenter.leaning_deg == -5.0
     assert mirrored(mirrored(leaning)) == leaning
-    assert is_round(upright, 32.0)
-    assert not is_round(leaning, 32.0), "it is no body of revolution"
+    assert is_round(upright, 32e-3)
+    assert not is_round(leaning, 32e-3), "it is no body of revolution"
     # the place of two that are each other's image, each with its finger's lean
     assert station(leaning, 20e-3, 1e-3) != station(leaning, 44e-3, 1e-3)
     assert station(leaning, 20e-3, 1e-3) == station(mirrored(leaning), 44e-3, 1e-3)

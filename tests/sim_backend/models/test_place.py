@@ -9,9 +9,10 @@ import pytest
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.models import refine
-from sim_backend.models.choose import choose, far_error_pct
+from sim_backend.models.place import place
 from sim_backend.models.press import press
-from sim_backend.scene.scene_file import Scene, load_scene
+from sim_backend.models.table import far_error_pct
+from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 
 ROUND = {"shape": "cylinder", "radius_mm": 5.0}
 WIDE = {"shape": "flat", "width_mm": 30.0, "edge_radius_mm": 2.0}
@@ -30,7 +31,8 @@ def test_an_inclusion_under_a_wide_finger_stays(depth_mm: float, budget_pct: flo
     """Far from the finger's centre, in a thin block: without it the force is 19 % lower. A model
     may take half of the budget, at twice its effect."""
     scene = block(8.0, WIDE, LUMP)
-    assert choose(scene, 32.0, depth_mm, (0.0,), budget_pct).scene == scene
+    pressed = place(scene, 32e-3).solve(1e-3 * depth_mm, accuracy_pct=budget_pct)
+    assert pressed.left_out == 0
 
 
 @pytest.mark.parametrize("away_mm", [8.0, 10.0, 12.0])
@@ -52,27 +54,26 @@ def test_the_rule_for_far_inclusions_states_twice_what_they_do(away_mm: float) -
 def test_small_strain_costs_at_most_what_is_stated() -> None:
     """On a thin block, where it is the measured effect that counts, taken twice."""
     scene, depth_mm = block(2.0, {"shape": "cylinder", "radius_mm": 20.0}), 0.1
-    choice = choose(scene, 32.0, depth_mm, (0.0,), 40.0)
+    pressed = place(scene, 32e-3).solve(1e-3 * depth_mm, accuracy_pct=40.0)
     small, finite = (
         solve(scene, 32e-3, 1e-3 * depth_mm, [0.0], 0.5e-3)[1][0].force_n_per_m
         for solve in (solve_small, solve_finite)
     )
-    assert choice.model == "small"
-    assert 150 * abs(small / finite - 1) < choice.error_pct
+    assert pressed.model == "small"
+    assert 150 * abs(small / finite - 1) < pressed.error_pct[0]
 
 
 @pytest.mark.parametrize("indenter", [WIDE, {"shape": "cylinder", "radius_mm": 20.0}])
 def test_a_thin_block_is_not_taken_at_small_strain(indenter: dict[str, object]) -> None:
     """Shallow beside the finger, deep beside the block: small strain misses 14 % of the force."""
-    assert choose(block(2.0, indenter), 32.0, 0.3, (0.0,), 1.0).model == "finite"
+    assert place(block(2.0, indenter), 32e-3).solve(0.3e-3).model == "finite"
 
 
 def test_what_is_not_felt_is_left_out_and_counted() -> None:
     far = LUMP | {"x_mm": 58.0, "diameter_mm": 3.0}
-    choice = choose(block(16.83, ROUND, far), 16.0, 0.1, (0.0,), 1.0)
-    assert choice.model == "small"
-    assert choice.scene.inclusion == ()
-    assert 0.0 < choice.error_pct <= 0.5
+    pressed = place(block(16.83, ROUND, far), 16e-3).solve(0.1e-3)
+    assert (pressed.model, pressed.left_out) == ("small", 1)
+    assert 0.0 < pressed.error_pct[0] <= 1.0
 
 
 @pytest.mark.parametrize(
@@ -104,3 +105,24 @@ def test_the_first_mesh_is_solved_once(
     found = refine.refine(model, scene, 32e-3, 1e-3 * depth_mm, [0.0], np.full(2, budget_pct))
     same = 1e-3 * found.solved[1][0].force_n_per_m
     assert pressed.states[0].force_n_per_mm == pytest.approx(same, rel=1e-12)
+
+
+def test_a_gradient_is_known_of_what_was_solved_at_finite_strain_only() -> None:
+    here = place(load_scene("TI"), 32e-3)
+    step_m = 1e-3 * here.solve(0.1e-3, model="finite").gradient["depth_mm"][0]
+    assert step_m > 0
+    with pytest.raises(SceneError, match="no gradient is known of a press by small"):
+        _ = here.solve(0.1e-3, model="small").gradient
+
+
+def test_the_dearer_model_follows_where_the_cheaper_one_is_too_rough() -> None:
+    """Round blocks within and around a narrow one differ by more than is asked for."""
+    scene = Scene.model_validate({
+        "name": "narrow", "plane": "solid", "indenter": {"shape": "sphere", "radius_mm": 4.0},
+        "tissue": {"width_mm": 12.0, "height_mm": 8.0, "length_mm": 12.0, "modulus_kpa": 50.0,
+                   "poisson": 0.45}})  # fmt: skip
+    rough = place(scene, 6e-3).solve(0.5e-3, model="axisymmetric")
+    fine = place(scene, 6e-3).solve(0.5e-3, accuracy_pct=0.9 * rough.error_pct[0])
+    assert (rough.model, fine.model) == ("axisymmetric", "solid")
+    assert abs(rough.force_n[0] / fine.force_n[0] - 1) < 0.01 * rough.error_pct[0]
+    assert "axisymmetric would leave" in fine.why
