@@ -38,13 +38,14 @@ early, with half of the fourth one."""
 MIN_SAMPLES = 12
 
 
-def hold_limits(station: Station, mean: Array, whole: Bools) -> tuple[float, float]:
-    """When the hold begins and ends; seen in the signal where the record does not say."""
+def hold_limits(station: Station, mean: Array, whole: Bools) -> tuple[float, float, float]:
+    """When the hold begins and ends; seen in the signal where the record does not say, and then how
+    much earlier the hold may have begun [s]."""
     time_s, mean = station.time_s[whole], mean[whole]
     if len(time_s) < MIN_SAMPLES:
-        return -np.inf, np.inf
+        return -np.inf, np.inf, 0.0
     step = float(np.median(np.diff(time_s)))
-    begin, end = station.hold_s, station.retract_s
+    begin, end, doubt = station.hold_s, station.retract_s, 0.0
     settling = max(SETTLING_S, SETTLING_SAMPLES * step)
     smooth = running_median(mean, 3)
     if not np.isfinite(begin):
@@ -53,16 +54,18 @@ def hold_limits(station: Station, mean: Array, whole: Bools) -> tuple[float, flo
         over = smooth - zero
         high = float(np.median(over[over >= 0.5 * over.max()]))
         if smooth[0] < RAMP_RISE * (zero + high):
-            begin = _end_of_ramp(time_s, mean - zero, over, high, step)
+            begin, doubt = _end_of_ramp(time_s, mean - zero, over, high, step)
         else:
             settling = 0.0
     if not np.isfinite(end):
         held = time_s >= begin
         end = _end_of_hold(time_s[held], mean[held], smooth[held], step)
-    return begin + settling, end
+    return begin + settling, end, doubt
 
 
-def _end_of_ramp(time_s: Array, mean: Array, smooth: Array, high: float, step_s: float) -> float:
+def _end_of_ramp(
+    time_s: Array, mean: Array, smooth: Array, high: float, step_s: float
+) -> tuple[float, float]:
     """When the ramp of a record (n,) ends that holds about ``high``: seen from the hold, backwards
     in time, it is a fall. The hold is looked at for about as long as the ramp takes, up to the
     middle of what is above half of its force. A beat on a slow ramp looks like an end: where what
@@ -85,10 +88,11 @@ def _end_of_ramp(time_s: Array, mean: Array, smooth: Array, high: float, step_s:
         after_s = step_s * np.arange(ahead, ahead + len(later))
         return bool((later > 0.5 * slope * after_s).any())
 
-    if not goes_on(begin):
-        return max(begins_s, top_s)
-    tops = (i for i in range(begin + 1, last) if smooth[i] >= smooth[i : i + ahead].max())
-    return float(time_s[next((i for i in tops if not goes_on(i)), begin)])
+    end_s = max(begins_s, top_s)
+    if goes_on(begin):
+        tops = (i for i in range(begin + 1, last) if smooth[i] >= smooth[i : i + ahead].max())
+        end_s = float(time_s[next((i for i in tops if not goes_on(i)), begin)])
+    return end_s, max(end_s - begins_s, 0.0)
 
 
 def _end_of_hold(time_s: Array, mean: Array, smooth: Array, step_s: float) -> float:

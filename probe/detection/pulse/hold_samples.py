@@ -258,8 +258,13 @@ def _between(station: Station) -> tuple[Array, Array, float, float, int]:
     mean = np.where(whole, each.mean(axis=1), np.nan)
     steady = mean.copy()
     steady[whole] = mended(mean[whole])  # one reading far off may not say when a hold ends
-    begin, end = hold_limits(station, steady, whole)
+    begin, end, doubt_s = hold_limits(station, steady, whole)
     inside = (station.time_s >= begin) & (station.time_s <= end)
+    if inside.any() and doubt_s > (hold_s := float(np.ptp(station.time_s[inside]))):
+        raise NoHold(
+            f"station {station.index + 1}: where its ramp ends is in doubt by {doubt_s:.2f} s, and "
+            f"its hold lasts {hold_s:.2f} s: record the phase, ramp faster or hold longer"
+        )
     kept = inside & whole & ~clipped
     gone = dropped_out(mean[kept])
     kept[kept] = ~gone
