@@ -19,7 +19,7 @@ import numpy as np
 from drivers.core.extras import needs, require
 from probe.core.contact_stress import tactile_or_none
 from probe.storage.distinct_names import distinct
-from probe.storage.import_table import PER_STATION
+from probe.storage.import_table import PLACES
 from probe.storage.run import Judged, Run, open_run
 
 with needs("data", "an export"):
@@ -218,7 +218,7 @@ def _frame(
     """Samples as a table, each column's name ending in its unit; by column what is said of it: its
     units, and of a channel its name, its role and whether it is simulated.
 
-    The last are where the station is and how deep it was held, NaN between stations.
+    The last are where the station is, NaN between stations.
     """
     data = run.samples(device)
     variables = [(str(name), variable) for name, variable in data.variables.items()]
@@ -229,7 +229,7 @@ def _frame(
             else name
             for name, variable in variables
         },
-        PER_STATION,
+        PLACES,
     )
     columns = {names[name]: variable.values for name, variable in variables}
     said = {
@@ -240,7 +240,7 @@ def _frame(
         for name, variable in variables
     }
     last = stations.drop_duplicates("station", keep="last").set_index("station")
-    for name in PER_STATION:
+    for name in PLACES:
         columns[name] = last[name].reindex(data["station"].to_numpy()).to_numpy()
         said[name] = {"units": "mm"}
     return pd.DataFrame(columns), said

@@ -183,7 +183,7 @@ def _groups(source: Path) -> Table:
         places = {
             name: dict(zip(numbers, stations[name][:].tolist(), strict=True))
             for name in PER_STATION
-            if name in stations
+            if name in stations and name not in table.rows
         }
         config = file.attrs.get("config") or file["config"][()]
         return placed(table, places)._replace(face_mm2=face_mm2_of(_text(config)))

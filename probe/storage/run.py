@@ -18,7 +18,7 @@ from probe.core.contact_stress import simulated_channels
 from probe.core.cut_stations import record
 from probe.core.errors import RunFileError
 from probe.core.events import Event, Finish, RunEnded, RunStarted
-from probe.core.recording import Recording
+from probe.core.recording import Recording, Station
 from probe.storage.reader import NOTHING_YET, NotBegun, reading, rows
 from probe.storage.rows import Row, from_row
 from sim_backend import html
@@ -155,22 +155,30 @@ class Run:
         """
         from probe.storage.tables import judged, stations  # here: reading events needs no pandas
 
-        try:
-            depths_m = {one.index: one.hold_depth_m for one in self.recording().stations}
-        except RunFileError:  # nothing in it feels, or its face is not known
-            depths_m = {}
+        depths_m = {one.index: one.hold_depth_m for one in self._presses()}
         table = stations(self.started, self.events(), depths_m)
         finding = finding or self.finding
         return table if finding is None else judged(table, finding.as_json()["stations"])
 
     def samples(self, device: str | None = None, station: int | None = None) -> "xr.Dataset":
-        """The samples of one device, by default the one that feels: see `probe.storage.tables`."""
-        from probe.storage.tables import samples  # here: reading events needs no xarray
+        """The samples of one device, by default the one that feels: see `probe.storage.tables`.
+
+        ``depth_mm`` is how deep the tip was at each, where the stage tells its position.
+        """
+        from probe.storage.tables import samples, with_depth  # here: events need no xarray
 
         try:
-            return samples(self.started, self.events(), device, station)
+            along = samples(self.started, self.events(), device, station)
+            return with_depth(along, self._presses())
         except RunFileError as error:
             raise _at(self.path, error) from None
+
+    def _presses(self) -> tuple[Station, ...]:
+        """The presses that are judged; none where nothing feels, or the face is not known."""
+        try:
+            return self.recording().stations
+        except RunFileError:
+            return ()
 
 
 def recording_of(source: Recording | str | PathLike[str]) -> Recording:

@@ -20,6 +20,7 @@ from probe.core.events import (
     StationStarted,
 )
 from probe.core.finding_words import reach
+from probe.core.recording import Station
 from probe.storage.distinct_names import channel_names
 
 with needs("data", "a run as tables and arrays"):
@@ -170,6 +171,22 @@ def samples(
         },
     )
     return along.assign(variables)  # one by one, hundreds of taxels take seconds
+
+
+def with_depth(along: xr.Dataset, stations: Iterable[Station]) -> xr.Dataset:
+    """``along`` of `samples` with ``depth_mm`` (n,): how deep the tip was below the surface at that
+    time, of presses that are judged; NaN elsewhere and where no device tells its position."""
+    time_s, number = along["time_s"].to_numpy(), along["station"].to_numpy()
+    depth_mm = np.full(len(time_s), np.nan)
+    for one in stations:
+        if not len(one.time_s):
+            continue
+        first, last = np.searchsorted(time_s, one.time_s[[0, -1]])
+        part = slice(int(first), int(last) + 1)
+        deep_mm = 1e3 * np.interp(time_s[part], one.time_s, one.depth_m, np.nan, np.nan)
+        depth_mm[part] = np.where(number[part] == one.index + 1, deep_mm, np.nan)
+    said = {"units": "mm", "long_name": "depth of the tip below the surface"}
+    return along.assign(depth_mm=("time_s", depth_mm, said))
 
 
 def with_samples(

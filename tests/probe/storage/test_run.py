@@ -81,6 +81,20 @@ def test_samples_come_as_labelled_arrays_with_units(path: Path) -> None:
     assert set(np.unique(pose["station"])) == {3}
 
 
+def test_samples_carry_the_depth_of_the_tip_at_their_time(path: Path) -> None:
+    """An export said the depth of the hold at every one, in the air too."""
+    for device in ("stage", "force"):
+        data, stage = (open_run(path).samples(name) for name in (device, "stage"))
+        deep_mm = data["depth_mm"].to_numpy()
+        height_m = np.interp(data["time_s"], stage["time_s"], stage["z"])
+        known = np.isfinite(deep_mm)
+        assert np.abs(deep_mm + 1e3 * height_m)[known].max() <= 0.01
+        by_phase = {str(p): deep_mm[data["phase"] == p] for p in np.unique(data["phase"])}
+        assert np.median(by_phase["holding"]) == pytest.approx(2.5)
+        assert 0.5 < np.nanmedian(by_phase["indenting"]) < 2.0
+        assert np.nanmedian(by_phase["approaching"]) < 0
+
+
 def test_what_is_asked_for_must_be_there(path: Path) -> None:
     with pytest.raises(RunFileError, match="no device 'nose'; it has force, stage"):
         open_run(path).samples("nose")
