@@ -10,12 +10,12 @@ import numpy as np
 from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
+from sim_backend.models.fast import FastModel, fast_model
 from sim_backend.models.force_model import ForceModel, OutOfRange
 from sim_backend.models.press import CannotSolve, Press, press
 from sim_backend.models.press_range import check_press
 from sim_backend.models.refine import SMALL_PULSE
 from sim_backend.models.scan_estimate import estimate_scan
-from sim_backend.models.surrogate import Surrogate, surrogate
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -98,7 +98,7 @@ def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
     widest = first.model_copy(update={"pulse": pulses[0].model_copy(update=ends)})
     by_press = replace(job, model="auto")
     try:
-        model = surrogate(widest, max(depth_mm for _, depth_mm in where.values()))
+        model = fast_model(widest, max(depth_mm for _, depth_mm in where.values()))
     except (CannotSolve, SceneError):  # one press that cannot be says nothing of the others
         model = None
 
@@ -116,7 +116,7 @@ def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
     return {n: [rows[n, x_mm] for x_mm in over] for n, (over, _) in where.items()}
 
 
-def _knows(model: Surrogate, scene: Scene, x_mm: float, depth_mm: float) -> bool:
+def _knows(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> bool:
     """Whether a press lies in the model's table."""
     try:
         levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
@@ -165,7 +165,7 @@ def _estimated(model: ForceModel, scene: Scene, x_mm: float, depth_mm: float, na
     }  # fmt: skip
 
 
-def _fast(model: Surrogate, scene: Scene, x_mm: float, depth_mm: float) -> Row:
+def _fast(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> Row:
     """With the paper's criterion, which the fast model knows too."""
     row = _estimated(model, scene, x_mm, depth_mm, "fast")
     if row["reason"]:

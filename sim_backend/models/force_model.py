@@ -4,7 +4,7 @@
 |---|---|---|
 | `station_response.StationResponse` | one place, all depths and pressures | microseconds |
 | `scan_estimate.ScanEstimate` | several places at one depth, one beat | microseconds |
-| `surrogate.Surrogate` | a box of places, depths and pressures | microseconds |
+| `fast.FastModel` | a box of places, depths and pressures | microseconds |
 
 Who needs a force takes a `ForceModel` and need not know which it is.
 """
@@ -35,34 +35,26 @@ class OutOfRange(ValueError):
 
 @dataclass(frozen=True)
 class Range:
-    """(low, high) of the places [m], depths [m] and lumen pressures [Pa] that a model knows, and of
-    the places along the vessels ``z_m`` [m], which is 0 for all but a solid's fast model."""
+    """(low, high) of the places [m], depths [m] and lumen pressures [Pa] that a model knows."""
 
     x_m: tuple[float, float]
     depth_m: tuple[float, float]
     pressure_pa: tuple[float, float]
-    z_m: tuple[float, float] = (0.0, 0.0)
 
-    def holds(
-        self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike, z_m: ArrayLike = 0.0
-    ) -> Bools:
+    def holds(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Bools:
         """Which are known; what is not a number is not."""
         slack_pa = SLACK * abs(self.pressure_pa[1])
         return np.asarray(
             _within(x_m, self.x_m, SLACK)
             & _within(depth_m, self.depth_m, SLACK)
             & _within(pressure_pa, self.pressure_pa, slack_pa)
-            & _within(z_m, self.z_m, SLACK)
         )
 
-    def check(
-        self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike, z_m: ArrayLike = 0.0
-    ) -> None:
+    def check(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> None:
         """Raises `OutOfRange` unless all are known."""
         slack_pa = SLACK * abs(self.pressure_pa[1])
         for what, asked, known, slack, scale, unit in (
             ("place", x_m, self.x_m, SLACK, 1e3, "mm"),
-            ("place along z", z_m, self.z_m, SLACK, 1e3, "mm"),
             ("depth", depth_m, self.depth_m, SLACK, 1e3, "mm"),
             ("lumen pressure", pressure_pa, self.pressure_pa, slack_pa, 1e-3, "kPa"),
         ):

@@ -146,22 +146,6 @@ def _end_unused() -> None:
         process.communicate()
 
 
-def all_answers(function: Callable[..., Answer], tasks: Sequence[tuple[Any, ...]]) -> list[Answer]:
-    """``function(*task)`` of each task, in order, by two processes where that gains time.
-
-    Raises what ``function`` raises.
-    """
-    other = SecondProcess(function, tasks)
-    try:
-        found = []
-        for number, task in enumerate(tasks):
-            answer = other.answer(number)
-            found.append(function(*task) if answer is None else answer)
-        return found
-    finally:
-        other.close()
-
-
 def solve_in_turn(
     function: Callable[..., Any], tasks: list[tuple[Any, ...]], pipe: "Connection[Any, Any]"
 ) -> None:

@@ -20,8 +20,7 @@ from probe.studies.fleet import fleet
 from probe.studies.solve import jobs, solve
 from probe.studies.sweep import solve_points, sweep, write
 from probe.studies.vary import parse, points
-from sim_backend.models import kept_tables, trained_states
-from sim_backend.models import surrogate as fast
+from sim_backend.models import fast
 from sim_backend.models.press import CannotSolve, press
 from sim_backend.scene.scene_file import Scene, SceneError
 
@@ -43,15 +42,12 @@ def test_a_failed_point_is_a_row_with_its_reason(tmp_path: Path) -> None:
     assert table["force_n"].iloc[0] > 0
 
 
-def test_the_fast_model_is_trained_once_for_all_presses(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
-    for name, fewer in (("DEPTH_NODES", 4), ("PRESSURE_NODES", 2), ("VALIDATION_STATES", 3)):
-        monkeypatch.setattr(trained_states, name, fewer)
+def test_the_fast_model_is_solved_once_for_all_presses(monkeypatch: pytest.MonkeyPatch) -> None:
     trained = []
-    train = fast.train
-    monkeypatch.setattr(fast, "train", lambda *a: (trained.append(a), train(*a))[1])
+    train = fast.fast_model
+    monkeypatch.setattr(
+        "probe.studies.solve.fast_model", lambda *a: (trained.append(a), train(*a))[1]
+    )
     texts = ("indentation_mm=0.5,0.9,0.01,-1", "x_mm=12,13.5,99", "systolic_mmhg=110,120")
     wanted = points([parse(text, BLOCK) for text in texts], "full", 0, 0)
     (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)
@@ -82,7 +78,7 @@ def test_one_state_without_an_equilibrium_costs_the_fast_model_no_other(
     def refuse(*_: object) -> None:
         raise CannotSolve("limit pressure", "found no equilibrium above 106 mmHg")
 
-    monkeypatch.setattr("probe.studies.solve.surrogate", refuse)
+    monkeypatch.setattr("probe.studies.solve.fast_model", refuse)
     wanted = points([parse("indentation_mm=0.5,0.9", BLOCK)], "full", 0, 0)
     (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 20.0)
     assert [row["reason"] for rows in solve(job).values() for row in rows] == ["", ""]
@@ -98,7 +94,7 @@ def test_the_fast_model_is_trained_for_the_pulses_of_all_points(
         asked.append((scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg, max_depth_mm))
         raise SceneError("enough")
 
-    monkeypatch.setattr("probe.studies.solve.surrogate", trained)
+    monkeypatch.setattr("probe.studies.solve.fast_model", trained)
     texts = ("diastolic_mmhg=70,60,80", "systolic_mmhg=130,140,110", "indentation_mm=1,2,1.5")
     wanted = points([parse(text, BLOCK) for text in texts], "zip", 0, 0)
     (job,) = jobs(BLOCK, enumerate(wanted), (), 1.0, "fast", 1.0)

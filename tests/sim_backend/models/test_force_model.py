@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from small_block import BLOCK
 
+from sim_backend.models.fast import fast_model
 from sim_backend.models.force_model import ForceModel, OutOfRange
 from sim_backend.models.scan_estimate import estimate_scan
 from sim_backend.models.station_response import respond
-from sim_backend.models.surrogate import Surrogate
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 from tests.support.full_model import FullModel
@@ -16,7 +16,9 @@ X_M, DEPTH_M = 7e-3, 8e-4
 LOW_PA, HIGH_PA = BLOCK.pulse.diastolic_mmhg * PA_PER_MMHG, BLOCK.pulse.systolic_mmhg * PA_PER_MMHG
 
 
-@pytest.fixture(scope="module", params=["full model", "station response", "scan estimate", "table"])
+@pytest.fixture(
+    scope="module", params=["full model", "station response", "scan estimate", "fast model"]
+)
 def model(request: pytest.FixtureRequest) -> ForceModel:
     match request.param:
         case "full model":
@@ -25,8 +27,7 @@ def model(request: pytest.FixtureRequest) -> ForceModel:
             return respond(BLOCK, X_M, 1e-3)
         case "scan estimate":
             return estimate_scan(BLOCK, [5e-3, X_M], DEPTH_M)
-    table: Surrogate = request.getfixturevalue("small_surrogate")
-    return table
+    return fast_model(BLOCK, 1.0)
 
 
 @pytest.fixture(scope="module")
