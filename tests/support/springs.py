@@ -89,15 +89,27 @@ class SpringStage:
         self.bed.tip.halt(self.bed.clock.now(), self.acceleration)
 
 
-class SpringSensor:
-    """Feels the bed at 500 Hz with a noise of 0.5 mN; a tare is the mean of 50 readings."""
+Says = Callable[[float, float, float], float]
+"""What a sensor says of the true force [N], of a noise of 0.5 mN and of the time [s]."""
 
-    rate_hz = 500.0
+
+def as_it_is(force_n: float, noise_n: float, _time_s: float) -> float:
+    return force_n + noise_n
+
+
+def clipped(at_n: float) -> Says:
+    """Far below its full scale and without a word; its amplifier adds the noise afterwards."""
+    return lambda force_n, noise_n, _time_s: min(force_n, at_n) + noise_n
+
+
+class SpringSensor:
+    """Feels the bed and ``says`` so; a tare is the mean of 50 readings."""
 
     def __init__(
-        self, bed: Bed, name: str = "cell", role: str = "force", unit: str = "N", seed: int = 0
-    ) -> None:
-        self.bed, self.name = bed, name
+        self, bed: Bed, name: str = "cell", role: str = "force", unit: str = "N", seed: int = 0,
+        *, says: Says = as_it_is, rate_hz: float = 500.0,
+    ) -> None:  # fmt: skip
+        self.bed, self.name, self.says, self.rate_hz = bed, name, says, rate_hz
         self.channels = (Channel("force", unit, role, simulated=True),)
         self._rng = np.random.default_rng(seed)
         self._lock = threading.Lock()
@@ -106,7 +118,8 @@ class SpringSensor:
 
     def raw(self, time_s: float) -> float:
         """One reading before the tare."""
-        return self.bed.force_n(time_s) + 0.5e-3 * float(self._rng.standard_normal())
+        noise_n = 0.5e-3 * float(self._rng.standard_normal())
+        return self.says(self.bed.force_n(time_s), noise_n, time_s)
 
     def connect(self) -> None: ...
 

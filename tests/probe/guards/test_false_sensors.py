@@ -15,7 +15,10 @@ from springs import (
     LIMIT_N,
     SLOW,
     SOFT_N_M,
+    Says,
     SpringSensor,
+    as_it_is,
+    clipped,
     on_simulated_springs,
     run_springs,
     spring_rig,
@@ -23,7 +26,7 @@ from springs import (
 
 import palpate
 from drivers import Block
-from probe.core.events import Event, Finish, Note, Phase, PhaseEntered, Samples, StationEnded
+from probe.core.events import Event, Finish, Phase, PhaseEntered, Samples, StationEnded
 from probe.guards.commands import Control
 
 
@@ -39,55 +42,45 @@ def hold_n(events: list[Event], station: int) -> float:
     return float(np.mean(forces))
 
 
-class Stuck(SpringSensor):
-    def raw(self, _time_s: float) -> float:
-        return 0.0123
+def turned_over(force_n: float, noise_n: float, _time_s: float) -> float:
+    """Of a mount that gives way: the more it bends, the less it feels."""
+    return force_n + noise_n if force_n + noise_n < 0.6 else 1.2 - force_n - noise_n
 
 
-class StuckSlowly(Stuck):
-    """Has said less than a hundred equal things when the tare changes what it says."""
-
-    rate_hz = 100.0
-
-
-class Clips(SpringSensor):
-    def raw(self, time_s: float) -> float:
-        return min(super().raw(time_s), 0.9)
+def beating(force_n: float, noise_n: float, time_s: float) -> float:
+    """Of a vessel, a tenth of the force, at 1.2 Hz."""
+    return (force_n + noise_n) * (1 + 0.05 * math.sin(2 * math.pi * 1.2 * time_s))
 
 
-class Deaf(SpringSensor):
-    """Fresh noise and nothing else: its cable to the probe is loose."""
-
-    def raw(self, _time_s: float) -> float:
-        return 0.5e-3 * float(self._rng.standard_normal())
-
-
-class ClipsAndHums(SpringSensor):
-    """Clips below its full scale without a word, and its amplifier adds the noise afterwards."""
-
-    def raw(self, time_s: float) -> float:
-        return min(self.bed.force_n(time_s), 0.6) + 0.5e-3 * float(self._rng.standard_normal())
-
-
-class TurnsOver(SpringSensor):
-    """A mount that gives way: the more it bends, the less it feels."""
-
-    def raw(self, time_s: float) -> float:
-        force = super().raw(time_s)
-        return force if force < 0.6 else 1.2 - force
+SAYS: dict[str, Says] = {
+    "as it is": as_it_is,
+    "stuck": lambda _force_n, _noise_n, _time_s: 0.0123,
+    "clipped, and its noise": lambda force_n, noise_n, _time_s: min(force_n + noise_n, 0.9),
+    "noise alone, for its cable is loose": lambda _force_n, noise_n, _time_s: noise_n,
+    "turned over": turned_over,
+    "a tenth more with each beat": beating,
+    "so noisy that contact is known at half of the force": (
+        lambda force_n, noise_n, _time_s: force_n + 100 * noise_n
+    ),
+    "in twentieths of a newton, its noise far less": (
+        lambda force_n, noise_n, _time_s: 0.05 * round((force_n + noise_n + 0.01) / 0.05)
+    ),
+    "drifting": lambda force_n, noise_n, time_s: force_n + noise_n + 0.1 * time_s,
+    "far below zero": lambda force_n, noise_n, _time_s: force_n + noise_n - 0.3,
+}
 
 
-@pytest.mark.parametrize("sensor", [ClipsAndHums, TurnsOver])
+@pytest.mark.parametrize("says", [clipped(0.6), turned_over], ids=["clipped", "turned over"])
 @pytest.mark.parametrize(
     ("stiffness_n_m", "surface_m"),
     # the last is met already by the approach, and the press begins in it
     [(SOFT_N_M, 0.0), (HARD_N_M / 2, 0.0), (SOFT_N_M, 0.9e-3)],
 )
 def test_a_force_that_stops_to_rise_is_not_believed(
-    sensor: Any, stiffness_n_m: float, surface_m: float
+    says: Says, stiffness_n_m: float, surface_m: float
 ) -> None:
     bed, stage, _ = on_simulated_springs(stiffness_n_m=stiffness_n_m, surface_m=surface_m)
-    ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=says)], rig=SLOW)
     assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
     # a quarter deeper than where it clipped, and what poses and stops take: 0.05 mm
     assert ran.force_n.max() < 1.25 * 0.6 + stiffness_n_m * 0.05e-3
@@ -104,17 +97,21 @@ def test_what_is_harder_than_was_said_is_not_pressed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sensor", "said", "most_n"),
+    ("says", "rate_hz", "stiffness_n_m", "said", "most_n"),
     [
-        (Stuck, "stuck or clipped", 0.0),
-        (StuckSlowly, "stuck or clipped", 0.3),
-        (Clips, "stuck or clipped", LIMIT_N),
-        (Deaf, "no force above the noise", 0.52),  # only a press shows that: 1.25 mm, and stopping
+        ("stuck", 500.0, HARD_N_M, "stuck or clipped", 0.0),
+        # has said less than a hundred equal things when the tare changes what it says
+        ("stuck", 100.0, HARD_N_M, "stuck or clipped", 0.3),
+        ("clipped, and its noise", 500.0, HARD_N_M, "stuck or clipped", LIMIT_N),
+        # only a press shows that: 1.25 mm, and stopping
+        ("noise alone, for its cable is loose", 500.0, SOFT_N_M, "no force above the noise", 0.52),
     ],
 )
-def test_a_sensor_that_does_not_feel_is_found_out(sensor: Any, said: str, most_n: float) -> None:
-    bed, stage, _ = on_simulated_springs(stiffness_n_m=HARD_N_M if sensor is not Deaf else 400.0)
-    ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
+def test_a_sensor_that_does_not_feel_is_found_out(
+    says: str, rate_hz: float, stiffness_n_m: float, said: str, most_n: float
+) -> None:
+    bed, stage, _ = on_simulated_springs(stiffness_n_m=stiffness_n_m)
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=SAYS[says], rate_hz=rate_hz)], rig=SLOW)
     assert ran.ended is not None
     assert ran.ended.finish is Finish.FAULTED
     assert said in ran.reason
@@ -132,17 +129,6 @@ def test_a_load_is_not_taken_as_zero() -> None:
     assert not any(
         isinstance(event, PhaseEntered) and event.phase is Phase.APPROACHING for event in ran.events
     )
-
-
-def test_a_drift_is_taken_as_zero_once_it_is_seen_to_be_one() -> None:
-    bed, stage, _ = on_simulated_springs()
-
-    class Drifts(SpringSensor):
-        def raw(self, time_s: float) -> float:
-            return super().raw(time_s) + 0.1 * time_s
-
-    ran = run_springs(bed, stage, [Drifts(bed)], rig=spring_rig(scan={"stations": 2}))
-    assert ran.reason == "every station is complete"
 
 
 class DriftsFast(SpringSensor):
@@ -181,104 +167,65 @@ class Shaken(SpringSensor):
         return super().raw(time_s) + (self.knock_n if knocked else 0.0)
 
 
-class ShakenForLong(Shaken):
-    lasts_s = 5.0
-
-
-def test_no_zero_is_taken_while_something_knocks_against_the_probe() -> None:
+@pytest.mark.parametrize("lasts_s", [0.7, 5.0])
+def test_no_zero_is_taken_while_something_knocks_against_the_probe(lasts_s: float) -> None:
+    """Unless it goes on for too long, which is reported."""
     bed, stage, _ = on_simulated_springs()
-    ran = run_springs(bed, stage, [Shaken(bed)], rig=spring_rig(scan={"stations": 2}))
+    shaken = Shaken(bed)
+    shaken.lasts_s = lasts_s
+    ran = run_springs(bed, stage, [shaken], rig=spring_rig(scan={"stations": 2}))
     assert ran.reason == "every station is complete"
-    assert hold_n(ran.events, station=1) == pytest.approx(SOFT_N_M * 2.5e-3, abs=0.02)
-
-
-def test_a_zero_that_was_taken_while_something_knocked_is_reported() -> None:
-    bed, stage, _ = on_simulated_springs()
-    ran = run_springs(bed, stage, [ShakenForLong(bed)], rig=spring_rig(scan={"stations": 2}))
-    assert ran.reason == "every station is complete"
-    assert any("at rest in the air, where its zero is taken" in note for note in ran.notes)
-
-
-class ClipsLow(SpringSensor):
-    """At a fiftieth of the limit."""
-
-    most_n = 0.03
-
-    def raw(self, time_s: float) -> float:
-        noise_n = 0.5e-3 * float(self._rng.standard_normal())
-        return min(self.bed.force_n(time_s), self.most_n) + noise_n
-
-
-class ClipsFaintly(ClipsLow):
-    """At 24 standard deviations of its noise."""
-
-    most_n = 0.012
+    if lasts_s < 1.0:
+        assert hold_n(ran.events, station=1) == pytest.approx(SOFT_N_M * 2.5e-3, abs=0.02)
+    else:
+        assert any("at rest in the air, where its zero is taken" in note for note in ran.notes)
 
 
 @pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M])
-@pytest.mark.parametrize(("sensor", "most_m"), [(ClipsLow, 0.65e-3), (ClipsFaintly, 1.1e-3)])
+@pytest.mark.parametrize(
+    ("at_n", "most_m"),
+    [
+        (0.03, 0.65e-3),  # a fiftieth of the limit
+        (0.012, 1.1e-3),  # 24 standard deviations of its noise
+    ],
+)
 def test_a_sensor_that_clips_far_below_the_limit_does_not_pass_for_soft_tissue(
-    sensor: Any, most_m: float, stiffness_n_m: float
+    at_n: float, most_m: float, stiffness_n_m: float
 ) -> None:
     bed, stage, _ = on_simulated_springs(stiffness_n_m=stiffness_n_m)
-    ran = run_springs(bed, stage, [sensor(bed)], rig=SLOW)
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=clipped(at_n))], rig=SLOW)
     assert "mm deeper" in ran.reason
     assert ran.force_n.max() < stiffness_n_m * most_m
     assert ran.lifted
 
 
-class ClipsLate(SpringSensor):
-    """In the last seventh of a press of 2.5 mm, and hums."""
-
-    def raw(self, time_s: float) -> float:
-        force = min(self.bed.force_n(time_s), 0.85 * 2.5e-3 * self.bed.stiffness_n_m)
-        return force + 0.5e-3 * float(self._rng.standard_normal())
-
-
 def test_a_sensor_that_clips_at_the_end_of_a_press_is_found_out_in_the_hold() -> None:
+    """In its last seventh."""
     bed, stage, _ = on_simulated_springs()
-    ran = run_springs(bed, stage, [ClipsLate(bed)], rig=SLOW)
+    ran = run_springs(
+        bed, stage, [SpringSensor(bed, says=clipped(0.85 * 2.5e-3 * SOFT_N_M))], rig=SLOW
+    )
     assert "the sensor clips or does not feel, or what is pressed gives way" in ran.reason
     assert not any(event.complete for event in ran.events if isinstance(event, StationEnded))
     assert ran.lifted
 
 
-class Noisy(SpringSensor):
-    """So much that contact is known at half of the force."""
-
-    def raw(self, time_s: float) -> float:
-        return self.bed.force_n(time_s) + 0.05 * float(self._rng.standard_normal())
-
-
-def test_a_noisy_sensor_on_a_short_way_is_believed() -> None:
-    bed, stage, _ = on_simulated_springs()
-    assert run_springs(bed, stage, [Noisy(bed)], rig=SLOW).reason == "every station is complete"
-
-
-class Coarse(SpringSensor):
-    """Tells twentieths of a newton, and its noise is far less."""
-
-    def raw(self, time_s: float) -> float:
-        return 0.05 * round((super().raw(time_s) + 0.01) / 0.05)
-
-
-def test_a_coarse_sensor_on_soft_tissue_is_believed() -> None:
-    bed, stage, _ = on_simulated_springs(stiffness_n_m=60.0)
-    rig = spring_rig(safety={"same_readings": 10_000})
-    assert run_springs(bed, stage, [Coarse(bed)], rig=rig).reason == "every station is complete"
-
-
-class ClipsLast(ClipsLow):
-    """Over the last 0.1 mm of 2.5, in which a stage at 25 mm/s may be 0.2 mm from its pose."""
-
-    most_n = 0.96
-
-
-class Beats(SpringSensor):
-    """A vessel's, a tenth of the force, at 1.2 Hz."""
-
-    def raw(self, time_s: float) -> float:
-        return super().raw(time_s) * (1 + 0.05 * math.sin(2 * math.pi * 1.2 * time_s))
+@pytest.mark.parametrize(
+    ("says", "stiffness_n_m", "rig"),
+    [
+        ("so noisy that contact is known at half of the force", SOFT_N_M, SLOW),
+        (
+            "in twentieths of a newton, its noise far less", 60.0,
+            spring_rig(safety={"same_readings": 10_000}),
+        ),
+        ("drifting", SOFT_N_M, spring_rig(scan={"stations": 2})),
+    ],
+)  # fmt: skip
+def test_an_honest_sensor_is_believed(says: str, stiffness_n_m: float, rig: palpate.Rig) -> None:
+    """A drift is taken as zero once it is seen to be one."""
+    bed, stage, _ = on_simulated_springs(stiffness_n_m=stiffness_n_m)
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=SAYS[says])], rig=rig)
+    assert ran.reason == "every station is complete"
 
 
 FAST = spring_rig(scan={"ramp_s": 0.1, "hold_s": 0.4}, safety={"retract_mm": 5.0})
@@ -286,53 +233,46 @@ FAST = spring_rig(scan={"ramp_s": 0.1, "hold_s": 0.4}, safety={"retract_mm": 5.0
 
 def test_a_sensor_that_clips_in_the_last_of_a_press_is_noted_when_the_lift_begins() -> None:
     bed, stage, _ = on_simulated_springs()
-    ran = run_springs(bed, stage, [ClipsLast(bed)], rig=FAST)
+    # over the last 0.1 mm of 2.5, in which a stage at 25 mm/s may be 0.2 mm from its pose
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=clipped(0.96))], rig=FAST)
     assert ran.reason == "every station is complete"
     (reported,) = [text for text in ran.notes if "the sensor clips there" in text]
     assert reported.startswith("cell: the force stayed at 0.960 N")
     assert "while the tip rose by 0.07 mm" in reported
 
 
-@pytest.mark.parametrize("sensor", [SpringSensor, Beats, Noisy, Coarse])
+@pytest.mark.parametrize(
+    ("says", "stations"),
+    [
+        ("as it is", 1),
+        ("a tenth more with each beat", 12),
+        ("so noisy that contact is known at half of the force", 1),
+        ("in twentieths of a newton, its noise far less", 1),
+    ],
+)
 def test_a_force_that_falls_or_that_noise_hides_is_not_taken_for_one_that_clips(
-    sensor: Any,
+    says: str, stations: int
 ) -> None:
     bed, stage, _ = on_simulated_springs()
-    stations = 12 if sensor is Beats else 1
     rig = spring_rig(scan={"stations": stations}, safety={"same_readings": 10_000})
-    ran = run_springs(bed, stage, [sensor(bed)], rig=rig)
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=SAYS[says])], rig=rig)
     assert ran.reason == "every station is complete"
     assert not [text for text in ran.notes if "clips" in text]
-
-
-class BelowZero(SpringSensor):
-    """Slow, and far below zero before its tare."""
-
-    rate_hz = 50.0
-
-    def raw(self, time_s: float) -> float:
-        return super().raw(time_s) - 0.3
 
 
 def test_what_a_tare_changes_is_no_contact() -> None:
     bed, stage, _ = on_simulated_springs(home=(0.0, 0.0, 10e-3))
     rig = spring_rig(scan={"approach_mm_s": 2.0}, safety={"retract_mm": 5.0})
-    ran = run_springs(bed, stage, [BelowZero(bed)], rig=rig)
+    sensor = SpringSensor(bed, says=SAYS["far below zero"], rate_hz=50.0)
+    ran = run_springs(bed, stage, [sensor], rig=rig)
     assert ran.reason == "every station is complete"
-
-
-class ClipsAtOnce(SpringSensor):
-    """At less than the guards can tell from noise."""
-
-    def raw(self, time_s: float) -> float:
-        return min(self.bed.force_n(time_s), 0.006) + 0.5e-3 * float(self._rng.standard_normal())
 
 
 def test_a_press_that_feels_next_to_nothing_is_reported_once() -> None:
     bed, stage, _ = on_simulated_springs()
-    ran = run_springs(bed, stage, [ClipsAtOnce(bed)])
-    notes = [event.text for event in ran.events if isinstance(event, Note)]
-    (reported,) = [text for text in notes if "a sensor that clips" in text]
+    # at less than the guards can tell from noise
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=clipped(0.006))])
+    (reported,) = [text for text in ran.notes if "a sensor that clips" in text]
     assert reported.startswith("cell 0.0")
     assert "N in a hold, at max_force_n = 1.6" in reported
 
@@ -381,8 +321,7 @@ def test_a_stop_amid_the_lift_after_a_fault_leaves_no_probe_pressed_unsaid() -> 
         if isinstance(event, PhaseEntered) and event.phase is Phase.STOPPING:
             control.stop()
 
-    ran = run_springs(
-        bed, stage, [ClipsAndHums(bed)], rig=SLOW, observers=[stop], sink=stop, control=control
-    )
+    sensor = SpringSensor(bed, says=clipped(0.6))
+    ran = run_springs(bed, stage, [sensor], rig=SLOW, observers=[stop], sink=stop, control=control)
     assert ran.lifted or any("was not lifted" in note for note in ran.notes)
     assert not ran.lifted

@@ -21,6 +21,7 @@ from springs import (
     Bed,
     SpringSensor,
     SpringStage,
+    clipped,
     on_simulated_springs,
     on_springs,
     run_springs,
@@ -118,13 +119,7 @@ def test_a_stage_that_comes_to_rest_elsewhere_presses_nothing() -> None:
 
 def test_a_force_that_stops_to_rise_is_not_believed() -> None:
     bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M / 2)
-
-    class Clips(SpringSensor):
-        def raw(self, time_s: float) -> float:
-            noise_n = 0.5e-3 * float(self._rng.standard_normal())
-            return min(self.bed.force_n(time_s), 0.6) + noise_n
-
-    ran = run_springs(bed, stage, [Clips(bed)], rig=SLOW)
+    ran = run_springs(bed, stage, [SpringSensor(bed, says=clipped(0.6))], rig=SLOW)
     assert "the sensor clips or does not feel" in ran.reason
     # a quarter deeper than where it clipped, and 0.2 mm for a busy machine's poses and stops
     assert ran.force_n.max() < 1.25 * 0.6 + HARD_N_M / 2 * 0.2e-3
@@ -263,22 +258,26 @@ def test_a_probe_that_is_pulled_up_in_a_press_is_not_blamed_on_the_sensor(up_m: 
     assert ran.lifted
 
 
+class Bursts(SpringSensor):
+    """Speaks once in ``every_s``."""
+
+    due_s, every_s = 0.0, 0.04
+
+    def read(self) -> Block:
+        if self.bed.clock.now() < self.due_s:
+            return empty()
+        self.due_s = self.bed.clock.now() + self.every_s
+        return super().read()
+
+
 @pytest.mark.parametrize("every_s", [0.08, 0.24, 0.4])
 def test_a_sensor_that_speaks_in_bursts_does_not_get_near_the_tissue(every_s: float) -> None:
     """What could grow to the limit between two bursts, on something this hard, is not waited for:
     1.6 N at 12 N/mm and 10 mm/s are 13 ms."""
     bed, stage, _ = on_springs(stiffness_n_m=HARD_N_M, surface_m=1.2e-3)
-
-    class Bursts(SpringSensor):
-        due_s = 0.0
-
-        def read(self) -> Block:
-            if self.bed.clock.now() < self.due_s:
-                return empty()
-            self.due_s = self.bed.clock.now() + every_s
-            return super().read()
-
-    ran = run_springs(bed, stage, [Bursts(bed)], rig=spring_rig(safety={"hardest_n_mm": 12.0}))
+    sensor = Bursts(bed)
+    sensor.every_s = every_s
+    ran = run_springs(bed, stage, [sensor], rig=spring_rig(safety={"hardest_n_mm": 12.0}))
     assert "cell: silent for 0." in ran.reason
     assert ran.force_n.max() == 0.0
 
@@ -305,16 +304,6 @@ def test_a_sensor_that_is_silent_beside_another_is_not_waited_for() -> None:
 def test_bursts_that_hide_little_are_let_pass() -> None:
     """On something soft and slow the same bursts cannot hide the limit."""
     bed, stage, _ = on_springs()
-
-    class Bursts(SpringSensor):
-        due_s = 0.0
-
-        def read(self) -> Block:
-            if self.bed.clock.now() < self.due_s:
-                return empty()
-            self.due_s = self.bed.clock.now() + 0.04
-            return super().read()
-
     ran = run_springs(bed, stage, [Bursts(bed)], rig=spring_rig(scan={"approach_mm_s": 5.0}))
     assert ran.reason == "every station is complete"
 
