@@ -93,6 +93,11 @@ def _widgets_are_collected_by_their_thread() -> Iterator[None]:
     gc.collect()
 
 
+@pytest.fixture(autouse=True)
+def _plain_size() -> None:
+    application()
+
+
 @pytest.fixture
 def make_run() -> Callable[..., list[Event]]:
     return a_run
