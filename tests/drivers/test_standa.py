@@ -1,7 +1,6 @@
 """The Standa driver on libximc's own virtual axes."""
 
 import math
-import subprocess
 import sys
 import threading
 import time
@@ -113,15 +112,3 @@ def test_a_missing_library_gives_the_line_to_type(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setitem(sys.modules, "libximc.highlevel", None)
     with pytest.raises(MissingExtra, match=r"pip install 'palpate\[standa\]'"):
         open_stage(WallClock(), x_uri="x")
-
-
-def test_importing_drivers_costs_no_hardware_library() -> None:
-    code = """
-import sys, drivers
-loaded = {name.partition(".")[0] for name in sys.modules}
-print(sorted(loaded & {"serial", "pymodbus", "libximc", "pynetft", "rtde_control", "rtde_receive"}))
-"""
-    reported = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )
-    assert reported.stdout.strip() == "[]"

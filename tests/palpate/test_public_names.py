@@ -12,8 +12,6 @@ from paths import ROOT
 
 import palpate
 
-HEAVY = ("PySide6", "pandas", "matplotlib", "xarray", "rtde_control", "serial", "pymodbus", "scipy")
-
 
 @pytest.mark.parametrize("name", palpate.__all__)
 def test_each_public_name_is_there_and_documented(name: str) -> None:
@@ -60,38 +58,6 @@ def test_each_parameter_of_a_public_function_is_described(name: str) -> None:
 
 def test_a_room_is_a_module() -> None:
     assert importlib.import_module("probe.detection").__name__ == "probe.detection"
-
-
-def test_importing_loads_nothing_heavy() -> None:
-    code = f"import sys, palpate; print([m for m in {HEAVY!r} if m in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
-    assert done.stdout.strip() == "[]"
-
-
-@pytest.mark.parametrize("room", ["probe.guards.guard_process", "probe.scan.session"])
-def test_a_scan_begins_without_scipy(room: str) -> None:
-    """It takes as long as all the rest, and a scan starts two or three processes."""
-    code = f"import sys, {room}; print('scipy' in sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
-    assert done.stdout.strip() == "False"
-
-
-def test_a_rig_that_scans_and_detects_needs_no_simulation() -> None:
-    """Scenes are what a rig's file may name, and the touch tables are what detection reads."""
-    code = (
-        "import sys, probe.guards.guard_process, probe.scan.session, probe.scan.resume\n"
-        "import probe.detection, probe.storage.run\n"
-        "print(*(m for m in sys.modules if m.startswith('sim_backend.') and m.split('.')[1] in"
-        " ('fem', 'models', 'phantom', 'emulators')))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
-    )
-    assert done.stdout.strip() == ""
 
 
 @pytest.mark.parametrize("package", ["drivers", "calibration", "probe", "sim_backend"])

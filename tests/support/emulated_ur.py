@@ -83,6 +83,11 @@ def until(true: Callable[[], bool]) -> None:
         time.sleep(0.0005)
 
 
+def until_said(made: Rig, words: str) -> None:
+    """Until the driver says that this is wrong."""
+    until(lambda: words in made.trouble())
+
+
 @contextmanager
 def connected(
     respond: Respond, *, surface: Surface = lambda _x, _y: 0.0, keys: dict[str, Any] | None = None,

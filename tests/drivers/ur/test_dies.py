@@ -13,7 +13,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from emulated_ur import ORIGIN_MM, PATIENT_S, Rig, connected, fresh_host, until
+from emulated_ur import ORIGIN_MM, PATIENT_S, Rig, connected, fresh_host, until, until_said
 
 from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.ur.settings import LOST_SEGMENT_S, SILENCE_S, WATCHDOG_S
@@ -169,10 +169,6 @@ def lift(made: Rig) -> None:
     made.stage.move(Pose(X_M, 0.0, TOP_M), 0.02)
     made.arrive(PATIENT_S)
     assert true_z_m(made) == pytest.approx(TOP_M, abs=1e-4)
-
-
-def until_said(made: Rig, words: str) -> None:
-    until(lambda: words in made.trouble())
 
 
 def test_a_short_stall_of_the_way_to_the_robot_does_no_harm(winkler: Respond) -> None:

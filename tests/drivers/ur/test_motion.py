@@ -4,10 +4,11 @@ import math
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from typing import cast
 
 import pytest
-from emulated_ur import Rig, connected
+from emulated_ur import Rig, connected, until_said
 
 from drivers import DeviceFault, MotionFault, Pose, SimulatedClock
 from drivers.core.reader import LineSensor
@@ -19,28 +20,20 @@ from drivers.ur.stage import UrStage
 from sim_backend.phantom.phantom import Respond
 
 
-@pytest.mark.parametrize("slider", [1.0, 0.2])
-def test_a_slow_press_is_no_rest(winkler: Respond, slider: float) -> None:
-    """0.2 mm/s moves the pose by 4 um in the 20 ms over which it was once called still."""
+@pytest.mark.parametrize(("slider", "fault"), [(1.0, ""), (0.2, ""), (1.0, "late readings")])
+def test_a_slow_press_is_no_rest(winkler: Respond, slider: float, fault: str) -> None:
+    """0.2 mm/s moves the pose by 4 um in the 20 ms over which it was once called still; and moves
+    are told of by another stream than poses, which may be the earlier one."""
     with connected(winkler) as (made, robot):
         made.stage.enable()
         robot.robot.slide(slider)
+        if fault:
+            robot.fail(fault)
         target = Pose(0.03, 0.0, 0.004 - 1e-4)
         began_s = made.clock.now()
         made.stage.move(target, 0.2e-3)
         made.arrive(8.0)
         assert made.clock.now() - began_s > 0.9 * 0.5 / slider
-        assert math.dist(made.stage.pose()[:3], target[:3]) < 1e-5
-
-
-def test_a_pose_from_before_the_end_is_no_arrival(winkler: Respond) -> None:
-    """Moves are told of by another stream than poses, which may be the earlier one."""
-    with connected(winkler) as (made, robot):
-        made.stage.enable()
-        robot.fail("late readings")
-        target = Pose(0.03, 0.0, 0.004 - 1e-4)
-        made.stage.move(target, 0.2e-3)
-        made.arrive(8.0)
         assert math.dist(made.stage.pose()[:3], target[:3]) < 1e-5
 
 
@@ -90,14 +83,6 @@ def test_the_robot_stops_when_nobody_checks_the_force(winkler: Respond) -> None:
         assert not made.phantom.tip.moving(made.clock.now())
 
 
-def until_said(made: Rig, words: str) -> None:
-    """Until the driver says that this is wrong."""
-    end_s = time.monotonic() + 5.0
-    while words not in made.trouble():
-        assert time.monotonic() < end_s
-        time.sleep(0.01)
-
-
 def until_moved(made: Rig, to: Pose) -> None:
     """Ask until the driver has heard that the other program has ended."""
     end_s = time.monotonic() + 5.0
@@ -110,27 +95,26 @@ def until_moved(made: Rig, to: Pose) -> None:
         time.sleep(0.01)
 
 
-def test_a_program_that_the_watchdog_ended_is_started_again_for_the_lift(winkler: Respond) -> None:
-    with connected(winkler, keys={"watchdog_s": 0.5}) as (made, _):
+@pytest.mark.parametrize(
+    ("keys", "ends"),
+    [
+        ({"watchdog_s": 0.5}, lambda stage: stage.keep_alive()),  # and then no more
+        # a robot that does not answer is stopped by the dashboard, which ends the program
+        ({"stop_s": 1e-6}, lambda stage: stage.stop()),
+    ],
+    ids=["by the watchdog", "by the driver"],
+)
+def test_a_program_that_was_ended_from_here_is_started_again_for_the_lift(
+    keys: dict[str, float], ends: Callable[[UrStage], None], winkler: Respond
+) -> None:
+    with connected(winkler, keys=keys) as (made, _):
         made.stage.enable()
-        made.stage.keep_alive()  # and then no more
+        ends(made.stage)
         until_said(made, "control program has stopped")
         made.stage.start_again()
         made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)
         made.arrive()
         assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
-
-
-def test_a_program_that_the_driver_had_ended_is_started_again_for_the_lift(
-    winkler: Respond,
-) -> None:
-    """A robot that does not answer is stopped by the dashboard, which ends the program."""
-    with connected(winkler, keys={"stop_s": 1e-6}) as (made, _):
-        made.stage.enable()
-        made.stage.stop()
-        until_said(made, "control program has stopped")
-        made.stage.start_again()
-        assert made.stage.pose().z == pytest.approx(0.004, abs=1e-4)
 
 
 def test_a_program_that_a_person_ended_stays_so(winkler: Respond) -> None:

@@ -2,8 +2,6 @@
 
 import re
 import shlex
-import subprocess
-import sys
 from collections.abc import Iterator
 from typing import Any
 
@@ -64,18 +62,6 @@ def test_no_help_shows_a_type_of_python() -> None:
     assert {words: types for words, types in reported.items() if types} == {}
     assert "--seed NUMBER" in found["palpate scan"]
     assert "<rig|scene|driver>" in found["palpate init"]  # what may be chosen stays
-
-
-def test_help_loads_nothing_that_only_work_needs() -> None:
-    """It must come at once: numpy and pydantic take three times as long as all the rest."""
-    code = (
-        "import sys; from probe.cli import main; main(['--help']); "
-        "print({'numpy', 'scipy', 'pydantic', 'drivers', 'sim_backend'} & set(sys.modules))"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=100
-    )
-    assert done.stdout.splitlines()[-1] == "set()"
 
 
 def test_the_rig_that_record_is_shown_with_can_be_recorded() -> None:
