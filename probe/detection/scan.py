@@ -15,8 +15,8 @@ from probe.detection.beneath.sizes import unknown
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
+from probe.detection.map.area import MIN_PRESSES
 from probe.detection.map.bumps import MIN_STATIONS
-from probe.detection.map.field import MIN_PRESSES
 from probe.detection.map.field_objects import (
     is_field,
     judged_of,

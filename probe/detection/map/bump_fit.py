@@ -1,4 +1,4 @@
-"""Places and widths of all bumps of a row together, by least squares, and how wide they may be."""
+"""Places and widths of all bumps of a map together, by least squares, and how wide they may be."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -7,8 +7,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from drivers.core.arrays import Array
-from probe.detection.map.row_shapes import TAIL, shape, slopes, weighted
-from probe.detection.repeats import pitch_m
+from probe.detection.map.row_shapes import TAIL
+from probe.detection.map.seen_map import Map, bump_at, slopes, weighted
 
 SETTLED = 1e-4
 """Of places and widths in station distances: a hundredth of what is ever known of them."""
@@ -35,26 +35,29 @@ def tried_m(station_m: float, span_m: float) -> Array:
 
 
 def refined(
-    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]],
-    rising: bool, tail: float = TAIL, steps: int | None = None,
-) -> list[tuple[float, float]]:  # fmt: skip
+    seen: Map, known: list[Array], rising: bool, tail: float = TAIL, steps: int | None = None
+) -> list[Array]:
     """Places and half widths [m] of bumps that are ``known`` roughly, in as many ``steps`` as it
-    takes or at most; ``rising`` ones may lie at the row's ends."""
-    n, pitch = len(x_m), pitch_m(x_m)
-    _, a, _, left = weighted(x_m, value, sd, base, [])
+    takes or at most; ``rising`` ones may lie at a row's ends."""
+    n, pitch = len(seen.value), seen.spacing_m
+    _, a, _, left = weighted(seen, [])
     q, _ = np.linalg.qr(a)
 
     def beside(columns: Array) -> Array:
         """What the base cannot explain of columns (n, k), weighted, above its prior's rows."""
         whole = np.zeros((len(a), columns.shape[1]))
-        whole[:n] = columns / sd[:, None]
+        whole[:n] = columns / seen.sd[:, None]
         return np.asarray(whole - q @ (q.T @ whole))
+
+    def bumps_of(p: Sequence[float]) -> list[Array]:
+        """Out of places and logarithms of widths in station distances."""
+        each = np.reshape(p, (len(known), -1))
+        return [np.append(one[:-1], pitch * np.exp(one[-1])) for one in each]
 
     @lru_cache(maxsize=1)  # the slopes are asked for where the residual just was
     def bumps(p: tuple[float, ...]) -> tuple[Array, Array, Array]:
         """The bumps beside the base, an orthonormal basis of them, and what both leave."""
-        shapes = np.column_stack([shape(x_m, c, w, tail) for c, w in _bumps(p, pitch)])
-        own = beside(shapes)
+        own = beside(np.column_stack([bump_at(seen.place_m, one, tail) for one in bumps_of(p)]))
         basis, _ = np.linalg.qr(own)
         return own, basis, left - basis @ (basis.T @ left)
 
@@ -65,24 +68,29 @@ def refined(
         """Of variable projection (Golub and Pereyra 1973)."""
         own, basis, rest = bumps(tuple(p.tolist()))
         inverse = np.linalg.pinv(own)
-        height = np.repeat(inverse @ left, 2)
+        each = len(p) // len(known)
+        height = np.repeat(inverse @ left, each)
         moved = beside(
-            np.column_stack([slopes(x_m, c, w, tail) for c, w in _bumps(p.tolist(), pitch)])
+            np.column_stack([slopes(seen.place_m, one, tail) for one in bumps_of(p.tolist())])
         )
         across = moved - basis @ (basis.T @ moved)
-        found = across * height + np.repeat(inverse.T, 2, axis=1) * (rest @ moved)
+        found = across * height + np.repeat(inverse.T, each, axis=1) * (rest @ moved)
         return -found[:n]
 
-    start = np.array([v for c, w in known for v in (c, np.log(w / pitch))])
-    end = 0.0 if rising else pitch / 2
-    low = np.tile([x_m[0] + end, np.log(NARROWEST)], len(known))
-    high = np.tile([x_m[-1] - end, np.log(widest_m(pitch, float(np.ptp(x_m))) / pitch)], len(known))
+    start = np.concatenate([np.append(one[:-1], np.log(one[-1] / pitch)) for one in known])
+    rim_m = rim_of(seen, rising) / 2
+    low, high = seen.place_m.min(axis=0) + rim_m, seen.place_m.max(axis=0) - rim_m
+    widest = np.log(widest_m(pitch, seen.span_m) / pitch)
+    low = np.tile(np.append(low, np.log(NARROWEST)), len(known))
+    high = np.tile(np.append(high, widest), len(known))
+    scale = np.append(np.full(seen.axes, pitch), 0.3)
     found = least_squares(residual, np.clip(start, low + 1e-9, high - 1e-9), jacobian,
-                          bounds=(low, high), x_scale=np.tile([pitch, 0.3], len(known)),
+                          bounds=(low, high), x_scale=np.tile(scale, len(known)),
                           xtol=SETTLED, ftol=SETTLED**2, max_nfev=steps)  # fmt: skip
-    return _bumps(found.x.tolist(), pitch)
+    return bumps_of(found.x.tolist())
 
 
-def _bumps(p: Sequence[float], pitch: float) -> list[tuple[float, float]]:
-    """Places and widths out of places and logarithms of widths in pitches."""
-    return list(zip(p[::2], (pitch * np.exp(p[1::2])).tolist(), strict=True))
+def rim_of(seen: Map, rising: bool) -> float:
+    """How far from a row's ends bumps lie that do not rise: what is there may be the block's edge.
+    Of an area's presses the outermost lie anywhere within it."""
+    return 0.0 if rising or not seen.is_row else seen.spacing_m

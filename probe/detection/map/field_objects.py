@@ -1,4 +1,4 @@
-"""What lies under presses at any places (x, y): the spots of level and pulse, put together."""
+"""What lies under presses at any places (x, y): the bumps of level and pulse, put together."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,19 +10,8 @@ from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Station
 from probe.detection.classify.classifier import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
-from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS
-from probe.detection.map.field import (
-    MIN_PRESSES,
-    Map,
-    Spot,
-    among,
-    find_spots,
-    map_of,
-    shape,
-    spacing_m,
-    spot_at,
-)
-from probe.detection.map.field_rivals import odds_of_a_straight_rise
+from probe.detection.map.area import MIN_PRESSES, among, map_of, spacing_m
+from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS, Bump, at_places, find_bumps
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import (
     AT_AN_END,
@@ -30,9 +19,11 @@ from probe.detection.map.row_objects import (
     MIN_SHARE,
     NO_LEVEL,
     TAIL,
+    largest,
     measured,
     stray,
 )
+from probe.detection.map.seen_map import Map, bump_at
 from probe.detection.map.straight_line import unnamed_line
 from probe.detection.map.vessel_tracking import MAX_STRAY_PITCHES
 from probe.detection.pulse.pooled_evidence import hidden
@@ -42,7 +33,7 @@ from probe.detection.repeats import distinct_m
 MIN_ROWS = 3
 """Rows that show which way a line goes: through a bump in each of two there is always one."""
 MOST_ASKED = 8
-"""Presses nearest to a spot that are asked for a hidden pulse: farther ones hardly feel it."""
+"""Presses nearest to a bump that are asked for a hidden pulse: farther ones hardly feel it."""
 
 
 def is_field(stations: Sequence[Station], rows: list[list[int]]) -> bool:
@@ -80,26 +71,24 @@ def objects_in_field(
     None where nothing does. Each of the two maps gets half of ``false_alarm``."""
     judged = judged_of(presses)
     levels = levels_of(judged)
-    stiff = bumps = find_spots(levels, false_alarm / 2)
-    beating = _beating(judged, false_alarm / 2) if moving is not None else []
-    vessels, found = tuple(beating), []
+    stiff = find_bumps(levels, false_alarm / 2)
+    vessels = _beating(judged, false_alarm / 2) if moving is not None else ()
+    beating, found = list(vessels), []
     if (ridge := find_ridge(pulses_of(judged), beating)) is not None:
         on_it = MIN_DISTANCE * levels.spacing_m
-        stiff = [spot for spot in stiff if ridge.away_m(spot.place_m) >= on_it]
-        beating = [spot for spot in beating if ridge.away_m(spot.place_m) >= on_it]
+        stiff = tuple(one for one in stiff if ridge.away_m(one.place_m) >= on_it)
+        beating = [one for one in beating if ridge.away_m(one.place_m) >= on_it]
         found.append(_vessel(ridge, judged, levels, moving))
-    for spot in stiff:
-        near = min(beating, key=lambda b: _apart(b, spot), default=None)
-        same = near is not None and _apart(near, spot) < MIN_DISTANCE * levels.spacing_m
-        if near is not None and same:
-            beating.remove(near)
-        still = None if same else _still(spot, judged, levels, vessels)
-        rise = odds_of_a_straight_rise(levels, bumps, spot)
-        one = _object(spot, spot, judged, levels, moving, still, rise)
-        found.append(_inside(one, spot, levels))
-    for spot in beating:
-        one = _object(spot, spot_at(levels, spot), judged, levels, moving, None)
-        found.append(_inside(one, spot, levels))
+    for bump in stiff:
+        near = [one for one in beating if _apart(one, bump) < MIN_DISTANCE * levels.spacing_m]
+        if near:
+            nearest = min(near, key=lambda one: _apart(one, bump))
+            beating = [one for one in beating if one is not nearest]
+        still = None if near else _still(bump, judged, levels, vessels)
+        found.append(_inside(_object(bump, bump, judged, levels, moving, still), bump, levels))
+    for bump in beating:
+        (level,) = at_places(levels, [bump])
+        found.append(_inside(_object(bump, level, judged, levels, moving, None), bump, levels))
     return found or unnamed_line(judged, levels, false_alarm)
 
 
@@ -134,7 +123,7 @@ def _places(stations: list[Station]) -> Array:
     return np.array([(s.x_m, s.y_m) for s in stations]).reshape(-1, 2)
 
 
-def _apart(one: Spot, other: Spot) -> float:
+def _apart(one: Bump, other: Bump) -> float:
     return float(np.hypot(*(one.place_m - other.place_m)))
 
 
@@ -144,24 +133,20 @@ def judged_of(presses: Sequence[Press]) -> list[Press]:
             and np.isfinite([p.station.x_m, p.station.y_m]).all()]  # fmt: skip
 
 
-def _beating(judged: list[Press], false_alarm: float) -> list[Spot]:
-    """Where a map that pulses does: its clear spots, or else the press that pulses most."""
+def _beating(judged: list[Press], false_alarm: float) -> tuple[Bump, ...]:
+    """Where a map that pulses does: its clear bumps, or else the press that pulses most."""
     seen = pulses_of(judged)
-    spots = find_spots(seen, false_alarm, rising=True)
-    if found := [spot for spot in spots if spot.height > 0]:
-        return found
-    most, reach_m = int(np.argmax(seen.value)), np.full(2, seen.spacing_m)
-    return [Spot(seen.place_m[most], reach_m, float(seen.value[most]), float(seen.sd[most]),
-                 seen.spacing_m, 0.0, 1.0)]  # fmt: skip
+    bumps = find_bumps(seen, false_alarm, rising=True)
+    return tuple(one for one in bumps if one.height > 0) or (largest(seen),)
 
 
-def _still(spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ...]) -> Array:
-    """Likelihood of a pulse of `SIZES` under a ``spot`` that shows none of its own: by all presses
+def _still(bump: Bump, judged: list[Press], levels: Map, vessels: tuple[Bump, ...]) -> Array:
+    """Likelihood of a pulse of `SIZES` under a ``bump`` that shows none of its own: by all presses
     that would feel it, or beside ``vessels`` by the nearest, whose pulse may be all theirs."""
-    away = np.argsort(np.hypot(*(levels.place_m - spot.place_m).T))
+    away = np.argsort(np.hypot(*(levels.place_m - bump.place_m).T))
     wanted_pa = max(judged[int(away[0])].level_pa, 1e-9) * SIZES
     if vessels:
-        near = [shape(levels.place_m, np.append(b.place_m, b.half_width_m)) for b in vessels]
+        near = [bump_at(levels.place_m, one.shape) for one in vessels]
         tail_pa = TAIL * np.sum([b.height * n for b, n in zip(vessels, near, strict=True)], axis=0)
         size_pa = np.array([p.size_pa for p in judged])
         sd_pa = np.array([p.pulse.size_sd_pa if p.pulse else np.inf for p in judged])
@@ -170,7 +155,7 @@ def _still(spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ..
         return measured(
             float(size_pa[at]), float(sd_pa[at]) * beyond, wanted_pa, float(tail_pa[at])
         )
-    share = shape(levels.place_m, np.append(spot.place_m, spot.half_width_m))
+    share = bump_at(levels.place_m, bump.shape)
     close = [i for i in away[:MOST_ASKED] if share[i] >= MIN_SHARE] or [int(away[0])]
     asked = [(share[i], s) for i in close if (one := judged[i].pulse) and (s := one.search)]
     if not asked:
@@ -179,48 +164,48 @@ def _still(spot: Spot, judged: list[Press], levels: Map, vessels: tuple[Spot, ..
 
 
 def _object(
-    spot: Spot, level: Spot, judged: list[Press], levels: Map, moving: float | None,
-    still: Array | None, rise: float = 0.0,
+    bump: Bump, level: Bump, judged: list[Press], levels: Map, moving: float | None,
+    still: Array | None,
 ) -> ObjectFinding:  # fmt: skip
-    """An object at ``spot``; ``level`` is its spot in the level map, ``still`` the likelihood of
-    pulses of `SIZES` where it shows none of its own, and ``rise`` the odds that the map is higher
-    on one side or along a line instead."""
-    off = np.hypot(*(levels.place_m - spot.place_m).T)
+    """An object at ``bump``; ``level`` is its bump in the level map, and ``still`` the likelihood
+    of pulses of `SIZES` where it shows none of its own."""
+    off = np.hypot(*(levels.place_m - bump.place_m).T)
     nearest = judged[int(np.argmin(off))]
     assert nearest.pulse is not None
     ground, whole = level.background, nearest.level_pa
     if min(ground, whole) <= 0:
-        return _placed(spot, level, nearest.size_pa, NO_LEVEL, levels)
+        return _placed(bump, level, nearest.size_pa, NO_LEVEL, levels)
     contrast, contrast_sd = level.height / ground, level.height_sd / ground
     pulse, pulse_sd = nearest.size_pa, nearest.pulse.size_sd_pa
     if still is None:
-        seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, spot.p_value,
+        seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, bump.p_value,
                     1.0 if moving is None else moving)  # fmt: skip
     else:
-        seen = Seen(contrast, contrast_sd, 0.0, 0.0, spot.p_value, 0.0, still, uneven=rise)
+        seen = Seen(contrast, contrast_sd, 0.0, 0.0, bump.p_value, 0.0, still, bump.alone,
+                    bump.uneven)  # fmt: skip
     said = judge(seen)
     return replace(
-        _placed(spot, level, pulse, said, levels), diseased=said.diseased, chances=said.chances,
+        _placed(bump, level, pulse, said, levels), diseased=said.diseased, chances=said.chances,
         contrast=(contrast, contrast_sd), pulse_share=(pulse / whole, pulse_sd / whole),
     )  # fmt: skip
 
 
-def _placed(spot: Spot, level: Spot, pulse_pa: float, said: Judged, levels: Map) -> ObjectFinding:
-    x, y = (float(v) for v in spot.place_m)
+def _placed(bump: Bump, level: Bump, pulse_pa: float, said: Judged, levels: Map) -> ObjectFinding:
+    x, y = (float(v) for v in bump.place_m)
     low, high = levels.place_m.min(axis=0)[0], levels.place_m.max(axis=0)[0]
-    reach = float(spot.reach_m[0])
+    reach = float(bump.reach_m[0])
     return ObjectFinding(
         said.kind, x, (float(max(x - reach, low)), float(min(x + reach, high))), level.height,
         pulse_pa, said.confidence, said.reason, ((x, y),),
     )  # fmt: skip
 
 
-def _inside(one: ObjectFinding, spot: Spot, levels: Map) -> ObjectFinding:
-    """A spot beyond which nothing was pressed on some side may lie there, as far as its half width,
+def _inside(one: ObjectFinding, bump: Bump, levels: Map) -> ObjectFinding:
+    """A bump beyond which nothing was pressed on some side may lie there, as far as its half width,
     and is not named."""
     beyond_m = 0.5 * levels.spacing_m * np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])
-    if among(spot.place_m + beyond_m, levels.place_m).all():
+    if among(bump.place_m + beyond_m, levels.place_m).all():
         return one
-    reach_m = float(spot.reach_m[0]) + spot.half_width_m
+    reach_m = float(bump.reach_m[0]) + bump.half_width_m
     one = replace(one, position_ci_m=(one.position_m - reach_m, one.position_m + reach_m))
     return one if one.kind == "undecided" else replace(one, kind="undecided", reason=AT_AN_END)

@@ -73,5 +73,4 @@ def least_bump_pa(
     line: Line, false_alarm: float, under: Callable[[Array], Array] = surroundings
 ) -> float:
     """The bump of the level map that most such rows would show; infinite where none could."""
-    base = under(line.x_m)
-    return least_height(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
+    return least_height(line.levels(under(line.x_m)), false_alarm / 2)

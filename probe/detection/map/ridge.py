@@ -1,5 +1,6 @@
 """A vessel's path through a map of presses at any places: a line of pulses."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,10 +8,11 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
+from probe.detection.map.area import among
 from probe.detection.map.bump_fit import tried_m
-from probe.detection.map.bumps import TRUSTED, chance
-from probe.detection.map.field import SPOT_UNKNOWNS, Map, Spot, among, shape
-from probe.detection.map.row_shapes import shape as bump
+from probe.detection.map.bumps import TRUSTED, Bump, chance
+from probe.detection.map.row_shapes import shape
+from probe.detection.map.seen_map import Map, bump_at
 from probe.detection.repeats import distinct_m
 
 ANGLES_RAD = np.radians(np.arange(0.0, 180.0, 7.5))
@@ -18,16 +20,16 @@ ANGLES_RAD = np.radians(np.arange(0.0, 180.0, 7.5))
 FINER = 4
 """Lines that are tried across for each distance between presses."""
 UNKNOWNS = 4
-"""Of a line: direction, place, width and height; of a spot as many."""
+"""Of a line: direction, place, width and height; of a bump as many."""
 MIN_ODDS = 19.0
-"""Of a line against spots, to call it one: 95 %."""
+"""Of a line against bumps, to call it one: 95 %."""
 
 
 @dataclass(frozen=True)
 class Ridge:
     """The straight line at ``angle_rad`` to x, ``at_m`` aside of the origin, with the half width
     of that one's 95 % interval ``reach_m``; ``half_width_m``, ``height`` and ``p_value`` as a
-    `Spot` has them. ``course_m`` (k, 2): where it crosses the presses' rows or columns."""
+    `Bump` has them. ``course_m`` (k, 2): where it crosses the presses' rows or columns."""
 
     angle_rad: float
     at_m: float
@@ -48,32 +50,32 @@ class Ridge:
 
     def shape(self, place_m: Array) -> Array:
         """What it makes at presses (n, 2), for a height of 1."""
-        return bump(_across(place_m, self.angle_rad), self.at_m, self.half_width_m)
+        return shape(_across(place_m, self.angle_rad), self.at_m, self.half_width_m)
 
 
-def find_ridge(seen: Map, spots: list[Spot]) -> Ridge | None:
-    """The line that explains ``seen``; None where ``spots``, each as if over a ball, do as well.
+def find_ridge(seen: Map, bumps: Sequence[Bump]) -> Ridge | None:
+    """The line that explains ``seen``; None where ``bumps``, each as if over a ball, do as well.
 
     By likelihood, each unknown less for half the logarithm of the presses (Schwarz 1978).
     """
-    if not spots or seen.spacing_m <= 0:
+    if not bumps or seen.spacing_m <= 0:
         return None
-    bumps = [shape(seen.place_m, np.append(s.place_m, s.half_width_m)) for s in spots]
-    as_spots, *_ = _fit(seen, np.column_stack(bumps))
+    balls = [bump_at(seen.place_m, one.shape) for one in bumps]
+    as_balls, *_ = _fit(seen, np.column_stack(balls))
     as_line, tried = _best_line(seen)
     count, known = len(seen.value), UNKNOWNS + seen.base.shape[1]
     scatter = max((as_line + TRUSTED) / (count - known + TRUSTED), 1.0)
-    fewer = (SPOT_UNKNOWNS * len(spots) - UNKNOWNS) * np.log(count)
-    if (as_spots - as_line) / scatter + fewer < 2 * np.log(MIN_ODDS):
+    fewer = UNKNOWNS * (len(bumps) - 1) * np.log(count)
+    if (as_balls - as_line) / scatter + fewer < 2 * np.log(MIN_ODDS):
         return None
     angle, at, width = tried
     across = _across(seen.place_m, angle)
-    _, height, height_sd = _fit(seen, bump(across, at, width)[:, None])
+    _, height, height_sd = _fit(seen, shape(across, at, width)[:, None])
     alone, *_ = _fit(seen, np.empty((count, 0)))
     lines = len(ANGLES_RAD) / FINER * np.ptp(across) / seen.spacing_m
     p_value = chance(alone, as_line, UNKNOWNS, count - seen.base.shape[1], round(lines))
     near = at + seen.spacing_m * np.linspace(-1, 1, 81)
-    left = [_fit(seen, bump(across, one, width)[:, None])[0] for one in near.tolist()]
+    left = [_fit(seen, shape(across, one, width)[:, None])[0] for one in near.tolist()]
     inside = near[np.array(left) < as_line + NORMAL_95**2 * scatter].tolist()
     reach = max(abs(one - at) for one in [*inside, at + seen.spacing_m / 80])
     course = _crossed(seen.place_m, angle, at)
@@ -96,7 +98,7 @@ def _best_line(seen: Map) -> tuple[float, tuple[float, float, float]]:
         across = _across(seen.place_m, angle)
         at = np.arange(across.min(), across.max(), seen.spacing_m / FINER)
         lines = np.zeros((len(rest), len(at), len(widths)))
-        shapes = bump(across[:, None, None], at[:, None], widths)
+        shapes = shape(across[:, None, None], at[:, None], widths)
         lines[: len(across)] = shapes / seen.sd[:, None, None]
         flat = lines.reshape(len(rest), -1)
         flat -= q @ (q.T @ flat)
@@ -110,14 +112,14 @@ def _best_line(seen: Map) -> tuple[float, tuple[float, float, float]]:
     return best, tried
 
 
-def on_ridge(seen: Map, ridge: Ridge, place_m: Array) -> Spot:
-    """The height of ``ridge`` in another map, as that of a spot at ``place_m`` (2,)."""
+def on_ridge(seen: Map, ridge: Ridge, place_m: Array) -> Bump:
+    """The height of ``ridge`` in another map, as that of a bump at ``place_m`` (2,)."""
     left, height, sd = _fit(seen, ridge.shape(seen.place_m)[:, None])
     scatter = max((left + TRUSTED) / (len(seen.value) + TRUSTED), 1.0)
     nearest = int(np.argmin(np.hypot(*(seen.place_m - place_m).T)))
     under = float(seen.value[nearest] - height * ridge.shape(seen.place_m)[nearest])
     reach = np.full(2, ridge.reach_m)
-    return Spot(place_m, reach, height, sd * float(np.sqrt(scatter)), ridge.half_width_m, under,
+    return Bump(place_m, reach, height, sd * float(np.sqrt(scatter)), ridge.half_width_m, under,
                 ridge.p_value)  # fmt: skip
 
 

@@ -8,7 +8,8 @@ from probe.detection.finding import ObjectFinding
 from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_STATIONS, evenness, find_bumps
 from probe.detection.map.row_objects import Line
-from probe.detection.map.row_shapes import level_of, shape, surroundings, weighted, with_edges
+from probe.detection.map.row_shapes import level_of, shape, surroundings, with_edges
+from probe.detection.map.seen_map import weighted
 from probe.detection.map.vessel_tracking import across_rows
 from probe.detection.repeats import pitch_m
 
@@ -37,8 +38,7 @@ def beside_named(line: Line, named: list[ObjectFinding], chance: float) -> list[
     for one in named:
         tried = [np.column_stack([under, shape(x_m, one.position_m, w)]) for w in widths_m]
         under = min(tried, key=lambda base: _left(line, base))
-    found = find_bumps(x_m, line.level_pa, line.level_sd_pa, under, chance, most=1).bumps
-    for bump in found:
+    for bump in find_bumps(line.levels(under), chance, most=1):
         near = min(abs(bump.x_m - one.position_m) for one in named)
         at = int(np.argmin(np.abs(x_m - bump.x_m)))
         higher_pa = float(line.level_pa[at] - np.median(line.level_pa))
@@ -50,7 +50,7 @@ def beside_named(line: Line, named: list[ObjectFinding], chance: float) -> list[
 
 def _left(line: Line, base: Array) -> float:
     """What ``base`` leaves of a row's level, weighted and squared."""
-    *_, left = weighted(line.x_m, line.level_pa, line.level_sd_pa, base, [])
+    *_, left = weighted(line.levels(base), [])
     return float(left @ left)
 
 
@@ -72,11 +72,11 @@ def doubtful(
         lump_pa = LUMP_SHARE * level_of(line.level_pa)
         if len(line.x_m) < MIN_STATIONS or not least > lump_pa:
             continue
-        row = line.x_m, line.level_pa, line.level_sd_pa, surroundings(line.x_m)
+        row = line.levels(surroundings(line.x_m))
         chance = DOUBT / len(lines)
-        high_pa = lump_pa if evenness(*row) < chance else np.inf
+        high_pa = lump_pa if evenness(row) < chance else np.inf
         bumps = [
-            bump for bump in find_bumps(*row, false_alarm=1.0, most=1).bumps
+            bump for bump in find_bumps(row, false_alarm=1.0, most=1)
             if bump.p_value <= chance
             or abs(bump.height) > max(high_pa, NORMAL_95 * bump.height_sd)
         ]  # fmt: skip

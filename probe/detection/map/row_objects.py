@@ -15,11 +15,11 @@ from probe.detection.map.bumps import (
     MIN_DISTANCE,
     MIN_STATIONS,
     Bump,
-    Row,
     at_places,
     find_bumps,
 )
 from probe.detection.map.row_shapes import floor, shape, surroundings
+from probe.detection.map.seen_map import Map, row_of
 from probe.detection.map.sideways import reach_inwards_m
 from probe.detection.pulse.pooled_evidence import hidden
 from probe.detection.pulse.presses import Press
@@ -61,6 +61,10 @@ class Line:
     pulse_sd_pa: Array
     searches: tuple[tuple[Search, ...], ...]
     depth_m: float
+
+    def levels(self, base: Array) -> Map:
+        """The map of its levels over the columns ``base`` (n, k)."""
+        return row_of(self.x_m, self.level_pa, self.level_sd_pa, base)
 
 
 @dataclass(frozen=True)
@@ -119,11 +123,11 @@ def objects_in(
     """
     if len(line.x_m) < MIN_STATIONS:
         return []
-    base = under(line.x_m)
-    levels = find_bumps(line.x_m, line.level_pa, line.level_sd_pa, base, false_alarm / 2)
+    seen = line.levels(under(line.x_m))
+    bumps = find_bumps(seen, false_alarm / 2)
     beats = _beats(line, false_alarm / 2) if pulse is not None else ()
-    places = _together(levels.bumps, beats, pitch_m(line.x_m))
-    return [_object(place, line, pulse, beats, levels, base) for place in places]
+    places = _together(bumps, beats, pitch_m(line.x_m))
+    return [_object(place, line, pulse, beats, seen, bumps) for place in places]
 
 
 def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
@@ -131,14 +135,21 @@ def _beats(line: Line, false_alarm: float) -> tuple[Bump, ...]:
     x_m, pulse_pa = line.x_m, line.pulse_pa
     # a hold shorter than a beat may say too little doubt: none counts more than the usual one
     own_pa = np.maximum(line.pulse_sd_pa, np.median(line.pulse_sd_pa))
-    sd_pa, base = np.hypot(own_pa, BEAT_SCATTER * pulse_pa.max()), floor(x_m)
+    sd_pa = np.hypot(own_pa, BEAT_SCATTER * pulse_pa.max())
+    seen = row_of(x_m, pulse_pa, sd_pa, floor(x_m))
     for chance, most in ((false_alarm, MAX_OBJECTS), (1.0, 1)):
-        found = find_bumps(x_m, pulse_pa, sd_pa, base, chance, most, rising=True).bumps
+        found = find_bumps(seen, chance, most, rising=True)
         if rising := tuple(bump for bump in found if bump.height > 0):
             return rising
-    k, pitch = int(np.argmax(pulse_pa)), pitch_m(x_m)
-    at, height_pa = float(x_m[k]), float(pulse_pa[k])
-    return (Bump(at, at - pitch, at + pitch, height_pa, float(sd_pa[k]), pitch, 1.0),)
+    return (largest(seen),)
+
+
+def largest(seen: Map) -> Bump:
+    """Where a map without a clear bump is highest: as wide, and as sure a place, as its presses are
+    apart."""
+    k, reach_m = int(np.argmax(seen.value)), np.full(seen.axes, seen.spacing_m)
+    return Bump(seen.place_m[k], reach_m, float(seen.value[k]), float(seen.sd[k]), seen.spacing_m,
+                0.0, 1.0)  # fmt: skip
 
 
 def _together(levels: tuple[Bump, ...], beats: tuple[Bump, ...], pitch: float) -> list[Place]:
@@ -155,8 +166,10 @@ def _together(levels: tuple[Bump, ...], beats: tuple[Bump, ...], pitch: float) -
 
 
 def _alone(bump: Bump, level: Bump | None, pulse: Bump | None) -> Place:
-    sd = (bump.x_high_m - bump.x_low_m) / (2 * NORMAL_95)
-    return Place(bump.x_m, sd, bump.x_low_m, bump.x_high_m, level, pulse)
+    reach_m = float(bump.reach_m[0])
+    return Place(
+        bump.x_m, reach_m / NORMAL_95, bump.x_m - reach_m, bump.x_m + reach_m, level, pulse
+    )
 
 
 def _joined(level: Bump, pulse: Bump) -> Place:
@@ -171,17 +184,15 @@ def _joined(level: Bump, pulse: Bump) -> Place:
 
 
 def _object(
-    place: Place, line: Line, moving: float | None, beats: tuple[Bump, ...], levels: Row,
-    base: Array,
+    place: Place, line: Line, moving: float | None, beats: tuple[Bump, ...], levels: Map,
+    bumps: tuple[Bump, ...],
 ) -> ObjectFinding:  # fmt: skip
     at = int(np.argmin(np.abs(line.x_m - place.x_m)))
-    level, bump = levels, place.level
+    bump = place.level
     if bump is None and place.pulse is not None:
-        every = (*levels.bumps, place.pulse)
-        level = at_places(line.x_m, line.level_pa, line.level_sd_pa, base, every)
-        bump = next(one for one in level.bumps if one.x_m == place.pulse.x_m)
+        bump = at_places(levels, (*bumps, place.pulse))[-1]
     assert bump is not None
-    ground, whole = float(level.background[at]), float(line.level_pa[at])
+    ground, whole = bump.background, float(line.level_pa[at])
     if min(ground, whole) <= 0:
         return _finding(place, bump.height, float(line.pulse_pa[at]), NO_LEVEL, line)
     # the top is measured: what is added to the bump is taken from the ground

@@ -29,13 +29,6 @@ def step(x_m: Array, middle: Array | float, width: Array | float) -> Array:
     return np.asarray(np.tanh((x_m - middle) / width))
 
 
-def slopes(x_m: Array, centre: float, half_width: float, tail: float = TAIL) -> Array:
-    """Derivatives (n, 2) of `shape` by its place and the logarithm of its width."""
-    u = (x_m - centre) / half_width
-    slope = 2 * u * (1 + u**2 / tail) ** -(tail + 1)
-    return np.column_stack([slope / half_width, slope * u])
-
-
 def surroundings(x_m: Array) -> Array:
     """Columns (n, 3 or 5) of a tilted, curved level, of 9 stations or more also its two edges."""
     columns = with_edges(x_m)
@@ -58,30 +51,3 @@ def floor(x_m: Array) -> Array:
 def level_of(value: Array) -> float:
     """The usual one, above 0 also where a sensor reads less than none."""
     return max(float(np.median(value)), LEAST_LEVEL * float(np.abs(value).max())) or 1.0
-
-
-def explained(a: Array, left: Array, columns: Array) -> tuple[Array, Array]:
-    """How much less of the residual ``left`` (n + p,), squared, each of ``columns`` (n, m) would
-    leave beside ``a`` (n + p, k), and at which height: (m,) each; all are weighted, and ``a`` ends
-    in the p rows of what holds it."""
-    own = np.zeros((len(a), columns.shape[1]))
-    own[: len(columns)] = columns
-    q, _ = np.linalg.qr(a)
-    own -= q @ (q.T @ own)
-    size = np.maximum((own**2).sum(axis=0), 1e-300)
-    height = left @ own / size
-    return size * height**2, height
-
-
-def weighted(
-    x_m: Array, value: Array, sd: Array, base: Array, known: list[tuple[float, float]],
-    tail: float = TAIL,
-) -> tuple[Array, Array, Array, Array]:  # fmt: skip
-    """Columns, and weighted with what holds them: columns, values, residual."""
-    columns = np.column_stack([base, *(shape(x_m, *one, tail) for one in known)])
-    held = np.array([0.0, 0.0, 1 / CURVATURE, 1 / EDGE, 1 / EDGE])[: base.shape[1]]
-    free = np.zeros(columns.shape[1] - len(held))
-    prior = np.diag(np.append(held, free)) / level_of(value)
-    a, b = np.vstack([columns / sd[:, None], prior]), np.append(value / sd, np.zeros(len(prior)))
-    q, _ = np.linalg.qr(a)
-    return columns, a, b, b - q @ (q.T @ b)

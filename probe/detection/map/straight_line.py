@@ -11,26 +11,27 @@ from probe.core.finding_words import percent
 from probe.detection.classify.classifier import ELSE, MIN_POSTERIOR, PRIOR
 from probe.detection.finding import ObjectFinding, stated
 from probe.detection.map.bump_fit import tried_m
-from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED
-from probe.detection.map.field import SPOT_UNKNOWNS, Map, shape, weighted
-from probe.detection.map.field_rivals import straight_rise
+from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, chance
+from probe.detection.map.rivals import DIRECTIONS, directions, rises_anywhere
 from probe.detection.map.row_doubts import LUMP_SHARE
-from probe.detection.map.row_shapes import explained, level_of
-from probe.detection.map.row_shapes import shape as bump
+from probe.detection.map.row_shapes import level_of, shape, step
+from probe.detection.map.seen_map import Map, bump_at, explained, weighted
 from probe.detection.pulse.presses import Press
 
 MIN_POINTS = 3
 """Of a course: two are always on a line."""
 ELSE_OF_A_LINE = PRIOR[ELSE] / (PRIOR[ELSE] + PRIOR["tumour"])
 """Of what is as stiff from one edge of a map to the other, and does not pulse."""
+WIDE = 4
+"""Directions that differ by less than a ridge's width shows: a twelfth of half a turn each."""
 SWEEPS = 2
 """Through all lumps of a grid, each fitted beside what the others were fitted as."""
 
 
 def unnamed_line(judged: Sequence[Press], levels: Map, false_alarm: float) -> list[ObjectFinding]:
-    """What is as high as a lump in a map without spots, but straight, undecided."""
-    chance, height_pa = straight_rise(levels) if levels.spacing_m > 0 else (1.0, 0.0)
-    if chance > false_alarm or abs(height_pa) < LUMP_SHARE * level_of(levels.value):
+    """What is as high as a lump in a map without bumps, but straight, undecided."""
+    p_value, height_pa = _straight_rise(levels) if levels.spacing_m > 0 else (1.0, 0.0)
+    if p_value > false_alarm or abs(height_pa) < LUMP_SHARE * level_of(levels.value):
         return []
     x_m, word = levels.place_m[:, 0], "stiffer" if height_pa > 0 else "softer"
     return [ObjectFinding(
@@ -40,6 +41,23 @@ def unnamed_line(judged: Sequence[Press], levels: Map, false_alarm: float) -> li
         "over a bone, a tendon or a step of the surface: press as deep from where the surface is "
         "at each station, and farther to all sides",
     )]  # fmt: skip
+
+
+def _straight_rise(seen: Map) -> tuple[float, float]:
+    """The chance of a step or ridge as clear as the clearest anywhere in a map that has none, and
+    its height, negative where it is a furrow."""
+    _, a, _, left = weighted(seen, [])
+    before, most, rise_pa = float(left @ left), 0.0, 0.0
+    for along_m in directions(seen).T:
+        for form in (shape, step):
+            columns = rises_anywhere(along_m, seen.spacing_m, form)[:, :, 0].T
+            drop, height = explained(a, left, columns / seen.sd[:, None])
+            if drop.max() > most:
+                k = int(np.argmax(drop))
+                most, rise_pa = float(drop[k]), float(height[k] * np.ptp(columns[:, k]))
+    lines = DIRECTIONS / WIDE * seen.span_m / seen.spacing_m
+    dof = len(seen.value) - seen.base.shape[1]
+    return chance(before, before - most, seen.unknowns, dof, 2 * lines), rise_pa
 
 
 def or_lines(
@@ -56,7 +74,7 @@ def or_lines(
     lines = [_lines(levels, group) for group in groups]
     beside = [_balls(levels, [one]) for one in rest]
     as_lines = _left(levels, [*lines, *beside])
-    dof = max(len(levels.value) - levels.base.shape[1] - SPOT_UNKNOWNS * len(named), 1)
+    dof = max(len(levels.value) - levels.base.shape[1] - levels.unknowns * len(named), 1)
     scatter = max((as_lines + TRUSTED) / (dof + TRUSTED), 1.0)
     found = rest
     for k, group in enumerate(groups):
@@ -97,7 +115,7 @@ def _balls(levels: Map, some: list[ObjectFinding]) -> Array:
     widths_m = tried_m(levels.spacing_m, levels.span_m)
     points_m = _points(some) if some[0].course else levels.place_m
     return np.column_stack([
-        shape(levels.place_m, np.append(place_m, w)) for place_m in points_m for w in widths_m
+        bump_at(levels.place_m, np.append(place_m, w)) for place_m in points_m for w in widths_m
     ])  # fmt: skip
 
 
@@ -108,7 +126,7 @@ def _lines(levels: Map, some: list[ObjectFinding]) -> Array:
     across = np.linalg.svd(points_m - middle_m, full_matrices=False)[2][1]
     aside_m = (levels.place_m - middle_m) @ across
     widths_m = tried_m(levels.spacing_m, levels.span_m)
-    return bump(aside_m[:, None], 0.0, widths_m)
+    return shape(aside_m[:, None], 0.0, widths_m)
 
 
 def _left(levels: Map, sets: list[Array]) -> float:

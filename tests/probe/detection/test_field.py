@@ -11,7 +11,8 @@ from drivers.core.arrays import Array
 from probe.core.finding_words import object_line
 from probe.core.recording import Recording
 from probe.detection import detect
-from probe.detection.map.field import find_spots, map_of, spacing_m
+from probe.detection.map.area import map_of, spacing_m
+from probe.detection.map.bumps import find_bumps
 
 BALL_MM = (22.0, 17.0)
 
@@ -210,7 +211,7 @@ def test_a_large_map_takes_no_more_memory_than_a_small_one() -> None:
     bump = 3000 * np.exp(-((place_m - 0.04) ** 2).sum(axis=1) / 0.006**2)
     seen = map_of(place_m, level + bump, np.full(400, 100.0))
     tracemalloc.start()
-    (spot,) = find_spots(seen, 0.02)
+    (spot,) = find_bumps(seen, 0.02)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert most < 30e6
@@ -224,5 +225,5 @@ def test_false_spots_are_as_rare_as_stated() -> None:
     for _ in range(40):
         place_m = rng.uniform(0, 0.04, (30, 2))
         level = 9000 * (1 + 3 * place_m[:, 0]) * (1 + 0.03 * rng.standard_normal(30))
-        wrong += len(find_spots(map_of(place_m, level, np.full(30, 100.0)), 0.1)) > 0
+        wrong += len(find_bumps(map_of(place_m, level, np.full(30, 100.0)), 0.1)) > 0
     assert wrong <= 9
