@@ -1,15 +1,18 @@
 """Any Modbus sensor whose registers the rig file names: RTU over a serial line, or TCP.
 
 All registers are read in one request, so that one sample's values belong together. There are no
-retries: on a serial line a reply that comes late would be taken for the answer to the next
-request. So after a request that nothing answered the line is left alone for `LATE_S`, and after
-every failed one it is opened anew.
+retries, and after every failed request the line is opened anew, where nothing was heard after
+`LATE_S`. An answer on a serial line does not say which registers it has: it may come at any time
+later, and to another table of the same device. Devices answer in order. So after a failed request
+a device is first asked for a number of registers that no table on its line has: once this is
+answered, nothing that was asked before can still come.
 """
 
 import logging
 import math
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Sequence
 from typing import Annotated, Literal, Self
 from weakref import WeakValueDictionary
@@ -17,7 +20,7 @@ from weakref import WeakValueDictionary
 from pydantic import Field, model_validator
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 from pymodbus.exceptions import ModbusException
-from pymodbus.framer import FramerType
+from pymodbus.framer import FramerRTU, FramerType
 from pymodbus.pdu import ModbusPDU
 
 from drivers.core.channel_table import ChannelTable
@@ -33,6 +36,7 @@ LEAST = 1e-30
 """No sensor measures so little: whole numbers that are read as floats are from 1e-45 on."""
 MAX_FAILED = 3
 LATE_S = 0.5
+REFUSED = (1, 2, 3)  # function, address, count: it will never answer otherwise
 BUSY = {5: "acknowledged, not done yet", 6: "busy"}
 BUSY_S = 0.2  # a scan ends sooner than this only for a line or an answer that is wrong
 SHOWN_BYTES = 12
@@ -96,6 +100,8 @@ class Bus:
     def __init__(self, client: Client) -> None:
         self.client = client
         self.turn = threading.Lock()
+        self.counts: defaultdict[int, set[int]] = defaultdict(set)  # registers asked, by device
+        self.owing: set[int] = set()  # devices that may still answer an earlier request
         self._users = 0
 
     def enter(self) -> bool:
@@ -149,6 +155,7 @@ class ModbusSource:
         self._name = name
         self._bus = bus
         self._client = client = bus.client
+        self._serial = isinstance(client.transaction.framer, FramerRTU)  # no number of a request
         self._sent = self._heard = b""
         self._good_s = clock.now()
         self._registers = registers
@@ -162,6 +169,7 @@ class ModbusSource:
         self._ask, self._table = tables[table], table
         self._due_s = clock.now()
         self._failed = 0
+        bus.counts[device_id].add(self._count)
         if not bus.enter():
             raise DeviceAbsent(name, f"nothing to connect to at {client.comm_params.host}")
 
@@ -182,6 +190,9 @@ class ModbusSource:
         missed = max(math.floor((asked_s - self._due_s) / self._period_s), 0)
         self._due_s += (1 + missed) * self._period_s
         try:
+            if self._owed():
+                self._recover("late answers to earlier requests")
+                return []
             reply = self._ask(self._first, count=self._count, device_id=self._device_id)
         except (ModbusException, OSError) as error:
             self._recover(self._no_answer(str(error)))
@@ -198,6 +209,20 @@ class ModbusSource:
         lost, self._failed = missed + self._failed, 0
         self._good_s = middle_s
         return [Sample(middle_s - self._latency_s, values, lost)]
+
+    def _owed(self) -> bool:
+        """Whether the device may still answer an earlier request, after asking it what no table
+        on its line asks."""
+        if self._device_id not in self._bus.owing:
+            return False
+        others = self._bus.counts[self._device_id]
+        count = next(n for n in range(1, len(others) + 2) if n not in others)
+        reply = self._ask(self._first, count=count, device_id=self._device_id)
+        refused = getattr(reply, "exception_code", 0) in REFUSED
+        if refused or (not reply.isError() and len(reply.registers) == count):
+            self._bus.owing.discard(self._device_id)
+            return False
+        return True
 
     def _no_number(self, values: list[float]) -> list[Sample]:
         """A device that has no reading says not-a-number: the line is well, the sample lost."""
@@ -243,7 +268,7 @@ class ModbusSource:
     def _wrong(self, reply: ModbusPDU) -> str | None:
         if reply.isError():
             code = getattr(reply, "exception_code", 0)
-            if code in (1, 2, 3):  # it will never answer otherwise
+            if code in REFUSED:
                 first, last = self._first, self._first + self._count - 1
                 raise DeviceFault(
                     self._name, f"refuses registers {first} to {last} (Modbus exception {code})"
@@ -275,7 +300,10 @@ class ModbusSource:
         self._failed += 1
         if self._failed >= MAX_FAILED:
             raise DeviceFault(self._name, f"{MAX_FAILED} polls in a row failed: {why}")
-        if not self._heard:
+        late = self._device_id in self._bus.owing
+        if self._serial:
+            self._bus.owing.add(self._device_id)
+        if late or not self._heard:
             time.sleep(LATE_S)
         _close(self._client)
         if not self._client.connect():

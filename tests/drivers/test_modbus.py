@@ -254,7 +254,8 @@ def frame(body: bytes) -> bytes:
 
 
 class Answers:
-    """Answers each request for one register of device 1 with what the test has."""
+    """Answers each request for one register of device 1 with what the test has. Where that is a
+    reading, requests for more are refused."""
 
     faults = ()
 
@@ -262,6 +263,8 @@ class Answers:
         self.answers, self.asked = list(answers), 0
 
     def received(self, data: bytes) -> bytes:
+        if data[5] != 1 and READING in self.answers:
+            return frame(b"\x01\x83\x02")
         self.asked += 1
         return self.answers[(self.asked - 1) % len(self.answers)] or data
 
@@ -269,6 +272,59 @@ class Answers:
         return b""
 
     def fail(self, _fault: str) -> None: ...
+
+
+class Slow:
+    """Answers in order, what was asked last ``late_s`` late once: register 0 is 1, 10 is 7."""
+
+    faults = ()
+
+    def __init__(self, late_s: float) -> None:
+        self.late_s, self.queue = late_s, list[tuple[float, bytes]]()
+
+    def received(self, data: bytes) -> bytes:
+        first, count = struct.unpack(">HH", data[2:6])
+        words = struct.pack(f">{count}H", *([7 if first else 1] * count))
+        ready_s = time.monotonic() + self.late_s
+        self.late_s = 0.0
+        if self.queue:
+            ready_s = max(ready_s, self.queue[-1][0])
+        self.queue.append((ready_s, frame(bytes([1, 3, 2 * count]) + words)))
+        return self.due()
+
+    def due(self) -> bytes:
+        answer = b""
+        while self.queue and self.queue[0][0] <= time.monotonic():
+            answer += self.queue.pop(0)[1]
+        return answer
+
+    def fail(self, _fault: str) -> None: ...
+
+
+@pytest.mark.parametrize("late_s", [0.4, 0.95, 1.7])
+def test_two_tables_on_one_port_never_have_each_others_numbers(late_s: float) -> None:
+    """An answer that came later than the line was left alone was another table's force."""
+    slow = Slow(0.0)
+    with served(slow, "pty", "modbus") as device:
+        bus = rtu_bus(device.address, 19200, "N", 1, 0.3)
+        tables = {
+            value: ModbusSource(
+                WallClock(), "m", bus, [Register(name="n", address=at, unit="-")], 1, "holding",
+                "ABCD", 0.02, 0.0,
+            )
+            for at, value in ((0, 1.0), (10, 7.0))
+        }  # fmt: skip
+        for late in (0.0, late_s):
+            slow.late_s = late
+            heard: dict[float, list[float]] = {1.0: [], 7.0: []}
+            end_s = time.monotonic() + 0.5 + 2 * late
+            while time.monotonic() < end_s:
+                for value, source in tables.items():
+                    with suppress(DeviceFault):
+                        heard[value] += [v for sample in source.read() for v in sample.values]
+            assert all(set(values) == {value} for value, values in heard.items())
+        for source in tables.values():
+            source.close()
 
 
 READING, ECHO = frame(b"\x01\x03\x02\x00\x07"), b""
