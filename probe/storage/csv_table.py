@@ -87,7 +87,7 @@ def cut(table: Table) -> CsvRecording:
     notes = list(table.notes)
     if table.left_out:
         notes.append(f"columns left out: {', '.join(table.left_out)}")
-    presses = _once(_presses(table.rows, len(table.channels), notes), notes)
+    presses = _once(_presses(_in_order(table.rows, notes), len(table.channels), notes), notes)
     presses = _apart(presses, notes)
     if len(presses) == 1 and (places := _places_in_one(table.rows)):
         notes.append(f"{places}: are they in metres?")
@@ -100,6 +100,26 @@ def cut(table: Table) -> CsvRecording:
         tuple(notes),
         table.sha256,
     )
+
+
+def _in_order(rows: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+    """With times that ascend within each station; without stations a clock that starts anew goes
+    on where it was."""
+    time_s = _whole(rows, "time_s").copy()
+    labels = rows["station"].to_numpy(np.float64) if "station" in rows else np.zeros(len(rows))
+    steps_s = np.diff(time_s)
+    back = np.flatnonzero((steps_s < 0) & (np.diff(labels) == 0)) + 1
+    if not len(back):
+        return rows
+    step_s = float(np.median(steps_s[steps_s > 0])) if (steps_s > 0).any() else 0.0
+    if "station" not in rows and (time_s[back] <= time_s[0] + step_s).all():
+        for at in back:
+            time_s[at:] += time_s[at - 1] + step_s - time_s[at]
+        notes.append(f"the times start anew {len(back)} times; each is put after the one before")
+        return rows.assign(time_s=time_s)
+    notes.append(f"{len(back)} times go back; the samples are put in the order of their times")
+    stretch = np.concatenate([[0], np.cumsum(np.diff(labels) != 0)])
+    return rows.iloc[np.lexsort((time_s, stretch))].reset_index(drop=True)
 
 
 def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press]:
@@ -125,12 +145,6 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
                 f"row {first + 2}: station {number} again; its rows must follow each other"
             )
         steps = np.diff(times)
-        if (steps < 0).any():
-            row = first + 1 + int(np.flatnonzero(steps < 0)[0])
-            raise CsvError(
-                f"row {row + 2}, column 'time_s': {time_s[row]:g} goes back; times must ascend "
-                "within a station"
-            )
         fresh = np.append(True, steps > 0)
         values = rows[[signal(n) for n in range(channels)]].to_numpy(np.float64)
         clipped = rows[[saturated(n) for n in range(channels)]].to_numpy(np.float64) > 0

@@ -83,29 +83,17 @@ def read_foreign(
     for name in rows:
         check_size(rows[name].to_numpy(), str(name), UNITS.get(str(name), ""))
     names = tuple(map(str, rows))
-    rows = in_order(rows, notes)
+    rows = timed(rows, notes)
     rows = rows.rename(columns={given[0]: signal(0)}).assign(**{saturated(0): 0.0})
     return Table(rows, (SIGNALS[given[0]],), names, sha256=digest, notes=tuple(notes))
 
 
-def in_order(rows: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
-    """With ascending times: a clock that starts anew goes on where it was, others are sorted."""
-    time_s = rows["time_s"].to_numpy(np.float64).copy()
-    if not np.isfinite(time_s).all():
-        notes.append(f"{int((~np.isfinite(time_s)).sum())} rows without a time are left out")
-        rows, time_s = rows[np.isfinite(time_s)], time_s[np.isfinite(time_s)]
-    steps_s = np.diff(time_s)
-    back = np.flatnonzero(steps_s < 0) + 1
-    if not len(back):
-        return rows
-    step_s = float(np.median(steps_s[steps_s > 0])) if (steps_s > 0).any() else 0.0
-    if (time_s[back] <= time_s[0] + step_s).all():
-        for at in back:
-            time_s[at:] += time_s[at - 1] + step_s - time_s[at]
-        notes.append(f"the times start anew {len(back)} times; each is put after the one before")
-        return rows.assign(time_s=time_s)
-    notes.append(f"{len(back)} times go back; the samples are put in the order of their times")
-    return rows.sort_values("time_s", kind="stable", ignore_index=True)
+def timed(rows: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
+    """Those that have a time."""
+    known = np.isfinite(rows["time_s"].to_numpy(np.float64))
+    if not known.all():
+        notes.append(f"{int((~known).sum())} rows without a time are left out")
+    return rows[known]
 
 
 def _mapped(groups: list[Group], mapping: dict[str, str], rate_hz: float | None) -> pd.DataFrame:

@@ -19,7 +19,7 @@ from drivers.core.extras import needs
 from probe.core.contact_stress import tactile_or_none
 from probe.core.places import planned
 from probe.storage.import_device import Device, face_mm2_of, judged, placed
-from probe.storage.import_foreign import in_order
+from probe.storage.import_foreign import timed
 from probe.storage.import_table import (
     DEPTH,
     PHASE,
@@ -85,7 +85,7 @@ def read_mcap(source: Path, topic: str | None) -> Table:
     table = pd.DataFrame(rows, columns=["time_s", signal(0)], dtype=float)
     check_size(table["time_s"].to_numpy(), f"time of {chosen[0]}", "s")
     check_size(table[signal(0)].to_numpy(), f"force.z of {chosen[0]}", "N")
-    table = in_order(table, notes).assign(**{saturated(0): 0.0})
+    table = timed(table, notes).assign(**{saturated(0): 0.0})
     return Table(table, (SIGNALS["force_n"],), ("force_n",), notes=tuple(notes))
 
 
