@@ -93,7 +93,8 @@ def timed(rows: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
     known = np.isfinite(rows["time_s"].to_numpy(np.float64))
     if not known.all():
         notes.append(f"{int((~known).sum())} rows without a time are left out")
-    return rows[known]
+    kept: pd.DataFrame = rows[known]
+    return kept
 
 
 def _mapped(groups: list[Group], mapping: dict[str, str], rate_hz: float | None) -> pd.DataFrame:
