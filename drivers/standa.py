@@ -9,6 +9,7 @@ import threading
 from collections.abc import Mapping
 from typing import Any
 
+from drivers.core.abilities import StopMeans
 from drivers.core.errors import ConfigError, DeviceAbsent, DeviceFault
 from drivers.core.extras import require_library
 from drivers.core.protocols import Clock, Pose
@@ -23,6 +24,9 @@ from drivers.core.stage_limits import (
     check_way,
 )
 
+ANSWER_S = 0.2
+"""To hear a command of each of three axes and to read that they rest: the virtual axes take 1 ms
+each, a USB controller a few; nothing but the next, harder stop depends on it."""
 LOST = (ConnectionError, OSError, RuntimeError, ValueError)
 """What libximc raises where an axis does not answer or refuses."""
 
@@ -112,11 +116,26 @@ class StandaStage:
     def stop(self) -> None:
         """Slow every axis down at its acceleration."""
         self._stops += 1
+        self._each("command_sstp")
+
+    def _each(self, command: str) -> None:
         for device in list(self._open.values()):
             try:
-                device.command_sstp()
+                getattr(device, command)()
             except LOST:
                 continue  # a lost axis shows in `moving`; the others must still be stopped
+
+    def stop_means(self) -> tuple[StopMeans, ...]:
+        """`stop`, and the immediate one (STOP), which a stepping motor may lose steps by."""
+        brakes_s = self._max_speed_mm_s / self._acceleration_mm_s2
+        return (
+            StopMeans("soft stop (SSTP)", self.stop, ANSWER_S + brakes_s),
+            StopMeans("immediate stop (STOP)", self._stop_at_once, ANSWER_S),
+        )
+
+    def _stop_at_once(self) -> None:
+        self._stops += 1
+        self._each("command_stop")
 
     def close(self) -> None:
         """Stop and release every axis."""

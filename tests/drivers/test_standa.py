@@ -49,11 +49,15 @@ def test_the_axes_arrive_together_on_a_straight_way(stage: StandaStage) -> None:
     assert stage.pose() == pytest.approx(target, abs=1e-8)
 
 
-def test_a_stop_ends_all_axes_and_the_next_move_starts_from_there(stage: StandaStage) -> None:
+@pytest.mark.parametrize("harder", [0, 1])
+def test_a_stop_ends_all_axes_and_the_next_move_starts_from_there(
+    stage: StandaStage, harder: int
+) -> None:
     stage.move(Pose(0.010, 0.0, 0.002), 0.005)
     time.sleep(0.3)
-    threading.Thread(target=stage.stop).start()
-    time.sleep(0.1)
+    means = stage.stop_means()[harder]
+    threading.Thread(target=means.call).start()
+    time.sleep(means.within_s)
     assert not stage.moving()
     rested = stage.pose()
     assert 0.001 < math.hypot(rested.x, rested.z) < 0.003
