@@ -45,13 +45,13 @@ def send(sender: "pylsl.StreamOutlet", clock: WallClock, count: int) -> list[flo
 
 
 @contextmanager
-def sending(sender: "pylsl.StreamOutlet") -> Iterator[None]:
+def sending(sender: "pylsl.StreamOutlet", value: float = -1.0) -> Iterator[None]:
     """Within: a sample every 10 ms, since a sensor is there once a first one has come."""
     stop = threading.Event()
 
     def send_on() -> None:
         while not stop.is_set():
-            sender.push_sample([-1.0, -1.0])
+            sender.push_sample([value, value])
             time.sleep(0.01)
 
     thread = threading.Thread(target=send_on)
@@ -136,10 +136,14 @@ def test_a_stream_is_found_by_its_source_id_among_others(name: str) -> None:
         WallClock(), stream=name, source_id="right", channel=[PPG, FORCE], rate_hz=RATE_HZ
     )
     try:
-        with sending(senders["right"]):
-            sensor.connect()  # a first sample has come, which `left` never sent
+        with sending(senders["left"], 500.0), sending(senders["right"], 5000.0):
+            sensor.connect()
+            sensor.start()
+            time.sleep(0.3)
+            block = sensor.read()
     finally:
         sensor.close()
+    assert set(block.values[:, 1]) == {5.0}  # N, of `right`
 
 
 def test_a_text_stream_is_refused_in_words(name: str) -> None:
