@@ -43,8 +43,9 @@ from probe.scan.touching import find_surface
 TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
 DEEP_ENOUGH_M = 5e-6
 HOME_STOPS_S = 5.0
-# A ramp that is longer than planned by more than this is noted: a stage's acceleration and the
-# reports of its end take 0.1 s of the rigs in `rigs/`.
+# A ramp that is longer than planned by more than this is noted; nothing else depends on it. To
+# gather speed and to slow down take a ramp's speed over the acceleration (2.5 mm/s at 50 mm/s2, the
+# least that `drivers.core.line_stage` reckons with: 0.05 s), and its end is seen one report later.
 RAMP_SHARE, RAMP_LATE_S = 0.1, 0.1
 GIVE_UP_S = 30.0  # for a way out; the retreat itself is done long before, unless the stage hangs
 NOT_LIFTED = "the probe was not lifted"
