@@ -58,21 +58,74 @@ def test_a_certain_finding_is_not_called_certain() -> None:
     assert "99.9 %" in page("a run", reported, [], {}, {})
 
 
-@pytest.mark.parametrize("recording", [row(), grid()], ids=["row", "grid"])
+Reports = dict[str, Path]
+
+
+@pytest.fixture(scope="module")
+def reports(tmp_path_factory: pytest.TempPathFactory) -> Reports:
+    """Of a simulated row that was aborted, whose third pulse is bounded, and of a grid with a
+    vessel's course, in a file with an odd name: figures take a second to draw."""
+    config = started().config | {
+        "labels": {"operator": "Ann <A>", "specimen": "gel 3"},
+        "plan": {
+            "stations": [[0, 4.0, 0.0]], "indentation_mm": 2.5, "ramp_s": 1.0, "hold_s": 0.825,
+        },
+        "rig": {"stage": {"driver": "ur"}, "sensor": [{"driver": "ft300"}]},
+    }  # fmt: skip
+    begun, aborted = replace(started(), config=config), replace(row(), finish="aborted")
+    found: dict[str, dict[str, Any]] = {"row": finding(aborted), "grid": finding(grid())}
+    found["row"]["stations"][2]["pulse_below_pa"] = 240.0
+    found["grid"]["objects"][0]["course_mm"] = [[30.0, 0.0], [32.0, 16.0]]
+    out = {name: tmp_path_factory.mktemp(name) for name in found}
+    return {
+        "row": report(aborted, begun, found["row"], Path("a.run"), out["row"]),
+        "grid": report(grid(), started(), found["grid"], Path("<script>x.run"), out["grid"]),
+    }
+
+
+@pytest.mark.parametrize(("name", "title"), [("row", "Run a"), ("grid", "Run &lt;script&gt;x")])
 def test_the_page_needs_nothing_else_and_the_figures_lie_beside_it(
-    recording: Recording, tmp_path: Path
+    name: str, title: str, reports: Reports
 ) -> None:
-    path = report(recording, started(), finding(recording), Path("a.run"), tmp_path)
-    text = path.read_text()
+    """And text from a run cannot become markup."""
+    text = reports[name].read_text(encoding="utf-8")
     assert "Finding: artery" in text
     assert "31.40 to 32.60" in text
-    assert "<h1>Run a, 2026-01-01 00:00 UTC</h1>" in text
+    assert f"<h1>{title}, 2026-01-01 00:00 UTC</h1>" in text
+    assert "<script>" not in text
     assert not re.search(r"(?:src|href)=['\"]https?:", text)
     assert "prefers-color-scheme: dark" in text
     assert text.count("<svg") == 3
-    for name in ("tactile_map", "pulse_map", "force"):
+    for figure in ("tactile_map", "pulse_map", "force"):
         for ending in ("png", "svg", "pdf"):
-            assert (tmp_path / f"{name}.{ending}").stat().st_size > 1000
+            assert reports[name].with_name(f"{figure}.{ending}").stat().st_size > 1000
+
+
+def test_a_row_s_page_says_what_is_simulated_aborted_and_not_seen(reports: Reports) -> None:
+    text = reports["row"].read_text(encoding="utf-8")
+    assert "SIMULATED: virtual.force" in text
+    assert "This run was aborted" in text
+    assert "&lt;&nbsp;240.0" in text  # in one line, on a phone too
+    whole = reports["grid"].read_text(encoding="utf-8")
+    assert "SIMULATED: " not in whole
+    assert "aborted" not in whole
+
+
+def test_the_top_says_who_scanned_what_and_how(reports: Reports) -> None:
+    text = reports["row"].read_text(encoding="utf-8")
+    top = re.sub(r"<[^>]+>", "", text.split("class='about'>")[1].split("</p>")[0])
+    assert top == (
+        "operator Ann &lt;A&gt; &middot; specimen gel 3 &middot; stations 1 &middot; depth 2.5 mm "
+        "&middot; ramp 1 s &middot; hold 0.825 s &middot; rig ur + ft300"
+    )
+    assert text.index("class='about'") < text.index("Finding:")
+
+
+def test_a_grids_objects_leave_their_columns_to_a_phone(reports: Reports) -> None:
+    """The course had a column of its own, which pushed the confidence out of the screen."""
+    text = reports["grid"].read_text(encoding="utf-8")
+    assert "<p>artery: seen from x, y = 30.0, 0.0 to 32.0, 16.0 mm</p>" in text
+    assert "<td>seen" not in text
 
 
 @pytest.mark.parametrize("wrote", [".png", ".html"])
@@ -94,58 +147,6 @@ def test_a_full_disk_is_said_of_the_file_that_it_does_not_take(
         report(row(), started(), finding(row()), tmp_path / "a.run", tmp_path / "out")
     named = {".png": "map.png", ".html": "report.html"}[wrote]
     assert said.value.filename == str(tmp_path / "out" / named)
-
-
-def test_simulated_and_aborted_runs_say_so_on_the_page(tmp_path: Path) -> None:
-    recording = row()
-    aborted = Recording(
-        recording.stations, recording.channels, recording.simulated, FACE_M2, "aborted"
-    )
-    text = report(aborted, started(), finding(aborted), Path("a.run"), tmp_path).read_text()
-    assert "SIMULATED: virtual.force" in text
-    assert "This run was aborted" in text
-
-
-def test_the_top_says_who_scanned_what_and_how(tmp_path: Path) -> None:
-    config = started().config | {
-        "labels": {"operator": "Ann <A>", "specimen": "gel 3"},
-        "plan": {
-            "stations": [[0, 4.0, 0.0]],
-            "indentation_mm": 2.5,
-            "ramp_s": 1.0,
-            "hold_s": 0.825,
-        },
-        "rig": {"stage": {"driver": "ur"}, "sensor": [{"driver": "ft300"}]},
-    }
-    begun = replace(started(), config=config)
-    text = report(row(), begun, finding(row()), Path("a.run"), tmp_path).read_text("utf-8")
-    top = re.sub(r"<[^>]+>", "", text.split("class='about'>")[1].split("</p>")[0])
-    assert top == (
-        "operator Ann &lt;A&gt; &middot; specimen gel 3 &middot; stations 1 &middot; depth 2.5 mm "
-        "&middot; ramp 1 s &middot; hold 0.825 s &middot; rig ur + ft300"
-    )
-    assert text.index("class='about'") < text.index("Finding:")
-
-
-def test_text_from_a_run_cannot_become_markup(tmp_path: Path) -> None:
-    path = report(row(), started(), finding(row()), Path("<script>x</script>"), tmp_path)
-    assert "<script>" not in path.read_text()
-
-
-def test_a_bound_stays_in_one_line_on_a_phone(tmp_path: Path) -> None:
-    found: dict[str, Any] = finding(row())
-    found["stations"][2]["pulse_below_pa"] = 240.0
-    text = report(row(), started(), found, Path("a.run"), tmp_path).read_text(encoding="utf-8")
-    assert "&lt;&nbsp;240.0" in text
-
-
-def test_a_grids_objects_leave_their_columns_to_a_phone(tmp_path: Path) -> None:
-    """The course had a column of its own, which pushed the confidence out of the screen."""
-    found: dict[str, Any] = finding(grid())
-    found["objects"][0]["course_mm"] = [[30.0, 0.0], [32.0, 16.0]]
-    text = report(grid(), started(), found, Path("a.run"), tmp_path).read_text(encoding="utf-8")
-    assert "<p>artery: seen from x, y = 30.0, 0.0 to 32.0, 16.0 mm</p>" in text
-    assert "<td>seen" not in text
 
 
 def test_a_run_without_a_complete_station_is_refused_with_what_to_do(tmp_path: Path) -> None:
