@@ -175,7 +175,7 @@ def describe_press(found: dict[str, Any]) -> list[str]:
         lines.append(
             f"  {state['pressure_mmhg']:g} mmHg: {force}, contact stress "
             f"{state['contact_stress_pa']:.0f} Pa, von Mises {state['von_mises_pa']:.0f} Pa, "
-            f"touching {left:.2f} to {right:.2f} mm"
+            f"touching {left:.2f} to {right:.2f} mm, ± {state['contact_error_mm']:.2g}"
         )
     if found["pulse_n"] is not None:
         lowest, *_, highest = sorted(found["states"], key=lambda state: state["pressure_mmhg"])

@@ -189,7 +189,7 @@ def _cuts(
     cut = Cut(body)
 
     def shown(one: "Solution") -> _Shown:
-        left, right = contact_m(body, one)
+        left, right, _ = contact_m(body, one)
         return _Shown(cut.nodes_m, cut.triangles, cut.displacement_m(one), cut.von_mises_pa(one),
                       (1e3 * left, 1e3 * right))  # fmt: skip
 

@@ -76,17 +76,18 @@ def _averaged(nodes: Ints, values: Array, count: int) -> Array:
     return np.asarray(total / np.maximum(cells, 1))
 
 
-def contact_m(section: Section, solution: Solution) -> tuple[float, float]:
-    """Left and right end [m] of what the finger touches; twice its middle where nothing is.
+def contact_m(section: Section, solution: Solution) -> tuple[float, float, float]:
+    """Left and right end [m] of what the finger touches, twice its middle where nothing is, and
+    what either may be off by.
 
     An end lies half-way between the last node that is pressed and the next.
     """
     surface = section.mesh.surface
     pressed = np.flatnonzero(solution.multiplier[0] > 0)
     if not len(pressed):
-        return section.finger.x, section.finger.x
+        return section.finger.x, section.finger.x, 0.0
     x = section.mesh.nodes[surface, 0] + solution.displacement[surface, 0]
     first, last = pressed[0], pressed[-1]
     left = (x[first] + x[max(first - 1, 0)]) / 2
     right = (x[last] + x[min(last + 1, len(x) - 1)]) / 2
-    return float(left), float(right)
+    return float(left), float(right), float(max(x[first] - left, right - x[last]))

@@ -32,7 +32,8 @@ class State:
     """The answer at one lumen pressure, from what was ``solution``. A solid has no
     ``force_n_per_mm``: NaN.
 
-    ``force_n`` is the whole finger's. ``stable``: the body would stay so if it were nudged;
+    ``force_n`` is the whole finger's. ``contact_error_mm``: what either end of ``contact_mm`` may
+    be off by, between two nodes. ``stable``: the body would stay so if it were nudged;
     None where a solid's factors do not decide. ``gradient``, where it was asked for: how much
     ``force_n`` changes [N] for one more of each number of the scene, and of ``x_mm``,
     ``depth_mm`` and ``pressure_mmhg``, the contact as it is. ``taxels_n`` (rows, columns),
@@ -44,6 +45,7 @@ class State:
     force_n: float
     von_mises_pa: float
     contact_mm: tuple[float, float]
+    contact_error_mm: float
     min_jacobian: float
     stable: bool | None
     solution: Solution = field(repr=False)
@@ -145,7 +147,7 @@ class Press:
                 f"{s.pressure_mmhg:g}",
                 f"{s.force_n:.5g}",
                 f"{s.von_mises_pa:.0f}",
-                f"{s.contact_mm[0]:.2f} to {s.contact_mm[1]:.2f}",
+                f"{s.contact_mm[0]:.2f} to {s.contact_mm[1]:.2f} ± {s.contact_error_mm:.2g}",
             )
             for s in self.states
         ]
@@ -204,6 +206,7 @@ class Press:
                     "contact_stress_pa": stress_pa,
                     "von_mises_pa": s.von_mises_pa,
                     "contact_mm": list(s.contact_mm),
+                    "contact_error_mm": s.contact_error_mm,
                     "min_jacobian": s.min_jacobian,
                     "stable": s.stable,
                     **({} if s.gradient is None else {"gradient": dict(s.gradient)}),
@@ -327,6 +330,7 @@ def _states(
         State(
             pressure_mmhg, float(per_mm[k]), float(solved.force_n[k]),
             float(solved.von_mises_pa[k]), (float(contact_mm[k, 0]), float(contact_mm[k, 1])),
+            float(contact_mm[k, 2]),
             float(solved.least_volume_ratio[k]), solution.stable, solution,
             {key: float(value[k]) for key, value in by.items()} if gradient else None,
             None if on_taxels is None else on_taxels[k],

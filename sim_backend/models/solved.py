@@ -32,8 +32,12 @@ class BodyKind:
     element: Callable[[Scene], str]
     length_m: Callable[[Scene], float]
     von_mises_pa: Callable[[Any, Array], float]
-    contact_m: Callable[[Any, Solution, float], tuple[float, float]]
+    contact_m: Callable[[Any, Solution, float], tuple[float, float, float]]
     taxels_n: Callable[[Any, Solution, Array, Array, float], Array]
+
+
+def _around(x_m: float, radius_m: float, off_m: float) -> tuple[float, float, float]:
+    return x_m - radius_m, x_m + radius_m, off_m
 
 
 SECTION = BodyKind(
@@ -47,9 +51,7 @@ REVOLVED = BodyKind(
     best_element,
     lambda _: nan,
     stress.under_finger_pa,
-    lambda body, state, x_m: (
-        x_m - stress.contact_m(body, state)[1], x_m + stress.contact_m(body, state)[1]
-    ),
+    lambda body, state, x_m: _around(x_m, *stress.contact_m(body, state)[1:]),
     lambda body, state, across_m, along_m, _: turned_taxels_n(body, state, across_m, along_m),
 )  # fmt: skip
 SOLID = BodyKind(

@@ -27,10 +27,11 @@ def under_finger_pa(body: SolidBody, u: Array) -> float:
     return float(von_mises(f, body.shear[around][rows]).mean())
 
 
-def contact_m(body: SolidBody, solution: Solution) -> tuple[float, float]:
-    """Left and right end [m] of the nodes that the finger presses; twice its middle where none."""
+def contact_m(body: SolidBody, solution: Solution) -> tuple[float, float, float]:
+    """Left and right end [m] of the nodes that the finger presses, twice its middle where none, and
+    what either may be off by: an element."""
     pressed = body.surface[solution.multiplier[0] > 0]
     if not len(pressed):
-        return float(body.finger.under_m[0]), float(body.finger.under_m[0])
+        return float(body.finger.under_m[0]), float(body.finger.under_m[0]), 0.0
     x = body.wedges.nodes[pressed, 0] + solution.displacement[pressed, 0]
-    return float(x.min()), float(x.max())
+    return float(x.min()), float(x.max()), body.contact_m

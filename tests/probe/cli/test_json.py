@@ -252,6 +252,7 @@ def test_press(palpate) -> None:
     for state in reported["states"]:
         assert state["force_n_per_mm"] > 0
         assert state["contact_mm"][0] < 32 < state["contact_mm"][1]
+        assert 0 < state["contact_error_mm"] < 0.5
         assert {"von_mises_pa", "min_jacobian"} <= state.keys()
 
 

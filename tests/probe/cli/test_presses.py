@@ -47,7 +47,7 @@ def test_a_pulse_says_that_the_force_falls_while_the_pressure_rises() -> None:
 
     def said(*forces_n: float) -> str:
         state = {"force_n_per_mm": None, "contact_stress_pa": 1.0, "von_mises_pa": 1.0,
-                 "contact_mm": [1.0, 2.0]}  # fmt: skip
+                 "contact_mm": [1.0, 2.0], "contact_error_mm": 0.1}  # fmt: skip
         states = [state | {"pressure_mmhg": mmhg, "force_n": force_n}
                   for mmhg, force_n in zip((120.0, 80.0), forces_n, strict=True)]  # fmt: skip
         found = {"scene": "x", "x_mm": 1.0, "depth_mm": 1.0, "model": "solid", "element": "wedge",
