@@ -4,11 +4,9 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from probe.detection.map.bump_fit import NARROWEST, refined, widest_m
+from probe.detection.map.rivals import MAX_LOG_ODDS
 from probe.detection.map.row_shapes import OTHER_TAILS
 from probe.detection.map.seen_map import Map, slopes, weighted
-
-MAX_LOG_ODDS = 10.0
-"""Beyond these another shape is the only one."""
 
 
 def doubts(

@@ -10,17 +10,12 @@ from probe.core.finding_words import NORMAL_95
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.area import among
 from probe.detection.map.bump_fit import tried_m
-from probe.detection.map.bumps import TRUSTED, Bump, chance
+from probe.detection.map.bumps import PLACES, TRUSTED, Bump, chance
+from probe.detection.map.rivals import TURNS_RAD
 from probe.detection.map.row_shapes import shape
-from probe.detection.map.seen_map import Map, bump_at
+from probe.detection.map.seen_map import Map, bump_at, explained, weighted
 from probe.detection.repeats import distinct_m
 
-ANGLES_RAD = np.radians(np.arange(0.0, 180.0, 7.5))
-"""Directions that are tried: over five presses half a step is a third of their distance."""
-FINER = 4
-"""Lines that are tried across for each distance between presses."""
-UNKNOWNS = 4
-"""Of a line: direction, place, width and height; of a bump as many."""
 MIN_ODDS = 19.0
 """Of a line against bumps, to call it one: 95 %."""
 
@@ -54,7 +49,8 @@ class Ridge:
 
 
 def find_ridge(seen: Map, bumps: Sequence[Bump]) -> Ridge | None:
-    """The line that explains ``seen``; None where ``bumps``, each as if over a ball, do as well.
+    """The line that explains ``seen``; None where ``bumps``, each as if over a ball, do as well. It
+    has as many unknowns as a ball: direction, place, width and height.
 
     By likelihood, each unknown less for half the logarithm of the presses (Schwarz 1978).
     """
@@ -63,17 +59,17 @@ def find_ridge(seen: Map, bumps: Sequence[Bump]) -> Ridge | None:
     balls = [bump_at(seen.place_m, one.shape) for one in bumps]
     as_balls, *_ = _fit(seen, np.column_stack(balls))
     as_line, tried = _best_line(seen)
-    count, known = len(seen.value), UNKNOWNS + seen.base.shape[1]
+    count, known = len(seen.value), seen.unknowns + seen.base.shape[1]
     scatter = max((as_line + TRUSTED) / (count - known + TRUSTED), 1.0)
-    fewer = UNKNOWNS * (len(bumps) - 1) * np.log(count)
+    fewer = seen.unknowns * (len(bumps) - 1) * np.log(count)
     if (as_balls - as_line) / scatter + fewer < 2 * np.log(MIN_ODDS):
         return None
     angle, at, width = tried
     across = _across(seen.place_m, angle)
     _, height, height_sd = _fit(seen, shape(across, at, width)[:, None])
     alone, *_ = _fit(seen, np.empty((count, 0)))
-    lines = len(ANGLES_RAD) / FINER * np.ptp(across) / seen.spacing_m
-    p_value = chance(alone, as_line, UNKNOWNS, count - seen.base.shape[1], round(lines))
+    lines = len(TURNS_RAD) / PLACES * np.ptp(across) / seen.spacing_m
+    p_value = chance(alone, as_line, seen.unknowns, count - seen.base.shape[1], round(lines))
     near = at + seen.spacing_m * np.linspace(-1, 1, 81)
     left = [_fit(seen, shape(across, one, width)[:, None])[0] for one in near.tolist()]
     inside = near[np.array(left) < as_line + NORMAL_95**2 * scatter].tolist()
@@ -87,29 +83,20 @@ def find_ridge(seen: Map, bumps: Sequence[Bump]) -> Ridge | None:
 
 def _best_line(seen: Map) -> tuple[float, tuple[float, float, float]]:
     """What the best line that rises leaves of the map; its direction, place and half width."""
-    k = len(seen.prior_weight)
-    a = np.vstack([seen.base / seen.sd[:, None], np.diag(seen.prior_weight)])
-    q, _ = np.linalg.qr(a)
-    rest = np.append(seen.value / seen.sd, np.zeros(k))
-    rest -= q @ (q.T @ rest)
+    _, a, _, rest = weighted(seen, [])
     widths = tried_m(seen.spacing_m, seen.span_m)
-    best, tried = np.inf, (0.0, 0.0, 0.0)
-    for angle in ANGLES_RAD.tolist():
+    most, tried = 0.0, (0.0, 0.0, 0.0)
+    for angle in TURNS_RAD.tolist():
         across = _across(seen.place_m, angle)
-        at = np.arange(across.min(), across.max(), seen.spacing_m / FINER)
-        lines = np.zeros((len(rest), len(at), len(widths)))
-        shapes = shape(across[:, None, None], at[:, None], widths)
-        lines[: len(across)] = shapes / seen.sd[:, None, None]
-        flat = lines.reshape(len(rest), -1)
-        flat -= q @ (q.T @ flat)
-        along = rest @ flat
-        drop = np.where(along > 0, along**2, 0.0) / np.maximum((flat**2).sum(axis=0), 1e-300)
-        at_best = int(np.argmax(drop))
-        left = float(rest @ rest - drop[at_best])
-        if left < best:
-            place, width = np.unravel_index(at_best, (len(at), len(widths)))
-            best, tried = left, (angle, float(at[place]), float(widths[width]))
-    return best, tried
+        at = np.arange(across.min(), across.max(), seen.spacing_m / PLACES)
+        lines = shape(across[:, None, None], at[:, None], widths).reshape(len(across), -1)
+        drop, height = explained(a, rest, lines / seen.sd[:, None])
+        drop[height < 0] = 0.0
+        k = int(np.argmax(drop))
+        if drop[k] > most:
+            place, width = np.unravel_index(k, (len(at), len(widths)))
+            most, tried = float(drop[k]), (angle, float(at[place]), float(widths[width]))
+    return float(rest @ rest) - most, tried
 
 
 def on_ridge(seen: Map, ridge: Ridge, place_m: Array) -> Bump:
@@ -139,16 +126,11 @@ def _across(place_m: Array, angle: float) -> Array:
 def _fit(seen: Map, columns: Array) -> tuple[float, float, float]:
     """What the map's base and ``columns`` (n, k) leave of it, weighted and squared; the last one's
     height and its standard deviation."""
-    k = columns.shape[1]
-    a = np.vstack([
-        np.column_stack([seen.base, columns]) / seen.sd[:, None],
-        np.diag(np.append(seen.prior_weight, np.zeros(k))),
-    ])  # fmt: skip
-    b = np.append(seen.value / seen.sd, np.zeros(len(a) - len(seen.value)))
-    inverse = np.linalg.pinv(a)
-    found = inverse @ b
-    left = float(((b - a @ found) ** 2).sum())
-    return left, float(found[-1]), float(np.sqrt((inverse[-1] ** 2).sum()))
+    free = np.append(seen.prior_weight, np.zeros(columns.shape[1]))
+    whole = replace(seen, base=np.column_stack([seen.base, columns]), prior_weight=free)
+    _, a, b, left = weighted(whole, [])
+    last = np.linalg.pinv(a)[-1]
+    return float(left @ left), float(last @ b), float(np.linalg.norm(last))
 
 
 def _crossed(place_m: Array, angle: float, at: float) -> Array:

@@ -19,8 +19,8 @@ MIN_TURNS, PITCHES_OF_A_WAVE, TURNS_STEP = 1.5, 2.5, 0.125
 that differ by less than the step part by an eighth of a turn at most."""
 RISE_WIDTHS = (0.5, 1.0, 2.0, 4.0)
 """Of a step from one level to another, or of a ridge, in station distances."""
-DIRECTIONS = 24
-"""In which a rival is tried, over half a turn: none is more than 3.8 degrees off, which moves it by
+TURNS_RAD = np.pi / 24 * np.arange(24)
+"""In which a line is tried, over half a turn: none is more than 3.8 degrees off, which moves it by
 a quarter of the distance between presses at the rim of a map that is eight of them wide."""
 
 Rise = Callable[[Array, Array, Array], Array]
@@ -95,9 +95,8 @@ def rises_anywhere(x_m: Array, scale_m: float, rise: Rise) -> Array:
 
 
 def directions(seen: Map) -> Array:
-    """How far an area's presses lie along each of `DIRECTIONS` (n, directions) [m]."""
-    turns = np.pi / DIRECTIONS * np.arange(DIRECTIONS)
-    return np.asarray(seen.place_m @ np.array([np.cos(turns), np.sin(turns)]))
+    """How far an area's presses lie along each of `TURNS_RAD` (n, directions) [m]."""
+    return np.asarray(seen.place_m @ np.array([np.cos(TURNS_RAD), np.sin(TURNS_RAD)]))
 
 
 def _waves(x_m: Array, pitch_m: float) -> Array:

@@ -12,7 +12,7 @@ from probe.detection.classify.classifier import ELSE, MIN_POSTERIOR, PRIOR
 from probe.detection.finding import ObjectFinding, stated
 from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, chance
-from probe.detection.map.rivals import DIRECTIONS, directions, rises_anywhere
+from probe.detection.map.rivals import TURNS_RAD, directions, rises_anywhere
 from probe.detection.map.row_doubts import LUMP_SHARE
 from probe.detection.map.row_shapes import level_of, shape, step
 from probe.detection.map.seen_map import Map, bump_at, explained, weighted
@@ -55,7 +55,7 @@ def _straight_rise(seen: Map) -> tuple[float, float]:
             if drop.max() > most:
                 k = int(np.argmax(drop))
                 most, rise_pa = float(drop[k]), float(height[k] * np.ptp(columns[:, k]))
-    lines = DIRECTIONS / WIDE * seen.span_m / seen.spacing_m
+    lines = len(TURNS_RAD) / WIDE * seen.span_m / seen.spacing_m
     dof = len(seen.value) - seen.base.shape[1]
     return chance(before, before - most, seen.unknowns, dof, 2 * lines), rise_pa
 

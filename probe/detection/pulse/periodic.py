@@ -11,6 +11,7 @@ from probe.detection.pulse.beat_train import MEMORIES, Coarse, whiten
 from probe.detection.pulse.fit import harmonics
 from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH
 from probe.detection.pulse.possible_rates import weights
+from probe.detection.pulse.search import PHASES
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
 
 Likely = Callable[[Array], Array]
@@ -19,7 +20,6 @@ REFINED = 3
 """Rounds of narrowing a rate, each to an eighth: a strong line must be met within its doubt."""
 FINER = 17
 """Rates of such a round."""
-SHAPE_PHASES = 24
 
 
 def log_evidence(left: Array, n: int, unknowns: int | Ints) -> Array:
@@ -109,7 +109,7 @@ def _as_wave(hold: Coarse, waves: _Waves, memory: float) -> Array:
     samples show its first harmonic only, which any line has."""
     n, count = len(hold.signal), waves.seen.shape[1]
     beside, y = beside_of(hold, memory)
-    turn = np.linspace(0, 2 * np.pi, SHAPE_PHASES, endpoint=False)[:, None]
+    turn = np.linspace(0, 2 * np.pi, PHASES, endpoint=False)[:, None]
     angle = turn * np.arange(1, count + 1) + PHASES_RAD
     shape = np.hstack([AMPLITUDES_MMHG * np.cos(angle), -AMPLITUDES_MMHG * np.sin(angle)]).T
     # harmonics that are not seen are zero
