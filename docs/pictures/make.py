@@ -23,10 +23,10 @@ BELOW = 0.75
 def draw_section(axes: Axes) -> None:
     """TIHA pressed 2.5 mm deep over its artery, at systole."""
     pressed = palpate.press(palpate.load_scene("TIHA"), 32.0, 2.5, (120.0,))
-    state = pressed.states[0]
-    place = 1e3 * (pressed.mesh.nodes + state.displacement_m)
-    mesh = Triangulation(place[:, 0], place[:, 1], pressed.mesh.triangles)
-    stress_kpa = 1e-3 * pressed.mesh.von_mises(state)
+    picture, state = pressed.solved.picture, pressed.solved.states[0]
+    place = 1e3 * (picture.nodes_m + picture.displacement_m(state))
+    mesh = Triangulation(place[:, 0], place[:, 1], picture.triangles)
+    stress_kpa = 1e-3 * picture.von_mises_pa(state)
     shown = axes.tripcolor(mesh, stress_kpa, cmap=HEAT, shading="gouraud", vmin=0, vmax=30)
     axes.set(aspect="equal", xlim=(8, 56), xlabel="x [mm]", ylabel="y [mm]")
     axes.figure.colorbar(shown, ax=axes, label="von Mises [kPa]", extend="max")

@@ -119,10 +119,14 @@ def press(
         inform(f"FEBio: {feb}")
     if vtu is not None:
         from sim_backend.fem.io.vtu import write_vtu
+        from sim_backend.fem.picture import SectionPicture
 
-        mesh, states = pressed.plane_mesh, pressed.states
-        moved, stress = zip(*((s.displacement_m, mesh.von_mises(s)) for s in states), strict=True)
-        for path in write_vtu(mesh.section, moved, stress, vtu):
+        picture = pressed.solved.picture
+        assert isinstance(picture, SectionPicture)  # a solid was refused
+        states = pressed.solved.states
+        moved = tuple(state.displacement for state in states)
+        stress = tuple(picture.von_mises_pa(state) for state in states)
+        for path in write_vtu(picture.section, moved, stress, vtu):
             inform(f"VTU: {path}")
     if (left_pct := pressed.error_estimate_pct) > accuracy:
         what = "force" if left_pct == pressed.force_error_estimate_pct else "pulse"

@@ -14,12 +14,13 @@ import numpy as np
 from matplotlib.tri import LinearTriInterpolator, Triangulation
 from scipy.ndimage import distance_transform_edt, map_coordinates
 
-from drivers.core.arrays import Array, Bools, Ints
+from drivers.core.arrays import Array, Bools
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 if TYPE_CHECKING:
     from sim_backend.fem.newton import Solution
+    from sim_backend.fem.picture import Picture
     from sim_backend.phantom.phantom import Response
 
 DEPTHS = 6
@@ -121,35 +122,25 @@ def _origin(came: Array, grid: tuple[Array, Array]) -> Array:
     return np.stack([rows - came[..., 1] / (y[1] - y[0]), columns - came[..., 0] / (x[1] - x[0])])
 
 
-class _Shown(NamedTuple):
-    """What pictures show of a solved state: nodes (n, 2) [m], triangles (m, 3), displacement (n, 2)
-    [m], von Mises stress (n,) [Pa], contact (left, right) [mm]."""
-
-    nodes_m: Array
-    triangles: Ints
-    moved_m: Array
-    stress_pa: Array
-    contact_mm: tuple[float, float]
-
-
 def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
     """Solve one place; a solid's pictures are of its cut at z = 0. Raises `CannotSolve`; takes
     seconds, so not in a frame."""
     # here: the window opens before the solver is loaded
+    from sim_backend.models.place import place
     from sim_backend.models.station_response import respond
 
     pulse = scene.pulse
     mmhg = (pulse.diastolic_mmhg, pulse.systolic_mmhg)
     depths_mm = np.linspace(0.0, max_depth_mm, DEPTHS)
-    shown = (_cuts if scene.plane == "solid" else _sections)(scene, x_mm, depths_mm[1:], mmhg)
-    grid = _grid(scene)
-    fields = [[_fields(one, grid) for one in pair] for pair in shown]
+    pressure_pa = np.array(mmhg) * PA_PER_MMHG
+    solved = place(scene, 1e-3 * x_mm).ramp((1e-3 * depths_mm[1:]).tolist(), pressure_pa.tolist())
+    grid, picture = _grid(scene), solved[0].picture
+    fields = [[_fields(picture, state, grid) for state in pressed.states] for pressed in solved]
     inside = fields[0][0][2]
     zero = np.zeros_like(fields[0][0][1])
     rest = [(np.zeros((*zero.shape, 2)), zero, inside)] * 2  # the paper's start: unloaded
     states = [rest, *fields]
-    contact = [[(x_mm, x_mm)] * 2] + [[one.contact_mm for one in pair] for pair in shown]
-    pressure_pa = np.array(mmhg) * PA_PER_MMHG
+    contact = [np.full((2, 2), x_mm), *(1e3 * pressed.contact_m[:, :2] for pressed in solved)]
     return Table(
         *grid,
         inside,
@@ -163,39 +154,6 @@ def solve(scene: Scene, x_mm: float, max_depth_mm: float) -> Table:
     )
 
 
-def _sections(
-    scene: Scene, x_mm: float, depths_mm: Array, mmhg: tuple[float, float]
-) -> list[list[_Shown]]:
-    from sim_backend.models.press import press  # the window opens before the solver is loaded
-
-    solved = [press(scene, x_mm, float(d), mmhg, accuracy_pct=5.0) for d in depths_mm]
-    return [
-        [_Shown(mesh.nodes, mesh.triangles, s.displacement_m, mesh.von_mises(s), s.contact_mm)
-         for s in one.states]
-        for one in solved
-        for mesh in (one.plane_mesh,)
-    ]  # fmt: skip
-
-
-def _cuts(
-    scene: Scene, x_mm: float, depths_mm: Array, mmhg: tuple[float, float]
-) -> list[list[_Shown]]:
-    from sim_backend.fem.solid.cut import Cut
-    from sim_backend.fem.solid.stress import contact_m
-    from sim_backend.models.solid_response import solve_states
-
-    depth_m, pressure_pa = 1e-3 * depths_mm, np.array(mmhg) * PA_PER_MMHG
-    body, solved = solve_states(scene, 1e-3 * x_mm, depth_m, pressure_pa)
-    cut = Cut(body)
-
-    def shown(one: "Solution") -> _Shown:
-        left, right, _ = contact_m(body, one)
-        return _Shown(cut.nodes_m, cut.triangles, cut.displacement_m(one), cut.von_mises_pa(one),
-                      (1e3 * left, 1e3 * right))  # fmt: skip
-
-    return [[shown(one) for one in pair] for pair in solved]
-
-
 def _grid(scene: Scene) -> tuple[Array, Array]:
     """Columns' x and rows' y [mm], with room around for what bulges."""
     if scene.tissue is not None:
@@ -207,15 +165,17 @@ def _grid(scene: Scene) -> tuple[Array, Array]:
     return x, np.arange(-1, scene.surface_mm + 2, CELL_MM)
 
 
-def _fields(shown: _Shown, grid: tuple[Array, Array]) -> tuple[Array, Array, Bools]:
+def _fields(
+    picture: "Picture", state: "Solution", grid: tuple[Array, Array]
+) -> tuple[Array, Array, Bools]:
     """How far the material came [mm], its von Mises stress [Pa] and its mask at rest, on the grid.
 
     Beyond the material both are those of the nearest material point, so that edges move with it.
     """
-    x, y = 1e3 * shown.nodes_m.T
-    mesh = Triangulation(x, y, shown.triangles)
+    x, y = 1e3 * picture.nodes_m.T
+    mesh = Triangulation(x, y, picture.triangles)
     xx, yy = np.meshgrid(*grid)
-    columns = (*(1e3 * shown.moved_m.T), shown.stress_pa)
+    columns = (*(1e3 * picture.displacement_m(state).T), picture.von_mises_pa(state))
     ux, uy, vm = (LinearTriInterpolator(mesh, each)(xx, yy) for each in columns)
     inside = ~np.ma.getmaskarray(vm)
     nearest = distance_transform_edt(~inside, return_distances=False, return_indices=True)

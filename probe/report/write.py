@@ -146,11 +146,12 @@ def _section(scene: Scene, best: Station, config: Mapping[str, Any], place: str)
     except CannotSolve as limit:
         return f"The section is not shown: {limit}"
     state = pressed.states[0]
+    picture, solution = pressed.solved.picture, state.solution
     drawing = figures.section(
-        pressed.plane_mesh.nodes,
-        state.displacement_m,
-        pressed.plane_mesh.triangles,
-        pressed.plane_mesh.von_mises(state),
+        picture.nodes_m,
+        picture.displacement_m(solution),
+        picture.triangles,
+        picture.von_mises_pa(solution),
     )
     caption = f"SIMULATED section of {scene.name}, pressed {depth_mm:g} mm at {place}" + (
         f", {mmhg:g} mmHg in the lumen." if here.arteries else "."

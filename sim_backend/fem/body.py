@@ -13,6 +13,7 @@ import numpy as np
 from sim_backend.arrays import Array, Blocks, Ints
 from sim_backend.fem.contact.bonded import BondedContact
 from sim_backend.fem.contact.pairs import ContactPairs
+from sim_backend.scene.indenter.profile import Profile
 
 BondedAt = tuple[Array | None, ...]
 """Displacements at which finger and support hold what sticks to them, as `BondedContact.at_m`."""
@@ -144,6 +145,21 @@ class Body(Protocol):
     @property
     def skin_m(self) -> float:
         """Thickness of the finger's skin; 0 without one."""
+        ...
+
+    @property
+    def bonded(self) -> bool:
+        """Whether what the finger touches sticks to it."""
+        ...
+
+    @property
+    def outline(self) -> Profile:
+        """The finger's, across the vessels."""
+        ...
+
+    @property
+    def contact_m(self) -> float:
+        """Element size in the contact [m]."""
         ...
 
     @property

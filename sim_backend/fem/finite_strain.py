@@ -1,9 +1,11 @@
 """A press at finite strain, from the scene to its solutions."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from math import ceil
 
+from sim_backend.fem.body import Body
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.mesh_transfer import continued
 from sim_backend.fem.model import CONTACT_SHARE, Grading, build_section
@@ -77,6 +79,34 @@ def solve_finite(
         rest = [Load(depth_m, p) for p in pressures_pa]
         solutions = list(continuation(section, unloaded(section), [*ramp, *rest]))
     return section, solutions[-len(pressures_pa) :]
+
+
+def filled(body: Body, pressure_pa: float, deepest_m: float) -> tuple[Solution, float]:
+    """The body under its lumens' pressure with the finger just over it, ``deepest_m`` before a
+    press so deep, and how far the pressure lifts the surface under the finger [m], where it will
+    first touch. Raises `CannotSolve`."""
+    start = unloaded(body)
+    if not body.lumens:
+        return start, 0.0
+    (start,) = continuation(body, start, [Load(-deepest_m, pressure_pa)])
+    rises_m = -float(body.contact_pairs(start.displacement, 0.0)[0].gap.min())
+    # the finger in the air is in equilibrium as far down as it just touches, which is where
+    # the first step begins that the second one continues
+    return replace(start, load=Load(-rises_m, pressure_pa)), rises_m
+
+
+def down(body: Body, start: Solution, loads: Sequence[Load]) -> Iterator[Solution]:
+    """The solutions at ever deeper ``loads``; a bonded finger takes the steps between that its path
+    needs. Raises `CannotSolve`."""
+    if not body.bonded:
+        yield from continuation(body, start, loads)
+        return
+    deepest, wanted = loads[-1], {load.depth_m for load in loads}
+    way = bonded_way_m(body.outline, deepest.depth_m, body.contact_m)
+    path = [Load(d, deepest.pressure_pa) for d in sorted({*wanted, *way})]
+    for state, load in zip(continuation(body, start, path), path, strict=True):
+        if load.depth_m in wanted:
+            yield state
 
 
 def bonded_way_m(profile: Profile, depth_m: float, contact_m: float) -> list[float]:

@@ -14,12 +14,13 @@ from sim_backend.fem.contact.elastic_foundation import surface_share
 from sim_backend.fem.contact.finger_gaps import Finger, finger_pairs
 from sim_backend.fem.contact.lumen_self_contact import Walls, nearest_walls, wall_gaps, walls
 from sim_backend.fem.contact.pairs import ContactPairs, node_dofs, rigid_pairs
-from sim_backend.fem.elements import Cells
+from sim_backend.fem.elements import Cells, q4
 from sim_backend.fem.field import Field
 from sim_backend.fem.internal import internal_forces, least_area_ratio, smallest_area_ratio
 from sim_backend.fem.lumen import Sides, unit_pressure
 from sim_backend.fem.mesh import TISSUE, Mesh
 from sim_backend.fem.support import SlidingConstraint
+from sim_backend.scene.indenter.profile import Profile
 
 COMPLEMENTARITY = 1.0
 """Complementarity parameter over the tissue's modulus: weight of a gap against a multiplier."""
@@ -81,6 +82,19 @@ class Section:
     @property
     def skin_m(self) -> float:
         return self.finger.skin_m
+
+    @property
+    def bonded(self) -> bool:
+        return self.finger.bonded
+
+    @property
+    def outline(self) -> Profile:
+        return self.finger.profile
+
+    @property
+    def contact_m(self) -> float:
+        between_m = np.diff(np.sort(self.nodes[self.surface, 0])).min()
+        return float(between_m) * (1 if self.cells.shape is q4 else 2)
 
     @property
     def lone(self) -> bool:

@@ -8,17 +8,17 @@ pressure at which a wall inflates without bound, the ends are solved at each dep
 does not enter: relaxation and the beat are the phantom's.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.continuation import continuation
-from sim_backend.fem.finite_strain import bonded_way_m
+from sim_backend.fem.finite_strain import down, filled
 from sim_backend.fem.lumen import flatness
-from sim_backend.fem.model import CONTACT_SHARE, build_section, usual_grading
-from sim_backend.fem.newton import CannotSolve, Load, Solution, unloaded
+from sim_backend.fem.model import build_section, usual_grading
+from sim_backend.fem.newton import CannotSolve, Load, Solution
 from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import Slope, slopes
 from sim_backend.fem.stress import under_finger_pa
@@ -55,7 +55,7 @@ def element_size_m(scene: Scene) -> float:
 
 
 def section_for(scene: Scene, x_m: float, max_depth_m: float) -> Section:
-    """The mesh that a station is solved on."""
+    """The mesh that stations, their pictures and touch tables are solved on."""
     size_m = element_size_m(scene)
     usual = usual_grading(size_m)
     grading = usual._replace(growth=GROWTH, coarsest_m=COARSEST * 1e-3 * scene.surface_mm)
@@ -70,21 +70,14 @@ def respond_plane(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
     section = section_for(scene, x_m, max_depth_m)
     beats = bool(section.lumens)
     rest, low, high = levels_pa(scene) if beats else (0.0, 0.0, 0.0)
-    start = unloaded(section)
-    bulge = 0.0
-    if beats:
-        (start,) = continuation(section, start, [Load(-max_depth_m, rest)])
-        bulge = surface_m(section, start)
-        # the finger in the air is in equilibrium as far down as it just touches, which is where
-        # the first step begins that the second one continues
-        start = replace(start, load=Load(-bulge, rest))
+    start, bulge = filled(section, rest, max_depth_m)
     loads = [Load(max_depth_m * share, rest) for share in DEPTHS]
     if max_depth_m * DEPTHS[0] + bulge <= 0:  # beside a lone vessel: its first step is in the air
         loads = [load for load in loads if load.depth_m + bulge > 0]
     if not loads:
         return _untouched(scene, x_m, max_depth_m, bulge)
     ramp, along = zip(
-        *((state, slopes(section, state)) for state in _down(scene, section, start, loads)),
+        *((state, slopes(section, state)) for state in down(section, start, loads)),
         strict=True,
     )
     by_depth, by_pressure = zip(*along, strict=True)
@@ -133,20 +126,6 @@ def respond_plane(scene: Scene, x_m: float, max_depth_m: float) -> StationRespon
     flat = max(flatness(section.lumens, state.displacement) for state in deepest)
     left = LEFT._replace(change=LEFT.change * flat**2) if scene.tissue else LEFT
     return StationResponse(x_m, max_depth_m, length_m, bulge, force, stress, left)
-
-
-def _down(scene: Scene, section: Section, start: Solution, loads: list[Load]) -> Iterator[Solution]:
-    """The solutions at ``loads``; a bonded finger takes the steps between that its path needs."""
-    if not scene.indenter.bonded:
-        yield from continuation(section, start, loads)
-        return
-    deepest = loads[-1]
-    contact_m = CONTACT_SHARE * element_size_m(scene)
-    way = bonded_way_m(section.finger.profile, deepest.depth_m, contact_m)
-    wanted = {load.depth_m for load in loads}
-    path = [Load(d, deepest.pressure_pa) for d in sorted({*wanted, *way})]
-    found = continuation(section, start, path)
-    yield from (one for one, load in zip(found, path, strict=True) if load.depth_m in wanted)
 
 
 def _untouched(scene: Scene, x_m: float, max_depth_m: float, bulge_m: float) -> StationResponse:
@@ -209,10 +188,3 @@ def _powers(
     return list(np.array([
         one if len(one) == len(deepest) else one[0] * shares for one in found
     ]).T)  # fmt: skip
-
-
-def surface_m(section: Section, solution: Solution) -> float:
-    """How far the surface rises under the finger, on which it will first touch."""
-    surface = section.mesh.surface
-    gap, _, _ = section.finger.gap(section.mesh.nodes[surface] + solution.displacement[surface])
-    return float(-gap.min())

@@ -6,25 +6,19 @@ from math import isfinite
 from pathlib import Path
 from time import perf_counter
 
-import numpy as np
-
 from sim_backend import html
-from sim_backend.arrays import Array, Ints
+from sim_backend.arrays import Array
 from sim_backend.fem.newton import CannotSolve, Solution
-from sim_backend.fem.section import Section
-from sim_backend.fem.stress import nodal_von_mises
 from sim_backend.models.place import place
 from sim_backend.models.press_range import check_asked
 from sim_backend.models.refine import SMALL_PULSE, Solving
-from sim_backend.models.solved import SECTION, Solved
+from sim_backend.models.solved import Solved
 from sim_backend.notebook_line import notebook_line
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
-__all__ = ["CannotSolve", "Press", "PressMesh", "State", "press"]
-
-HALVES = ([0, 1, 2], [0, 2, 3])
+__all__ = ["CannotSolve", "Press", "State", "press"]
 
 
 @dataclass(frozen=True)
@@ -59,28 +53,6 @@ class State:
 
 
 @dataclass(frozen=True)
-class PressMesh:
-    """The undeformed section: ``nodes`` (n, 2) [m] and, for pictures, ``triangles`` (m, 3)."""
-
-    section: Section
-
-    @property
-    def nodes(self) -> Array:
-        return self.section.mesh.nodes
-
-    @property
-    def triangles(self) -> Ints:
-        """Each six-node cell as four triangles, each quadrilateral as two."""
-        cells = self.section.mesh.cells
-        four = ([0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5])
-        return np.vstack([cells[:, c] for c in (four if cells.shape[1] == 6 else HALVES)])
-
-    def von_mises(self, state: State) -> Array:
-        """Von Mises stress (n,) [Pa] at the nodes."""
-        return nodal_von_mises(self.section, state.displacement_m)
-
-
-@dataclass(frozen=True)
 class Press:
     """A press with one state per pressure.
 
@@ -107,7 +79,7 @@ class Press:
     force_error_estimate_pct: float
     pulse_error_estimate_pct: float | None
     states: tuple[State, ...]
-    mesh: PressMesh | None
+    solved: Solved = field(repr=False)
     element: str
     why: str
 
@@ -125,13 +97,6 @@ class Press:
     def pulse_pa(self) -> float | None:
         """Span of the contact stress over the pressures [Pa]; None at a single one."""
         return None if self.pulse_n is None else self.pulse_n / (1e-6 * self.scene.face_mm2)
-
-    @property
-    def plane_mesh(self) -> PressMesh:
-        """The section's mesh, for pictures. Raises `SceneError` for a solid."""
-        if self.mesh is None:
-            raise SceneError(f"{self.scene.name}: only a plane section can be drawn, not a solid")
-        return self.mesh
 
     def __repr__(self) -> str:
         forces = ", ".join(f"{s.force_n:.4g}" for s in self.states)
@@ -301,12 +266,10 @@ def press(
     left_out = f", {solved.left_out} far inclusions left out" if solved.left_out else ""
     force_pct, pulse_pct = (float(pct) for pct in solved.error_pct)
     states = _states(solved, pressures, gradient=gradient, taxels=taxels)
-    body = solved.body
-    mesh = PressMesh(body) if solved.kind is SECTION and isinstance(body, Section) else None
     return Press(
         scene, x_mm, depth_mm, solved.model + left_out, len(solved.body.free),
         perf_counter() - began, force_pct, pulse_pct if len(pressures) > 1 else None, states,
-        mesh, solved.kind.element(scene), solved.why,
+        solved, solved.kind.element(scene), solved.why,
     )  # fmt: skip
 
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.continuation import continuation, judged, stable_branch
-from sim_backend.fem.newton import CannotSolve, Load, Solution, Unstable, unloaded
+from sim_backend.fem.finite_strain import down, filled
+from sim_backend.fem.newton import CannotSolve, Load, Solution, Unstable
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import build_body, half_width_m
 from sim_backend.fem.solid.solve import STEP
@@ -40,7 +41,7 @@ LEFT = Left(rest=0.05, change=0.05, between=0.01, faint=0.0015)
 the rate of `refine.ORDER`, and the pulse by 0.1 %, which one scene cannot promise to others;
 between depths 0.2 % of the deepest. 20 mm beside TIHA's vessel under the cylinder the pulse is
 0.9 mN of 8.3 off at 0.87 N, 0.11 % of the force."""
-WAY = 4
+WAY = 5
 """Number of the way of solving; what was kept by another way is solved again."""
 SOLVED = ("ramp", "filled", "lowest", "bulge")
 """The arrays of `solve_place`."""
@@ -124,8 +125,10 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
     rest, low, high = levels_pa(scene) if scene.arteries else (0.0, 0.0, 0.0)
     between = max(1, ceil(max_depth_m * DEPTHS[0] / (STEP * half_width_m(scene))))
     depths = np.linspace(0.0, max_depth_m, len(DEPTHS) * between + 1)[1:]
-    body, bulge, down = _pressed(scene, x_m, depths, rest)
-    ramp = down[between - 1 :: between]
+    body = body_for(scene, x_m, max_depth_m)
+    start, bulge = filled(body, rest, max_depth_m)
+    solved = list(down(body, start, [Load(float(d), rest) for d in depths]))
+    ramp = solved[between - 1 :: between]
     if judged(body, ramp[-1]).stable is False:
         stable = _fallen(body, ramp[-1])
         if stable is None or abs(stable.force_n / ramp[-1].force_n - 1) > LEFT.rest:
@@ -142,10 +145,10 @@ def solve_place(scene: Scene, x_m: float, max_depth_m: float) -> dict[str, Array
         return one.force_n, under_finger_pa(body, one.displacement)
 
     lowest = at(ramp[-1], low)
-    filled = [at(ramp[k], high) for k in FILLED[::-1]][::-1]
+    at_systole = [at(ramp[k], high) for k in FILLED[::-1]][::-1]
     return {
         "ramp": np.array([(one.force_n, under_finger_pa(body, one.displacement)) for one in ramp]),
-        "filled": np.array(filled), "lowest": np.array(lowest), "bulge": np.array(bulge),
+        "filled": np.array(at_systole), "lowest": np.array(lowest), "bulge": np.array(bulge),
     }  # fmt: skip
 
 
@@ -156,42 +159,10 @@ def _fallen(body: SolidBody, unstable: Solution) -> Solution | None:
         return None
 
 
-def solve_states(
-    scene: Scene, x_m: float, depth_m: Array, pressure_pa: Array
-) -> tuple[SolidBody, list[list[Solution]]]:
-    """The same body, and its solutions at increasing depths and, at each, at all pressures.
-
-    Raises `CannotSolve`.
-    """
-    first = float(pressure_pa[0]) if scene.arteries else 0.0
-    body, _, down = _pressed(scene, x_m, depth_m, first)
-    solved = []
-    for one in down:
-        further = [Load(one.load.depth_m, float(p)) for p in pressure_pa[1:]]
-        beating = list(continuation(body, one, further)) if scene.arteries else []
-        solved.append([one, *beating] if beating else [one] * len(pressure_pa))
-    return body, solved
-
-
-def _pressed(
-    scene: Scene, x_m: float, depth_m: Array, pressure_pa: float
-) -> tuple[SolidBody, float, list[Solution]]:
-    """The body, how far its surface rises [m] at ``pressure_pa``, and its presses at depths."""
+def body_for(scene: Scene, x_m: float, max_depth_m: float) -> SolidBody:
+    """The mesh that a solid's stations and their pictures are solved on."""
     size_m = SHARES[0] * half_width_m(scene)
-    deepest_m = float(depth_m[-1])
-    body = build_body(scene, x_m, depth_m=deepest_m, size_m=size_m)
-    start, bulge = unloaded(body), 0.0
-    if scene.arteries:
-        (start,) = continuation(body, start, [Load(-deepest_m, pressure_pa)])
-        bulge = _surface_m(body, start)
-    loads = [Load(float(d), pressure_pa) for d in depth_m]
-    return body, bulge, list(continuation(body, start, loads))
-
-
-def _surface_m(body: SolidBody, solution: Solution) -> float:
-    """How far the surface rises towards the finger."""
-    gap, _, _ = body.finger.gap((body.wedges.nodes + solution.displacement)[body.surface])
-    return float(-gap.min())
+    return build_body(scene, x_m, depth_m=max_depth_m, size_m=size_m)
 
 
 def _slopes(x: Array, y: Array) -> Array:

@@ -13,8 +13,10 @@ from sim_backend.fem import stress
 from sim_backend.fem.body import Body
 from sim_backend.fem.model import best_element
 from sim_backend.fem.newton import Solution
+from sim_backend.fem.picture import Picture, SectionPicture
 from sim_backend.fem.sensitivity import gradients
 from sim_backend.fem.solid import stress as solid_stress
+from sim_backend.fem.solid.cut import Cut
 from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n, turned_taxels_n
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.taxels import TaxelArray
@@ -34,6 +36,7 @@ class BodyKind:
     von_mises_pa: Callable[[Any, Array], float]
     contact_m: Callable[[Any, Solution, float], tuple[float, float, float]]
     taxels_n: Callable[[Any, Solution, Array, Array, float], Array]
+    picture: Callable[[Any], Picture]
 
 
 def _around(x_m: float, radius_m: float, off_m: float) -> tuple[float, float, float]:
@@ -46,6 +49,7 @@ SECTION = BodyKind(
     stress.under_finger_pa,
     lambda body, state, _: stress.contact_m(body, state),
     section_taxels_n,
+    SectionPicture,
 )
 REVOLVED = BodyKind(
     best_element,
@@ -53,6 +57,7 @@ REVOLVED = BodyKind(
     stress.under_finger_pa,
     lambda body, state, x_m: _around(x_m, *stress.contact_m(body, state)[1:]),
     lambda body, state, across_m, along_m, _: turned_taxels_n(body, state, across_m, along_m),
+    SectionPicture,
 )  # fmt: skip
 SOLID = BodyKind(
     lambda _: "wedge",
@@ -60,6 +65,7 @@ SOLID = BodyKind(
     solid_stress.under_finger_pa,
     lambda body, state, _: solid_stress.contact_m(body, state),
     lambda body, state, across_m, along_m, _: solid_taxels_n(body, state, across_m, along_m),
+    Cut,
 )
 
 
@@ -103,7 +109,8 @@ class Solved:
 
     @cached_property
     def contact_m(self) -> Array:
-        """Left and right end (n, 2) [m] of what the finger touches; twice its middle where none."""
+        """Left and right end of what the finger touches, twice its middle where none, and what
+        either may be off by (n, 3) [m]."""
         read = self.kind.contact_m
         return np.array([read(self.body, state, self.x_m) for state in self.states])
 
@@ -117,6 +124,11 @@ class Solved:
     def stable(self) -> list[bool | None]:
         """Whether each state would stay so if it were nudged; None where that is not decided."""
         return [state.stable for state in self.states]
+
+    @property
+    def picture(self) -> Picture:
+        """What a picture shows of the body and each of ``states``."""
+        return self.kind.picture(self.body)
 
     def taxels_n(self, array: TaxelArray) -> Array:
         """The part of each force (n, rows, columns) [N] on each taxel of an array."""

@@ -18,6 +18,7 @@ from sim_backend.fem import finite_strain
 from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.body import Body
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
+from sim_backend.models.plane_response import section_for
 from sim_backend.models.refine import Solving, on_first_mesh, refine
 from sim_backend.models.solid_press import (
     holds_a_round_block,
@@ -25,6 +26,7 @@ from sim_backend.models.solid_press import (
     refine_axisymmetric,
     refine_solid,
 )
+from sim_backend.models.solid_response import body_for
 from sim_backend.models.solved import REVOLVED, SECTION, SOLID, BodyKind, Solved
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, SceneError
@@ -127,7 +129,8 @@ class Model:
     ``offer`` is its choice within half of the accuracy asked for, or why it has none; ``named`` is
     its choice where a person wants it, and raises where that is nonsense. ``solve`` gives body,
     states and the errors (force, pulse) [%] that meshes leave. ``gradient``: derivatives of its
-    forces are known.
+    forces are known. ``body_for`` is the mesh of a place for all depths down to one, of a model of
+    which stations are.
     """
 
     name: str
@@ -139,6 +142,7 @@ class Model:
     offer: Callable[[Asked], Choice | str]
     named: Callable[[Asked], Choice]
     solve: Callable[[Asked, Choice, Array], tuple[Body, Sequence[Solution], Array]]
+    body_for: Callable[[Scene, float, float], Body] = section_for
 
     def solved(self, asked: Asked, choice: Choice) -> Solved:
         """The press by this model. Raises `CannotSolve`."""
@@ -181,6 +185,11 @@ def steady(asked: Asked, name: str = "auto") -> Model:
     models = _models(asked, name)
     offered = (m for m in models if not isinstance(m.offer(asked), str))
     return models[0] if name != "auto" else next(offered)
+
+
+def differentiable(scene: Scene) -> Model:
+    """The model at finite strain of a scene's sections or solids, which knows all depths."""
+    return next(model for model in MODELS if model.gradient and scene.plane in model.planes)
 
 
 def _models(asked: Asked, name: str) -> list[Model]:
@@ -302,7 +311,7 @@ MODELS = (
     Model("axisymmetric", ("solid",), REVOLVED, 0.3, 1.0, False,
           _round_offer, _round_named, _refined_round),
     Model("solid", ("solid",), SOLID, 30.0, 3.0, True,
-          lambda asked: Choice(asked.scene, why=""), _as_it_is, _refined_solid),
+          lambda asked: Choice(asked.scene, why=""), _as_it_is, _refined_solid, body_for),
 )  # fmt: skip
 """Cheapest first of each plane; the last of each makes an offer to every scene."""
 

@@ -12,10 +12,11 @@ import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.continuation import continuation
-from sim_backend.fem.newton import CannotSolve, Load, Solution, unloaded
+from sim_backend.fem.finite_strain import filled
+from sim_backend.fem.newton import CannotSolve, Load, Solution
 from sim_backend.fem.section import Section
 from sim_backend.fem.sensitivity import gradients
-from sim_backend.models.plane_response import section_for, surface_m
+from sim_backend.models.plane_response import section_for
 from sim_backend.scene.numbers import numbers
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -212,19 +213,12 @@ def _numbers_by_theta(kind: Kind, units: Units, theta: Array) -> tuple[list[str]
 
 def ramp(scene: Scene, x_m: float) -> tuple[Section, list[tuple[Solution, ...]]]:
     """The section, and at each depth the state at diastole and, if anything beats, at systole."""
-    length_m = 0.5e-3 * scene.indenter.width_mm_projected
-    depths_m = SUNK * length_m
+    depths_m = SUNK * 0.5e-3 * scene.indenter.width_mm_projected
     section = section_for(scene, x_m, float(depths_m[-1]))
-    low, high = (
-        PA_PER_MMHG * one for one in (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg)
-    )
-    start = unloaded(section)
-    rest = low if section.lumens else 0.0
-    if section.lumens:
-        (start,) = continuation(section, start, [Load(-float(depths_m[-1]), rest)])
-        bulge = surface_m(section, start)
-        start = replace(start, load=Load(-bulge, rest))
-    down = list(continuation(section, start, [Load(float(d), rest) for d in depths_m]))
+    ends = [PA_PER_MMHG * p for p in (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg)]
+    low, high = ends if section.lumens else (0.0, 0.0)
+    start, _ = filled(section, low, float(depths_m[-1]))
+    down = list(continuation(section, start, [Load(float(d), low) for d in depths_m]))
     if not section.lumens:
         return section, [(state,) for state in down]
     tops = [next(continuation(section, s, [Load(s.load.depth_m, high)])) for s in down]

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim_backend.arrays import Array
-from sim_backend.fem.newton import Solution
 from sim_backend.fem.sensitivity import slopes
 from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.press import Press, press
@@ -55,7 +54,7 @@ class FullModel:
         return found
 
     def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
-        """Raises `SceneError` for what is solved at small strain or as a solid."""
+        """Raises `SceneError` for what is solved at small strain or as a body of revolution."""
         length_m = 1e-3 * self.scene.indenter.length_mm
 
         def by(which: int) -> Callable[[Press, int], float]:
@@ -91,11 +90,8 @@ def _pressed(
 
 def _slopes(one: Press, k: int) -> tuple[float, float]:
     """Force per length by depth [N/m/m] and by pressure [N/m/Pa] of a state."""
-    solution = one.states[k].solution
-    if one.mesh is None or not isinstance(solution, Solution) or one.model.startswith("small"):
-        raise SceneError(
-            f"{one.scene.name}: slopes are known at finite strain in a plane, not of what is "
-            f"solved as {one.model}"
-        )
-    by_depth, by_pressure = slopes(one.mesh.section, solution)
+    solved = one.solved
+    if not solved.derivatives:
+        raise SceneError(f"{one.scene.name}: no slopes are known of what is solved as {one.model}")
+    by_depth, by_pressure = slopes(solved.body, solved.states[k])
     return by_depth.force, by_pressure.force

@@ -25,6 +25,7 @@ from sim_backend.fem.solid.forces import (
 )
 from sim_backend.fem.solid.linear import LinearSolver
 from sim_backend.fem.solid.prism import Wedges
+from sim_backend.scene.indenter.profile import Profile
 
 SIDE_NODES = 9
 """Of a lumen's face round it: three of a side times three planes."""
@@ -91,6 +92,10 @@ class SolidBody:
     @property
     def size(self) -> int:
         return 3 * len(self.wedges.nodes)
+
+    @property
+    def outline(self) -> Profile:
+        return self.finger.profile
 
     @property
     def lone(self) -> bool:

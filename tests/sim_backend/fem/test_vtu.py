@@ -13,9 +13,9 @@ meshio = pytest.importorskip("meshio", reason="meshio is not installed (extra: m
 
 
 def written(pressed: Press, path: Path) -> list[Path]:
-    stress = [pressed.mesh.von_mises(state) for state in pressed.states]
+    stress = [pressed.solved.picture.von_mises_pa(state.solution) for state in pressed.states]
     moved = [state.displacement_m for state in pressed.states]
-    return write_vtu(pressed.mesh.section, moved, stress, path)
+    return write_vtu(pressed.solved.body, moved, stress, path)
 
 
 def test_reads_back(tmp_path):
@@ -24,10 +24,10 @@ def test_reads_back(tmp_path):
     assert [p.name for p in paths] == ["haot-0.vtu", "haot-1.vtu"]
     for path, state in zip(paths, pressed.states, strict=True):
         read = meshio.read(path)
-        np.testing.assert_allclose(read.points[:, :2], pressed.mesh.nodes)
+        np.testing.assert_allclose(read.points[:, :2], pressed.solved.picture.nodes_m)
         np.testing.assert_allclose(read.point_data["displacement_m"][:, :2], state.displacement_m)
         stress = read.point_data["von_mises_pa"]
-        np.testing.assert_allclose(stress, pressed.mesh.von_mises(state))
+        np.testing.assert_allclose(stress, pressed.solved.picture.von_mises_pa(state.solution))
         assert read.cell_data["det_f"][0].min() == pytest.approx(state.min_jacobian)
         assert set(np.unique(read.cell_data["region"][0])) == {1}
 

@@ -126,3 +126,17 @@ def test_the_dearer_model_follows_where_the_cheaper_one_is_too_rough() -> None:
     assert (rough.model, fine.model) == ("axisymmetric", "solid")
     assert abs(rough.force_n[0] / fine.force_n[0] - 1) < 0.01 * rough.error_pct[0]
     assert "axisymmetric would leave" in fine.why
+
+
+@pytest.mark.parametrize("bonded", [False, True])
+def test_a_ramp_says_at_each_depth_what_presses_say(bonded: bool) -> None:
+    """A bonded finger's answer is its path's; two depths alone would be two steps of it."""
+    finger = {"shape": "cylinder", "radius_mm": 5.0, "bonded": bonded}
+    scene = Scene.model_validate(load_scene("TIHA").model_dump() | {"indenter": finger})
+    beat_pa = [10e3, 16e3]
+    for solved, depth_m in zip(place(scene, 29e-3).ramp([0.5e-3, 1.5e-3], beat_pa),
+                               (0.5e-3, 1.5e-3), strict=True):  # fmt: skip
+        pressed = place(scene, 29e-3).solve(depth_m, beat_pa, accuracy_pct=0.5)
+        assert solved.force_n == pytest.approx(pressed.force_n, rel=0.01)
+        assert np.ptp(solved.force_n) == pytest.approx(np.ptp(pressed.force_n), rel=0.05)
+        assert solved.contact_m[:, :2] == pytest.approx(pressed.contact_m[:, :2], abs=0.3e-3)
