@@ -24,8 +24,8 @@ LEAST_FINER, MOST_FINER = 1.4, 2.0
 SECOND_FINER, SECOND_SAFETY = 3.3, 3.0
 """The second mesh may be finer than `MOST_FINER`, since it is known to be needed, whatever the
 first says. What the difference of two such meshes shows of the error is then taken
-three times (Roache 1994, of two meshes); where walls fold the second would not carry over from the
-first."""
+three times (Roache 1994, of two meshes), so that it is not where even that mesh would not do;
+where walls fold the second would not carry over from the first."""
 ORDER = 1.6
 """The error falls at least as this power of the size."""
 LONE_ORDER = 1.0
@@ -145,7 +145,8 @@ def refine(
         room = float(np.sqrt(MAX_UNKNOWNS / len(solved[0].assembly.free)))
         if room < LEAST_FINER and np.isfinite(error_pct).all():
             break
-        far_apart = np.isinf(error_pct).any() and not _folded(solved)
+        reaches = finer <= min(SECOND_FINER, room)
+        far_apart = np.isinf(error_pct).any() and not _folded(solved) and reaches
         most = SECOND_FINER if far_apart else MOST_FINER
         finer = float(np.clip(finer, LEAST_FINER, max(min(most, room), LEAST_FINER)))
         finer, share = _finer(scene, half_m, share, finer)

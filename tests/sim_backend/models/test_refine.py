@@ -137,7 +137,7 @@ def test_nodes_that_enter_the_contact_change_the_force_as_stated():
     assert 0.25 * ENTERING_PCT < tooth_pct * nodes[-1] < 2 * ENTERING_PCT
 
 
-@pytest.mark.parametrize(("contacts", "meshes"), [(2, 5), (3, 2)])
+@pytest.mark.parametrize(("contacts", "meshes"), [(2, 6), (3, 2)])
 def test_where_walls_fold_no_third_mesh_is_pressed_from_the_air(monkeypatch, contacts, meshes):
     """TIHA 9 mm deep: 43 s went into a third mesh that found no way past the folds."""
     solve, shares = converging(0.5, contacts=contacts), []
@@ -252,3 +252,17 @@ def test_a_force_that_few_nodes_bear_is_known_no_better_than_that(
         found = refine(model, scene, 32e-3, 5e-6, [0.0], np.array([budget_pct, np.inf]))
         off = found.solved[1][0].force_n_per_m / truth_n - 1
         assert abs(off) < 1.3e-2 * found.error_pct[0] < 1.31e-2 * budget_pct
+
+
+def test_a_mesh_that_would_not_reach_the_budget_either_is_not_jumped_to(monkeypatch):
+    """Two meshes far apart tell less than three: of 24 random presses seven stated more at 0.3 %
+    than at 2 %, up to 11.9 % of a pulse instead of 2.0 %."""
+    solve, shares = converging(0.5), []
+
+    def noted(*place, **given):
+        shares.append(place[-1] / HALF_M)
+        return solve(*place, **given)
+
+    monkeypatch.setattr(refining, "solve_finite", noted)
+    refine("finite", BLOCK, 0.012, 1e-3, [0.0, 1e4], np.full(2, 0.05))
+    assert shares[:3] == pytest.approx([0.5, 0.25, 0.125])
