@@ -98,7 +98,8 @@ def import_run(
     Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar; if known
     x_mm, y_mm, depth_mm (below the surface), station, reference. What `palpate export` wrote is
     read too, and MCAP files with geometry_msgs/WrenchStamped: the force along z is taken as the
-    normal force. Of an export with several sensors the one that the run was judged on is taken.
+    normal force, or what --map says, as force_n=-force.x. Of an export with several sensors
+    the one that the run was judged on is taken.
     Recordings of other programs (.mat, .npy, .npz, .h5, .xdf, .bag, .db3, .lvm, .txt, .tsv, and CSV
     with any names) are read with --map.
     """

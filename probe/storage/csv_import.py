@@ -128,10 +128,11 @@ def import_csv(
     try:
         named = not is_exported(first_line(source)) and source.suffix not in ENDINGS
         known = (*ENDINGS, ".csv", ".gz")
-        if mapping or rate_hz is not None or source.suffix.lower() not in known:
+        others = bool(mapping) and source.suffix != ".mcap"
+        if others or rate_hz is not None or source.suffix.lower() not in known:
             table = read_foreign(source, mapping, rate_hz)
         elif not named:
-            table = read_format(source, topic)
+            table = read_format(source, topic, mapping)
         else:
             table = read_csv(source)
         check_face(table.face_mm2, "the face_mm2 of its run")

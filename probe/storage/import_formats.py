@@ -8,6 +8,7 @@ its channels are; a CSV does not, and needs a column of `SIGNALS`. An infinite r
 
 import struct
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import replace
 from hashlib import file_digest
 from pathlib import Path
@@ -46,15 +47,17 @@ def is_exported(header: str) -> bool:
     return {"time_s", "station", "attempt", "phase"} <= set(header.strip().split(","))
 
 
-def read_format(source: Path, topic: str | None = None) -> Table:
-    """The file's samples. ``topic`` chooses among the wrenches of an MCAP file.
+def read_format(
+    source: Path, topic: str | None = None, mapping: Mapping[str, str] | None = None
+) -> Table:
+    """The file's samples. ``topic`` and ``mapping`` choose among the wrenches of an MCAP file.
 
     Raises `CsvError` for what cannot be read, and `drivers.MissingExtra`.
     """
     try:
         match source.suffix:
             case ".mcap":
-                table = read_mcap(source, topic)
+                table = read_mcap(source, topic, mapping or {})
             case ".parquet":
                 table = _parquet(source)
             case ".nc" | ".h5":

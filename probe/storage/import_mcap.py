@@ -5,7 +5,7 @@ Ours come to the bit, with the plan's places; geometry_msgs WrenchStamped in CDR
 
 import json
 import struct
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -37,10 +37,16 @@ with needs("data", "palpate import"):
 
 SAMPLE, WRENCH = "palpate_msgs/msg/", "WrenchStamped"
 ROLE = "role of "
+AXES = ("force.x", "force.y", "force.z")
 
 
-def read_mcap(source: Path, topic: str | None) -> Table:
-    """The samples of the device that the run was judged on, or the wrenches of ``topic``."""
+def read_mcap(source: Path, topic: str | None, mapping: Mapping[str, str]) -> Table:
+    """The samples of the device that the run was judged on, or the wrenches of ``topic``, whose
+    ``mapping`` may say another axis or sign than ``{"force_n": "force.z"}``."""
+    wanted = mapping.get("force_n", AXES[2])
+    axis, sign = wanted.removeprefix("-"), -1.0 if wanted.startswith("-") else 1.0
+    if axis not in AXES or mapping.keys() - {"force_n"}:
+        raise CsvError(f"--map: of a wrench force_n is {', '.join(AXES)}, or one of them with a -")
     with needs("export", "MCAP"):
         from mcap.exceptions import McapError
         from mcap.reader import NonSeekingReader, make_reader
@@ -52,11 +58,11 @@ def read_mcap(source: Path, topic: str | None) -> Table:
             summary = reader.get_summary()
             names = _names(summary) if summary is not None else {}
             ours = [t for t, name in names.items() if name.startswith(SAMPLE)]
-            if ours and topic is None:
+            if ours and topic is None and not mapping:
                 return _own_samples(reader, summary, ours)
     except (McapError, OSError):  # a recorder that died wrote no end
         names = {}
-    samples: dict[str, list[tuple[float, float]]] = {t: [] for t in names if _is_wrench(names[t])}
+    samples: dict[str, list[tuple[float, ...]]] = {t: [] for t in names if _is_wrench(names[t])}
     with source.open("rb") as file:
         try:
             for schema, channel, message in NonSeekingReader(file).iter_messages(
@@ -81,10 +87,10 @@ def read_mcap(source: Path, topic: str | None) -> Table:
     if len(chosen) != 1:
         listed = ", ".join(sorted(samples)) or "none"
         raise CsvError(f"--topic must name one topic of WrenchStamped; found: {listed}")
-    rows = samples[chosen[0]]
-    table = pd.DataFrame(rows, columns=["time_s", signal(0)], dtype=float)
+    read = pd.DataFrame(samples[chosen[0]], columns=["time_s", *AXES], dtype=float)
+    table = pd.DataFrame({"time_s": read["time_s"], signal(0): sign * read[axis]})
     check_size(table["time_s"].to_numpy(), f"time of {chosen[0]}", "s")
-    check_size(table[signal(0)].to_numpy(), f"force.z of {chosen[0]}", "N")
+    check_size(table[signal(0)].to_numpy(), f"{axis} of {chosen[0]}", "N")
     table = timed(table, notes).assign(**{saturated(0): 0.0})
     return Table(table, (SIGNALS["force_n"],), ("force_n",), notes=tuple(notes))
 
@@ -102,21 +108,22 @@ def _is_wrench(name: str) -> bool:
     return name.rpartition("/")[2] == WRENCH
 
 
-def _wrench(encoding: str, message: Any) -> tuple[float, float]:
-    """Time [s] of the header, or of the log where it has none, and the force along z [N]."""
+def _wrench(encoding: str, message: Any) -> tuple[float, ...]:
+    """Time [s] of the header, or of the log where it has none, and the force along `AXES` [N]."""
     if encoding == "json":
         decoded = json.loads(message.data)
         stamp = decoded["header"]["stamp"]
         seconds = stamp.get("sec", stamp.get("secs", 0))  # secs and nsecs: rosbridge of ROS 1
         nanosec = next((stamp[k] for k in ("nanosec", "nsec", "nsecs") if k in stamp), 0)
-        return _time_s(seconds, nanosec, message), float(decoded["wrench"]["force"]["z"])
+        force = decoded["wrench"]["force"]
+        return _time_s(seconds, nanosec, message), *(float(force[along]) for along in "xyz")
     if encoding != "cdr":
         raise CsvError(f"messages in {encoding!r}: cdr and json are read")
     order = "<" if message.data[1] & 1 else ">"
     seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", message.data, 4)
     at = 12 + length
-    (force_z,) = struct.unpack_from(f"{order}d", message.data, 4 + at + -at % 8 + 16)
-    return _time_s(seconds, nanoseconds, message), force_z
+    force_n = struct.unpack_from(f"{order}3d", message.data, 4 + at + -at % 8)
+    return _time_s(seconds, nanoseconds, message), *force_n
 
 
 def _time_s(seconds: int, nanoseconds: int, message: Any) -> float:

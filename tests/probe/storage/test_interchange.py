@@ -280,7 +280,7 @@ def test_parquet_carries_units(path: Path, tmp_path: Path) -> None:
 def wrenches(file: Path, topics: dict[str, list[float]]) -> None:
     """An MCAP file as a ROS 2 recorder writes it: one WrenchStamped per force, 10 ms apart."""
     with file.open("wb") as stream:
-        writer = Writer(stream)
+        writer = Writer(stream, chunk_size=512)
         writer.start(profile="ros2", library="test")
         schema = writer.register_schema("geometry_msgs/msg/WrenchStamped", "ros2msg", b"")
         for topic, forces in topics.items():
@@ -299,6 +299,27 @@ def test_wrenches_of_others_are_imported(tmp_path: Path) -> None:
     run = open_run(import_csv(tmp_path / "other.mcap", tmp_path / "a.run", face_mm2=50.0).path)
     assert run.samples()["force"].values.tolist() == forces
     assert np.diff(run.samples()["time_s"].values) == pytest.approx(0.01)
+
+
+@pytest.mark.parametrize(("column", "value"), [("force.x", 1.0), ("-force.y", -2.0)])
+def test_a_wrench_is_turned_by_a_mapping(column: str, value: float, tmp_path: Path) -> None:
+    wrenches(tmp_path / "other.mcap", {"/ft": [0.1 * n for n in range(20)]})
+    made = import_csv(tmp_path / "other.mcap", tmp_path / "a.run", mapping={"force_n": column})
+    assert set(open_run(made.path).samples()["force"].values) == {value}
+    with pytest.raises(CsvError, match=r"force_n is force.x, force.y, force.z"):
+        import_csv(tmp_path / "other.mcap", tmp_path / "b.run", mapping={"force_n": "torque.x"})
+
+
+def test_of_an_unfinished_mcap_what_is_whole_is_read(tmp_path: Path) -> None:
+    forces = [0.1 * n for n in range(200)]
+    wrenches(tmp_path / "whole.mcap", {"/ft": forces})
+    whole = (tmp_path / "whole.mcap").read_bytes()
+    (tmp_path / "died.mcap").write_bytes(whole[: len(whole) // 3])
+    made = import_csv(tmp_path / "died.mcap", tmp_path / "a.run", face_mm2=50.0)
+    kept = open_run(made.path).samples()["force"].values.tolist()
+    assert 20 < len(kept) < 180
+    assert kept == forces[: len(kept)]
+    assert made.notes == ("the file was not finished; what is whole is read (`mcap recover`)",)
 
 
 def test_of_two_wrenches_one_must_be_named(tmp_path: Path) -> None:
