@@ -14,7 +14,7 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.core.finding_words import NORMAL_95, percent
 from probe.core.recording import Recording
-from probe.detection.classify.classifier import MIN_POSTERIOR
+from probe.detection.classify.kinds import MIN_POSTERIOR
 from probe.detection.finding import (
     Comparison,
     Diseased,

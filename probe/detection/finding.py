@@ -76,7 +76,9 @@ class ObjectFinding:
     likeliest kind, or that what moves is a pulse. ``course`` has a point (x, y) per row
     of a grid where the object was seen, ``stenosed_m`` the rows (y) between which it is diseased.
     ``diseased`` is the probability of a stenosis if it is known elsewhere that this is a vessel.
-    ``chances`` are the posterior probabilities of the kinds, empty where unknown. ``contrast`` is
+    ``p_stiff`` is the probability that a vessel gives way less than a healthy one, by plaque or by
+    a calcified wall; NaN of what is likelier none. ``chances`` are the posterior probabilities of
+    the kinds, empty where unknown. ``contrast`` is
     ``peak_pa`` over the level of the surroundings and ``pulse_share`` the pulse over the level at
     the object, each (value, standard deviation) and None where unknown.
     ``sizes`` are how deep, how large and how stiff it is, where the scan says so.
@@ -101,6 +103,7 @@ class ObjectFinding:
     course: tuple[tuple[float, float], ...] = ()
     stenosed_m: tuple[float, float] | None = None
     diseased: float = nan
+    p_stiff: float = nan
     chances: Mapping[str, float] = field(default_factory=dict)
     contrast: tuple[float, float] | None = None
     pulse_share: tuple[float, float] | None = None
@@ -260,6 +263,7 @@ def _object(one: ObjectFinding, pulse_pa: float) -> dict[str, Any]:
         "pulse_pa": _known(pulse_pa),
         "confidence": _known(one.confidence),
     }
+    fields["p_stiff"] = _known(one.p_stiff)
     fields |= one.sizes.as_json()
     if one.course:
         fields["course_mm"] = [[_mm(x), _mm(y)] for x, y in one.course]

@@ -114,7 +114,7 @@ def detect(
             objects = [replace(one, kind="undecided", reason=UNFINISHED) for one in objects]
     elif _most_places(recording, judged) >= MIN_STATIONS:
         objects, least_pa = _in_rows(recording, presses, judged, false_alarm, unfinished)
-    elif found := lone_vessel(presses, rows):
+    elif found := lone_vessel(presses, rows, recording.face_m2):
         objects = [found]
     else:
         objects = pulsing_place(presses, unfinished, recording.face_m2)

@@ -1,3 +1,1 @@
-"""What an object is: `classifier` names it, `population` and `single_press` hold what it learnt
-from.
-"""
+"""What an object is: `kinds` names it, `population` holds the solved ones that it compares with."""

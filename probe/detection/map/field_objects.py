@@ -8,7 +8,7 @@ import numpy as np
 from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.recording import Station
-from probe.detection.classify.classifier import SIZES, Judged, Seen, judge
+from probe.detection.classify.kinds import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.area import MIN_PRESSES, among, map_of, spacing_m
 from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS, Bump, at_places, find_bumps
@@ -178,14 +178,19 @@ def _object(
     contrast, contrast_sd = level.height / ground, level.height_sd / ground
     pulse, pulse_sd = nearest.size_pa, nearest.pulse.size_sd_pa
     if still is None:
-        seen = Seen(contrast, contrast_sd, pulse / whole, pulse_sd / whole, bump.p_value,
-                    1.0 if moving is None else moving)  # fmt: skip
+        seen = Seen(
+            pulse / whole, pulse_sd / whole, contrast, contrast_sd, chance=bump.p_value,
+            moving=1.0 if moving is None else moving,
+        )  # fmt: skip
     else:
-        seen = Seen(contrast, contrast_sd, 0.0, 0.0, bump.p_value, 0.0, still, bump.alone,
-                    bump.uneven)  # fmt: skip
+        seen = Seen(
+            0.0, 0.0, contrast, contrast_sd, chance=bump.p_value, moving=0.0, hidden=still,
+            alone=bump.alone, uneven=bump.uneven,
+        )  # fmt: skip
     said = judge(seen)
     return replace(
-        _placed(bump, level, pulse, said, levels), diseased=said.diseased, chances=said.chances,
+        _placed(bump, level, pulse, said, levels), diseased=said.diseased, p_stiff=said.stiff,
+        chances=said.chances,
         contrast=(contrast, contrast_sd), pulse_share=(pulse / whole, pulse_sd / whole),
     )  # fmt: skip
 

@@ -8,7 +8,7 @@ from scipy.special import ndtr
 
 from drivers.core.arrays import Array
 from probe.core.finding_words import NORMAL_95
-from probe.detection.classify.classifier import SIZES, Judged, Seen, judge
+from probe.detection.classify.kinds import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import (
     MAX_OBJECTS,
@@ -200,8 +200,10 @@ def _object(
     pulse, pulse_sd = float(line.pulse_pa[at]), float(line.pulse_sd_pa[at])
     chance = min((b.p_value for b in (place.level, place.pulse) if b is not None), default=1.0)
     if place.pulse is not None:
-        seen = Seen(height / ground, height_sd / ground, pulse / whole, pulse_sd / whole, chance,
-                    1.0 if moving is None else moving)  # fmt: skip
+        seen = Seen(
+            pulse / whole, pulse_sd / whole, height / ground, height_sd / ground, chance=chance,
+            moving=1.0 if moving is None else moving,
+        )  # fmt: skip
     else:
         if moving is None:
             unseen = _unseen(line, place, whole * SIZES)
@@ -210,14 +212,16 @@ def _object(
             sd_pa = pulse_sd * _stray(line, beats)
             unseen = measured(pulse, sd_pa, whole * SIZES, tail_pa)
             pulse = max(pulse - tail_pa, 0.0)
-        seen = Seen(height / ground, height_sd / ground, 0.0, 0.0, chance, 0.0, unseen, bump.alone,
-                    bump.uneven)  # fmt: skip
+        seen = Seen(
+            0.0, 0.0, height / ground, height_sd / ground, chance=chance, moving=0.0,
+            hidden=unseen, alone=bump.alone, uneven=bump.uneven,
+        )  # fmt: skip
     said = judge(seen)
     if said.kind != "undecided" and at in (0, len(line.x_m) - 1):
         said = replace(said, kind="undecided", reason=AT_AN_END)
     found = _finding(place, height, pulse, said, line)
     return replace(
-        found, chances=said.chances, contrast=(seen.contrast, seen.contrast_sd),
+        found, chances=said.chances, p_stiff=said.stiff, contrast=(seen.contrast, seen.contrast_sd),
         pulse_share=(pulse / whole, pulse_sd / whole),
     )  # fmt: skip
 

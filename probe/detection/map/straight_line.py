@@ -8,7 +8,7 @@ from scipy.special import expit
 
 from drivers.core.arrays import Array
 from probe.core.finding_words import percent
-from probe.detection.classify.classifier import ELSE, MIN_POSTERIOR, PRIOR
+from probe.detection.classify.kinds import ELSE, MIN_POSTERIOR, PRIOR
 from probe.detection.finding import ObjectFinding, stated
 from probe.detection.map.bump_fit import tried_m
 from probe.detection.map.bumps import MIN_DISTANCE, TRUSTED, chance

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from probe.detection.classify.classifier import MIN_POSTERIOR
+from probe.detection.classify.kinds import MIN_POSTERIOR
 from probe.detection.finding import Kind, ObjectFinding
 
 MAX_STRAY_PITCHES = 1.5

@@ -64,7 +64,7 @@ def test_steps_that_no_noise_reaches_over_are_no_pulse_and_hide_one(
 
 def test_a_pulse_of_many_steps_without_noise_is_seen() -> None:
     found = detect(recording([pressed(0, 30.0, 0.0, 200.0)]))
-    assert found.reason.startswith("it pulses; artery is likeliest")
+    assert found.reason.startswith("it pulses") and "artery" in found.reason
     assert found.stations[0].pulse_pa == pytest.approx(1.031 * 200.0, rel=0.15)
 
 

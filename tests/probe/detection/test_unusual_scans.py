@@ -341,7 +341,7 @@ def test_a_press_in_another_unit_is_compared_with_no_vessel(unit: float) -> None
     assert "likeliest" in detect(recording([one])).reason
     odd = detect(recording([replace(one, signal_pa=unit * one.signal_pa)]))
     assert odd.finding == "undecided"
-    assert "check the sensor's scale and unit, and face_mm2" in odd.reason
+    assert "check the zero, the unit and face_mm2" in odd.reason
 
 
 @pytest.mark.parametrize("seed", [0, 2, 4])
