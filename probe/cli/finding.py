@@ -91,7 +91,7 @@ def compare(
         answer(simulated_words(simulated))
     for letter, run in zip("AB", runs, strict=True):
         answer(f"{letter}: {run}")
-    answer(f"diseased: {found['diseased']} ({ratios})")
+    answer(f"diseased vessel: {found['diseased']} ({ratios})")
     answer(f"  {found['reason']}")
 
 

@@ -98,7 +98,8 @@ def compare(a: Recording | str | PathLike[str], b: Recording | str | PathLike[st
             )
     pairs = _pairs(*scans)
     if not any(pair.a and pair.b for pair in pairs):
-        return _unknown("; ".join(map(_nothing, "AB", scans)) + ": nothing to compare", pairs)
+        said = [_only_one(pair) for pair in pairs] or ["neither scan shows anything"]
+        return _unknown("; ".join(said) + ": nothing to compare", pairs)
     judged = [(_judged(pair, scans), pair) for pair in pairs if pair.a and pair.b]
     order = [("A", "B"), ("undecided",), ("neither",)]  # what a person would act on comes first
     (diseased, confidence, _), main = next(
@@ -158,15 +159,20 @@ def _reach_m(one: ObjectFinding) -> float:
 
 
 def _changes(a: ObjectFinding, b: ObjectFinding) -> dict[str, tuple[float, float, float]]:
-    """Of contrast and pulse over force where both are known: B over A less 1, and its interval."""
-    both = {"contrast": (a.contrast, b.contrast), "pulse_share": (a.pulse_share, b.pulse_share)}
-    found = {}
-    for name, (one, other) in both.items():
-        if one and other and min(one[0] / max(one[1], 1e-12), other[0] / max(other[1], 1e-12)) > 0:
-            ratio = other[0] / one[0]
-            reach = NORMAL_95 * hypot(one[1] / one[0], other[1] / other[0])
-            found[name] = (ratio - 1, ratio * exp(-reach) - 1, ratio * exp(reach) - 1)
-    return found
+    """Of contrast, pulse over force, and of depth, diameter and modulus, where both are known: B
+    over A less 1, and its interval."""
+    both = {
+        "contrast": (a.contrast, b.contrast), "pulse_share": (a.pulse_share, b.pulse_share),
+        **{name: (a.sizes.spread(name), b.sizes.spread(name)) for name in ("depth", "diameter",
+           "modulus")},
+    }  # fmt: skip
+    changed = {}
+    for name, (first, second) in both.items():
+        if first and second and min(first[0], second[0]) > 0:
+            ratio = second[0] / first[0]
+            reach = NORMAL_95 * hypot(first[1] / first[0], second[1] / second[0])
+            changed[name] = (ratio - 1, ratio * exp(-reach) - 1, ratio * exp(reach) - 1)
+    return changed
 
 
 def _judged(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]:
@@ -214,6 +220,11 @@ def _lumps(pair: ObjectPair, scans: list[_Scan]) -> tuple[Diseased, float, str]:
         return "neither", sure, f"{where} is in both; no contrast is known that could be compared"
     value, low, high = (100 * part for part in pair.change["contrast"])
     interval = f"{value:+.0f} % (95 %: {low:+.0f} to {high:+.0f})"
+    if not isnan(a.sizes.diameter_m + b.sizes.diameter_m):
+        interval += (
+            f"; diameter {1e3 * a.sizes.diameter_m:.3g} mm in A, {1e3 * b.sizes.diameter_m:.3g} mm "
+            "in B"
+        )
     if low > 0:
         return "neither", sure, f"{where} is larger or harder in B: contrast {interval}"
     if high < 0:
@@ -233,10 +244,6 @@ def _only_one(pair: ObjectPair) -> str:
     which, other = ("A", "B") if pair.a else ("B", "A")
     where = f" at x = {1e3 * one.position_m:.1f} mm" if isfinite(one.position_m) else ""
     return f"only {which} shows {_what(one)}{where}, {other} nothing there"
-
-
-def _nothing(which: str, scan: _Scan) -> str:
-    return f"{which}: {scan.finding.finding}"
 
 
 def _ratios(pair: ObjectPair, scans: list[_Scan]) -> tuple[float, float]:

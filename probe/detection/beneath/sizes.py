@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from probe.core.finding_words import NORMAL_95
+
 Interval = tuple[float, float]
 
 
@@ -22,6 +24,14 @@ class Sizes:
     modulus_pa: float = nan
     modulus_ci_pa: Interval = (nan, nan)
     undecided: Mapping[str, str] = field(default_factory=dict)
+
+    def spread(self, name: str) -> Interval | None:
+        """Value and standard deviation [SI] of ``depth``, ``diameter`` or ``modulus``, by half of
+        its interval; None where it is unknown."""
+        unit = "pa" if name == "modulus" else "m"
+        value: float = getattr(self, f"{name}_{unit}")
+        low, high = getattr(self, f"{name}_ci_{unit}")
+        return None if np.isnan(value) else (value, (high - low) / (2 * NORMAL_95))
 
     def as_json(self) -> dict[str, Any]:
         """The contract of an object in ``detect --json``; a diameter is a vessel's inner one."""

@@ -29,7 +29,7 @@ DRAWS: Mapping[str, tuple[float, float]] = {
     "inner_mm": (2.0, 6.0),
     "wall": (0.08, 0.18),  # over the inner diameter
     "vessel_kpa": (200.0, 1000.0),
-    "fraction": (0.2, 0.7),
+    "fraction": (0.2, 0.6),
     "plaque": (3.0, 20.0),  # over the vessel's modulus
     "lump": (4.0, 40.0),  # over the tissue's
     "diastolic_mmhg": (60.0, 95.0),

@@ -31,6 +31,22 @@ def test_a_lump_s_depth_and_diameter_hold_and_its_stiffness_is_bounded(tmp_path:
     assert said["modulus_ci_kpa"][1] is None or said["modulus_ci_kpa"][1] > 1000
 
 
+def test_a_lump_that_grew_is_larger_in_diameter_and_as_deep(tmp_path: Path) -> None:
+    lump = palpate.load_scene("TIT")
+    (small,) = lump.inclusion
+    large = lump.model_copy(update={"inclusion": (small.model_copy(update={"diameter_mm": 6.5}),)})
+    runs = []
+    for scene, folder in ((lump, tmp_path / "first"), (large, tmp_path / "later")):
+        palpate.scan(palpate.default_rig(scene), scene, folder, seed=1)
+        runs += folder.glob("*.run")
+    said = palpate.compare(*runs)
+    _, low, high = said.objects[0].change["diameter"]
+    assert low <= 6.5 / 4.5 - 1 <= high and low > 0
+    _, shallower, deeper = said.objects[0].change["depth"]
+    assert shallower <= 0 <= deeper
+    assert "larger or harder in B" in said.reason and "mm in B" in said.reason
+
+
 def test_a_vessel_s_depth_holds_and_its_narrowing_is_not_told(tmp_path: Path) -> None:
     (vessel,) = scanned(palpate.load_scene("TIHA"), tmp_path).objects
     low_m, high_m = vessel.sizes.depth_ci_m
