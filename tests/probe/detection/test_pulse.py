@@ -173,7 +173,7 @@ def test_a_beat_on_a_slow_ramp_is_not_taken_for_its_end(seed: int) -> None:
     """A ramp of 30 s: a beat of 3 % on its last seconds makes a top, and a beat is all that the
     hold may begin early or late."""
     rng = np.random.default_rng(seed)
-    one = station(rng, pulse_pa=270.0, noise_pa=5.0, sample_hz=10.0, hold_s=4.0)
+    one = station(rng, pulse_pa=270.0, noise_pa=5.0, sample_hz=10.0, hold_s=8.0)
     held_s = one.time_s - one.time_s[0]
     before_s = np.arange(-30.0, 0.0, 0.1)
     beats = 270.0 * wave(1.2 * before_s + rng.uniform())
