@@ -141,7 +141,7 @@ def test_a_surface_that_waves_is_no_lump(begins_rad: float) -> None:
     found = detect(recording(wavy))
     assert found.finding == "undecided"
     assert "uneven surface" in found.reason
-    lump = row(np.random.default_rng(8), bump=0.6, noise_pa=4.0, hold_s=1.0, sample_hz=100.0)
+    lump = row(np.random.default_rng(8), bump=0.4, noise_pa=2.0, hold_s=2.0, sample_hz=100.0)
     assert detect(recording(lump)).finding == "tumour"
 
 
