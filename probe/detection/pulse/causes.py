@@ -21,10 +21,10 @@ from probe.detection.pulse.beside_breathing import (
 from probe.detection.pulse.fit import Fit, design_of
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import family
-from probe.detection.pulse.own_shape import SAMPLES_EACH, shape_evidence
 from probe.detection.pulse.periodic import beside_of, log_evidence, mean_wave, periodic
 from probe.detection.pulse.possible_rates import FASTEST_HZ, SLOWEST_HZ, weights
 from probe.detection.pulse.search import SHARE
+from probe.detection.pulse.train_evidence import SAMPLES_EACH, train_evidence
 
 COARSE_S = 0.04
 """Samples closer than half of this are averaged in pairs: a beat's rise takes twice as long."""
@@ -47,9 +47,6 @@ MIN_POSTERIOR = 0.8
 pulses of 1 % in 5 s (benchmarks/pulses.py) it finds 194, with 0.75 it is 195; with 0.85 two fewer
 of 3 % in 2.5 s were found. Of 400 steady lines at 10 Hz (benchmarks/artefacts.py) 3 were called a
 pulse, with 0.85 it was 2, with 0.75 and 0.7 it was 7."""
-OWN_HARMONICS = 6
-"""Harmonics in which a person's wave may differ from the mean one; the brachial wave's further ones
-are below 0.08 of its first."""
 STEADY_HARMONICS = (2, 8)
 """Of a pulse that is taken as any harmonics at one rate: a loud steady one is known better than the
 grid on which beats begin."""
@@ -123,7 +120,7 @@ def evidence_of(hold: Coarse, train: BeatTrain) -> dict[str, float]:
     long again: whether somebody breathes does not depend on what else moves.
     """
     repeating = _repeating(hold, MEMORIES)
-    own = np.log(SHARE["train"]) + shape_evidence(hold, train, OWN_HARMONICS)
+    own = np.log(SHARE["train"]) + train_evidence(hold, train)
     found = {
         "pulse": float(np.logaddexp(repeating["pulse"], own)),
         "uneven beats": float(own),
@@ -170,7 +167,7 @@ def cause_of(evidences: Sequence[dict[str, float]]) -> Cause:
 
 
 def _tremor(hold: Coarse) -> float:
-    return shape_evidence(hold, beat_train(hold, "symmetric"), 0)
+    return train_evidence(hold, beat_train(hold, "symmetric"))
 
 
 def _motion(hold: Coarse) -> float:

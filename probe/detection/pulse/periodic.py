@@ -9,9 +9,9 @@ import numpy as np
 from drivers.core.arrays import Array, Bools, Ints
 from probe.detection.pulse.beat_train import MEMORIES, Coarse, whiten
 from probe.detection.pulse.fit import harmonics
-from probe.detection.pulse.own_shape import NYQUIST_SHARE, SAMPLES_EACH
 from probe.detection.pulse.possible_rates import weights
 from probe.detection.pulse.search import PHASES
+from probe.detection.pulse.train_evidence import NYQUIST_SHARE, SAMPLES_EACH
 from probe.detection.pulse.wave import AMPLITUDES_MMHG, PHASES_RAD
 
 Likely = Callable[[Array], Array]

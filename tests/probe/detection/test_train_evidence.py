@@ -1,11 +1,10 @@
-"""Loud beats of a shape that the search does not know."""
+"""A train of beats beside relaxation and drift."""
 
 import numpy as np
-import pytest
 
 from drivers.core.arrays import Array
 from probe.detection.pulse.beat_train import BeatTrain, Coarse
-from probe.detection.pulse.own_shape import shape_evidence
+from probe.detection.pulse.train_evidence import train_evidence
 from probe.detection.pulse.wave import brachial
 
 STEP_S, BEAT_S, COUNT = 0.1, 1.2, 50
@@ -27,24 +26,10 @@ def phase() -> Array:
     return np.asarray((np.arange(COUNT) * STEP_S / BEAT_S) % 1.0)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_a_loud_pulse_of_another_shape_gains_by_its_own(seed: int) -> None:
-    """A triangle that rises in 0.4 of a beat."""
-    wave = np.where(phase() < 0.4, phase() / 0.4, (1 - phase()) / 0.6) - 0.5
-    one = hold(wave, seed)
-    assert shape_evidence(one, train(), 6) > shape_evidence(one, train(), 0) + 10.0
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_one_of_the_known_shape_gains_nothing(seed: int) -> None:
-    one = hold(brachial(phase()), seed)
-    assert shape_evidence(one, train(), 6) <= shape_evidence(one, train(), 0)
-
-
 def test_drift_beside_the_beats_costs_nothing() -> None:
     """As it costs a rival nothing: relaxation is fitted beside either."""
     plain = hold(brachial(phase()), 1)
     drifting = hold(brachial(phase()) + 0.3 * np.linspace(-1, 1, COUNT), 1)
-    by_drift = shape_evidence(drifting, train(), 0)
-    plainly = shape_evidence(plain, train(), 0)
+    by_drift = train_evidence(drifting, train())
+    plainly = train_evidence(plain, train())
     assert by_drift > plainly  # both leave the same; what is left without the fit differs
