@@ -39,33 +39,50 @@ class BodyKind:
     picture: Callable[[Any], Picture]
 
 
-def _around(x_m: float, radius_m: float, off_m: float) -> tuple[float, float, float]:
+def _finger_m(scene: Scene) -> float:
+    return 1e-3 * scene.indenter.length_mm
+
+
+def _whole(_: Scene) -> float:
+    return nan
+
+
+def _wedges(_: Scene) -> str:
+    return "wedge"
+
+
+def _section_contact_m(body: Any, state: Solution, _: float) -> tuple[float, float, float]:
+    return stress.contact_m(body, state)
+
+
+def _turned_contact_m(body: Any, state: Solution, x_m: float) -> tuple[float, float, float]:
+    _, radius_m, off_m = stress.contact_m(body, state)
     return x_m - radius_m, x_m + radius_m, off_m
 
 
+def _solid_contact_m(body: Any, state: Solution, _: float) -> tuple[float, float, float]:
+    return solid_stress.contact_m(body, state)
+
+
+def _turned_taxels_n(body: Any, state: Solution, across: Array, along: Array, _: float) -> Array:
+    return turned_taxels_n(body, state, across, along)
+
+
+def _solid_taxels_n(body: Any, state: Solution, across: Array, along: Array, _: float) -> Array:
+    return solid_taxels_n(body, state, across, along)
+
+
+# Functions with names: a press goes to other processes.
 SECTION = BodyKind(
-    best_element,
-    lambda scene: 1e-3 * scene.indenter.length_mm,
-    stress.under_finger_pa,
-    lambda body, state, _: stress.contact_m(body, state),
-    section_taxels_n,
+    best_element, _finger_m, stress.under_finger_pa, _section_contact_m, section_taxels_n,
     SectionPicture,
-)
+)  # fmt: skip
 REVOLVED = BodyKind(
-    best_element,
-    lambda _: nan,
-    stress.under_finger_pa,
-    lambda body, state, x_m: _around(x_m, *stress.contact_m(body, state)[1:]),
-    lambda body, state, across_m, along_m, _: turned_taxels_n(body, state, across_m, along_m),
+    best_element, _whole, stress.under_finger_pa, _turned_contact_m, _turned_taxels_n,
     SectionPicture,
 )  # fmt: skip
 SOLID = BodyKind(
-    lambda _: "wedge",
-    lambda _: nan,
-    solid_stress.under_finger_pa,
-    lambda body, state, _: solid_stress.contact_m(body, state),
-    lambda body, state, across_m, along_m, _: solid_taxels_n(body, state, across_m, along_m),
-    Cut,
+    _wedges, _whole, solid_stress.under_finger_pa, _solid_contact_m, _solid_taxels_n, Cut
 )
 
 
