@@ -149,7 +149,8 @@ def test_a_halt_that_is_not_heard_is_said_again() -> None:
 
 def test_what_was_read_last_is_in_the_run() -> None:
     bed, events = Bed(SimulatedClock()), list[Event]()
-    ran = run_springs(bed, SpringStage(bed), [SpringSensor(bed)], sink=events.append)
+    sensor = SpringSensor(bed)
+    ran = run_springs(bed, SpringStage(bed), [sensor], sink=events.append)
     assert ran.ended is not None
     times = [e.block.time_s for e in events if isinstance(e, Samples) and e.device == "cell"]
-    assert times[-1][-1] > ran.ended.time_s - 3 / SpringSensor.rate_hz
+    assert times[-1][-1] > ran.ended.time_s - 3 / sensor.rate_hz
