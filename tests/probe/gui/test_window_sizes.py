@@ -1,27 +1,16 @@
 """Windows on screens that are small or wide: nothing is cut, nothing is hidden."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import Qt
+from run_windows import FINDING, Make, Shoot
 
-from probe.core.events import Event
 from probe.gui.state import ViewState
 from probe.gui.style import application
 from probe.gui.window import RunWindow
 
-Make = Callable[..., list[Event]]
-Shoot = Callable[..., None]
-FINDING = {
-    "finding": "artery",
-    "objects": [
-        {"kind": "artery", "position_mm": 32.0, "position_ci_mm": [31.5, 32.5], "confidence": 0.98}
-    ],
-    "heart_rate_bpm": None,
-    "stations": [],
-}
 SMALL = (800, 600)
 
 
