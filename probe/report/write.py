@@ -3,19 +3,22 @@
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drivers.core.files import naming
-from probe.core.errors import RunFileError
-from probe.core.events import RunStarted
+from probe.core.contact_stress import stress_conversion, tactile_device
+from probe.core.events import RunStarted, Samples
 from probe.core.places import place_words
 from probe.core.recording import Recording, Station
 from probe.report import figures
 from probe.report.anonymous import anonymous
 from probe.report.page import Picture, page
 from sim_backend.scene.scene_file import Scene
+
+if TYPE_CHECKING:
+    from probe.storage.run import Run
 
 DPI = 300
 
@@ -42,7 +45,7 @@ def write_report(
     Raises
     ------
     RunFileError
-        No station is complete: there is nothing to show.
+        The file is no run, or nothing was measured.
     """
     from probe.detection import detect  # here: reading and detecting are not needed to draw
     from probe.storage.run import open_run
@@ -54,7 +57,8 @@ def write_report(
     if without_names:
         started = anonymous(started)
     found = detect(recording)
-    return report(recording, started, found.as_json(), shown, Path(out_dir))
+    loose = None if recording.stations else _loose(run, recording.face_m2)
+    return report(recording, started, found.as_json(), shown, Path(out_dir), loose)
 
 
 def report(
@@ -63,10 +67,9 @@ def report(
     finding: Mapping[str, Any],
     run_path: Path,
     out_dir: Path,
+    loose: Station | None = None,
 ) -> Path:
-    """As `write_report`, from what it reads."""
-    if not recording.stations:
-        raise RunFileError(f"{run_path}: no station is complete; `palpate resume` finishes it")
+    """As `write_report`, from what it reads; ``loose``: the samples of a run without stations."""
     finding = {
         "simulated": list(recording.simulated),
         "finish": recording.finish,
@@ -74,7 +77,10 @@ def report(
     }
     out_dir.mkdir(parents=True, exist_ok=True)
     with figures.style():
-        pictures, remarks = _pictures(recording, started, finding)
+        if recording.stations:
+            pictures, remarks = _pictures(recording, started, finding)
+        else:
+            pictures, remarks = _unjudged(loose, recording.face_m2)
         if recording.simulated:
             for one in pictures:
                 figures.mark_simulated(one.figure)
@@ -90,6 +96,31 @@ def report(
     with naming(path):
         path.write_text(text, encoding="utf-8")
     return path
+
+
+def _loose(run: "Run", face_m2: float) -> Station | None:
+    """All samples of the device that feels, in a station or not; None without any."""
+    device = tactile_device(run.channels)
+    blocks = [e.block for e in run.events() if isinstance(e, Samples) and e.device == device]
+    time_s = np.concatenate([block.time_s for block in blocks] or [np.empty(0)])
+    if not len(time_s):
+        return None
+    conversion = stress_conversion(run.channels[device], face_m2)
+    signal_pa = conversion.stress_pa(np.concatenate([block.values for block in blocks]))
+    unknown = np.full(len(time_s), np.nan)
+    return Station(
+        0, np.nan, np.nan, time_s, signal_pa, np.zeros(signal_pa.shape, bool),
+        np.nan, np.nan, np.nan, unknown,
+    )  # fmt: skip
+
+
+def _unjudged(loose: Station | None, face_m2: float) -> tuple[list[Picture], list[str]]:
+    """What there is of a run none of whose stations is complete."""
+    remark = "No station is complete, so nothing is judged; `palpate resume` finishes a scan."
+    if loose is None:
+        return [], [f"{remark} There is no sample in it."]
+    caption = "Force against time, of all that was recorded; none of it is judged."
+    return [Picture("force", caption, figures.force_trace(loose, face_m2, "whole run"))], [remark]
 
 
 def _pictures(

@@ -6,13 +6,16 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from matplotlib.figure import Figure
-from recordings import FACE_M2, finding, grid, row, started
+from recordings import finding, grid, row, started
 
-from probe.core.recording import Recording
+from drivers import Block, Channel
+from probe.core.events import RunStarted, Samples, StationStarted
 from probe.report.page import Picture, page
-from probe.report.write import report
+from probe.report.write import report, write_report
+from probe.storage.writer import create_store
 from sim_backend import Scene, load_scene
 from sim_backend.models.press import CannotSolve
 
@@ -149,7 +152,20 @@ def test_a_full_disk_is_said_of_the_file_that_it_does_not_take(
     assert said.value.filename == str(tmp_path / "out" / named)
 
 
-def test_a_run_without_a_complete_station_is_refused_with_what_to_do(tmp_path: Path) -> None:
-    empty = Recording((), ("virtual.force",), (), FACE_M2)
-    with pytest.raises(ValueError, match=r"palpate resume"):
-        report(empty, started(), finding(empty), Path("a.run"), tmp_path)
+@pytest.mark.parametrize("samples", [True, False])
+def test_of_a_run_without_a_complete_station_the_samples_are_shown(
+    samples: bool, tmp_path: Path
+) -> None:
+    """And that none of them is judged; or that there are none."""
+    run, time_s = tmp_path / "a.run", 0.01 * np.arange(50)
+    block = Block(time_s, time_s[:, None], np.zeros((50, 1), bool))
+    channels = {"cell": (Channel("force", "N", "force"),)}
+    with create_store(run) as store:
+        store(RunStarted(0.0, "2026-01-01T00:00:00+00:00", {"face_mm2": 100.0}, channels))
+        store(StationStarted(0.0, 0, 1, 0.0, 0.0))
+        if samples:
+            store(Samples("cell", block, 0, 1))
+    text = write_report(run, tmp_path / "out").read_text()
+    assert "No station is complete, so nothing is judged; `palpate resume`" in text
+    assert ("of all that was recorded" in text) == samples
+    assert ("There is no sample in it." in text) == (not samples)
