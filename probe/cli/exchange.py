@@ -1,17 +1,18 @@
 """``palpate export`` and ``palpate import``: runs to and from other programs."""
 
-import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from probe.cli.arguments import RunFiles, export_formats
+from probe.cli.arguments import RunFiles, export_formats, scene_names
 from probe.cli.say import Json, answer, answer_json, inform, next_command
 from probe.cli.several import of_each
 
 if TYPE_CHECKING:
     from probe.detection.finding import Finding
+
+MAX_MAP_BYTES = 1 << 16  # of a file with a mapping
 
 
 def register(app: typer.Typer) -> None:
@@ -67,80 +68,155 @@ def _finding(run: Path) -> "Finding | None":
 
 
 def import_run(
-    file: Annotated[
-        Path, typer.Argument(metavar="FILE.csv|FILE.mcap|…", help="CSV may be gzipped.")
+    files: Annotated[
+        list[Path], typer.Argument(metavar="FILE...", help="Any format; a text may be gzipped.")
     ],
-    out: Annotated[Path, typer.Option(metavar="RUN", help="The run file to make.")],
+    out: Annotated[
+        Path,
+        typer.Option(metavar="RUN|DIR", help="The run to make; of several, the folder."),
+    ],
     face_mm2: Annotated[
         float | None, typer.Option(help="Area of the probe's face [mm2], for forces.")
-    ] = None,
-    topic: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Which WrenchStamped topic of an MCAP file to take."),
     ] = None,
     maps: Annotated[
         list[str] | None,
         typer.Option(
             "--map",
             metavar="NAME=COLUMN|FILE.toml",
-            help="Which column is what: force_n='Fz [N]', '-Fz' turns the sign; or a TOML file "
-            "of such lines, which may say rate_hz too.",
+            help="Which column is what, in which unit: force_n='Fz [mN]'; '-Fz' turns the sign; or "
+            "a TOML file of such lines and of these options.",
         ),
     ] = None,
     rate_hz: Annotated[
         float | None,
         typer.Option(min=1e-3, max=1e6, help="Samples a second, where the file has no times."),
     ] = None,
+    layout: Annotated[
+        str | None, typer.Option(metavar="4x7", help="Rows and columns of an array of taxels.")
+    ] = None,
+    tare_s: Annotated[
+        float | None,
+        typer.Option(help="Take the mean of the first seconds of each press as its zero."),
+    ] = None,
+    topic: Annotated[
+        str | None, typer.Option(metavar="NAME", help="Take only columns that begin so.")
+    ] = None,
+    scene: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|FILE", help="The block and the finger.", autocompletion=scene_names
+        ),
+    ] = None,
+    rig: Annotated[
+        str | None, typer.Option(metavar="RIG.toml", help="The rig: its face and block.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Make a run of a recording from elsewhere, to detect in it, show and report it.
 
-    Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar; if known
-    x_mm, y_mm, depth_mm (below the surface), station, reference. What `palpate export` wrote is
-    read too, and MCAP files with geometry_msgs/WrenchStamped: the force along z is taken as the
-    normal force, or what --map says, as force_n=-force.x. Of an export with several sensors
-    the one that the run was judged on is taken.
-    Recordings of other programs (.mat, .npy, .npz, .h5, .xdf, .bag, .db3, .lvm, .txt, .tsv, and CSV
-    with any names) are read with --map.
+    Columns are named with their unit: time_s; one of force_n, pressure_pa, pressure_mbar, taxels_n,
+    taxels_pa; if known x_mm, y_mm, depth_mm (below the surface), station, reference. Of what
+    `palpate export` wrote, the channels are taken that the run was judged on.
+    Recordings of other programs (text of instruments, .mat, .npy, .npz, .h5, .parquet, .xdf, .bag,
+    .db3, .mcap) are read with --map; without it their columns are listed.
     """
     from probe.storage.csv_import import import_csv
 
-    mapping, said_hz = _mapping(maps or [])
-    made = import_csv(
-        file, out, face_mm2=face_mm2, topic=topic, mapping=mapping, rate_hz=rate_hz or said_hz
-    )
-    for note in made.notes:
-        inform(f"note: {note}")
-    if json:
-        answer_json(
-            {
-                "run": made.path,
-                "stations": made.stations,
-                "samples": made.samples,
-                "notes": made.notes,
-            }
-        )
-    else:
+    given = {
+        "face_mm2": face_mm2, "rate_hz": rate_hz, "layout": layout, "tare_s": tare_s,
+        "topic": topic, "scene": scene, "rig": rig,
+    }  # fmt: skip
+    settings = _settings(maps or []) | {name: v for name, v in given.items() if v is not None}
+    if isinstance(said := settings.get("layout"), str):
+        settings["layout"] = _rows_columns(said)
+    sources = [one for file in files for one in _globbed(file)]
+    several = len(sources) > 1
+    if several and out.suffix == ".run":
+        raise typer.BadParameter(f"--out {out}: of {len(sources)} files the runs go to a folder")
+
+    def read(source: Path) -> dict[str, Any]:
+        name = f"{Path(source.name.removesuffix('.gz')).stem}.run"
+        made = import_csv(source, out / name if several else out, **settings)
+        for note in made.notes:
+            inform(f"note: {f'{source}: ' if several else ''}{note}")
         many = "station" if made.stations == 1 else "stations"
-        answer(f"Run: {made.path} ({made.stations} {many}, {made.samples} samples)")
-        answer(f"What it means: {next_command('detect', made.path)}")
+        if not json:
+            answer(f"Run: {made.path} ({made.stations} {many}, {made.samples} samples)")
+        return {
+            "run": made.path,
+            "stations": made.stations,
+            "samples": made.samples,
+            "notes": made.notes,
+        }
+
+    if several:
+        out.mkdir(parents=True, exist_ok=True)
+    made, status = of_each(sources, read)
+    if json:
+        answer_json(made[0] if not several else {"runs": made})
+    elif not status:
+        runs = f"palpate detect {out}/*.run" if several else next_command("detect", out)
+        answer(f"What it means: {runs}")
+    raise typer.Exit(status)
 
 
-def _mapping(said: list[str]) -> tuple[dict[str, str], float | None]:
-    """Columns by what they are, and samples a second where a file of them says so."""
-    mapping: dict[str, str] = {}
-    rate_hz = None
+def _globbed(file: Path) -> list[Path]:
+    """The files of a pattern that no shell has replaced, or the file itself."""
+    if file.exists() or "*" not in str(file):
+        return [file]
+    base = next(parent for parent in file.parents if "*" not in str(parent))
+    return sorted(base.glob(str(file.relative_to(base)))) or [file]
+
+
+OPTIONS = {
+    "face_mm2": float, "rate_hz": float, "layout": str, "tare_s": float, "topic": str,
+    "scene": str, "rig": str,
+}  # fmt: skip
+"""What a file of ``--map`` may say beside its columns."""
+
+
+def _settings(said: list[str]) -> dict[str, Any]:
+    """Columns by what they are, and what else a file of them says."""
+    mapping: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for item in said:
         name, equals, column = item.partition("=")
-        if equals:
-            mapping[name.strip()] = column
-            continue
-        try:
-            kept = tomllib.loads(Path(item).read_text(encoding="utf-8"))
-            rate_hz = float(kept.pop("rate_hz")) if "rate_hz" in kept else rate_hz
-        except (OSError, ValueError, TypeError) as error:
+        name = name.strip()
+        if equals and name == "time_s" and name in mapping:  # of streams of their own
+            mapping[name] = [*mapping[name], column]
+        elif equals:
+            mapping[name] = [column] if name == "time_s" else column
+        else:
+            kept = _kept(item)
+            settings |= {key: kept.pop(key) for key in OPTIONS if key in kept}
+            for key in settings.keys() & {"rig", "scene"}:
+                if (beside := Path(item).parent / settings[key]).is_file():
+                    settings[key] = str(beside)
+            mapping |= kept
+    return settings | {"mapping": mapping}
+
+
+def _kept(file: str) -> dict[str, Any]:
+    from drivers.core.files import parse_toml, read_file
+
+    try:
+        kept = parse_toml(read_file(Path(file), MAX_MAP_BYTES))
+    except (OSError, ValueError) as error:
+        raise typer.BadParameter(f"--map {file}: NAME=COLUMN or a TOML file ({error})") from None
+    for key, value in kept.items():
+        texts = value if isinstance(value, list) and key == "time_s" else [value]
+        wanted = OPTIONS.get(key, str)
+        right = (int, float) if wanted is float else str
+        if not all(isinstance(text, right) and not isinstance(text, bool) for text in texts):
             raise typer.BadParameter(
-                f"--map {item}: NAME=COLUMN or a TOML file ({error})"
-            ) from None
-        mapping |= {key: str(value) for key, value in kept.items()}
-    return mapping, rate_hz
+                f"--map {file}: {key} = {value!r}: {'a number' if wanted is float else 'text'} "
+                "is wanted"
+            )
+    return kept
+
+
+def _rows_columns(layout: str) -> tuple[int, int]:
+    rows, mark, columns = layout.lower().partition("x")
+    if not (mark and rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
+        raise typer.BadParameter(f"--layout {layout}: rows and columns are wanted, as 4x7")
+    return int(rows), int(columns)

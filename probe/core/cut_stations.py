@@ -165,7 +165,7 @@ class _Signal:
         self.names = tuple(f"{self.device}.{own[n].name}" for n in self.picked)
         self.reference, self.depth = self._first("reference"), self._first("depth")
         self.surface_m = _surface(config)
-        scene = config.get("scene") or {}
+        scene = config.get("block") or config.get("scene") or {}  # of an import only the block
         self.block = {key: scene[key] for key in OF_BLOCK if key in scene} or None
         self.incline = _incline(config)
         self.compliance_m_per_n = compliance_m_per_n(config)

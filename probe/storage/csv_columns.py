@@ -51,7 +51,7 @@ def read_columns(source: Path) -> tuple[pd.DataFrame, list[str], str]:
     try:
         with open_file(source) as packed:
             plain = gzip.GzipFile(fileobj=packed) if source.suffix == ".gz" else packed
-            text = _Bounded(cast(BinaryIO, plain), packed)
+            text = Bounded(cast(BinaryIO, plain), packed)
             return *_parsed(io.BufferedReader(text, 2**16)), text.digest.hexdigest()
     except FileRefused as error:
         raise CsvError(str(error)) from None
@@ -61,11 +61,14 @@ def read_columns(source: Path) -> tuple[pd.DataFrame, list[str], str]:
         raise CsvError(f"cannot be read ({error})") from None
 
 
-class _Bounded(io.RawIOBase):
+class Bounded(io.RawIOBase):
     """A text that is refused where it becomes too long, too wide or unpacks beyond reason."""
 
-    def __init__(self, plain: BinaryIO, packed: BinaryIO) -> None:
+    def __init__(
+        self, plain: BinaryIO, packed: BinaryIO, max_line_bytes: int = MAX_LINE_BYTES
+    ) -> None:
         self.digest = sha256()
+        self._max_line_bytes = max_line_bytes
         self._plain, self._packed = plain, packed
         self._bytes = self._line = 0
 
@@ -85,8 +88,8 @@ class _Bounded(io.RawIOBase):
         first, *lines = part.split(b"\n")
         longest = max(self._line + len(first), *map(len, lines), 0)
         self._line = len(lines[-1]) if lines else self._line + len(first)
-        if longest > MAX_LINE_BYTES:
-            raise CsvError(f"a line of more than {MAX_LINE_BYTES} bytes; not such a table")
+        if longest > self._max_line_bytes:
+            raise CsvError(f"a line of more than {self._max_line_bytes} bytes; not such a table")
         buffer[: len(part)] = part
         return len(part)
 
@@ -148,14 +151,6 @@ def _check_names(names: list[str]) -> None:
             raise CsvError(f"column {name!r} is there twice")
         if name not in COLUMNS and name.rpartition("_")[0] in stems:
             raise CsvError(f"column {name!r}: unknown unit; allowed columns: {allowed}")
-    if "time_s" not in names:
-        other = next((mark for mark in ";\t" if mark in "".join(names)), None)
-        if other is not None:
-            raise CsvError(
-                f"columns are separated by {other!r}; write ',' between them, and '.' in numbers"
-            )
-        found = ", ".join(names)[:200]
-        raise CsvError(f"column 'time_s' is missing; allowed columns: {allowed}; found: {found}")
 
 
 def numbers(column: "pd.Series[str]", name: str, first_row: int = 2) -> Array:

@@ -1,8 +1,8 @@
-"""``palpate import FILE.csv --out RUN``: a recording made elsewhere becomes a run file.
+"""``palpate import FILE --out RUN``: a recording made elsewhere becomes a run file.
 
-Columns carry their unit: ``time_s``, one of ``force_n``, ``pressure_pa`` or ``pressure_mbar``, and
-if known ``x_mm``, ``y_mm``, ``depth_mm`` (of the tip below the surface), ``station`` and
-``reference`` (a PPG or ECG beside it).
+Columns carry their unit: ``time_s``, one of ``force_n``, ``pressure_pa``, ``pressure_mbar``,
+``taxels_n`` or ``taxels_pa``, and if known ``x_mm``, ``y_mm``, ``depth_mm`` (of the tip below the
+surface), ``station`` and ``reference`` (a PPG or ECG beside it).
 
 - Rows without a reading (empty or NaN) are left out and counted; times may be uneven.
 - Without ``station``, a change of position begins a new one; without positions all is one. A
@@ -21,11 +21,12 @@ from typing import Any
 
 import numpy as np
 
-from drivers import Block, Channel
-from drivers.core.arrays import Array, Bools
+from drivers import Block
 from drivers.core.units import to_si
-from probe.config.snapshot import library_versions
-from probe.core.contact_stress import PRESSED_N
+from probe.config.load_rig import load_rig
+from probe.config.rig import Rig
+from probe.config.snapshot import face_mm2_of, library_versions
+from probe.core.cut_stations import OF_BLOCK
 from probe.core.events import (
     Event,
     Finish,
@@ -38,20 +39,18 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.core.places import SAME_PLACE_M
-from probe.storage.csv_columns import first_line
-from probe.storage.csv_table import CsvRecording, cut, read_csv
-from probe.storage.import_foreign import read_foreign
-from probe.storage.import_formats import ENDINGS, is_exported, read_format
-from probe.storage.import_table import CsvError, check_face
+from probe.storage.csv_table import CsvRecording, cut
+from probe.storage.import_columns import Asked
+from probe.storage.import_doubts import doubts
+from probe.storage.import_readers import read_recording
+from probe.storage.import_table import DEVICE, CsvError, check_face
 from probe.storage.writer import create_store
+from sim_backend.scene.scene_file import Scene, as_scene
 
 __all__ = ["CsvError", "Imported", "import_csv"]
 
-DEVICE, REFERENCE, DEPTHS = "imported", "reference", "depth"
 BLOCK = 1000  # samples
 FACE_MM2 = 100.0
-MANY = 3  # places: of a row or a grid; two are as soon one place that was moved by a little
 
 
 @dataclass(frozen=True)
@@ -78,29 +77,44 @@ def import_csv(
     *,
     face_mm2: float | None = None,
     topic: str | None = None,
-    mapping: Mapping[str, str] | None = None,
+    mapping: Mapping[str, str | list[str]] | None = None,
     rate_hz: float | None = None,
+    layout: tuple[int, int] | None = None,
+    tare_s: float | None = None,
+    scene: Scene | str | Path | None = None,
+    rig: Rig | str | Path | None = None,
 ) -> Imported:
     """Read a recording made elsewhere and write it as a new run file.
 
     Parameters
     ----------
     source
-        A CSV (or .csv.gz), what ``palpate export`` wrote, or an MCAP file: see
-        `probe.storage.import_formats`.
+        What ``palpate export`` wrote, or a file of any format of
+        `probe.storage.import_readers`.
     out
         The new run file.
     face_mm2
         The probe's face [mm2], which turns a force into the stress that detection works on;
         it scales what is found and does not change what is found. By default the file's
-        own, as ``palpate export`` writes it to netCDF, HDF5, Parquet and MCAP.
+        own, as ``palpate export`` writes it to netCDF, HDF5, Parquet and MCAP, then that of
+        ``rig`` or ``scene``.
     topic
-        Of an MCAP file: the topic of its wrenches.
+        What the columns to take begin with: a topic of a bag, a stream of an XDF file.
     mapping
-        The file's own name of each column, as ``{"force_n": "Fz [N]"}``; ``"-Fz [N]"`` turns the
-        sign. With it, or of a format of `probe.storage.import_foreign`, any names are read.
+        The file's own name of each column, as ``{"force_n": "Fz [mN]"}``; ``"-Fz"`` turns the
+        sign, and several ``time_s`` belong to streams of their own. Without it the columns are
+        named as ours.
     rate_hz
         Samples a second, where the file has no times.
+    layout
+        Rows and columns of an array of taxels.
+    tare_s
+        The mean of the first ``tare_s`` seconds of each press is taken as its zero.
+    scene
+        The block and the finger, as a built-in scene or a scene file says them; what lies in
+        it is not taken.
+    rig
+        A rig file, whose face and scene are taken.
 
     Returns
     -------
@@ -125,32 +139,25 @@ def import_csv(
     """
     source, out = Path(source), Path(out)
     check_face(face_mm2, f"{source}: face_mm2")
+    known = load_rig(rig) if isinstance(rig, str | Path) else rig
+    if scene is None and known is not None and known.scene is not None:
+        scene = known.scene.name
+    block = None if scene is None else as_scene(scene)
     try:
-        named = not is_exported(first_line(source)) and source.suffix not in ENDINGS
-        known = (*ENDINGS, ".csv", ".gz")
-        others = bool(mapping) and source.suffix != ".mcap"
-        if others or rate_hz is not None or source.suffix.lower() not in known:
-            table = read_foreign(source, mapping, rate_hz)
-        elif not named:
-            table = read_format(source, topic, mapping)
-        else:
-            table = read_csv(source)
+        table = read_recording(source, Asked(mapping or {}, rate_hz, topic, layout))
         check_face(table.face_mm2, "the face_mm2 of its run")
-        read = cut(table)
+        read = cut(table, tare_s)
     except CsvError as error:
         text = str(error)
         raise CsvError(text if text.startswith(str(source)) else f"{source}: {text}") from None
-    face_mm2 = table.face_mm2 if face_mm2 is None else face_mm2
+    face_mm2 = face_mm2 or table.face_mm2 or face_mm2_of(known or Rig(), block)
     notes = read.notes
-    if face_mm2 is None and to_si(read.channels[0].unit)[0] == "N":
+    if face_mm2 is None and to_si(read.devices[DEVICE][0].unit)[0] == "N":
         notes = (*notes, f"the probe's face is not known; {FACE_MM2:g} mm2 is assumed")
-    if _mostly_negative(read):
-        what = read.channels[0].role
-        notes = (*notes, f"{what} is negative where it is largest: here pressed is positive")
-    if _never_below(read):
-        notes = (*notes, "depth_mm is never above 0: here it is positive below the surface")
-    notes = (*notes, *_in_another_unit(read, named))
+    notes = (*notes, *doubts(read))
     config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
+    if block is not None:
+        config["block"] = block.model_dump(mode="json", include=set(OF_BLOCK))
     broken_off = _broken_off(read)
     if broken_off:
         which = ", ".join(str(station + 1) for station in sorted(broken_off))
@@ -158,44 +165,8 @@ def import_csv(
     with create_store(out) as store:
         for event in _events(read, config, notes, broken_off):
             store(event)
-    samples = sum(len(press.time_s) for press in read.presses)
+    samples = sum(len(press.signal.time_s) for press in read.presses)
     return Imported(out, len(read.presses), samples, notes)
-
-
-def _mostly_negative(read: CsvRecording) -> bool:
-    """Whether most presses read less than nothing where they read most."""
-    means = [np.nanmean(press.signal, axis=1) for press in read.presses]
-    down = [bool(mean[np.abs(mean).argmax()] < 0) for mean in means]
-    return sum(down) > len(down) / 2
-
-
-def _in_another_unit(read: CsvRecording, named: bool) -> Iterator[str]:
-    """What is possible, but hardly in the unit that its column names, each in a sentence; only of
-    a file that is ``named`` so has the force a column of that name."""
-    for n, channel in enumerate(read.channels):
-        base, factor = to_si(channel.unit)
-        force_n = factor * np.concatenate([press.signal[:, n] for press in read.presses])
-        if base == "N" and np.nanmax(np.abs(force_n), initial=0.0) > PRESSED_N:
-            what = "force_n" if named else channel.role
-            yield (
-                f"{what} spans {np.nanmin(force_n):.3g} to {np.nanmax(force_n):.3g} N, where no "
-                f"press of soft tissue has more than {PRESSED_N:g}: is it in mN?"
-            )
-    places_m = np.nan_to_num([(press.x_m, press.y_m) for press in read.presses])
-    span_m = float(np.hypot(*np.ptp(places_m, axis=0)))
-    places = len(np.unique(places_m, axis=0))
-    if places >= MANY and span_m <= 2 * SAME_PLACE_M:
-        yield (
-            f"x_mm, y_mm: {places} places span {1e3 * span_m:.2g} mm in all, and all that lies "
-            f"within {2e3 * SAME_PLACE_M:g} counts as one place: are they in metres?"
-        )
-
-
-def _never_below(read: CsvRecording) -> bool:
-    """Whether depths are known, and none is below the surface."""
-    known = np.concatenate([press.depth_m for press in read.presses])
-    known = known[np.isfinite(known)]
-    return bool(len(known)) and float(known.max()) <= 0
 
 
 def _broken_off(read: CsvRecording) -> set[int]:
@@ -229,40 +200,24 @@ def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
 def _events(
     read: CsvRecording, config: dict[str, Any], notes: tuple[str, ...], broken_off: set[int]
 ) -> Iterator[Event]:
-    channels = {DEVICE: read.channels}
-    if read.has_reference:
-        channels[REFERENCE] = (Channel("reference", "", "reference"),)
-    if any(np.isfinite(press.depth_m).any() for press in read.presses):
-        channels[DEPTHS] = (Channel("depth", "m", "depth"),)
+    devices = dict(read.devices)
     began_s, ended_s = read.presses[0].start_s, read.presses[-1].end_s
-    yield RunStarted(began_s, datetime.now(UTC).isoformat(timespec="seconds"), config, channels)
+    yield RunStarted(began_s, datetime.now(UTC).isoformat(timespec="seconds"), config, devices)
     for note in notes:
         yield Note(began_s, "warning", "import", note)
     for press in read.presses:
         yield StationStarted(press.start_s, press.station, 1, press.x_m, press.y_m)
         for entered_s, number in press.phases:
             yield PhaseEntered(entered_s, tuple(Phase)[number], press.station)
-        yield from _blocks(DEVICE, press.station, press.time_s, press.signal, press.saturated)
-        yield from _beside(REFERENCE, press.station, press.reference_s, press.reference)
-        known = np.isfinite(press.depth_m)
-        yield from _beside(DEPTHS, press.station, press.time_s[known], press.depth_m[known])
+        for device, stream in press.streams.items():
+            for first in range(0, len(stream.time_s), BLOCK):
+                part = slice(first, first + BLOCK)
+                block = Block(stream.time_s[part], stream.values[part], stream.saturated[part])
+                yield Samples(device, block, press.station, 1)
         complete = press.station not in broken_off
         yield StationEnded(press.end_s, press.station, 1, complete=complete)
     finish = Finish.ABORTED if broken_off else Finish.COMPLETED
     yield RunEnded(ended_s, finish, "imported")
-
-
-def _beside(device: str, station: int, time_s: Array, values: Array) -> Iterator[Samples]:
-    """Of one channel, which does not clip."""
-    return _blocks(device, station, time_s, values[:, None], np.zeros((len(values), 1), bool))
-
-
-def _blocks(
-    device: str, station: int, time_s: Array, values: Array, saturated: Bools
-) -> Iterator[Samples]:
-    for first in range(0, len(time_s), BLOCK):
-        part = slice(first, first + BLOCK)
-        yield Samples(device, Block(time_s[part], values[part], saturated[part]), station, 1)
 
 
 def _mm(length_m: float) -> float | None:

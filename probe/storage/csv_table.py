@@ -4,8 +4,10 @@ See `probe.storage.csv_import` for what is allowed.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +16,18 @@ from drivers.core.arrays import Array, Bools, Ints
 from drivers.core.extras import needs
 from probe.core.places import SAME_PLACE_M
 from probe.storage.csv_columns import read_columns
-from probe.storage.import_table import DEPTH, PHASE, SIGNALS, CsvError, Table, saturated, signal
+from probe.storage.import_table import (
+    DEPTH,
+    DEVICE,
+    PHASE,
+    REFERENCE,
+    SIGNALS,
+    TAXELS,
+    CsvError,
+    Table,
+    saturated,
+    signal,
+)
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -28,40 +41,46 @@ MIN_VALUES = 10  # different ones, of readings that no other press repeats by ch
 MAX_DRIFT_MM = 1.0  # a quarter of the paper's pitch: places further apart are no one station
 
 
+class Stream(NamedTuple):
+    """Samples of one device: ``time_s`` (n,), ``values`` (n, channels), where ``saturated``."""
+
+    time_s: Array
+    values: Array
+    saturated: Bools
+
+
 @dataclass(frozen=True)
 class Press:
-    """One station's rows.
+    """One station's samples, by device; the first is the one that feels.
 
-    ``time_s`` (n,), ``signal`` (n, channels) in the file's units and where it is ``saturated``;
-    ``depth_m`` (n,), NaN where unknown; ``reference_s`` and ``reference`` (m,). All times lie in
-    [``start_s``, ``end_s``). ``phases``: when which was entered, where that is known.
+    All times lie in [``start_s``, ``end_s``). ``phases``: when which was entered, where that is
+    known.
     """
 
     station: int
     x_m: float
     y_m: float
-    time_s: Array
-    signal: Array
-    saturated: Bools
-    depth_m: Array
-    reference_s: Array
-    reference: Array
+    streams: Mapping[str, Stream]
     start_s: float
     end_s: float
     phases: tuple[tuple[float, int], ...] = ()
+
+    @property
+    def signal(self) -> Stream:
+        """Of the device that feels."""
+        return self.streams[DEVICE]
 
 
 @dataclass(frozen=True)
 class CsvRecording:
     """A whole recording.
 
-    ``channels`` are those of the signal, ``columns`` the names in the file, ``notes`` what was left
+    ``devices`` are those of the streams, ``columns`` the names in the file, ``notes`` what was left
     out, ``sha256`` of the file, of a CSV as it is unpacked.
     """
 
     presses: tuple[Press, ...]
-    channels: tuple[Channel, ...]
-    has_reference: bool
+    devices: Mapping[str, tuple[Channel, ...]]
     columns: tuple[str, ...]
     rows: int
     notes: tuple[str, ...]
@@ -77,29 +96,64 @@ def read_csv(source: Path) -> Table:
         raise CsvError(f"exactly one of the columns {', '.join(SIGNALS)} is needed; {what}")
     names, channel = tuple(map(str, rows.columns)), SIGNALS[given[0]]
     rows = rows.rename(columns={given[0]: signal(0)}).assign(**{saturated(0): 0.0})
-    return Table(rows, (channel,), names, tuple(left_out), sha256=digest)
+    return Table(rows, {DEVICE: (channel,)}, names, tuple(left_out), sha256=digest)
 
 
-def cut(table: Table) -> CsvRecording:
-    """The recording's stations. Raises `CsvError` naming column and row (1 is the header's)."""
+def cut(table: Table, tare_s: float | None = None) -> CsvRecording:
+    """The recording's stations, the mean of the first ``tare_s`` of each as its zero.
+
+    Raises `CsvError` naming column and row (1 is the header's).
+    """
     if not len(table.rows):
         raise CsvError("no rows below the column names")
     notes = list(table.notes)
     if table.left_out:
         notes.append(f"columns left out: {', '.join(table.left_out)}")
-    presses = _once(_presses(_in_order(table.rows, notes), len(table.channels), notes), notes)
-    presses = _apart(presses, notes)
+    table = table._replace(rows=_in_order(table.rows, notes))
+    devices, presses = _presses(table, notes)
+    presses = _apart(_once(presses, notes), notes)
+    if tare_s is not None:
+        presses = [_tared(press, tare_s) for press in presses]
     if len(presses) == 1 and (places := _places_in_one(table.rows)):
         notes.append(f"{places}: are they in metres?")
     return CsvRecording(
-        tuple(presses),
-        table.channels,
-        "reference" in table.rows,
-        table.names,
-        len(table.rows),
-        tuple(notes),
-        table.sha256,
+        tuple(presses), devices, table.names, len(table.rows), tuple(notes), table.sha256
     )
+
+
+def _tared(press: Press, tare_s: float) -> Press:
+    """With the mean of its first ``tare_s`` taken as zero."""
+    tared = {}
+    for device, stream in press.streams.items():
+        if device in (DEVICE, TAXELS):
+            first = stream.values[stream.time_s < press.start_s + tare_s]
+            if not np.isfinite(first).any(axis=0).all():
+                raise CsvError(
+                    f"tare_s = {tare_s:g}: station {press.station + 1} has no reading in it"
+                )
+            stream = stream._replace(values=stream.values - np.nanmean(first, axis=0))
+        tared[device] = stream
+    return replace(press, streams=tared)
+
+
+def _streams(table: Table) -> dict[str, tuple[tuple[Channel, ...], Array, Bools]]:
+    """Channels, values (n, channels) and saturation (n, channels) of each device, in the file's
+    units, depths in metres."""
+    rows, number, streams = table.rows, 0, {}
+    for device, channels in table.devices.items():
+        own = range(number, number := number + len(channels))
+        clipped = rows[[saturated(n) for n in own]].to_numpy(np.float64) > 0
+        values = rows[[signal(n) for n in own]].to_numpy(np.float64)
+        streams[device] = (channels, values, clipped)
+    unclipped = np.zeros((len(rows), 1), bool)
+    for name, channel, factor in (
+        (REFERENCE, Channel(REFERENCE, "", REFERENCE), 1.0),
+        (DEPTH, Channel("depth", "m", "depth"), 1e-3),
+    ):
+        if name == REFERENCE in rows or (name in rows and rows[name].notna().any()):
+            values = factor * rows[[name]].to_numpy(np.float64)
+            streams[channel.name] = ((channel,), values, unclipped)
+    return streams
 
 
 def _in_order(rows: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
@@ -115,15 +169,19 @@ def _in_order(rows: pd.DataFrame, notes: list[str]) -> pd.DataFrame:
     if "station" not in rows and (time_s[back] <= time_s[0] + step_s).all():
         for at in back:
             time_s[at:] += time_s[at - 1] + step_s - time_s[at]
-        notes.append(f"the times start anew {len(back)} times; each is put after the one before")
+        notes.append(
+            f"the times start anew {len(back)} times; each is put after the one before; if these "
+            "are presses of their own, say so by a column 'station'"
+        )
         return rows.assign(time_s=time_s)
     notes.append(f"{len(back)} times go back; the samples are put in the order of their times")
     stretch = np.concatenate([[0], np.cumsum(np.diff(labels) != 0)])
     return rows.iloc[np.lexsort((time_s, stretch))].reset_index(drop=True)
 
 
-def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press]:
-    """The table cut into stations, rows without a reading left out."""
+def _presses(whole: Table, notes: list[str]) -> tuple[dict[str, tuple[Channel, ...]], list[Press]]:
+    """The devices, and the table cut into stations, rows without a reading left out."""
+    table, streams = whole.rows, _streams(whole)
     time_s = _whole(table, "time_s")
     labels = _labels(table)
     at_stations = labels[labels != BETWEEN]
@@ -146,9 +204,11 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
             )
         steps = np.diff(times)
         fresh = np.append(True, steps > 0)
-        values = rows[[signal(n) for n in range(channels)]].to_numpy(np.float64)
-        clipped = rows[[saturated(n) for n in range(channels)]].to_numpy(np.float64) > 0
-        read = fresh & np.isfinite(values).any(axis=1)
+        known = {
+            device: fresh & np.isfinite(values[first:end]).any(axis=1)
+            for device, (_, values, _) in streams.items()
+        }
+        read = known[DEVICE]
         doubled += int((~fresh).sum())
         if read.sum() < MIN_READINGS:
             how = (
@@ -160,31 +220,32 @@ def _presses(table: pd.DataFrame, channels: int, notes: list[str]) -> list[Press
                 f"row {first + 2}: station {number} has only {int(read.sum())} readings, at least "
                 f"{MIN_READINGS} are needed; {how}"
             )
-        beside = _or_nothing(rows, "reference")
-        known = fresh & np.isfinite(beside)
-        lost += int((fresh & ~read & ~known).sum())
-        only_beside += int((~read & known).sum())
+        beside = known.get(REFERENCE, np.zeros(len(times), bool))
+        lost += int((fresh & ~read & ~beside).sum())
+        only_beside += int((~read & beside).sum())
         presses[number] = Press(
             number - first_number,
             1e-3 * _middle(rows, "x_mm"),
             1e-3 * _middle(rows, "y_mm"),
-            times[read],
-            values[read],
-            clipped[read],
-            1e-3 * _or_nothing(rows, DEPTH)[read],
-            times[known],
-            beside[known],
+            {
+                device: Stream(times[at], values[first:end][at], clipped[first:end][at])
+                for (device, (_, values, clipped)), at in zip(
+                    streams.items(), known.values(), strict=True
+                )
+            },
             float(times[0]),
             float(times[-1] + np.median(steps[steps > 0])),
             _phases(rows, times),
         )
-    if lost:
-        notes.append(f"{lost} rows without a reading are left out")
-    if only_beside:
-        notes.append(f"{only_beside} rows have a reference and no reading")
+    counted = [
+        (lost, "rows without a reading are left out"),
+        (only_beside, "rows have a reference and no reading"),
+    ]
+    notes += [f"{count} {what}" for count, what in counted if count and not whole.merged]
     if doubled:
-        notes.append(f"{doubled} rows with the time of the row before are left out")
-    return list(presses.values())
+        why = ": are two streams in one table?" if 3 * doubled > len(at_stations) else ""
+        notes.append(f"{doubled} rows with the time of the row before are left out{why}")
+    return {device: channels for device, (channels, _, _) in streams.items()}, [*presses.values()]
 
 
 def _once(presses: list[Press], notes: list[str]) -> list[Press]:
@@ -192,9 +253,9 @@ def _once(presses: list[Press], notes: list[str]) -> list[Press]:
     pasted twice. A coarse sensor may read the same few values again."""
     different: dict[object, Press] = {}
     for press in presses:
-        columns = (press.time_s, press.signal, press.saturated, press.depth_m, press.reference)
-        all_of_it = (f"{press.x_m} {press.y_m}", *(one.tobytes() for one in columns))
-        telling = math.isfinite(press.x_m) and len(np.unique(press.signal)) >= MIN_VALUES
+        columns = (column for stream in press.streams.values() for column in stream)
+        all_of_it = (f"{press.x_m} {press.y_m}", *(column.tobytes() for column in columns))
+        telling = math.isfinite(press.x_m) and len(np.unique(press.signal.values)) >= MIN_VALUES
         different.setdefault(all_of_it if telling else press.station, press)
     if repeated := len(presses) - len(different):
         notes.append(f"stations that repeat others reading by reading are left out: {repeated}")
@@ -227,15 +288,17 @@ def _apart(presses: list[Press], notes: list[str]) -> list[Press]:
         shift_s = 0.0
         if placed:
             last = placed[-1]
-            if press.start_s > max([*last.time_s[-1:], *last.reference_s[-1:]]):
+            if press.start_s > max(s.time_s[-1] for s in last.streams.values() if len(s.time_s)):
                 placed[-1] = replace(last, end_s=min(last.end_s, press.start_s))
             else:
                 shift_s = last.end_s + GAP_S - press.start_s
         placed.append(
             replace(
                 press,
-                time_s=press.time_s + shift_s,
-                reference_s=press.reference_s + shift_s,
+                streams={
+                    device: stream._replace(time_s=stream.time_s + shift_s)
+                    for device, stream in press.streams.items()
+                },
                 start_s=press.start_s + shift_s,
                 end_s=press.end_s + shift_s,
                 phases=tuple((at + shift_s, number) for at, number in press.phases),

@@ -13,8 +13,10 @@ from probe.core.contact_stress import FORCE_ROLES, stress_conversion
 from probe.core.errors import RunFileError
 from probe.core.events import Phase
 from probe.storage.import_table import (
+    DEVICE,
     PER_STATION,
     PHASE,
+    REFERENCE,
     CsvError,
     Table,
     check_size,
@@ -26,7 +28,6 @@ with needs("data", "palpate import"):
     import pandas as pd
 
 LABELS = ["time_s", "station", "attempt"]
-REFERENCE = "reference"
 SHOWN = 8  # channels named in an error: an array has hundreds
 
 
@@ -69,7 +70,9 @@ def judged(devices: Mapping[str, Device], tactile: str | None) -> Table:
     rows = pd.concat([labels, pd.DataFrame(added, labels.index)], axis=1)
     rows = _with_reference(rows, name, devices)
     columns = tuple(f"{column}_{channel.unit}".lower() for column, channel in picked)
-    return placed(Table(_last_attempts(rows), tuple(c for _, c in picked), columns))
+    merged = len(rows) > len(labels)
+    own = {DEVICE: tuple(channel for _, channel in picked)}
+    return placed(Table(_last_attempts(rows), own, columns, merged=merged))
 
 
 def placed(table: Table, places: Mapping[str, Mapping[int, float]] | None = None) -> Table:

@@ -1,11 +1,7 @@
-"""Samples in MCAP files: those that ``palpate export`` wrote, and WrenchStamped messages of others.
-
-Ours come to the bit, with the plan's places; geometry_msgs WrenchStamped in CDR or JSON.
-"""
+"""Samples in MCAP files that ``palpate export`` wrote: to the bit, with the plan's places."""
 
 import json
-import struct
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from functools import cache
 from io import BytesIO
 from pathlib import Path
@@ -19,80 +15,35 @@ from drivers.core.extras import needs
 from probe.core.contact_stress import tactile_or_none
 from probe.core.places import planned
 from probe.storage.import_device import Device, face_mm2_of, judged, placed
-from probe.storage.import_foreign import timed
 from probe.storage.import_table import (
     DEPTH,
     PHASE,
     PLACES,
-    SIGNALS,
-    CsvError,
     Table,
-    check_size,
-    saturated,
-    signal,
 )
 
 with needs("data", "palpate import"):
     import pandas as pd
 
-SAMPLE, WRENCH = "palpate_msgs/msg/", "WrenchStamped"
+SAMPLE = "palpate_msgs/msg/"
 ROLE = "role of "
-AXES = ("force.x", "force.y", "force.z")
 
 
-def read_mcap(source: Path, topic: str | None, mapping: Mapping[str, str]) -> Table:
-    """The samples of the device that the run was judged on, or the wrenches of ``topic``, whose
-    ``mapping`` may say another axis or sign than ``{"force_n": "force.z"}``."""
-    wanted = mapping.get("force_n", AXES[2])
-    axis, sign = wanted.removeprefix("-"), -1.0 if wanted.startswith("-") else 1.0
-    if axis not in AXES or mapping.keys() - {"force_n"}:
-        raise CsvError(f"--map: of a wrench force_n is {', '.join(AXES)}, or one of them with a -")
+def read_mcap(source: Path) -> Table | None:
+    """The samples of the device that the run was judged on; None of a file of others."""
     with needs("export", "MCAP"):
         from mcap.exceptions import McapError
-        from mcap.reader import NonSeekingReader, make_reader
+        from mcap.reader import make_reader
 
-    notes: list[str] = []
-    try:
-        with source.open("rb") as file:
-            reader = make_reader(file)
-            summary = reader.get_summary()
-            names = _names(summary) if summary is not None else {}
-            ours = [t for t, name in names.items() if name.startswith(SAMPLE)]
-            if ours and topic is None and not mapping:
-                return _own_samples(reader, summary, ours)
-    except (McapError, OSError):  # a recorder that died wrote no end
-        names = {}
-    samples: dict[str, list[tuple[float, ...]]] = {t: [] for t in names if _is_wrench(names[t])}
     with source.open("rb") as file:
         try:
-            for schema, channel, message in NonSeekingReader(file).iter_messages(
-                log_time_order=False
-            ):
-                if (
-                    schema is not None
-                    and _is_wrench(schema.name)
-                    and topic in (None, channel.topic)
-                ):
-                    row = _wrench(channel.message_encoding, message)
-                    samples.setdefault(channel.topic, []).append(row)
-        except (McapError, OSError, ValueError, struct.error) as error:
-            if not any(samples.values()):
-                why = f" ({error})" if str(error) else ""
-                raise CsvError(
-                    f"not a whole MCAP file{why}: not finished, and no whole wrench is in it; "
-                    "`mcap recover` may repair it"
-                ) from None
-            notes.append("the file was not finished; what is whole is read (`mcap recover`)")
-    chosen = [t for t in samples if topic in (None, t)]
-    if len(chosen) != 1:
-        listed = ", ".join(sorted(samples)) or "none"
-        raise CsvError(f"--topic must name one topic of WrenchStamped; found: {listed}")
-    read = pd.DataFrame(samples[chosen[0]], columns=["time_s", *AXES], dtype=float)
-    table = pd.DataFrame({"time_s": read["time_s"], signal(0): sign * read[axis]})
-    check_size(table["time_s"].to_numpy(), f"time of {chosen[0]}", "s")
-    check_size(table[signal(0)].to_numpy(), f"{axis} of {chosen[0]}", "N")
-    table = timed(table, notes).assign(**{saturated(0): 0.0})
-    return Table(table, (SIGNALS["force_n"],), ("force_n",), notes=tuple(notes))
+            reader = make_reader(file)
+            summary = reader.get_summary()
+        except (McapError, OSError):  # a recorder that died wrote no end
+            return None
+        names = {} if summary is None else _names(summary)
+        ours = [topic for topic, name in names.items() if name.startswith(SAMPLE)]
+        return _own_samples(reader, summary, ours) if ours else None
 
 
 def _names(summary: Any) -> dict[str, str]:
@@ -102,33 +53,6 @@ def _names(summary: Any) -> dict[str, str]:
         for _, c in sorted(summary.channels.items())
         if c.schema_id in summary.schemas
     }
-
-
-def _is_wrench(name: str) -> bool:
-    return name.rpartition("/")[2] == WRENCH
-
-
-def _wrench(encoding: str, message: Any) -> tuple[float, ...]:
-    """Time [s] of the header, or of the log where it has none, and the force along `AXES` [N]."""
-    if encoding == "json":
-        decoded = json.loads(message.data)
-        stamp = decoded["header"]["stamp"]
-        seconds = stamp.get("sec", stamp.get("secs", 0))  # secs and nsecs: rosbridge of ROS 1
-        nanosec = next((stamp[k] for k in ("nanosec", "nsec", "nsecs") if k in stamp), 0)
-        force = decoded["wrench"]["force"]
-        return _time_s(seconds, nanosec, message), *(float(force[along]) for along in "xyz")
-    if encoding != "cdr":
-        raise CsvError(f"messages in {encoding!r}: cdr and json are read")
-    order = "<" if message.data[1] & 1 else ">"
-    seconds, nanoseconds, length = struct.unpack_from(f"{order}iII", message.data, 4)
-    at = 12 + length
-    force_n = struct.unpack_from(f"{order}3d", message.data, 4 + at + -at % 8)
-    return _time_s(seconds, nanoseconds, message), *force_n
-
-
-def _time_s(seconds: int, nanoseconds: int, message: Any) -> float:
-    total = int(seconds) * 1_000_000_000 + int(nanoseconds) or int(message.log_time)
-    return total * 1e-9
 
 
 def _own_samples(reader: Any, summary: Any, topics: list[str]) -> Table:

@@ -1,5 +1,6 @@
 """A recording from elsewhere as numbers, whatever its file is, and which numbers are possible."""
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +20,11 @@ SIGNALS = {
     "pressure_pa": Channel("pressure", "Pa", "pressure"),
     "pressure_mbar": Channel("pressure", "mbar", "pressure"),
 }
+DEVICE, TAXELS = "imported", "taxels"
+"""What a run calls the device that the signal is of, and the array where both are there."""
 PLACES = ("x_mm", "y_mm")
 DEPTH = "depth_mm"
+REFERENCE = "reference"
 PER_STATION = (*PLACES, DEPTH)
 PHASE = "phase_number"  # which of `Phase`, from 0
 LARGEST = {
@@ -41,20 +45,22 @@ class CsvError(ValueError):
 class Table(NamedTuple):
     """A recording's ``rows`` as numbers, NaN where nothing is there.
 
-    Their columns: ``time_s``; `signal` and `saturated` of each of ``channels``, in its unit; and of
-    `PER_STATION`, ``station``, ``reference`` and `PHASE` those that are known. ``names`` are
-    the columns by their names in the file, ``left_out`` those not taken, ``face_mm2`` the probe's
-    face where the file has it, ``sha256`` that of the file, ``notes`` what was
-    lost or put in order.
+    Their columns: ``time_s``; `signal` and `saturated` of each channel of ``devices``, numbered
+    through, in its unit; and of `PER_STATION`, ``station``, ``reference`` and `PHASE` those that
+    are known. What has a rate of its own has NaN in the rows of the others.
+    ``names`` are the columns by their names in the file, ``left_out`` those not taken,
+    ``face_mm2`` the probe's face where the file has it, ``sha256`` that of the file, ``notes`` what
+    was lost or put in order, ``merged`` whether the rows are of several clocks.
     """
 
     rows: pd.DataFrame
-    channels: tuple[Channel, ...]
+    devices: Mapping[str, tuple[Channel, ...]]
     names: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     face_mm2: float | None = None
     sha256: str = ""
     notes: tuple[str, ...] = ()
+    merged: bool = False
 
 
 def signal(number: int) -> str:

@@ -14,7 +14,6 @@ from paths import SHARED
 from probe.core.events import Finish, Note
 from probe.storage.csv_import import CsvError, import_csv
 from probe.storage.csv_table import cut, read_csv
-from probe.storage.export import export
 from probe.storage.run import open_run
 from probe.storage.verify import verify
 from probe.storage.writer import StoreError
@@ -58,19 +57,8 @@ def test_a_force_in_millinewtons_is_noted(tmp_path: Path, factor: float, noted: 
     source = csv(tmp_path / "a.csv", table("time_s,force_n", *rows))
     notes = import_csv(source, tmp_path / "a.run", face_mm2=100.0).notes
     assert len(notes) == noted
-    assert all("force_n spans 0 to 800 N, where no press" in note for note in notes)
+    assert all("force spans 0 to 800 N, where no press" in note for note in notes)
     assert all("is it in mN?" in note for note in notes)
-
-
-def test_a_force_that_is_too_large_is_named_as_its_file_does(tmp_path: Path) -> None:
-    """An export has no column force_n."""
-    rows = [f"{n / 100:g},{800 * n / 49}" for n in range(50)]
-    whole = import_csv(csv(tmp_path / "a.csv", table("time_s,force_n", *rows)), tmp_path / "a.run",
-                       face_mm2=100.0)  # fmt: skip
-    (exported,) = export(whole.path, "mcap", tmp_path / "out")
-    notes = import_csv(exported, tmp_path / "b.run", face_mm2=100.0).notes
-    assert any(note.startswith("force spans 0 to 800 N") for note in notes), notes
-    assert not any("force_n" in note for note in notes)
 
 
 @pytest.mark.parametrize(("factor", "noted"), [(1.0, 0), (1e-3, 1)])
@@ -214,11 +202,11 @@ def test_gaps_doubles_and_uneven_times_are_kept_honestly(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("", "not a table"),
+        ("", "no table of numbers"),
         ("time_s,force_n\n", "no rows"),
-        (table("force_n", "1"), "'time_s' is missing; allowed columns: time_s, force_n"),
+        (table("force_n", "1", "2"), "force_n has no times: say --rate-hz, or --map time_s=COLUMN"),
         (table("time_s,force_mn", "0,1"), "'force_mn': unknown unit; allowed columns"),
-        (table("time_ms,force_n", "0,1"), "'time_ms': unknown unit"),
+        (table("time_ms,force_n", "0,1", "1,2"), "no times: .* it has 'time_ms', 'force_n'"),
         (table("time_s,x_mm", "0,1"), "exactly one of the columns force_n, .* none is there"),
         (table("time_s,force_n,pressure_pa", "0,1,2"), "force_n and pressure_pa are there"),
         (table("time_s,force_n", "0,1", "1,two"), "row 3, column 'force_n': 'two' is not a number"),
@@ -231,12 +219,11 @@ def test_gaps_doubles_and_uneven_times_are_kept_honestly(tmp_path: Path) -> None
         ),
         (table("time_s,force_n,station", "0,1,0.5", "1,1,1"), "row 2, column 'station': 0.5"),
         (table("time_s,force_n,station", "0,1,-2", "1,1,1"), "row 2, column 'station': -2"),
-        (table("Time (s),force_n", "0,1"), r"'time_s' is missing; .*found: Time \(s\), force_n"),
+        (table("Time (s),Fz", "0,1", "1,2"), r"as --map force_n=COLUMN .*'Time \(s\)', 'Fz'"),
         (table("time_s,force_n", "09:15,1"), "'09:15' is not a number; seconds are wanted"),
         (table("time_s,force_n", "0,01,0,5"), r"write '\.' in numbers|not a number"),
         (table("time_s,force_n,force_n", "0,1,2"), "twice"),
-        ("time_s;force_n\n0;1,5\n", "separated by ';'; write ',' between them, and '.' in numbers"),
-        ("time_s\tforce_n\n0\t1\n", r"separated by '\\t'"),
+        ("time_s;force_n\n0;1,5\n1;2,5", "station 1 has only 2 readings"),
         (table("time_s,force_n", "0,1,2,3"), "not a table|every row|not a number"),
         (
             table("time_s,force_n", "0,1", "1,-1e300"),

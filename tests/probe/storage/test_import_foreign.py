@@ -3,9 +3,11 @@
 import struct
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import scipy.io
 
@@ -14,11 +16,21 @@ from probe.storage.run import open_run
 
 TIME_S = 0.01 * np.arange(200)
 FORCE_N = 0.5 + 0.1 * np.sin(7 * TIME_S)
-MAP = {"time_s": "t", "force_n": "Fz"}
+COLUMNS = {"t": TIME_S, "Fz": FORCE_N}
 
 
-def mat(path: Path) -> Path:
-    scipy.io.savemat(path / "a.mat", {"t": TIME_S, "Fz": FORCE_N})
+def mat(path: Path, **more: Any) -> Path:
+    scipy.io.savemat(path / "a.mat", COLUMNS | more)
+    return path / "a.mat"
+
+
+def mat73(path: Path) -> Path:
+    """As MATLAB writes 7.3: HDF5 behind 512 bytes, each vector a row of a matrix."""
+    with h5py.File(path / "a.mat", "w", userblock_size=512) as file:
+        for name, values in COLUMNS.items():
+            file[name] = values[None]
+    with (path / "a.mat").open("r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\0\2IM")
     return path / "a.mat"
 
 
@@ -34,60 +46,267 @@ def npy(path: Path) -> Path:
 
 
 def hdf5(path: Path) -> Path:
+    """In groups, the force in mN by its attribute."""
     with h5py.File(path / "a.h5", "w") as file:
-        file["t"], file["Fz"] = TIME_S, FORCE_N
+        file["data/t"], file["data/Fz"] = TIME_S, 1e3 * FORCE_N
+        file["data/Fz"].attrs["units"] = "mN"
     return path / "a.h5"
 
 
-def table(path: Path, name: str, head: str, mark: str, decimal: str) -> Path:
+def parquet(path: Path) -> Path:
+    pd.DataFrame(COLUMNS).to_parquet(path / "a.parquet")
+    return path / "a.parquet"
+
+
+def table(
+    name: str, head: str, mark: str, decimal: str = ".", gain: float = 1.0, more: str = ""
+) -> Callable[[Path], Path]:
+    """A text with ``head`` above its rows, the force times ``gain``."""
+
+    def write(path: Path) -> Path:
+        rows = [
+            mark.join(f"{value!r}".replace(".", decimal) for value in (float(t), float(gain * f)))
+            + more
+            for t, f in zip(TIME_S, FORCE_N, strict=True)
+        ]
+        encoding = "utf-16" if name.endswith(".tsv") else "utf-8"
+        (path / name).write_text("\n".join([head, *rows]) + "\n", encoding=encoding)
+        return path / name
+
+    return write
+
+
+def ros_bag(ros: int, kind: str) -> Callable[[Path], Path]:
+    """A bag of ROS 1, 2 (db3) or "3" (mcap) with a message of ``kind`` at /ft for each reading."""
+
+    def write(path: Path) -> Path:
+        from rosbags.rosbag1 import Writer as Writer1
+        from rosbags.rosbag2 import StoragePlugin
+        from rosbags.rosbag2 import Writer as Writer2
+        from rosbags.typesys import Stores, get_typestore
+
+        store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
+        serialize = store.serialize_ros1 if ros == 1 else store.serialize_cdr
+        target = path / ("a.bag" if ros == 1 else "bag")
+        plugin = StoragePlugin.MCAP if ros == 3 else StoragePlugin.SQLITE3
+        writer: Any = Writer1(target)
+        if ros > 1:
+            writer = Writer2(target, version=9, storage_plugin=plugin)
+        with writer as file:
+            topic = file.add_connection("/ft", kind, typestore=store)
+            for time_s, force_n in COLUMNS_OF_BAG:
+                stamp_ns = round(1e9 * time_s) + 5_000_000_000
+                value = message(store.types, kind, force_n, stamp_ns, (7,) if ros == 1 else ())
+                file.write(topic, stamp_ns, serialize(value, kind))
+        return target if ros == 1 else next(target.glob("bag*.*"))
+
+    return write
+
+
+COLUMNS_OF_BAG = list(zip(TIME_S.tolist(), FORCE_N.tolist(), strict=True))
+
+
+def message(types: Any, kind: str, force_n: float, stamp_ns: int, number: tuple[int, ...]) -> Any:
+    stamp = types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 1_000_000_000))
+    header = types["std_msgs/msg/Header"](*number, stamp, "ft")
+    vector = types["geometry_msgs/msg/Vector3"]
+    match kind.rpartition("/")[2]:
+        case "Float64":
+            return types[kind](force_n)
+        case "Float64MultiArray":
+            layout = types["std_msgs/msg/MultiArrayLayout"]([], 0)
+            return types[kind](layout, np.array([0.0, 1e3 * force_n]))
+        case "JointState":
+            return types[kind](
+                header, ["a", "b"], np.zeros(2), np.zeros(2), np.array([0.0, force_n])
+            )
+    wrench = types["geometry_msgs/msg/Wrench"](vector(force_n, 0.0, 0.0), vector(0.0, 0.0, 0.0))
+    return types[kind](header, wrench)
+
+
+def chunk(tag: int, body: bytes) -> bytes:
+    return b"\x04" + struct.pack("<IH", len(body) + 2, tag) + body
+
+
+def stream(number: int, name: str, labels: list[str], unit: str, time_s: Any, values: Any) -> bytes:
+    """By the published format (sccn/xdf): doubles with a time each, twenty in a chunk."""
+    channels = "".join(
+        f"<channel><label>{one}</label><unit>{unit}</unit></channel>" for one in labels
+    )
+    info = (
+        f"<?xml version='1.0'?><info><name>{name}</name><type>F</type>"
+        f"<channel_count>{len(labels)}</channel_count><nominal_srate>0</nominal_srate>"
+        f"<channel_format>double64</channel_format><desc><channels>{channels}</channels></desc>"
+        "</info>"
+    )
+    head = struct.pack("<I", number)
     rows = [
-        mark.join(f"{value!r}".replace(".", decimal) for value in (float(t), float(f)))
-        for t, f in zip(TIME_S, FORCE_N, strict=True)
+        b"\x08" + struct.pack(f"<d{len(labels)}d", t, *np.atleast_1d(v))
+        for t, v in zip(time_s, values, strict=True)
     ]
-    (path / name).write_text("\n".join([head, f"t{mark}Fz", f"s{mark}N", *rows, "9"]) + "\n")
-    return path / name
+    whole = chunk(2, head + info.encode())
+    for n in range(0, len(rows), 20):
+        part = rows[n : n + 20]
+        whole += chunk(3, head + b"\x04" + struct.pack("<I", len(part)) + b"".join(part))
+    return whole + chunk(6, head + b"<?xml version='1.0'?><info></info>")
 
 
-def zwick(path: Path) -> Path:
-    return table(path, "a.txt", "Pruefer;A. B.\nVorkraft;0,1;N\n", ";", ",")
+def xdf(path: Path, *more: bytes) -> Path:
+    start = b"XDF:" + chunk(1, b"<?xml version='1.0'?><info><version>1.0</version></info>")
+    (path / "a.xdf").write_bytes(
+        start + stream(1, "FT", ["Fz"], "mN", TIME_S, 1e3 * FORCE_N) + b"".join(more)
+    )
+    return path / "a.xdf"
 
 
-def crowded(path: Path) -> Path:
-    """A line of the table's width stands right above the names."""
-    return table(path, "b.txt", "Pruefer;A. B.", ";", ",")
+ZWICK = "Pruefer;A. B.\nVorkraft;0,1;N\n\nZeit;Standardkraft\ns;mN"
+BIOINDENTER = "Bioindenter export\nSample\tgel\nTip (um)\t500\n\nTime [ms]\tFn [uN]"
+LVM = "LabVIEW Measurement\nWriter_Version\t2\n***End_of_Header***\nX_Value\tFz\tComment"
+T, F = {"time_s": "t"}, {"force_n": "Fz"}
+WRENCH = "geometry_msgs/msg/WrenchStamped"
+FORMATS: dict[str, tuple[Callable[[Path], Path], dict[str, Any]]] = {
+    "mat": (mat, T | F),
+    "mat 7.3": (mat73, T | F),
+    "npz": (npz, T | F),
+    "npy": (npy, T | F),
+    "hdf5": (hdf5, T | F),
+    "parquet": (parquet, T | F),
+    "xdf": (xdf, F),
+    "zwick": (table("a.txt", ZWICK, ";", ",", 1e3), {"time_s": "Zeit", "force_n": "Standardkraft"}),
+    "zwick by its unit": (
+        table("a.txt", ZWICK, ";", ",", 1e3), {"force_n": "Standardkraft [mN]"}),
+    "ta-xt": (
+        table("a.tab", "Time (s)\tForce (g)", "\t", gain=1e3 / 9.80665), {"force_n": "Force"}),
+    "bioindenter": (
+        lambda path: table("a.txt", BIOINDENTER, "\t", gain=1e6)(path), {"force_n": "Fn [uN]"}),
+    "labview": (table("a.lvm", LVM, "\t"), {"time_s": "X_Value"} | F),
+    "utf-16": (table("a.tsv", "t\tFz", "\t"), T | F),
+    "words beside": (table("a.csv", "t;Fz;state", ";", ",", more=";ok"), T | F),
+    "spaces": (table("a.dat", "t [s]  Fz [N]", " "), F),
+    "ur": (
+        table("a.csv", "timestamp actual_TCP_force_2", " "),
+        {"time_s": "timestamp", "force_n": "actual_TCP_force_2"},
+    ),
+    "our names": (table("a.csv", "time_s;force_n", ";", ","), {}),
+    "bag": (ros_bag(1, WRENCH), {"force_n": "force.x"}),
+    "db3": (ros_bag(2, WRENCH), {"force_n": "/ft.wrench.force.x"}),
+    "mcap": (ros_bag(3, WRENCH), {"force_n": "force.x"}),
+    "float": (ros_bag(1, "std_msgs/msg/Float64"), {"force_n": "/ft.data"}),
+    "joints": (ros_bag(2, "sensor_msgs/msg/JointState"), {"force_n": "effort[1]"}),
+    "array": (ros_bag(2, "std_msgs/msg/Float64MultiArray"), {"force_n": "/ft.data[1] [mN]"}),
+}  # fmt: skip
+CHANGED_IN_MS = {"bioindenter"}
 
 
-def labview(path: Path) -> Path:
-    return table(path, "a.lvm", "LabVIEW Measurement\nWriter_Version\t2\n***End_of_Header***\n",
-                 "\t", ".")  # fmt: skip
-
-
-def plain(path: Path) -> Path:
-    return table(path, "a.csv", "", ",", ".")
-
-
-WRITERS = [mat, npz, npy, hdf5, zwick, crowded, labview, plain]
-
-
-def imported(source: Path, tmp_path: Path, **keys: object) -> tuple[Imported, np.ndarray]:
-    made = import_csv(source, tmp_path / "a.run", face_mm2=100.0, **keys)  # type: ignore[arg-type]
+def imported(source: Path, tmp_path: Path, **keys: Any) -> tuple[Imported, Any]:
+    made = import_csv(source, tmp_path / "a.run", face_mm2=100.0, **keys)
     (station,) = open_run(made.path).recording().stations
     return made, np.column_stack([station.time_s, 1e-4 * station.signal_pa[:, 0]])
 
 
-@pytest.mark.parametrize("write", WRITERS)
-def test_named_columns_come_in_from_every_format(
-    write: Callable[[Path], Path], tmp_path: Path
+@pytest.mark.parametrize("form", FORMATS)
+def test_a_file_of_its_own_library_comes_in_with_its_truth(form: str, tmp_path: Path) -> None:
+    write, mapping = FORMATS[form]
+    made, held = imported(write(tmp_path), tmp_path, mapping=mapping)
+    np.testing.assert_allclose(held[:, 1], FORCE_N, rtol=1e-12)
+    rate = 1e-3 if form in CHANGED_IN_MS else 1.0
+    np.testing.assert_allclose(held[:, 0] - held[0, 0], rate * TIME_S, atol=1e-6)
+    assert not any("lost" in note or "not whole" in note for note in made.notes)
+
+
+REFUSED_CUT = {
+    **dict.fromkeys(["npz", "hdf5", "mat 7.3", "parquet"], r"a\.\w+: not a whole file of"),
+    **dict.fromkeys(["mcap", "array"], "no whole message of numbers is in it; the .* is read"),
+    "mat": r"Fz: no such column; it has 't'; the file ends within a variable: \d+ bytes are lost",
+}
+"""Formats whose readings are gone with the end of so small a file."""
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_of_a_damaged_file_what_is_whole_is_read_and_the_rest_said(
+    form: str, tmp_path: Path
 ) -> None:
-    made, held = imported(write(tmp_path), tmp_path, mapping=MAP)
-    np.testing.assert_allclose(held, np.column_stack([TIME_S, FORCE_N]), rtol=1e-12)
-    broken = [note for note in made.notes if "not whole" in note]
-    assert len(broken) == (write in (zwick, crowded, labview, plain))
+    """Its last third is lost."""
+    write, mapping = FORMATS[form]
+    source = write(tmp_path)
+    content = source.read_bytes()
+    source.write_bytes(content[: 2 * len(content) // 3 - 1])
+    if form in REFUSED_CUT:
+        with pytest.raises(CsvError, match=REFUSED_CUT[form]):
+            imported(source, tmp_path, mapping=mapping)
+        return
+    made, held = imported(source, tmp_path, mapping=mapping)
+    assert 40 < len(held) < 150
+    np.testing.assert_allclose(held[:-1, 1], FORCE_N[: len(held) - 1], rtol=1e-12)
+    said = ("lost", "not whole", "not finished", "cut off", "damaged", "missing")
+    assert any(word in note for note in made.notes for word in said), made.notes
+
+
+def test_each_stream_keeps_its_rate_and_an_array_its_layout(tmp_path: Path) -> None:
+    """Force, an array of 2 x 3 taxels and a depth, each at times of its own."""
+    slow_s, depth_s = TIME_S[::4] + 1e-3, TIME_S[::10] + 2e-3
+    taxels = np.arange(50 * 6.0).reshape(50, 6)
+    source = xdf(
+        tmp_path,
+        stream(2, "skin", list("abcdef"), "kPa", slow_s, taxels),
+        stream(3, "arm", ["z"], "m", depth_s, 1e-3 * np.arange(20)),
+    )
+    mapping = {"force_n": "FT/Fz", "taxels_pa": "skin", "depth_mm": "arm/z"}
+    made = import_csv(source, tmp_path / "a.run", mapping=mapping, layout=(2, 3), face_mm2=100.0)
+    run = open_run(made.path)
+    assert [len(run.samples(device)["time_s"]) for device in run.channels] == [200, 50, 20]
+    skin = run.samples("taxels")
+    np.testing.assert_allclose(skin["time_s"], slow_s)
+    np.testing.assert_allclose(skin["r1c2"], 1e3 * taxels[:, 5])
+    names = " ".join(channel.name for channel in run.channels["taxels"])
+    assert names == "r0c0 r0c1 r0c2 r1c0 r1c1 r1c2"
+    (station,) = run.recording().stations
+    np.testing.assert_allclose(station.signal_pa[:, 0], 1e4 * FORCE_N)
+    np.testing.assert_allclose(1e3 * station.depth_m[5:180], TIME_S[5:180] / 0.1 - 0.02, atol=1e-9)
+    assert made.notes == ()
+
+
+@pytest.mark.parametrize("how", ["array", "columns"])
+def test_taxels_alone_are_the_signal(how: str, tmp_path: Path) -> None:
+    """As one array of time, row and column, or as columns of one name."""
+    skin = np.random.default_rng(1).random((200, 4, 7))
+    if how == "array":
+        scipy.io.savemat(tmp_path / "a.mat", {"t": TIME_S, "skin": skin})
+        source, mapping, layout = tmp_path / "a.mat", T | {"taxels_n": "skin"}, None
+    else:
+        names = [f"p{n}" for n in range(28)]
+        pd.DataFrame(skin.reshape(200, 28), columns=names).assign(t=TIME_S).to_csv(
+            tmp_path / "a.csv", index=False
+        )
+        source, mapping, layout = tmp_path / "a.csv", T | {"taxels_n": "p*"}, (4, 7)
+    made = import_csv(source, tmp_path / "a.run", mapping=mapping, layout=layout, face_mm2=28.0)
+    recording = open_run(made.path).recording()
+    assert recording.channels[8] == "imported.r1c1"
+    np.testing.assert_allclose(recording.stations[0].signal_pa, 1e6 * skin.reshape(200, 28))
+
+
+def test_streams_in_one_file_of_arrays_have_the_times_beside_them(tmp_path: Path) -> None:
+    """Two of one length too: by the names of the times."""
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["ft/t"], file["ft/Fz"] = TIME_S, FORCE_N
+        file["ppg/t"], file["ppg/light"] = TIME_S + 0.005, np.cos(TIME_S)
+    mapping = {"time_s": ["ft/t", "ppg/t"], "force_n": "Fz", "reference": "light"}
+    made = import_csv(tmp_path / "a.h5", tmp_path / "a.run", mapping=mapping, face_mm2=100.0)
+    (station,) = open_run(made.path).recording().stations
+    np.testing.assert_allclose(station.time_s, TIME_S)
+    np.testing.assert_allclose(station.reference_s, TIME_S + 0.005)
+
+
+def test_words_may_name_stations(tmp_path: Path) -> None:
+    table = pd.DataFrame(COLUMNS).assign(trial=["first"] * 80 + ["second"] * 120)
+    table.to_csv(tmp_path / "a.csv", index=False)
+    made = import_csv(tmp_path / "a.csv", tmp_path / "a.run", mapping=T | F | {"station": "trial"})
+    assert made.stations == 2
 
 
 def test_a_force_that_is_negative_when_pressed_is_turned_by_its_mapping(tmp_path: Path) -> None:
-    scipy.io.savemat(tmp_path / "a.mat", {"Fz": -FORCE_N})
-    _, held = imported(tmp_path / "a.mat", tmp_path, mapping={"force_n": "-Fz"}, rate_hz=100.0)
+    scipy.io.savemat(tmp_path / "a.mat", {"Fz": -1e3 * FORCE_N})
+    _, held = imported(tmp_path / "a.mat", tmp_path, mapping={"force_n": "-Fz [mN]"}, rate_hz=100.0)
     np.testing.assert_allclose(held, np.column_stack([TIME_S, FORCE_N]), rtol=1e-12)
 
 
@@ -99,91 +318,130 @@ def test_times_that_go_back_are_put_right_and_said(how: str, tmp_path: Path) -> 
         order[[50, 51]] = order[[51, 50]]
         time_s = TIME_S[order]
     scipy.io.savemat(tmp_path / "a.mat", {"t": time_s, "Fz": FORCE_N[order]})
-    made, held = imported(tmp_path / "a.mat", tmp_path, mapping=MAP)
+    made, held = imported(tmp_path / "a.mat", tmp_path, mapping=T | F)
     np.testing.assert_allclose(held, np.column_stack([TIME_S, FORCE_N]), atol=1e-9)
     assert any(("start anew" if how == "restart" else "put in the order") in n for n in made.notes)
 
 
-def bag(path: Path, ros: int) -> Path:
-    from rosbags.rosbag1 import Writer as Writer1
-    from rosbags.rosbag2 import Writer as Writer2
-    from rosbags.typesys import Stores, get_typestore
-
-    store = get_typestore(Stores.ROS1_NOETIC if ros == 1 else Stores.ROS2_HUMBLE)
-    types = store.types
-    kind = "geometry_msgs/msg/WrenchStamped"
-    zero = types["geometry_msgs/msg/Vector3"](0.0, 0.0, 0.0)
-    target = path / ("a.bag" if ros == 1 else "bag")
-    writer = Writer1(target) if ros == 1 else Writer2(target, version=8)
-    with writer as file:
-        topic = file.add_connection("/ft", kind, typestore=store)
-        for n, (time_s, force_n) in enumerate(zip(TIME_S, FORCE_N, strict=True)):
-            stamp_ns = round(1e9 * time_s) + 5_000_000_000
-            stamp = types["builtin_interfaces/msg/Time"](*divmod(stamp_ns, 1_000_000_000))
-            own = (n,) if ros == 1 else ()
-            header = types["std_msgs/msg/Header"](*own, stamp, "ft")
-            force = types["geometry_msgs/msg/Vector3"](float(force_n), 0.0, 0.0)
-            message = types[kind](header, types["geometry_msgs/msg/Wrench"](force, zero))
-            raw = (
-                store.serialize_ros1(message, kind)
-                if ros == 1
-                else store.serialize_cdr(message, kind)
-            )
-            file.write(topic, stamp_ns, raw)
-    return target if ros == 1 else next(target.glob("*.db3"))
+RAMP_N = np.interp(TIME_S, [0.5, 1.0], [0.0, 1.0])
+NOISE_N = 1e-3 * np.random.default_rng(1).standard_normal(200)
+DOUBTFUL = {
+    "untared": (RAMP_N + NOISE_N + 3.3, r"the press begins at 3\.3 N: .*--tare-s 0\.1 takes"),
+    "two sensors": (
+        np.where(np.arange(200) % 2, RAMP_N + 1.0, -0.5) + NOISE_N,
+        "every other row is of another level: are two sensors in one table",
+    ),
+    "in contact from its beginning": (3.3 + NOISE_N, None),
+    "right": (RAMP_N + NOISE_N, None),
+}
 
 
-@pytest.mark.parametrize("ros", [1, 2])
-def test_a_bag_comes_in_with_the_force_along_any_axis(ros: int, tmp_path: Path) -> None:
-    pytest.importorskip("rosbags.highlevel")
-    mapping = {"force_n": "/ft.wrench.force.x"}
-    _, held = imported(bag(tmp_path, ros), tmp_path, mapping=mapping)
-    np.testing.assert_allclose(held, np.column_stack([TIME_S + 5.0, FORCE_N]), rtol=1e-9)
+@pytest.mark.parametrize("case", DOUBTFUL)
+def test_what_looks_wrong_is_said_once(case: str, tmp_path: Path) -> None:
+    force_n, said = DOUBTFUL[case]
+    pd.DataFrame({"time_s": TIME_S, "force_n": force_n}).to_csv(tmp_path / "a.csv", index=False)
+    made, held = imported(tmp_path / "a.csv", tmp_path)
+    assert len(made.notes) == (said is not None)
+    if said is not None:
+        assert pd.Series(made.notes).str.contains(said).all(), made.notes
+    if case == "untared":
+        tared = import_csv(tmp_path / "a.csv", tmp_path / "b.run", face_mm2=100.0, tare_s=0.4)
+        assert tared.notes == ()
+        force = open_run(tared.path).samples()["force"].to_numpy()
+        np.testing.assert_allclose(force, held[:, 1] - held[:40, 1].mean(), atol=1e-9)
 
 
-def chunk(tag: int, body: bytes) -> bytes:
-    return b"\x04" + struct.pack("<IH", len(body) + 2, tag) + body
+def test_the_block_of_a_scene_and_the_face_of_its_finger_are_known(tmp_path: Path) -> None:
+    """From the scene, or by a rig file that names it; what lies in it is not taken."""
+    (tmp_path / "rig.toml").write_text('[scan]\nstart_mm = 4\n[scene]\nname = "TIHA"\n')
+    blocks = []
+    for n, known in enumerate(({"scene": "TIHA"}, {"rig": tmp_path / "rig.toml"})):
+        made = import_csv(mat(tmp_path), tmp_path / f"{n}.run", mapping=T | F, **known)  # type: ignore[arg-type]
+        assert made.notes == ()
+        recording = open_run(made.path).recording()
+        assert recording.face_m2 == pytest.approx(1e-4)
+        blocks.append(recording.block)
+    assert blocks[0] == blocks[1]
+    assert blocks[0] is not None
+    assert blocks[0]["tissue"]["width_mm"] == 64
+    assert "inclusion" not in blocks[0]
 
 
-def xdf(path: Path, cut: int = 0) -> Path:
-    """By the published format (sccn/xdf): one stream, doubles with a time each."""
-    info = (
-        "<?xml version='1.0'?><info><name>FT</name><type>F</type><channel_count>1</channel_count>"
-        "<nominal_srate>100</nominal_srate><channel_format>double64</channel_format>"
-        "<desc><channels><channel><label>Fz</label></channel></channels></desc></info>"
-    )
-    stream = struct.pack("<I", 1)
-    samples = b"".join(
-        b"\x08" + struct.pack("<dd", *pair) for pair in zip(TIME_S, FORCE_N, strict=True)
-    )
-    count = b"\x04" + struct.pack("<I", len(TIME_S))
-    whole = b"XDF:" + chunk(1, b"<?xml version='1.0'?><info><version>1.0</version></info>")
-    whole += chunk(2, stream + info.encode()) + chunk(3, stream + count + samples)
-    whole += b"" if cut else chunk(6, stream + b"<?xml version='1.0'?><info></info>")
-    (path / "a.xdf").write_bytes(whole)
-    return path / "a.xdf"
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "no mapping": ({}, r"--map force_n=COLUMN .*it has 't', 'Fz', 'skin' \(3\)"),
+    "no such column": ({"mapping": T | F | {"x_mm": "x"}}, "x_mm=x: no such column; it has 't'"),
+    "no such name": ({"mapping": {"force": "Fz"}}, "--map force: not known; allowed are time_s"),
+    "two signals": (
+        {"mapping": F | {"pressure_pa": "Fz"}}, "force_n and pressure_pa is said"),
+    "no times": ({"mapping": F}, "Fz has no times: say --rate-hz, or --map time_s=COLUMN"),
+    "an array": ({"mapping": T | {"force_n": "skin"}}, r"an array of 3; say one of it, as skin\[0"),
+    "not one of it": ({"mapping": T | {"force_n": "skin[3]"}}, r"skin\[3\]: no such column"),
+    "another kind of unit": (
+        {"mapping": T | {"force_n": "Fz [kPa]"}}, "Fz is in kPa; wanted is one of N, uN, mN"),
+    "no unit": ({"mapping": T | {"force_n": "Fz [foo]"}}, "unit 'foo' is not known; one of N"),
+    "another rate": (
+        {"mapping": T | F, "rate_hz": 1000.0},
+        "--rate-hz 1000 is not the rate of Fz, whose times are 100 Hz"),
+    "another layout": (
+        {"mapping": T | {"taxels_pa": "skin"}, "layout": (4, 7)},
+        "--layout 4x7: 28 taxels, but skin has 3"),
+    "another topic": ({"topic": "/ft"}, "--topic /ft: not there; it has 't', 'Fz'"),
+    "a tare of nothing": ({"mapping": T | F, "tare_s": 0.0}, "station 1 has no reading in it"),
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("unfinished", [False, True])
-def test_a_stream_of_xdf_comes_in_unfinished_too(unfinished: bool, tmp_path: Path) -> None:
-    pytest.importorskip("pyxdf")
-    made, held = imported(xdf(tmp_path, unfinished), tmp_path, mapping={"force_n": "FT/Fz"})
-    np.testing.assert_allclose(held[:, 1], FORCE_N, rtol=1e-12)
-    np.testing.assert_allclose(held[:, 0] - held[0, 0], TIME_S, atol=1e-6)
-    assert any("was not finished" in note for note in made.notes) == unfinished
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_asked_wrongly_is_refused_with_what_is_there(case: str, tmp_path: Path) -> None:
+    keys, said = REFUSED[case]
+    source = mat(tmp_path, skin=np.zeros((200, 3)))
+    with pytest.raises(CsvError, match=said):
+        import_csv(source, tmp_path / "a.run", **keys)
+    assert not (tmp_path / "a.run").exists()
+
+
+def test_of_two_columns_that_fit_one_must_be_said(tmp_path: Path) -> None:
+    again = stream(2, "FT", ["Fz"], "N", TIME_S, FORCE_N)
+    with pytest.raises(CsvError, match=r"2 of that name: FT#1/Fz, FT#2/Fz; say which"):
+        imported(xdf(tmp_path, again), tmp_path, mapping=F)
+    _, held = imported(tmp_path / "a.xdf", tmp_path, mapping={"force_n": "FT#2/Fz"})
+    np.testing.assert_allclose(held[:, 1], FORCE_N)
+
+
+def test_streams_whose_times_go_back_are_not_put_together(tmp_path: Path) -> None:
+    other = stream(2, "arm", ["z"], "m", TIME_S[::2][::-1], TIME_S[:100])
+    with pytest.raises(CsvError, match="arm/z: its times go back, and other streams"):
+        imported(xdf(tmp_path, other), tmp_path, mapping=F | {"depth_mm": "arm/z"})
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
-    [("a.tdms", "LabVIEW's TDMS, which is not read"), ("a.mat", "not a whole file of MATLAB"),
-     ("a.bag", "not a whole file of ROS 1"), ("a.doc", ".doc is not known; read are .bag")],
-)  # fmt: skip
-def test_what_is_not_read_is_called_by_its_name(name: str, said: str, tmp_path: Path) -> None:
-    (tmp_path / name).write_bytes(b"\x00something")
+    ("name", "content", "said"),
+    [
+        ("a.tdms", b"TDSm", "LabVIEW's TDMS, which is not read"),
+        ("a.dat", b"TDSm\x0e", "LabVIEW's TDMS, which is not read"),
+        ("a.xlsx", b"PK", "an Excel workbook, which is not read"),
+        ("a.run", b"", "a run of palpate, which needs no import"),
+        ("a.mat", b"\0something", "not a whole file of MATLAB"),
+        ("a.bag", b"\0something", "is no ROS 1 bag"),
+        ("a.xdf", b"\0something", "is no XDF file"),
+        ("a.db3", b"\0something", "no whole message of numbers is in it"),
+        ("a.lvm", b"LabVIEW Measurement\nnothing", "no table .* is a LabVIEW measurement file"),
+        ("a.doc", b"\0something", ".doc is not known; read are .mat"),
+    ],
+)
+def test_what_is_not_read_is_called_by_its_name(
+    name: str, content: bytes, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(content)
     with pytest.raises(CsvError, match=said):
-        import_csv(tmp_path / name, tmp_path / "a.run")
+        import_csv(tmp_path / name, tmp_path / "b.run")
 
 
-def test_columns_without_a_mapping_are_listed(tmp_path: Path) -> None:
-    with pytest.raises(CsvError, match=r"--map force_n=COLUMN .*it has 't', 'Fz'"):
-        import_csv(mat(tmp_path), tmp_path / "a.run")
+def test_a_file_is_known_by_its_beginning_whatever_it_is_called(tmp_path: Path) -> None:
+    _, held = imported(hdf5(tmp_path).rename(tmp_path / "a.dat"), tmp_path, mapping=T | F)
+    np.testing.assert_allclose(held[:, 1], FORCE_N)
+
+
+def test_the_format_of_a_robots_own_record_is_called_by_its_name(tmp_path: Path) -> None:
+    write, mapping = FORMATS["ur"]
+    made, _ = imported(write(tmp_path), tmp_path, mapping=mapping)
+    assert any("a UR's own record: --map time_s=timestamp" in note for note in made.notes)

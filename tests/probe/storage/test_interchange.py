@@ -180,8 +180,7 @@ def test_a_reference_and_the_face_come_back_too(form: str, together: bool, tmp_p
     assert np.array_equal(station.reference, beats)
     assert np.array_equal(station.signal_pa[:, 0], force / 25e-6)
     assert open_run(imported.path).simulated == ()
-    said = "" if together else "31 rows have a reference and no reading"
-    assert " ".join(imported.notes) == said
+    assert imported.notes == ()
 
 
 @pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
@@ -306,7 +305,7 @@ def test_a_wrench_is_turned_by_a_mapping(column: str, value: float, tmp_path: Pa
     wrenches(tmp_path / "other.mcap", {"/ft": [0.1 * n for n in range(20)]})
     made = import_csv(tmp_path / "other.mcap", tmp_path / "a.run", mapping={"force_n": column})
     assert set(open_run(made.path).samples()["force"].values) == {value}
-    with pytest.raises(CsvError, match=r"force_n is force.x, force.y, force.z"):
+    with pytest.raises(CsvError, match=r"torque.x is in Nm; wanted is one of N"):
         import_csv(tmp_path / "other.mcap", tmp_path / "b.run", mapping={"force_n": "torque.x"})
 
 
@@ -325,7 +324,7 @@ def test_of_an_unfinished_mcap_what_is_whole_is_read(tmp_path: Path) -> None:
 def test_of_two_wrenches_one_must_be_named(tmp_path: Path) -> None:
     file = tmp_path / "two.mcap"
     wrenches(file, {"/a": [1.0] * 9, "/b": [2.0] * 9})
-    with pytest.raises(CsvError, match=r"--topic must name one topic.*found: /a, /b"):
+    with pytest.raises(CsvError, match=r"which column is the signal.*'/a.wrench.force.x'"):
         import_csv(file, tmp_path / "a.run")
     made = import_csv(file, tmp_path / "b.run", topic="/b")
     assert set(open_run(made.path).samples()["force"].values) == {2.0}

@@ -1,16 +1,13 @@
-"""Recordings that are no plain CSV, as the table that ``palpate import`` reads.
+"""What ``palpate export`` wrote, and CSVs with our names, as tables for ``palpate import``.
 
-What ``palpate export`` wrote (CSV, Parquet, netCDF, HDF5, MCAP), and MCAP files of others: see
-`probe.storage.import_mcap`. Every number comes to the bit, and what clipped is known to have
-clipped. The channels are those that the run was judged on, taxels too, where the file says what
-its channels are; a CSV does not, and needs a column of `SIGNALS`. An infinite reading is none.
+Every number comes to the bit, and what clipped is known to have clipped. The channels are those
+that the run was judged on, taxels too, where the file says what its channels are; a CSV does not,
+and needs a column of `SIGNALS`. An infinite reading is none. What is not ours is None.
 """
 
-import struct
+import csv
 from collections import defaultdict
-from collections.abc import Mapping
 from dataclasses import replace
-from hashlib import file_digest
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +16,10 @@ import numpy as np
 from drivers import Channel
 from drivers.core.arrays import Array
 from drivers.core.extras import needs, require
-from probe.storage.csv_columns import numbers
+from probe.storage.csv_columns import first_line, numbers
+from probe.storage.csv_table import read_csv
 from probe.storage.import_device import (
     LABELS,
-    REFERENCE,
     Device,
     face_mm2_of,
     judged,
@@ -30,51 +27,48 @@ from probe.storage.import_device import (
     placed,
 )
 from probe.storage.import_mcap import read_mcap
-from probe.storage.import_table import PER_STATION, PHASE, SIGNALS, CsvError, Table
+from probe.storage.import_table import PER_STATION, PHASE, REFERENCE, SIGNALS, CsvError, Table
 
 with needs("data", "palpate import"):
     import pandas as pd
 
-ENDINGS = (".parquet", ".nc", ".h5", ".mcap")
 SIMULATED = "-simulated"  # ends the name of a table of simulated samples
 INFINITE = ["inf", "-inf"]
 CLIPPED = {"true": 1.0, "1": 1.0, "false": 0.0, "0": 0.0, "": 0.0}
-BAD_FILE = (OSError, ValueError, KeyError, struct.error)
 
 
-def is_exported(header: str) -> bool:
-    """Whether the first line of a CSV is that of samples that ``palpate export`` wrote."""
-    return {"time_s", "station", "attempt", "phase"} <= set(header.strip().split(","))
+def own_text(source: Path) -> Table | None:
+    """A CSV whose columns are named with their unit, or samples that we exported."""
+    names = [name.strip() for name in next(csv.reader([first_line(source)]), [])]
+    if {"time_s", "station", "attempt", "phase"} <= set(names):
+        return _named(_csv(source))
+    return read_csv(source) if "time_s" in names else None
 
 
-def read_format(
-    source: Path, topic: str | None = None, mapping: Mapping[str, str] | None = None
-) -> Table:
-    """The file's samples. ``topic`` and ``mapping`` choose among the wrenches of an MCAP file.
+def own_parquet(source: Path) -> Table | None:
+    """Samples that we exported, or that have our names."""
+    table = _parquet(source)
+    return None if table is None else _named(table)
 
-    Raises `CsvError` for what cannot be read, and `drivers.MissingExtra`.
-    """
-    try:
-        match source.suffix:
-            case ".mcap":
-                table = read_mcap(source, topic, mapping or {})
-            case ".parquet":
-                table = _parquet(source)
-            case ".nc" | ".h5":
-                table = _groups(source)
-            case _:
-                table = _csv(source)
-        with source.open("rb") as file:
-            digest = file_digest(file, "sha256").hexdigest()
-    except CsvError:
-        raise
-    except BAD_FILE as error:
-        raise CsvError(f"cannot be read ({error})") from None
+
+def own_hdf5(source: Path) -> Table | None:
+    """An export to HDF5 or netCDF."""
+    table = _groups(source)
+    return None if table is None else _named(table)
+
+
+def own_mcap(source: Path) -> Table | None:
+    """An export to MCAP."""
+    table = read_mcap(source)
+    return None if table is None else _named(table)
+
+
+def _named(table: Table) -> Table:
     names = (
         *table.names,
         *(n for n in table.rows if n in (REFERENCE, *PER_STATION, "station", PHASE)),
     )
-    return table._replace(names=("time_s", *names), sha256=digest)
+    return table._replace(names=("time_s", *names))
 
 
 def _csv(source: Path) -> Table:
@@ -134,7 +128,7 @@ def _by_name(table: pd.DataFrame, source: Path) -> tuple[dict[str, Channel], dic
     return channels, {channel.name: lower[found]}
 
 
-def _parquet(source: Path) -> Table:
+def _parquet(source: Path) -> Table | None:
     require("pyarrow", "export", "Parquet")
     from pyarrow import parquet
 
@@ -154,8 +148,10 @@ def _parquet(source: Path) -> Table:
             for _, said in about
             if b"role" in said
         }
-    else:
+    elif "time_s" in table:
         channels, column_of = _by_name(table, source)
+    else:
+        return None
 
     def read(name: str) -> Array:
         if name == PHASE:
@@ -167,7 +163,7 @@ def _parquet(source: Path) -> Table:
     return found._replace(face_mm2=face_mm2_of((schema.metadata or {}).get(b"palpate", b"")))
 
 
-def _groups(source: Path) -> Table:
+def _groups(source: Path) -> Table | None:
     """The samples in a netCDF or HDF5 export, with their stations' places."""
     require("h5py", "export", "HDF5 and netCDF")
     import h5py
@@ -179,7 +175,7 @@ def _groups(source: Path) -> Table:
             if isinstance(group, h5py.Group) and LABELS[0] in group
         }
         if not devices:
-            raise CsvError("no group of samples as `palpate export` writes them")
+            return None
         table = judged(devices, _text(file.attrs.get("tactile", "")) or None)
         stations = file.get("stations", file)
         numbers = stations["station"][:].tolist()  # of several attempts the last counts
