@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
-from typing import TypeVar
 
 import numpy as np
 
@@ -22,13 +21,10 @@ from probe.guards.commands import STOPPED, Control, RunCommand
 from probe.guards.device_facts import facts_of
 from probe.guards.force_limit import SensorGuard
 from probe.guards.guard_threads import GuardThreads
+from probe.guards.guarded_stage import GuardedStage
 from probe.guards.interface import Status, WayOut
-from probe.guards.interruption import Trip
-from probe.guards.pose_guard import PoseGuard, StandStill
-from probe.guards.press_guard import WAY_M
-from probe.guards.presses import Presses
+from probe.guards.pose_guard import PoseGuard
 from probe.guards.readings import STAGE, Readings
-from probe.guards.retreat import Retreat, lift_speed_m_s
 from probe.guards.silence import Silence
 from probe.planning.limits import Limits
 from probe.planning.surfaces import Surface
@@ -36,21 +32,17 @@ from probe.planning.surfaces import Surface
 SUPERVISOR = "supervisor"
 STAGE_PERIOD_S = 0.008  # 0.16 mm at 20 mm/s; none is critical, see `force_limit.LEVEL_MEMORY_S`
 SUPERVISOR_PERIOD_S = 0.01  # a silence is found late by this at most, a tenth of `PAUSE_S`
-LOCK_S = 0.25  # the second stop waits so long for an order; a way out stops again
 # The supervisor only sleeps and looks. Late by this much, it is the program that did not run, and
 # nobody else is to blame for having been silent meanwhile.
 PAUSE_S = 0.1
 DEAD_S = 1.0  # a supervisor that is later than this is itself at fault
-RETREATS = 3  # of one run, at most, where something moves the stage again after each
-Answer = TypeVar("Answer")
 
 
-class SafetyMonitor:
+class SafetyMonitor(GuardedStage):
     """Owner of all readings. The engine moves the stage through it and drains `collect`.
 
-    ``trip`` is the first objection; from then on `move` refuses, and a `Retreat` brings the stage
-    to rest and lifts it to ``lift_z_m`` (None: only to rest) without the engine. Raises
-    `ConfigError` where the force limit would hold no channel at all, unless it ``lifts_only``.
+    Raises `ConfigError` where the force limit would hold no channel at all, unless it
+    ``lifts_only``.
     """
 
     def __init__(
@@ -66,22 +58,16 @@ class SafetyMonitor:
         lift_z_m: float | None = None,
         lifts_only: bool = False,
     ) -> None:
-        self.trip: Trip | None = None
+        felt = [
+            (s, SensorGuard(s.channels, limits, limits.filter_s.get(s.name, 0.0))) for s in sensors
+        ]
+        super().__init__(stage, felt, clock, surface, limits, lift_z_m)
         self.jumped: tuple[str, float] | None = None  # device, by how much its clock stood still
-        self.error: BaseException | None = None
-        self.retreat: Retreat | None = None
         self.threaded = threaded
         self.facts = facts_of(stage, sensors)
         self._homed = threading.Event()
         self._stepped_s = np.inf  # before `start` nothing is read
-        self._stage = stage
-        self._clock = clock
-        self._limits = limits
         self._control = control
-        self._lift_z_m = lift_z_m
-        self._sensors = [
-            (s, SensorGuard(s.channels, limits, limits.filter_s.get(s.name, 0.0))) for s in sensors
-        ]
         self._sensor_steps = [
             partial(self._guarded, partial(self._step_sensor, s, g)) for s, g in self._sensors
         ]
@@ -90,22 +76,14 @@ class SafetyMonitor:
                 "safety.max_force_n would hold nothing: no sensor reads a force, and a pressure "
                 "becomes one only over a known face; add a force sensor, or say face_mm2 = 100"
             )
-        self._presses = Presses(self._sensors, surface, limits)
-        self._down_m_s = 0.0  # of the move under way, if it goes down
-        self._pose_guard = PoseGuard(surface, limits)
-        self._stand_still = StandStill()
         self._clock_guards = [
             ClockGuard(limits, clock.now, time.monotonic),
             ClockGuard(limits, time.monotonic),
         ]
         self._readings = Readings(s.name for s in sensors)
         self._silence = Silence(stage.name, self._sensors, self._readings, limits)
-        self._in_motion = self._homing = False
-        self._surface = surface
+        self._homing = False
         self._engine_s = time.monotonic()
-        self._retreats = 0
-        self._stage_lock = threading.Lock()
-        self._trip_lock = threading.Lock()
         self._threads = GuardThreads(self._watch_supervisor)
 
     # --- the engine's side -------------------------------------------------------------------
@@ -206,10 +184,6 @@ class SafetyMonitor:
         """Up to when the samples of every sensor are in."""
         return self._readings.all_in_s(self._clock.now())
 
-    def force_n(self) -> float:
-        """The latest force of the first sensor that feels one."""
-        return next((g.force_n for _, g in self._sensors if g.feels), 0.0)
-
     def levels(self, from_s: float) -> dict[str, tuple[float, float]]:
         """Mean force [N] since ``from_s`` and its standard error, by sensor that feels one."""
         return {s.name: g.level(from_s) for s, g in self._sensors if g.feels}
@@ -223,19 +197,6 @@ class SafetyMonitor:
         search; else None."""
         most_n = (g.greatest_n(since_s, readings) for _, g in self._sensors if g.feels)
         return next(most_n, 0.0) if abilities.touched(self._stage) else None
-
-    def move(self, target: Pose, speed_m_s: float, *, search: bool = False) -> None:
-        """`abilities.move`, unless a guard has stopped the scan. Raises `DeviceFault`."""
-
-        def go() -> None:
-            self._refuse_after_a_trip()
-            self._start(target, speed_m_s, search)
-
-        self._alone(go)
-
-    def _refuse_after_a_trip(self) -> None:
-        if self.trip is not None:
-            raise DeviceFault(self.trip.device, self.trip.reason)
 
     def home(self) -> None:
         """Let the stage find its switches; `Status.homed` when it has, or a trip says why not.
@@ -260,30 +221,11 @@ class SafetyMonitor:
 
         threading.Thread(target=go, name="palpate homing", daemon=True).start()
 
-    def stop(self) -> None:
-        """Stop the stage now."""
-        self._stage.stop()
-
-    def arrived(self, pose: Pose) -> None:
-        """The move is over: from now on the tip rests at ``pose``."""
-        self._in_motion = False
-        self._stand_still.end()
-        self._pose_guard.expect_rest(pose)
-        self._presses.end()
-
     def tare(self) -> None:
         """Take the present load of every sensor as zero; all are read on. Raises `DeviceFault`."""
         for sensor, guard in self._sensors:
             sensor.tare()
             guard.tare()
-
-    def moving(self) -> bool:
-        """True while the stage moves. Raises `DeviceFault`."""
-        return self._alone(self._stage.moving)
-
-    def pose(self) -> Pose:
-        """The stage's pose. Raises `DeviceFault`."""
-        return self._alone(self._stage.pose)
 
     def leave(self, *, lift: bool) -> Status:
         """Stop, and lift if so wanted; the way out that is under way already is not begun anew."""
@@ -295,70 +237,6 @@ class SafetyMonitor:
                 self.retreat.stay()
         self._stage.stop()
         return self.status()
-
-    def go_on(self) -> None:
-        """After a pause: there is nothing to get away from any more."""
-        if self.trip is None:
-            self.retreat = None
-
-    # --- objections --------------------------------------------------------------------------
-
-    def object(self, device: str, reason: str, *, can_retract: bool, again: bool = False) -> None:
-        """Stop the stage and begin the way out.
-
-        Stopped twice: a move that was being started is caught by the second. ``again``: what is
-        objected to is dangerous also after a way out that is done.
-        """
-        with self._trip_lock:
-            if self.trip is None:
-                self.trip = Trip(self._clock.now(), device, reason, can_retract)
-            elif not again or self._retreats >= RETREATS:
-                return
-            if self.retreat is not None and not self.retreat.done:
-                return  # it looks after itself
-            self._begin_retreat(lift=can_retract and self.trip.can_retract)
-        self._stage.stop()
-        if self._stage_lock.acquire(timeout=LOCK_S):
-            self._stage.stop()
-            self._stage_lock.release()
-
-    def _begin_retreat(self, *, lift: bool) -> None:
-        self._retreats += 1
-        self.retreat = Retreat(
-            abilities.stop_means(self._stage),
-            partial(self._alone, partial(abilities.start_again, self._stage)),
-            self.moving,
-            self._start_held,
-            self.force_n,
-            self._lift_z_m if lift else None,
-            lift_speed_m_s(self._stage, self._limits),
-            self._clock.now(),
-            self._limits.max_force_n,
-            self._down_m_s > 0,
-        )
-
-    def _start_held(self, target: Pose, speed_m_s: float) -> None:
-        self._alone(partial(self._start, target, speed_m_s))
-
-    def _start(self, target: Pose, speed_m_s: float, search: bool = False) -> None:
-        here = self._stage.pose()
-        goes_back = search and abilities.finds_contact(self._stage)
-        self._pose_guard.expect(here, target, may_go_back=goes_back)
-        self._presses.begin(here, target, speed_m_s, search=search)
-        lowest_m = here.z if self._lift_z_m is None else min(here.z, self._lift_z_m)
-        self._down_m_s = speed_m_s if target.z < lowest_m - WAY_M else 0.0
-        self._in_motion = True
-        self._stand_still.begin(target, speed_m_s)
-        abilities.move(self._stage, target, speed_m_s, search=search)
-
-    def _alone(self, ask: Callable[[], Answer]) -> Answer:
-        """What ``ask`` returns, the stage to itself. Raises `DeviceFault` if another call hangs."""
-        if not self._stage_lock.acquire(timeout=2 * self._limits.silence_s):
-            raise DeviceFault(self._stage.name, "does not answer")
-        try:
-            return ask()
-        finally:
-            self._stage_lock.release()
 
     # --- the threads -------------------------------------------------------------------------
 

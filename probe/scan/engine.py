@@ -13,7 +13,7 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
-from drivers import Clock, DeviceFault, Pose, Sensor, Stage
+from drivers import Clock, DeviceFault, Sensor, Stage
 from probe.core.events import (
     Finish,
     Phase,
@@ -31,8 +31,8 @@ from probe.guards.retreat import UP_M
 from probe.guards.stopping import STOP_AGAIN_S
 from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan
-from probe.planning.press_direction import pressed
 from probe.scan.event_bus import EventBus, EventSink
+from probe.scan.indenting import indent, note_the_ramp
 from probe.scan.lifting import begin_lift
 from probe.scan.readiness import planned_poses
 from probe.scan.run_loop import FINE_S, TICK_S, RunLoop
@@ -40,13 +40,7 @@ from probe.scan.stop_rules import ABORTED, no_contact
 from probe.scan.taring import note_last_drift, note_unseen, take_zero
 from probe.scan.touching import find_surface
 
-TOP_UPS = 8  # moves after the ramp, at most, until a soft rig's tip is deep enough
-DEEP_ENOUGH_M = 5e-6
 HOME_STOPS_S = 5.0
-# A ramp that is longer than planned by more than this is noted; nothing else depends on it. To
-# gather speed and to slow down take a ramp's speed over the acceleration (2.5 mm/s at 50 mm/s2, the
-# least that `drivers.core.line_stage` reckons with: 0.05 s), and its end is seen one report later.
-RAMP_SHARE, RAMP_LATE_S = 0.1, 0.1
 GIVE_UP_S = 30.0  # for a way out; the retreat itself is done long before, unless the stage hangs
 NOT_LIFTED = "the probe was not lifted"
 BY_HAND = "take its load off by hand or at the stage's own panel, before anything else moves it"
@@ -362,9 +356,9 @@ class _Scan(RunLoop):
         else:
             surface = find_surface(self, surface, plan.touch_n)
         indenting_s = self.enter(Phase.INDENTING)
-        depth_m = self._indent(surface)
+        depth_m = indent(self, surface)
         holding_s = self.enter(Phase.HOLDING)
-        self._note_the_ramp(place, holding_s - indenting_s)
+        note_the_ramp(self, place, holding_s - indenting_s)
         self.handle()
         self._check_contact()
         self.wait_until(holding_s + plan.hold_s)
@@ -373,13 +367,6 @@ class _Scan(RunLoop):
         begin_lift(self, surface, depth_m)
         self.go(above, plan.travel_m_s)
         self.end_station(complete=True)
-
-    def _note_the_ramp(self, place: Place, took_s: float) -> None:
-        """A press that stood still or was slowed relaxes the tissue in another way."""
-        planned_s = self.plan.ramp_s
-        if took_s > (1 + RAMP_SHARE) * planned_s + RAMP_LATE_S:
-            text = f"station {place.index + 1}: the press took {took_s:.2f} s, not ramp_s = "
-            self.bus.note("warning", self.stage.name, f"{text}{planned_s:g}")
 
     def _check_contact(self) -> None:
         if self.in_the_air:
@@ -391,18 +378,3 @@ class _Scan(RunLoop):
         if not self.noted_little and (soft := little(levels, self.most_n)) is not None:
             self.noted_little = True
             self.bus.note("warning", "engine", soft)
-
-    def _indent(self, surface: Pose) -> float:
-        """Go in along the normal, then on by what the rig itself has yielded; how far [m]."""
-        plan, depth = self.plan, self.plan.indentation_m
-        bottom = pressed(surface, depth)
-        speed = math.dist(self.monitor.pose()[:3], bottom[:3]) / plan.ramp_s
-        self.go(bottom, speed)
-        for _ in range(TOP_UPS if plan.compliance_m_per_n else 0):
-            yielded_m = max(plan.compliance_m_per_n * self.status.force_n, 0.0)
-            yielded_m = min(yielded_m, plan.max_deflection_m)
-            if abs(plan.indentation_m + yielded_m - depth) < DEEP_ENOUGH_M:
-                break
-            depth = plan.indentation_m + yielded_m
-            self.go(pressed(surface, depth), speed)
-        return depth

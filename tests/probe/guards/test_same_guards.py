@@ -20,7 +20,7 @@ from probe.planning.surfaces import flat
 RULES = {
     "force_limit.check", "sample_times.check", "stuck_sensor.check", "presses.check",
     "press_guard.check", "pose_guard.check", "silence.check", "readings.take", "readings.take_pose",
-    "safety_monitor.object", "safety_monitor.move", "safety_monitor._take",
+    "guarded_stage.object", "guarded_stage.move", "safety_monitor._take",
     "safety_monitor._step_sensor", "safety_monitor._step_stage", "safety_monitor._check_silence",
     "retreat.step", "retreat._at_rest", "retreat._rested", "retreat._watch_the_lift",
     "stopping.order", "stopping.worked",
