@@ -88,21 +88,6 @@ def reads_nothing(sensor: LineSensor) -> bool:
     return len(values) > 0 and bool(np.abs(values[:, 0]).max() < 0.05)
 
 
-def test_unplugged_and_plugged_in_again(sensor: LineSensor, device: Served) -> None:
-    device.fail("drop")
-    with pytest.raises(DeviceFault):
-        gather(sensor, 3.0)
-    sensor.close()
-    with pytest.raises(DeviceFault, match=r"not connected|lost|failed"):
-        sensor.read()
-    device.fail(None)
-    time.sleep(0.05)
-    sensor.connect()
-    sensor.start()
-    times, _, _ = gather(sensor, 0.3)
-    assert len(times) > 5
-
-
 @pytest.mark.parametrize("fault", ["silence", "garbage", "bad crc"])
 def test_a_bad_line_gives_no_number(sensor: LineSensor, device: Served, fault: str) -> None:
     gather(sensor, 0.1)
@@ -133,15 +118,6 @@ def test_the_stream_comes_back_and_counts_what_was_lost(device: Served, clock: W
     assert gap == pytest.approx(0.01 * (lost + 1), abs=0.012)
 
 
-def test_silence_at_connection_is_absence(
-    device: Served, clock: WallClock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("drivers.core.reader.FIRST_S", 1.0)
-    device.fail("silence")
-    with pytest.raises(DeviceAbsent, match=r"no reading within 1 s|polls in a row"):
-        open_sensor(clock, Ft300Settings(port=device.address)).connect()
-
-
 def frame(counts: tuple[int, ...]) -> bytes:
     body = HEADER + struct.pack("<6h", *counts)
     return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
@@ -159,15 +135,6 @@ def test_frames_are_found_however_they_are_cut(
     found = [f for k in range(0, len(data), piece) for f in cutter.feed(data[k : k + piece])]
     assert [counts for counts, _ in found][-len(sent) - 1 :] == [*sent, (0,) * 6]
     assert sum(skipped for _, skipped in found) == len(before)
-
-
-@given(st.lists(Counts, min_size=3, max_size=3), st.integers(0, 15), st.integers(1, 255))
-def test_one_wrong_byte_costs_one_frame(sent: list[tuple[int, ...]], place: int, flip: int) -> None:
-    first, spoilt, last = (bytearray(frame(c)) for c in sent)
-    spoilt[place] ^= flip
-    found = FrameCutter(HEADER, "<6h", "crc16-modbus").feed(bytes(first + spoilt + last))
-    values = [counts for counts, _ in found]
-    assert values == [sent[0], sent[2]]
 
 
 def test_unplugged_while_it_is_opened_is_absence(clock: WallClock) -> None:

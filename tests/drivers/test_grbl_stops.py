@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import pytest
 from campaign.board import ORIGIN_MM, Board
 from campaign.world import Bed, World
+from peer import Peer
 from waiting import until
 
 from drivers import DeviceFault, Pose, WallClock
@@ -22,10 +23,8 @@ PATIENT = {"answer_s": 3.0, "silent_s": 0.5}  # the board shares this machine wi
 LIMITS_MM = ((-5.0, 70.0), (-5.0, 5.0), (-4.0, 50.0))
 
 
-class Bench:
+class Bench(Peer):
     """The board as a device of `served`."""
-
-    faults = ()
 
     def __init__(self) -> None:
         self.board = Board(World(Bed(), time.monotonic(), HOME))
@@ -37,8 +36,6 @@ class Bench:
     def due(self) -> bytes:
         self.board.world.advance(time.monotonic())
         return self.board.due()
-
-    def fail(self, fault: str) -> None: ...
 
 
 @pytest.fixture
@@ -68,14 +65,6 @@ def stage(line: Served) -> Iterator[GrblStage]:
 def set_off(stage: GrblStage, board: Board) -> None:
     stage.move(FAR, 0.02)
     until(lambda: board.world.speed_m_s > 0)
-
-
-def test_a_stop_is_on_the_wire_at_once(stage: GrblStage, board: Board) -> None:
-    set_off(stage, board)
-    stage.stop()
-    assert until(lambda: bool(board.stops)) < 0.05
-    until(lambda: not board.world.moving)
-    assert board.world.place[0] < 0.03
 
 
 def test_a_stop_does_not_wait_for_the_next_status(line: Served, board: Board) -> None:
@@ -131,14 +120,6 @@ def test_a_stop_while_the_board_thinks_about_a_move_is_not_lost(
     assert board.world.place[0] < 0.02
 
 
-def test_a_silent_board_is_not_believed(stage: GrblStage, board: Board) -> None:
-    set_off(stage, board)
-    board.ills.mute_until_s = time.monotonic() + 60.0
-    time.sleep(0.6)
-    with pytest.raises(DeviceFault, match=r"silent|no status"):
-        stage.moving()
-
-
 def test_a_target_beyond_the_rigs_limits_is_not_sent(stage: GrblStage, board: Board) -> None:
     with pytest.raises(DeviceFault, match=r"z = -4\.5 mm"):
         stage.move(Pose(0.010, 0.0, -4.5e-3), 0.01)
@@ -152,10 +133,3 @@ def test_a_speed_beyond_the_stages_is_not_sent(
     with pytest.raises(DeviceFault, match="speed"):
         stage.move(FAR, speed_m_s)
     assert not board.jogs
-
-
-def test_an_unplugged_board_is_lost_at_once(stage: GrblStage, line: Served) -> None:
-    line.fail("drop")
-    time.sleep(0.15)
-    with pytest.raises(DeviceFault, match="connection lost"):
-        stage.moving()

@@ -25,14 +25,28 @@ HOME = (0.032, 0.0, 0.002)
 PRESS_M_S = 1.2e-3
 
 
+def device_in(phantom: Phantom, name: str) -> Any:
+    """A controller of this make with the phantom's tip on its axes."""
+    carriage = Carriage(phantom, homed=True)
+    return {"zaber": lambda: zaber.ZaberChain(carriage, check_sums=True),
+            "pi": lambda: pi.PiController(carriage, servo=True),
+            "tmcl": lambda: tmcl.TmclModule(carriage)}[name]()  # fmt: skip
+
+
+def axes_at(line: object, name: str, axes: str, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """The driver's axes at a line that the test has made."""
+    monkeypatch.setattr(f"drivers.{name}.Line", lambda *_: line)
+    module = import_module(f"drivers.{name}")
+    keys = {axis: EMULATORS[name].RIG_AXES[axis] for axis in axes}
+    settings = getattr(module, f"{name.title()}Settings")(port="pty", **keys)
+    return getattr(module, f"{name.title()}Axes")(settings)
+
+
 def axes_on(
     phantom: Phantom, name: str, axis: str, exchange_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> Any:
     """One axis on a line whose every exchange takes ``exchange_s`` of the world's time."""
-    clock, carriage = phantom.clock, Carriage(phantom, homed=True)
-    device: Any = {"zaber": lambda: zaber.ZaberChain(carriage, check_sums=True),
-                   "pi": lambda: pi.PiController(carriage, servo=True),
-                   "tmcl": lambda: tmcl.TmclModule(carriage)}[name]()  # fmt: skip
+    clock, device = phantom.clock, device_in(phantom, name)
 
     class Line:
         def ask(self, data: bytes, *, end: bytes = b"", **_how: Any) -> bytes:
@@ -43,13 +57,9 @@ def axes_on(
         def say(self, data: bytes) -> None:
             device.received(data)
 
-    monkeypatch.setattr(f"drivers.{name}.Line", lambda *_: Line())
     for waits in ("drivers.tmcl.time", "drivers.core.leading.time"):
         monkeypatch.setattr(waits, SimpleNamespace(monotonic=clock.now))
-    module = import_module(f"drivers.{name}")
-    keys = {"port": "pty", axis: EMULATORS[name].RIG_AXES[axis]}
-    settings = getattr(module, f"{name.title()}Settings")(**keys)
-    return getattr(module, f"{name.title()}Axes")(settings)
+    return axes_at(Line(), name, axis, monkeypatch)
 
 
 def flipped(answer: bytes) -> Iterator[bytes]:
@@ -63,8 +73,8 @@ def test_no_answer_with_a_flipped_bit_is_taken(
     name: str, winkler: Respond, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each bit of each byte of a position: the sum that goes with it does not match."""
-    emulator = EMULATORS[name]
-    keys: dict[str, Any] = {"port": "pty", "x": emulator.RIG_AXES["x"]}
+    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=HOME)
+    device = device_in(phantom, name)
     asked: list[bytes] = []
 
     class Line:
@@ -77,15 +87,7 @@ def test_no_answer_with_a_flipped_bit_is_taken(
         def listen(self, **_how: Any) -> bytes:
             raise NoAnswer(name, "silent")
 
-    monkeypatch.setattr(f"drivers.{name}.Line", lambda *_: Line())
-    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=HOME)
-    carriage = Carriage(phantom, homed=True)
-    if name == "zaber":
-        device: Any = zaber.ZaberChain(carriage, check_sums=True)
-        axes: Any = drivers.zaber.ZaberAxes(drivers.zaber.ZaberSettings(**keys))
-    else:
-        device = tmcl.TmclModule(carriage)
-        axes = drivers.tmcl.TmclAxes(drivers.tmcl.TmclSettings(**keys))
+    axes = axes_at(Line(), name, "x", monkeypatch)
 
     def damage(answer: bytes) -> bytes:
         return answer.removesuffix(b"\r\n")
@@ -105,7 +107,7 @@ def test_a_reply_that_comes_too_late_is_not_taken_for_the_next(
     winkler: Respond, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=HOME)
-    device = zaber.ZaberChain(Carriage(phantom, homed=True), check_sums=True)
+    device = device_in(phantom, "zaber")
     late: list[bytes] = []
 
     class Line:
@@ -118,9 +120,7 @@ def test_a_reply_that_comes_too_late_is_not_taken_for_the_next(
         def listen(self, **_how: Any) -> bytes:
             return late[0]
 
-    monkeypatch.setattr("drivers.zaber.Line", lambda *_: Line())
-    both = {axis: zaber.RIG_AXES[axis] for axis in "xz"}
-    axes = drivers.zaber.ZaberAxes(drivers.zaber.ZaberSettings(port="pty", **both))
+    axes = axes_at(Line(), "zaber", "xz", monkeypatch)
     places_mm = axes.read().places_mm
     assert places_mm == pytest.approx({"x": 52.0, "z": places_mm["z"]}, abs=1e-3)
     assert axes.read().places_mm == places_mm
@@ -131,7 +131,7 @@ def test_a_motor_that_was_ordered_to_go_and_has_not_set_off_has_not_arrived(
 ) -> None:
     clock = SimulatedClock()
     phantom = Phantom(load_scene("TIHA"), clock, winkler, home=HOME)
-    device = tmcl.TmclModule(Carriage(phantom, homed=True))
+    device = device_in(phantom, "tmcl")
 
     class Line:
         """The module accepts a move a little before its motor turns."""
@@ -143,9 +143,8 @@ def test_a_motor_that_was_ordered_to_go_and_has_not_set_off_has_not_arrived(
                 answer += bytes([sum(answer) % 256])
             return answer
 
-    monkeypatch.setattr("drivers.tmcl.Line", lambda *_: Line())
     monkeypatch.setattr("drivers.tmcl.time", SimpleNamespace(monotonic=clock.now))
-    axes = drivers.tmcl.TmclAxes(drivers.tmcl.TmclSettings(port="pty", x=tmcl.RIG_AXES["x"]))
+    axes = axes_at(Line(), "tmcl", "x", monkeypatch)
     axes.move({"x": 54.0}, {"x": 5.0})
     assert axes.read().moving
     clock.sleep_until(10.0)

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from peer import Peer
+from running import running
 from waiting import until
 
 from drivers import (
@@ -32,10 +34,8 @@ FORCE = TextChannel(name="force", unit="N", role="force")
 STAMPED = r"(?P<time>[0-9]+) (?P<force>[-+0-9.eE]+|nan) N"
 
 
-class Says:
+class Says(Peer):
     """Prints what the test says."""
-
-    faults = ()
 
     def __init__(self) -> None:
         self._text: deque[bytes] = deque()
@@ -51,7 +51,15 @@ class Says:
     def due(self) -> bytes:
         return self._text.popleft() if self._text else b""
 
-    def fail(self, _fault: str) -> None: ...
+
+def connect_while(sensor: LineSensor, says: Says, text: bytes) -> None:
+    """What is said before the line is open is lost: it is said until the sensor is connected."""
+    with ThreadPoolExecutor(1) as other:
+        connected = other.submit(sensor.connect)
+        while not connected.done():
+            says.say(text)
+            time.sleep(0.01)
+        connected.result()
 
 
 @pytest.fixture
@@ -145,25 +153,19 @@ def test_a_gauge_that_speaks_when_asked_in_grams(clock: WallClock, tmp_path: Pat
     says = Says()
     with served(says, str(tmp_path / "gauge"), "gauge") as device:
         sensor = open_sensor(
-            clock,
-            port=device.address,
+            clock, port=device.address, rate_hz=50, ask="?\r",
             pattern=r"Load: (?P<load>[-+0-9.]+) g; (?P<battery>[0-9.]+) V",
             channel=[
                 TextChannel(name="load", unit="g", role="force", scale=-1.0, full_scale=12.0),
                 TextChannel(name="battery", unit="V", full_scale=12.0),
             ],
-            rate_hz=50,
-            ask="?\r",
-        )
+        )  # fmt: skip
         assert [c.unit for c in sensor.channels] == ["N", "V"]
-        sensor.connect()
-        sensor.start()
-        block = sensor.read()
-        while len(block.time_s) == 0:
-            block = gather(sensor, 0.01)
-        asked = says.asked.count(b"?")
-        assert until(lambda: says.asked.count(b"?") > asked + 20) < 0.8  # 50 a second
-        sensor.close()
+        with running(sensor):
+            while not len((block := gather(sensor, 0.01)).time_s):
+                pass
+            asked = says.asked.count(b"?")
+            assert until(lambda: says.asked.count(b"?") > asked + 20) < 0.8  # 50 a second
     assert block.values[0] == pytest.approx([12.5 * 9.80665e-3, 3.0])
     assert block.saturated[0].tolist() == [True, False]
 
@@ -176,12 +178,7 @@ def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
         sensor = open_sensor(
             clock, port=device.address, pattern="(?P<force>[-0-9.e]+)", channel=[FORCE], rate_hz=10
         )
-        with ThreadPoolExecutor(1) as other:
-            connected = other.submit(sensor.connect)
-            while not connected.done():  # what is said before the line is open is lost
-                says.say(b"7.7\n1.0\n")  # the first may be half a line
-                time.sleep(0.01)
-            connected.result()
+        connect_while(sensor, says, b"7.7\n1.0\n")  # the first may be half a line
         sensor.start()
         says.say(b"0.5\n")
         while hear(sensor, 1)[0][-1] != 0.5:
@@ -340,13 +337,8 @@ def test_what_does_not_match_is_shown(
         sensor = open_sensor(
             clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
         )
-        with ThreadPoolExecutor(1) as other:
-            connected = other.submit(sensor.connect)
-            while not connected.done():
-                says.say(b"F= 1,0 kN\n")
-                time.sleep(0.01)
-            with pytest.raises(DeviceAbsent, match="do not match the pattern; the last is 'F= 1,0"):
-                connected.result()
+        with pytest.raises(DeviceAbsent, match="do not match the pattern; the last is 'F= 1,0"):
+            connect_while(sensor, says, b"F= 1,0 kN\n")
 
 
 @pytest.mark.parametrize(
@@ -364,12 +356,7 @@ def test_a_gauge_that_is_switched_to_another_unit_is_a_fault(
         sensor = open_sensor(
             clock, port=device.address, pattern=pattern, channel=[FORCE], rate_hz=80
         )
-        with ThreadPoolExecutor(1) as other:
-            connected = other.submit(sensor.connect)
-            while not connected.done():
-                says.say(b"1.0 N\n")
-                time.sleep(0.01)
-            connected.result()
+        connect_while(sensor, says, b"1.0 N\n")
         sensor.start()
         says.say(b"1.0 N\n")  # all that was said before is read by now
         hear(sensor, 1)

@@ -3,11 +3,13 @@
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from uuid import uuid4
 
 import numpy as np
 import pytest
+from running import running
+from waiting import until
 
 from drivers import Block, Channel, DeviceAbsent, DeviceFault, WallClock
 from drivers.lines import TextChannel
@@ -77,7 +79,7 @@ def name() -> Iterator[str]:
 def test_times_and_values_survive_the_round_trip(name: str) -> None:
     clock, sender = WallClock(), outlet(name, 2)
     sensor = open_sensor(clock, stream=name, channel=[PPG, FORCE], rate_hz=RATE_HZ)
-    try:
+    with closing(sensor):
         with sending(sender):
             sensor.connect()
         time.sleep(0.1)
@@ -85,8 +87,6 @@ def test_times_and_values_survive_the_round_trip(name: str) -> None:
         stamped = send(sender, clock, 200)
         time.sleep(0.2)
         block = sensor.read()
-    finally:
-        sensor.close()
     assert block.values[:, 0] == pytest.approx(np.arange(200.0))  # mV is not SI's: as it is
     assert block.values[:, 1] == pytest.approx(1.0 + 1e-3 * np.arange(200.0))
     error_s = np.abs(block.time_s - np.array(stamped))
@@ -135,14 +135,9 @@ def test_a_stream_is_found_by_its_source_id_among_others(name: str) -> None:
     sensor = open_sensor(
         WallClock(), stream=name, source_id="right", channel=[PPG, FORCE], rate_hz=RATE_HZ
     )
-    try:
-        with sending(senders["left"], 500.0), sending(senders["right"], 5000.0):
-            sensor.connect()
-            sensor.start()
-            time.sleep(0.3)
-            block = sensor.read()
-    finally:
-        sensor.close()
+    with sending(senders["left"], 500.0), sending(senders["right"], 5000.0), running(sensor):
+        time.sleep(0.3)
+        block = sensor.read()
     assert set(block.values[:, 1]) == {5.0}  # N, of `right`
 
 
@@ -157,17 +152,13 @@ def test_a_text_stream_is_refused_in_words(name: str) -> None:
 def test_a_sender_that_goes_is_a_fault(name: str) -> None:
     senders = [outlet(name, 2)]
     sensor = open_sensor(WallClock(), stream=name, channel=[PPG, FORCE], rate_hz=RATE_HZ)
-    try:
+    with closing(sensor):
         with sending(senders[0]):
             sensor.connect()
             sensor.start()
         senders.clear()  # nothing holds the outlet: the stream ends
         with pytest.raises(DeviceFault, match="the stream has ended"):
-            for _ in range(200):
-                sensor.read()
-                time.sleep(0.05)
-    finally:
-        sensor.close()
+            until(lambda: sensor.read() is None, 10.0)
 
 
 def test_a_scan_is_published_with_its_clock(name: str) -> None:

@@ -1,6 +1,7 @@
 """The Modbus driver against pymodbus' own server, an independent peer, and an emulated device."""
 
 import asyncio
+import itertools
 import os
 import struct
 import threading
@@ -10,10 +11,13 @@ from contextlib import suppress
 from typing import Any
 
 import pytest
+from peer import Peer
 from pydantic import ValidationError
 from pymodbus.framer import FramerRTU
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
+from running import running
+from waiting import until
 
 from drivers import DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
@@ -68,15 +72,10 @@ def opened(**keys: Any) -> LineSensor:
 
 
 def first_row(sensor: LineSensor) -> list[float]:
-    sensor.connect()
-    sensor.start()
-    try:
-        while True:
-            block = sensor.read()
-            if len(block.time_s):
-                return [float(v) for v in block.values[0]]
-    finally:
-        sensor.close()
+    with running(sensor):
+        while not len((block := sensor.read()).time_s):
+            pass
+    return [float(v) for v in block.values[0]]
 
 
 def test_every_type_and_unit_of_an_independent_server(server_port: int) -> None:
@@ -84,14 +83,11 @@ def test_every_type_and_unit_of_an_independent_server(server_port: int) -> None:
     assert [c.unit for c in sensor.channels] == ["N", "V", "Pa", "N", "K"]
     assert sensor.channels[0].full_scale == 2.0
     assert first_row(sensor) == pytest.approx([1.23, -5.0, 40000.0, -2.0, 2.5])
-
-
-def test_word_order(server_port: int) -> None:
-    sensor = opened(
+    swapped = opened(
         host="127.0.0.1", tcp_port=server_port, device_id=7, byte_order="CDAB",
         register=[Register(name="c", address=102, unit="Pa", type="uint32")],
     )  # fmt: skip
-    assert first_row(sensor) == [40000 * 65536.0]
+    assert first_row(swapped) == [40000 * 65536.0]
 
 
 def test_a_register_that_is_not_there_is_named(server_port: int) -> None:
@@ -111,26 +107,18 @@ def test_nobody_there_is_absence() -> None:
 
 def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
     """Each answer counts up: one that is read late would show a number too small for its time."""
-    count = [0]
-
-    def counted() -> int:
-        count[0] += 1
-        return count[0]
-
-    slave = ModbusSlave({0: counted}, 1, "rtu")
+    counted = itertools.count(1)
+    slave = ModbusSlave({0: lambda: next(counted)}, 1, "rtu")
     with served(slave, "socket://127.0.0.1:0", "modbus") as device:
-        sensor = opened(port=device.address, register=[Register(name="n", address=0, unit="-")])
-        sensor.connect()
-        sensor.start()
-        device.fail("late")
-        time.sleep(0.05)  # what was already on its way
-        sensor.read()
-        with pytest.raises(DeviceFault, match="3 polls in a row failed"):
-            while True:
-                block = sensor.read()
-                assert len(block.time_s) == 0, "a late reply was accepted"
-                time.sleep(0.01)
-        sensor.close()
+        register = [Register(name="n", address=0, unit="-")]
+        with running(opened(port=device.address, register=register)) as sensor:
+            device.fail("late")
+            time.sleep(0.05)  # what was already on its way
+            sensor.read()
+            with pytest.raises(DeviceFault, match="3 polls in a row failed"):
+                while True:
+                    assert len(sensor.read().time_s) == 0, "a late reply was accepted"
+                    time.sleep(0.01)
 
 
 @pytest.mark.parametrize(
@@ -139,7 +127,6 @@ def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
         ({"register": REGISTERS}, "port or host"),
         ({"host": "a", "port": "b", "register": REGISTERS}, "port or host"),
         ({"host": "a", "register": []}, "at least 1 item"),
-        ({"host": "a", "register": REGISTERS, "rate_hz": 0.0}, "greater than 0"),
         (
             {"host": "a", "register": [*REGISTERS, Register(name="z", address=900, unit="N")]},
             "span 801",
@@ -192,34 +179,24 @@ def test_not_a_number_is_a_lost_reading_and_then_a_fault(odd: float) -> None:
     slave = ModbusSlave({0: lambda: word(0), 1: lambda: word(1)}, 1, "rtu")
     with served(slave, "socket://127.0.0.1:0", "modbus") as device:
         keys = {"register": [{"name": "n", "address": 0, "unit": "N", "type": "float32"}]}
-        sensor = opened(port=device.address, timeout_ms=1000, **keys)
-        sensor.connect()
-        sensor.start()
-        time.sleep(0.2)
-        assert (sensor.read().values == 2.5).all()
-        reported[0] = odd
-        with pytest.raises(DeviceFault, match=r"n: not a number, 3 times in a row.*byte_order"):
-            while True:
-                assert set(sensor.read().values.ravel()) <= {2.5}
-                time.sleep(0.01)
-        sensor.close()
+        with running(opened(port=device.address, timeout_ms=1000, **keys)) as sensor:
+            time.sleep(0.2)
+            assert (sensor.read().values == 2.5).all()
+            reported[0] = odd
+            with pytest.raises(DeviceFault, match=r"n: not a number, 3 times in a row.*byte_order"):
+                while True:
+                    assert set(sensor.read().values.ravel()) <= {2.5}
+                    time.sleep(0.01)
 
 
-class TwoOnALine:
+class TwoOnALine(Peer):
     """Devices 1 and 2 on one RS-485 line: each hears all, and answers its own."""
-
-    faults = ()
 
     def __init__(self) -> None:
         self._slaves = [ModbusSlave({0: lambda n=n: 100 * n}, n, "rtu") for n in (1, 2)]
 
     def received(self, data: bytes) -> bytes:
         return b"".join(slave.received(data) for slave in self._slaves)
-
-    def due(self) -> bytes:
-        return b""
-
-    def fail(self, _fault: str) -> None: ...
 
 
 def test_two_sensors_on_one_line_take_turns() -> None:
@@ -253,11 +230,9 @@ def frame(body: bytes) -> bytes:
     return body + FramerRTU.compute_CRC(body).to_bytes(2, "big")
 
 
-class Answers:
+class Answers(Peer):
     """Answers each request for one register of device 1 with what the test has. Where that is a
     reading, requests for more are refused."""
-
-    faults = ()
 
     def __init__(self, *answers: bytes) -> None:
         self.answers, self.asked = list(answers), 0
@@ -268,16 +243,9 @@ class Answers:
         self.asked += 1
         return self.answers[(self.asked - 1) % len(self.answers)] or data
 
-    def due(self) -> bytes:
-        return b""
 
-    def fail(self, _fault: str) -> None: ...
-
-
-class Slow:
+class Slow(Peer):
     """Answers in order, what was asked last ``late_s`` late once: register 0 is 1, 10 is 7."""
-
-    faults = ()
 
     def __init__(self, late_s: float) -> None:
         self.late_s, self.queue = late_s, list[tuple[float, bytes]]()
@@ -297,8 +265,6 @@ class Slow:
         while self.queue and self.queue[0][0] <= time.monotonic():
             answer += self.queue.pop(0)[1]
         return answer
-
-    def fail(self, _fault: str) -> None: ...
 
 
 @pytest.mark.parametrize("late_s", [0.4, 0.95, 1.7])
@@ -340,10 +306,10 @@ def on_register(device: Served, **keys: Any) -> LineSensor:
     frame(b"\x01\x04\x02\x22\x22"), frame(b"\x01\x03\x04\x22\x22\x22\x22"), frame(b"\x01\x83\x05"),
 ])  # fmt: skip
 def test_an_answer_to_another_question_is_no_reading(wrong: bytes) -> None:
-    with served(Answers(READING, READING, wrong), "pty", "modbus") as device:
-        sensor = on_register(device)
-        sensor.connect()
-        sensor.start()
+    with (
+        served(Answers(READING, READING, wrong), "pty", "modbus") as device,
+        running(on_register(device)) as sensor,
+    ):
         values: set[float] = set()
         lost, end_s = 0, time.monotonic() + 20.0
         while lost < 3 and time.monotonic() < end_s:
@@ -353,25 +319,18 @@ def test_an_answer_to_another_question_is_no_reading(wrong: bytes) -> None:
             time.sleep(0.01)
         assert lost >= 3
         assert values == {7.0}
-        sensor.close()
 
 
 def test_a_busy_device_is_waited_for_but_not_for_long() -> None:
     peer = Answers(READING, BUSY, BUSY, BUSY, BUSY)
-    with served(peer, "pty", "modbus") as device:
-        sensor = on_register(device, rate_hz=50.0)
-        sensor.connect()
-        sensor.start()
-        end_s = time.monotonic() + 20.0
-        while sensor.read().lost < 4:  # four in a row, 80 ms
-            assert time.monotonic() < end_s
-            time.sleep(0.02)
+    with (
+        served(peer, "pty", "modbus") as device,
+        running(on_register(device, rate_hz=50.0)) as sensor,
+    ):
+        until(lambda: sensor.read().lost >= 4, 20.0)  # four in a row, 80 ms
         peer.answers = [BUSY]
         with pytest.raises(DeviceFault, match="polls in a row failed: Modbus exception 6: busy"):
-            while time.monotonic() < end_s:
-                sensor.read()
-                time.sleep(0.01)
-        sensor.close()
+            until(lambda: sensor.read() is None, 20.0)
 
 
 @pytest.mark.parametrize(

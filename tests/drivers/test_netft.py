@@ -1,13 +1,12 @@
 """The Net F/T driver: pynetft itself against an emulated box on loopback."""
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
 
-from drivers import Block, DeviceAbsent, DeviceFault, MissingExtra, WallClock
+from drivers import Block, DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import LineSensor
 from drivers.netft import RateCheck, open_sensor
 from sim_backend.arrays import Array
@@ -90,19 +89,8 @@ def test_records_that_come_twice_or_late_are_no_fault(
     sensor.close()
     span_s = block.time_s[-1] - block.time_s[0]
     assert (np.diff(block.time_s) > 0).all()
+    assert box.asked == 1  # a real box's page is slow: what it says is known from the first time
     assert len(block.time_s) + block.lost == pytest.approx(1000.0 * span_s, rel=0.1)
-
-
-def test_a_stream_begun_anew_asks_the_box_for_nothing(
-    box: netft.NetFtBox, clock: WallClock
-) -> None:
-    """The page of a real box is slow: what it says is known from the first time."""
-    sensor = opened(box, clock)
-    asked = box.asked
-    box.fail("doubled")
-    read_until(sensor, lambda block: block.lost > 0 and len(block.time_s) > 300)
-    sensor.close()
-    assert asked == box.asked == 1
 
 
 def test_a_pause_shorter_than_silence_s_is_lost_samples(
@@ -186,23 +174,12 @@ def test_a_sender_that_stumbles_has_no_other_rate(
     assert block.lost == 0
 
 
-def test_no_box_is_absence(clock: WallClock) -> None:
+@pytest.mark.parametrize(
+    ("port", "words"), [(1, "sensor configuration"), (9, r"box at 127\.0\.0\.1")]
+)
+def test_a_box_that_is_off_is_named_by_its_address(port: int, words: str, clock: WallClock) -> None:
     pytest.importorskip("pynetft")
-    with pytest.raises(DeviceAbsent, match="sensor configuration"):
-        open_sensor(clock, host="127.0.0.1", http_port=1).connect()
-
-
-def test_a_missing_library_gives_the_line_to_type(
-    clock: WallClock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "pynetft", None)
-    with pytest.raises(MissingExtra, match=r"pip install 'palpate\[netft\]'"):
-        open_sensor(clock)
-
-
-def test_a_box_that_is_off_is_named_by_its_address(clock: WallClock) -> None:
-    pytest.importorskip("pynetft")
-    sensor = open_sensor(clock, host="127.0.0.1", rdt_port=9, http_port=9)
-    with pytest.raises((DeviceAbsent, DeviceFault), match=r"box at 127\.0\.0\.1"):
+    sensor = open_sensor(clock, host="127.0.0.1", rdt_port=port, http_port=port)
+    with pytest.raises((DeviceAbsent, DeviceFault), match=words):
         sensor.connect()
     sensor.close()

@@ -1,7 +1,6 @@
 """The Standa driver on libximc's own virtual axes."""
 
 import math
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -9,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from drivers import ConfigError, DeviceAbsent, DeviceFault, MissingExtra, Pose, WallClock
+from drivers import ConfigError, DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.standa import StandaStage, open_stage
 
 
@@ -109,10 +108,3 @@ def test_a_rig_without_axes_is_reported() -> None:
     pytest.importorskip("libximc.highlevel")
     with pytest.raises(ConfigError, match="name at least one axis"):
         open_stage(WallClock())
-
-
-def test_a_missing_library_gives_the_line_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "libximc", None)
-    monkeypatch.setitem(sys.modules, "libximc.highlevel", None)
-    with pytest.raises(MissingExtra, match=r"pip install 'palpate\[standa\]'"):
-        open_stage(WallClock(), x_uri="x")

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from drivers import MissingExtra
+from drivers import MissingExtra, WallClock, open_driver
 from drivers.core.extras import install_line, needs, require
+from drivers.core.registry import Kind
 
 
 def test_an_import_that_fails_says_what_to_install() -> None:
@@ -89,3 +90,20 @@ def test_a_dry_run_checks_without_the_library_that_draws(tmp_path: Path) -> None
     assert "ok      reach and limits" in done.stdout
     assert "The probe's way is not drawn: the picture of the probe's way needs matpl" in done.stdout
     assert done.stdout.endswith("The scan can go on.\n")
+
+
+@pytest.mark.parametrize(
+    ("kind", "driver", "keys", "modules"),
+    [
+        ("sensors", "netft", {}, ["pynetft"]),
+        ("stages", "standa", {"x_uri": "x"}, ["libximc", "libximc.highlevel"]),
+    ],
+)
+def test_a_driver_without_its_library_gives_the_line_to_type(
+    kind: Kind, driver: str, keys: dict[str, str], modules: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    for module in modules:
+        monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(MissingExtra, match=rf"pip install 'palpate\[{driver}\]'"):
+        open_driver(kind, driver, WallClock(), keys)

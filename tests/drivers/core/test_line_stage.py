@@ -1,14 +1,15 @@
 """Axes on a line, whoever makes them: mistakes of a driver, a stop amid a homing, late answers."""
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import closing, contextmanager
 
 import pytest
 from waiting import until
 
 from drivers import DeviceFault, MotionFault, Pose
 from drivers.core.abilities import enable
-from drivers.core.axes import LineStageSettings, Reading
+from drivers.core.axes import Axes, LineStageSettings, Reading
 from drivers.core.line import Line, NoAnswer
 from drivers.core.line_stage import LineStage
 
@@ -30,31 +31,30 @@ class MistakenAxes:
     def close(self) -> None: ...
 
 
+@contextmanager
+def connected(axes: Callable[[], Axes]) -> Iterator[LineStage]:
+    with closing(LineStage(LineStageSettings(name="mine", port="-"), axes)) as stage:
+        stage.connect()
+        yield stage
+
+
 def test_a_mistake_in_a_driver_is_said_as_what_it_is() -> None:
-    stage = LineStage(LineStageSettings(name="mine", port="-"), MistakenAxes)
-    stage.connect()
-    try:
+    with connected(MistakenAxes) as stage:
         with pytest.raises(
             DeviceFault, match=r"mine: driver: ready\(\) gave None; it gives a list"
         ):
             enable(stage)
         with pytest.raises(DeviceFault, match="mine: driver: KeyError: 'x'"):
             stage.move(Pose(0.0, 0.0, 1e-3), 1e-3)
-    finally:
-        stage.close()
 
 
 def test_a_move_to_where_it_is_asks_the_controller_nothing() -> None:
     """An empty command is one that a controller may take for anything."""
     axes = HomedByHalf()
-    stage = LineStage(LineStageSettings(name="mine", port="-"), lambda: axes)
-    stage.connect()
-    try:
+    with connected(lambda: axes) as stage:
         stage.move(stage.pose(), 1e-3)
         assert not stage.moving()
         assert not axes.moves
-    finally:
-        stage.close()
 
 
 class OneAxisStays(MistakenAxes):
@@ -74,14 +74,10 @@ class OneAxisStays(MistakenAxes):
 
 
 def test_every_axis_must_have_arrived() -> None:
-    stage = LineStage(LineStageSettings(name="mine", port="-"), OneAxisStays)
-    stage.connect()
-    try:
+    with connected(OneAxisStays) as stage:
         stage.move(Pose(2e-3, 0.0, 1e-3), 1e-3)
         with pytest.raises(MotionFault, match=r"came to rest 1\.00 mm from its target"):
             until(lambda: not stage.moving(), 5.0)
-    finally:
-        stage.close()
 
 
 class Misunderstood(MistakenAxes):

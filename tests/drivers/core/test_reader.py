@@ -3,8 +3,10 @@
 import math
 import threading
 import time
+from collections.abc import Iterator
 
 import pytest
+from running import running
 
 from drivers import Channel, DeviceAbsent, DeviceFault, WallClock
 from drivers.core.reader import BUFFER_S, LineSensor, Sample
@@ -31,12 +33,16 @@ class Feed:
         self.closed_by = threading.current_thread()
 
 
-def sensor_on(feed: Feed, full_scale: float | None = None) -> LineSensor:
-    channel = Channel("force", "N", "force", full_scale=full_scale)
-    made = LineSensor(WallClock(), "cell", (channel,), 100.0, lambda: feed)
-    made.connect()
-    made.start()
-    return made
+@pytest.fixture
+def feed() -> Feed:
+    return Feed()
+
+
+@pytest.fixture
+def sensor(feed: Feed) -> Iterator[LineSensor]:
+    channel = Channel("force", "N", "force", full_scale=10.0)
+    with running(LineSensor(WallClock(), "cell", (channel,), 100.0, lambda: feed)) as made:
+        yield made
 
 
 def send(feed: Feed, samples: list[Sample]) -> None:
@@ -48,9 +54,9 @@ def send(feed: Feed, samples: list[Sample]) -> None:
         time.sleep(0.001)
 
 
-def test_what_is_not_read_is_dropped_oldest_first_and_counted() -> None:
-    feed = Feed()
-    sensor = sensor_on(feed)
+def test_what_is_not_read_is_dropped_oldest_first_and_counted(
+    feed: Feed, sensor: LineSensor
+) -> None:
     room = round(BUFFER_S * 100)
     send(feed, [Sample(0.01 * k, [float(k)], 1 if k == 3 else 0) for k in range(room + 20)])
     block = sensor.read()
@@ -58,12 +64,11 @@ def test_what_is_not_read_is_dropped_oldest_first_and_counted() -> None:
     assert block.values[0, 0] == 20.0
     assert block.lost == 21  # twenty overrun, and the one that was missing before one of them
     assert sensor.read().lost == 0
-    sensor.close()
 
 
-def test_tare_is_subtracted_but_saturation_is_of_the_raw_reading() -> None:
-    feed = Feed()
-    sensor = sensor_on(feed, full_scale=10.0)
+def test_tare_is_subtracted_but_saturation_is_of_the_raw_reading(
+    feed: Feed, sensor: LineSensor
+) -> None:
     now = time.monotonic()
     send(feed, [Sample(0.0, [6.0])] * 20)
     sensor._clock = WallClock()  # the reading is of this moment
@@ -73,28 +78,21 @@ def test_tare_is_subtracted_but_saturation_is_of_the_raw_reading() -> None:
     assert block.values[-2:, 0].tolist() == [3.0, 4.0]
     assert block.saturated[-2:, 0].tolist() == [False, True]
     assert time.monotonic() - now < 5
-    sensor.close()
 
 
-def test_a_tare_takes_nothing_from_before_a_gap() -> None:
-    feed = Feed()
-    sensor = sensor_on(feed)
+def test_a_tare_takes_nothing_from_before_a_gap(feed: Feed, sensor: LineSensor) -> None:
     send(feed, [Sample(0.01 * k, [100.0]) for k in range(-200, -193)])
     send(feed, [Sample(0.01 * k, [6.0]) for k in range(3)])
     sensor._clock = WallClock()  # the readings are of this moment
     sensor.tare()
     send(feed, [Sample(0.1, [7.0])])
     assert sensor.read().values[-1, 0] == 1.0
-    sensor.close()
 
 
-def test_an_old_reading_is_no_zero() -> None:
-    feed = Feed()
-    sensor = sensor_on(feed)
+def test_an_old_reading_is_no_zero(sensor: LineSensor) -> None:
     sensor._clock = WallClock(start_s=10.0)
     with pytest.raises(DeviceFault, match="no fresh reading"):
         sensor.tare()
-    sensor.close()
 
 
 @pytest.mark.parametrize(
@@ -105,9 +103,9 @@ def test_an_old_reading_is_no_zero() -> None:
         (ZeroDivisionError("oops"), "driver: ZeroDivisionError: oops"),
     ],
 )
-def test_a_line_that_ends_is_reported_after_the_last_sample(error: Exception, words: str) -> None:
-    feed = Feed()
-    sensor = sensor_on(feed)
+def test_a_line_that_ends_is_reported_after_the_last_sample(
+    error: Exception, words: str, feed: Feed, sensor: LineSensor
+) -> None:
     send(feed, [Sample(1.0, [1.0])])
     feed.error = error
     time.sleep(0.02)
@@ -115,40 +113,34 @@ def test_a_line_that_ends_is_reported_after_the_last_sample(error: Exception, wo
     with pytest.raises(DeviceFault) as reported:
         sensor.read()
     assert reported.value.reason == words
-    sensor.close()
 
 
-def test_a_sample_that_is_no_number_is_lost() -> None:
-    feed = Feed()
-    sensor = sensor_on(feed)
+def test_a_sample_that_is_no_number_is_lost(feed: Feed, sensor: LineSensor) -> None:
     bad = [Sample(1.0, [math.nan], 2), Sample(math.inf, [1.0]), Sample(3.0, [-math.inf])]
     send(feed, [*bad, Sample(4.0, [4.0], 1), Sample(5.0, [5.0])])
     block = sensor.read()
-    sensor.close()
     assert block.time_s.tolist() == [4.0, 5.0]
     assert block.lost == 6
 
 
-def test_a_reading_without_a_value_for_each_channel_is_a_fault_of_the_driver() -> None:
-    feed = Feed()
-    sensor = sensor_on(feed)
+def test_a_reading_without_a_value_for_each_channel_is_a_fault_of_the_driver(
+    feed: Feed, sensor: LineSensor
+) -> None:
     send(feed, [Sample(1.0, [1.0, 2.0])])
     with pytest.raises(DeviceFault, match="cell: driver: a reading of 2 values for 1 channels"):
         sensor.read()
-    sensor.close()
 
 
-def test_the_line_is_closed_by_the_thread_that_reads_it() -> None:
-    feed = Feed()
-    sensor = sensor_on(feed)
+def test_the_line_is_closed_by_the_thread_that_reads_it(feed: Feed, sensor: LineSensor) -> None:
     sensor.close()
     assert feed.closed_by is not None
     assert feed.closed_by.name == "palpate cell"
 
 
-def test_a_device_that_says_nothing_is_absent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_device_that_says_nothing_is_absent(feed: Feed, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.core.reader.FIRST_S", 0.1)
-    feed = Feed()
     feed.coming = []
+    channel = Channel("force", "N", "force")
+    silent = LineSensor(WallClock(), "cell", (channel,), 100.0, lambda: feed)
     with pytest.raises(DeviceAbsent, match=r"no reading within 0\.1 s"):
-        sensor_on(feed)
+        silent.connect()

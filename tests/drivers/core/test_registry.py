@@ -80,6 +80,10 @@ def test_a_keyword_may_be_called_as_a_method_of_the_model_is(
         ("sensors", "virtual", {"noise_mn": -1.0}),
         ("stages", "virtual", {"stiffness_n_mm": 0.0}),
         ("stages", "standa", {"steps_per_mm": [400.0, -1.0, 400.0]}),
+        ("stages", "ur", {"frequency_hz": 1000.0}),
+        ("stages", "ur", {"frequency_hz": 0.0}),
+        ("stages", "ur", {"max_speed_mm_s": -1.0}),
+        ("sensors", "modbus", {"rate_hz": 0.0}),
     ],
 )
 def test_numbers_that_no_device_has_are_refused(

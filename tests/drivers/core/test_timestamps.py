@@ -107,14 +107,14 @@ def test_a_device_that_loses_frames_is_not_taken_for_a_slow_one() -> None:
     assert sum(frames.stamp(t + rng.exponential(0.001))[1] for t in true) > 20
 
 
-def test_four_late_reads_in_a_row_are_a_busy_reader_not_lost_frames() -> None:
-    frames, late = FrameTime(0.01), 0.0095 * np.isin(np.arange(60), range(20, 24))
-    assert sum(frames.stamp(0.01 * k + late[k])[1] for k in range(60)) == 0
-
-
-def test_reads_that_become_later_by_less_than_a_frame_miss_none() -> None:
-    frames, late = FrameTime(0.01), 0.006 * (np.arange(60) >= 20)
-    assert sum(frames.stamp(0.01 * k + late[k])[1] for k in range(60)) == 0
+@pytest.mark.parametrize(
+    "late_s",
+    [0.0095 * np.isin(np.arange(60), range(20, 24)), 0.006 * (np.arange(60) >= 20)],
+    ids=["four in a row", "from then on, by less than a frame"],
+)
+def test_late_reads_are_a_busy_reader_not_lost_frames(late_s: np.ndarray) -> None:
+    frames = FrameTime(0.01)
+    assert sum(frames.stamp(0.01 * k + late)[1] for k, late in enumerate(late_s)) == 0
 
 
 def test_a_device_that_starts_anew_is_followed_from_there() -> None:

@@ -1,5 +1,6 @@
 """A controller that misses cycles loses time; stamps must not."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -93,20 +94,19 @@ def test_a_clock_that_stood_is_anchored_anew() -> None:
     assert all(b > a for a, b in pairwise(times))
 
 
-def test_a_machine_that_is_late_itself_moves_no_time() -> None:
-    """What waited comes at once, and the next in time."""
-    device = [0.002 * n for n in range(1000)]
-    late = [max(at, 1.0) if 0.7 < at < 1.0 else at for at in device]
-    times, jumps = stamps(late, device)
-    assert max(jumps) == 0.0
-    assert times == pytest.approx(device, abs=1e-3)
-
-
-def test_a_machine_that_is_late_for_long_moves_no_time() -> None:
-    rng = np.random.default_rng(0)
-    device = [0.002 * n for n in range(2000)]
-    late = [at + (0.02 + rng.exponential(0.03) if 1.0 < at < 3.0 else 0.0) for at in device]
-    late = np.maximum.accumulate(late).tolist()
-    times, jumps = stamps(late, device)
+@pytest.mark.parametrize(
+    "late",
+    [
+        lambda at, _: max(at, 1.0) if 0.7 < at < 1.0 else at,  # what waited comes at once
+        lambda at, rng: at + (0.02 + rng.exponential(0.03) if 1.0 < at < 3.0 else 0.0),
+    ],
+    ids=["once", "for long"],
+)
+def test_a_machine_that_is_late_itself_moves_no_time(
+    late: Callable[[float, np.random.Generator], float],
+) -> None:
+    rng, device = np.random.default_rng(0), [0.002 * n for n in range(2000)]
+    arrivals = np.maximum.accumulate([late(at, rng) for at in device]).tolist()
+    times, jumps = stamps(arrivals, device)
     assert max(jumps) == 0.0
     assert times == pytest.approx(device, abs=2e-3)

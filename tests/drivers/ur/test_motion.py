@@ -117,16 +117,25 @@ def test_a_program_that_was_ended_from_here_is_started_again_for_the_lift(
         assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
 
 
-def test_a_program_that_a_person_ended_stays_so(winkler: Respond) -> None:
+@pytest.mark.parametrize(("ended", "cut"), [(True, False), (True, True), (False, True)])
+def test_what_a_person_ended_or_what_was_only_read_is_left_alone(
+    ended: bool, cut: bool, winkler: Respond
+) -> None:
+    """Also after a connection that was cut."""
     with connected(winkler) as (made, robot):
-        made.stage.enable()
-        made.stage.keep_alive()
-        robot.fail("lost program")
-        until_said(made, "control program has stopped")
-        made.stage.stop()  # by the dashboard, for the program does not answer
+        if ended:
+            made.stage.enable()
+            made.stage.keep_alive()
+            robot.fail("lost program")
+            until_said(made, "control program has stopped")
+        if cut:
+            robot.fail("blink")
+            until_said(made, "connection lost")
+        else:
+            made.stage.stop()  # by the dashboard, for the program does not answer
         made.stage.start_again()
-        assert robot.robot.uploads == 1
-        until_said(made, "control program has stopped")
+        until_said(made, "connection lost" if cut else "control program has stopped")
+        assert robot.robot.uploads == ended
 
 
 def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) -> None:
@@ -144,25 +153,8 @@ def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) 
         assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
 
 
-def test_a_robot_that_was_only_read_is_left_alone_after_a_cut(winkler: Respond) -> None:
-    with connected(winkler) as (made, robot):
-        robot.fail("blink")
-        until_said(made, "connection lost")
-        made.stage.start_again()
-        assert "connection lost" in made.trouble()
-
-
-def test_a_program_that_a_person_ended_before_the_cut_stays_so(winkler: Respond) -> None:
-    with connected(winkler) as (made, robot):
-        made.stage.enable()
-        made.stage.keep_alive()
-        robot.fail("lost program")
-        until_said(made, "control program has stopped")
-        robot.fail("blink")
-        until_said(made, "connection lost")
-        made.stage.start_again()
-        assert "connection lost" in made.trouble()
-        assert robot.robot.uploads == 1
+STILL = (0.0,) * 6
+REST = State(1.0, 0.0, STILL, STILL, STILL, 1, 7, 2, 1.0, False)
 
 
 class Told:
@@ -170,8 +162,8 @@ class Told:
 
     controls = True
 
-    def __init__(self, state: State) -> None:
-        self.newest = self.before = state
+    def __init__(self) -> None:
+        self.newest = self.before = REST._replace(arrival_s=time.monotonic())
         self.asked: tuple[float, ...] = ()
 
     def state(self) -> State:
@@ -184,16 +176,19 @@ class Told:
         self.asked = pose
 
 
+def told(**keys: float) -> tuple[Told, UrStage]:
+    link, stage = Told(), UrStage(UrStageSettings(host="nowhere", **keys))
+    stage._link = cast(Link, link)
+    return link, stage
+
+
 def test_a_state_from_before_a_short_move_is_no_arrival() -> None:
     """The newest state is still that of the rest before when the controller accepts the move."""
-    still = (0.0,) * 6
-    rest = State(1.0, time.monotonic(), still, still, still, 1, 7, 2, 1.0, False)
-    link, stage = Told(rest), UrStage(UrStageSettings(host="nowhere"))
-    stage._link = cast(Link, link)
+    link, stage = told()
     here = stage.pose()
     stage.move(here._replace(x=here.x + 0.05e-3), 1e-3)
     assert stage.moving()
-    link.newest = link.before = rest._replace(arrival_s=time.monotonic(), pose=link.asked)
+    link.newest = link.before = REST._replace(arrival_s=time.monotonic(), pose=link.asked)
     assert not stage.moving()
 
 
@@ -201,10 +196,7 @@ def test_a_state_from_before_a_short_move_is_no_arrival() -> None:
 def test_its_own_top_speed_is_allowed_and_more_is_the_devices_to_refuse(top_mm_s: float) -> None:
     """A lift may go as fast as the stage says that it can: 18 mm/s are 0.018 m/s, times 1,000 more
     than 18."""
-    still = (0.0,) * 6
-    link = Told(State(1.0, time.monotonic(), still, still, still, 1, 7, 2, 1.0, False))
-    stage = UrStage(UrStageSettings(host="nowhere", max_speed_mm_s=top_mm_s))
-    stage._link = cast(Link, link)
+    link, stage = told(max_speed_mm_s=top_mm_s)
     here = stage.pose()
     stage.move(here._replace(z=here.z + 1e-3), stage.max_speed_m_s)
     assert link.asked
@@ -214,13 +206,10 @@ def test_its_own_top_speed_is_allowed_and_more_is_the_devices_to_refuse(top_mm_s
 
 def test_a_tip_that_still_moves_does_not_rest_though_nothing_is_asked_of_it() -> None:
     """The joints follow their targets a little later."""
-    still = (0.0,) * 6
-    rest = State(1.0, time.monotonic(), still, still, still, 1, 7, 2, 1.0, False)
-    link, stage = Told(rest), UrStage(UrStageSettings(host="nowhere"))
-    stage._link = cast(Link, link)
-    link.before = rest._replace(pose=(0.05e-3, *still[1:]))
+    link, stage = told()
+    link.before = link.newest._replace(pose=(0.05e-3, *STILL[1:]))
     assert stage.moving()
-    link.before = rest
+    link.before = link.newest
     assert not stage.moving()
 
 

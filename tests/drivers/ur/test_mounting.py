@@ -72,10 +72,3 @@ def test_a_component_in_the_base_frame_can_be_asked_for() -> None:
     wrench, pose = (1.0, 2.0, 3.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, math.pi, 0.0)
     assert pressed_n(wrench, pose, "-fy") == -2.0
     assert pressed_n(wrench, pose, "tool") == pytest.approx(3.0)
-
-
-def test_places_out_of_reach_are_known_before_moving(winkler: Respond) -> None:
-    with connected(winkler, reach_mm=430.0) as (made, _):
-        made.stage.enable()
-        near, far = Pose(0.0, 0.0, 0.004), Pose(0.06, 0.0, 0.004)
-        assert list(made.stage.unreachable([near, far, near])) == [far]

@@ -10,19 +10,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from emulated_ur import ORIGIN_MM, Rig, connected, fresh_host
-from pydantic import ValidationError
 
-from drivers import DeviceAbsent, DeviceFault, Pose, SimulatedClock, WallClock
+from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.testing.awake import AwakeTime
 from drivers.ur.client import whole_state
 from drivers.ur.link import leave_link, take_link
-from drivers.ur.settings import UrStageSettings
 from sim_backend import load_scene
 from sim_backend.emulators import ur
-from sim_backend.emulators.ur.mounting import Mounting
 from sim_backend.emulators.ur.robot import Robot
 from sim_backend.phantom.phantom import Phantom, Respond
 
@@ -39,28 +35,6 @@ def rig(winkler: Respond) -> Iterator[tuple[Rig, ur.UrController]]:
     with connected(winkler, keys=keys) as (made, robot):
         made.stage.enable()
         yield made, robot
-
-
-def test_moves_in_the_scan_frame_and_feels_there(rig: tuple[Rig, ur.UrController]) -> None:
-    made, _ = rig
-    made.sensor.tare()
-    made.sensor.start()
-    made.stage.move(Pose(0.032, 0.0, -0.002), 0.02)
-    made.arrive()
-    assert made.stage.pose()[:3] == pytest.approx((0.032, 0.0, -0.002), abs=1e-4)
-    assert made.stage.pose()[3:] == pytest.approx((0, 0, 0), abs=1e-6)
-    began_s = made.clock.now()
-    times, values = np.empty(0), np.empty(0)
-    while (times > began_s).sum() < 50:  # a tenth of a second, or what a busy machine takes
-        assert made.clock.now() < began_s + 20
-        time.sleep(0.1)
-        block = made.sensor.read()
-        times, values = np.append(times, block.time_s), np.append(values, block.values[:, 0])
-    forces_n = values[times > began_s][:50]
-    assert forces_n.mean() == pytest.approx(made.phantom.force_n(np.array([began_s]))[0], rel=0.02)
-    assert forces_n.mean() > 0.1
-    assert (np.diff(times) > 0).all()
-    assert times[-1] <= made.clock.now()
 
 
 def test_every_sample_is_whole(
@@ -90,19 +64,6 @@ def test_every_sample_is_whole(
             reported["actual_TCP_force"],
             reported["actual_TCP_pose"],
         )
-
-
-def test_cycles_are_exact_however_late_they_are_reported(winkler: Respond) -> None:
-    clock = SimulatedClock()
-    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.0))
-    robot = Robot(phantom, Mounting(), 0.001, 0, 0.002)
-    phantom.tip.move(clock.now(), (0.03, 0.0, -0.002), 0.002, 10.0)
-    clock.sleep_until(clock.now() + 0.5)
-    one, other = robot.outputs(100), robot.outputs(100)
-    assert one == other
-    assert one["timestamp"] == pytest.approx(0.2)
-    assert one["actual_TCP_pose"][2] == pytest.approx(-0.2 * 0.002, abs=1e-6)
-    assert robot.outputs(101)["actual_TCP_force"] != one["actual_TCP_force"]
 
 
 def test_stop_halts_within_100_ms_from_another_thread(rig: tuple[Rig, ur.UrController]) -> None:
@@ -201,20 +162,6 @@ def test_nobody_there(winkler: Respond, host: str) -> None:
         made.stage.pose()
     made.stage.stop()
     made.stage.close()
-
-
-@pytest.mark.parametrize(
-    ("key", "value"), [("frequency_hz", 1000.0), ("frequency_hz", 0.0), ("max_speed_mm_s", -1.0)]
-)
-def test_wrong_settings_are_named(key: str, value: float) -> None:
-    with pytest.raises(ValidationError, match=key):
-        UrStageSettings.model_validate({key: value})
-
-
-def test_too_fast_is_refused(rig: tuple[Rig, ur.UrController]) -> None:
-    made, _ = rig
-    with pytest.raises(DeviceFault, match="max_speed_mm_s"):
-        made.stage.move(Pose(0.05, 0.0, 0.004), 0.5)
 
 
 class Receive:
