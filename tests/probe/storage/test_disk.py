@@ -1,8 +1,11 @@
-"""Which file system a run lies on."""
+"""Which file system a run lies on, and which of its modes SQLite obeys there."""
 
 import errno
 import os
+import sqlite3
+from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -57,3 +60,33 @@ def test_why_a_run_cannot_be_written_is_said_whatever_its_folder_is_called(
         create_store(path)
     assert str(said.value).startswith(f"{path}: {words}")
     assert "Errno" not in str(said.value)
+
+
+class Disobedient:
+    """A connection that answers one question as an SQLite would that refused a mode."""
+
+    def __init__(self, path: Path, question: str, answer: object) -> None:
+        self._connection = sqlite3.connect(path)
+        self.close = self._connection.close
+        self._question, self._answer = question, answer
+
+    def execute(self, statement: str) -> Any:
+        if statement == self._question:
+            return self._connection.execute("SELECT ?", (self._answer,))
+        return self._connection.execute(statement)
+
+
+@pytest.mark.parametrize(
+    ("question", "answer", "said"),
+    [
+        ("PRAGMA synchronous", 1, "does not write synchronously"),
+        ("PRAGMA synchronous", 0, "does not write synchronously"),
+        ("PRAGMA journal_mode = WAL", "delete", "no write-ahead log"),
+    ],
+)
+def test_a_mode_that_sqlite_refuses_is_said(
+    question: str, answer: object, said: str, tmp_path: Path
+) -> None:
+    connection: Any = Disobedient(tmp_path / "a.run", question, answer)
+    with closing(connection), pytest.raises(StoreError, match=said):
+        probe.storage.disk.make_safe(connection, tmp_path / "a.run")

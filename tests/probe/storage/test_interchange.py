@@ -4,7 +4,6 @@ import math
 import struct
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +45,16 @@ def path(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
     return scan(RIG, "TIHA", tmp_path_factory.mktemp("runs"), seed=4, respond=winkler).path
 
 
+each_form = pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+
+
+def exported(path: Path, form: str, folder: Path, device: str = "-force-") -> Path:
+    """The one file, or of a table for each device that one."""
+    files = export(path, [form], folder)
+    (file,) = (f for f in files if len(files) == 1 or device in f.name)
+    return file
+
+
 def messages(file: Path, topic: str) -> list[Any]:
     """The messages of one topic by rosbags, which has its own MCAP reader and CDR decoder."""
     store = get_typestore(Stores.EMPTY)
@@ -77,18 +86,6 @@ def test_mcap_samples_are_read_to_the_bit_by_another_library(path: Path, tmp_pat
     assert np.diff(stamps) == pytest.approx(np.diff(data["time_s"].values), abs=1e-6)
 
 
-def test_mcap_is_stamped_with_the_wall_time_of_the_run(tmp_path: Path) -> None:
-    """Its own clock begins anywhere: here at 1000 s."""
-    rows = [f"{1000 + n / 100:g},{n % 7}" for n in range(50)]
-    (tmp_path / "late.csv").write_text("\n".join(["time_s,force_n", *rows]))
-    run = open_run(import_csv(tmp_path / "late.csv", tmp_path / "late.run", face_mm2=50.0).path)
-    (file,) = export(run, ["mcap"], tmp_path)
-    began_s = datetime.fromisoformat(run.started.started_utc).timestamp()
-    stamps = [m.header.stamp for m in messages(file, "/imported/sample")]
-    assert stamps[0].sec == began_s
-    assert stamps[-1].nanosec == pytest.approx(490_000_000, abs=1000)
-
-
 def test_mcap_has_what_viewers_know(path: Path, tmp_path: Path) -> None:
     (file,) = export(path, ["mcap"], tmp_path)
     run = open_run(path)
@@ -109,10 +106,9 @@ def test_mcap_has_what_viewers_know(path: Path, tmp_path: Path) -> None:
         assert stations.data.startswith(b"station,attempt,x_mm")
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+@each_form
 def test_what_export_wrote_is_imported(form: str, path: Path, tmp_path: Path) -> None:
-    files = export(path, [form], tmp_path)
-    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    file = exported(path, form, tmp_path)
     back = open_run(import_csv(file, tmp_path / "back.run", face_mm2=100.0).path)
     then, now = open_run(path).samples(), back.samples()
     pressed = then.isel(time_s=then["station"].values >= 0)
@@ -183,14 +179,13 @@ def test_a_reference_and_the_face_come_back_too(form: str, together: bool, tmp_p
     assert imported.notes == ()
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+@each_form
 def test_an_infinite_reading_is_none(form: str, tmp_path: Path) -> None:
     force = np.arange(40.0)
     force[[3, 7]] = math.inf, -math.inf
     samples = [Samples("imported", block(np.linspace(0.1, 0.9, 40), force), 0, 1)]
     path = run_of(tmp_path / "a.run", {"imported": (BESIDE["imported"],)}, samples)
-    files = export(path, [form], tmp_path)
-    (file,) = (f for f in files if len(files) == 1 or f.stem == "a-imported")
+    file = exported(path, form, tmp_path, "-imported")
     imported = import_csv(file, tmp_path / "back.run", face_mm2=100.0)
     assert imported.samples == 38
     assert "2 rows without a reading are left out" in imported.notes
@@ -206,7 +201,7 @@ def cut_off(path: Path, copy: Path, is_last: Callable[[Event], bool]) -> Path:
     raise AssertionError("no such event")
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+@each_form
 def test_a_run_that_broke_off_before_its_hold_is_exported_and_imported(
     form: str, path: Path, tmp_path: Path
 ) -> None:
@@ -215,8 +210,7 @@ def test_a_run_that_broke_off_before_its_hold_is_exported_and_imported(
         lambda e: isinstance(e, PhaseEntered) and e.phase == "holding" and e.time_s > 4.0,
     )  # fmt: skip
     assert len(open_run(broken).stations()) == 2
-    files = export(broken, [form], tmp_path)
-    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    file = exported(broken, form, tmp_path)
     back = open_run(import_csv(file, tmp_path / "back.run", face_mm2=100.0).path)
     then = open_run(broken).samples()
     pressed = then.isel(time_s=then["station"].values >= 0)
@@ -224,7 +218,7 @@ def test_a_run_that_broke_off_before_its_hold_is_exported_and_imported(
     assert back.stations()["x_mm"].to_list() == pytest.approx([28, 32], abs=1e-3)
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+@each_form
 @pytest.mark.parametrize("says", [True, False])
 def test_a_press_that_broke_off_is_judged_nowhere(
     form: str, says: bool, path: Path, tmp_path: Path
@@ -246,8 +240,7 @@ def test_a_press_that_broke_off_is_judged_nowhere(
             assert isinstance(end, RunEnded)
             store(replace(end, finish=Finish.FAULTED))
         broken = stopped
-    files = export(broken, [form], tmp_path)
-    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    file = exported(broken, form, tmp_path)
     imported = import_csv(file, tmp_path / "back.run", face_mm2=100.0)
     back = open_run(imported.path)
     assert "presses that broke off are kept, and not judged: station 2" in imported.notes
@@ -257,13 +250,12 @@ def test_a_press_that_broke_off_is_judged_nowhere(
     assert verify(back.path).ok
 
 
-@pytest.mark.parametrize("form", ["csv", "parquet", "hdf5", "netcdf", "mcap"])
+@each_form
 def test_a_run_without_a_sample_is_exported_and_no_recording(
     form: str, path: Path, tmp_path: Path
 ) -> None:
     empty = cut_off(path, tmp_path / "empty.run", lambda _event: True)
-    files = export(empty, [form], tmp_path)
-    (file,) = (f for f in files if len(files) == 1 or "-force-" in f.name)
+    file = exported(empty, form, tmp_path)
     with pytest.raises(CsvError, match="no rows below the column names"):
         import_csv(file, tmp_path / "back.run", face_mm2=100.0)
 
@@ -292,14 +284,6 @@ def wrenches(file: Path, topics: dict[str, list[float]]) -> None:
         writer.finish()  # type: ignore[no-untyped-call]
 
 
-def test_wrenches_of_others_are_imported(tmp_path: Path) -> None:
-    forces = [0.1 * n for n in range(20)]
-    wrenches(tmp_path / "other.mcap", {"/ft": forces})
-    run = open_run(import_csv(tmp_path / "other.mcap", tmp_path / "a.run", face_mm2=50.0).path)
-    assert run.samples()["force"].values.tolist() == forces
-    assert np.diff(run.samples()["time_s"].values) == pytest.approx(0.01)
-
-
 @pytest.mark.parametrize(("column", "value"), [("force.x", 1.0), ("-force.y", -2.0)])
 def test_a_wrench_is_turned_by_a_mapping(column: str, value: float, tmp_path: Path) -> None:
     wrenches(tmp_path / "other.mcap", {"/ft": [0.1 * n for n in range(20)]})
@@ -315,7 +299,9 @@ def test_of_an_unfinished_mcap_what_is_whole_is_read(tmp_path: Path) -> None:
     whole = (tmp_path / "whole.mcap").read_bytes()
     (tmp_path / "died.mcap").write_bytes(whole[: len(whole) // 3])
     made = import_csv(tmp_path / "died.mcap", tmp_path / "a.run", face_mm2=50.0)
-    kept = open_run(made.path).samples()["force"].values.tolist()
+    samples = open_run(made.path).samples()
+    kept = samples["force"].values.tolist()
+    assert np.diff(samples["time_s"].values) == pytest.approx(0.01)
     assert 20 < len(kept) < 180
     assert kept == forces[: len(kept)]
     assert made.notes == ("the file was not finished; what is whole is read (`mcap recover`)",)

@@ -1,13 +1,11 @@
-"""Runs that are deleted, moved, linked, looked at or damaged while a scan writes them or after."""
+"""Runs that are linked, looked at or damaged while a scan writes them or after."""
 
 import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import pytest
 from databases import opened
@@ -16,12 +14,10 @@ from hypothesis import strategies as st
 from paths import ROOT
 from small_runs import log, samples, write
 
-from probe.config.rig import Rig
 from probe.core.errors import RunFileError
-from probe.core.events import Event, Finish, RunEnded, StationStarted
+from probe.core.events import Finish, RunEnded
 from probe.guards.commands import Control, RunCommand
 from probe.scan.remote import ask, listening
-from probe.scan.session import scan
 from probe.storage.rows import Row, link
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify
@@ -44,96 +40,6 @@ def killed(folder: Path, blocks: int = 60) -> Path:
 @pytest.fixture(scope="module")
 def killed_once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return killed(tmp_path_factory.mktemp("killed"))
-
-
-def delete(path: Path) -> None:
-    path.unlink()
-
-
-def replace(path: Path) -> None:
-    path.with_suffix(".other").write_bytes(b"another file")
-    path.with_suffix(".other").rename(path)
-
-
-def move(path: Path) -> None:
-    path.rename(path.with_suffix(".moved"))
-
-
-def delete_log(path: Path) -> None:
-    log(path).unlink()
-
-
-def delete_all(path: Path) -> None:
-    shutil.rmtree(path.parent)
-
-
-@pytest.mark.parametrize("harm", [delete, replace, move, delete_log, delete_all])
-def test_a_run_that_goes_while_it_is_written_stops_the_scan_and_is_kept(
-    harm: Callable[[Path], None], tmp_path: Path
-) -> None:
-    path = tmp_path / "runs" / "a.run"
-    with create_store(path) as store:
-        write(store, 5)
-        harm(path)
-        with pytest.raises(StoreError, match=r"deleted, moved or replaced.*kept in .*rescued"):
-            for n in range(5, 9):
-                store(samples(n))
-                store.flush()
-    assert store.path == path.with_name("a-rescued.run")
-    report = verify(store.path)
-    assert report.ok, report.problems
-    assert report.samples["cell"] >= 6 * 25
-    reopen_store(store.path).close()
-
-
-def test_what_was_rescued_before_is_kept_too(tmp_path: Path) -> None:
-    path, earlier = tmp_path / "a.run", tmp_path / "a-rescued.run"
-    earlier.write_bytes(b"of yesterday")
-    with create_store(path) as store:
-        write(store, 5)
-        delete(path)
-        with pytest.raises(StoreError, match="rescued-2"):
-            for n in range(5, 9):
-                store(samples(n))
-                store.flush()
-    assert store.path == tmp_path / "a-rescued-2.run"
-    assert earlier.read_bytes() == b"of yesterday"
-
-
-def test_a_scan_says_where_a_replaced_run_is_kept(tmp_path: Path, winkler: Any) -> None:
-    def harm(event: Event) -> None:
-        if isinstance(event, StationStarted) and event.station == 1:
-            for path in tmp_path.glob("*.run"):
-                replace(path)
-
-    rig = Rig.model_validate({"scan": {"start_mm": 24, "stations": 4}})
-    done = scan(rig, "TIHA", tmp_path, observers=[harm], respond=winkler)
-    assert done.ended.finish is Finish.FAULTED
-    assert done.path.name.endswith("-rescued.run")
-    assert str(done.path) in done.ended.reason
-    report = verify(done.path)
-    assert report.ok, report.problems
-    assert report.stations_complete >= 1  # the simulated scan runs on until the store looks
-
-
-def test_what_came_during_the_last_commit_is_kept_too(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 5)
-        look = store._in_place.lost
-
-        def look_late() -> Path | None:
-            store(samples(6))
-            path.unlink(missing_ok=True)
-            return look()
-
-        monkeypatch.setattr(store._in_place, "lost", look_late)
-        store(samples(5))
-        with pytest.raises(StoreError, match="rescued"):
-            store.flush()
-    assert verify(store.path).samples["cell"] == 7 * 25
 
 
 LOOK = """
@@ -160,9 +66,8 @@ def test_looking_at_a_run_in_the_scanning_process_keeps_its_locks(
         other = subprocess.run([sys.executable, "-c", LOOK, path], capture_output=True, check=True)
         assert int(other.stdout) == 7
         assert log(path).exists()
-        write_more = [samples(n) for n in range(5, 9)]
-        for event in write_more:
-            store(event)
+        for n in range(5, 9):
+            store(samples(n))
             store.flush()
         for end in ("", "-wal"):
             shutil.copyfile(f"{path}{end}", tmp_path / f"b.run{end}")
@@ -194,23 +99,21 @@ def test_a_scan_is_reached_through_a_link(tmp_path: Path) -> None:
         assert control.command is RunCommand.ABORT
 
 
-def test_a_killed_run_under_a_second_name_is_not_taken_for_whole(tmp_path: Path) -> None:
+@pytest.mark.parametrize("linked", [True, False])
+def test_a_killed_run_without_its_log_is_not_taken_for_whole(linked: bool, tmp_path: Path) -> None:
+    """The log is lost, or has another name than a hard link to the run."""
     path = killed(tmp_path)
-    other = tmp_path / "other.run"
-    os.link(path, other)
+    other = tmp_path / "other.run" if linked else path
+    if linked:
+        os.link(path, other)
+    else:
+        log(path).unlink()
     report = verify(other)
     assert not report.ok
     assert "RUN-wal is not beside it" in report.problems[0]
-    with pytest.raises(StoreError, match="hard link"):
-        reopen_store(other)
-
-
-def test_a_lost_log_is_said(tmp_path: Path) -> None:
-    path = killed(tmp_path)
-    log(path).unlink()
-    report = verify(path)
-    assert not report.ok
-    assert "RUN-wal is not beside it" in report.problems[0]
+    if linked:
+        with pytest.raises(StoreError, match="hard link"):
+            reopen_store(other)
 
 
 @settings(

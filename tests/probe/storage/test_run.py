@@ -254,19 +254,6 @@ def test_a_growing_run_is_read_and_followed(tmp_path: Path, path: Path) -> None:
     assert found[-1] == events[-1]
 
 
-def test_a_log_without_its_shared_memory_is_read(tmp_path: Path, path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        for event in open_run(path).events():
-            store(event)
-        store.flush()
-        for end in ("", "-wal"):  # as a power cut or a copy leaves it
-            shutil.copyfile(tmp_path / f"a.run{end}", tmp_path / f"b.run{end}")
-    before = {end: (tmp_path / f"b.run{end}").read_bytes() for end in ("", "-wal")}
-    assert verify(tmp_path / "b.run").ok
-    assert open_run(tmp_path / "b.run").finish is Finish.COMPLETED
-    assert {end: (tmp_path / f"b.run{end}").read_bytes() for end in before} == before
-
-
 def write(path: Path, *statements: str) -> Path:
     with opened(path, isolation_level=None) as connection:
         for statement in statements:
@@ -285,7 +272,7 @@ def test_what_is_no_run_is_refused_with_a_reason(tmp_path: Path, path: Path) -> 
     for wrong, said in (
         (tmp_path / "missing.run", "no such run file"),
         (tmp_path, "a folder"),
-        (text, "not a run file"),
+        (text, "not a run file .*`palpate import` reads other"),
         (other, "not a run of palpate"),
         (newer, "newer palpate.*update"),
         (trap, "tables are not those of a run"),
@@ -294,13 +281,6 @@ def test_what_is_no_run_is_refused_with_a_reason(tmp_path: Path, path: Path) -> 
             with pytest.raises(RunFileError, match=said) as caught:
                 reader(wrong)
             assert str(wrong) in str(caught.value)
-
-
-def test_another_programs_recording_is_said_to_need_an_import(tmp_path: Path) -> None:
-    table = tmp_path / "mine.csv"
-    table.write_text("time_s,force_n\n" + "0.0,1.0\n" * 50)
-    with pytest.raises(RunFileError, match=r"not a run file .*`palpate import` reads other"):
-        open_run(table)
 
 
 def test_sizes_are_bounded(tmp_path: Path, path: Path) -> None:

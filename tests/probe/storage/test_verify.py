@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import UnionType
 from typing import Any
 
 import numpy as np
@@ -95,6 +96,44 @@ def test_a_note_while_a_press_is_being_closed_is_in_order(
     assert not stored([*events[: at + 1], early, *events[at + 1 :]], tmp_path / "b.run").ok
 
 
+def is_one(event: Event, kind: type[Event] | UnionType, keys: dict[str, Any]) -> bool:
+    return isinstance(event, kind) and all(getattr(event, k) == v for k, v in keys.items())
+
+
+def without(kind: type[Event], **keys: Any) -> Tamper:
+    return lambda events: [e for e in events if not is_one(e, kind, keys)]
+
+
+def changed(kind: type[Event] | UnionType, keys: dict[str, Any], **new: Any) -> Tamper:
+    return lambda events: [replace(e, **new) if is_one(e, kind, keys) else e for e in events]
+
+
+def block(edit: Callable[[Any], list[Event]]) -> Tamper:
+    """The fourth of the second station."""
+
+    def tamper(events: list[Event]) -> list[Event]:
+        at = samples_of(events, 1)[3]
+        return [*events[:at], *edit(events[at]), *events[at + 1 :]]
+
+    return tamper
+
+
+def wide(one: Samples) -> list[Event]:
+    values, saturated = (np.repeat(v, 2, axis=1) for v in (one.block.values, one.block.saturated))
+    return [replace(one, block=replace(one.block, values=values, saturated=saturated))]
+
+
+def timeless(one: Samples) -> list[Event]:
+    time_s = one.block.time_s.copy()
+    time_s[len(time_s) // 2] = np.nan
+    return [replace(one, block=replace(one.block, time_s=time_s))]
+
+
+def tail_lost(events: list[Event]) -> list[Event]:
+    lost = set(samples_of(events, 1)[-12:])
+    return [e for n, e in enumerate(events) if n not in lost]
+
+
 def samples_of(events: list[Event], station: int) -> list[int]:
     return [n for n, e in enumerate(events) if isinstance(e, Samples) and e.station == station]
 
@@ -105,115 +144,30 @@ def swapped(events: list[Event]) -> list[Event]:
     return events
 
 
-def twice(events: list[Event]) -> list[Event]:
-    at = samples_of(events, 1)[3]
-    return [*events[: at + 1], events[at], *events[at + 1 :]]
-
-
-def mislabelled(events: list[Event]) -> list[Event]:
-    at = samples_of(events, 1)[3]
-    one = events[at]
-    assert isinstance(one, Samples)
-    return [*events[:at], replace(one, station=0), *events[at + 1 :]]
-
-
-def unlabelled(events: list[Event]) -> list[Event]:
-    at = samples_of(events, 1)[3]
-    one = events[at]
-    assert isinstance(one, Samples)
-    return [*events[:at], replace(one, station=None, attempt=None), *events[at + 1 :]]
-
-
-def tail_lost(events: list[Event]) -> list[Event]:
-    lost = set(samples_of(events, 1)[-12:])
-    return [e for n, e in enumerate(events) if n not in lost]
-
-
-def without_hold(events: list[Event]) -> list[Event]:
-    return [e for e in events if not (isinstance(e, PhaseEntered) and e.phase is Phase.HOLDING)]
-
-
-def station_missing(events: list[Event]) -> list[Event]:
-    return [
-        replace(e, complete=False) if isinstance(e, StationEnded) and e.station == 1 else e
-        for e in events
-    ]
-
-
-def renumbered(events: list[Event]) -> list[Event]:
-    return [
-        replace(e, attempt=3)
-        if isinstance(e, StationStarted | StationEnded) and e.station == 1
-        else e
-        for e in events
-    ]
-
-
-def elsewhere(events: list[Event]) -> list[Event]:
-    return [
-        replace(e, x_m=e.x_m + 1e-4) if isinstance(e, StationStarted) and e.station == 1 else e
-        for e in events
-    ]
-
-
-def never_begun(events: list[Event]) -> list[Event]:
-    return [e for e in events if not (isinstance(e, StationStarted) and e.station == 1)]
-
-
-def back_in_time(events: list[Event]) -> list[Event]:
-    return [replace(e, time_s=0.1) if isinstance(e, RunEnded) else e for e in events]
-
-
-def after_the_end(events: list[Event]) -> list[Event]:
-    return [*events, PhaseEntered(99.0, Phase.FINISHED, None)]
-
-
-def other_channels(events: list[Event]) -> list[Event]:
-    at = samples_of(events, 1)[3]
-    one = events[at]
-    assert isinstance(one, Samples)
-    wide = replace(
-        one.block,
-        values=np.repeat(one.block.values, 2, axis=1),
-        saturated=np.repeat(one.block.saturated, 2, axis=1),
-    )
-    return [*events[:at], replace(one, block=wide), *events[at + 1 :]]
-
-
-def timeless(events: list[Event]) -> list[Event]:
-    at = samples_of(events, 1)[3]
-    one = events[at]
-    assert isinstance(one, Samples)
-    time_s = one.block.time_s.copy()
-    time_s[len(time_s) // 2] = np.nan
-    return [*events[:at], replace(one, block=replace(one.block, time_s=time_s)), *events[at + 1 :]]
-
-
-def no_beginning(events: list[Event]) -> list[Event]:
-    return [e for e in events if not isinstance(e, RunStarted)]
-
-
 @pytest.mark.parametrize(
     ("tamper", "said"),
     [
         (swapped, "out of order"),
-        (twice, "samples of .* twice"),
-        (mislabelled, "do not belong to station 1"),
-        (unlabelled, "belong to station 2"),
+        (block(lambda one: [one, one]), "samples of .* twice"),
+        (block(lambda one: [replace(one, station=0)]), "do not belong to station 1"),
+        (block(lambda one: [replace(one, station=None, attempt=None)]), "belong to station 2"),
         (tail_lost, "its last samples are not in"),
-        (without_hold, "complete without holding"),
-        (without_hold, "retracting cannot follow indenting"),
-        (station_missing, "ended as completed without stations [2]"),
-        (renumbered, "attempt 3 at station 2 should be 1"),
-        (elsewhere, "not where it was planned"),
-        (never_begun, "do not belong to station 2"),
-        (back_in_time, "at 0.1000 s, after one at"),
-        (after_the_end, "outside of a run"),
-        (other_channels, "does not fit the channels"),
-        (timeless, "out of order"),
-        (no_beginning, "the run has no beginning"),
+        (without(PhaseEntered, phase=Phase.HOLDING), "complete without holding"),
+        (without(PhaseEntered, phase=Phase.HOLDING), "retracting cannot follow indenting"),
+        (changed(StationEnded, {"station": 1}, complete=False),
+         "ended as completed without stations [2]"),
+        (changed(StationStarted | StationEnded, {"station": 1}, attempt=3),
+         "attempt 3 at station 2 should be 1"),
+        (changed(StationStarted, {"station": 1}, x_m=32.1e-3), "not where it was planned"),
+        (without(StationStarted, station=1), "do not belong to station 2"),
+        (changed(RunEnded, {}, time_s=0.1), "at 0.1000 s, after one at"),
+        (lambda events: [*events, PhaseEntered(99.0, Phase.FINISHED, None)], "outside of a run"),
+        (block(wide), "does not fit the channels"),
+        (block(timeless), "out of order"),
+        (without(RunStarted), "the run has no beginning"),
     ],
-)
+    ids=lambda value: value if isinstance(value, str) else "",
+)  # fmt: skip
 def test_what_is_wrong_is_said(
     tamper: Tamper, said: str, events: list[Event], tmp_path: Path
 ) -> None:

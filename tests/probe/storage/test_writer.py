@@ -15,6 +15,7 @@ from databases import opened
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from paths import ROOT
+from small_runs import CHANNELS, STARTED, samples, write
 
 import probe.storage.disk
 import probe.storage.writer
@@ -37,28 +38,9 @@ from probe.storage.rows import Row, bytes_per_s, from_row, to_row
 from probe.storage.run import RunFileError, open_run
 from probe.storage.schema import VERSION, create
 from probe.storage.verify import verify
-from probe.storage.writer import Store, StoreError, create_store, reopen_store
-
-CHANNELS = {"cell": (Channel("force", "N", "force", simulated=True),)}
-STARTED = RunStarted(
-    0.0, "2026-01-01T00:00:00+00:00", {"plan": {"stations": [[0, 1, 0]]}}, CHANNELS
-)
+from probe.storage.writer import StoreError, create_store, reopen_store
 
 TWO = Rig.model_validate({"scan": {"start_mm": 30, "stations": 2}})
-
-
-def samples(start_s: float, n: int = 25, station: int | None = 0) -> Samples:
-    time_s = start_s + 2e-3 * np.arange(1, n + 1)
-    values = np.sin(time_s)[:, None]
-    attempt = None if station is None else 1
-    return Samples("cell", Block(time_s, values, values > 0.9), station, attempt)
-
-
-def short_run(store: Store, blocks: int = 5) -> None:
-    store(STARTED)
-    store(StationStarted(0.0, 0, 1, 1e-3, 0.0))
-    for n in range(blocks):
-        store(samples(0.05 * n))
 
 
 def one(connection: sqlite3.Connection, query: str) -> Any:
@@ -82,7 +64,7 @@ def test_every_event_comes_back_as_it_was(tmp_path: Path) -> None:
         STARTED,
         PhaseEntered(0.0, Phase.CONNECTING, None),
         StationStarted(0.1, 0, 1, 1e-3, 0.0),
-        samples(0.1),
+        samples(2),
         Note(0.2, "warning", "cell", "Kraft über 1 N"),
         StationEnded(0.3, 0, 1, complete=False),
         RunEnded(0.3, Finish.ABORTED, "enough"),
@@ -119,7 +101,7 @@ def test_no_row_of_nonsense_is_believed(body: str, kind: str) -> None:
 
 
 def test_rows_that_lie_about_their_shape_are_refused() -> None:
-    row = to_row(samples(0.0))
+    row = to_row(samples(0))
     for wrong in ("[25,2]", "[24,1]", "[2147483648,1]", "[-1,1]", "[25]", '"25"'):
         with pytest.raises(RunFileError):
             from_row(row._replace(body=row.body.replace("[25,1]", wrong)))
@@ -132,26 +114,19 @@ def test_safe_modes_are_on_and_said_in_the_file(tmp_path: Path) -> None:
         assert one(store._connection, "PRAGMA journal_mode") == "wal"
         assert one(store._connection, "PRAGMA synchronous") == 2
         assert one(store._connection, "PRAGMA user_version") == VERSION
+        assert 0 < one(store._connection, "PRAGMA wal_autocheckpoint") <= 1000  # 4 MB
     with opened(tmp_path / "a.run") as other:
         assert one(other, "PRAGMA journal_mode") == "wal"
 
 
-def test_a_file_system_without_a_log_is_refused(tmp_path: Path) -> None:
-    with (
-        opened(":memory:") as connection,
-        pytest.raises(StoreError, match="journal mode is memory"),
-    ):
-        probe.storage.disk.make_safe(connection, tmp_path / "a.run")
-
-
 def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
-        short_run(store, blocks=0)
+        write(store, 0)
         waited_s: list[float] = []
         for n in range(8):
             store.flush()
             began_s = time.monotonic()
-            store(samples(0.05 * n))
+            store(samples(n))
             while store.committed < n + 3:
                 time.sleep(2e-3)
             waited_s.append(time.monotonic() - began_s)
@@ -162,7 +137,7 @@ def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
 
 def test_the_end_of_a_run_is_committed_when_it_is_reported(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
-        short_run(store)
+        write(store, 5)
         store(RunEnded(1.0, Finish.ABORTED, "enough"))
         assert open_run(tmp_path / "a.run").finish is Finish.ABORTED
 
@@ -173,17 +148,31 @@ def test_a_run_is_never_overwritten(tmp_path: Path) -> None:
         create_store(tmp_path / "a.run")
 
 
+OTHER = """
+import sys
+from pathlib import Path
+from probe.storage.writer import StoreError, reopen_store
+try:
+    reopen_store(Path(sys.argv[1]))
+except StoreError as error:
+    print(error)
+"""
+
+
 def test_only_one_writer(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        short_run(store)
+    """Of this process or of another."""
+    with create_store(tmp_path / "a.run"):
         with pytest.raises(StoreError, match="another scan is writing"):
             reopen_store(tmp_path / "a.run")
+        command = [sys.executable, "-c", OTHER, str(tmp_path / "a.run")]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert "another scan is writing this run" in done.stdout
     reopen_store(tmp_path / "a.run").close()
 
 
 def test_a_run_goes_on_only_as_it_began(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
-        short_run(store)
+        write(store, 5)
     other = {"cell": (Channel("force", "N", "force"),)}  # now real, then simulated
     with reopen_store(tmp_path / "a.run") as store:
         with pytest.raises(StoreError, match=r"already holds samples up to 0\.25 s"):
@@ -195,7 +184,7 @@ def test_a_run_goes_on_only_as_it_began(tmp_path: Path) -> None:
 
 def test_the_file_refuses_a_station_twice(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
-        short_run(store)
+        write(store, 5)
         store(StationStarted(1.0, 0, 1, 1e-3, 0.0))
         with pytest.raises(StoreError, match="UNIQUE"):
             store.flush()
@@ -204,24 +193,27 @@ def test_the_file_refuses_a_station_twice(tmp_path: Path) -> None:
 
 def test_a_number_that_is_none_is_not_stored(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
-        short_run(store)
+        write(store, 5)
         store(Note(float("nan"), "info", "x", "y"))
         with pytest.raises(StoreError, match="not JSON compliant"):
             store.flush()
         with pytest.raises(StoreError):
-            store(samples(1.0))
+            store(samples(20))
 
 
-def test_a_full_disk_keeps_what_was_committed(tmp_path: Path) -> None:
-    path = tmp_path / "a.run"
+@pytest.mark.parametrize("flushes", [True, False])
+def test_a_full_disk_keeps_what_was_committed(flushes: bool, tmp_path: Path) -> None:
+    """It is told without asking for a flush too."""
+    path, until_s = tmp_path / "a.run", time.monotonic() + 20
     with create_store(path) as store:
-        short_run(store)
-        store.flush()
+        write(store, 5)
         store._connection.execute("PRAGMA max_page_count = 20")
         with pytest.raises(StoreError, match=r"disk is full.*committed before is kept"):
-            for n in range(5, 5000):
-                store(samples(0.05 * n))
-                store.flush()
+            for n in range(5, 100_000):
+                store(samples(n))
+                if flushes:
+                    store.flush()
+                assert time.monotonic() < until_s
     report = verify(path)
     assert report.ok
     assert report.samples["cell"] >= 5 * 25
@@ -232,9 +224,9 @@ def test_a_disk_with_no_room_for_the_log_to_grow_does_not_leave_a_run_open(tmp_p
     path = tmp_path / "a.run"
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     with create_store(path) as store:
-        short_run(store)
+        write(store, 5)
         for n in range(5, 20):  # a log longer than the file, which so has room for it
-            store(samples(0.05 * n))
+            store(samples(n))
             store.flush()
         size = Path(f"{path}-wal").stat().st_size
         resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
@@ -244,18 +236,6 @@ def test_a_disk_with_no_room_for_the_log_to_grow_does_not_leave_a_run_open(tmp_p
             resource.setrlimit(resource.RLIMIT_FSIZE, before)
     report = verify(path)
     assert report.ok, report.problems
-
-
-def test_after_a_failed_commit_nothing_more_is_taken(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        short_run(store)
-        store.flush()
-        store._connection.execute("PRAGMA max_page_count = 20")
-        until_s = time.monotonic() + 20
-        with pytest.raises(StoreError, match="disk is full"):  # told without asking for a flush
-            for n in range(5, 100_000):
-                store(samples(0.05 * n))
-                assert time.monotonic() < until_s
 
 
 FULL = """
@@ -298,19 +278,9 @@ def test_a_disk_that_hangs_stops_the_scan(tmp_path: Path, monkeypatch: pytest.Mo
         until_s = time.monotonic() + 5
         with pytest.raises(StoreError, match="not taken anything"):
             while time.monotonic() < until_s:
-                store(samples(0.05))
+                store(samples(1))
         other.execute("ROLLBACK")
     store.close()
-
-
-def test_one_seed_gives_the_same_bytes(tmp_path: Path, winkler: Any) -> None:
-    paths = [scan(TWO, "TIHA", tmp_path / name, seed=3, respond=winkler).path for name in "ab"]
-    query = "SELECT body, times, readings, saturated, sha256 FROM event WHERE kind = 'samples'"
-    with opened(paths[0]) as a, opened(paths[1]) as b:
-        one_, two = (connection.execute(query).fetchall() for connection in (a, b))
-    assert len(one_) > 40
-    assert one_ == two
-    assert open_run(paths[0]).config["seed"] == 3
 
 
 def as_version_1(new: Path) -> Path:
@@ -340,7 +310,7 @@ def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: A
 
 def test_what_is_damaged_stays_so_when_brought_up_to_date(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
-        short_run(store)
+        write(store, 5)
     old = as_version_1(tmp_path / "a.run")
     with opened(old, isolation_level=None) as other:
         other.execute("UPDATE event SET readings = zeroblob(length(readings)) WHERE id = 4")
@@ -350,7 +320,7 @@ def test_what_is_damaged_stays_so_when_brought_up_to_date(tmp_path: Path) -> Non
 
 def test_a_damaged_file_is_not_added_to(tmp_path: Path) -> None:
     with create_store(tmp_path / "a.run") as store:
-        short_run(store)
+        write(store, 5)
     with opened(tmp_path / "a.run", isolation_level=None) as other:
         other.execute("UPDATE event SET body = '{}' WHERE id = 1")
     for _ in range(2):  # the lock is given back

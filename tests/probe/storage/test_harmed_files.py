@@ -1,6 +1,7 @@
-"""Runs, or their logs, that another program cuts short while a scan writes them."""
+"""Runs, or their logs, that another program removes or cuts short while a scan writes them."""
 
 import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,12 @@ from probe.storage import moved_away
 from probe.storage.moved_away import InPlace
 from probe.storage.run import open_run
 from probe.storage.verify import verify
-from probe.storage.writer import Store, StoreError, create_store
+from probe.storage.writer import Store, StoreError, create_store, reopen_store
+
+
+def replace(path: Path) -> None:
+    path.with_suffix(".other").write_bytes(b"another file")
+    path.with_suffix(".other").rename(path)
 
 
 def cut(path: Path) -> None:
@@ -35,30 +41,71 @@ def empty_log(path: Path) -> None:
     os.truncate(log(path), 0)
 
 
-HARMS = [cut, empty, cut_log, empty_log]
-
-
 def write_more(store: Store, first: int, last: int) -> None:
     for n in range(first, last):
         store(samples(n))
         store.flush()
 
 
+GONE: list[Callable[[Path], object]] = [
+    Path.unlink, replace, lambda path: path.rename(path.with_suffix(".moved")),
+    lambda path: log(path).unlink(), lambda path: shutil.rmtree(path.parent),
+]  # fmt: skip
+CUT: list[Callable[[Path], object]] = [cut, empty, cut_log, empty_log]
+HARMS = [
+    *((harm, "deleted, moved or replaced") for harm in GONE),
+    *((harm, "cut short") for harm in CUT),
+]
+
+
 @pytest.mark.parametrize("blocks", [20, 300])
-@pytest.mark.parametrize("harm", HARMS)
-def test_a_run_that_is_cut_short_stops_the_scan_and_is_kept(
-    harm: Callable[[Path], None], blocks: int, tmp_path: Path
+@pytest.mark.parametrize(("harm", "said"), HARMS)
+def test_a_run_that_is_harmed_while_it_is_written_stops_the_scan_and_is_kept(
+    harm: Callable[[Path], object], said: str, blocks: int, tmp_path: Path
 ) -> None:
-    path = tmp_path / "a.run"
+    path = tmp_path / "runs" / "a.run"
     with create_store(path) as store:
         write(store, blocks)
         harm(path)
-        with pytest.raises(StoreError, match=r"cut short.*kept in .*rescued"):
+        with pytest.raises(StoreError, match=rf"{said}.*kept in .*rescued"):
             write_more(store, blocks, blocks + 4)
     assert store.path == path.with_name("a-rescued.run")
     report = verify(store.path)
     assert report.ok, report.problems
     assert report.samples["cell"] == (blocks + 1) * 25
+    reopen_store(store.path).close()
+
+
+def test_what_was_rescued_before_is_kept_too(tmp_path: Path) -> None:
+    path, earlier = tmp_path / "a.run", tmp_path / "a-rescued.run"
+    earlier.write_bytes(b"of yesterday")
+    with create_store(path) as store:
+        write(store, 5)
+        path.unlink()
+        with pytest.raises(StoreError, match="rescued-2"):
+            write_more(store, 5, 9)
+    assert store.path == tmp_path / "a-rescued-2.run"
+    assert earlier.read_bytes() == b"of yesterday"
+
+
+def test_what_came_during_the_last_commit_is_kept_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "a.run"
+    with create_store(path) as store:
+        write(store, 5)
+        look = store._in_place.lost
+
+        def look_late() -> Path | None:
+            store(samples(6))
+            path.unlink(missing_ok=True)
+            return look()
+
+        monkeypatch.setattr(store._in_place, "lost", look_late)
+        store(samples(5))
+        with pytest.raises(StoreError, match="rescued"):
+            store.flush()
+    assert verify(store.path).samples["cell"] == 7 * 25
 
 
 @pytest.mark.parametrize("looked", [0, 1, 2])
@@ -102,8 +149,8 @@ def test_a_long_run_that_is_cut_short_is_kept(tmp_path: Path) -> None:
     assert report.samples["cell"] == 3501 * 25
 
 
-@pytest.mark.parametrize("harm", [cut, empty, empty_log])
-def test_a_scan_says_where_a_run_is_kept_that_was_cut_short(
+@pytest.mark.parametrize("harm", [replace, cut, empty, empty_log])
+def test_a_scan_says_where_a_run_is_kept_that_was_harmed(
     harm: Callable[[Path], None], tmp_path: Path, winkler: Any
 ) -> None:
     """Or that it could not be, as where it is cut in the very moment in which it is written."""
@@ -118,6 +165,7 @@ def test_a_scan_says_where_a_run_is_kept_that_was_cut_short(
     assert done.ended.finish is Finish.FAULTED
     assert str(done.path) in done.ended.reason
     if "could not be kept elsewhere" not in done.ended.reason:
+        assert harm is not replace or done.path.name.endswith("-rescued.run")
         report = verify(done.path)
         assert report.ok, report.problems
         assert report.stations_complete >= 2
