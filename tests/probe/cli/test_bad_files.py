@@ -35,6 +35,7 @@ WRONG_RIGS = [
     ("stations = 3", "stations = 0", ["scan.stations", "0", "must be greater than or equal to 1"]),
     ("stations = 3", "stations = 30", ["station", "72 mm", "workspace"]),
     ("stations = 3", "statons = 3", ["scan.statons", "3"]),
+    ("stations = 3", "pitch = 4.0", ["did you mean pitch_mm?); known here: approach_mm_s, "]),
     ("stations = 3", "indentation_mm = -1.0", ["scan.indentation_mm", "-1", "0.000001"]),
     ("stations = 3", "indentation_mm = 20.0\nramp_s = 2.0", ["20", "workspace"]),
     ("stations = 3", "travel_mm_s = 80.0", ["scan.travel_mm_s", "80", "max_speed_mm_s"]),
@@ -42,21 +43,15 @@ WRONG_RIGS = [
     ("max_force_n = 5.0", "max_force_n = 'five'", ["safety.max_force_n", "five", "number"]),
     ("max_force_n = 5.0", "max_depth_mm = 1.0", ["safety.max_depth_mm", "1", "2.5 mm"]),
     ('[stage]\ndriver = "virtual"', '[stage]\ndriver = "ur99"', ["stage", "ur99", "known"]),
-    (
-        '[[sensor]]\ndriver = "virtual"',
-        '[[sensor]]\ndriver = "virtual"\nrate_hz = -5',
-        ["sensor[0]", "rate_hz", "-5"],
-    ),
+    ("[scan]", "rate_hz = -5\n[scan]", ["sensor[0]", "rate_hz", "-5"]),
     ('name = "TIHA"', 'name = "nowhere.toml"', ["nowhere.toml", "TIHA"]),
     ('[scene]\nname = "TIHA"', "", ["scene.name", "missing", "TIHA"]),
-    (
-        "[safety]",
-        "[calibration]\nforce = 'gone.json'\n[safety]",
-        ["calibration.force", "gone.json"],
-    ),
+    ("[safety]", "[calibration]\nforce = 'gone.json'\n[safety]",
+     ["calibration.force", "gone.json"]),
     ('name = "TIHA"', "", ["rig.toml: scene.name is missing\n"]),
     ("[scan]", "[scan", ["not TOML"]),
-]
+]  # fmt: skip
+PRESS = ["press", "TI", "--x", "32", "--depth", "0.1"]
 WRONG_SCENES = [
     ("poisson = 0.49\n[[", "poisson = 0.5\n[[", ["tissue.poisson", "0.5"]),
     ("depth_mm = 12.66", "depth_mm = 2.0", ["depth_mm", "2", "breaks the surface"]),
@@ -130,7 +125,7 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         (["press", "TI", "--x", "3.2cm", "--depth", "1"], ["'--x'", "'3.2cm' must be a number\n"]),
         (["scan", "--seed", "1.5"], ["'--seed'", "'1.5' must be a whole number\n"]),
         (["sweep", "TI", "--vary", "a=1", "--workers", "0"], ["'0' must be greater than or equal"]),
-        (["press", "TI", "--x", "32", "--depth", "1", "--model", "magic"], ["magic", "finite"]),
+        ([*PRESS, "--model", "magic"], ["magic", "finite"]),
         (["live", "."], ["a folder"]),
         (["report", "."], [".: a folder; give the run file in it"]),
         (["detect", "/"], ["/: a folder; give the run file in it"]),
@@ -141,15 +136,37 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         (["plan", "--can-i-see", "--noise-mn", "-1"], ["--noise-mn", "-1"]),
         (["runs", ".", "--finding", "artry"], ["artry", "stenotic artery"]),
         (["runs", ".", "--since", "yesterday"], ["yesterday", "2026-01-31"]),
+        (["runs", ".", "--note", "gel"], ["say it as KEY=VALUE"]),
         (["scann"], ["scann", "scan"]),
+        (["scan", "--stations", "9-5"], ["--stations 9-5"]),
+        (["scan", "--stations", "x"], ["--stations x"]),
+        (["scan", "--stations", "0"], ["--stations 0"]),
+        (["scan", "--stations", "1-"], ["--stations 1-"]),
+        (["emulate", "toaster"], ["toaster", "grbl"]),
+        (["emulate", "grbl", "--at", "ft300=pty"], ["ft300=pty", "grbl"]),
+        (["emulate", "grbl", "--scene", "TIXX"], ["TIXX"]),
+        ([*PRESS, "--gradient", "--model", "small"], ["gradients are of finite strain"]),
+        ([*PRESS, "--gradient", "--model", "axisymmetric"], ["gradients are of finite strain"]),
+        ([*PRESS, "--taxels", "8"], ["must be rows x columns"]),
+        ([*PRESS, "--pitch", "1"], ["of which taxels"]),
+        ([*PRESS, "--taxels", "0x3"], ["from 1 x 1"]),
+        ([*PRESS, "--taxels", "1x3", "--pitch", "-1"], ["must be above 0"]),
+        (["press", "TI", "--x", "0.032", "--depth", "0.002"],
+         ["less than a thousandth of the finger's 10 mm", "--x 32 --depth 2"]),
     ],
-)
+)  # fmt: skip
 def test_wrong_arguments(palpate, arguments: list[str], named: list[str]) -> None:
     outcome = palpate(*arguments)
     assert outcome.status == 2
     assert "Traceback" not in outcome.err
     for word in named:
         assert word in outcome.err
+
+
+def test_can_i_see_refuses_a_driver_that_is_none(palpate, tmp_path: Path) -> None:
+    rig = tmp_path / "rig.toml"
+    rig.write_text('[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "warp"\nnoise_mn = 1\n')
+    check(palpate("plan", rig, "--scene", "TI", "--can-i-see"), ["driver = 'warp': no such driver"])
 
 
 def test_json_tells_errors_too(palpate) -> None:
@@ -283,19 +300,9 @@ def test_a_scene_whose_name_no_run_can_hold_is_refused_by_the_dry_run_too(
 
 @pytest.mark.parametrize(
     "words",
-    [
-        ("scan", "--dry-run", "--out"),
-        ("scan", "--out"),
-        ("scan",),
-        ("scan", "--scene"),
-        ("--log",),
-        ("resume",),
-        ("runs",),
-        ("import",),
-        ("init", "rig"),
-        ("scenes",),
-    ],
-)
+    [("scan", "--dry-run", "--out"), ("scan", "--out"), ("scan",), ("scan", "--scene"), ("--log",),
+     ("resume",), ("runs",), ("import",), ("init", "rig"), ("scenes",)],
+)  # fmt: skip
 def test_a_path_that_is_too_long_is_refused_in_a_line(
     words: tuple[str, ...], palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -9,8 +9,6 @@ import time
 from itertools import takewhile
 from pathlib import Path
 
-import pytest
-
 from drivers import WallClock
 from sim_backend.emulators import ft300
 from sim_backend.emulators.solving import AFTER_OTHERS
@@ -107,18 +105,3 @@ def test_a_device_that_is_no_line_keeps_no_other_from_being_recorded(
         outcome = palpate(*command)
     assert (outcome.status, outcome.err.count("only lines")) == (0, 1), outcome.err
     assert "ft300.toml" in outcome.out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["toaster"], ["toaster", "grbl"]),
-        (["grbl", "--at", "ft300=pty"], ["ft300=pty", "grbl"]),
-        (["grbl", "--scene", "TIXX"], ["TIXX"]),
-    ],
-)
-def test_what_cannot_be_emulated(palpate, arguments: list[str], named: list[str]) -> None:
-    outcome = palpate("emulate", *arguments)
-    assert outcome.status == 2
-    for word in named:
-        assert word in outcome.err

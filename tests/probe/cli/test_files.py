@@ -84,13 +84,6 @@ def test_a_scene_with_a_typing_error_is_marked(tmp_path: Path) -> None:
     assert complaints(scene_schema(), text)
 
 
-def test_an_unknown_key_lists_the_known_ones(tmp_path: Path) -> None:
-    file = tmp_path / "rig.toml"
-    file.write_text("[scan]\npitch = 4.0\n", encoding="utf-8")
-    with pytest.raises(RigError, match=r"did you mean pitch_mm\?\); known here: approach_mm_s, "):
-        load_rig(file)
-
-
 @pytest.mark.parametrize("kind", ["rig", "scene"])
 def test_what_init_writes_passes_a_dry_run(kind: str, palpate: Any, tmp_path: Path) -> None:
     folder = tmp_path / "new"

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from paths import ROOT
@@ -76,89 +77,55 @@ def body_of(size: int, part: str) -> str:
     return '{"time_s":0.0,"x":[' + part * (size // len(part)) + "0]}"
 
 
-Made = Callable[[Path], list[str | Path]]
-HOSTILE: dict[str, tuple[Made, str]] = {
+def imported(folder: Path, name: str, content: bytes) -> list[str | Path]:
+    return ["import", written(folder / name, content), "--out", folder / "a.run"]
+
+
+def begins_with(folder: Path, command: str, body: str, *, none: bytes | None = None) -> list[Any]:
+    """A command on a run file whose first event is forged."""
+    return [command, forged(folder / "a.run", [Row("run_started", body, none, none, none)])]
+
+
+DEEP, TABLES = b"a = " + b"[" * 9000 + b"]" * 9000, b"a = " + b"{b=" * 200 + b"1" + b"}" * 200
+HEAD, EMPTY = b"time_s,force_n\n", b"\n" * 10**8
+HOSTILE: dict[str, tuple[Callable[[Path], list[Any]], str]] = {
     "scene: a pipe": (lambda d: ["scan", "--scene", pipe(d / "s.toml")], "pipe"),
     "scene: a device": (lambda _: ["scan", "--scene", "/dev/zero"], "device"),
-    "scene: deep": (
-        lambda d: ["scan", "--scene", written(d / "s", b"a = " + b"[" * 9000 + b"]" * 9000)],
-        "nested",
-    ),
-    "scene: tables in tables": (
-        lambda d: ["scan", "--scene", written(d / "s", b"a = " + b"{b=" * 200 + b"1" + b"}" * 200)],
-        "nested",
-    ),
-    "rig: deep": (
-        lambda d: ["scan", written(d / "r.toml", b"a = " + b"[" * 9000 + b"]" * 9000), "--dry-run"],
-        "nested",
-    ),
+    "scene: deep": (lambda d: ["scan", "--scene", written(d / "s", DEEP)], "nested"),
+    "scene: tables in tables": (lambda d: ["scan", "--scene", written(d / "s", TABLES)], "nested"),
+    "rig: deep": (lambda d: ["scan", written(d / "r.toml", DEEP), "--dry-run"], "nested"),
     "rig: a pipe": (lambda d: ["scan", pipe(d / "r.toml"), "--dry-run"], "pipe"),
-    "resume: a wave without end": (
-        lambda d: ["resume", begun(d / "a.run", "/dev/zero")],
-        "device",
-    ),
+    "resume: a wave without end": (lambda d: ["resume", begun(d / "a.run", "/dev/zero")], "device"),
     "resume: a wave in a pipe": (
-        lambda d: ["resume", begun(d / "a.run", str(pipe(d / "w.csv")))],
-        "pipe",
+        lambda d: ["resume", begun(d / "a.run", str(pipe(d / "w.csv")))], "pipe",
     ),
     "csv: commas": (
-        lambda d: [
-            "import",
-            written(d / "a.csv.gz", gzip.compress(b"," * 10**8)),
-            "--out",
-            d / "a.run",
-        ],
+        lambda d: imported(d, "a.csv.gz", gzip.compress(b"," * 10**8)),
         "a.csv.gz: a line of more than|unpacks to",
     ),
     "csv: empty lines": (
-        lambda d: [
-            "import",
-            written(d / "a.csv.gz", gzip.compress(b"time_s,force_n\n" + b"\n" * 10**8)),
-            "--out",
-            d / "a.run",
-        ],
+        lambda d: imported(d, "a.csv.gz", gzip.compress(HEAD + EMPTY)),
         "unpacks to more than|rows are empty",
     ),
     "csv: empty lines, not packed": (
-        lambda d: [
-            "import",
-            written(d / "a.csv", b"time_s,force_n\n" + b"\n" * 10**8),
-            "--out",
-            d / "a.run",
-        ],
-        "rows are empty",
+        lambda d: imported(d, "a.csv", HEAD + EMPTY), "rows are empty",
     ),
     "csv: a pipe": (lambda d: ["import", pipe(d / "a.csv"), "--out", d / "a.run"], "pipe"),
     "run: a large event": (
-        lambda d: [
-            "verify",
-            forged(d / "a.run", [Row("run_started", body_of(10**8, "[],"), None, None, None)]),
-        ],
-        "too big|too large",
+        lambda d: begins_with(d, "verify", body_of(10**8, "[],")), "too big|too large",
     ),
     "run: an event of many values": (
-        lambda d: [
-            "detect",
-            forged(d / "a.run", [Row("run_started", body_of(10**7, "[],"), None, None, None)]),
-        ],
-        "too many values",
+        lambda d: begins_with(d, "detect", body_of(10**7, "[],")), "too many values",
     ),
     "run: an event of many tables": (
-        lambda d: [
-            "detect",
-            forged(d / "a.run", [Row("run_started", body_of(10**7, '{"":0},'), None, None, None)]),
-        ],
-        "too many values",
+        lambda d: begins_with(d, "detect", body_of(10**7, '{"":0},')), "too many values",
     ),
     "run: an event within the bounds": (
-        lambda d: [
-            "detect",
-            forged(d / "a.run", [Row("run_started", body_of(10**6, '{"":0},'), b"", b"", b"")]),
-        ],
+        lambda d: begins_with(d, "detect", body_of(10**6, '{"":0},'), none=b""),
         "run_started event",
     ),
     "run: a pipe": (lambda d: ["verify", pipe(d / "a.run")], "pipe or device"),
-}
+}  # fmt: skip
 
 
 # Linux counts into ru_maxrss what the parent held before exec; VmHWM begins anew.

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from databases import opened
+from rig_files import rig_file
 
 from drivers import Channel, DeviceFault
 from probe.cli import say
@@ -66,28 +67,18 @@ def run_file(finished: Path, tmp_path: Path) -> Path:
     return Path(shutil.copy(finished, tmp_path))
 
 
-def test_scan(palpate, run_file: Path) -> None:
-    outcome = palpate("detect", run_file, "--json")
-    assert outcome.status == 0
-    scan_form(outcome.json)
-    assert outcome.json["run"] == str(run_file)
-    assert outcome.json["finish"] == "completed"
-    assert outcome.json["simulated"]
-    assert [one["x_mm"] for one in outcome.json["stations"]] == pytest.approx(range(4, 61, 4))
-
-
 def test_scan_says_the_same_as_detect(palpate, tmp_path: Path) -> None:
-    scanned = palpate("scan", "--scene", "TI", "--out", tmp_path, "--json").json
-    scan_form(scanned)
-    detected = palpate("detect", scanned["run"], "--json").json
-    assert {**scanned, "seconds": 0} == {**detected, "seconds": 0}
-
-
-def test_progress_and_notes_stay_off_standard_output(palpate, tmp_path: Path) -> None:
     outcome = palpate("scan", "--scene", "TI", "--out", tmp_path, "--json")
+    scanned = outcome.json
+    scan_form(scanned)
     assert outcome.out.count("\n") == 1
     assert "station 15 of 15" in outcome.err
     assert "left" in outcome.err
+    detected = palpate("detect", scanned["run"], "--json")
+    assert detected.status == 0
+    assert {**scanned, "seconds": 0} == {**detected.json, "seconds": 0}
+    assert (scanned["finish"], bool(scanned["simulated"])) == ("completed", True)
+    assert [one["x_mm"] for one in scanned["stations"]] == pytest.approx(range(4, 61, 4))
 
 
 def test_a_person_is_shown_finding_run_and_what_next(palpate, tmp_path: Path) -> None:
@@ -102,12 +93,7 @@ def test_a_person_is_shown_finding_run_and_what_next(palpate, tmp_path: Path) ->
 
 
 def test_one_seed_gives_the_same_bytes(palpate, tmp_path: Path) -> None:
-    rig = tmp_path / "rig.toml"
-    rig.write_text(
-        '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TIHA"\n'
-        "[scan]\nstart_mm = 30\nstations = 2\n",
-        encoding="utf-8",
-    )
+    rig = rig_file(tmp_path, "TIHA", start_mm=30, stations=2)
 
     def scanned(seed: str) -> list[tuple[Any, ...]]:
         outcome = palpate("scan", rig, "--seed", seed, "--out", tmp_path, "--json")
@@ -350,24 +336,6 @@ def test_every_error_with_a_status_is_known(place: str) -> None:
     kind = getattr(import_module(module), name)
     assert issubclass(kind, Exception)
     assert kind.__module__ == module
-
-
-def test_a_grid_is_reported_with_x_and_y(palpate, tmp_path: Path) -> None:
-    rig = tmp_path / "rig.toml"
-    rig.write_text(
-        '[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "virtual"\n[scene]\nname = "TI"\n'
-        "[scan]\nstart_mm = [20.0, -2.0]\npitch_mm = [4.0, 4.0]\nstations = [2, 2]\n",
-        encoding="utf-8",
-    )
-    scanned = palpate("scan", rig, "--out", tmp_path)
-    assert scanned.status == 0, scanned.err
-    assert "station x mm y mm baseline Pa ± 95 % pulse Pa" in " ".join(scanned.out.split())
-    assert "station 4 of 4, x = 20.0 mm, y = 2.0 mm" in scanned.err
-    (run,) = tmp_path.glob("*.run")
-    assert "station 4 at x = 20.0 mm, y = 2.0 mm" in palpate("replay", run).out
-    reported = palpate("detect", run, "--json").json["stations"]
-    assert [one["y_mm"] for one in reported] == pytest.approx([-2, -2, 2, 2])
-    assert all(one["baseline_sd_pa"] > 0 for one in reported)
 
 
 def test_a_run_without_a_press_shows_no_empty_table(capfd: pytest.CaptureFixture[str]) -> None:

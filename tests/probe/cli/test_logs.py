@@ -6,9 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from rig_files import rig_file
 
 from probe.cli import main
-from probe.core.events import Note, Phase, PhaseEntered, RunEnded
+from probe.core.events import Finish, Note, Phase, PhaseEntered, RunEnded
 from probe.core.log import log_event
 
 
@@ -17,10 +18,12 @@ def test_notes_and_faults_are_logged_at_their_level(caplog: pytest.LogCaptureFix
     log_event(Note(1.0, "warning", "ft300", "late"))
     log_event(Note(1.0, "fault", "ft300", "silent"))
     log_event(PhaseEntered(1.0, Phase.HOLDING, 0))
+    log_event(RunEnded(2.0, Finish.ABORTED, "aborted by the user"))
     assert [(r.levelname, r.getMessage()) for r in caplog.records] == [
         ("WARNING", "ft300: late"),
         ("ERROR", "ft300: silent"),
         ("DEBUG", "holding"),
+        ("DEBUG", "run aborted: aborted by the user"),
     ]
 
 
@@ -30,21 +33,11 @@ def test_importing_says_nothing() -> None:
     assert (done.stdout, done.stderr) == (b"", b"")
 
 
-RIG = """
-[scan]
-start_mm = 32.0
-stations = 1
-[scene]
-name = "TI"
-"""
-
-
 @pytest.mark.parametrize("verbose", [False, True])
 def test_a_scan_writes_its_log(
     verbose: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    rig, log = tmp_path / "rig.toml", tmp_path / "scan.log"
-    rig.write_text(RIG, encoding="utf-8")
+    rig, log = rig_file(tmp_path, start_mm=32.0, stations=1), tmp_path / "scan.log"
     options = ["--verbose"] if verbose else []
     assert main(["--log", str(log), *options, "scan", str(rig), "--out", str(tmp_path)]) == 0
     text = log.read_text(encoding="utf-8")
@@ -53,11 +46,3 @@ def test_a_scan_writes_its_log(
     reported = capsys.readouterr()
     assert ("debug: holding" in reported.err) == verbose
     assert "holding" not in reported.out
-
-
-def test_how_a_run_ended_is_logged(caplog: pytest.LogCaptureFixture) -> None:
-    from probe.core.events import Finish
-
-    caplog.set_level(logging.DEBUG, logger="palpate")
-    log_event(RunEnded(2.0, Finish.ABORTED, "aborted by the user"))
-    assert caplog.messages == ["run aborted: aborted by the user"]

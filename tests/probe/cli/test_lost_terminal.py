@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 import typer
+from rig_files import rig_file
 
 from probe.cli import command_line, main
 from probe.cli.progress import counting
-from probe.cli.say import inform
 from probe.core.events import Finish
 from probe.storage.run import open_run
 from probe.storage.verify import verify
@@ -43,45 +43,23 @@ class Gone(io.StringIO):
             raise OSError(errno.EIO, "Input/output error")
 
 
-RIG = """[scan]
-start_mm = 32.0
-stations = 1
-hold_s = 0.1
-[scene]
-name = "TI"
-"""
-
-
-def test_words_to_nobody_are_no_fault(monkeypatch: pytest.MonkeyPatch) -> None:
-    gone = Gone()
-    monkeypatch.setattr(sys, "stderr", gone)
-    inform("the scan was aborted")
-    assert gone.tried == ["the scan was aborted"]
-
-
+@pytest.mark.parametrize("writes", [0, 1, 2])
 def test_a_scan_ends_whole_without_its_terminal(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, rig: Path, writes: int
 ) -> None:
-    (tmp_path / "rig.toml").write_text(RIG)
-    gone = Gone()
+    """A bar begins with two writes: one hides the cursor, one draws."""
+    gone = Gone(writes)
     monkeypatch.setattr(sys, "stderr", gone)
-    assert main(["scan", str(tmp_path / "rig.toml"), "--out", str(tmp_path)]) == 0
-    assert gone.tried, "nothing was said, so nothing was lost"
-    (run,) = tmp_path.glob("*.run")
+    assert main(["scan", str(rig), "--out", str(rig.parent)]) == 0
+    assert len(gone.tried) > writes, "nothing was said, so nothing was lost"
+    (run,) = rig.parent.glob("*.run")
     assert verify(run).ok
     assert open_run(run).finish is Finish.COMPLETED
 
 
-@pytest.mark.parametrize("writes", [1, 2])
-def test_a_bar_that_cannot_be_drawn_ends_no_scan(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, writes: int
-) -> None:
-    """A bar begins with two writes: one hides the cursor, one draws."""
-    (tmp_path / "rig.toml").write_text(RIG)
-    gone = Gone(writes)
-    monkeypatch.setattr(sys, "stderr", gone)
-    assert main(["scan", str(tmp_path / "rig.toml"), "--out", str(tmp_path)]) == 0
-    assert len(gone.tried) > writes
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    return rig_file(tmp_path, start_mm=32.0, stations=1, hold_s=0.1)
 
 
 @pytest.mark.parametrize("writes", [1, 2])
@@ -95,17 +73,17 @@ def test_a_count_that_cannot_be_drawn_ends_no_work(
     assert len(gone.tried) > writes
 
 
+@pytest.mark.usefixtures("rig")
 def test_a_scan_whose_streams_are_closed_ends_whole(tmp_path: Path) -> None:
     """As a daemon may start it; no file may take the place of a standard stream."""
-    (tmp_path / "rig.toml").write_text(RIG)
     command = f"{shlex.quote(sys.executable)} -m probe.cli scan rig.toml --out . <&- >&- 2>&-"
     assert subprocess.run(command, shell=True, cwd=tmp_path, check=False).returncode == 0
     (run,) = tmp_path.glob("*.run")
     assert open_run(run).finish is Finish.COMPLETED
 
 
+@pytest.mark.usefixtures("rig")
 def test_a_terminal_that_goes_while_its_bar_is_drawn_costs_no_answer(tmp_path: Path) -> None:
-    (tmp_path / "rig.toml").write_text(RIG)
     ours, terminal = pty.openpty()
     command = [sys.executable, "-m", "probe.cli", "scan", "rig.toml", "--out", ".", "--json"]
     with (tmp_path / "answer.json").open("w") as answer:
@@ -118,11 +96,11 @@ def test_a_terminal_that_goes_while_its_bar_is_drawn_costs_no_answer(tmp_path: P
 
 
 @pytest.mark.parametrize(("what", "status"), [("scan rig.toml --out .", 0), ("detect no.run", 2)])
+@pytest.mark.usefixtures("rig")
 def test_words_that_cannot_be_written_change_no_status(
     tmp_path: Path, what: str, status: int
 ) -> None:
     """Python ended with 120, and a whole scan counted as failed."""
-    (tmp_path / "rig.toml").write_text(RIG)
     buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
     command = [sys.executable, "-m", "probe.cli", *what.split()]
     with Path("/dev/full").open("w") as full:
@@ -130,8 +108,8 @@ def test_words_that_cannot_be_written_change_no_status(
     assert done.returncode == status
 
 
+@pytest.mark.usefixtures("rig")
 def test_a_terminal_that_lacks_a_character_gets_the_answer(tmp_path: Path) -> None:
-    (tmp_path / "rig.toml").write_text(RIG)
     command = [sys.executable, "-m", "probe.cli", "scan", "rig.toml", "--out", "."]
     done = subprocess.run(
         command, cwd=tmp_path, env=os.environ | {"PYTHONIOENCODING": "ascii"},
@@ -165,10 +143,11 @@ def unread(folder: Path, *words: str | Path) -> int:
     return done.returncode
 
 
+@pytest.mark.usefixtures("rig")
 def test_a_reader_who_has_enough_is_no_fault(tmp_path: Path) -> None:
     """`palpate replay RUN | head -1` ended with 1, and a faulted scan's status was lost."""
-    (tmp_path / "rig.toml").write_text(RIG)
-    (tmp_path / "weak.toml").write_text(f"{RIG}[safety]\nmax_force_n = 0.5\nhardest_n_mm = 1.0\n")
+    weak = "[safety]\nmax_force_n = 0.5\nhardest_n_mm = 1.0\n"
+    (tmp_path / "weak.toml").write_text((tmp_path / "rig.toml").read_text() + weak)
     assert unread(tmp_path, "scan", "rig.toml", "--out", ".") == 0
     (run,) = tmp_path.glob("*.run")
     assert verify(run).ok

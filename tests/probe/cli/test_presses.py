@@ -77,14 +77,6 @@ def test_a_scene_whose_wave_cannot_be_read_is_refused_as_by_a_scan(
         press(scene, 12.0, 0.5)
 
 
-def test_can_i_see_refuses_a_driver_that_is_none(palpate: Any, tmp_path: Path) -> None:
-    rig = tmp_path / "rig.toml"
-    rig.write_text('[stage]\ndriver = "virtual"\n[[sensor]]\ndriver = "warp"\nnoise_mn = 1\n')
-    result = palpate("plan", rig, "--scene", "TI", "--can-i-see")
-    assert result.status == 2
-    assert "driver = 'warp': no such driver" in result.err
-
-
 def test_a_press_says_what_may_be_in_another_unit(palpate: Any, tmp_path: Path) -> None:
     scene = tmp_path / "mine.toml"
     scene.write_text(OWN_SCENE.replace("modulus_kpa = 50.0", "modulus_kpa = 0.05"))
@@ -117,16 +109,6 @@ def test_a_gradient_obeys_the_laws_of_scale(palpate: Any) -> None:
     assert f"{1e3 * pulse:.4g}" in next(line for line in said.splitlines() if wall in line)
 
 
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [(("--model", "small"), "gradients are of finite strain"),
-     (("--model", "axisymmetric"), "gradients are of finite strain")],
-)  # fmt: skip
-def test_a_gradient_that_is_not_known_is_refused(palpate: Any, more: Any, words: str) -> None:
-    outcome = palpate("press", "TI", "--x", "32", "--depth", "0.1", "--gradient", *more)
-    assert (outcome.status, words in outcome.err) == (2, True)
-
-
 def test_without_being_asked_a_press_says_no_gradient(palpate: Any) -> None:
     found = palpate("press", "TI", "--x", "32", "--depth", "0.1", "--accuracy", "5", "--json").json
     assert "pulse_gradient" not in found
@@ -142,18 +124,6 @@ def test_a_press_spreads_its_force_over_taxels(palpate: Any) -> None:
     first = next(n for n, line in enumerate(lines) if "taxels at 0 mmHg [mN]" in line)
     assert "mN beside them" in lines[first], "two rows of 1 mm of a finger of 10 mm"
     assert len(lines[first + 1].split()) == 6
-
-
-@pytest.mark.parametrize(
-    ("more", "words"),
-    [(("--taxels", "8"), "must be rows x columns"),
-     (("--pitch", "1"), "of which taxels"),
-     (("--taxels", "0x3"), "from 1 x 1"),
-     (("--taxels", "1x3", "--pitch", "-1"), "must be above 0")],
-)  # fmt: skip
-def test_taxels_that_cannot_be_are_refused(palpate: Any, more: Any, words: str) -> None:
-    outcome = palpate("press", "TI", "--x", "32", "--depth", "1", *more)
-    assert (outcome.status, words in outcome.err) == (2, True)
 
 
 def test_taxels_finer_than_a_solid_s_elements_are_refused_before_it_is_solved(

@@ -11,26 +11,14 @@ from pathlib import Path
 
 import pytest
 from databases import opened
+from rig_files import rig_file
 
-RIG = """
-[stage]
-driver = "virtual"
-[[sensor]]
-driver = "virtual"
-[scan]
-start_mm = 28.0
-stations = 3
-[scene]
-name = "TIHA"
-"""
 PALPATE = (sys.executable, "-m", "probe.cli")
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> Path:
-    file = tmp_path / "rig.toml"
-    file.write_text(RIG)
-    return file
+    return rig_file(tmp_path, "TIHA", start_mm=28.0, stations=3)
 
 
 @contextmanager

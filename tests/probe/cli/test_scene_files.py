@@ -84,13 +84,6 @@ def test_a_press_replaces_its_own_files_and_no_other(
     assert palpate(*press, tmp_path).status == 2  # a folder
 
 
-def test_metres_are_asked_back(palpate) -> None:
-    outcome = palpate("press", "TI", "--x", "0.032", "--depth", "0.002")
-    assert outcome.status == 2
-    assert "less than a thousandth of the finger's 10 mm" in outcome.err
-    assert "--x 32 --depth 2" in outcome.err
-
-
 def test_an_unknown_key_leads_to_what_is_not_modelled(palpate, tmp_path: Path) -> None:
     file = tmp_path / "layers.toml"
     file.write_text('name = "a"\n[tissue]\nlayers = 2\n')
