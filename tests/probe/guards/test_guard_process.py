@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -213,12 +213,25 @@ def test_nothing_in_the_scan_s_process_delays_a_guard(winkler: Respond, tmp_path
         assert on.peak_n() < 0.5 + 12 * 0.012
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP])
+def no_descriptor_left(on: Bench) -> None:
+    """Those that a process takes to start are kept."""
+    count = len(list(Path(f"/proc/{on.scanning.pid}/fd").iterdir()))
+    resource.prlimit(on.scanning.pid, resource.RLIMIT_NOFILE, (count, count))
+
+
+@pytest.mark.parametrize(
+    ("number", "before"),
+    [(signal.SIGKILL, None), (signal.SIGSTOP, None), (signal.SIGKILL, no_descriptor_left),
+     (signal.SIGKILL, lambda on: on.sensor.fail("silence"))],
+    ids=["die", "hang", "no descriptor left", "the sensor is gone too"],
+)  # fmt: skip
 def test_when_the_guards_die_or_hang_others_take_over_and_lift(
-    number: signal.Signals, winkler: Respond, tmp_path: Path
+    number: signal.Signals, before: Callable[[Bench], None] | None, winkler: Respond, tmp_path: Path
 ) -> None:
     with bench(winkler, tmp_path) as on:
         on.wait_until_pressed()
+        if before is not None:
+            before(on)
         os.kill(on.guard(), number)
         line = on.wait_for("END")
         assert "END faulted guard: the process that guarded has ended; another took" in line
@@ -227,35 +240,6 @@ def test_when_the_guards_die_or_hang_others_take_over_and_lift(
     run = open_run(next(on.out.glob("*.run")))
     assert run.finish == "faulted"  # and what was read until then is sound
     assert verify(run.path).ok
-
-
-def test_others_take_over_where_the_scan_has_no_descriptor_left(
-    winkler: Respond, tmp_path: Path
-) -> None:
-    """Those that a process takes to start are kept."""
-    with bench(winkler, tmp_path) as on:
-        on.wait_until_pressed()
-        pid = on.scanning.pid
-        count = len(list(Path(f"/proc/{pid}/fd").iterdir()))
-        resource.prlimit(pid, resource.RLIMIT_NOFILE, (count, count))
-        os.kill(on.guard(), signal.SIGKILL)
-        line = on.wait_for("END")
-        assert "END faulted guard: the process that guarded has ended; another took" in line
-        assert "not lifted" not in line
-        assert on.height_m() > 1.9e-3
-
-
-def test_who_takes_over_lifts_without_a_sensor_that_is_gone_too(
-    winkler: Respond, tmp_path: Path
-) -> None:
-    with bench(winkler, tmp_path) as on:
-        on.wait_until_pressed()
-        on.sensor.fail("silence")
-        os.kill(on.guard(), signal.SIGKILL)
-        line = on.wait_for("END")
-        assert "END faulted" in line
-        assert "not lifted" not in line
-        assert on.height_m() > 1.9e-3
 
 
 def test_when_all_who_take_over_die_too_it_is_reported(winkler: Respond, tmp_path: Path) -> None:

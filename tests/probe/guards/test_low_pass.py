@@ -91,14 +91,6 @@ def test_a_force_that_falls_is_judged_as_read() -> None:
     assert LowPass(0.5).behind(t, falls) == pytest.approx(falls)
 
 
-def test_a_tare_is_no_slope() -> None:
-    low_pass = LowPass(0.5)
-    low_pass.behind(np.array([0.0, 0.01, 0.02]), np.full((3, 1), 2.0))
-    low_pass.forget()
-    after = low_pass.behind(np.array([0.03, 0.04, 0.05]), np.full((3, 1), -0.1))
-    assert after == pytest.approx(np.full((3, 1), -0.1))
-
-
 def test_a_guard_forgets_the_slope_at_a_tare() -> None:
     rig = rig_of(1.2, 0.5)
     guard = SensorGuard(

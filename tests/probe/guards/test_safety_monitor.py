@@ -101,22 +101,6 @@ def test_a_stop_acts_while_the_engine_is_blocked(winkler: Any) -> None:
     assert heights[0] > -1.9e-3
 
 
-def test_a_blocked_engine_does_not_leave_the_probe_in_the_tissue(
-    winkler: Any,
-) -> None:
-    heights: list[float] = []
-
-    def sink(event: Event, opened: Devices) -> None:
-        if isinstance(event, PhaseEntered) and event.phase is Phase.HOLDING:
-            heights.append(opened.stage.pose().z)
-            time.sleep(1.5)
-            heights.append(opened.stage.pose().z)
-
-    ended = run(winkler, sink, engine_s=0.3)
-    assert "engine: blocked" in ended.reason
-    assert heights == [pytest.approx(-2e-3, abs=1e-5), pytest.approx(2e-3, abs=1e-5)]
-
-
 def test_a_hanging_stage_is_noticed_by_the_other_thread(
     winkler: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
