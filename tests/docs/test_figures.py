@@ -3,6 +3,7 @@
 import importlib.util
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -52,24 +53,27 @@ def test_a_number_that_nothing_backs_stops_the_build(wrong: str) -> None:
         FILL.filled(f"It takes {wrong}.")
 
 
-def test_the_greatest_of_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "made.csv").write_text("device,late_s\na,0.25\nb,3\na,1.5\n")
+@pytest.fixture
+def results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A folder of rows per case in the place of the stored ones."""
     monkeypatch.setattr(FILL, "RESULTS", tmp_path)
     FILL.cases.cache_clear()
+    yield tmp_path
+    FILL.cases.cache_clear()
+
+
+def test_the_greatest_of_each(results: Path) -> None:
+    (results / "made.csv").write_text("device,late_s\na,0.25\nb,3\na,1.5\n")
     text = FILL.filled('{{ greatest("made", "device", "late_s") }}')
     assert text.splitlines()[2:] == ["| a | 2 | 1.5 |", "| b | 1 | 3 |"]
-    FILL.cases.cache_clear()
 
 
-def test_the_spread_of_each(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_spread_of_each(results: Path) -> None:
     rows = "".join(f"a,{n / 10}\n" for n in range(20, 0, -1))
-    (tmp_path / "made.csv").write_text(f"what,ms\n{rows}b,12.4\n")
-    monkeypatch.setattr(FILL, "RESULTS", tmp_path)
-    FILL.cases.cache_clear()
+    (results / "made.csv").write_text(f"what,ms\n{rows}b,12.4\n")
     text = FILL.filled('{{ spread("made", "what", "ms") }}')
     assert text.splitlines()[2:] == ["| a | 20 | 1.1 | 1.9 | 2 |", "| b | 1 | 12 | 12 | 12 |"]
     assert FILL.filled('{{ rows("made", "ms") }}').splitlines()[::21] == ["| ms |", "| 0.1 |"]
-    FILL.cases.cache_clear()
 
 
 def test_a_number_is_printed_as_asked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,7 +93,7 @@ def test_a_number_is_printed_as_asked(tmp_path: Path, monkeypatch: pytest.Monkey
     FILL.stored.cache_clear()
 
 
-def test_answers_are_counted_case_by_case(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_answers_are_counted_case_by_case(results: Path) -> None:
     lines = [
         "scene,sensor,found,commit,date",
         *["TI,a,nothing,abc,2026-11-22"] * 2,
@@ -97,14 +101,11 @@ def test_answers_are_counted_case_by_case(tmp_path: Path, monkeypatch: pytest.Mo
         "TI,b,,abc,2026-11-22",
         "TIT,b,tumour,abc,2026-11-22",
     ]
-    (tmp_path / "made.csv").write_text("\n".join(lines))
-    monkeypatch.setattr(FILL, "RESULTS", tmp_path)
-    FILL.cases.cache_clear()
+    (results / "made.csv").write_text("\n".join(lines))
     table = FILL.filled('{{ counts("made", "sensor", "scene") }}').splitlines()
     assert table == ["| sensor | TI | TIT |", "|---|---|---|", "| a | 2 nothing, 1 artery |  |",
                      "| b |  | 1 tumour |"]  # fmt: skip
     assert FILL.filled('{{ kept("made") }}') == "4 cases of abc, abd (2026-11-22)"
-    FILL.cases.cache_clear()
 
 
 @pytest.mark.parametrize("file", STORED, ids=lambda p: p.stem)

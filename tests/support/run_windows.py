@@ -1,6 +1,6 @@
 """A window on a run that is made of events."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +23,16 @@ FINDING = {
 }
 
 
-def window_on(events: list[Event], asked: list[str] | None = None, **kwargs: Any) -> RunWindow:
+def state_of(events: Iterable[Event]) -> ViewState:
+    """What a window knows once it has seen them."""
     state = ViewState()
     for event in events:
         state.update(event)
-    ask = None if asked is None else asked.append
+    return state
+
+
+def window_on(events: list[Event], asked: list[str] | None = None, **kwargs: Any) -> RunWindow:
+    state, ask = state_of(events), None if asked is None else asked.append
     return RunWindow(Path("a.run"), lambda: state, ask=ask, **kwargs)
 
 

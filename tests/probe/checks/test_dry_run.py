@@ -124,6 +124,10 @@ JUDGED: list[tuple[dict[str, Any], str | None, str, str, str]] = [
         "'counts'; what a driver or its calibration gives as force must be in N",
     ),
     ({"stage": {"driver": "warp"}}, None, "stage", "fault", ""),
+    ({"scan": {"stations": [3, 2]}}, "TI", "note", "warning", "6 stations lie at 3 places"),
+    ({"scan": {"stations": [3, 2], "pitch_mm": [4, 4]}}, "TI", "note", "ok", ""),
+    ({"scan": {"stations": 3, "repeats": 2}}, "TI", "note", "ok", ""),
+    ({"scan": {"stations": 3, "pitch_mm": 0}}, "TI", "note", "warning", "3 stations lie at 1 pl"),
     # a lone vessel may be pressed beside, on its support; then nothing pulses
     (
         {"scan": {"start_mm": -4.0, "stations": 1}, "scene": {"name": "HAOT"}},

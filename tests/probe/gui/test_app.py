@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QWidget
+from run_windows import state_of
 
 from probe.config.rig import Rig
 from probe.core.errors import RunFileError
 from probe.core.events import Event
 from probe.gui.app import Detective, Follower, judged, judged_once, run_live, run_replay
 from probe.gui.replay import ReplayWindow
-from probe.gui.state import ViewState
 from probe.gui.style import application, until_closed
 from probe.gui.window import RunWindow
 from probe.scan.session import scan
@@ -25,18 +25,18 @@ from probe.storage.run import open_run
 from probe.storage.writer import create_store
 
 
+@pytest.fixture
+def few(tmp_path: Path, winkler: Any) -> Path:
+    """A run of three stations."""
+    rig = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
+    return scan(rig, "TIHA", tmp_path, seed=1, respond=winkler).path
+
+
 def said(look: Any) -> Any:
     """What detection says when it has come to its end."""
     look()
     look._worker.join()
     return look()["finding"]
-
-
-def state_of(events: list[Event]) -> ViewState:
-    state = ViewState()
-    for event in events:
-        state.update(event)
-    return state
 
 
 def test_a_finding_is_looked_at_again_when_the_run_has_ended(tmp_path: Path, winkler: Any) -> None:
@@ -56,18 +56,16 @@ def test_a_finding_is_looked_at_again_when_the_run_has_ended(tmp_path: Path, win
 
 
 def test_a_window_goes_on_where_its_run_cannot_be_read_and_says_why(
-    tmp_path: Path, winkler: Any
+    tmp_path: Path, few: Path
 ) -> None:
-    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
-    whole = scan(few, "TI", tmp_path, seed=1, respond=winkler).path
-    state, path = state_of(list(open_run(whole).events())), tmp_path / "live.run"
+    state, path = state_of(open_run(few).events()), tmp_path / "live.run"
     look = Detective(path, state)
     application()
     window = RunWindow(path, lambda: state, look)
     for content, says in (
         (None, "no such run file"),
         (b"garbled" * 999, "damaged"),
-        (whole.read_bytes(), ""),
+        (few.read_bytes(), ""),
     ):
         if content is not None:
             path.write_bytes(content)
@@ -81,40 +79,32 @@ def test_a_window_goes_on_where_its_run_cannot_be_read_and_says_why(
     window.close()
 
 
-def test_a_run_that_is_garbled_while_it_is_watched_is_said_with_what_was_seen(
-    tmp_path: Path, winkler: Any
-) -> None:
-    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
-    path = scan(few, "TI", tmp_path, respond=winkler).path
+def test_a_run_that_is_garbled_while_it_is_watched_is_said_with_what_was_seen(few: Path) -> None:
 
     def events() -> Iterator[Event]:
-        yield from list(open_run(path).events())[:20]
-        raise RunFileError(f"{path}: damaged")
+        yield from list(open_run(few).events())[:20]
+        raise RunFileError(f"{few}: damaged")
 
     follower = Follower(events())
     for _ in range(3):
         state = follower()
-    assert (state.started_utc != "", state.trouble) == (True, f"{path}: damaged")
+    assert (state.started_utc != "", state.trouble) == (True, f"{few}: damaged")
     application()
-    findings = iter(["no such run file", judged(path), "no such run file"])
-    window = RunWindow(path, follower, lambda: next(findings))
+    findings = iter(["no such run file", judged(few), "no such run file"])
+    window = RunWindow(few, follower, lambda: next(findings))
     window.timer.stop()
     for unjudged in (True, False, True):  # a finding that ends later hides no trouble of reading
         window.frame()
         shown = window.side.finding.text()
-        assert f"Nothing newer can be read: {path}: damaged" in shown
+        assert f"Nothing newer can be read: {few}: damaged" in shown
         assert ("No newer one can be made: no such run file" in shown) == unjudged
     window.close()
 
 
-def test_a_replay_draws_what_was_measured_and_says_the_finding_at_its_end(
-    tmp_path: Path, winkler: Any
-) -> None:
-    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
-    path = scan(few, "TIHA", tmp_path, seed=1, respond=winkler).path
-    events = list(open_run(path).events())
+def test_a_replay_draws_what_was_measured_and_says_the_finding_at_its_end(few: Path) -> None:
+    events = list(open_run(few).events())
     application()
-    window = ReplayWindow(path, events, judged_once(path))
+    window = ReplayWindow(few, events, judged_once(few))
     while (found := window.finding()) is None:
         pass
     for place, says in ((0.99, False), (1.0, True), (0.99, False)):  # played again from the start
@@ -142,19 +132,14 @@ def _signals_as_they_were() -> Iterator[None]:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize("entry", [run_live, run_replay])
 def test_a_signal_closes_a_window(
-    tmp_path: Path,
-    winkler: Any,
-    monkeypatch: pytest.MonkeyPatch,
-    entry: Callable[[Path], int],
+    few: Path, monkeypatch: pytest.MonkeyPatch, entry: Callable[[Path], int],
     number: signal.Signals,
-) -> None:
+) -> None:  # fmt: skip
     """Ctrl-C once ended in a traceback of the frame, and the window stayed."""
     monkeypatch.setattr("os.nice", lambda _: 0)  # of a window; this process goes on
-    few = Rig.model_validate({"scan": {"start_mm": 28, "stations": 3}})
-    path = scan(few, "TI", tmp_path, respond=winkler).path
     application()
     QTimer.singleShot(300, lambda: os.kill(os.getpid(), number))
-    assert entry(path) == 0
+    assert entry(few) == 0
 
 
 @pytest.mark.usefixtures("_signals_as_they_were")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PySide6.QtCore import QPoint, QPointF, Qt
 from PySide6.QtTest import QTest
+from small_solid import small_solid
 
 from probe.gui.feel import LIFTED_MM, MAX_DEPTH_MM, FeelWindow, deepest_mm
 from probe.gui.style import application
@@ -161,12 +162,7 @@ def test_a_solid_is_felt_and_its_cut_is_seen(
     shoot: Callable[..., None], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: tmp_path)
-    block = {"width_mm": 16.0, "height_mm": 8.0, "length_mm": 12.0, "modulus_kpa": 50.0,
-             "poisson": 0.45}  # fmt: skip
-    ball = {"shape": "sphere", "radius_mm": 4.0}
-    scene = Scene.model_validate(
-        {"name": "small", "plane": "solid", "tissue": block, "indenter": ball}
-    )
+    scene = small_solid(16.0, 12.0)
     one = solve(scene, 8.0, 0.8)
     state = one.press(0.8e-3, 0.0)
     assert state.contact_mm[0] + state.contact_mm[1] == pytest.approx(16.0, abs=0.2)

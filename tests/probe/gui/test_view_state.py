@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from run_windows import state_of
 
 from drivers import Block, Channel
 from probe.core.events import (
@@ -54,10 +55,7 @@ def press(start_s: float, station: int, pulse_n: float) -> list[Event]:
 
 
 def view(*events: Event) -> ViewState:
-    state = ViewState()
-    for event in events:
-        state.update(event)
-    return state
+    return state_of(events)
 
 
 def test_a_hold_gives_baseline_and_pulse_as_contact_stress() -> None:

@@ -5,26 +5,17 @@ from pathlib import Path
 import pyqtgraph as pg
 import pytest
 from PySide6.QtCore import Qt
-from run_windows import FINDING, Make, Shoot
+from run_windows import FINDING, Make, Shoot, state_of
 
-from probe.gui.state import ViewState
-from probe.gui.style import application
 from probe.gui.window import RunWindow
 
 SMALL = (800, 600)
 
 
-@pytest.fixture(autouse=True)
-def _plain_size() -> None:
-    application()
-
-
 @pytest.mark.parametrize("rows", [1, 5])
 def test_nothing_is_cut_on_a_small_screen(rows: int, make_run: Make, shoot: Shoot) -> None:
     """Titles and axes were cut at the right, the finding's words above and below."""
-    state = ViewState()
-    for event in make_run(rows):
-        state.update(event)
+    state = state_of(make_run(rows))
     long = FINDING | {"reason": "of two objects " * 40}
     window = RunWindow(Path("a.run"), lambda: state, lambda: long, lambda _: None)
     shoot(window, f"small-{rows}", SMALL)
@@ -45,9 +36,7 @@ def test_nothing_is_cut_on_a_small_screen(rows: int, make_run: Make, shoot: Shoo
 
 
 def test_a_wide_window_has_its_plots_beside_each_other(make_run: Make, shoot: Shoot) -> None:
-    state = ViewState()
-    for event in make_run():
-        state.update(event)
+    state = state_of(make_run())
     window = RunWindow(Path("a.run"), lambda: state)
     shoot(window, "wide")
     assert window.plots.orientation() is Qt.Orientation.Horizontal
