@@ -5,14 +5,18 @@ from typing import Any
 from sim_backend import Scene
 
 
-def small_solid(width_mm: float, length_mm: float, *inclusion: dict[str, Any]) -> Scene:
-    """The block over what lies in it."""
+def small_solid(
+    width_mm: float, length_mm: float, *inclusion: dict[str, Any], height_mm: float = 8.0,
+    poisson: float = 0.45, ball_mm: float = 4.0, indenter: dict[str, Any] | None = None,
+    **tissue: Any,
+) -> Scene:  # fmt: skip
+    """The block over what lies in it; ``tissue``: other keys of its table."""
     return Scene.model_validate({
         "name": "small", "plane": "solid",
-        "tissue": {"width_mm": width_mm, "height_mm": 8.0, "length_mm": length_mm,
-                   "modulus_kpa": 50.0, "poisson": 0.45},
+        "tissue": {"width_mm": width_mm, "height_mm": height_mm, "length_mm": length_mm,
+                   "modulus_kpa": 50.0, "poisson": poisson, **tissue},
         "inclusion": inclusion,
-        "indenter": {"shape": "sphere", "radius_mm": 4.0},
+        "indenter": indenter or {"shape": "sphere", "radius_mm": ball_mm},
     })  # fmt: skip
 
 

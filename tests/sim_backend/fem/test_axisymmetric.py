@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from small_solid import small_solid
 
 from sim_backend.arrays import Array
 from sim_backend.fem.axisymmetric import build_axisymmetric, solve_axisymmetric
@@ -25,10 +26,7 @@ LUMP = {"kind": "tumour", "x_mm": 50.0, "depth_mm": 6.0, "diameter_mm": 5.0,
 
 
 def block(finger: dict[str, Any], poisson: float, height_mm: float, *lumps: Any) -> Scene:
-    tissue = {"width_mm": 100.0, "height_mm": height_mm, "length_mm": 100.0, "modulus_kpa": 50.0,
-              "poisson": poisson}  # fmt: skip
-    return Scene.model_validate({"name": "block", "plane": "solid", "tissue": tissue,
-                                 "indenter": finger, "inclusion": lumps})  # fmt: skip
+    return small_solid(100.0, 100.0, *lumps, height_mm=height_mm, poisson=poisson, indenter=finger)
 
 
 def grading(contact_m: float, coarsest_m: float = 8e-3) -> Grading:
@@ -49,12 +47,9 @@ def test_the_way_down_belongs_to_the_finger() -> None:
     """At a hundredth of the size steps of 0.2 mm and more crushed the elements."""
 
     def force_n(times: float) -> float:
-        tissue = {"width_mm": 40.0 * times, "height_mm": 20.0 * times, "length_mm": 40.0 * times,
-                  "modulus_kpa": 50.0, "poisson": 0.49}  # fmt: skip
-        scene = Scene.model_validate(
-            {"name": "block", "plane": "solid", "tissue": tissue,
-             "indenter": {"shape": "sphere", "radius_mm": 5.0 * times}}
-        )  # fmt: skip
+        scene = small_solid(
+            40.0 * times, 40.0 * times, height_mm=20.0 * times, poisson=0.49, ball_mm=5.0 * times
+        )
         sizes = grading(0.3e-3 * times, 4e-3 * times)
         _, (found,) = solve_axisymmetric(scene, 20e-3 * times, 2e-3 * times, sizes)
         return found.force_n
@@ -156,10 +151,7 @@ def test_tangent_by_differences(poisson: float) -> None:
 
 def test_the_boxes_round_the_block_bound_its_force() -> None:
     """CalculiX, three dimensions, the same block (64 x 16.83 x 40 mm): 0.5770 N."""
-    tissue = {"width_mm": 64.0, "height_mm": 16.83, "length_mm": 40.0, "modulus_kpa": 50.0,
-              "poisson": 0.49}  # fmt: skip
-    scene = Scene.model_validate({"name": "TI-ball", "plane": "solid", "tissue": tissue,
-                                  "indenter": BALL})  # fmt: skip
+    scene = small_solid(64.0, 40.0, height_mm=16.83, poisson=0.49, indenter=BALL)
     pressed = press(scene, 32.0, 2.0, model="axisymmetric")
     assert pressed.model == "axisymmetric"
     assert pressed.states[0].force_n == pytest.approx(0.5770, rel=0.01)
@@ -195,11 +187,9 @@ def test_a_finer_mesh_begins_where_the_coarser_one_ended() -> None:
 def test_a_blunt_cone_carries_a_cone_s_force() -> None:
     """P = 2 E* d^2 tan(alpha) / pi (Love 1939; Johnson 1985, eq. 5.11), its flanks at 10 degrees to
     the surface, so that strains are small."""
-    tissue = {"width_mm": 360.0, "length_mm": 360.0, "height_mm": 180.0, "modulus_kpa": 50.0,
-              "poisson": 0.3}  # fmt: skip
     cone = {"shape": "cone", "angle_deg": 160.0, "tip_radius_mm": 0.2, "diameter_mm": 12.0}
-    raw = {"name": "cone", "plane": "solid", "tissue": tissue, "indenter": cone}
-    (state,) = press(Scene.model_validate(raw), 180.0, 0.5, model="axisymmetric").states
+    scene = small_solid(360.0, 360.0, height_mm=180.0, poisson=0.3, indenter=cone)
+    (state,) = press(scene, 180.0, 0.5, model="axisymmetric").states
     stiffness = 0.050 / (1 - 0.3**2)
     sharp_mm = 0.2 * (1 / np.sin(np.radians(80)) - 1)  # how much lower the point would be
     wanted = 2 * stiffness * (0.5 + sharp_mm) ** 2 * np.tan(np.radians(80)) / np.pi

@@ -74,13 +74,6 @@ def test_press_lift_press(plane):
     np.testing.assert_allclose(direct.displacement, second.displacement, atol=2e-7)
 
 
-def test_one_step_is_as_good_as_many():
-    section = build_section(scene_in("stress"), 0.032, depth_m=DEPTH_M, size_m=1e-3)
-    (once,) = marched(section, [Load(DEPTH_M, P)])
-    *_, many = marched(section, [Load(DEPTH_M * k / 9, P * k / 9) for k in range(1, 10)])
-    assert once.force_n_per_m == pytest.approx(many.force_n_per_m, rel=1e-4)
-
-
 @pytest.mark.parametrize("plane", ["stress", "strain"])
 def test_contact_is_complementary(plane):
     """Where the finger pushes there is no gap; where there is a gap nothing pushes or pulls."""

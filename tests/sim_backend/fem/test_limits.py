@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 from small_block import BLOCK
+from small_solid import small_solid
 
 from sim_backend import load_scene
 from sim_backend.fem.axisymmetric import build_axisymmetric
@@ -58,12 +59,7 @@ def test_a_wall_bursts_where_it_does_and_not_where_steps_are_long() -> None:
 
 
 def test_a_body_of_revolution_is_crushed_at_a_radius() -> None:
-    tissue = {"width_mm": 24.0, "height_mm": 12.0, "length_mm": 24.0, "modulus_kpa": 50.0,
-              "poisson": 0.45}  # fmt: skip
-    scene = Scene.model_validate(
-        {"name": "block", "plane": "solid", "tissue": tissue,
-         "indenter": {"shape": "sphere", "radius_mm": 5.0}}
-    )  # fmt: skip
+    scene = small_solid(24.0, 24.0, height_mm=12.0, ball_mm=5.0)
     grading = Grading(0.5e-3, lambda radius: 0.3 * radius, 0.35, 4e-3)
     section = build_axisymmetric(scene, 12e-3, 1e-3, grading)
     last = replace(unloaded(section), load=Load(0.3e-3, 0.0))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from small_solid import small_solid
 
 from sim_backend.arrays import Array
 from sim_backend.fem.finite_strain import solve_finite
@@ -85,11 +86,7 @@ def test_taxels_under_a_cylinder_are_hertz_s(skin: dict[str, float] | None) -> N
 
 
 def solid(**finger: Any) -> Scene:
-    tissue = {"width_mm": 24.0, "length_mm": 24.0, "height_mm": 12.0, "modulus_kpa": 50.0,
-              "poisson": 0.45}  # fmt: skip
-    return Scene.model_validate(
-        {"name": "solid", "plane": "solid", "tissue": tissue, "indenter": finger}
-    )
+    return small_solid(24.0, 24.0, height_mm=12.0, indenter=finger)
 
 
 def test_taxels_of_a_solid_are_those_of_the_body_of_revolution() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers import Block, DeviceFault, Pose, Sensor, SimulatedClock, Stage
+from drivers import Block, DeviceFault, Pose, SimulatedClock
 from sim_backend.phantom.devices import virtual_sensor, virtual_stage
 from sim_backend.phantom.phantom import Phantom
 from sim_backend.phantom.trajectory import Trajectory
@@ -37,14 +37,6 @@ def press(winkler: Any, steps_s: list[float], **settings: Any) -> list[Block]:
 
 def joined(blocks: list[Block]) -> np.ndarray[Any, Any]:
     return np.concatenate([np.column_stack([b.time_s, b.values]) for b in blocks])
-
-
-def test_they_are_a_stage_and_a_sensor(winkler: Any) -> None:
-    clock, phantom = world(winkler)
-    assert isinstance(virtual_stage(clock, phantom=phantom), Stage)
-    sensor = virtual_sensor(clock, phantom=phantom)
-    assert isinstance(sensor, Sensor)
-    assert all(channel.simulated for channel in sensor.channels)
 
 
 @settings(

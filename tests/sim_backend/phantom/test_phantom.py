@@ -18,6 +18,17 @@ def phantom(winkler: Any, scene: Scene, **more: Any) -> Phantom:
     return made
 
 
+def noting(winkler: Any) -> tuple[Any, list[float]]:
+    """An answer that keeps to which depths [m] it was asked, rounded as finite elements do."""
+    asked: list[float] = []
+
+    def respond(scene: Scene, x_m: float, max_depth_m: float) -> Any:
+        asked.append(round(max_depth_m, 9))
+        return winkler(scene, x_m, max_depth_m)
+
+    return respond, asked
+
+
 def test_depth_follows_the_ramp(winkler: Any) -> None:
     world = phantom(winkler, load_scene("TIHA"))
     assert world.depth_m(np.array([0.5, 1.5, 2.0, 5.0])) == pytest.approx(
@@ -66,11 +77,7 @@ def test_relaxation_loses_the_prony_weights_of_a_held_force(winkler: Any) -> Non
 
 
 def test_deeper_than_prepared_is_solved_again(winkler: Any) -> None:
-    asked = []
-
-    def respond(scene: Scene, x_m: float, depth_m: float) -> Any:
-        asked.append(depth_m)
-        return winkler(scene, x_m, depth_m)
+    respond, asked = noting(winkler)
 
     world = Phantom(load_scene("TI"), SimulatedClock(), respond, depth_m=1e-3, home=(0.02, 0, 0))
     world.tip.move(0.0, (0.02, 0.0, -2e-3), *MOVE)
@@ -139,12 +146,7 @@ def test_a_drag_is_answered_by_the_section_and_the_surface_under_each_place(wink
 
 def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
     """Deeper than was asked for first, and by no round number."""
-    asked: list[float] = []
-
-    def respond(scene: Scene, x_m: float, max_depth_m: float) -> Any:
-        asked.append(round(max_depth_m, 9))  # as the finite elements do
-        return winkler(scene, x_m, max_depth_m)
-
+    respond, asked = noting(winkler)
     made = Phantom(load_scene("TI"), SimulatedClock(), respond, home=(0.032, 0.0, 0.0))
     made.tip.move(0.0, (0.032, 0.0, -2.5000004e-3), *MOVE)
     made.force_n(np.linspace(0, 2, 50))
@@ -154,12 +156,7 @@ def test_a_section_is_solved_as_deep_as_it_is_pressed(winkler: Any) -> None:
 
 def test_a_press_as_deep_as_planned_is_solved_once(winkler: Any) -> None:
     """Whatever its way there is rounded to: solved again, deeper, its answers would be others."""
-    asked: list[float] = []
-
-    def respond(scene: Scene, x_m: float, max_depth_m: float) -> Any:
-        asked.append(max_depth_m)
-        return winkler(scene, x_m, max_depth_m)
-
+    respond, asked = noting(winkler)
     depth_m, end_s = 2.5e-3, 1.0025
     made = Phantom(
         load_scene("TI"), SimulatedClock(), respond, depth_m=depth_m, home=(0.032, 0.0, 0.0)

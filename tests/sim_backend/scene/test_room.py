@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 from pydantic import ValidationError
+from small_solid import small_solid
 
 from sim_backend.scene.scene_file import Scene, load_scene
 
@@ -52,16 +53,9 @@ def solid(*paths: list[list[float]]) -> Scene:
     """A block of 30 x 12 x 20 mm with one vessel of radius 2 mm for each path."""
     vessel = {"kind": "artery", "inner_diameter_mm": 3.0, "wall_mm": 0.5, "modulus_kpa": 300.0,
               "poisson": 0.45}  # fmt: skip
-    block = {"width_mm": 30.0, "height_mm": 12.0, "length_mm": 20.0, "modulus_kpa": 50.0,
-             "poisson": 0.45}  # fmt: skip
     vessels = [vessel | {"x_mm": 15.0 + 8 * n, "depth_mm": 6.0, "path": path}
                for n, path in enumerate(paths)]  # fmt: skip
-    tables = {
-        "tissue": block,
-        "inclusion": vessels,
-        "indenter": {"shape": "sphere", "radius_mm": 4.0},
-    }
-    return Scene.model_validate({"name": "own", "plane": "solid"} | tables)
+    return small_solid(30.0, 20.0, *vessels, height_mm=12.0)
 
 
 @pytest.mark.parametrize("x_mm", [10.0, 12.1, 12.3, 17.1])

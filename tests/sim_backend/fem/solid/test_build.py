@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_solid import small_solid
 
 from sim_backend.fem import kernel
 from sim_backend.fem.newton import CannotSolve
@@ -21,12 +22,7 @@ BALL = {"kind": "tumour", "x_mm": 16.0, "depth_mm": 9.0, "z_mm": 0.0, "diameter_
 
 
 def block(*inclusion: dict[str, Any], length_mm: float = 20.0) -> Scene:
-    tissue = {"width_mm": 32.0, "height_mm": 16.0, "length_mm": length_mm, "modulus_kpa": 50.0,
-              "poisson": 0.45}  # fmt: skip
-    return Scene.model_validate(
-        {"name": "block", "plane": "solid", "tissue": tissue, "inclusion": inclusion,
-         "indenter": {"shape": "sphere", "radius_mm": 5.0}}
-    )  # fmt: skip
+    return small_solid(32.0, length_mm, *inclusion, height_mm=16.0, ball_mm=5.0)
 
 
 def body_of(*inclusion: dict[str, Any]) -> SolidBody:
@@ -178,12 +174,7 @@ def test_a_mesh_too_large_is_refused_before_it_is_solved() -> None:
 
 
 def thin(height_mm: float, width_mm: float) -> Scene:
-    tissue = {"width_mm": width_mm, "height_mm": height_mm, "length_mm": width_mm - 4.0,
-              "modulus_kpa": 50.0, "poisson": 0.49}  # fmt: skip
-    return Scene.model_validate(
-        {"name": "thin", "plane": "solid", "tissue": tissue,
-         "indenter": {"shape": "sphere", "radius_mm": 5.0}}
-    )  # fmt: skip
+    return small_solid(width_mm, width_mm - 4.0, height_mm=height_mm, poisson=0.49, ball_mm=5.0)
 
 
 def test_a_thin_wide_block_is_pressed_as_the_axisymmetric_model_does() -> None:

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_solid import small_solid
 
 from sim_backend.fem.axisymmetric import solve_axisymmetric
 from sim_backend.fem.model import usual_grading
@@ -16,12 +17,9 @@ DEPTH_M = 0.6e-3
 
 
 def block(indenter: dict[str, Any] | None = None, poisson: float = 0.49, **changed: Any) -> Scene:
-    tissue = {"width_mm": 24.0, "height_mm": 12.0, "length_mm": 20.0, "modulus_kpa": 50.0,
-              "poisson": poisson}  # fmt: skip
     finger = {"shape": "sphere", "radius_mm": 5.0} | (indenter or {})
-    return Scene.model_validate(
-        {"name": "block", "plane": "solid", "tissue": tissue, "indenter": finger} | changed
-    )
+    scene = small_solid(24.0, 20.0, height_mm=12.0, poisson=poisson, indenter=finger)
+    return Scene.model_validate(scene.model_dump(exclude_none=True) | changed)
 
 
 def force_n(scene: Scene, depth_m: float = DEPTH_M, size_m: float = 1.2e-3) -> float:

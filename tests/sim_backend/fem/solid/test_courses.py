@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_solid import small_solid
 
 from sim_backend.fem.solid.body import SolidBody
 from sim_backend.fem.solid.build import build_body, half_width_m
@@ -26,12 +27,7 @@ LUMP = {"kind": "tumour", "x_mm": 20.8, "depth_mm": 6.0, "z_mm": -4.0, "diameter
 
 
 def block(*inclusion: dict[str, Any], ends: str = "free") -> Scene:
-    tissue = {"width_mm": 24.0, "height_mm": 12.0, "length_mm": 24.0, "modulus_kpa": 50.0,
-              "poisson": 0.45, "ends": ends}  # fmt: skip
-    return Scene.model_validate(
-        {"name": "block", "plane": "solid", "tissue": tissue, "inclusion": inclusion,
-         "indenter": {"shape": "sphere", "radius_mm": 5.0}}
-    )  # fmt: skip
+    return small_solid(24.0, 24.0, *inclusion, height_mm=12.0, ball_mm=5.0, ends=ends)
 
 
 def body_of(*inclusion: dict[str, Any], ends: str = "free") -> SolidBody:

@@ -4,29 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from small_solid import small_solid, vessel
 
 from sim_backend.fem.material_3d import von_mises
 from sim_backend.fem.newton import unloaded
 from sim_backend.fem.solid.build import build_body
 from sim_backend.fem.solid.cut import Cut
-from sim_backend.scene.scene_file import Scene
-
-VESSEL = {"kind": "artery", "x_mm": 7.0, "depth_mm": 4.5, "inner_diameter_mm": 2.0, "wall_mm": 1.0,
-          "modulus_kpa": 200.0, "poisson": 0.45}  # fmt: skip
 
 
 @pytest.mark.parametrize("z_mm", [0.0, 1.5], ids=["half", "whole"])
 def test_a_cut_shows_the_section_and_its_stress(z_mm: float) -> None:
-    scene = Scene.model_validate(
-        {
-            "name": "small",
-            "plane": "solid",
-            "tissue": {"width_mm": 14.0, "height_mm": 8.0, "length_mm": 12.0, "z_mm": z_mm,
-                       "modulus_kpa": 50.0, "poisson": 0.45},
-            "inclusion": [VESSEL],
-            "indenter": {"shape": "sphere", "radius_mm": 4.0},
-        }
-    )  # fmt: skip
+    scene = small_solid(14.0, 12.0, vessel(7.0), z_mm=z_mm)
     body = build_body(scene, 7e-3, depth_m=0.5e-3, size_m=1.4e-3)
     cut = Cut(body)
     assert (body.wedges.nodes[cut.numbers, 2] == 0).all()

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_solid import small_solid
 
 from sim_backend.fem import continuation as following
 from sim_backend.fem.body import Tangent
@@ -18,12 +19,7 @@ from sim_backend.fem.solid.linear import LinearSolver
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.scene.scene_file import Scene
 
-SCENE = Scene.model_validate(
-    {"name": "block", "plane": "solid",
-     "tissue": {"width_mm": 24.0, "height_mm": 12.0, "length_mm": 20.0, "modulus_kpa": 50.0,
-                "poisson": 0.49},
-     "indenter": {"shape": "sphere", "radius_mm": 5.0}}
-)  # fmt: skip
+SCENE = small_solid(24.0, 20.0, height_mm=12.0, poisson=0.49, ball_mm=5.0)
 
 
 def test_a_deep_first_touch_takes_few_steps() -> None:

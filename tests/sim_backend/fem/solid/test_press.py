@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from small_solid import small_solid
 
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.solid.build import grading_of
@@ -39,10 +40,7 @@ def test_a_long_finger_on_a_held_block_is_plane_strain() -> None:
 
 def test_a_press_off_the_middle_is_the_same_on_either_side() -> None:
     """Then nothing is symmetric, and the block is fixed on average only."""
-    scene = Scene.model_validate(
-        {"name": "side", "plane": "solid", "tissue": {**TISSUE, "length_mm": 20.0},
-         "indenter": {"shape": "sphere", "radius_mm": 4.0}}
-    )  # fmt: skip
+    scene = small_solid(24.0, 20.0, height_mm=12.0)
     forces = [
         solve_solid(section_at(scene, z_mm), x, 0.3e-3, [0.0], 2.5e-3)[1][0].force_n
         for x, z_mm in ((9e-3, 2.0), (15e-3, -2.0))
@@ -59,10 +57,7 @@ def test_a_punch_that_leans_presses_as_one_that_stands_as_deep_in_the_middle() -
     def force_n(tilt_deg: float | None, depth_m: float) -> float:
         punch = {"shape": "flat", "diameter_mm": 2e3 * radius_m, "edge_radius_mm": 1e3 * edge_m,
                  "tilt_deg": tilt_deg}  # fmt: skip
-        scene = Scene.model_validate(
-            {"name": "leans", "plane": "solid", "indenter": punch,
-             "tissue": {**TISSUE, "width_mm": 20.0, "height_mm": 8.0, "length_mm": 16.0}}
-        )  # fmt: skip
+        scene = small_solid(20.0, 16.0, indenter=punch)
         return solve_solid(scene, 10e-3, depth_m, [0.0], 1e-3)[1][0].force_n
 
     upright_n = force_n(None, depth_m - above_m)

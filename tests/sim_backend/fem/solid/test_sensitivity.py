@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from small_solid import small_solid
 
 from sim_backend.fem.newton import as_solved, equilibrium
 from sim_backend.fem.sensitivity import LOADS, gradients, loaded, renumbered
@@ -22,12 +23,7 @@ ARTERY = {"kind": "artery", "x_mm": 12.0, "depth_mm": 5.0, "inner_diameter_mm": 
 
 
 def solid(inclusion: dict[str, Any]) -> Scene:
-    tissue = {"width_mm": 24.0, "length_mm": 24.0, "height_mm": 12.0, "modulus_kpa": 50.0,
-              "poisson": 0.45}  # fmt: skip
-    return Scene.model_validate({
-        "name": "solid", "plane": "solid", "tissue": tissue, "inclusion": [inclusion],
-        "indenter": {"shape": "sphere", "radius_mm": 4.0},
-    })  # fmt: skip
+    return small_solid(24.0, 24.0, inclusion, height_mm=12.0)
 
 
 @pytest.fixture(autouse=True)
