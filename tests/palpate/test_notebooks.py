@@ -96,16 +96,6 @@ def test_results_print_as_the_terminal_shows_them(
     assert repr(result) == f"ScanResult({result.path}, completed: every station is complete)"
 
 
-def test_a_run_stands_for_its_file(
-    scanned: tuple[ScanResult, palpate.Finding], tmp_path: Path
-) -> None:
-    result, finding = scanned
-    run = palpate.open_run(result.path)
-    assert str(palpate.detect(run)) == str(finding)
-    assert palpate.verify(run).ok
-    assert all(file.exists() for file in palpate.export(run, ["csv"], tmp_path))
-
-
 def test_a_cell_that_scans_shows_how_far_it_is(
     winkler: Respond,
     tmp_path: Path,

@@ -242,6 +242,8 @@ def test_a_calibration_that_no_longer_holds_is_reported(
     for gain, worn in ((1.3, False), (1.3, False), (1.31, True)):
         table = loads(tmp_path / "loads.csv", gain)
         assert main(["calibrate", "force", str(table), *out]) == 0
+        values = json.loads((tmp_path / "f.json").read_text())["values"]
+        assert values["sensitivity"]["value"][0][0] == pytest.approx(gain, rel=1e-3)
         said = capsys.readouterr()
         assert ("times what its residuals allow" in said.err) is worn
         assert ("it still holds" in said.err) is (tested and not worn)

@@ -1,6 +1,5 @@
 """Calibrations from files, applied in scans."""
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -79,6 +78,19 @@ class Wrong:
         return Block(t + 0.008, np.column_stack([1.3 * force, t]), np.zeros((500, 2), dtype=bool))
 
 
+class Reads:
+    """A sensor that reads these rows, a second apart."""
+
+    rate_hz = 10.0
+
+    def __init__(self, name: str, channels: Sequence[Channel], rows: object) -> None:
+        self.name, self.channels, self.rows = name, tuple(channels), np.array(rows, float)
+
+    def read(self) -> Block:
+        times = np.arange(float(len(self.rows)))
+        return Block(times, self.rows, np.zeros(self.rows.shape, bool))
+
+
 def force_file(path: Path, device: str = "cell") -> Path:
     loads = np.linspace(0, 20, 12)[:, None]
     rng = np.random.default_rng(1)
@@ -149,33 +161,6 @@ def test_a_rig_file_brings_them_in(tmp_path: Path, winkler: Respond) -> None:
         assert isinstance(sensor, CalibratedSensor)
 
 
-def test_calibrate_force_from_a_table(tmp_path: Path) -> None:
-    table = tmp_path / "t.csv"
-    rows = [f"{1.3 * load + 0.2 + 1e-3 * (n % 3 - 1)},{load}" for n, load in enumerate(range(12))]
-    table.write_text("raw,load_n\n" + "\n".join(rows))
-    out = tmp_path / "c.json"
-    assert main(["calibrate", "force", str(table), "--device", "cell", "--out", str(out)]) == 0
-    reported = json.loads(out.read_text())
-    assert reported["device"] == "cell"
-    assert reported["values"]["sensitivity"]["value"][0][0] == pytest.approx(1.3, rel=1e-3)
-
-
-@pytest.mark.parametrize(
-    ("text", "reported"),
-    [
-        ("raw\n1\n2\n", "column load_n is missing; it has raw"),
-        ("raw,load_n\n1,5\n1,5\n1,5\n1,5\n", "add readings"),
-    ],
-)
-def test_bad_tables_are_explained(
-    tmp_path: Path, text: str, reported: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    table = tmp_path / "t.csv"
-    table.write_text(text)
-    assert main(["calibrate", "force", str(table), "--device", "cell"]) == 2
-    assert reported in capsys.readouterr().err
-
-
 def saved(one: Calibration, path: Path, device: str, days_old: float = 0.0) -> dict[str, str]:
     now = datetime.now(UTC) - timedelta(days=days_old)
     save(record(one, device, {}, now=now), path)
@@ -219,24 +204,14 @@ def test_calibrated_axes_take_no_ability_from_a_stage(tmp_path: Path) -> None:
     assert (abilities.pace(plain), abilities.enable(plain)) == (1.0, [])
 
 
-class Array3:
-    """Three taxels of gains 1, 2 and none."""
-
-    name, rate_hz = "array", 100.0
-    channels = tuple(Channel(f"t{n}", "raw", "taxel", full_scale=4096.0) for n in range(3))
-
-    def read(self) -> Block:
-        return Block(
-            np.arange(2.0), np.array([[10.0, 20, 1], [40, 160, 0]]), np.zeros((2, 3), bool)
-        )
-
-
 def test_dead_taxels_are_left_out_and_clipped_ones_marked(tmp_path: Path) -> None:
     pressure = np.repeat(np.linspace(0, 100, 6), 4)
     raw = np.outer(pressure, [1.0, 2.0, 0.0]) + 5 + 1e-3 * np.sin(np.arange(72)).reshape(24, 3)
     raw[:, 1] = np.minimum(raw[:, 1], 165.0)
+    taxels = [Channel(f"t{n}", "raw", "taxel", full_scale=4096.0) for n in range(3)]
+    array = Reads("array", taxels, [[10, 20, 1], [40, 160, 0]])  # of gains 1, 2 and none
     _, (sensor,), _ = calibrated(
-        Skewed(), [Array3()], saved(fit_taxels(raw, pressure), tmp_path / "t.json", "array")
+        Skewed(), [array], saved(fit_taxels(raw, pressure), tmp_path / "t.json", "array")
     )
     assert [c.role for c in sensor.channels] == ["taxel", "taxel", "other"]
     assert [c.unit for c in sensor.channels] == ["Pa", "Pa", "raw"]
@@ -247,21 +222,13 @@ def test_dead_taxels_are_left_out_and_clipped_ones_marked(tmp_path: Path) -> Non
     assert block.saturated.tolist() == [[False] * 3, [False, True, False]]
 
 
-class Counts:
-    """A load cell that counts; pressing counts down."""
-
-    name, rate_hz = "adc", 10.0
-    channels = (Channel("load", "raw", "force", full_scale=8e6), Channel("t", "degC"))
-
-    def read(self) -> Block:
-        return Block(np.arange(2.0), np.array([[-400.0, 20], [-800, 20]]), np.zeros((2, 2), bool))
-
-
 def test_a_force_calibration_makes_newtons(tmp_path: Path) -> None:
     loads = np.linspace(0, 20, 12)[:, None]
     one = fit_force(-200.0 * loads + 3 + 1e-3 * np.sin(9 * loads), loads)
     files = saved(one, tmp_path / "f.json", "adc")
-    _, (sensor,), _ = calibrated(Skewed(), [Counts()], files)
+    counts = Channel("load", "raw", "force", full_scale=8e6), Channel("t", "degC")
+    cell = Reads("adc", counts, [[-400, 20], [-800, 20]])  # pressing counts down
+    _, (sensor,), _ = calibrated(Skewed(), [cell], files)
     assert [c.unit for c in sensor.channels] == ["N", "degC"]
     assert sensor.channels[0].full_scale == pytest.approx(40e3)
     block = sensor.read()
@@ -269,23 +236,14 @@ def test_a_force_calibration_makes_newtons(tmp_path: Path) -> None:
     assert stress_conversion(sensor.channels, 1e-4).stress_pa(block.values)[0] == pytest.approx(2e4)
 
 
-class Two:
-    """Each cell counts 100 a newton; the second also feels a fifth of the first's load."""
-
-    name, rate_hz = "pair", 10.0
-    channels = (Channel("left", "raw", "force"), Channel("right", "raw", "force"))
-    felt = np.array([[100.0, 0.0], [20.0, 100.0]])
-
-    def read(self) -> Block:
-        loads = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 3.0]])
-        return Block(np.arange(3.0), loads @ self.felt.T, np.zeros((3, 2), bool))
-
-
 def test_crosstalk_is_taken_out_of_the_channel_that_has_it(tmp_path: Path) -> None:
-    loads = np.random.default_rng(2).uniform(0, 5, (20, 2))
-    one = fit_force(loads @ Two.felt.T + 1e-3 * np.sin(9 * loads), loads)
-    _, (sensor,), _ = calibrated(Skewed(), [Two()], saved(one, tmp_path / "f.json", "pair"))
+    """Each cell counts 100 a newton; the second also feels a fifth of the first's load."""
+    felt, loads = np.array([[100, 0], [20, 100]]), np.random.default_rng(2).uniform(0, 5, (20, 2))
+    one = fit_force(loads @ felt.T + 1e-3 * np.sin(9 * loads), loads)
     true = np.array([[1.0, 0.0], [0.0, 1.0], [2.0, 3.0]])
+    cells = Channel("left", "raw", "force"), Channel("right", "raw", "force")
+    pair = Reads("pair", cells, true @ felt.T)
+    _, (sensor,), _ = calibrated(Skewed(), [pair], saved(one, tmp_path / "f.json", "pair"))
     assert sensor.read().values == pytest.approx(true, abs=1e-3)
 
 

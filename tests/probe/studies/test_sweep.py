@@ -303,21 +303,6 @@ def test_python_takes_what_the_shell_takes(tmp_path: Path) -> None:
         sweep("TIHA", {"wall": [1.0]}, out=tmp_path / "c.csv")
 
 
-def test_a_script_is_not_run_again_by_the_workers_of_its_sweep(tmp_path: Path) -> None:
-    script = tmp_path / "s.py"
-    script.write_text(
-        "import palpate\n"
-        "print('begins')\n"
-        "print(len(palpate.sweep('TIHA', {'wall_mm': [0.5, 0.6]}, indentation_mm=0.5,"
-        " model='small', accuracy_pct=20, out='t.csv', workers=2)))\n"
-    )
-    done = subprocess.run(
-        [sys.executable, str(script)], cwd=tmp_path, capture_output=True, text=True,
-        check=False, timeout=120,
-    )  # fmt: skip
-    assert (done.stdout, done.stderr) == ("begins\n2\n", "")
-
-
 def test_rows_of_a_log_that_does_not_say_whose_they_are_are_not_taken(tmp_path: Path) -> None:
     """A full disk may cut the first line short; what follows may be another sweep's."""
     row = json.dumps({"point": 0, "rows": [{"point": 0, "force_n": 99.0, "reason": ""}]})
