@@ -176,9 +176,7 @@ def test_the_judge_finds_samples_that_were_never_sent(monkeypatch: pytest.Monkey
     assert any("never sent" in text for text in simulated.run_draw(drawn)["wrong"])
 
 
-def test_the_judge_finds_a_station_that_was_somewhere_else(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_the_judge_finds_a_station_that_was_somewhere_else(monkeypatch: pytest.MonkeyPatch) -> None:
     def wrong_place(self: simulated.BenchStage) -> simulated.Pose:
         self._answer()
         x, y, z = self._bench.world.place

@@ -49,8 +49,7 @@ def found(rng: Rng, lengths: np.ndarray, noise: float = 0.02) -> tuple[HeartCali
 
 
 @pytest.mark.parametrize(
-    ("rhythm", "least"),
-    [(steady, 0.92), (fibrillating, 0.9), (ectopic, 0.92), (breathing, 0.92)],
+    ("rhythm", "least"), [(steady, 0.92), (fibrillating, 0.9), (ectopic, 0.92), (breathing, 0.92)]
 )
 def test_the_interval_holds_the_mean_rate(
     rhythm: Callable[[Rng], np.ndarray], least: float

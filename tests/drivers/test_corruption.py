@@ -21,8 +21,7 @@ DAMAGES = 1000
 
 
 @pytest.mark.parametrize(
-    ("check", "of"),
-    [("crc16-modbus", crc16_modbus), ("crc16-x25", crc16_x25), ("sum8", sum8)],
+    ("check", "of"), [("crc16-modbus", crc16_modbus), ("crc16-x25", crc16_x25), ("sum8", sum8)]
 )
 def test_frames(check: Check, of: Callable[[bytes], bytes]) -> None:
     rng = np.random.default_rng(4)

@@ -26,10 +26,7 @@ def test_each_script_is_run_here() -> None:
 
 @pytest.mark.parametrize("name", SAYS)
 def test_a_script_runs_and_says_what_it_is_for(
-    name: str,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
     runpy.run_path(str(EXAMPLES / f"{name}.py"), run_name="__main__")

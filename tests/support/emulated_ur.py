@@ -1,5 +1,6 @@
 """An emulated UR in a phantom, and the drivers for it."""
 
+import math
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -31,6 +32,12 @@ def fresh_host() -> str:
     return f"127.{1 + os.getpid() % 250}.{os.getpid() // 250 % 250}.{next(_numbers)}"
 
 
+def lowest_m(phantom: Phantom) -> float:
+    legs = phantom.tip.all_legs()
+    ends_s = [*(leg.start_s for leg in legs[1:]), math.inf]
+    return min(leg.point(end_s)[2] for leg, end_s in zip(legs, ends_s, strict=True))
+
+
 class Rig:
     """A phantom, and a stage and a sensor for a robot in it; not connected."""
 
@@ -54,6 +61,11 @@ class Rig:
         self.sensor: UrForce = open_sensor(
             self.clock, UrSensorSettings(host=host, silence_s=PATIENT_S)
         )
+
+    @property
+    def deepest_m(self) -> float:
+        """The lowest that the tip has been."""
+        return lowest_m(self.phantom)
 
     def arrive(self, timeout_s: float = 3.0) -> None:
         with AwakeTime() as awake:

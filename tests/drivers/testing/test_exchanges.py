@@ -34,11 +34,7 @@ def test_a_recorded_device_is_understood_as_then(path: Path) -> None:
         if "host" in exchange.settings:
             place = {"host": "127.0.0.1", "tcp_port": device.port}
         rows = exercise(
-            exchange.kind,
-            exchange.driver,
-            {**exchange.settings, **place},
-            0.4,
-            exchange.move_m,
+            exchange.kind, exchange.driver, {**exchange.settings, **place}, 0.4, exchange.move_m
         )
         assert device.unexpected == b"", "the driver says what the device was never told"
     assert rows

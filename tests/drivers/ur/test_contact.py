@@ -31,13 +31,6 @@ def searching(respond: Respond, contact_n: float = CONTACT_N) -> Iterator[tuple[
         yield made, robot
 
 
-def deepest_m(made: Rig) -> float:
-    """The lowest that the tip has been."""
-    legs = made.phantom.tip.all_legs()
-    ends_s = [*(leg.start_s for leg in legs[1:]), math.inf]
-    return min(leg.point(end_s)[2] for leg, end_s in zip(legs, ends_s, strict=True))
-
-
 def go_deep(made: Rig) -> None:
     """Press beyond any contact: nothing may look for it any more."""
     made.stage.move(LOWEST, 0.02)
@@ -53,7 +46,7 @@ def test_the_controller_stops_at_contact_and_goes_back_to_where_it_began(winkler
         assert made.stage.touched
         assert made.stage.pose().z == pytest.approx(0.0, abs=SPEED_M_S * 2.5e-3)
         stiffness_n_m = 476.0  # of the stand-in there, 1 % more or less by its pulse
-        assert deepest_m(made) == pytest.approx(-CONTACT_N / stiffness_n_m, abs=0.02e-3)
+        assert made.deepest_m == pytest.approx(-CONTACT_N / stiffness_n_m, abs=0.02e-3)
         made.stage.move(LOWEST._replace(z=2e-3), 0.05)
         assert not made.stage.touched
         made.arrive(PATIENT_S)
@@ -94,7 +87,7 @@ def test_another_move_ends_the_search(winkler: Respond) -> None:
     with searching(winkler) as (made, _):
         time.sleep(0.1)
         go_deep(made)
-        assert deepest_m(made) == pytest.approx(LOWEST.z, abs=1e-4)
+        assert made.deepest_m == pytest.approx(LOWEST.z, abs=1e-4)
 
 
 def test_a_stop_on_the_way_back_leaves_the_program_alone(winkler: Respond) -> None:

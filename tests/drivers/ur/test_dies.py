@@ -3,7 +3,6 @@
 The press is 2.4 mm at 1.2 mm/s; places are the emulated arm's own.
 """
 
-import math
 import os
 import signal
 import subprocess
@@ -13,7 +12,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import pytest
-from emulated_ur import ORIGIN_MM, PATIENT_S, Rig, connected, fresh_host, until, until_said
+from emulated_ur import (
+    ORIGIN_MM,
+    PATIENT_S,
+    Rig,
+    connected,
+    fresh_host,
+    lowest_m,
+    until,
+    until_said,
+)
 
 from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.ur.settings import LOST_SEGMENT_S, SILENCE_S, WATCHDOG_S
@@ -58,9 +66,7 @@ class Press:
 
     @property
     def deepest_m(self) -> float:
-        legs = self._phantom.tip.all_legs()
-        ends_s = [*(leg.start_s for leg in legs[1:]), math.inf]
-        return min(leg.point(end_s)[2] for leg, end_s in zip(legs, ends_s, strict=True))
+        return lowest_m(self._phantom)
 
     def client(self) -> int:
         found = subprocess.run(

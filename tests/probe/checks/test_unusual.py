@@ -21,11 +21,7 @@ GRBL = {"driver": "grbl", "port": "x"}
         ({"safety": {"max_force_n": 0.005}}, "warning", "safety.max_force_n = 0.005: 1,000 times"),
         ({"scan": {"ramp_s": 1000}}, "warning", "scan.ramp_s = 1000: 1,000 times more than the"),
         ({"scan": {"pitch_mm": [4, 0.004]}}, "warning", "scan.pitch_mm = 0.004: 1,000 times less"),
-        (
-            {"face_mm2": 0.0001},
-            "warning",
-            "face_mm2 = 0.0001: 1,000,000 times less",
-        ),
+        ({"face_mm2": 0.0001}, "warning", "face_mm2 = 0.0001: 1,000,000 times less"),
         ({"face_mm2": 1}, "warning", "face_mm2 = 1: 100 times less"),
         ({"face_mm2": 100000}, "warning", "face_mm2 = 100000: 1,000 times more"),
         ({"stage": GRBL | {"baud": 115}}, "warning", "stage.baud = 115: 1,002 times less"),

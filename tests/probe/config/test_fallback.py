@@ -72,12 +72,7 @@ def test_without_leave_an_absent_device_is_an_error(
     ],
 )
 def test_with_leave_it_is_replaced_and_named(
-    stage_key: str,
-    sensor_key: str,
-    asked: Any,
-    leave: bool,
-    winkler: Respond,
-    tmp_path: Path,
+    stage_key: str, sensor_key: str, asked: Any, leave: bool, winkler: Respond, tmp_path: Path
 ) -> None:
     rig = load_rig(
         rig_file(

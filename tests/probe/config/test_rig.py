@@ -94,10 +94,7 @@ def test_out_of_tissue_there_is_one_station_over_the_artery() -> None:
         (SCENE + "surface_mm = 1e308\n", r"scene.surface_mm = 1e\+308: must be less than"),
         (SCENE + "surface_mm = [[0,0,0],[1,0,0],[0,1,1e308]]\n", r"scene.surface_mm.2.2 = 1e\+308"),
         ('[calibration]\nforce = "none.json"\n', "calibration.force = .*none.json"),
-        (
-            '[calibration]\nforze = "none.json"\n',
-            "calibration.forze: 'forze' is no kind .*; these",
-        ),
+        ('[calibration]\nforze = "none.json"\n', "calibration.forze: 'forze' is no kind .*; these"),
         ('[calibration]\nforce = ""\n', "calibration.force = '': name its file, or leave the"),
         ('[calibration]\nforce = "."\n', "calibration.force = .*: a folder; name the file in it"),
         ("[scan\n", "not TOML"),
@@ -132,10 +129,7 @@ def test_limits_need_a_plan() -> None:
         ("scan.start_mm = 'x'", "scan.start_mm = 'x': must be a number"),
         ("scan.start_mm = []", "scan.start_mm has 0 values, and needs more"),
         ("scan.start_mm = [1, 'x']", "scan.start_mm.1 = 'x': must be a number"),
-        (
-            "scan.start_mm = [1, 2, 3]",
-            "scan.start_mm = [1, 2, 3]: must have at most 2 entries",
-        ),
+        ("scan.start_mm = [1, 2, 3]", "scan.start_mm = [1, 2, 3]: must have at most 2 entries"),
         ("scan.stations = [5, 0]", "scan.stations.1 = 0: must be greater than or equal to 1"),
         (
             "scan.surface_mm = [1]",

@@ -187,38 +187,6 @@ class Felt:
         return 0.0
 
 
-def test_a_rise_amid_which_a_press_begins_is_not_taken_for_noise() -> None:
-    """The approach has met the tissue: its rise must not excuse a force that then stands still."""
-    felt, limits = Felt(), Limits(1.6, 3e-3, ((-1.0, 1.0),) * 3, 25e-3, hardest_n_m=1e3)
-    guard = PressGuard(cast(SensorGuard, felt), limits, 500.0)
-    guard.begin(Pose(0.0, 0.0, 2e-3), Pose(0.0, 0.0, 0.0), 20e-3)
-    felt.noise = 0.1
-    guard.begin(Pose(0.0, 0.0, 0.0), Pose(0.0, 0.0, -2.5e-3), 2.5e-3)
-    said = []
-    for n in range(1, 250):  # 4 ms and 10 um each
-        felt.smooth_n = min(0.4 * n * 10e-3, 0.4)  # clips 1 mm deep
-        said.append(guard.check(Pose(0.0, 0.0, -10e-6 * n), 4e-3 * n))
-    assert any(why is not None and "the sensor clips" in why for why in said)
-
-
-def test_a_tare_is_not_taken_for_noise() -> None:
-    """The sensor's zero jumps by 0.5 N, and its noise is 0.2 mN."""
-    guard = SensorGuard((Channel("force", "N", "force"),), LIMITS)
-    force = 0.2e-3 * np.random.default_rng(1).standard_normal(80)
-    force[:60] += 0.5
-
-    def read(some: slice) -> None:
-        block = Block(np.arange(80)[some] / 50, force[some, None], np.zeros((80, 1), bool)[some])
-        assert guard.check(block) is None
-
-    read(slice(0, 60))
-    guard.tare()
-    read(slice(60, 65))
-    assert guard.noise_n(-np.inf) == np.inf, "too few since then"
-    read(slice(65, 80))
-    assert guard.noise_n(-np.inf) == pytest.approx(0.2e-3, rel=0.5)
-
-
 def test_the_lift_from_the_press_before_is_not_taken_for_noise() -> None:
     """At 50 Hz the lift and the way to the next station are over within one second: a scan ended
     because no force of ten times such a noise was measured half a millimetre deep."""

@@ -132,26 +132,6 @@ def test_a_lift_that_makes_it_worse_again_and_again_is_given_up_with_the_reason(
     assert not stage.moving()
 
 
-def test_a_stage_that_never_gets_there_is_not_asked_for_ever() -> None:
-    stage = Stage(spring)
-    stage.start = lambda _target, _speed_m_s: stage.lifts.append(stage.now_s)  # type: ignore[method-assign]
-    retreat = stage.out(most_s=60.0)
-    assert retreat.done
-    assert str(retreat.why_not).startswith("the stage was told to lift, and the place that it")
-    assert len(stage.lifts) > 1
-    assert stage.now_s < 30.0
-
-
-def test_a_tip_that_was_sent_down_is_lifted_though_its_pose_never_changed() -> None:
-    stage = Stage(spring)
-    stage.says_m = UP_M
-    assert stage.out(led_down=True).why_not is None
-    assert stage.z_m == pytest.approx(UP_M, abs=1e-4)
-    stage.lifts.clear()
-    assert stage.out().up  # and what was not is left where it is
-    assert stage.lifts == []
-
-
 @pytest.mark.parametrize("obeys", [True, False])
 def test_a_lift_that_frozen_reports_hide_is_told_by_the_force(obeys: bool) -> None:
     stage = Stage(spring)

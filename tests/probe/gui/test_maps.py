@@ -10,11 +10,7 @@ from PySide6.QtWidgets import QApplication
 from run_windows import FINDING, LEFT, Make, Shoot, measured, window_on
 
 from drivers import Channel
-from probe.core.events import (
-    RunStarted,
-    Samples,
-    StationEnded,
-)
+from probe.core.events import RunStarted, Samples, StationEnded
 from probe.gui.body import BodyPanel
 from probe.gui.maps import MapPanel
 from probe.gui.state import ViewState

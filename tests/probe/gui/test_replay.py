@@ -9,9 +9,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 from run_windows import FINDING, LEFT, Make, Shoot, measured
 
-from probe.core.events import (
-    Finish,
-)
+from probe.core.events import Finish
 from probe.gui.replay import SPEEDS, PairWindow, Player, ReplayWindow, TimeBar
 
 

@@ -12,13 +12,7 @@ from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel
 from run_windows import FINDING, LEFT, Make, Shoot, window_on
 
-from probe.core.events import (
-    Finish,
-    Note,
-    PhaseEntered,
-    RunEnded,
-    RunStarted,
-)
+from probe.core.events import Finish, Note, PhaseEntered, RunEnded, RunStarted
 from probe.gui.app import Follower
 from probe.gui.controls import progress_line
 from probe.gui.replay import PairWindow

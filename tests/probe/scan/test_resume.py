@@ -94,9 +94,7 @@ def check_resumed(path: Path, undisturbed: Path, winkler: Any) -> None:
         assert len(rows) == left.attempts.get(station, 0) + (station not in done)
     # Signals agree within the noise, also where the press was repeated.
     for ours, theirs in zip(
-        open_run(path).recording().stations,
-        open_run(undisturbed).recording().stations,
-        strict=True,
+        open_run(path).recording().stations, open_run(undisturbed).recording().stations, strict=True
     ):
         noise_pa = 0.5e-3 / open_run(path).recording().face_m2
         levels = [
@@ -177,12 +175,7 @@ def test_a_complete_run_is_left_alone(undisturbed: Path, winkler: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "lost",
-    [
-        "kind = 'run_ended'",
-        "id >= (SELECT min(id) FROM event WHERE station = 3)",
-        "id > 1",
-    ],
+    "lost", ["kind = 'run_ended'", "id >= (SELECT min(id) FROM event WHERE station = 3)", "id > 1"]
 )
 def test_a_run_whose_end_is_lost_is_not_made_sound(
     lost: str, tmp_path: Path, undisturbed: Path, winkler: Any

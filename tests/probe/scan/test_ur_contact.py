@@ -46,12 +46,6 @@ def scan(made: Any, plan: Plan = PLAN) -> tuple[RunEnded, list[Event]]:
     return run_scan(plan, made.stage, [made.sensor], made.clock, events.append, LIMITS), events
 
 
-def deepest_m(made: Any) -> float:
-    legs = made.phantom.tip.all_legs()
-    ends_s = [*(leg.start_s for leg in legs[1:]), float("inf")]
-    return float(min(leg.point(end_s)[2] for leg, end_s in zip(legs, ends_s, strict=True)))
-
-
 def lifted(made: Any) -> bool:
     return bool(made.phantom.tip.point(made.clock.now())[2] > PLAN.travel_z_m - 1e-4)
 
@@ -74,7 +68,7 @@ def test_the_press_begins_where_contact_began(stiff: Respond) -> None:
         )  # fmt: skip
         began_m = made.phantom.tip.point(pressing_s)[2]
         assert began_m == pytest.approx(0.0, abs=5e-6)
-        assert -deepest_m(made) == pytest.approx(2.0 / STIFF_N_M, abs=15e-6)
+        assert -made.deepest_m == pytest.approx(2.0 / STIFF_N_M, abs=15e-6)
 
 
 def test_the_scans_own_touch_comes_first_where_the_controller_feels_less(winkler: Respond) -> None:
@@ -89,7 +83,7 @@ def test_no_contact_at_all_ends_at_the_search_depth(winkler: Respond) -> None:
         ended, _ = scan(made, replace(PLAN, touch_n=2.0))
         assert ended.finish is Finish.FAULTED
         assert "no touch of 2 N down to 1 mm below" in ended.reason
-        assert -deepest_m(made) == pytest.approx(PLAN.search_m, abs=1e-5)
+        assert -made.deepest_m == pytest.approx(PLAN.search_m, abs=1e-5)
         assert lifted(made)
 
 
@@ -116,7 +110,7 @@ def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.Mon
             ended, _ = scan(made)
             if not heard:
                 assert ended.finish is Finish.COMPLETED, ended.reason
-                assert -deepest_m(made) == pytest.approx(PLAN.indentation_m, abs=0.15e-3)
+                assert -made.deepest_m == pytest.approx(PLAN.indentation_m, abs=0.15e-3)
                 continue
             assert ended.finish is Finish.FAULTED
             assert "the probe may be in the air" in ended.reason

@@ -11,14 +11,7 @@ from emulated_ur import connected
 from springs import SpringStage, on_springs
 
 from drivers import DeviceFault, Pose
-from probe.core.events import (
-    Event,
-    Finish,
-    Note,
-    Phase,
-    PhaseEntered,
-    RunEnded,
-)
+from probe.core.events import Event, Finish, Note, Phase, PhaseEntered, RunEnded
 from probe.guards.commands import Control
 from probe.guards.prepare import monitor_for
 from probe.planning.limits import Limits

@@ -201,9 +201,7 @@ def test_a_log_that_nobody_could_copy_costs_no_more_than_the_log(
     assert sum(1 for _ in open_run(path).events()) > 100
 
 
-def test_a_run_of_which_too_little_is_in_memory_is_not_said_to_be_kept(
-    tmp_path: Path,
-) -> None:
+def test_a_run_of_which_too_little_is_in_memory_is_not_said_to_be_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.run"
     with create_store(path) as store:
         store._connection.execute("PRAGMA cache_size = 10")

@@ -318,20 +318,21 @@ def test_what_is_damaged_stays_so_when_brought_up_to_date(tmp_path: Path) -> Non
     assert "event 4 is damaged: its checksum is wrong" in verify(old).problems
 
 
-def test_a_damaged_file_is_not_added_to(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        write(store, 5)
-    with opened(tmp_path / "a.run", isolation_level=None) as other:
-        other.execute("UPDATE event SET body = '{}' WHERE id = 1")
+@pytest.mark.parametrize(
+    ("empty", "said"), [(False, r"damaged.*palpate verify"), (True, "begin a new scan")]
+)
+def test_a_damaged_or_empty_file_is_not_added_to(empty: bool, said: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.run"
+    if empty:
+        path.touch()
+    else:
+        with create_store(path) as store:
+            write(store, 5)
+        with opened(path, isolation_level=None) as other:
+            other.execute("UPDATE event SET body = '{}' WHERE id = 1")
     for _ in range(2):  # the lock is given back
-        with pytest.raises(RunFileError, match=r"damaged.*palpate verify"):
-            reopen_store(tmp_path / "a.run")
-
-
-def test_an_empty_file_is_not_added_to(tmp_path: Path) -> None:
-    (tmp_path / "a.run").touch()
-    with pytest.raises(RunFileError, match="begin a new scan"):
-        reopen_store(tmp_path / "a.run")
+        with pytest.raises(RunFileError, match=said):
+            reopen_store(path)
 
 
 @pytest.mark.parametrize(("channels", "samples"), [(1, 5), (2, 25), (3, 6), (7, 25), (256, 2)])
