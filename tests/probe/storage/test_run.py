@@ -262,7 +262,7 @@ def write(path: Path, *statements: str) -> Path:
 
 
 def test_what_is_no_run_is_refused_with_a_reason(tmp_path: Path, path: Path) -> None:
-    text = tmp_path / "text.run"
+    text = tmp_path / "text.csv"
     text.write_text("x_mm,force_n\n1,2\n" * 100)
     other = write(tmp_path / "other.run", "CREATE TABLE photos (a)")
     newer = Path(shutil.copyfile(path, tmp_path / "newer.run"))
