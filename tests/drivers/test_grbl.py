@@ -4,7 +4,6 @@ import math
 import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,12 +25,6 @@ PATIENT = {"answer_s": 3.0, "silent_s": 3.0}  # the emulator shares this machine
 @pytest.fixture
 def home() -> tuple[float, float, float]:
     return HOME
-
-
-@pytest.fixture
-def board(phantom: Phantom, tmp_path: Path) -> Iterator[Served]:
-    with grbl.emulate(phantom, at=str(tmp_path / "tty"), homed=True) as served:
-        yield served
 
 
 def stage_at(board: Served, **keys: Any) -> GrblStage:

@@ -6,7 +6,6 @@ The press is 2.4 mm at 1.2 mm/s; places are the emulated machine's own, not what
 import re
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -32,12 +31,6 @@ BUSY_M = 0.1e-3  # 80 ms in which a busy machine looks late at what has happened
 @pytest.fixture
 def home() -> tuple[float, float, float]:
     return (0.032, 0.0, 0.0)
-
-
-@pytest.fixture
-def board(phantom: Phantom, tmp_path: Path) -> Iterator[Served]:
-    with grbl.emulate(phantom, at=str(tmp_path / "tty"), homed=True) as served:
-        yield served
 
 
 @pytest.fixture

@@ -63,6 +63,13 @@ def connect_while(sensor: LineSensor, says: Says, text: bytes) -> None:
 
 
 @pytest.fixture
+def line(tmp_path: Path) -> Iterator[tuple[Says, Served]]:
+    says = Says()
+    with served(says, str(tmp_path / "cell"), "cell") as device:
+        yield says, device
+
+
+@pytest.fixture
 def cell(clock: WallClock, winkler: Respond, tmp_path: Path) -> Iterator[tuple[Served, Phantom]]:
     phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.032, 0.0, 0.002))
     with lines.emulate(phantom, at=str(tmp_path / "cell"), noise_n=0.0) as device:
@@ -149,55 +156,55 @@ def test_missing_lines_and_a_restarted_clock_are_seen(
     sensor.close()
 
 
-def test_a_gauge_that_speaks_when_asked_in_grams(clock: WallClock, tmp_path: Path) -> None:
-    says = Says()
-    with served(says, str(tmp_path / "gauge"), "gauge") as device:
-        sensor = open_sensor(
-            clock, port=device.address, rate_hz=50, ask="?\r",
-            pattern=r"Load: (?P<load>[-+0-9.]+) g; (?P<battery>[0-9.]+) V",
-            channel=[
-                TextChannel(name="load", unit="g", role="force", scale=-1.0, full_scale=12.0),
-                TextChannel(name="battery", unit="V", full_scale=12.0),
-            ],
-        )  # fmt: skip
-        assert [c.unit for c in sensor.channels] == ["N", "V"]
-        with running(sensor):
-            while not len((block := gather(sensor, 0.01)).time_s):
-                pass
-            asked = says.asked.count(b"?")
-            assert until(lambda: says.asked.count(b"?") > asked + 20) < 0.8  # 50 a second
+def test_a_gauge_that_speaks_when_asked_in_grams(
+    clock: WallClock, line: tuple[Says, Served]
+) -> None:
+    says, device = line
+    sensor = open_sensor(
+        clock, port=device.address, rate_hz=50, ask="?\r",
+        pattern=r"Load: (?P<load>[-+0-9.]+) g; (?P<battery>[0-9.]+) V",
+        channel=[
+            TextChannel(name="load", unit="g", role="force", scale=-1.0, full_scale=12.0),
+            TextChannel(name="battery", unit="V", full_scale=12.0),
+        ],
+    )  # fmt: skip
+    assert [c.unit for c in sensor.channels] == ["N", "V"]
+    with running(sensor):
+        while not len((block := gather(sensor, 0.01)).time_s):
+            pass
+        asked = says.asked.count(b"?")
+        assert until(lambda: says.asked.count(b"?") > asked + 20) < 0.8  # 50 a second
     assert block.values[0] == pytest.approx([12.5 * 9.80665e-3, 3.0])
     assert block.saturated[0].tolist() == [True, False]
 
 
 def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
-    clock: WallClock, tmp_path: Path
+    clock: WallClock, line: tuple[Says, Served]
 ) -> None:
-    says = Says()
-    with served(says, str(tmp_path / "cell"), "cell") as device:
-        sensor = open_sensor(
-            clock, port=device.address, pattern="(?P<force>[-0-9.e]+)", channel=[FORCE], rate_hz=10
-        )
-        connect_while(sensor, says, b"7.7\n1.0\n")  # the first may be half a line
-        sensor.start()
-        says.say(b"0.5\n")
-        while hear(sensor, 1)[0][-1] != 0.5:
-            pass
-        says.say(b"2.0\r\n-3.")
-        assert hear(sensor, 1)[0] == [2.0]
-        says.say(b"5\n")
-        assert hear(sensor, 1)[0] == [-3.5]
-        says.say(b"HX711 ready\n\xff\xfe\n" + b"x" * 5000 + b"\n4.0\n")
-        values, lost = hear(sensor, 1)
-        assert values == [4.0]
-        assert lost >= 3
-        says.say(b"1e999\n6.0\n")  # beyond all numbers: no reading
-        assert hear(sensor, 1)[0] == [6.0]
-        device.fail("drop")
-        with pytest.raises(DeviceFault, match="connection lost"):
-            while True:
-                gather(sensor, 0.01)
-        sensor.close()
+    says, device = line
+    sensor = open_sensor(
+        clock, port=device.address, pattern="(?P<force>[-0-9.e]+)", channel=[FORCE], rate_hz=10
+    )
+    connect_while(sensor, says, b"7.7\n1.0\n")  # the first may be half a line
+    sensor.start()
+    says.say(b"0.5\n")
+    while hear(sensor, 1)[0][-1] != 0.5:
+        pass
+    says.say(b"2.0\r\n-3.")
+    assert hear(sensor, 1)[0] == [2.0]
+    says.say(b"5\n")
+    assert hear(sensor, 1)[0] == [-3.5]
+    says.say(b"HX711 ready\n\xff\xfe\n" + b"x" * 5000 + b"\n4.0\n")
+    values, lost = hear(sensor, 1)
+    assert values == [4.0]
+    assert lost >= 3
+    says.say(b"1e999\n6.0\n")  # beyond all numbers: no reading
+    assert hear(sensor, 1)[0] == [6.0]
+    device.fail("drop")
+    with pytest.raises(DeviceFault, match="connection lost"):
+        while True:
+            gather(sensor, 0.01)
+    sensor.close()
 
 
 class Arrives:
@@ -303,42 +310,40 @@ def test_a_number_written_otherwise_is_none(decimal: str, thousands: str, text: 
 
 
 def test_a_board_that_starts_when_its_port_is_opened_is_waited_for(
-    clock: WallClock, tmp_path: Path
+    clock: WallClock, line: tuple[Says, Served]
 ) -> None:
     """An Arduino is silent while it starts, prints what it is, tares, and then prints readings."""
-    says = Says()
-    with served(says, str(tmp_path / "cell"), "cell") as device:
-        sensor = open_sensor(
-            clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
-        )
-        with ThreadPoolExecutor(1) as other:
-            connected = other.submit(sensor.connect)
-            time.sleep(1.3)
-            says.say(b"\nHX711\nscale 1\noffset 2\nset up\ntare\n")
-            time.sleep(0.9)
-            says.say(b"done\n")
-            while not connected.done():
-                says.say(b"1.0 N\n")
-                time.sleep(0.01)
-            connected.result()
-        sensor.start()
-        says.say(20 * b"1.5 N\n")
-        values, _ = hear(sensor, 10)
-        sensor.close()
+    says, device = line
+    sensor = open_sensor(
+        clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
+    )
+    with ThreadPoolExecutor(1) as other:
+        connected = other.submit(sensor.connect)
+        time.sleep(1.3)
+        says.say(b"\nHX711\nscale 1\noffset 2\nset up\ntare\n")
+        time.sleep(0.9)
+        says.say(b"done\n")
+        while not connected.done():
+            says.say(b"1.0 N\n")
+            time.sleep(0.01)
+        connected.result()
+    sensor.start()
+    says.say(20 * b"1.5 N\n")
+    values, _ = hear(sensor, 10)
+    sensor.close()
     assert values[-1] == 1.5
 
 
 def test_what_does_not_match_is_shown(
-    clock: WallClock, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    clock: WallClock, line: tuple[Says, Served], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("drivers.lines.GREETING_S", 0.1)
-    says = Says()
-    with served(says, str(tmp_path / "cell"), "cell") as device:
-        sensor = open_sensor(
-            clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
-        )
-        with pytest.raises(DeviceAbsent, match="do not match the pattern; the last is 'F= 1,0"):
-            connect_while(sensor, says, b"F= 1,0 kN\n")
+    says, device = line
+    sensor = open_sensor(
+        clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
+    )
+    with pytest.raises(DeviceAbsent, match="do not match the pattern; the last is 'F= 1,0"):
+        connect_while(sensor, says, b"F= 1,0 kN\n")
 
 
 @pytest.mark.parametrize(
@@ -349,22 +354,19 @@ def test_what_does_not_match_is_shown(
     ],
 )
 def test_a_gauge_that_is_switched_to_another_unit_is_a_fault(
-    clock: WallClock, tmp_path: Path, pattern: str, words: str
+    clock: WallClock, line: tuple[Says, Served], pattern: str, words: str
 ) -> None:
-    says = Says()
-    with served(says, str(tmp_path / "cell"), "cell") as device:
-        sensor = open_sensor(
-            clock, port=device.address, pattern=pattern, channel=[FORCE], rate_hz=80
-        )
-        connect_while(sensor, says, b"1.0 N\n")
-        sensor.start()
-        says.say(b"1.0 N\n")  # all that was said before is read by now
-        hear(sensor, 1)
-        says.say(b"3.0 X\n2.0 N\n")  # damage: no reading, and no other unit
-        values, lost = hear(sensor, 1)
-        assert (values[-1], lost) == (2.0, 1)
-        with pytest.raises(DeviceFault, match=words):
-            for _ in range(1000):
-                says.say(b"1.0 lbf\n")
-                assert set(gather(sensor, 0.01).values[:, 0].tolist()) <= {1.0, 2.0}
-        sensor.close()
+    says, device = line
+    sensor = open_sensor(clock, port=device.address, pattern=pattern, channel=[FORCE], rate_hz=80)
+    connect_while(sensor, says, b"1.0 N\n")
+    sensor.start()
+    says.say(b"1.0 N\n")  # all that was said before is read by now
+    hear(sensor, 1)
+    says.say(b"3.0 X\n2.0 N\n")  # damage: no reading, and no other unit
+    values, lost = hear(sensor, 1)
+    assert (values[-1], lost) == (2.0, 1)
+    with pytest.raises(DeviceFault, match=words):
+        for _ in range(1000):
+            says.say(b"1.0 lbf\n")
+            assert set(gather(sensor, 0.01).values[:, 0].tolist()) <= {1.0, 2.0}
+    sensor.close()
