@@ -1,6 +1,8 @@
 """The compiled kernel says what numpy says, to rounding; and a press can be solved without it."""
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -78,68 +80,59 @@ def test_a_whole_press(name: str, plane: str, monkeypatch: pytest.MonkeyPatch) -
     np.testing.assert_allclose(answers, wanted, rtol=1e-9)
 
 
+def refuses(function: Callable[..., Any], right: list[Any], *wrong: tuple[int, Any]) -> None:
+    """``right`` is taken, and none with one of ``wrong`` (which argument, what instead) is."""
+    function(*right)
+    for place, array in wrong:
+        with pytest.raises((ValueError, IndexError, BufferError)):
+            function(*right[:place], array, *right[place + 1 :])
+
+
 @pytest.mark.skipif(not kernel.BUILT, reason="the kernel was not built")
-def test_arrays_that_do_not_fit_are_refused(section: Section) -> None:
+def test_arrays_that_do_not_fit_a_section_are_refused(section: Section) -> None:
     """A wrong size or a node that is not there is an error, and reads no foreign memory."""
     cells, u = section.cells, np.zeros_like(section.mesh.nodes)
     solid = [u, cells.nodes, cells.gradient, cells.weight, section.shear, section.bulk, 0]
-    assert kernel.least_area_ratio(*solid) == 1.0
-    wrong = {0: u[:-1], 1: cells.nodes.astype(np.int32), 2: cells.gradient[:-1],
-             3: cells.weight[:-1], 4: section.shear[:-1], 5: section.bulk[::2]}  # fmt: skip
-    for place, array in wrong.items():
-        given = [*solid[:place], array, *solid[place + 1 :]]
-        with pytest.raises((ValueError, IndexError, BufferError)):
-            kernel.least_area_ratio(*given)
-    fronts = kernel.Fronts(section.size, (cells.dofs,), (True,), section.assembly.free)
+    refuses(
+        kernel.least_area_ratio, solid, (0, u[:-1]), (1, cells.nodes.astype(np.int32)),
+        (2, cells.gradient[:-1]), (3, cells.weight[:-1]), (4, section.shear[:-1]),
+        (5, section.bulk[::2]),
+    )  # fmt: skip
+    built = [section.size, (cells.dofs,), (True,), section.assembly.free]
+    refuses(kernel.Fronts, built, (0, section.size - 1))
+    fronts = kernel.Fronts(*built)
     with pytest.raises(ValueError, match="want"):
         fronts.factor((np.zeros((len(cells.dofs), 2, 2)),))
     with pytest.raises(ValueError, match="want"):
         fronts.solve(np.zeros(section.size), np.zeros(section.size - 1))
-    with pytest.raises(IndexError):
-        kernel.Fronts(section.size - 1, (cells.dofs,), (True,), section.assembly.free)
-    place, sums = np.zeros((2, 4, 4), dtype=np.int64), np.zeros((5, 3, 3), dtype=np.float32)
-    blocks = np.zeros((2, 12, 12), dtype=np.float32)
-    for given in ((blocks[:1], place, sums), (blocks, place + 5, sums), (blocks, place - 1, sums),
-                  (blocks.astype(float), place, sums), (blocks, place[:, :3], sums)):  # fmt: skip
-        with pytest.raises((ValueError, IndexError, BufferError)):
-            kernel.join_blocks(*given)
-    blocks, columns, starts = (
-        np.ones((3, 3, 3), np.float32),
-        np.array([0, 1, 1]),
-        np.array([0, 2, 3]),
-    )
-    x, y = np.ones(6, np.float32), np.ones(6, np.float32)
-    kernel.block_product(blocks, columns, starts, x, y)
-    for given in ((blocks[:2], columns, starts, x, y), (blocks, columns + 1, starts, x, y),
-                  (blocks, columns, starts + 1, x, y), (blocks, columns, starts - 1, x, y),
-                  (blocks, columns, starts, x[:5], y),
-                  (blocks, columns, starts, x, y[:5])):  # fmt: skip
-        with pytest.raises((ValueError, IndexError)):
-            kernel.block_product(*given)
-    update, at = np.zeros((6, 6), dtype=np.float32), np.array([0, 1])
-    top, rest = np.zeros((6, 3), dtype=np.float32), np.zeros((3, 3), dtype=np.float32)
-    kernel.extend_front(update, at, top, rest)
-    for given in ((update[:3], at, top, rest), (update, at[::-1].copy(), top, rest),
-                  (update, at + 1, top, rest), (update, at, top[:4, :1].copy(), rest),
-                  (update, at, top, rest[:2, :2].copy())):  # fmt: skip
-        with pytest.raises((ValueError, IndexError)):
-            kernel.extend_front(*given)
-    root, own, x = np.ones((2, 2), np.float32), np.ones(2, np.float32), np.ones(5, np.float32)
-    coupled, border = np.zeros((3, 2), np.float32), np.array([2, 3, 4])
+
+
+@pytest.mark.skipif(not kernel.BUILT, reason="the kernel was not built")
+def test_arrays_that_do_not_fit_a_solid_are_refused() -> None:
+    def zeros(*shape: int) -> Array:
+        return np.zeros(shape, np.float32)
+
+    def ones(*shape: int) -> Array:
+        return np.ones(shape, np.float32)
+
+    blocks, place = zeros(2, 12, 12), np.zeros((2, 4, 4), np.int64)
+    refuses(kernel.join_blocks, [blocks, place, zeros(5, 3, 3)], (0, blocks[:1]), (1, place + 5),
+            (1, place - 1), (0, blocks.astype(float)), (1, place[:, :3]))  # fmt: skip
+    columns, starts = np.array([0, 1, 1]), np.array([0, 2, 3])
+    product = [ones(3, 3, 3), columns, starts, ones(6), ones(6)]
+    refuses(kernel.block_product, product, (0, ones(2, 3, 3)), (1, columns + 1), (2, starts + 1),
+            (2, starts - 1), (3, ones(5)), (4, ones(5)))  # fmt: skip
+    at = np.array([0, 1])
+    front = [zeros(6, 6), at, zeros(6, 3), zeros(3, 3)]
+    refuses(kernel.extend_front, front, (0, zeros(3, 6)), (1, at[::-1].copy()), (1, at + 1),
+            (2, zeros(4, 1)), (3, zeros(2, 2)))  # fmt: skip
+    border = np.array([2, 3, 4])
     for substitute in (kernel.front_down, kernel.front_up):
-        substitute(root, coupled, border, own, x)
-        for given in ((root[:1], coupled, border, own, x), (root, coupled[:2], border, own, x),
-                      (root, coupled, border + 1, own, x), (root, coupled, border, own[:1], x),
-                      (root, coupled, border, own, x.astype(float))):  # fmt: skip
-            with pytest.raises((ValueError, IndexError)):
-                substitute(*given)
-    gradient, f, slopes = np.zeros((1, 2, 18, 3)), np.zeros((1, 2, 3, 3)), np.zeros((1, 2, 4))
-    tangent = np.zeros((1, 54, 54), np.float32)
-    kernel.wedge_tangents(gradient, f, f, slopes, tangent)
-    for given in ((gradient[:, :1], f, f, slopes, tangent),
-                  (gradient, f[:, :1], f, slopes, tangent),
-                  (gradient, f, f[..., :2].copy(), slopes, tangent),
-                  (gradient, f, f, slopes[..., :3].copy(), tangent),
-                  (gradient, f, f, slopes, tangent.astype(float))):  # fmt: skip
-        with pytest.raises(ValueError):
-            kernel.wedge_tangents(*given)
+        given = [ones(2, 2), zeros(3, 2), border, ones(2), ones(5)]
+        refuses(substitute, given, (0, ones(1, 2)), (1, zeros(2, 2)), (2, border + 1),
+                (3, ones(1)), (4, np.ones(5)))  # fmt: skip
+    f = np.zeros((1, 2, 3, 3))
+    wedge = [np.zeros((1, 2, 18, 3)), f, f, np.zeros((1, 2, 4)), zeros(1, 54, 54)]
+    refuses(kernel.wedge_tangents, wedge, (0, np.zeros((1, 1, 18, 3))), (1, f[:, :1]),
+            (2, f[..., :2].copy()), (3, np.zeros((1, 2, 3))),
+            (4, np.zeros((1, 54, 54))))  # fmt: skip
