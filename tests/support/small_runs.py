@@ -6,7 +6,7 @@ import numpy as np
 
 from drivers import Block, Channel
 from probe.core.events import RunStarted, Samples, StationStarted
-from probe.storage.writer import Store
+from probe.storage.writer import Store, create_store
 
 CHANNELS = {"cell": (Channel("force", "N", "force", simulated=True),)}
 STARTED = RunStarted(
@@ -21,13 +21,15 @@ def samples(n: int) -> Samples:
     return Samples("cell", Block(time_s, values, values > 2), 0, 1)
 
 
-def write(store: Store, blocks: int) -> None:
+def written(path: Path, blocks: int) -> Store:
     """Events, one commit each; the last stay in the log."""
+    store = create_store(path)
     store(STARTED)
     store(StationStarted(0.0, 0, 1, 1e-3, 0.0))
     for n in range(blocks):
         store(samples(n))
         store.flush()
+    return store
 
 
 def log(path: Path) -> Path:

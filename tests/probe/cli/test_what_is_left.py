@@ -4,16 +4,14 @@ import os
 from pathlib import Path
 
 from databases import opened
-from small_runs import write
+from small_runs import written
 
 from probe.cli.scan import what_is_left
-from probe.storage.writer import create_store
 
 
 def test_what_was_read_is_where_it_was_looked_for(tmp_path: Path) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 60)
+    written(path, 60).close()
     assert what_is_left(path) == f"What was read is in {path}"
     with opened(path) as other:
         other.execute("DELETE FROM event WHERE id > 40")

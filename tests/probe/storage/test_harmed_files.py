@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from databases import opened
-from small_runs import log, samples, write
+from small_runs import log, samples, written
 
 from probe.config.rig import Rig
 from probe.core.events import Event, Finish, StationStarted
@@ -17,7 +17,7 @@ from probe.storage import moved_away
 from probe.storage.moved_away import InPlace
 from probe.storage.run import open_run
 from probe.storage.verify import verify
-from probe.storage.writer import Store, StoreError, create_store, reopen_store
+from probe.storage.writer import Store, StoreError, reopen_store
 
 
 def replace(path: Path) -> None:
@@ -64,8 +64,7 @@ def test_a_run_that_is_harmed_while_it_is_written_stops_the_scan_and_is_kept(
     harm: Callable[[Path], object], said: str, blocks: int, tmp_path: Path
 ) -> None:
     path = tmp_path / "runs" / "a.run"
-    with create_store(path) as store:
-        write(store, blocks)
+    with written(path, blocks) as store:
         harm(path)
         with pytest.raises(StoreError, match=rf"{said}.*kept in .*rescued"):
             write_more(store, blocks, blocks + 4)
@@ -79,8 +78,7 @@ def test_a_run_that_is_harmed_while_it_is_written_stops_the_scan_and_is_kept(
 def test_what_was_rescued_before_is_kept_too(tmp_path: Path) -> None:
     path, earlier = tmp_path / "a.run", tmp_path / "a-rescued.run"
     earlier.write_bytes(b"of yesterday")
-    with create_store(path) as store:
-        write(store, 5)
+    with written(path, 5) as store:
         path.unlink()
         with pytest.raises(StoreError, match="rescued-2"):
             write_more(store, 5, 9)
@@ -92,8 +90,7 @@ def test_what_came_during_the_last_commit_is_kept_too(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 5)
+    with written(path, 5) as store:
         look = store._in_place.lost
 
         def look_late() -> Path | None:
@@ -126,8 +123,7 @@ def test_a_log_that_is_cut_between_a_look_and_what_follows_is_noticed(
         looks += 1
         return found
 
-    with create_store(path) as store:
-        write(store, 20)
+    with written(path, 20) as store:
         monkeypatch.setattr(InPlace, "lost", lost)
         with pytest.raises(StoreError, match="cut short"):
             write_more(store, 20, 24)
@@ -136,8 +132,7 @@ def test_a_log_that_is_cut_between_a_look_and_what_follows_is_noticed(
 def test_a_long_run_that_is_cut_short_is_kept(tmp_path: Path) -> None:
     """Longer than what SQLite keeps in memory unasked, 2 MB."""
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 1)
+    with written(path, 1) as store:
         for n in range(1, 3500):
             store(samples(n))
         store.flush()
@@ -174,8 +169,7 @@ def test_a_scan_says_where_a_run_is_kept_that_was_harmed(
 @pytest.mark.parametrize("mode", ["PASSIVE", "FULL", "RESTART", "TRUNCATE"])
 def test_another_programs_checkpoint_is_no_harm(mode: str, tmp_path: Path) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 30)
+    with written(path, 30) as store:
         with opened(path, isolation_level=None) as other:
             other.execute(f"PRAGMA wal_checkpoint({mode})")
         write_more(store, 30, 40)
@@ -190,8 +184,7 @@ def test_a_log_that_nobody_could_copy_costs_no_more_than_the_log(
         raise OSError("no room")
 
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 300)
+    with written(path, 300) as store:
         empty_log(path)
         monkeypatch.setattr(moved_away.os, "open", fails)
         with pytest.raises(StoreError, match=r"cut short.*could not be kept elsewhere.*no room"):
@@ -203,9 +196,9 @@ def test_a_log_that_nobody_could_copy_costs_no_more_than_the_log(
 
 def test_a_run_of_which_too_little_is_in_memory_is_not_said_to_be_kept(tmp_path: Path) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
+    with written(path, 1) as store:
         store._connection.execute("PRAGMA cache_size = 10")
-        write(store, 600)
+        write_more(store, 1, 600)
         cut(path)
         with pytest.raises(StoreError, match=r"cut short.*could not be kept elsewhere"):
             write_more(store, 600, 604)

@@ -12,7 +12,7 @@ from databases import opened
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from paths import ROOT
-from small_runs import log, samples, write
+from small_runs import log, samples, written
 
 from probe.core.errors import RunFileError
 from probe.core.events import Finish, RunEnded
@@ -21,7 +21,7 @@ from probe.scan.remote import ask, listening
 from probe.storage.rows import Row, link
 from probe.storage.run import NotBegun, open_run
 from probe.storage.verify import verify
-from probe.storage.writer import StoreError, create_store, reopen_store
+from probe.storage.writer import StoreError, reopen_store
 
 HEADER, FRAME = 32, 24 + 4096  # bytes of the log's header and of each page in it
 
@@ -30,8 +30,7 @@ def killed(folder: Path, blocks: int = 60) -> Path:
     """A run as `kill -9` leaves it: a copy of the file and its log, while both are written."""
     folder.mkdir(exist_ok=True)
     source = folder / "source.run"
-    with create_store(source) as store:
-        write(store, blocks)
+    with written(source, blocks):
         for end in ("", "-wal"):
             shutil.copyfile(f"{source}{end}", folder / f"killed.run{end}")
     return folder / "killed.run"
@@ -55,8 +54,7 @@ def test_looking_at_a_run_in_the_scanning_process_keeps_its_locks(
     look: str, tmp_path: Path
 ) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 5)
+    with written(path, 5) as store:
         if look == "read":
             assert open_run(path).finish is None
             assert verify(path).ok
@@ -164,8 +162,7 @@ def test_a_log_that_was_used_twice_is_sound(tmp_path: Path) -> None:
 
 def test_a_lost_end_is_said(tmp_path: Path) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 9)
+    written(path, 9).close()
     assert verify(path).ok
     with opened(path, isolation_level=None) as other:
         other.execute("DELETE FROM event WHERE id > 8")
@@ -176,8 +173,7 @@ def test_a_lost_end_is_said(tmp_path: Path) -> None:
 
 def test_a_last_event_that_was_replaced_and_chained_anew_is_said(tmp_path: Path) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 9)
+    written(path, 9).close()
     columns = "kind, body, times, readings, saturated"
     with opened(path, isolation_level=None) as other:
         row = Row(*other.execute(f"SELECT {columns} FROM event WHERE id = 11").fetchone())
@@ -196,8 +192,7 @@ def test_a_run_that_goes_on_and_is_copied_without_its_log_is_not_taken_for_whole
     tmp_path: Path,
 ) -> None:
     path, copy = tmp_path / "a.run", tmp_path / "copy.run"
-    with create_store(path) as store:
-        write(store, 9)
+    written(path, 9).close()
     with reopen_store(path) as store:
         store(samples(10))
         store.flush()
@@ -221,8 +216,7 @@ for n in range(60):
 
 def test_a_run_is_read_at_the_instant_it_is_begun_and_closed(tmp_path: Path) -> None:
     source = tmp_path / "source.run"
-    with create_store(source) as store:
-        write(store, 3)
+    written(source, 3).close()
     out = tmp_path / "out"
     out.mkdir()
     with subprocess.Popen([sys.executable, "-c", WRITER, source, out], cwd=ROOT) as writer:
@@ -240,8 +234,7 @@ def test_a_run_is_read_at_the_instant_it_is_begun_and_closed(tmp_path: Path) -> 
 @pytest.mark.parametrize("command", ["ANALYZE", "PRAGMA optimize", "PRAGMA wal_checkpoint"])
 def test_what_other_programs_do_to_a_database_keeps_it_a_run(command: str, tmp_path: Path) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 3)
+    with written(path, 3) as store:
         with opened(path, isolation_level=None) as other:
             other.execute(command)
         store(samples(3))
@@ -251,8 +244,7 @@ def test_what_other_programs_do_to_a_database_keeps_it_a_run(command: str, tmp_p
 
 def test_a_trigger_behind_many_tables_is_found(tmp_path: Path) -> None:
     path = tmp_path / "a.run"
-    with create_store(path) as store:
-        write(store, 3)
+    written(path, 3).close()
     copies = (
         "INSERT INTO sqlite_schema SELECT s.type, s.name || x, s.tbl_name, s.rootpage, s.sql FROM "
         "sqlite_schema s, (WITH RECURSIVE c(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM c WHERE "

@@ -15,7 +15,7 @@ from databases import opened
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from paths import ROOT
-from small_runs import CHANNELS, STARTED, samples, write
+from small_runs import CHANNELS, STARTED, samples, written
 
 import probe.storage.disk
 import probe.storage.writer
@@ -120,8 +120,7 @@ def test_safe_modes_are_on_and_said_in_the_file(tmp_path: Path) -> None:
 
 
 def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        write(store, 0)
+    with written(tmp_path / "a.run", 0) as store:
         waited_s: list[float] = []
         for n in range(8):
             store.flush()
@@ -136,8 +135,7 @@ def test_a_block_is_committed_in_time(tmp_path: Path) -> None:
 
 
 def test_the_end_of_a_run_is_committed_when_it_is_reported(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        write(store, 5)
+    with written(tmp_path / "a.run", 5) as store:
         store(RunEnded(1.0, Finish.ABORTED, "enough"))
         assert open_run(tmp_path / "a.run").finish is Finish.ABORTED
 
@@ -171,8 +169,7 @@ def test_only_one_writer(tmp_path: Path) -> None:
 
 
 def test_a_run_goes_on_only_as_it_began(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        write(store, 5)
+    written(tmp_path / "a.run", 5).close()
     other = {"cell": (Channel("force", "N", "force"),)}  # now real, then simulated
     with reopen_store(tmp_path / "a.run") as store:
         with pytest.raises(StoreError, match=r"already holds samples up to 0\.25 s"):
@@ -183,8 +180,7 @@ def test_a_run_goes_on_only_as_it_began(tmp_path: Path) -> None:
 
 
 def test_the_file_refuses_a_station_twice(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        write(store, 5)
+    with written(tmp_path / "a.run", 5) as store:
         store(StationStarted(1.0, 0, 1, 1e-3, 0.0))
         with pytest.raises(StoreError, match="UNIQUE"):
             store.flush()
@@ -192,8 +188,7 @@ def test_the_file_refuses_a_station_twice(tmp_path: Path) -> None:
 
 
 def test_a_number_that_is_none_is_not_stored(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        write(store, 5)
+    with written(tmp_path / "a.run", 5) as store:
         store(Note(float("nan"), "info", "x", "y"))
         with pytest.raises(StoreError, match="not JSON compliant"):
             store.flush()
@@ -205,8 +200,7 @@ def test_a_number_that_is_none_is_not_stored(tmp_path: Path) -> None:
 def test_a_full_disk_keeps_what_was_committed(flushes: bool, tmp_path: Path) -> None:
     """It is told without asking for a flush too."""
     path, until_s = tmp_path / "a.run", time.monotonic() + 20
-    with create_store(path) as store:
-        write(store, 5)
+    with written(path, 5) as store:
         store._connection.execute("PRAGMA max_page_count = 20")
         with pytest.raises(StoreError, match=r"disk is full.*committed before is kept"):
             for n in range(5, 100_000):
@@ -223,8 +217,7 @@ def test_a_disk_with_no_room_for_the_log_to_grow_does_not_leave_a_run_open(tmp_p
     """The log went into the file and was removed, and nothing said how many events there are."""
     path = tmp_path / "a.run"
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    with create_store(path) as store:
-        write(store, 5)
+    with written(path, 5) as store:
         for n in range(5, 20):  # a log longer than the file, which so has room for it
             store(samples(n))
             store.flush()
@@ -309,8 +302,7 @@ def test_an_older_file_is_read_and_brought_up_to_date(tmp_path: Path, winkler: A
 
 
 def test_what_is_damaged_stays_so_when_brought_up_to_date(tmp_path: Path) -> None:
-    with create_store(tmp_path / "a.run") as store:
-        write(store, 5)
+    written(tmp_path / "a.run", 5).close()
     old = as_version_1(tmp_path / "a.run")
     with opened(old, isolation_level=None) as other:
         other.execute("UPDATE event SET readings = zeroblob(length(readings)) WHERE id = 4")
@@ -326,8 +318,7 @@ def test_a_damaged_or_empty_file_is_not_added_to(empty: bool, said: str, tmp_pat
     if empty:
         path.touch()
     else:
-        with create_store(path) as store:
-            write(store, 5)
+        written(path, 5).close()
         with opened(path, isolation_level=None) as other:
             other.execute("UPDATE event SET body = '{}' WHERE id = 1")
     for _ in range(2):  # the lock is given back
