@@ -130,7 +130,7 @@ def import_run(
     if isinstance(said := settings.get("layout"), str):
         settings["layout"] = _rows_columns(said)
     sources = [one for file in files for one in _globbed(file)]
-    several = len(sources) > 1
+    several = len(sources) > 1 or out.is_dir()
     if several and out.suffix == ".run":
         raise typer.BadParameter(f"--out {out}: of {len(sources)} files the runs go to a folder")
 

@@ -43,7 +43,7 @@ from probe.storage.csv_table import CsvRecording, cut
 from probe.storage.import_columns import Asked
 from probe.storage.import_doubts import doubts
 from probe.storage.import_readers import read_recording
-from probe.storage.import_table import DEVICE, CsvError, check_face
+from probe.storage.import_table import DEVICE, PHASE, CsvError, check_face
 from probe.storage.writer import create_store
 from sim_backend.scene.scene_file import Scene, as_scene
 
@@ -143,8 +143,9 @@ def import_csv(
     if scene is None and known is not None and known.scene is not None:
         scene = known.scene.name
     block = None if scene is None else as_scene(scene)
+    asked = Asked(mapping or {}, rate_hz, topic, layout)
     try:
-        table = read_recording(source, Asked(mapping or {}, rate_hz, topic, layout))
+        table = read_recording(source, asked)
         check_face(table.face_mm2, "the face_mm2 of its run")
         read = cut(table, tare_s)
     except CsvError as error:
@@ -155,10 +156,10 @@ def import_csv(
     if face_mm2 is None and to_si(read.devices[DEVICE][0].unit)[0] == "N":
         notes = (*notes, f"the probe's face is not known; {FACE_MM2:g} mm2 is assumed")
     notes = (*notes, *doubts(read))
-    config = _config(read, source) | {"face_mm2": face_mm2 or FACE_MM2}
+    config = _config(read, source, asked, tare_s) | {"face_mm2": face_mm2 or FACE_MM2}
     if block is not None:
         config["block"] = block.model_dump(mode="json", include=set(OF_BLOCK))
-    broken_off = _broken_off(read)
+    broken_off = _broken_off(read) if PHASE in read.table.rows else set()
     if broken_off:
         which = ", ".join(str(station + 1) for station in sorted(broken_off))
         notes = (*notes, f"presses that broke off are kept, and not judged: station {which}")
@@ -177,13 +178,13 @@ def _broken_off(read: CsvRecording) -> set[int]:
     return stopped | (set(phases) - lifted if lifted else set())
 
 
-def _config(read: CsvRecording, source: Path) -> dict[str, Any]:
+def _config(read: CsvRecording, source: Path, asked: Asked, tare_s: float | None) -> dict[str, Any]:
     return {
         "imported": {
             "file": os.fsencode(source).decode("utf-8", "replace"),  # a name may be no text
-            "sha256": read.sha256,
-            "rows": read.rows,
-            "columns": list(read.columns),
+            "sha256": read.table.sha256,
+            "rows": len(read.table.rows),
+            "asked": asked._asdict() | {"tare_s": tare_s},
         },
         "rig": None,
         "scene": None,

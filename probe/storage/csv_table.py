@@ -14,6 +14,7 @@ import numpy as np
 from drivers import Channel
 from drivers.core.arrays import Array, Bools, Ints
 from drivers.core.extras import needs
+from probe.core.events import Phase
 from probe.core.places import SAME_PLACE_M
 from probe.storage.csv_columns import read_columns
 from probe.storage.import_table import (
@@ -38,6 +39,9 @@ GAP_S = 1.0
 MIN_READINGS = 4  # of a station
 MIN_PLACES, MIN_ROWS_EACH = 3, 10  # of a row that may be in metres
 MIN_VALUES = 10  # different ones, of readings that no other press repeats by chance
+DEPTH_SHARE, SIGMAS, ROUNDING_MM = 0.01, 3.0, 1e-9
+"""A hold is looked for this near to the deepest, in whose middle half the tip is still; it is where
+the tip is as deep as that, but for 3 standard deviations: one reading of 700 is less deep."""
 MAX_DRIFT_MM = 1.0  # a quarter of the paper's pitch: places further apart are no one station
 
 
@@ -73,18 +77,13 @@ class Press:
 
 @dataclass(frozen=True)
 class CsvRecording:
-    """A whole recording.
-
-    ``devices`` are those of the streams, ``columns`` the names in the file, ``notes`` what was left
-    out, ``sha256`` of the file, of a CSV as it is unpacked.
-    """
+    """A whole recording of ``table``: its presses, the ``devices`` of their streams, and ``notes``
+    of what was left out."""
 
     presses: tuple[Press, ...]
     devices: Mapping[str, tuple[Channel, ...]]
-    columns: tuple[str, ...]
-    rows: int
+    table: Table
     notes: tuple[str, ...]
-    sha256: str
 
 
 def read_csv(source: Path) -> Table:
@@ -94,9 +93,8 @@ def read_csv(source: Path) -> Table:
     if len(given) != 1:
         what = "none is there" if not given else f"{' and '.join(given)} are there"
         raise CsvError(f"exactly one of the columns {', '.join(SIGNALS)} is needed; {what}")
-    names, channel = tuple(map(str, rows.columns)), SIGNALS[given[0]]
     rows = rows.rename(columns={given[0]: signal(0)}).assign(**{saturated(0): 0.0})
-    return Table(rows, {DEVICE: (channel,)}, names, tuple(left_out), sha256=digest)
+    return Table(rows, {DEVICE: (SIGNALS[given[0]],)}, tuple(left_out), sha256=digest)
 
 
 def cut(table: Table, tare_s: float | None = None) -> CsvRecording:
@@ -116,9 +114,7 @@ def cut(table: Table, tare_s: float | None = None) -> CsvRecording:
         presses = [_tared(press, tare_s) for press in presses]
     if len(presses) == 1 and (places := _places_in_one(table.rows)):
         notes.append(f"{places}: are they in metres?")
-    return CsvRecording(
-        tuple(presses), devices, table.names, len(table.rows), tuple(notes), table.sha256
-    )
+    return CsvRecording(tuple(presses), devices, table, tuple(notes))
 
 
 def _tared(press: Press, tare_s: float) -> Press:
@@ -235,7 +231,7 @@ def _presses(whole: Table, notes: list[str]) -> tuple[dict[str, tuple[Channel, .
             },
             float(times[0]),
             float(times[-1] + np.median(steps[steps > 0])),
-            _phases(rows, times),
+            _phases(rows, times) if PHASE in rows else _phases_by_depth(rows, times),
         )
     counted = [
         (lost, "rows without a reading are left out"),
@@ -279,6 +275,25 @@ def _phases(rows: pd.DataFrame, times: Array) -> tuple[tuple[float, int], ...]:
     at = np.concatenate([at[:1], (at[:-1] + at[1:]) / 2])
     entered = np.flatnonzero(np.diff(known, prepend=-1))
     return tuple(zip(at[entered].tolist(), known[entered].tolist(), strict=True))
+
+
+def _phases_by_depth(rows: pd.DataFrame, times: Array) -> tuple[tuple[float, int], ...]:
+    """When the tip went in, was held, and was lifted, of a press whose depths are known from the
+    surface on; else nothing."""
+    depth = _or_nothing(rows, DEPTH)
+    times, depth = times[np.isfinite(depth)], depth[np.isfinite(depth)]
+    near = DEPTH_SHARE * depth.max(initial=0.0)
+    if not len(depth) or near <= 0 or depth[0] > near:
+        return ()
+    held = np.flatnonzero(depth >= depth.max() - near)
+    still = depth[held[len(held) // 4 : -(len(held) // 4) or None]]
+    held = np.flatnonzero(depth >= np.median(still) - SIGMAS * still.std() - ROUNDING_MM)
+    first, last = int(held[0]), int(held[-1])
+    began = int(np.flatnonzero(depth[:first] <= 0)[-1:].sum())  # the last at the surface
+    entered = [(times[began], Phase.INDENTING), (times[first], Phase.HOLDING)]
+    if last + 1 < len(times):
+        entered.append((times[last + 1], Phase.RETRACTING))
+    return tuple((float(at), tuple(Phase).index(phase)) for at, phase in entered)
 
 
 def _apart(presses: list[Press], notes: list[str]) -> list[Press]:

@@ -98,9 +98,9 @@ def mapped(recording: Recording, asked: Asked) -> Table:
     notes = list(recording.notes)
     wanted = {name: name for name in UNITS if name in columns}
     if not any(name in {**SIGNALS, **ARRAYS} for name in (*asked.mapping, *wanted)):
-        for name, all_of_it in recording.meant.items():
-            there = [one for one in all_of_it if one in columns]
-            wanted |= {name: there[0]} if len(there) == 1 else {}
+        for name, candidates in recording.meant.items():
+            present = [candidate for candidate in candidates if candidate in columns]
+            wanted |= {name: present[0]} if len(present) == 1 else {}
     wanted |= {name: said for name, said in asked.mapping.items() if isinstance(said, str)}
     forces = [name for name in wanted if name in SIGNALS]
     arrays = [name for name in wanted if name in ARRAYS]
@@ -119,36 +119,32 @@ def mapped(recording: Recording, asked: Asked) -> Table:
     devices: dict[str, tuple[Channel, ...]] = {}
     parts: list[_Picked] = []
     first = forces[0] if forces else arrays[0]
-    for one in sorted(picked, key=lambda one: one.target != first):
-        if one.target in SIGNALS:
-            channels: tuple[Channel, ...] = (SIGNALS[one.target],)
-        elif one.target in ARRAYS:
-            channels = _taxels(one, asked.layout, notes)
+    count = 0
+    for pick in sorted(picked, key=lambda pick: pick.target != first):
+        if pick.target in SIGNALS:
+            channels: tuple[Channel, ...] = (SIGNALS[pick.target],)
+        elif pick.target in ARRAYS:
+            channels = _taxels(pick, asked.layout, notes)
         else:
-            parts.append(one)
+            parts.append(pick)
             continue
-        at = sum(map(len, devices.values()))
         devices[DEVICE if not devices else TAXELS] = channels
-        flat = one.values.reshape(len(one.values), -1)
-        parts += [
-            one._replace(target=signal(at + n), values=flat[:, n]) for n in range(len(channels))
-        ]
-    rows = _together(parts, notes)
-    count = sum(map(len, devices.values()))
-    rows = rows.assign(**{saturated(n): 0.0 for n in range(count)})
-    names = ("time_s", *(one.target for one in picked))
-    merged = len(rows) > max(len(one.time_s) for one in parts)
-    return Table(_timed(rows, notes), devices, names, notes=tuple(notes), merged=merged)
+        for values in pick.values.reshape(len(pick.values), -1).T:
+            parts.append(pick._replace(target=signal(count), values=values))
+            count += 1
+    rows = _together(parts, notes).assign(**{saturated(n): 0.0 for n in range(count)})
+    merged = len(rows) > max(len(part.time_s) for part in parts)
+    return Table(_timed(rows, notes), devices, notes=tuple(notes), merged=merged)
 
 
 def _together(parts: list[_Picked], notes: list[str]) -> pd.DataFrame:
     """All in one table in time; each stream keeps its own rows."""
     streams: list[tuple[_Picked, dict[str, Array]]] = []
-    for one in parts:
-        own = next((c for head, c in streams if np.array_equal(head.time_s, one.time_s)), None)
+    for part in parts:
+        own = next((c for head, c in streams if np.array_equal(head.time_s, part.time_s)), None)
         if own is None:
-            streams.append((one, own := {"time_s": one.time_s}))
-        own[one.target] = one.values
+            streams.append((part, own := {"time_s": part.time_s}))
+        own[part.target] = part.values
     if len(streams) == 1:
         return pd.DataFrame(streams[0][1])
     rows = pd.DataFrame({"time_s": []}, dtype=float)
@@ -186,13 +182,13 @@ def _times(
     names = [said] if isinstance(said, str) else said
     if not names:
         own = [n for n, c in columns.items() if c.values.ndim == 1 and _unit(n, c) in TIMES]
-        if len(own) == 1 and asked.rate_hz is None:
+        if len(own) == 1:
             names = own
             notes.append(f"times are those of {own[0]!r}")
-    found = [_find(columns, "time_s", name, notes) for name in names]
-    for name, values, _ in found:
+    times = [_find(columns, "time_s", name, notes)[:2] for name in names]
+    for name, values in times:
         check_size(values, name, "s")
-    return [(name, values) for name, values, _ in found]
+    return times
 
 
 def _picked(
@@ -281,10 +277,10 @@ def _named(columns: Mapping[str, Column], said: str) -> dict[str, Column]:
         pattern = re.compile(".*".join(map(re.escape, said.split("*"))) + r"\Z", re.DOTALL)
         return {name: column for name, column in columns.items() if pattern.match(name)}
     ends = (f"/{said}", f".{said}")
-    found = {n: column for n, column in columns.items() if BRACKETS.sub("", n) == said}
-    found = found or {n: column for n, column in columns.items() if n.endswith(ends)}
-    if found or (index := re.search(r"\[(\d+(?:,\d+)*)\]$", said)) is None:
-        return found
+    fitting = {n: column for n, column in columns.items() if BRACKETS.sub("", n) == said}
+    fitting = fitting or {n: column for n, column in columns.items() if n.endswith(ends)}
+    if fitting or (index := re.search(r"\[(\d+(?:,\d+)*)\]$", said)) is None:
+        return fitting
     at = tuple(map(int, index[1].split(",")))
     return {
         f"{name}{index[0]}": column._replace(values=np.moveaxis(column.values, 0, -1)[at])

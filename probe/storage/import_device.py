@@ -69,10 +69,9 @@ def judged(devices: Mapping[str, Device], tactile: str | None) -> Table:
     labels = _labelled(device)
     rows = pd.concat([labels, pd.DataFrame(added, labels.index)], axis=1)
     rows = _with_reference(rows, name, devices)
-    columns = tuple(f"{column}_{channel.unit}".lower() for column, channel in picked)
     merged = len(rows) > len(labels)
     own = {DEVICE: tuple(channel for _, channel in picked)}
-    return placed(Table(_last_attempts(rows), own, columns, merged=merged))
+    return placed(Table(_last_attempts(rows), own, merged=merged))
 
 
 def placed(table: Table, places: Mapping[str, Mapping[int, float]] | None = None) -> Table:

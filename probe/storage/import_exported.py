@@ -26,7 +26,6 @@ from probe.storage.import_device import (
     phase_numbers,
     placed,
 )
-from probe.storage.import_mcap import read_mcap
 from probe.storage.import_table import PER_STATION, PHASE, REFERENCE, SIGNALS, CsvError, Table
 
 with needs("data", "palpate import"):
@@ -41,34 +40,8 @@ def own_text(source: Path) -> Table | None:
     """A CSV whose columns are named with their unit, or samples that we exported."""
     names = [name.strip() for name in next(csv.reader([first_line(source)]), [])]
     if {"time_s", "station", "attempt", "phase"} <= set(names):
-        return _named(_csv(source))
+        return _csv(source)
     return read_csv(source) if "time_s" in names else None
-
-
-def own_parquet(source: Path) -> Table | None:
-    """Samples that we exported, or that have our names."""
-    table = _parquet(source)
-    return None if table is None else _named(table)
-
-
-def own_hdf5(source: Path) -> Table | None:
-    """An export to HDF5 or netCDF."""
-    table = _groups(source)
-    return None if table is None else _named(table)
-
-
-def own_mcap(source: Path) -> Table | None:
-    """An export to MCAP."""
-    table = read_mcap(source)
-    return None if table is None else _named(table)
-
-
-def _named(table: Table) -> Table:
-    names = (
-        *table.names,
-        *(n for n in table.rows if n in (REFERENCE, *PER_STATION, "station", PHASE)),
-    )
-    return table._replace(names=("time_s", *names))
 
 
 def _csv(source: Path) -> Table:
@@ -128,7 +101,8 @@ def _by_name(table: pd.DataFrame, source: Path) -> tuple[dict[str, Channel], dic
     return channels, {channel.name: lower[found]}
 
 
-def _parquet(source: Path) -> Table | None:
+def own_parquet(source: Path) -> Table | None:
+    """Samples that we exported, or that have our names."""
     require("pyarrow", "export", "Parquet")
     from pyarrow import parquet
 
@@ -163,7 +137,7 @@ def _parquet(source: Path) -> Table | None:
     return found._replace(face_mm2=face_mm2_of((schema.metadata or {}).get(b"palpate", b"")))
 
 
-def _groups(source: Path) -> Table | None:
+def own_hdf5(source: Path) -> Table | None:
     """The samples in a netCDF or HDF5 export, with their stations' places."""
     require("h5py", "export", "HDF5 and netCDF")
     import h5py

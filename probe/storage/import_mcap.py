@@ -29,7 +29,7 @@ SAMPLE = "palpate_msgs/msg/"
 ROLE = "role of "
 
 
-def read_mcap(source: Path) -> Table | None:
+def own_mcap(source: Path) -> Table | None:
     """The samples of the device that the run was judged on; None of a file of others."""
     with needs("export", "MCAP"):
         from mcap.exceptions import McapError
@@ -41,18 +41,12 @@ def read_mcap(source: Path) -> Table | None:
             summary = reader.get_summary()
         except (McapError, OSError):  # a recorder that died wrote no end
             return None
-        names = {} if summary is None else _names(summary)
-        ours = [topic for topic, name in names.items() if name.startswith(SAMPLE)]
+        if summary is None:
+            return None
+        kinds = {number: schema.name for number, schema in summary.schemas.items()}
+        listed = [channel for _, channel in sorted(summary.channels.items())]
+        ours = [c.topic for c in listed if kinds.get(c.schema_id, "").startswith(SAMPLE)]
         return _own_samples(reader, summary, ours) if ours else None
-
-
-def _names(summary: Any) -> dict[str, str]:
-    """The kind of message of each topic."""
-    return {
-        c.topic: summary.schemas[c.schema_id].name
-        for _, c in sorted(summary.channels.items())
-        if c.schema_id in summary.schemas
-    }
 
 
 def _own_samples(reader: Any, summary: Any, topics: list[str]) -> Table:

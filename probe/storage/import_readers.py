@@ -13,7 +13,8 @@ from drivers.core.errors import MissingExtra
 from drivers.core.files import FileRefused, open_file
 from probe.storage.import_arrays import read_hdf5, read_mat, read_numpy, read_parquet
 from probe.storage.import_columns import Asked, Recording, mapped
-from probe.storage.import_exported import own_hdf5, own_mcap, own_parquet, own_text
+from probe.storage.import_exported import own_hdf5, own_parquet, own_text
+from probe.storage.import_mcap import own_mcap
 from probe.storage.import_ros import read_bag, read_db3, read_mcap_messages
 from probe.storage.import_table import CsvError, Table
 from probe.storage.import_text import read_text

@@ -10,6 +10,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import fields, is_dataclass
+from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -126,10 +127,10 @@ def _of_db3(database: sqlite3.Connection, notes: list[str]) -> Messages:
         if not {"topics", "messages"} <= tables:
             raise CsvError("is an SQLite file, but no ROS 2 bag: no tables topics and messages")
         if "message_definitions" in tables:
-            found = database.execute(
+            listed = database.execute(
                 "SELECT topic_type, encoded_message_definition FROM message_definitions"
             )
-            definitions = dict(found.fetchall())
+            definitions = dict(listed.fetchall())
         topics = {
             number: Topic(name, kind, definitions.get(kind, ""))
             for number, name, kind in database.execute("SELECT id, name, type FROM topics")
@@ -159,14 +160,13 @@ def _of_mcap(file: BinaryIO, notes: list[str]) -> Messages:
 
 def _columns(messages: Messages, notes: list[str]) -> Recording:
     """The numbers of each topic over its times: of the headers, or of the log without."""
-    decode = _Decoder()
     times: dict[str, list[float]] = {}
     rows: dict[str, list[dict[str, Any]]] = {}
     wrenches: set[str] = set()
     bad: dict[str, int] = {}
     for topic, logged_ns, data in messages:
         try:
-            message = decode(topic, data)
+            message = _decoded(topic, data)
         except Unread as error:
             key = f"topic {topic.name}: {error}"
             bad[key] = bad.get(key, 0) + 1
@@ -198,40 +198,34 @@ class Unread(ValueError):
     """A message that is in another encoding, or not whole."""
 
 
-class _Decoder:
-    """Messages by the definitions that the file has, or ROS 2's own."""
+def _decoded(topic: Topic, data: bytes) -> Any:
+    """The message. Raises `Unread`."""
+    if topic.encoding not in ("cdr", "ros1", "json"):
+        raise Unread(f"in {topic.encoding!r}; cdr, ros1 and json are read")
+    try:
+        if topic.encoding == "json":
+            return json.loads(data)
+        store = _store(topic.kind, topic.definition)
+        if topic.encoding == "ros1":
+            return store.deserialize_ros1(data, topic.kind)
+        return store.deserialize_cdr(data, topic.kind)
+    except (Unread, MissingExtra):
+        raise
+    except Exception as error:  # noqa: BLE001 -- rosbags' own, at a damaged message
+        raise Unread(f"not whole ({error})") from None
 
-    def __init__(self) -> None:
-        self._known: dict[tuple[str, str], Any] = {}
 
-    def __call__(self, topic: Topic, data: bytes) -> Any:
-        """The message. Raises `Unread`."""
-        if topic.encoding not in ("cdr", "ros1", "json"):
-            raise Unread(f"in {topic.encoding!r}; cdr, ros1 and json are read")
-        try:
-            if topic.encoding == "json":
-                return json.loads(data)
-            store = self._store(topic)
-            if topic.encoding == "ros1":
-                return store.deserialize_ros1(data, topic.kind)
-            return store.deserialize_cdr(data, topic.kind)
-        except (Unread, MissingExtra):
-            raise
-        except Exception as error:  # noqa: BLE001 -- rosbags' own, at a damaged message
-            raise Unread(f"not whole ({error})") from None
-
-    def _store(self, topic: Topic) -> Any:
-        key = (topic.kind, topic.definition)
-        if key not in self._known:
-            with needs("formats", "a ROS bag"):
-                from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-            store = get_typestore(Stores.EMPTY if topic.definition else Stores.ROS2_HUMBLE)
-            if topic.definition:
-                store.register(get_types_from_msg(topic.definition, topic.kind))
-            elif topic.kind not in store.types:
-                raise Unread(f"{topic.kind}: the file does not say what is in it")
-            self._known[key] = store
-        return self._known[key]
+@cache
+def _store(kind: str, definition: str) -> Any:
+    """What decodes messages of that kind, by the file's definition or ROS 2's own."""
+    with needs("formats", "a ROS bag"):
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    store = get_typestore(Stores.EMPTY if definition else Stores.ROS2_HUMBLE)
+    if definition:
+        store.register(get_types_from_msg(definition, kind))
+    elif kind not in store.types:
+        raise Unread(f"{kind}: the file does not say what is in it")
+    return store
 
 
 def _stamp_ns(message: Any) -> int:

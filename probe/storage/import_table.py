@@ -48,14 +48,13 @@ class Table(NamedTuple):
     Their columns: ``time_s``; `signal` and `saturated` of each channel of ``devices``, numbered
     through, in its unit; and of `PER_STATION`, ``station``, ``reference`` and `PHASE` those that
     are known. What has a rate of its own has NaN in the rows of the others.
-    ``names`` are the columns by their names in the file, ``left_out`` those not taken,
+    ``left_out`` names the columns not taken,
     ``face_mm2`` the probe's face where the file has it, ``sha256`` that of the file, ``notes`` what
     was lost or put in order, ``merged`` whether the rows are of several clocks.
     """
 
     rows: pd.DataFrame
     devices: Mapping[str, tuple[Channel, ...]]
-    names: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
     face_mm2: float | None = None
     sha256: str = ""

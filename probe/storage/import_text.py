@@ -42,7 +42,7 @@ class _Form(NamedTuple):
     mark: str | None
     comma: bool
     numeric: tuple[bool, ...]
-    score: int
+    score: float
 
 
 def read_text(source: Path) -> Recording:
@@ -77,7 +77,7 @@ def read_text(source: Path) -> Recording:
         notes.append("the last line has no end: it may be cut off")
     numbers = [column.values for column in columns.values() if not column.words]
     if odd := int(sum(np.isnan(values).sum() for values in numbers)):
-        notes.append(f"{odd} cells are no numbers, and count as nothing")
+        notes.append(f"{odd} cells are empty or no numbers, and count as nothing")
     return Recording(columns, tuple(notes))
 
 
@@ -114,8 +114,8 @@ def _form(lines: list[str], mark: str | None) -> _Form:
             tuple(_is_number(cell, comma) for cell in cells) for cells in some if any(cells)
         )
         for numeric, count in kinds.items():
-            score = count * (2 * sum(numeric) - len(numeric))  # words speak against
-            if sum(numeric) and count > 1 and score > best.score:
+            score = count * sum(numeric) ** 2 / len(numeric)  # words speak against
+            if count > 1 and score > best.score:
                 best = _Form(mark, comma, numeric, score)
     return best
 
@@ -173,10 +173,10 @@ def _numbers(cells: list[str], comma: bool) -> Array:
         return np.array(plain, np.str_).astype(np.float64)
     except ValueError:
         pass
-    found = np.array([float(c) if NUMBER.match(c) else np.nan for c in plain], np.float64)
-    if np.isfinite(found).any():
-        return found
+    numbers = np.array([float(c) if NUMBER.match(c) else np.nan for c in plain], np.float64)
+    if np.isfinite(numbers).any():
+        return numbers
     try:
         return np.array([datetime.fromisoformat(cell).timestamp() for cell in plain])
     except (ValueError, OverflowError):
-        return found
+        return numbers

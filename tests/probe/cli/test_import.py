@@ -68,6 +68,14 @@ def test_of_several_files_each_becomes_a_run(folder: Path, palpate: Palpate) -> 
     assert all(open_run(folder / "runs" / f"{n}.run").recording() for n in ("first", "second"))
 
 
+def test_a_folder_takes_a_single_run_too(folder: Path, palpate: Palpate) -> None:
+    """A pattern may match one file today and two tomorrow."""
+    (folder / "lab.toml").write_text(KEPT)
+    keys = ["--out", folder, "--map", folder / "lab.toml"]
+    assert palpate("import", folder / "f*.txt", *keys).status == 0
+    assert open_run(folder / "first.run").recording().stations
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [

@@ -242,6 +242,18 @@ def test_of_a_damaged_file_what_is_whole_is_read_and_the_rest_said(
     assert any(word in note for note in made.notes for word in said), made.notes
 
 
+@pytest.mark.parametrize("kept", [1, 3, 5, 6, 8, 30])
+def test_an_xdf_file_may_end_anywhere_in_a_chunk(kept: int, tmp_path: Path) -> None:
+    """In its length, its tag, its stream or its samples."""
+    source = xdf(tmp_path)
+    content = source.read_bytes()
+    last = content.rindex(struct.pack("<HI", 3, 1)) - 5  # the last chunk of samples
+    source.write_bytes(content[: last + kept])
+    made, held = imported(source, tmp_path, mapping=F)
+    np.testing.assert_allclose(held[:, 1], FORCE_N[:180])
+    assert f"the file ends within a chunk: {kept} of {last + kept} bytes are lost" in made.notes
+
+
 def test_each_stream_keeps_its_rate_and_an_array_its_layout(tmp_path: Path) -> None:
     """Force, an array of 2 x 3 taxels and a depth, each at times of its own."""
     slow_s, depth_s = TIME_S[::4] + 1e-3, TIME_S[::10] + 2e-3
@@ -295,6 +307,30 @@ def test_streams_in_one_file_of_arrays_have_the_times_beside_them(tmp_path: Path
     (station,) = open_run(made.path).recording().stations
     np.testing.assert_allclose(station.time_s, TIME_S)
     np.testing.assert_allclose(station.reference_s, TIME_S + 0.005)
+
+
+def test_a_press_with_its_depths_has_phases(tmp_path: Path) -> None:
+    """Down from the surface in 0.5 s, still for 1 s, and up: by a stage that trembles, too."""
+    for tremble_mm in (0.0, 3e-3):
+        depth_mm = np.interp(TIME_S, [0.2, 0.7, 1.7, 1.9], [0.0, 2.5, 2.5, 0.0])
+        depth_mm += tremble_mm * np.random.default_rng(1).standard_normal(200)
+        table = pd.DataFrame({"time_s": TIME_S, "force_n": depth_mm, "depth_mm": depth_mm})
+        table.to_csv(tmp_path / "a.csv", index=False)
+        made = import_csv(tmp_path / "a.csv", tmp_path / f"{tremble_mm}.run", face_mm2=100.0)
+        (station,) = open_run(made.path).recording().stations
+        phases = (station.indent_s, station.hold_s, station.retract_s)
+        assert phases == pytest.approx((0.2, 0.7, 1.7), abs=0.02)
+        assert station.hold_depth_m == pytest.approx(2.5e-3, rel=2e-3)
+
+
+def test_moments_are_times_and_what_was_asked_is_kept(tmp_path: Path) -> None:
+    moments = pd.Timestamp("2026-03-01T12:00:00") + pd.to_timedelta(TIME_S, unit="s")
+    table = pd.DataFrame({"when": moments.strftime("%Y-%m-%d %H:%M:%S.%f"), "Fz": FORCE_N})
+    table.to_csv(tmp_path / "a.csv", index=False, sep=";", decimal=",")
+    made, held = imported(tmp_path / "a.csv", tmp_path, mapping={"time_s": "when", "force_n": "Fz"})
+    np.testing.assert_allclose(held[:, 0] - held[0, 0], TIME_S, atol=1e-6)
+    asked = open_run(made.path).config["imported"]["asked"]
+    assert asked["mapping"] == {"time_s": "when", "force_n": "Fz"}
 
 
 def test_words_may_name_stations(tmp_path: Path) -> None:
@@ -397,6 +433,14 @@ def test_what_is_asked_wrongly_is_refused_with_what_is_there(case: str, tmp_path
     with pytest.raises(CsvError, match=said):
         import_csv(source, tmp_path / "a.run", **keys)
     assert not (tmp_path / "a.run").exists()
+
+
+def test_a_rate_is_held_against_times_that_nobody_named(tmp_path: Path) -> None:
+    source = table("a.txt", "Time [s]\tFz", "\t")(tmp_path)
+    with pytest.raises(CsvError, match=r"--rate-hz 500 is not .* are 100 Hz"):
+        imported(source, tmp_path, mapping=F, rate_hz=500.0)
+    _, held = imported(source, tmp_path, mapping=F, rate_hz=100.5)
+    np.testing.assert_allclose(held[:, 0], TIME_S)
 
 
 def test_of_two_columns_that_fit_one_must_be_said(tmp_path: Path) -> None:
