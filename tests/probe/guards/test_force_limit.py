@@ -187,6 +187,24 @@ class Felt:
         return 0.0
 
 
+def test_a_tare_is_not_taken_for_noise() -> None:
+    """The sensor's zero jumps by 0.5 N, and its noise is 0.2 mN."""
+    guard = SensorGuard((Channel("force", "N", "force"),), LIMITS)
+    force = 0.2e-3 * np.random.default_rng(1).standard_normal(80)
+    force[:60] += 0.5
+
+    def read(some: slice) -> None:
+        block = Block(np.arange(80)[some] / 50, force[some, None], np.zeros((80, 1), bool)[some])
+        assert guard.check(block) is None
+
+    read(slice(0, 60))
+    guard.tare()
+    read(slice(60, 65))
+    assert guard.noise_n(-np.inf) == np.inf, "too few since then"
+    read(slice(65, 80))
+    assert guard.noise_n(-np.inf) == pytest.approx(0.2e-3, rel=0.5)
+
+
 def test_the_lift_from_the_press_before_is_not_taken_for_noise() -> None:
     """At 50 Hz the lift and the way to the next station are over within one second: a scan ended
     because no force of ten times such a noise was measured half a millimetre deep."""
