@@ -117,7 +117,10 @@ def table_of(recording: Recording) -> tuple[TouchTable, float, float, float] | s
     """The table of a recording's finger and block, the finger's half width and length [m] and
     where the block's middle is; or why there is none."""
     if recording.block is None:
-        return "finger and block are not known: give a scene with them as [scene] in the rig file"
+        return (
+            "finger and block are not known: give a scene with them as [scene] in the rig file, or "
+            "to `palpate import` as --scene"
+        )
     if not recording.block.get("tissue"):
         return "depth and size are known of what lies in a block of tissue"
     block = Scene.model_validate({"name": "block", **recording.block})
