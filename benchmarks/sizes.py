@@ -49,9 +49,7 @@ def truth(kind: str, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         theta = body(kind, seed, units)
         scene = units.scene(HYPOTHESES[kind], theta)
         try:
-            rows = [
-                [[s.force_n_per_m for s in states] for states in ramp(scene, x)[1]] for x in X_M
-            ]
+            rows = [[solved.force_n_per_m for solved in ramp(scene, x)] for x in X_M]
         except (CannotSolve, ValueError):
             seed += 1000
             continue

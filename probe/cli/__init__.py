@@ -76,7 +76,7 @@ def _begin_early(given: Sequence[str]) -> None:
     if on_a_scene and not has_rig and None not in streams:
         from sim_backend.models.second_process import start_early
 
-        start_early("sim_backend.models.plane_response")
+        start_early("sim_backend.models.stations")
 
 
 @contextmanager

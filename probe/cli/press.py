@@ -35,8 +35,8 @@ def press(
         str | None,
         typer.Option(
             metavar="NAME",
-            help="finite or small (strain, of a plane scene), axisymmetric or solid (of a solid "
-            "one), auto; chosen if not given.",
+            help="small or finite (strain, of a plane scene), quick (finite, on the one mesh that "
+            "scans have), axisymmetric or solid (of a solid scene), auto; chosen if not given.",
         ),
     ] = None,
     deck: Annotated[
@@ -76,8 +76,9 @@ def press(
     """Press once into a scene and print force, contact stress, pulse and contact."""
     from probe.cli.progress import solving
     from sim_backend.models.press import press as press_once
+    from sim_backend.models.table import names
     from sim_backend.scene.odd_values import odd_values
-    from sim_backend.scene.scene_file import SceneError, load_scene
+    from sim_backend.scene.scene_file import load_scene
     from sim_backend.scene.waves import load_wave
 
     chosen = {} if model is None else {"model": model}
@@ -85,12 +86,8 @@ def press(
     load_wave(pressed_into.pulse)  # so that what a scan refuses is refused here too
     for doubt in odd_values(pressed_into):
         inform(f"warning: {doubt}")
-    if pressed_into.plane == "solid" and (deck or feb or vtu):
-        raise SceneError(
-            f"{scene}: --deck, --feb and --vtu write the triangles of a plane section; a solid is "
-            "solved on wedges of 18 nodes, which neither CalculiX nor FEBio knows. Write the "
-            'section by plane = "strain" in the scene, without length_mm'
-        )
+    if deck or feb or vtu:  # neither CalculiX nor FEBio knows a solid's wedges of 18 nodes
+        pressed_into.need_section("--deck, --feb and --vtu write")
     for option, path, mark in (
         ("--deck", deck, b" mm thick. "),
         ("--feb", feb, b"<febio_spec"),
@@ -119,21 +116,15 @@ def press(
         inform(f"FEBio: {feb}")
     if vtu is not None:
         from sim_backend.fem.io.vtu import write_vtu
-        from sim_backend.fem.picture import SectionPicture
 
-        picture = pressed.solved.picture
-        assert isinstance(picture, SectionPicture)  # a solid was refused
-        states = pressed.solved.states
-        moved = tuple(state.displacement for state in states)
-        stress = tuple(picture.von_mises_pa(state) for state in states)
-        for path in write_vtu(picture.section, moved, stress, vtu):
+        for path in write_vtu(pressed.solved.body, pressed.solved.states, vtu):
             inform(f"VTU: {path}")
     if (left_pct := pressed.error_estimate_pct) > accuracy:
         what = "force" if left_pct == pressed.force_error_estimate_pct else "pulse"
-        finer = model in (None, "auto", "solid")
+        finest = model in (None, "auto", names(pressed_into)[-1])
         inform(
             f"note: the {what}'s error of {left_pct:.2g} % misses the accuracy of {accuracy:g} % "
-            "that was asked for: " + ("no finer mesh was tried" if finer else "leave --model out")
+            "that was asked for: " + ("no finer mesh was tried" if finest else "leave --model out")
         )
     found: dict[str, Any] = plain(pressed.as_json())
     if json:

@@ -11,11 +11,10 @@ from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
 from sim_backend.models.fast import FastModel, fast_model
-from sim_backend.models.force_model import ForceModel, OutOfRange
+from sim_backend.models.force_model import OutOfRange
 from sim_backend.models.press import CannotSolve, Press, press
 from sim_backend.models.press_range import check_press
 from sim_backend.models.refine import SMALL_PULSE
-from sim_backend.models.scan_estimate import estimate_scan
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -42,9 +41,9 @@ def jobs(
     scene: Scene, points: Iterable[tuple[int, Point]], x_mm: tuple[float, ...],
     indentation_mm: float, model: str, accuracy_pct: float,
 ) -> list[Job]:  # fmt: skip
-    """Points grouped by what they do not share: all but the pulse, all for the quick model (one
-    pulse per solution), all but pulse and press for the fast one (trained once per scene)."""
-    free = {"quick": (), "fast": ("pulse.", "x_mm", "indentation_mm")}.get(model, ("pulse.",))
+    """Points grouped by what they do not share: all but the pulse, for the fast model all but pulse
+    and press (trained once per scene)."""
+    free = ("pulse.", "x_mm", "indentation_mm") if model == "fast" else ("pulse.",)
     groups: dict[str, list[tuple[int, Point]]] = {}
     for number, point in points:
         shared = {k: v for k, v in point.items() if not k.startswith(free)}
@@ -63,8 +62,7 @@ def solve(job: Job) -> dict[int, list[Row]]:
         except (SceneError, ValidationError) as error:
             found[number] = [{"reason": first_line(error)}]
     if scenes:
-        answer = {"quick": _by_scans, "fast": _by_table}.get(job.model, _by_presses)
-        found |= answer(job, scenes)
+        found |= (_by_table if job.model == "fast" else _by_presses)(job, scenes)
     return {n: [{"point": n, **point, **row} for row in found[n]] for n, point in job.points}
 
 
@@ -79,11 +77,6 @@ def _by_presses(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
     over, depth_mm = _where(job, dict(job.points)[number], first)
     pressed = [_pressed(job, scenes, x_mm, depth_mm) for x_mm in over]
     return {n: [rows[n] for rows in pressed] for n in scenes}
-
-
-def _by_scans(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
-    points = dict(job.points)
-    return {n: _quick(scene, *_where(job, points[n], scene)) for n, scene in scenes.items()}
 
 
 def _by_table(job: Job, scenes: dict[int, Scene]) -> dict[int, list[Row]]:
@@ -129,8 +122,9 @@ def _knows(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> bool
 def _pressed(
     job: Job, scenes: dict[int, Scene], x_mm: float, depth_mm: float
 ) -> dict[int, Row]:  # fmt: skip
-    """One press at the pressures of all scenes."""
-    levels = sorted({p for s in scenes.values() for p in _pressures(s)})
+    """One press at the pressures of all scenes, of the quick model also half-way."""
+    half = [_half(scene) for scene in scenes.values() if job.model == "quick"]
+    levels = sorted({*half, *(p for scene in scenes.values() for p in _pressures(scene))})
     first = next(iter(scenes.values()))
     try:
         pressed = press(first, x_mm, depth_mm, levels, solving=lambda _what: None, model=job.model,
@@ -141,8 +135,8 @@ def _pressed(
     return {n: _answer(pressed, scene, levels) for n, scene in scenes.items()}
 
 
-def _estimated(model: ForceModel, scene: Scene, x_mm: float, depth_mm: float, name: str) -> Row:
-    """A row of a model that answers at once, with its stated errors."""
+def _fast(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> Row:
+    """A row of the fast model, with its stated errors."""
     began_s = perf_counter()
     place = {"x_mm": x_mm, "indentation_mm": depth_mm}
     levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
@@ -153,6 +147,7 @@ def _estimated(model: ForceModel, scene: Scene, x_mm: float, depth_mm: float, na
         low_n, half_n, high_n = model.force_n(*at, [low_pa, (low_pa + high_pa) / 2, high_pa])
         off_n = float(model.error_n(*at, low_pa))
         pulse_off_n = float(model.pulse_error_n(*at, low_pa, high_pa))
+        stress_pa = model.von_mises_pa(*at, levels_pa)
     except (CannotSolve, SceneError, OutOfRange) as error:
         return place | {"reason": first_line(error)}
     force_n, pulse_n, face_m2 = float(low_n), float(high_n - low_n), 1e-6 * scene.face_mm2
@@ -160,35 +155,11 @@ def _estimated(model: ForceModel, scene: Scene, x_mm: float, depth_mm: float, na
     return place | {
         "force_n": force_n, "pulse_n": pulse_n, "half_pulse_n": float(half_n - low_n),
         "baseline_pa": force_n / face_m2, "pulse_pa": pulse_n / face_m2,
-        "force_error_n": off_n, "pulse_error_n": pulse_off_n, "model": name,
-        "error_estimate_pct": 100 * share, "seconds": perf_counter() - began_s, "reason": "",
-    }  # fmt: skip
-
-
-def _fast(model: FastModel, scene: Scene, x_mm: float, depth_mm: float) -> Row:
-    """With the paper's criterion, which the fast model knows too."""
-    row = _estimated(model, scene, x_mm, depth_mm, "fast")
-    if row["reason"]:
-        return row
-    levels_pa = np.array(_pressures(scene)) * PA_PER_MMHG
-    stress_pa = model.von_mises_pa(1e-3 * x_mm, 1e-3 * depth_mm, levels_pa)
-    return row | {
+        "force_error_n": off_n, "pulse_error_n": pulse_off_n, "model": "fast",
         "von_mises_pa": float(stress_pa[0]),
         "von_mises_pulse_pa": float(stress_pa[-1] - stress_pa[0]),
-    }
-
-
-def _quick(scene: Scene, x_mm: tuple[float, ...], depth_mm: float) -> list[Row]:
-    """One scan, whose time its stations share."""
-    began_s = perf_counter()
-    try:
-        scan = estimate_scan(scene, [1e-3 * x for x in x_mm], 1e-3 * depth_mm)
-    except (CannotSolve, SceneError) as error:
-        reason = first_line(error)
-        return [{"x_mm": x, "indentation_mm": depth_mm, "reason": reason} for x in x_mm]
-    seconds = (perf_counter() - began_s) / len(x_mm)
-    rows = [_estimated(scan, scene, x, depth_mm, "quick") for x in x_mm]
-    return [row if row["reason"] else row | {"seconds": seconds} for row in rows]
+        "error_estimate_pct": 100 * share, "seconds": perf_counter() - began_s, "reason": "",
+    }  # fmt: skip
 
 
 def _pressures(scene: Scene) -> tuple[float, ...]:
@@ -197,16 +168,24 @@ def _pressures(scene: Scene) -> tuple[float, ...]:
     return (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg)
 
 
+def _half(scene: Scene) -> float:
+    return sum(_pressures(scene)) / len(_pressures(scene))
+
+
 def _answer(pressed: Press, scene: Scene, levels: list[float]) -> Row:
     low, high = (pressed.states[levels.index(p)] for p in
                  (_pressures(scene)[0], _pressures(scene)[-1]))  # fmt: skip
     face_m2 = 1e-6 * scene.face_mm2
     force_n, pulse_n = low.force_n, high.force_n - low.force_n
+    half = [one.force_n - force_n for one in pressed.states if one.pressure_mmhg == _half(scene)]
     return {
         "x_mm": pressed.x_mm,
         "indentation_mm": pressed.depth_mm,
         "force_n": force_n,
         "pulse_n": pulse_n,
+        **({"half_pulse_n": half[0]} if half else {}),
+        "force_error_n": 0.01 * pressed.force_error_estimate_pct * force_n,
+        "pulse_error_n": pressed.pulse_error_n or 0.0,
         "baseline_pa": force_n / face_m2,
         "pulse_pa": pulse_n / face_m2,
         "von_mises_pa": low.von_mises_pa,

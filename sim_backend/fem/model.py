@@ -16,7 +16,7 @@ from sim_backend.fem.rings import Ring
 from sim_backend.fem.section import Section
 from sim_backend.fem.support import supported
 from sim_backend.scene.inclusion import Artery, Inclusion
-from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.scene.scene_file import Scene
 
 LOCKING_POISSON = 0.495
 CHORD, ARC, DRAWN = 0.85, 0.75, 0.5
@@ -74,11 +74,7 @@ def build_section(
     grows; ``along_surface`` keeps it all along the surface. In a block ``grading`` says otherwise.
     Raises ValueError for an unknown element, `SceneError` for a solid scene.
     """
-    if scene.plane == "solid":
-        raise SceneError(
-            f"{scene.name} is a solid, and what was asked for knows plane sections only: take "
-            'palpate press, or the scene with plane = "stress" or "strain"'
-        )
+    scene.need_section("what was asked for knows")
     rings = [ring_of(one, scene, n) for n, one in enumerate(scene.inclusion)]
     surface_m = 1e-3 * scene.surface_mm
     finger = finger_over(scene.indenter, x_m, surface_m)

@@ -77,7 +77,7 @@ def _averaged(nodes: Ints, values: Array, count: int) -> Array:
 
 
 def contact_m(section: Section, solution: Solution) -> tuple[float, float, float]:
-    """Left and right end [m] of what the finger touches, twice its middle where nothing is, and
+    """Left and right end [m] of what the finger touches, from its middle, 0 where nothing is, and
     what either may be off by.
 
     An end lies half-way between the last node that is pressed and the next.
@@ -85,9 +85,11 @@ def contact_m(section: Section, solution: Solution) -> tuple[float, float, float
     surface = section.mesh.surface
     pressed = np.flatnonzero(solution.multiplier[0] > 0)
     if not len(pressed):
-        return section.finger.x, section.finger.x, 0.0
-    x = section.mesh.nodes[surface, 0] + solution.displacement[surface, 0]
+        return 0.0, 0.0, 0.0
+    x = section.mesh.nodes[surface, 0] + solution.displacement[surface, 0] - section.finger.x
     first, last = pressed[0], pressed[-1]
     left = (x[first] + x[max(first - 1, 0)]) / 2
     right = (x[last] + x[min(last + 1, len(x) - 1)]) / 2
+    if section.cells.hoop is not None:  # half of what is round about the axis
+        return -float(right), float(right), float(right - x[last])
     return float(left), float(right), float(max(x[first] - left, right - x[last]))

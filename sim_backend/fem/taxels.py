@@ -28,18 +28,20 @@ def section_taxels_n(
     section: Section, solution: Solution, across_m: Array, along_m: Array, length_m: float
 ) -> Array:
     """Force (rows, columns) [N] between edges across and along [m] from the finger's middle, each
-    way; a section's is the same all along the finger, ``length_m``."""
+    way; a section's is the same all along the finger, ``length_m``, if it is not turned."""
+    if section.cells.hoop is not None:
+        return _turned_taxels_n(section, solution, across_m, along_m)
     x, wide, force = _along_surface(section, solution)
     columns = force @ _shared(x - section.finger.x, wide, across_m)
     rows = length_m * _shared(np.zeros(1), np.array([length_m]), along_m)[0]
     return np.asarray(np.outer(rows, columns))
 
 
-def turned_taxels_n(section: Section, solution: Solution, across_m: Array, along_m: Array) -> Array:
-    """Force (rows, columns) [N] between edges across and along, of a section turned about x = 0.
-
-    Its profile is scaled to the solution's force, which may be that between two blocks.
-    """
+def _turned_taxels_n(
+    section: Section, solution: Solution, across_m: Array, along_m: Array
+) -> Array:
+    """Of a section turned about x = 0. Its profile is scaled to the solution's force, which may be
+    that between two blocks."""
     r, wide, force = _along_surface(section, solution)
     force = force * solution.force / force.sum()
     angle = 2 * np.pi * (np.arange(TURN) + 0.5) / TURN
@@ -50,7 +52,9 @@ def turned_taxels_n(section: Section, solution: Solution, across_m: Array, along
     return np.asarray(rows.T @ (each[:, None] * columns))
 
 
-def solid_taxels_n(body: SolidBody, solution: Solution, across_m: Array, along_m: Array) -> Array:
+def solid_taxels_n(
+    body: SolidBody, solution: Solution, across_m: Array, along_m: Array, _length_m: float
+) -> Array:
     """Force (rows, columns) [N] between edges across and along, under a solid's finger."""
     nodes = body.wedges.nodes
     section, planes = body.prism

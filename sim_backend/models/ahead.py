@@ -6,9 +6,9 @@ What a simulated scan will ask is known from its plan.
 from collections.abc import Iterable
 
 from sim_backend.models import station_response
-from sim_backend.models.response import StationResponse
+from sim_backend.models.response import Station, StationResponse
 from sim_backend.models.second_process import SecondProcess
-from sim_backend.models.station_response import Station, is_known, learn, station
+from sim_backend.models.station_response import is_known, learn, station
 from sim_backend.scene.scene_file import Scene
 
 

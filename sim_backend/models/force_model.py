@@ -3,7 +3,6 @@
 | model | knows | one answer takes |
 |---|---|---|
 | `station_response.StationResponse` | one place, all depths and pressures | microseconds |
-| `scan_estimate.ScanEstimate` | several places at one depth, one beat | microseconds |
 | `fast.FastModel` | a box of places, depths and pressures | microseconds |
 
 Who needs a force takes a `ForceModel` and need not know which it is.

@@ -208,8 +208,9 @@ def press(
         The pressures in the lumen, one state each, in order. By default the scene's
         diastolic and systolic ones if it has a vessel, otherwise 0.
     model
-        ``finite`` or ``small`` strain in a plane, ``axisymmetric`` or ``solid`` in space;
-        ``auto`` takes the cheapest model and mesh that keep ``accuracy_pct``.
+        ``finite`` or ``small`` strain in a plane, or ``quick``, finite strain on the one mesh of
+        a scan's stations; ``axisymmetric`` or ``solid`` in space; ``auto`` takes the cheapest
+        model and mesh that keep ``accuracy_pct``.
     accuracy_pct
         How far force and pulse may be off [%]. Meshes are refined until this is reached;
         where it cannot be, the stated error is larger.
@@ -257,7 +258,7 @@ def press(
     elif not isinstance(pressures_mmhg, Iterable):
         pressures_mmhg = (pressures_mmhg,)
     pressures = tuple(float(p) for p in pressures_mmhg) or (0.0,)
-    check_asked(scene, x_mm, depth_mm, pressures, model, accuracy_pct)
+    check_asked(scene, x_mm, depth_mm, pressures, accuracy_pct)
     began = perf_counter()
     solved = place(scene, 1e-3 * x_mm).solve(
         1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures], model=model,

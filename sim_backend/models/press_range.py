@@ -5,7 +5,6 @@ from numbers import Real
 
 from sim_backend.scene.scene_file import Scene, SceneError
 
-MODELS = ("auto", "finite", "small", "axisymmetric", "solid")
 MOST_MMHG = 1000.0
 """Largest lumen pressure that can be meant: beyond it is a mistake of units."""
 LEAST_SHARE = 1e-3
@@ -18,15 +17,12 @@ def check_asked(
     x_mm: float,
     depth_mm: float,
     pressures: tuple[float, ...],
-    model: str,
     accuracy_pct: float,
 ) -> None:
-    """Raises `SceneError` for a press, a model, an accuracy or pressures that cannot be meant."""
+    """Raises `SceneError` for a press, an accuracy or pressures that cannot be meant."""
     for key, value in {"x_mm": x_mm, "depth_mm": depth_mm}.items():
         if not isinstance(value, Real):
             raise SceneError(f"{key} = {value!r}: must be a number")
-    if model not in MODELS:
-        raise SceneError(f"model = {model!r}: must be one of {', '.join(MODELS)}")
     if not 0.01 <= accuracy_pct <= 50:
         raise SceneError(f"accuracy = {accuracy_pct:g} %: must lie between 0.01 and 50")
     check_press(scene, x_mm, depth_mm)

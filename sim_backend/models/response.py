@@ -1,6 +1,8 @@
-"""A force model of one place, as curves over depth and lumen pressure, for the phantom."""
+"""A force model of one place, as curves over depth and lumen pressure, for the phantom; and which
+station it is of."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -9,11 +11,39 @@ from numpy.typing import ArrayLike
 from sim_backend.arrays import Array
 from sim_backend.models.curve import HermiteCurve
 from sim_backend.models.force_model import ForceSlope, Range
+from sim_backend.models.kept_tables import table_file
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.symmetry import symmetric_parts
 from sim_backend.scene.waves import PA_PER_MMHG
 
 PRESSURE_SLACK = 0.02
 """Share of the wave's span that a pressure may lie outside it: a wave is sampled."""
+WAY = 6
+"""Number of the way of solving; what was kept on disk by another way is solved again."""
+
+
+class Station(NamedTuple):
+    """What is solved: a place [m] of a scene down to a depth [m]. Of places that are each other's
+    mirror images it is the left one, and along a solid the one at larger z.
+
+    Where nothing but a solid's ends varies along z, a place beside the middle is solved as two
+    blocks that are symmetric about it, each half modelled: with ends a and b away the force is
+        F(a, b) = F + e(a) + e(b) = [F(a, a) + F(b, b)] / 2
+    but for what the ends do to each other's effect, of the order of (e(a) - e(b))^2 / F.
+    """
+
+    scene: Scene
+    x_m: float
+    max_depth_m: float
+
+    @property
+    def parts(self) -> list[tuple["Station", Path]]:
+        """The stations whose mean is the answer, and where on disk each one's is kept."""
+        return [
+            (part, table_file("solid", [part.scene.model_dump(mode="json", exclude={"name"}),
+                                        part.x_m, part.max_depth_m, WAY]))
+            for scene in symmetric_parts(self.scene) for part in [self._replace(scene=scene)]
+        ]  # fmt: skip
 
 
 class Left(NamedTuple):

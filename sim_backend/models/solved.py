@@ -1,89 +1,19 @@
 """What a press answers, whatever kind of body it was solved as."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from math import nan
-from typing import Any
 
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem import stress
 from sim_backend.fem.body import Body
-from sim_backend.fem.model import best_element
 from sim_backend.fem.newton import Solution
-from sim_backend.fem.picture import Picture, SectionPicture
+from sim_backend.fem.picture import Picture
 from sim_backend.fem.sensitivity import gradients
-from sim_backend.fem.solid import stress as solid_stress
-from sim_backend.fem.solid.cut import Cut
-from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n, turned_taxels_n
+from sim_backend.models.kinds import BodyKind
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.taxels import TaxelArray
-
-
-@dataclass(frozen=True)
-class BodyKind:
-    """How a solution of a kind of body is read.
-
-    ``length_m`` is what `Solution.force` is to be multiplied by, NaN where it is the whole
-    finger's; ``contact_m`` takes the place [m] too, and ``taxels_n`` the edges across and along,
-    and the finger's length [m].
-    """
-
-    element: Callable[[Scene], str]
-    length_m: Callable[[Scene], float]
-    von_mises_pa: Callable[[Any, Array], float]
-    contact_m: Callable[[Any, Solution, float], tuple[float, float, float]]
-    taxels_n: Callable[[Any, Solution, Array, Array, float], Array]
-    picture: Callable[[Any], Picture]
-
-
-def _finger_m(scene: Scene) -> float:
-    return 1e-3 * scene.indenter.length_mm
-
-
-def _whole(_: Scene) -> float:
-    return nan
-
-
-def _wedges(_: Scene) -> str:
-    return "wedge"
-
-
-def _section_contact_m(body: Any, state: Solution, _: float) -> tuple[float, float, float]:
-    return stress.contact_m(body, state)
-
-
-def _turned_contact_m(body: Any, state: Solution, x_m: float) -> tuple[float, float, float]:
-    _, radius_m, off_m = stress.contact_m(body, state)
-    return x_m - radius_m, x_m + radius_m, off_m
-
-
-def _solid_contact_m(body: Any, state: Solution, _: float) -> tuple[float, float, float]:
-    return solid_stress.contact_m(body, state)
-
-
-def _turned_taxels_n(body: Any, state: Solution, across: Array, along: Array, _: float) -> Array:
-    return turned_taxels_n(body, state, across, along)
-
-
-def _solid_taxels_n(body: Any, state: Solution, across: Array, along: Array, _: float) -> Array:
-    return solid_taxels_n(body, state, across, along)
-
-
-# Functions with names: a press goes to other processes.
-SECTION = BodyKind(
-    best_element, _finger_m, stress.under_finger_pa, _section_contact_m, section_taxels_n,
-    SectionPicture,
-)  # fmt: skip
-REVOLVED = BodyKind(
-    best_element, _whole, stress.under_finger_pa, _turned_contact_m, _turned_taxels_n,
-    SectionPicture,
-)  # fmt: skip
-SOLID = BodyKind(
-    _wedges, _whole, solid_stress.under_finger_pa, _solid_contact_m, _solid_taxels_n, Cut
-)
 
 
 @dataclass(frozen=True)
@@ -109,14 +39,16 @@ class Solved:
     @property
     def force_n_per_m(self) -> Array:
         """Force (n,) per length of the finger [N/m]; NaN of a body in space."""
-        return self.force_n / self.kind.length_m(self.scene)
+        return self._force if self.kind.per_length else np.full(len(self.states), np.nan)
 
     @cached_property
     def force_n(self) -> Array:
         """Normal force (n,) [N] on the whole finger."""
-        length_m = self.kind.length_m(self.scene)
-        force = np.array([state.force for state in self.states])
-        return force if np.isnan(length_m) else length_m * force
+        return self.kind.length_m(self.scene) * self._force
+
+    @property
+    def _force(self) -> Array:
+        return np.array([state.force for state in self.states])
 
     @cached_property
     def von_mises_pa(self) -> Array:
@@ -129,7 +61,8 @@ class Solved:
         """Left and right end of what the finger touches, twice its middle where none, and what
         either may be off by (n, 3) [m]."""
         read = self.kind.contact_m
-        return np.array([read(self.body, state, self.x_m) for state in self.states])
+        ends = np.array([read(self.body, state) for state in self.states])
+        return np.asarray(ends + [self.x_m, self.x_m, 0.0])  # noqa: RUF005
 
     @cached_property
     def least_volume_ratio(self) -> Array:
@@ -169,7 +102,5 @@ class Solved:
         each = [gradients(self.body, state, self.scene) for state in self.states]
         by = {key: np.array([state[key] for state in each]) for key in each[0]}
         length_m = self.kind.length_m(self.scene)
-        if np.isnan(length_m):
-            return by
-        per_length = np.array([1e-3 * state.force for state in self.states])
-        return {key: length_m * one for key, one in by.items()} | {"indenter.length_mm": per_length}
+        by_length = {"indenter.length_mm": 1e-3 * self._force} if self.kind.per_length else {}
+        return {key: length_m * one for key, one in by.items()} | by_length

@@ -14,20 +14,16 @@ from math import exp
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem import finite_strain
 from sim_backend.fem.axisymmetric import is_round
 from sim_backend.fem.body import Body
 from sim_backend.fem.newton import PAIRS_WITH_OPEN_LUMENS, CannotSolve, Solution
-from sim_backend.models.plane_response import section_for
-from sim_backend.models.refine import Solving, on_first_mesh, refine
-from sim_backend.models.solid_press import (
-    holds_a_round_block,
-    need_wide_taxels,
-    refine_axisymmetric,
-    refine_solid,
-)
-from sim_backend.models.solid_response import body_for
-from sim_backend.models.solved import REVOLVED, SECTION, SOLID, BodyKind, Solved
+from sim_backend.models.kinds import REVOLVED, SECTION, SOLID, BodyKind
+from sim_backend.models.quick import solve_quick
+from sim_backend.models.refine import Meshed, Solving, refine
+from sim_backend.models.round_press import holds_a_round_block, refine_axisymmetric
+from sim_backend.models.section_meshes import SectionMeshes
+from sim_backend.models.solid_meshes import SolidMeshes, need_wide_taxels
+from sim_backend.models.solved import Solved
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.taxels import TaxelArray
@@ -64,26 +60,27 @@ class Asked:
     gradient: bool = False
     taxels: TaxelArray | None = None
     solving: Solving = lambda _what: None
-    _coarse: dict[tuple[str, Scene], finite_strain.Solved] = field(default_factory=dict)
+    _coarse: dict[tuple[str, Scene], Meshed] = field(default_factory=dict)
 
     @property
     def filled(self) -> bool:
         """Whether there is pressure in a lumen."""
         return any(p > 0 for p in self.pressures_pa)
 
-    def coarse(self, model: str, scene: Scene) -> finite_strain.Solved:
+    def coarse(self, model: str, scene: Scene) -> Meshed:
         """What the first mesh says of a section, lumens empty: what is filled is kept."""
         if (model, scene) not in self._coarse:
-            self._coarse[model, scene] = on_first_mesh(model, scene, self.x_m, self.depth_m)
+            meshes = SectionMeshes(model, scene, self.x_m, self.depth_m, [0.0])
+            self._coarse[model, scene] = meshes.solve(meshes.first_share, None, stated=False)
         return self._coarse[model, scene]
 
-    def first(self, model: str, scene: Scene) -> finite_strain.Solved | None:
+    def first(self, model: str, scene: Scene) -> Meshed | None:
         """The same where it is known, and is what was asked for."""
         return self._coarse.get((model, scene)) if list(self.pressures_pa) == [0.0] else None
 
     def effect_pct(self, whole: tuple[str, Scene], less: tuple[str, Scene]) -> float:
         """How much force the lesser model misses, taken `SAFETY` times [%]."""
-        force = [self.coarse(*one)[1][0].force_n_per_m for one in (whole, less)]
+        force = [self.coarse(*one)[1][0].force for one in (whole, less)]
         return SAFETY * 100 * abs(force[1] / force[0] - 1)
 
     @cached_property
@@ -126,11 +123,10 @@ class Model:
     ``cost``, the time of a usual press over that of a section at finite strain; ``usual_pct`` is
     the error of the force that usual presses reach.
 
-    ``offer`` is its choice within half of the accuracy asked for, or why it has none; ``named`` is
-    its choice where a person wants it, and raises where that is nonsense. ``solve`` gives body,
-    states and the errors (force, pulse) [%] that meshes leave. ``gradient``: derivatives of its
-    forces are known. ``body_for`` is the mesh of a place for all depths down to one, of a model of
-    which stations are.
+    ``offer`` is its choice within half of the accuracy asked for, or why it has none, if that is
+    to be said; ``named`` is its choice where a person wants it, and raises where that is nonsense.
+    ``solve`` gives body, states and the errors (force, pulse) [%] that meshes leave. ``gradient``:
+    derivatives of its forces are known.
     """
 
     name: str
@@ -142,7 +138,6 @@ class Model:
     offer: Callable[[Asked], Choice | str]
     named: Callable[[Asked], Choice]
     solve: Callable[[Asked, Choice, Array], tuple[Body, Sequence[Solution], Array]]
-    body_for: Callable[[Scene, float, float], Body] = section_for
 
     def solved(self, asked: Asked, choice: Choice) -> Solved:
         """The press by this model. Raises `CannotSolve`."""
@@ -170,7 +165,7 @@ def choose(asked: Asked, name: str = "auto") -> Solved:
     for model in models:
         offer = model.offer(asked)
         if isinstance(offer, str):
-            why = offer
+            why = offer or why
             continue
         solved = model.solved(asked, replace(offer, why=offer.why or why))
         if model is models[-1] or (solved.error_pct <= asked.accuracy_pct).all():
@@ -187,9 +182,9 @@ def steady(asked: Asked, name: str = "auto") -> Model:
     return models[0] if name != "auto" else next(offered)
 
 
-def differentiable(scene: Scene) -> Model:
-    """The model at finite strain of a scene's sections or solids, which knows all depths."""
-    return next(model for model in MODELS if model.gradient and scene.plane in model.planes)
+def names(scene: Scene) -> list[str]:
+    """Of the models that there are for a scene, the dearest last."""
+    return [model.name for model in MODELS if scene.plane in model.planes]
 
 
 def _models(asked: Asked, name: str) -> list[Model]:
@@ -198,7 +193,7 @@ def _models(asked: Asked, name: str) -> list[Model]:
     models = [model for model in MODELS if scene.plane in model.planes]
     if asked.gradient:
         models = [model for model in models if model.gradient]
-        if models[0].kind is SOLID and any(one.path for one in scene.arteries):
+        if any(one.path for one in scene.arteries):
             raise SceneError(f"{scene.name}: gradients of a vessel with a path are not known")
     if name in ("auto", *(model.name for model in models)):
         return [model for model in models if name in ("auto", model.name)]
@@ -258,11 +253,16 @@ def _as_it_is(asked: Asked) -> Choice:
 def _refined_section(
     model: str, asked: Asked, choice: Choice, left_pct: Array
 ) -> tuple[Body, Sequence[Solution], Array]:
-    refined = refine(
-        model, choice.scene, asked.x_m, asked.depth_m, asked.pressures_pa, left_pct,
-        first=asked.first(model, choice.scene), solving=asked.solving,
-    )  # fmt: skip
+    meshes = SectionMeshes(model, choice.scene, asked.x_m, asked.depth_m, asked.pressures_pa)
+    first = asked.first(model, choice.scene)
+    refined = refine(meshes, left_pct, first=first, solving=asked.solving)
     return *refined.solved, refined.error_pct
+
+
+def _on_the_mesh_of_scans(
+    asked: Asked, choice: Choice, _left_pct: Array
+) -> tuple[Body, Sequence[Solution], Array]:
+    return solve_quick(choice.scene, asked.x_m, asked.depth_m, asked.pressures_pa)
 
 
 def _round_offer(asked: Asked) -> Choice | str:
@@ -293,25 +293,27 @@ def _refined_round(
 
 
 def _refined_solid(
-    asked: Asked, _choice: Choice, left_pct: Array
+    asked: Asked, choice: Choice, left_pct: Array
 ) -> tuple[Body, Sequence[Solution], Array]:
     if asked.taxels:
         need_wide_taxels(asked.scene, asked.taxels)
-    (body, states), error_pct = refine_solid(
-        asked.scene, asked.x_m, asked.depth_m, asked.pressures_pa, left_pct, asked.solving
-    )
-    return body, states, error_pct
+    meshes = SolidMeshes(choice.scene, asked.x_m, asked.depth_m, asked.pressures_pa)
+    refined = refine(meshes, left_pct, solving=asked.solving)
+    return *refined.solved, refined.error_pct
 
 
+SECTIONS, SOLIDS = ("stress", "strain"), ("solid",)
 MODELS = (
-    Model("small", ("stress", "strain"), SECTION, 0.2, 0.2, False,
+    Model("small", SECTIONS, SECTION, 0.2, 0.2, False,
           _small_offer, _small_named, partial(_refined_section, "small")),
-    Model("finite", ("stress", "strain"), SECTION, 1.0, 0.2, True,
+    Model("quick", SECTIONS, SECTION, 0.3, 0.7, True,
+          lambda _: "", _as_it_is, _on_the_mesh_of_scans),
+    Model("finite", SECTIONS, SECTION, 1.0, 0.2, True,
           _finite_offer, _as_it_is, partial(_refined_section, "finite")),
-    Model("axisymmetric", ("solid",), REVOLVED, 0.3, 1.0, False,
+    Model("axisymmetric", SOLIDS, REVOLVED, 0.3, 1.0, False,
           _round_offer, _round_named, _refined_round),
-    Model("solid", ("solid",), SOLID, 30.0, 3.0, True,
-          lambda asked: Choice(asked.scene, why=""), _as_it_is, _refined_solid, body_for),
+    Model("solid", SOLIDS, SOLID, 30.0, 3.0, True,
+          lambda asked: Choice(asked.scene, why=""), _as_it_is, _refined_solid),
 )  # fmt: skip
 """Cheapest first of each plane; the last of each makes an offer to every scene."""
 

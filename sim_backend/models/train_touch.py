@@ -11,12 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_backend.arrays import Array
-from sim_backend.fem.continuation import continuation
-from sim_backend.fem.finite_strain import filled
-from sim_backend.fem.newton import CannotSolve, Load, Solution
-from sim_backend.fem.section import Section
+from sim_backend.fem.newton import CannotSolve
 from sim_backend.fem.sensitivity import gradients
-from sim_backend.models.plane_response import section_for
+from sim_backend.models.place import place
+from sim_backend.models.solved import Solved
 from sim_backend.scene.numbers import numbers
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -73,7 +71,7 @@ def touch_table(
     units = Units(bare)
     middle = np.linspace(0.0, units.half_width - 0.4, BARE_PLACES)
     force = np.array([
-        [state.force_n_per_m for state, *_ in ramp(bare, units.place_m(x))[1]] for x in middle
+        [solved.force_n_per_m[0] for solved in ramp(bare, units.place_m(x))] for x in middle
     ]) / units.force_n_per_m  # fmt: skip
     table = TouchTable(about_block(bare), SUNK, middle, force.T, {})
     rng = np.random.default_rng(seed)
@@ -169,11 +167,10 @@ def _sample(
     )
     force, slope = np.zeros((2, len(SUNK))), np.zeros((2, len(theta) + 1, len(SUNK)))
     unit = units.force_n_per_m
-    section, depths = ramp(scene, units.place_m(x))
-    for k, states in enumerate(depths):
-        for end, solution in enumerate(states):
-            force[end, k] = solution.force_n_per_m / unit
-            by = gradients(section, solution, scene, [*keys, "depth_mm", *_pressed(kind)])
+    for k, solved in enumerate(ramp(scene, units.place_m(x))):
+        for end, state in enumerate(solved.states[: 1 + kind.beats]):
+            force[end, k] = state.force / unit
+            by = gradients(solved.body, state, scene, [*keys, "depth_mm", *_pressed(kind)])
             slope[end, :-1, k] = by_theta @ np.array([by[key] for key in keys]) / unit
             slope[end, -1, k] = by["depth_mm"] * units.length_mm / unit
             if kind.beats:
@@ -211,18 +208,11 @@ def _numbers_by_theta(kind: Kind, units: Units, theta: Array) -> tuple[list[str]
     return keys, np.array(rows)
 
 
-def ramp(scene: Scene, x_m: float) -> tuple[Section, list[tuple[Solution, ...]]]:
-    """The section, and at each depth the state at diastole and, if anything beats, at systole."""
+def ramp(scene: Scene, x_m: float) -> list[Solved]:
+    """At each depth the state at diastole and at systole."""
     depths_m = SUNK * 0.5e-3 * scene.indenter.width_mm_projected
-    section = section_for(scene, x_m, float(depths_m[-1]))
-    ends = [PA_PER_MMHG * p for p in (scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg)]
-    low, high = ends if section.lumens else (0.0, 0.0)
-    start, _ = filled(section, low, float(depths_m[-1]))
-    down = list(continuation(section, start, [Load(float(d), low) for d in depths_m]))
-    if not section.lumens:
-        return section, [(state,) for state in down]
-    tops = [next(continuation(section, s, [Load(s.load.depth_m, high)])) for s in down]
-    return section, list(zip(down, tops, strict=True))
+    beat = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
+    return place(scene, x_m).ramp(depths_m.tolist(), [PA_PER_MMHG * p for p in beat])
 
 
 def trained(kind: Kind, samples: Samples) -> Ratios:

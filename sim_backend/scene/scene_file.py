@@ -165,6 +165,14 @@ class Scene(Explained, Table):
         """The indenter's projected area, the default face of the tactile signal."""
         return self.indenter.face_mm2
 
+    def need_section(self, what: str) -> None:
+        """Raises `SceneError` for a solid, of which ``what`` knows nothing."""
+        if self.plane == "solid":
+            raise SceneError(
+                f"{self.name} is a solid, and {what} plane sections only: take palpate press "
+                'alone, or the scene with plane = "stress" or "strain", without length_mm'
+            )
+
     @model_validator(mode="after")
     def _dimensions(self) -> Self:
         if self.plane == "solid":

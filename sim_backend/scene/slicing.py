@@ -41,14 +41,18 @@ def under_finger(scene: Scene) -> tuple[Inclusion, ...]:
     return tuple(one for one in seen if one is not None)
 
 
-def mirrored_along(scene: Scene) -> Scene:
-    """A solid seen with z turned round."""
-    return _along(scene, lambda z: 0.0 - z)  # no -0.0, which a file would be named after
+def images_along(scene: Scene) -> list[Scene]:
+    """A solid, and the one seen with z turned round; of a section itself."""
+    if scene.plane != "solid":
+        return [scene]
+    turned = _along(scene, lambda z: 0.0 - z)  # no -0.0, which a file would be named after
+    return [_along(turned, lambda z: 0.0 - z), turned]
 
 
 def is_symmetric_along(scene: Scene) -> bool:
     """Whether a solid is its own mirror image about z = 0, where it is pressed."""
-    return mirrored_along(scene) == _along(scene, lambda z: z)
+    first, turned = images_along(scene)
+    return first == turned
 
 
 def _moved_along(scene: Scene, way_mm: float) -> Scene:

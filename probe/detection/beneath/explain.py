@@ -124,11 +124,9 @@ def table_of(recording: Recording) -> tuple[TouchTable, float, float, float] | s
     if not recording.block.get("tissue"):
         return "depth and size are known of what lies in a block of tissue"
     block = Scene.model_validate({"name": "block", **recording.block})
-    if block.plane == "solid" or block.tissue is None:
-        return "there is no table for solids yet: depth and size are known of plane sections"
     table = table_for(block)
-    if table is None:
-        return "there is no table for this finger over this block"
+    if table is None or block.tissue is None:
+        return f'there is no table for this finger over this block of plane = "{block.plane}"'
     return (
         table, 0.5e-3 * block.indenter.width_mm_projected, 1e-3 * block.indenter.length_mm,
         0.5e-3 * block.tissue.width_mm,

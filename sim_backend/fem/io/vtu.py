@@ -2,21 +2,22 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from sim_backend.arrays import Array
 from sim_backend.fem.internal import deformation
 from sim_backend.fem.material import area_ratio
-from sim_backend.fem.section import Section
+from sim_backend.fem.newton import Solution
+from sim_backend.fem.stress import nodal_von_mises
 
 VTK_NAME = {6: "triangle6", 4: "quad", 8: "quad8"}
 
 
-def write_vtu(
-    section: Section, displacements_m: Sequence[Array], von_mises_pa: Sequence[Array], path: Path
-) -> list[Path]:
-    """One file per state of a press: FILE.vtu, or FILE-0.vtu, FILE-1.vtu, ... for several.
+def write_vtu(section: Any, states: Sequence[Solution], path: Path) -> list[Path]:
+    """One file per state of a press into a `sim_backend.fem.section.Section`: FILE.vtu, or
+    FILE-0.vtu, FILE-1.vtu, ... for several.
 
     The nodes lie where they were before the press; "Warp by Vector" with ``displacement_m``
     presses them. Cells carry their region (0 is tissue) and smallest det F.
@@ -26,18 +27,19 @@ def write_vtu(
     cells = section.cells.nodes
     path = Path(path)
     paths = []
-    for n, (u, stress) in enumerate(zip(displacements_m, von_mises_pa, strict=True)):
+    for n, state in enumerate(states):
+        u = state.displacement
         squeezed = area_ratio(deformation(section, u)).min(axis=1)
         mesh = meshio.Mesh(
             _flat(section.mesh.nodes),
             [(VTK_NAME[cells.shape[1]], cells)],
             point_data={
                 "displacement_m": _flat(u),
-                "von_mises_pa": stress,
+                "von_mises_pa": nodal_von_mises(section, u),
             },
             cell_data={"region": [section.mesh.region], "det_f": [squeezed]},
         )
-        several = len(displacements_m) > 1
+        several = len(states) > 1
         paths.append(path.with_stem(f"{path.stem}-{n}") if several else path)
         meshio.write(paths[-1], mesh, file_format="vtu")
     return paths

@@ -28,10 +28,10 @@ def under_finger_pa(body: SolidBody, u: Array) -> float:
 
 
 def contact_m(body: SolidBody, solution: Solution) -> tuple[float, float, float]:
-    """Left and right end [m] of the nodes that the finger presses, twice its middle where none, and
-    what either may be off by: an element."""
+    """Left and right end [m] of the nodes that the finger presses, from its middle, 0 where none,
+    and what either may be off by: an element."""
     pressed = body.surface[solution.multiplier[0] > 0]
     if not len(pressed):
-        return float(body.finger.under_m[0]), float(body.finger.under_m[0]), 0.0
-    x = body.wedges.nodes[pressed, 0] + solution.displacement[pressed, 0]
+        return 0.0, 0.0, 0.0
+    x = body.wedges.nodes[pressed, 0] + solution.displacement[pressed, 0] - body.finger.under_m[0]
     return float(x.min()), float(x.max()), body.contact_m

@@ -129,6 +129,6 @@ def test_a_press_spreads_its_force_over_taxels(palpate: Any) -> None:
 def test_taxels_finer_than_a_solid_s_elements_are_refused_before_it_is_solved(
     palpate: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("sim_backend.models.table.refine_solid", None)
+    monkeypatch.setattr("sim_backend.models.table.refine", None)
     outcome = palpate("press", "TIHA-solid", "--x", "32", "--depth", "1", "--taxels", "8x8")
     assert (outcome.status, "take a pitch of" in outcome.err) == (2, True)

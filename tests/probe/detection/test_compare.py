@@ -10,8 +10,9 @@ from known_presses import recording, row, station, wave
 
 from probe.core.recording import Recording, Station
 from probe.detection import compare
-from sim_backend.models.scan_estimate import estimate_scan
+from sim_backend.models.place import place
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.waves import PA_PER_MMHG
 
 X_M = 1e-3 * np.arange(8.0, 57.0, 4.0)
 DEPTH_M = 2.5e-3
@@ -31,11 +32,12 @@ def scene(tissue_kpa: float, swing_mmhg: float, inclusion: dict[str, float | str
 def scanned(seed: int, of: Scene, depth_m: float = DEPTH_M) -> Recording:
     """A row over a solved block, with 0.3 % of scatter from press to press."""
     rng = np.random.default_rng(seed)
-    felt = estimate_scan(of, list(X_M), depth_m)
+    beat_pa = [PA_PER_MMHG * p for p in (of.pulse.diastolic_mmhg, of.pulse.systolic_mmhg)]
+    felt = [place(of, x).solve(depth_m, beat_pa, model="quick").force_n for x in X_M]
     t = np.arange(500) / 100.0
     stations = []
-    for k, (level_n, pulse_n) in enumerate(zip(felt.diastolic_n, felt.pulse_n, strict=True)):
-        beat = pulse_n * (wave(1.1 * t + rng.uniform()) + 0.5)
+    for k, (level_n, crest_n) in enumerate(felt):
+        beat = (crest_n - level_n) * (wave(1.1 * t + rng.uniform()) + 0.5)
         force_n = level_n * (1 + 0.003 * rng.standard_normal()) + beat
         stress_pa = (force_n + 5e-4 * rng.standard_normal(len(t))) / 1e-4
         stations.append(Station(

@@ -7,7 +7,7 @@ import pytest
 
 from sim_backend.fem.model import Grading, build_section
 from sim_backend.fem.section import Section
-from sim_backend.models.refine import FIRST_SHARE, mesh_grading
+from sim_backend.models.section_meshes import FIRST_SHARE, mesh_grading
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, SceneError
 

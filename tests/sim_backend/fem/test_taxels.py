@@ -14,9 +14,10 @@ from sim_backend.fem.model import Grading
 from sim_backend.fem.newton import Solution
 from sim_backend.fem.section import Section
 from sim_backend.fem.solid.solve import solve_solid
-from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n, turned_taxels_n
-from sim_backend.models.refine import mesh_grading, refine
-from sim_backend.models.solid_press import refine_axisymmetric
+from sim_backend.fem.taxels import section_taxels_n, solid_taxels_n
+from sim_backend.models.refine import refine
+from sim_backend.models.round_press import refine_axisymmetric
+from sim_backend.models.section_meshes import SectionMeshes, mesh_grading
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -35,9 +36,8 @@ def columns(section: Section, solution: Solution, edges_m: Array = EDGES_M) -> A
 def test_taxels_over_the_middle_of_a_vessel(depth_m: float) -> None:
     """Of the press that a user gets: all of the force, and alike to both sides."""
     scene = load_scene("TIHA")
-    section, solutions = refine(
-        "finite", scene, 0.032, depth_m, LEVELS_PA, np.array([1.0, 1.0])
-    ).solved
+    meshes = SectionMeshes("finite", scene, 0.032, depth_m, LEVELS_PA)
+    section, solutions = refine(meshes, np.array([1.0, 1.0])).solved
     for solution in solutions:
         found = columns(section, solution)
         assert found.sum() == pytest.approx(solution.force, rel=1e-12)
@@ -93,11 +93,11 @@ def test_taxels_of_a_solid_are_those_of_the_body_of_revolution() -> None:
     scene = solid(shape="sphere", radius_mm=4.0)
     edges_m = TaxelArray(4, 4, 2.0).edges_m(scene.indenter)
     body, (pressed,) = solve_solid(scene, 0.012, 1e-3, [0.0], 0.36 * 4e-3, judge=False)
-    found = solid_taxels_n(body, pressed, *edges_m)
+    found = solid_taxels_n(body, pressed, *edges_m, 0.0)
     assert found.sum() == pytest.approx(pressed.force, rel=1e-12)
     np.testing.assert_allclose(found, found[::-1], rtol=1e-9)  # of which one half was solved
     section, turned, _ = refine_axisymmetric(scene, 0.012, 1e-3, 1.0)
-    round_n = turned_taxels_n(section, turned, *edges_m)
+    round_n = section_taxels_n(section, turned, *edges_m, 0.0)
     assert round_n.sum() == pytest.approx(turned.force, rel=1e-9)
     np.testing.assert_allclose(round_n, round_n.T, atol=1e-6 * round_n.max())
     scaled = round_n * pressed.force / turned.force

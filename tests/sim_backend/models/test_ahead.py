@@ -14,8 +14,10 @@ from drivers import SimulatedClock
 from palpate import Rig, connect
 from sim_backend import Scene, SceneError
 from sim_backend.models import second_process, station_response
+from sim_backend.models import stations as stations_solved
 from sim_backend.models.ahead import SolvedAhead
-from sim_backend.models.station_response import Station, respond, station
+from sim_backend.models.response import Station
+from sim_backend.models.station_response import respond, station
 
 DEPTH_M = 1e-3
 PLACES_M = [9e-3, 10e-3, 11e-3, 12e-3, 13e-3]  # the last is the mirror image of 11 mm
@@ -68,7 +70,7 @@ def test_what_is_being_solved_elsewhere_is_waited_for(
 ) -> None:
     both = solved(stations())
     wait_for(lambda: len(both._other._theirs) > 0)
-    monkeypatch.setattr(station_response, "_solved", None)  # nothing can be solved here
+    monkeypatch.setattr(stations_solved, "solved", None)  # nothing can be solved here
     assert both(BLOCK, PLACES_M[0], DEPTH_M).x_m == PLACES_M[0]
 
 

@@ -6,7 +6,6 @@ from small_block import BLOCK
 
 from sim_backend.models.fast import fast_model
 from sim_backend.models.force_model import ForceModel, OutOfRange
-from sim_backend.models.scan_estimate import estimate_scan
 from sim_backend.models.station_response import respond
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -16,17 +15,13 @@ X_M, DEPTH_M = 7e-3, 8e-4
 LOW_PA, HIGH_PA = BLOCK.pulse.diastolic_mmhg * PA_PER_MMHG, BLOCK.pulse.systolic_mmhg * PA_PER_MMHG
 
 
-@pytest.fixture(
-    scope="module", params=["full model", "station response", "scan estimate", "fast model"]
-)
+@pytest.fixture(scope="module", params=["full model", "station response", "fast model"])
 def model(request: pytest.FixtureRequest) -> ForceModel:
     match request.param:
         case "full model":
             return FullModel(BLOCK, accuracy_pct=1.0)
         case "station response":
             return respond(BLOCK, X_M, 1e-3)
-        case "scan estimate":
-            return estimate_scan(BLOCK, [5e-3, X_M], DEPTH_M)
     return fast_model(BLOCK, 1.0)
 
 
@@ -67,12 +62,6 @@ def test_the_whole_range_is_answered_and_nothing_beyond_its_depth(model: ForceMo
         model.error_n(X_M, 2 * known.depth_m[1], LOW_PA)
     with pytest.raises(OutOfRange, match="depth of nan"):
         model.error_n(X_M, np.nan, LOW_PA)
-
-
-def test_a_station_that_was_not_solved_is_refused() -> None:
-    scan = estimate_scan(BLOCK, [5e-3, X_M], DEPTH_M)
-    with pytest.raises(OutOfRange, match="no station"):
-        scan.force_n(6e-3, DEPTH_M, LOW_PA)
 
 
 def test_a_mirrored_station_knows_its_own_place() -> None:

@@ -8,9 +8,11 @@ import pytest
 
 from sim_backend.fem.finite_strain import solve_finite
 from sim_backend.fem.small_strain import solve_small
-from sim_backend.models import refine
+from sim_backend.models import section_meshes
 from sim_backend.models.place import place
 from sim_backend.models.press import press
+from sim_backend.models.refine import refine
+from sim_backend.models.section_meshes import SectionMeshes
 from sim_backend.models.table import far_error_pct
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 
@@ -97,13 +99,13 @@ def test_the_first_mesh_is_solved_once(
 
         return one
 
-    monkeypatch.setattr(refine, "solve_small", counted(solve_small))
-    monkeypatch.setattr(refine, "solve_finite", counted(solve_finite))
+    monkeypatch.setattr(section_meshes, "solve_small", counted(solve_small))
+    monkeypatch.setattr(section_meshes, "solve_finite", counted(solve_finite))
     pressed = press(scene, 32.0, depth_mm, (0.0,), accuracy_pct=budget_pct)
     assert pressed.model == model
     assert len(set(asked)) == len(asked) > 2
-    found = refine.refine(model, scene, 32e-3, 1e-3 * depth_mm, [0.0], np.full(2, budget_pct))
-    same = 1e-3 * found.solved[1][0].force_n_per_m
+    meshes = SectionMeshes(model, scene, 32e-3, 1e-3 * depth_mm, [0.0])
+    same = 1e-3 * refine(meshes, np.full(2, budget_pct)).solved[1][0].force
     assert pressed.states[0].force_n_per_mm == pytest.approx(same, rel=1e-12)
 
 

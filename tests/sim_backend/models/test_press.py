@@ -5,7 +5,7 @@ import pytest
 from small_block import BLOCK
 
 from sim_backend.fem.finite_strain import solve_finite
-from sim_backend.models import refine
+from sim_backend.models import section_meshes
 from sim_backend.models.press import CannotSolve, press
 from sim_backend.scene.scene_file import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
@@ -61,7 +61,7 @@ def test_small_strain_is_refused_where_it_is_nonsense():
 def test_no_mesh_is_larger_than_what_is_allowed(monkeypatch):
     """What then cannot be reached is stated."""
     allowed = 3000
-    monkeypatch.setattr(refine, "MAX_UNKNOWNS", allowed)
+    monkeypatch.setattr(section_meshes, "MAX_UNKNOWNS", allowed)
     pressed = press(load_scene("TI"), 32.0, 1.0, accuracy_pct=0.02)
     assert 0.5 * allowed < pressed.dofs < 1.2 * allowed
     assert pressed.error_estimate_pct > 0.02

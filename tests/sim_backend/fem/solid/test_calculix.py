@@ -12,8 +12,8 @@ from paths import SHARED
 from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.models.press import press
-from sim_backend.models.solid_press import SHARES
-from sim_backend.models.solid_response import LEFT
+from sim_backend.models.solid_meshes import SHARES
+from sim_backend.models.stations import SOLID_LEFT
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
@@ -54,11 +54,11 @@ def test_what_scans_are_solved_on_misses_no_more_than_is_stated() -> None:
     size_m = SHARES[0] * half_width_m(scene)
     _, states = solve_solid(scene, 32e-3, 1e-3 * solved["depth_mm"], levels_pa, size_m)
     force_n = [one.force_n for one in states]
-    assert_agrees(force_n, solved, LEFT.rest, LEFT.change)
+    assert_agrees(force_n, solved, SOLID_LEFT.rest, SOLID_LEFT.change)
     if (shared := SHARED / "reference" / "solid" / "TIHA-ball.json").is_file():
         theirs = json.loads(shared.read_text("utf-8"))[-1]
         assert theirs["pressures_mmhg"] == solved["pressures_mmhg"]
-        assert_agrees(force_n, theirs, LEFT.rest, LEFT.change)
+        assert_agrees(force_n, theirs, SOLID_LEFT.rest, SOLID_LEFT.change)
 
 
 def assert_agrees(ours_n: list[float], solved: dict[str, Any], force: float, pulse: float) -> None:

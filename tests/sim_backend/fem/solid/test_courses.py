@@ -13,7 +13,7 @@ from sim_backend.fem.solid.build import build_body, half_width_m
 from sim_backend.fem.solid.courses import lean
 from sim_backend.fem.solid.forces import unit_pressure
 from sim_backend.fem.solid.solve import solve_solid
-from sim_backend.models.solid_press import SHARES
+from sim_backend.models.solid_meshes import SHARES
 from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG

@@ -13,18 +13,16 @@ from sim_backend import load_scene
 from sim_backend.fem.model import best_element
 from sim_backend.fem.solid.build import build_body, half_width_m
 from sim_backend.fem.solid.solve import solve_solid
-from sim_backend.models import solid_press, table
+from sim_backend.models import round_press, solid_meshes, table
 from sim_backend.models.press import press
+from sim_backend.models.refine import Refined, refine
+from sim_backend.models.solid_meshes import SHARES, SolidMeshes
 from sim_backend.scene.scene_file import SceneError, scene_from_text
 
 
 @dataclass(frozen=True)
 class Solved:
     force: float
-
-    @property
-    def force_n_per_m(self) -> float:
-        return self.force
 
 
 def test_both_round_blocks_lie_within_the_stated_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -34,10 +32,10 @@ def test_both_round_blocks_lie_within_the_stated_error(monkeypatch: pytest.Monke
     def refined(*_given: Any, **_more: Any) -> SimpleNamespace:
         return SimpleNamespace(solved=(None, (Solved(next(forces_n)),)), error_pct=np.zeros(2))
 
-    monkeypatch.setattr(solid_press, "refine", refined)
+    monkeypatch.setattr(round_press, "refine", refined)
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    _, solution, error_pct = solid_press.refine_axisymmetric(scene, 32e-3, 1e-3, 1.0)
-    assert solution.force_n_per_m == pytest.approx(1.0)
+    _, solution, error_pct = round_press.refine_axisymmetric(scene, 32e-3, 1e-3, 1.0)
+    assert solution.force == pytest.approx(1.0)
     assert error_pct == pytest.approx(10.0)
 
 
@@ -46,14 +44,12 @@ def test_meshes_that_agree_by_chance_do_not_state_no_error(
     pressures_pa: tuple[float, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def solved(*_given: Any, **_more: Any) -> tuple[SimpleNamespace, list[SimpleNamespace]]:
-        return SimpleNamespace(free=range(10)), [
-            SimpleNamespace(force_n=1 + p) for p in pressures_pa
-        ]
+        return SimpleNamespace(free=range(10)), [SimpleNamespace(force=1 + p) for p in pressures_pa]
 
-    monkeypatch.setattr(solid_press, "solve_solid", solved)
+    monkeypatch.setattr(solid_meshes, "solve_solid", solved)
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    budget = np.full(2, 5.0)
-    _, (force_pct, pulse_pct) = solid_press.refine_solid(scene, 0.0, 1e-3, pressures_pa, budget)
+    meshes = SolidMeshes(scene, 0.0, 1e-3, pressures_pa)
+    force_pct, pulse_pct = refine(meshes, np.full(2, 5.0)).error_pct
     assert 1.7 < force_pct < 3.0  # a cylinder's second mesh missed as much
     assert 1.7 < pulse_pct < 3.0 if len(pressures_pa) > 1 else pulse_pct == 0.0
 
@@ -68,11 +64,11 @@ def test_no_mesh_is_begun_that_would_be_too_large(
     def solved(*given: Any, **_more: Any) -> tuple[SimpleNamespace, list[SimpleNamespace]]:
         sizes_m.append(given[4])
         unknowns = second if len(sizes_m) == 2 else 10
-        return SimpleNamespace(free=range(unknowns)), [SimpleNamespace(force_n=1.0)]
+        return SimpleNamespace(free=range(unknowns)), [SimpleNamespace(force=1.0)]
 
-    monkeypatch.setattr(solid_press, "solve_solid", solved)
+    monkeypatch.setattr(solid_meshes, "solve_solid", solved)
     scene = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
-    solid_press.refine_solid(scene, 0.0, 1e-3, [0.0], np.full(2, 1.0))
+    refine(SolidMeshes(scene, 0.0, 1e-3, [0.0]), np.full(2, 1.0))
     assert len(sizes_m) == meshes
 
 
@@ -81,9 +77,9 @@ def test_how_large_a_mesh_will_be_is_foreseen(name: str) -> None:
     scene = load_scene(name)
     unknowns = [
         len(build_body(scene, 32e-3, depth_m=2e-3, size_m=share * half_width_m(scene)).free)
-        for share in solid_press.SHARES
+        for share in SHARES
     ]
-    steps = zip(pairwise(unknowns), pairwise(solid_press.SHARES), solid_press.GROWTH, strict=True)
+    steps = zip(pairwise(unknowns), pairwise(SHARES), solid_meshes.GROWTH, strict=True)
     for (before, after), (coarse, fine), growth in steps:
         foreseen = before * (coarse / fine) ** growth
         assert 0.9 * after < foreseen < 1.25 * after
@@ -103,10 +99,11 @@ def test_a_round_finger_over_a_side_or_an_end_is_pressed_as_a_solid(
     """No round block fits in there: one of radius 0 could not be meshed, which ended in a stack
     trace."""
 
-    def roughly(*place: Any) -> Any:
-        return solve_solid(*place[:4], 4e-3), np.array([1.0, 0.0])
+    def roughly(meshes: Any, *_given: Any, **_more: Any) -> Any:
+        solved = solve_solid(meshes.scene, meshes.x_m, meshes.depth_m, meshes.pressures_pa, 4e-3)
+        return Refined(solved, np.array([1.0, 0.0]))
 
-    monkeypatch.setattr(table, "refine_solid", roughly)
+    monkeypatch.setattr(table, "refine", roughly)
     mine = scene_from_text(BALL.format(modulus_kpa=50.0), "ball")
     assert mine.tissue is not None
     tissue = mine.tissue.model_copy(update={"z_mm": -z_mm})

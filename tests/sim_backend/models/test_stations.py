@@ -11,12 +11,13 @@ from sim_backend.fem.newton import CannotSolve, Solution, Unstable
 from sim_backend.fem.solid.build import half_width_m
 from sim_backend.fem.solid.solve import solve_solid
 from sim_backend.fem.solid.stress import under_finger_pa
-from sim_backend.models import kept_tables, solid_response, station_response
-from sim_backend.models.response import levels_pa
-from sim_backend.models.solid_press import SHARES
+from sim_backend.models import kept_tables, station_response, stations
+from sim_backend.models.response import Station, levels_pa
+from sim_backend.models.solid_meshes import SHARES
 from sim_backend.models.station_response import respond, station
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.slicing import section_at
+from sim_backend.scene.symmetry import symmetric_parts
 
 DEPTH_M = 0.6e-3
 VESSEL = vessel(8.0)
@@ -37,7 +38,7 @@ def test_a_solid_s_response_is_its_presses(monkeypatch: pytest.MonkeyPatch, cach
     size_m = SHARES[0] * half_width_m(SCENE)
     body, states = solve_solid(SCENE, 6e-3, DEPTH_M, [low, high], size_m)
     ours = found.force_n(found.x_m, np.full(2, DEPTH_M), np.array([low, high]))
-    assert ours == pytest.approx([one.force_n for one in states], rel=1e-4)
+    assert ours == pytest.approx([one.force for one in states], rel=1e-4)
     assert found.bulge_m > 0
     depth = np.linspace(-found.bulge_m, DEPTH_M, 40)
     down = found.force_n(found.x_m, depth, np.array(rest))
@@ -52,17 +53,20 @@ def test_a_place_that_was_solved_is_not_solved_again(
     monkeypatch: pytest.MonkeyPatch, cache: Path
 ) -> None:
     monkeypatch.setattr(kept_tables.platformdirs, "user_cache_dir", lambda *_: cache)
-    table = {"ramp": np.outer([1.0, 3, 6, 9, 13], [1.0, 1e3]),
-             "filled": np.outer([1.1, 6.4, 13.9], [1.0, 1e3]),
-             "lowest": np.array([12.7, 12.7e3]), "bulge": np.array(1e-4)}  # fmt: skip
+    rest, low, high = levels_pa(SCENE)
+    both, sunk = np.array([[1.0], [1e3]]), DEPTH_M * stations.SOLID_DEPTHS
+    over = np.array([low - rest, high - rest])
+    powers = np.linalg.solve(np.vander(over, increasing=True), [-0.3, 0.9] / over)
+    table = {"sunk": sunk + 1e-4, "values": both * [1.0, 3, 6, 9, 13], "by_depth": both * sunk,
+             "powers": both[:, None] * powers[:, None] * np.ones(5), "bulge": np.array(1e-4),
+             "flat": np.array(1.0)}  # fmt: skip
     asked = []
 
-    def solve_place(_scene: Scene, x_m: float, _depth_m: float) -> dict[str, np.ndarray]:
-        asked.append(x_m)
+    def solve_station(one: Station) -> dict[str, np.ndarray]:
+        asked.append(one.x_m)
         return table
 
-    monkeypatch.setattr(solid_response, "solve_place", solve_place)
-    _, low, high = levels_pa(SCENE)
+    monkeypatch.setattr(stations, "solve_station", solve_station)
     for _ in range(2):
         station_response._kept.clear()
         found = respond(SCENE, 5e-3, DEPTH_M)
@@ -72,8 +76,8 @@ def test_a_place_that_was_solved_is_not_solved_again(
 
 
 def test_between_depths_a_ball_s_force_follows_its_power() -> None:
-    sunk = 1e-3 * solid_response.DEPTHS
-    assert solid_response._slopes(sunk, sunk**1.5) == pytest.approx(1.5 * sunk**0.5, rel=1e-9)
+    sunk = 1e-3 * stations.SOLID_DEPTHS
+    assert stations._slopes_of_powers(sunk, sunk**1.5) == pytest.approx(1.5 * sunk**0.5, rel=1e-9)
 
 
 def test_a_quarter_of_a_grid_over_what_is_symmetric_both_ways_is_solved() -> None:
@@ -97,11 +101,11 @@ def test_a_place_beside_the_middle_is_the_one_on_the_other_side() -> None:
             "modulus_kpa": 500.0, "poisson": 0.45}  # fmt: skip
     scene = Scene.model_validate(SCENE.model_dump() | {"inclusion": [lump]})
     there, here = (
-        solve_solid(section_at(scene, z_mm), 7e-3, 0.4e-3, [0.0], 2.4e-3)[1][0].force_n
+        solve_solid(section_at(scene, z_mm), 7e-3, 0.4e-3, [0.0], 2.4e-3)[1][0].force
         for z_mm in (-1.5, 1.5)
     )
     assert there == pytest.approx(here, rel=1e-6)
-    above = solve_solid(scene, 7e-3, 0.4e-3, [0.0], 2.4e-3)[1][0].force_n
+    above = solve_solid(scene, 7e-3, 0.4e-3, [0.0], 2.4e-3)[1][0].force
     assert above > 1.002 * here
 
 
@@ -114,11 +118,11 @@ def test_a_straight_solid_beside_its_middle_is_the_mean_of_two_symmetric_ones(
     tissue = {**SCENE.model_dump()["tissue"], "length_mm": 16.0, "width_mm": 14.0}
     plain = Scene.model_validate(SCENE.model_dump() | {"tissue": tissue, "inclusion": []})
     there = section_at(plain, 3.0)
-    short, long = solid_response.symmetric_parts(there)
+    short, long = symmetric_parts(there)
     assert [one.tissue and one.tissue.length_mm for one in (short, long)] == [10.0, 22.0]
     size_m = SHARES[0] * half_width_m(plain)
-    whole = solve_solid(there, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force_n
-    middle = solve_solid(plain, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force_n
+    whole = solve_solid(there, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force
+    middle = solve_solid(plain, 7e-3, DEPTH_M, [0.0], size_m)[1][0].force
     found = respond(there, 7e-3, DEPTH_M)
     assert found.force_n(found.x_m, DEPTH_M, 0.0) == pytest.approx(whole, rel=4e-3)
     assert whole < 0.985 * middle
@@ -130,7 +134,7 @@ def test_what_varies_along_the_vessel_or_ends_under_the_finger_is_solved_as_it_i
     part = Scene.model_validate(
         SCENE.model_dump() | {"inclusion": [{**VESSEL, "stenosis": {**ring, "z_mm": (-2.0, 2.0)}}]}
     )
-    parts = solid_response.symmetric_parts
+    parts = symmetric_parts
     assert parts(SCENE) == [SCENE]
     assert len(parts(section_at(whole, 1.0))) == 2
     assert parts(section_at(part, 1.0)) == [section_at(part, 1.0)]
@@ -142,7 +146,7 @@ def test_far_from_its_ends_a_block_is_felt_alike_everywhere() -> None:
     tissue = {**SCENE.model_dump()["tissue"], "length_mm": 28.0, "width_mm": 14.0}
     scene = Scene.model_validate(SCENE.model_dump() | {"tissue": tissue, "inclusion": []})
     middle, beside = (
-        solve_solid(there, 7e-3, DEPTH_M, [0.0], 1.6e-3)[1][0].force_n
+        solve_solid(there, 7e-3, DEPTH_M, [0.0], 1.6e-3)[1][0].force
         for there in (scene, section_at(scene, 3.0))
     )
     assert beside == pytest.approx(middle, rel=2e-3)
@@ -154,22 +158,23 @@ def test_what_is_unstable_is_left_where_that_changes_little(
 ) -> None:
     """By less than is said to be missed: a node that slides over an edge of the finger."""
     plain = SCENE.model_copy(update={"inclusion": ()})
-    before = solid_response.solve_place(plain, 8e-3, DEPTH_M)["ramp"]
+    here = Station(plain, 8e-3, DEPTH_M)
+    before = stations.solve_station(here)["values"]
 
     def fall(_body: object, one: Solution) -> Solution:
         if falls_to is None:
             raise Unstable("nowhere")
         return replace(one, force=falls_to * one.force)
 
-    monkeypatch.setattr(solid_response, "judged", lambda _, one: replace(one, stable=False))
-    monkeypatch.setattr(solid_response, "stable_branch", fall)
+    monkeypatch.setattr(stations, "judged", lambda _, one: replace(one, stable=False))
+    monkeypatch.setattr(stations, "stable_branch", fall)
     if not answers:
         with pytest.raises(CannotSolve, match="unstable"):
-            solid_response.solve_place(plain, 8e-3, DEPTH_M)
+            stations.solve_station(here)
         return
-    after = solid_response.solve_place(plain, 8e-3, DEPTH_M)["ramp"]
-    np.testing.assert_array_equal(after[:-1], before[:-1])
-    assert after[-1, 0] == pytest.approx(1.02 * before[-1, 0])
+    after = stations.solve_station(here)["values"]
+    np.testing.assert_array_equal(after[:, :-1], before[:, :-1])
+    assert after[0, -1] == pytest.approx(1.02 * before[0, -1])
 
 
 def test_a_faint_pulse_is_no_better_known_than_its_share_of_the_force(
@@ -182,7 +187,7 @@ def test_a_faint_pulse_is_no_better_known_than_its_share_of_the_force(
     forces_n = found.force_n(found.x_m, DEPTH_M, np.array([low, high]))
     clear = replace(found, left=found.left._replace(faint=0.0))
     share_n = clear.pulse_error_n(found.x_m, DEPTH_M, low, high)
-    assert share_n >= solid_response.LEFT.change * np.ptp(forces_n)
-    assert stated_n - share_n == pytest.approx(solid_response.LEFT.faint * forces_n.max())
-    assert solid_response.LEFT.faint * 0.87 > 0.92e-3, "as measured 20 mm beside TIHA's vessel"
+    assert share_n >= stations.SOLID_LEFT.change * np.ptp(forces_n)
+    assert stated_n - share_n == pytest.approx(stations.SOLID_LEFT.faint * forces_n.max())
+    assert stations.SOLID_LEFT.faint * 0.87 > 0.92e-3, "as measured 20 mm beside TIHA's vessel"
     assert found.pulse_error_n(found.x_m, DEPTH_M, low, low) == 0.0

@@ -1,0 +1,48 @@
+"""Which presses are each other's mirror images, and which blocks stand for one that is not."""
+
+from sim_backend.scene.inclusion import Artery
+from sim_backend.scene.scene_file import Scene, mirrored
+from sim_backend.scene.slicing import images_along
+
+
+def alike(scene: Scene, x_m: float) -> tuple[Scene, float]:
+    """One scene and place [m] of all that are each other's mirror images: the left one, and along a
+    solid the one at larger z."""
+    along = images_along(scene)
+    places = [(image, x_m) for image in along]
+    if scene.tissue is not None:
+        across_m = round(1e-3 * scene.tissue.width_mm - x_m, 9)
+        places += [(mirrored(image), across_m) for image in along]
+    first = min((_z_mm(image), x) for image, x in places)
+    leftmost = [(image, x) for image, x in places if (_z_mm(image), x) == first]
+    return min(leftmost, key=lambda place: place[0].model_dump_json())
+
+
+def _z_mm(scene: Scene) -> float:
+    return (scene.tissue and scene.tissue.z_mm) or 0.0
+
+
+def symmetric_parts(scene: Scene) -> list[Scene]:
+    """The blocks whose mean is the answer: two for a straight solid beside its middle, up to where
+    an end comes under the finger; else the scene itself."""
+    tissue, aside_mm = scene.tissue, abs(_z_mm(scene))
+    if tissue is None or tissue.length_mm is None or aside_mm == 0.0 or not is_straight(scene):
+        return [scene]
+    near_mm = tissue.length_mm / 2 - aside_mm
+    if near_mm < scene.indenter.breadth_mm_projected / 2:
+        return [scene]
+    return [
+        scene.model_copy(update={"tissue": tissue.model_copy(
+            update={"length_mm": round(2 * end_mm, 9), "z_mm": None})})
+        for end_mm in (near_mm, near_mm + 2 * aside_mm)
+    ]  # fmt: skip
+
+
+def is_straight(scene: Scene) -> bool:
+    """Whether nothing but the block's ends varies along z."""
+    return all(
+        isinstance(one, Artery)
+        and not one.path
+        and (one.stenosis is None or one.stenosis.z_mm is None)
+        for one in scene.inclusion
+    )
