@@ -48,6 +48,22 @@ def test_solves_and_counts_negative_eigenvalues(negative: int, skew: float) -> N
         assert factors.negative == negative == (np.linalg.eigvals(dense(data)).real < 0).sum()
 
 
+def test_several_right_hand_sides_are_solved_as_one_by_one() -> None:
+    made = Assembly(SIZE, [blocks()], HELD)
+    factors = made.factor([matrices(0, 0.1)])
+    force = np.random.default_rng(1).standard_normal((SIZE, 3))
+    together = factors.solve(force)
+    apart = [factors.solve(one) for one in force.T]
+    np.testing.assert_allclose(together, np.stack(apart, axis=1), rtol=1e-7, atol=1e-10)
+
+
+def test_the_sum_times_displacements() -> None:
+    made, data = Assembly(SIZE, [blocks()], HELD), matrices(0, 0.1)
+    u = np.random.default_rng(1).standard_normal(SIZE)
+    u[HELD] = 0.0
+    np.testing.assert_allclose(made.times([data], u)[made.free], dense(data) @ u[made.free])
+
+
 def test_what_cannot_be_factorised_is_said() -> None:
     made = Assembly(SIZE, [blocks()], HELD)
     for entry in (np.nan, 0.0):

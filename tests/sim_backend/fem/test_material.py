@@ -5,7 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_backend.fem.material import energy_density, moduli, plane_strain, plane_stress, von_mises
+from sim_backend.fem.material import (
+    energy_density,
+    moduli,
+    plane_strain,
+    plane_stress,
+    thinning,
+    von_mises,
+)
 
 entry = st.floats(-0.35, 0.35)
 deformations = st.tuples(entry, entry, entry, entry).map(lambda e: np.array([1.0, 0, 0, 1.0]) + e)
@@ -46,6 +53,15 @@ def test_tangent_is_the_slope_of_stress(plane, f, poisson):
     largest = np.abs(solid.tangent).max()
     np.testing.assert_allclose(solid.tangent, by_differences, atol=1e-6 * largest)
     np.testing.assert_allclose(solid.tangent, solid.tangent.T, atol=1e-9 * largest)
+
+
+@given(f=deformations, poisson=poissons)
+def test_thinning_is_the_slope_of_thickness(f, poisson):
+    g, k = numbers(poisson)
+    thickness, by_f = thinning(f, g, k)
+    assert thickness == plane_stress(f, g, k).thickness
+    by_differences = slope(lambda at: plane_stress(at, g, k).thickness, f)
+    np.testing.assert_allclose(by_f, by_differences, atol=1e-6)
 
 
 @given(f=deformations, poisson=poissons)
