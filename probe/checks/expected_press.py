@@ -19,7 +19,7 @@ from probe.config.snapshot import face_mm2_of
 from probe.core.contact_stress import square_metres
 from probe.detection.pulse.hold_limits import MIN_SAMPLES, SETTLING_S, SETTLING_SAMPLES
 from probe.detection.pulse.hold_samples import BIN_S, MIN_BINS
-from probe.detection.sensitivity import in_words, visibility
+from probe.detection.sensitivity import MEAT, in_words, visibility
 from probe.planning.plan import Place, Plan
 from sim_backend.phantom.phantom import Respond
 from sim_backend.scene.scene_file import Scene, SceneError
@@ -81,6 +81,8 @@ def pulse_checks(
         pulse_n, source = _usual_pulse(rig)
     beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
     face_m2 = square_metres(face_mm2_of(rig, scene))
+    tissue = scene.tissue if scene is not None else None
+    relaxation = tissue.relaxation if tissue is not None else MEAT
     columns, rows = pair(rig.scan.stations, 1)
     presses = int(columns * rows * rig.scan.repeats)
     for n, (name, noise_n, rate_hz, advice) in enumerate(sensors):
@@ -97,7 +99,9 @@ def pulse_checks(
             text += f"at least {least_s:.2g} s are needed, two heartbeats to see a pulse well"
             checks.append(Check(title, "warning", text))
         else:
-            seen = visibility(noise_n, rate_hz, rig.scan.hold_s, pulse_n, beat_hz, presses)
+            seen = visibility(
+                noise_n, rate_hz, rig.scan.hold_s, pulse_n, beat_hz, presses, relaxation
+            )
             level: Literal["ok", "warning"] = "ok" if seen.visible else "warning"
             checks.append(Check(title, level, f"{in_words(seen, face_m2)} ({source})"))
     return checks

@@ -12,6 +12,7 @@ from drivers.core.arrays import Array
 from probe.detection.pulse.estimate import SHORTEST_TRAIN_S, Clearest, find_pulse
 from probe.detection.pulse.fit import design_of, fit
 from probe.detection.pulse.hold_samples import MIN_BINS, Hold
+from probe.detection.pulse.search import Prior
 
 CALMER = 2.0
 """How much less a half must swing to be the calm one. Halves of a pulse differ by less than 1.6 in
@@ -24,13 +25,13 @@ SHARE = 0.1
 the chance (Bonferroni's inequality with weights; Holm 1979); most pulses are seen in the whole."""
 
 
-def clearest_part(hold: Hold) -> tuple[Hold, Clearest]:
+def clearest_part(hold: Hold, prior: Prior | None = None) -> tuple[Hold, Clearest]:
     """The hold or its calm half, in which a pulse is clearer, and the clearest pulse of it."""
-    whole = find_pulse(hold)
+    whole = find_pulse(hold, prior)
     calm = calm_half(hold)
     if calm is None:
         return hold, whole
-    half = find_pulse(calm)
+    half = find_pulse(calm, prior)
     chances = whole.p_value / (1 - SHARE), half.p_value / SHARE
     beats = half.rate_hz * calm.span_s
     if beats >= MIN_BEATS and chances[1] < chances[0]:

@@ -11,7 +11,7 @@ from probe.detection.pulse.fit import Fit, design_of, fit, harmonics
 from probe.detection.pulse.hold_samples import Hold
 from probe.detection.pulse.noise import WHITE, Noise, likeliest
 from probe.detection.pulse.possible_rates import RATE_VARIABILITY, USUAL_SPREAD
-from probe.detection.pulse.search import FINEST, SHARE, TESTED_HARMONICS, Search, search
+from probe.detection.pulse.search import FINEST, SHARE, TESTED_HARMONICS, Prior, Search, search
 from probe.detection.pulse.size import Rates, Sizes, averaged, sizes_at, together
 
 SHARES = np.array([0.35, 0.20, 0.11, 0.064, 0.055, 0.038, 0.025, 0.02, 0.015, 0.012])
@@ -181,13 +181,13 @@ def scale_of(null: Fit, known: Fit) -> Scale:
     return Scale(float(SWING_OVER_RESIDUAL * np.ptp(np.percentile(left, [2, 98]))), known.noise_pa)
 
 
-def find_pulse(hold: Hold) -> Clearest:
+def find_pulse(hold: Hold, prior: Prior | None = None) -> Clearest:
     """The clearest pulse of a hold, whether or not there is one.
 
     It passes at one rate or as a train of beats of any lengths, which has its own `SHARE` of the
     chance.
     """
-    found, null = search(hold)
+    found, null = search(hold, prior)
     columns = harmonics(hold.time_s, found.rate_hz, TESTED_HARMONICS)
     known = fit(hold, design_of(hold), columns, found.noise)
     p_value = found.p_value

@@ -1,6 +1,7 @@
 """The least pulse that a hold would have shown."""
 
 import numpy as np
+from scipy.optimize import brentq
 from scipy.special import fdtri, ncfdtrinc
 
 from probe.detection.pulse.pooled_evidence import COHERENT
@@ -24,17 +25,30 @@ def chance_each(false_alarm: float, presses: int) -> float:
 def least_pulse_pa(search: Search, chance: float) -> float:
     """Size of a pulse, trough to crest, that most such holds would show [Pa].
 
-    ``chance`` is that of a false pulse in the hold. At each rate and phase the search's own F test
-    passes with `POWER` at some size, by the noise that it found (the noncentral F distribution,
-    Patnaik 1949); `HEARTS` of these sizes are smaller. It counts neither the presses beside it,
-    which may pass together, nor what else than a pulse may have moved.
+    ``chance`` is that of a false pulse in the hold. At each rate and phase the search's F test
+    passes with `POWER` if the pulse raises the log likelihood ratio by ``wanted`` (the noncentral F
+    distribution, Patnaik 1949). A hold without it is as likely as its noises leave the pulse
+    unexplained: one of a low frequency explains much of a pulse in a short hold. For `HEARTS` of
+    the rates and phases the size suffices. It counts neither the presses beside it, which may pass
+    together, nor what else than a pulse may have moved.
     """
     each = -np.expm1(np.log1p(-SHARE["shaped"] * chance) / independent_rates(search.span_s))
-    left = search.dof - DEGREES
-    limit = fdtri(DEGREES, left, 1 - np.minimum(weights(search.rates_hz) * each, 0.5))
-    wanted = ncfdtrinc(DEGREES, left, 1 - POWER, limit)
-    size_pa = np.sqrt(wanted[:, None] / np.maximum(search.power[0], 1e-300)) / COHERENT
-    hearts = np.broadcast_to(np.exp(-unusual(search.rates_hz))[:, None], size_pa.shape).ravel()
-    order = np.argsort(size_pa, axis=None)
-    share = np.cumsum(hearts[order])
-    return float(size_pa.ravel()[order][np.searchsorted(share, HEARTS * share[-1])])
+    dof = search.dof - DEGREES
+    limit = fdtri(DEGREES, dof, 1 - np.minimum(weights(search.rates_hz) * each, 0.5))
+    wanted = 0.5 * dof * np.log1p(ncfdtrinc(DEGREES, dof, 1 - POWER, limit) / dof)[:, None]
+    hearts = np.exp(-unusual(search.rates_hz))
+
+    def hidden(log_size: float) -> float:
+        power = (np.exp(log_size) * COHERENT) ** 2 * search.power / dof
+        unexplained = search.noises[:, None, None] - 0.5 * dof * np.log1p(power)
+        gain = -np.logaddexp.reduce(unexplained, axis=0)
+        return float(HEARTS - hearts @ (gain >= wanted).mean(axis=1) / hearts.sum())
+
+    # in the noise that explains least of it, and in the one that explains most
+    bounds = [
+        0.5 * np.log(dof * np.expm1(2 * gain / dof) / max(power, 1e-300)) - np.log(COHERENT)
+        for gain, power in (
+            (wanted.min(), search.power.max()), (wanted.max(), search.power.min())
+        )
+    ]  # fmt: skip
+    return float(np.exp(brentq(hidden, bounds[0] - 1e-3, bounds[1] + 1e-3, xtol=1e-3)))

@@ -17,7 +17,8 @@ from probe.detection.pulse.hold_samples import Hold, NoContact, NoHold, dead_cha
 from probe.detection.pulse.least_noise import least_noise
 from probe.detection.pulse.reference import contradicted, find_pulse_by
 from probe.detection.pulse.rounding import unrounded, within_steps
-from probe.detection.pulse.search import beyond
+from probe.detection.pulse.search import Prior, beyond
+from probe.detection.pulse.shared_noise import noise_priors
 from probe.detection.pulse.size import averaged, together
 from probe.detection.pulse.uneven_beats import beats_of
 
@@ -111,14 +112,15 @@ def _found(
 ) -> tuple[list["_Own"], dict[int, tuple[Hold, Clearest]], Beating]:
     """Every station by its reference, or by itself where that beats otherwise; those that can be
     judged; and which of these pulse."""
-    found = [_own(station, dead) for station in recording.stations]
+    found = _each(recording, dead)
     measured = _measured(found)
     beating = which_pulse(measured, recording, false_alarm)
     referred = {i: hold for i, (hold, clearest) in measured.items() if clearest.search is None}
     if not referred:
         return found, measured, beating
+    priors = dict(zip(referred, noise_priors(list(referred.values())), strict=True))
     alone = [
-        _searched(referred[i], CONTRADICTED) if i in referred else one
+        _searched(referred[i], priors[i], CONTRADICTED) if i in referred else one
         for i, one in enumerate(found)
     ]
     by_itself = _measured(alone)
@@ -164,22 +166,32 @@ class _Own:
     whole: Hold | None = None
 
 
-def _own(station: Station, dead: Bools) -> _Own:
-    try:
-        read = within_steps(unrounded(hold_of(station, dead)), station.index)
-        hold = least_noise(read, station.index)
-    except NoHold as error:
-        return _Own(None, None, str(error), not isinstance(error, NoContact))
-    if len(station.reference):
-        found = find_pulse_by(hold, station.reference_s - hold.start_s, station.reference)
-        if found is not None:
-            return _Own(hold, found)
-        return _searched(hold, "its reference has no beats: judged without it")
-    return _searched(hold)
+def _each(recording: Recording, dead: Bools) -> list["_Own"]:
+    """Every station by its reference, or else by its own search in the noise that all share."""
+    holds: dict[int, Hold] = {}
+    found: dict[int, _Own] = {}
+    for i, station in enumerate(recording.stations):
+        try:
+            read = within_steps(unrounded(hold_of(station, dead)), station.index)
+            hold = least_noise(read, station.index)
+        except NoHold as error:
+            found[i] = _Own(None, None, str(error), not isinstance(error, NoContact))
+            continue
+        beats_s = station.reference_s - hold.start_s
+        own = find_pulse_by(hold, beats_s, station.reference) if len(station.reference) else None
+        if own is None:
+            holds[i] = hold
+        else:
+            found[i] = _Own(hold, own)
+    for (i, hold), prior in zip(holds.items(), noise_priors(list(holds.values())), strict=True):
+        unread = len(recording.stations[i].reference) > 0
+        note = "its reference has no beats: judged without it" if unread else ""
+        found[i] = _searched(hold, prior, note)
+    return [found[i] for i in range(len(recording.stations))]
 
 
-def _searched(hold: Hold, note: str = "") -> _Own:
-    part, clearest = clearest_part(hold)
+def _searched(hold: Hold, prior: Prior, note: str = "") -> _Own:
+    part, clearest = clearest_part(hold, prior)
     if part is hold:
         return _Own(hold, clearest, note)
     other = "first" if part.time_s[0] > hold.time_s[0] else "second"

@@ -1,6 +1,6 @@
 """The search for a pulse in a hold: how well one explains it at each possible heart rate."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -51,6 +51,14 @@ EVEN_BINS = 0.1
 """Of a step: how far samples may stray from even ones to be looked at as even ones."""
 
 
+KEPT_HOLDS = 128
+"""Holds whose looks are kept, for the noise that they share and for their own search: 0.3 MB each
+of 1.7 s."""
+
+Prior = Mapping[str, float]
+"""Log probability of each noise, by its name."""
+
+
 @dataclass(frozen=True)
 class Search:
     """What a hold says of a pulse at ``rates_hz`` (r,).
@@ -78,22 +86,25 @@ class Search:
     dof: int
 
 
-def search(hold: Hold) -> tuple[Search, Fit]:
+def search(hold: Hold, prior: Prior | None = None) -> tuple[Search, Fit]:
     """Look for a pulse, and the fit without one in white noise.
+
+    ``prior`` is the log probability of each noise of the family before this hold was seen, by name;
+    without it all are equally likely.
 
     It passes as a wave of the known shape or as any first two harmonics, each in its `SHARE` of the
     chance (Bonferroni's inequality with weights; Holm 1979). The likelihoods with and without a
     pulse are each summed over the family of noises, so that noise is never fitted to what holds a
     pulse.
     """
-    design = design_of(hold)
-    rates = rates_hz(hold.span_s)
-    null = fit(hold, design, np.empty((len(hold.time_s), 0)))
-    n = len(hold.time_s)
-    looks = _looks(hold, design, null, rates, PHASES)
-    without = np.logaddexp.reduce(looks.without)
+    looks, null = looks_at_hearts(hold)
+    rates, n = rates_hz(hold.span_s), len(hold.time_s)
+    each = looks.without + (
+        0.0 if prior is None else np.array([prior[m.name] for m in looks.noises])
+    )
+    without = np.logaddexp.reduce(each)
     shaped, free = (
-        np.maximum(np.logaddexp.reduce(looks.without[:, None] + gain) - without, 0.0)
+        np.maximum(np.logaddexp.reduce(each[:, None] + gain) - without, 0.0)
         for gain in (looks.shaped, looks.free)
     )
     dof, lost = max(null.dof, 4 + 2 * TESTED_HARMONICS), 2 * TESTED_HARMONICS
@@ -102,9 +113,9 @@ def search(hold: Hold) -> tuple[Search, Fit]:
     ways = (chances[0], shaped, SHARE["shaped"]), (chances[1], free, SHARE["free"])
     weight = weights(rates)
     one, gain, share = min(ways, key=lambda way: (way[0] / weight).min() / way[2])
-    likely = np.argsort(-(looks.without + looks.shaped.max(axis=1)), kind="stable")
+    likely = np.argsort(-(each + looks.shaped.max(axis=1)), kind="stable")
     return Search(
-        rates, looks.without[likely] - without, looks.along[likely], looks.power[likely],
+        rates, each[likely] - without, looks.along[likely], looks.power[likely],
         np.asarray(chdtri(2, np.maximum(chances[0], 1e-300))),
         looks.free[0], float(rates[int(np.argmax(gain))]),  # chances may all be 0.0
         min(1.0, anywhere(float((one / weight).min()), hold.span_s) / share), hold.span_s,
@@ -137,14 +148,24 @@ def beyond(hold: Hold) -> tuple[float, float]:
     return float(rates[best]), float(min(1.0, independent * chance[best]))
 
 
+@lru_cache(maxsize=KEPT_HOLDS)
+def looks_at_hearts(hold: Hold) -> tuple["Looks", Fit]:
+    """The hold at each rate of hearts in each noise that counts, and its fit without a pulse."""
+    design = design_of(hold)
+    null = fit(hold, design, np.empty((len(hold.time_s), 0)))
+    return _looks(hold, design, null, rates_hz(hold.span_s), PHASES), null
+
+
 @dataclass(frozen=True)
-class _Looks:
+class Looks:
     """The hold in each of ``noises`` (m,), the white one first: log likelihood ``without`` (m,) a
     pulse, and log likelihood ratios (m, r) of the known shape and of two free harmonics; ``along``
-    and ``power`` (m, r, phases) as in `Search`."""
+    and ``power`` (m, r, phases) as in `Search`. ``steady`` (m,) is the log likelihood ratio of
+    `SHAPE_HARMONICS` of any size, at the rate where they explain the hold best."""
 
     noises: list[Noise]
     without: Array
+    steady: Array
     shaped: Array
     free: Array
     along: Array
@@ -172,7 +193,7 @@ class _Rests:
         return _Rests(self.q[chosen], self.y[chosen], self.without[chosen])
 
 
-def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> _Looks:
+def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> Looks:
     """The hold at each rate in each noise that counts, its decays those of the null fit. The known
     shape is tried at so many ``phases``, or not at all."""
     n = len(hold.time_s)
@@ -203,7 +224,9 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> 
             steady, most = columns[:, int(np.argmax(size))].copy(), float(size.max())
     members = family(hold.step_s, hold.averaged_s)
     whole = np.hstack([nuisance * scale[:, None], steady])
-    rests, beside = _rests(hold.signal_pa * scale, whole, nuisance.shape[1], members, dof)
+    rests, beside, steady_gain = _rests(
+        hold.signal_pa * scale, whole, nuisance.shape[1], members, dof
+    )
     count = SHAPE_HARMONICS if n >= SHORT else 1
     finest = FINEST * (n - 1) / max(hold.span_s, 1e-9)
     seen = rates[:, None] * np.arange(1, count + 1) <= finest
@@ -218,8 +241,8 @@ def _looks(hold: Hold, design: Design, null: Fit, rates: Array, phases: int) -> 
             for i in counted
         )
         found.append(_ratios(chosen, white, visible, _shapes(visible, phases), dof))
-    return _Looks(
-        [members[i] for i in counted], chosen.without,
+    return Looks(
+        [members[i] for i in counted], chosen.without, steady_gain[counted],
         *(np.concatenate(each, axis=1) for each in zip(*found, strict=True)),
     )  # fmt: skip
 
@@ -262,8 +285,9 @@ def _even_white(
 
 def _rests(
     signal: Array, columns: Array, nuisance: int, noises: Sequence[Noise], dof: int
-) -> tuple[_Rests, Array]:
-    """Beside the first ``nuisance`` of ``columns`` (n, k), and what is ``without`` beside all."""
+) -> tuple[_Rests, Array, Array]:
+    """Beside the first ``nuisance`` of ``columns`` (n, k), what is ``without`` beside all, and the
+    log likelihood ratio of the others."""
     both = np.column_stack([columns, signal])
     white = np.stack([noise.whiten(both) for noise in noises])
     q, r = np.linalg.qr(white[..., :-1])
@@ -276,7 +300,9 @@ def _rests(
         power = np.maximum((left**2).sum(axis=1), 1e-300)
         return _Rests(q[..., :k], left, -0.5 * dof * np.log(power) - size[:, :k].sum(axis=1))
 
-    return beside(nuisance), beside(columns.shape[1]).without
+    null, full = beside(nuisance), beside(columns.shape[1])
+    power = [np.maximum((rest.y**2).sum(axis=1), 1e-300) for rest in (null, full)]
+    return null, full.without, 0.5 * dof * np.log(power[0] / power[1])
 
 
 def _shapes(seen: Bools, phases: int) -> Array:
@@ -295,7 +321,7 @@ def _shapes(seen: Bools, phases: int) -> Array:
 def _ratios(
     rests: _Rests, white: Iterable[_Whitened], seen: Bools, shapes: Array, dof: int
 ) -> tuple[Array, Array, Array, Array]:
-    """``shaped``, ``free``, ``along`` and ``power`` of `_Looks` at some rates. The second free
+    """``shaped``, ``free``, ``along`` and ``power`` of `Looks` at some rates. The second free
     harmonic counts only where it is no larger than a pulse's."""
     products, grams = [], []
     beside = np.concatenate([rests.q, rests.y[..., None]], axis=2)
