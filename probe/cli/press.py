@@ -135,8 +135,8 @@ def press(
 
 
 def check_out(option: str, path: Path, mark: bytes) -> None:
-    """Raises `SceneError` where a folder is at ``path``, or a file whose first kilobyte has not the
-    ``mark`` of those that a press writes."""
+    """Raises `SceneError` where a folder is at ``path`` or none above it, or a file whose first
+    kilobyte has not the ``mark`` of those that a press writes."""
     from sim_backend.scene.scene_file import SceneError
 
     if path.is_file():
@@ -144,6 +144,8 @@ def check_out(option: str, path: Path, mark: bytes) -> None:
             ours = mark in file.read(1024)
     else:
         ours = not path.is_dir()  # none yet, or a pipe
+    if not path.parent.is_dir():
+        raise SceneError(f"{option} {path}: there is no folder {path.parent}; make it first")
     if not ours:
         raise SceneError(
             f"{option} {path}: exists already and is no press's; choose another, or move it"

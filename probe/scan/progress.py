@@ -34,14 +34,17 @@ class StationCount:
         self._each_s = (time.monotonic() - self._began_s) / self._measured
 
     def begun(self, station: StationStarted) -> str:
-        """A station begins: which, of how many, and where.
+        """A station begins: which, of how many, and where. Where only some stations are pressed,
+        its number is not its place among them.
 
         Stations are timed from the first of them: homing and what a simulation solves come before.
         """
         if self._began_s is None:
             self._began_s = time.monotonic()
         place = place_words(station.x_m, station.y_m, in_grid=self._in_grid)
-        return f"station {station.station + 1} of {self._total}, {place}"
+        number, nth = station.station + 1, self.done + 1
+        which = f"station {number}" if number == nth else f"station {number}, {nth}"
+        return f"{which} of {self._total}, {place}"
 
     def left(self) -> str:
         """The time that the rest will take; empty while nothing is known of it."""
