@@ -161,7 +161,7 @@ def choose(asked: Asked, name: str = "auto") -> Solved:
     models = _models(asked, name)
     if name != "auto":
         return models[0].solved(asked, models[0].named(asked))
-    why = ""
+    why = f"the cheapest model {'with a gradient ' if asked.gradient else ''}for this scene"
     for model in models:
         offer = model.offer(asked)
         if isinstance(offer, str):

@@ -51,4 +51,6 @@ def least_pulse_pa(search: Search, chance: float) -> float:
             (wanted.min(), search.power.max()), (wanted.max(), search.power.min())
         )
     ]  # fmt: skip
-    return float(np.exp(brentq(hidden, bounds[0] - 1e-3, bounds[1] + 1e-3, xtol=1e-3)))
+    if hidden(bounds[1]) > 0:  # samples this sparse show nothing of most of these pulses
+        return float(np.exp(bounds[1]))
+    return float(np.exp(brentq(hidden, bounds[0] - 1e-3, bounds[1], xtol=1e-3)))

@@ -25,6 +25,8 @@ def noise_priors(holds: Sequence[Hold]) -> list[Prior]:
     expectation-maximisation (Dempster, Laird & Rubin 1977), each hold left out of its own. With one
     hold all noises are equally likely.
     """
+    if not holds:
+        return []
     names = sorted({m.name for hold in holds for m in family(hold.step_s, hold.averaged_s)})
     likely = np.array([_likelihoods(hold, names) for hold in holds])
     shares = np.full_like(likely, 1 / len(names))
