@@ -1,12 +1,15 @@
 """How deep, how large, how stiff: intervals that hold, and silence where nothing is known."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import palpate
-from probe.detection.beneath.posterior import Model, sample
+from probe.detection.beneath import explain
+from probe.detection.beneath.posterior import Model, Posterior, sample
 from sim_backend.scene.scene_file import Scene
 
 
@@ -29,6 +32,21 @@ def test_a_lump_s_depth_and_diameter_hold_and_its_stiffness_is_bounded(tmp_path:
     said = lump.sizes.as_json()
     assert said["depth_mm"] == pytest.approx(1e3 * lump.sizes.depth_m)
     assert said["modulus_ci_kpa"][1] is None or said["modulus_ci_kpa"][1] > 1000
+
+
+def test_a_posterior_that_was_sampled_badly_is_sampled_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tried: list[float] = []
+
+    def badly_once(*asked: Any) -> Posterior:
+        posterior = sample(*asked)
+        tried.append(posterior.effective)
+        return replace(posterior, effective=1.0) if len(tried) == 1 else posterior
+
+    monkeypatch.setattr(explain, "sample", badly_once)
+    (lump,) = scanned(palpate.load_scene("TIT"), tmp_path).objects
+    assert lump.sizes.depth_m is not None and len(tried) == 2
 
 
 def test_a_lump_that_grew_is_larger_in_diameter_and_as_deep(tmp_path: Path) -> None:
