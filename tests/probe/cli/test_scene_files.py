@@ -60,7 +60,7 @@ def test_a_solid_that_cannot_be_written_is_refused_before_it_is_solved(
 ) -> None:
     monkeypatch.setattr("sim_backend.models.press.press", None)
     outcome = palpate("press", "TI-solid", "--x", "32", "--depth", "1", option, "file")
-    assert (outcome.status, "triangles of a plane section" in outcome.err) == (2, True)
+    assert (outcome.status, "write plane sections only" in outcome.err) == (2, True)
 
 
 @pytest.mark.parametrize(
