@@ -90,7 +90,8 @@ def search(hold: Hold, prior: Prior | None = None) -> tuple[Search, Fit]:
     """Look for a pulse, and the fit without one in white noise.
 
     ``prior`` is the log probability of each noise of the family before this hold was seen, by name;
-    without it all are equally likely.
+    without it all are equally likely. A noise that it does not name is as unlikely as any that it
+    names.
 
     It passes as a wave of the known shape or as any first two harmonics, each in its `SHARE` of the
     chance (Bonferroni's inequality with weights; Holm 1979). The likelihoods with and without a
@@ -99,9 +100,10 @@ def search(hold: Hold, prior: Prior | None = None) -> tuple[Search, Fit]:
     """
     looks, null = looks_at_hearts(hold)
     rates, n = rates_hz(hold.span_s), len(hold.time_s)
-    each = looks.without + (
-        0.0 if prior is None else np.array([prior[m.name] for m in looks.noises])
-    )
+    each = looks.without
+    if prior is not None:  # a part of a hold may have noises that whole holds cannot tell apart
+        least = min(prior.values())
+        each = each + np.array([prior.get(m.name, least) for m in looks.noises])
     without = np.logaddexp.reduce(each)
     shaped, free = (
         np.maximum(np.logaddexp.reduce(each[:, None] + gain) - without, 0.0)

@@ -86,3 +86,14 @@ def test_a_tisa_pulse_under_an_ft300_is_not_visible() -> None:
 
 def test_a_radial_pulse_is() -> None:
     assert visibility(3e-3, 1000, 0.825, 0.5, 1.2).visible
+
+
+def test_a_noise_that_no_other_hold_can_have_is_searched_too() -> None:
+    """A hold's calm half may have finer samples than the other holds, which have gaps."""
+    rng = np.random.default_rng(2)
+    coarse, fine = (
+        [Hold(t, rng.standard_normal(len(t)), np.ones(len(t)), 0.0, 0.0) for _ in range(3)]
+        for t in (np.arange(0, 4, 0.05), np.arange(0, 4, 0.02))
+    )
+    found, _ = search(fine[0], noise_priors(coarse)[0])
+    assert 0 < found.p_value <= 1
