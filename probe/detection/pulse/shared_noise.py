@@ -14,7 +14,8 @@ from probe.detection.pulse.noise import family
 from probe.detection.pulse.search import FAR_BEHIND, SHAPE_HARMONICS, Prior, looks_at_hearts
 
 ROUNDS = 50
-"""Of expectation-maximisation: after them no share changes by more than 0.001."""
+"""Of expectation-maximisation: 1,000 move no hold's chance of a pulse by more than 2.5 % (180 holds
+of 0.8 to 5 s)."""
 
 
 def noise_priors(holds: Sequence[Hold]) -> list[Prior]:
