@@ -81,8 +81,10 @@ def pulse_checks(
         pulse_n, source = _usual_pulse(rig)
     beat_hz = scene.pulse.rate_bpm / 60 if scene is not None else USUAL_BEAT_HZ
     face_m2 = square_metres(face_mm2_of(rig, scene))
-    tissue = scene.tissue if scene is not None else None
-    relaxation = tissue.relaxation if tissue is not None else MEAT
+    if scene is None:
+        relaxation = MEAT
+    else:  # a lone vessel does not relax
+        relaxation = scene.tissue.relaxation if scene.tissue is not None else ()
     columns, rows = pair(rig.scan.stations, 1)
     presses = int(columns * rows * rig.scan.repeats)
     for n, (name, noise_n, rate_hz, advice) in enumerate(sensors):
