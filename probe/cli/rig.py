@@ -144,14 +144,17 @@ def show_dry_run(
     changes: Mapping[str, str],
 ) -> int:  # fmt: skip
     """Check a scan without touching a device; the exit status."""
-    from drivers import MissingExtra
-    from probe.checks.dry_run import dry_run
-    from probe.checks.tip_path import draw_path
     from probe.config.changed_rig import changed
     from probe.scan.session import resolve_rig
 
     rig, scene = resolve_rig(rig_file, scene_name)
     rig, scene = resolve_rig(changed(rig, changes), None) if changes else (rig, scene)
+
+    # what a wrong file's user would wait for
+    from drivers import MissingExtra
+    from probe.checks.dry_run import dry_run
+    from probe.checks.tip_path import draw_path
+
     if scene is not None:
         from sim_backend.models.station_response import respond
 

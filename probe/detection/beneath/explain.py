@@ -3,7 +3,7 @@
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from drivers.core.arrays import Array
 from probe.core.recording import Recording
@@ -66,7 +66,7 @@ def stated(kind: str, likelihood: Likelihood) -> Sizes:
     freedom = len(likelihood.measured) - len(mode)
     for seed in range(SAMPLERS):
         posterior = sample(model, np.random.default_rng(seed))
-        if chi2.sf(posterior.chi2, freedom) < WORST:
+        if chdtrc(freedom, posterior.chi2) < WORST:
             return unknown(
                 f"no single {kind} in an even block explains this row (misfit "
                 f"{posterior.chi2:.0f} of {freedom}): several objects, layers, a bone, or another "
