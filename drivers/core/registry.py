@@ -3,7 +3,7 @@
 A third-party package registers a factory under the entry-point group ``palpate.stages`` or
 ``palpate.sensors``; nothing else is needed. A factory takes the clock and its settings: one model
 derived from `Settings`, or keyword arguments. It returns a `Stage` or a `Sensor`, not yet
-connected.
+connected. Planners (``palpate.planners``) are found in the same way; theirs takes the plan.
 """
 
 import inspect
@@ -15,10 +15,9 @@ from typing import Any, Literal, get_type_hints
 from pydantic import BaseModel, create_model
 
 from drivers.core.errors import ConfigError, MissingExtra
-from drivers.core.protocols import Clock
 from drivers.core.table import Table
 
-Kind = Literal["stages", "sensors"]
+Kind = Literal["stages", "sensors", "planners"]
 
 
 def available(kind: Kind) -> list[str]:
@@ -34,7 +33,12 @@ def find_driver(kind: Kind, name: str) -> Callable[..., Any]:
     for point in entry_points(group=f"palpate.{kind}"):
         if point.name == name:
             return _loaded(point)
-    raise ConfigError(f"driver = {name!r}: no such driver; known: {', '.join(available(kind))}")
+    what = _what(kind)
+    raise ConfigError(f"{what} = {name!r}: no such {what}; known: {', '.join(available(kind))}")
+
+
+def _what(kind: str) -> str:
+    return "planner" if kind == "planners" else "driver"
 
 
 def _loaded(point: EntryPoint) -> Callable[..., Any]:
@@ -42,12 +46,13 @@ def _loaded(point: EntryPoint) -> Callable[..., Any]:
     try:
         factory: Callable[..., Any] = point.load()
         inspect.signature(factory)
-        get_type_hints(factory)
+        _hints(factory)
     except MissingExtra:  # it says what to install
         raise
     except (Exception, SystemExit) as error:  # the code is of others: it may raise anything
+        what = _what(point.group.removeprefix("palpate."))
         raise ConfigError(
-            f"driver = {point.name!r}: the plug-in {point.value!r} is broken "
+            f"{what} = {point.name!r}: the plug-in {point.value!r} is broken "
             f"({type(error).__name__}: {error}); mend the package that registers it, or "
             "uninstall it"
         ) from error
@@ -63,17 +68,19 @@ def settings_of(kind: Kind, name: str, without: Collection[str] = ()) -> type[Ba
     return _model(factory) or _model_of_keywords(factory, without)
 
 
-def open_driver(kind: Kind, name: str, clock: Clock, keys: Mapping[str, Any]) -> Any:
+def open_driver(kind: Kind, name: str, given: Any, keys: Mapping[str, Any]) -> Any:
     """A stage or sensor, not yet connected, with the ``keys`` of its table in the rig file.
+
+    ``given`` is what its factory takes first: the clock, or a planner's plan.
 
     Raises `ConfigError`, and `pydantic.ValidationError` naming the keys that are wrong.
     """
     factory = find_driver(kind, name)
     model = _model(factory)
     if model is not None:
-        return factory(clock, model.model_validate(dict(keys)))
+        return factory(given, model.model_validate(dict(keys)))
     checked = _model_of_keywords(factory).model_validate(dict(keys))
-    return factory(clock, **{key: getattr(checked, key) for key in checked.model_fields_set})
+    return factory(given, **{key: getattr(checked, key) for key in checked.model_fields_set})
 
 
 def _model(factory: Callable[..., Any]) -> type[BaseModel] | None:
@@ -81,15 +88,21 @@ def _model(factory: Callable[..., Any]) -> type[BaseModel] | None:
     parameters = list(inspect.signature(factory).parameters)
     if len(parameters) != 2:
         return None
-    found = get_type_hints(factory).get(parameters[1])
+    found = _hints(factory).get(parameters[1])
     return found if isinstance(found, type) and issubclass(found, BaseModel) else None
+
+
+def _hints(factory: Callable[..., Any]) -> dict[str, Any]:
+    """The types of a factory's parameters; a class is one, too."""
+    made_by = factory.__init__ if isinstance(factory, type) else factory  # type: ignore[misc]
+    return get_type_hints(made_by, include_extras=True)
 
 
 def _model_of_keywords(
     factory: Callable[..., Any], without: Collection[str] = ()
 ) -> type[BaseModel]:
     """A model made of the keyword arguments of a factory, described by what it says of itself."""
-    hints = get_type_hints(factory, include_extras=True)
+    hints = _hints(factory)
     empty = inspect.Parameter.empty
     fields: dict[str, Any] = {
         parameter.name: (

@@ -13,7 +13,7 @@ from probe.checks.expected_press import known_noise, pulse_checks
 from probe.checks.preflight import Check, calibration_check, device_checks
 from probe.checks.run_size import room, run_bytes, scan_seconds, search_seconds
 from probe.checks.unusual import unusual
-from probe.config.rig import Rig
+from probe.config.rig import RASTER, Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import beside_the_block, plan_for
 from probe.planning.limits import ARRIVED_M
@@ -54,7 +54,7 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
         *unusual(rig, scene),
         *_beside(rig, plan, scene),
         *of_devices,
-        Check("time", "ok", _time_words(len(plan.places), seconds, search_s)),
+        Check("time", "ok", _time_words(rig, len(plan.places), seconds, search_s)),
         _disk(out, size_bytes),
         *(
             calibration_check(key, Path(file), stage, sensors)
@@ -68,9 +68,10 @@ def dry_run(rig: Rig, scene: Scene | None, out: Path, respond: Respond | None = 
     return DryRun(tuple(checks), seconds, size_bytes)
 
 
-def _time_words(presses: int, seconds: float, search_s: float) -> str:
-    count = f"{presses} press{'es' * (presses != 1)}"
-    text = f"{count} in about {seconds:.0f} s from above the first station on"
+def _time_words(rig: Rig, presses: int, seconds: float, search_s: float) -> str:
+    at_most = "" if rig.scan.planner == RASTER else "at most "
+    count = f"{at_most}{presses} press{'es' * (presses != 1)}"
+    text = f"{count} in {at_most or 'about '}{seconds:.0f} s from above the first station on"
     if search_s:
         text += f", and up to {search_s:.0f} s more where the surface lies deeper than planned"
     return text

@@ -49,6 +49,13 @@ def scene_names(begun: str) -> list[str]:
     return [name for name in built_in() if name.startswith(begun)]
 
 
+def planner_names(begun: str) -> list[str]:
+    """Planners that are installed and begin so."""
+    from drivers import available
+
+    return [name for name in available("planners") if name.startswith(begun)]
+
+
 def export_formats(begun: str) -> list[str]:
     """Formats of ``--to``, the last of a list that is being typed."""
     from probe.storage.export import WRITERS

@@ -107,6 +107,7 @@ def plan(
     from drivers import find_driver
     from probe.checks.dry_run import dry_run
     from probe.checks.expected_press import known_noise, pulse_checks
+    from probe.config.rig import RASTER
     from probe.config.scan_plan import plan_for
     from probe.core.places import has_rows
     from probe.scan.session import resolve_rig
@@ -134,7 +135,8 @@ def plan(
         for axis, at in (("x", [p.x_m for p in places]), ("y", [p.y_m for p in places]))
         if axis == "x" or has_rows(1e3 * y for y in at)
     ]
-    presses = f"{len(places)} station{'s' * (len(places) > 1)}"
+    at_most = "" if whole.scan.planner == RASTER else "at most "
+    presses = f"{at_most}{len(places)} station{'s' * (len(places) > 1)}"
     answer(f"{presses}, {', '.join(spans)}; {how}")
     show_checks(checks)
 

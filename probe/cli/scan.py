@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from probe.cli import ABORTED
-from probe.cli.arguments import RunFile, scene_names, station_numbers, storable
+from probe.cli.arguments import RunFile, planner_names, scene_names, station_numbers, storable
 from probe.cli.errors import FAULT
 from probe.cli.logs import already_reported
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
@@ -70,6 +70,15 @@ def scan(
         str | None,
         typer.Option(metavar="5-9", help="Press only these of the stations, numbered from 1."),
     ] = None,
+    plan: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="The planner that chooses among the stations; by default all.",
+            autocompletion=planner_names,
+            callback=storable,
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
     operator: Annotated[
         str | None,
@@ -110,6 +119,8 @@ def scan(
     if stations:
         numbers = station_numbers(stations, "--stations")
         settings = [*(settings or []), f"scan.only={numbers}"]
+    if plan:
+        settings = [*(settings or []), f"scan.planner={plan}"]
     changes = key_values(settings or [], "--set")
     if dry_run:
         from probe.cli.rig import show_dry_run

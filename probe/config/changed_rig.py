@@ -10,6 +10,7 @@ from drivers import ConfigError
 from probe.config.rig import Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.config.scan_planner import planner_for
 from sim_backend.scene.explain import explain
 
 
@@ -34,7 +35,9 @@ def changed(rig: Rig, settings: Mapping[str, str]) -> Rig:
     said = "; ".join(f"--set {key}={text}" for key, text in settings.items())
     try:
         new = Rig.model_validate(raw)
-        limits_for(new, plan_for(new))
+        plan = plan_for(new)
+        limits_for(new, plan)
+        planner_for(new, plan)
     except ValidationError as error:
         raise RigError("\n".join(f"{said}: {line}" for line in explain(error, Rig))) from None
     except (RigError, ConfigError) as error:

@@ -12,6 +12,7 @@ from probe.config.calibrated import kind_of
 from probe.config.rig import Rig, RigError
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.config.scan_planner import planner_for
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import MAX_FILE_BYTES, scene_names
 
@@ -53,7 +54,9 @@ def load_rig(path: str | Path) -> Rig:
     try:
         _find_calibrations(raw, path)
         rig = Rig.model_validate(raw)
-        limits_for(rig, plan_for(rig))
+        plan = plan_for(rig)
+        limits_for(rig, plan)
+        planner_for(rig, plan)
     except ValidationError as error:
         raise RigError("\n".join(f"{path}: {line}" for line in explain(error, Rig))) from None
     except (RigError, ConfigError, CalibrationError) as error:

@@ -30,6 +30,8 @@ Heights = (
     Place | Annotated[tuple[tuple[Place, Place, Place], ...], Field(min_length=3, max_length=500)]
 )
 Fallback = Literal["virtual"]
+RASTER = "raster"
+"""The planner that presses every station."""
 
 
 READ_BY_CHECKS = ("rate_hz", "noise_mn")
@@ -90,6 +92,8 @@ class Scan(Table):
     """How long the probe stays pressed; at least two heartbeats to find a pulse well."""
     only: tuple[Annotated[int, Field(ge=1)], ...] = ()
     """Which of the stations are pressed, by their numbers from 1; by default all."""
+    planner: Annotated[str, Field(min_length=1)] = RASTER
+    """What chooses among the stations: `raster` presses all, others as many as they need."""
     repeats: Annotated[int, Field(ge=1, le=1000)] = 1
     """Presses at each place, one after the other; each is a station of its own."""
     travel_mm_s: Positive = 20.0
@@ -184,6 +188,8 @@ class Rig(Explained, Table):
     """What feels, one table `[[sensor]]` each."""
     scan: Scan = Scan()
     """Where and how to press."""
+    planner: dict[str, Any] = Field(default_factory=dict)
+    """Settings of `scan.planner`."""
     safety: Safety = Safety()
     """What stops the scan."""
     scene: SceneChoice | None = None

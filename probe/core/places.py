@@ -20,6 +20,14 @@ def planned(config: Mapping[str, Any]) -> dict[int, tuple[float, float]]:
         return {}
 
 
+def presses_all(config: Mapping[str, Any]) -> bool:
+    """Whether a whole scan presses every station; else a planner may leave out some."""
+    try:
+        return bool(config["rig"]["scan"].get("planner", "raster") == "raster")
+    except (KeyError, TypeError, AttributeError):
+        return True  # of an older run, an import, or one without a rig
+
+
 def _metres(length_mm: float | None) -> float:
     return nan if length_mm is None else 1e-3 * float(length_mm)
 

@@ -15,6 +15,7 @@ from probe.core.finding_words import (
     object_line,
     simulated_words,
 )
+from probe.core.places import presses_all
 from probe.gui.state import ViewState
 from probe.gui.style import scrolling
 from probe.report.look import GREEN, VERMILLION
@@ -150,7 +151,8 @@ def _details(finding: Mapping[str, Any]) -> list[str]:
 
 def progress_line(state: ViewState) -> str:
     """Stations done, phase and time left."""
-    done = f"{len(state.complete)} of {len(state.plan)} stations complete"
+    at_most = "" if presses_all(state.config) else "at most "
+    done = f"{len(state.complete)} of {at_most}{len(state.plan)} stations complete"
     if state.late_s > LATE_S:
         done = f"not the latest: the run is still being read\n{done}"
     if state.finish is not None:
@@ -158,7 +160,9 @@ def progress_line(state: ViewState) -> str:
     left = state.time_left_s()
     station = "" if state.station is None else f", station {state.station + 1}"
     time = (
-        "time left: known after the first station" if left is None else f"time left: {left:.0f} s"
+        "time left: known after the first station"
+        if left is None
+        else f"time left: {at_most}{left:.0f} s"
     )
     return f"{done}\n{state.phase}{station}\n{time}"
 

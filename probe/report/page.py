@@ -19,7 +19,7 @@ from probe.core.finding_words import (
     simulated_words,
     size_words,
 )
-from probe.core.places import has_rows
+from probe.core.places import has_rows, presses_all
 from probe.report.look import BLUE, INK
 
 if TYPE_CHECKING:
@@ -102,13 +102,14 @@ def _picture(picture: Picture) -> str:
 def _about(config: Mapping[str, Any]) -> str:
     """Who scanned what, how, and with which devices: what a reader wants to know first."""
     labels, plan, rig = (config.get(key) or {} for key in ("labels", "plan", "rig"))
+    at_most = "" if presses_all(config) else "at most "
     devices = [
         (rig.get("stage") or {}).get("driver"),
         *(s["driver"] for s in rig.get("sensor", ())),
     ]
     stated = {
         **{str(key): str(value) for key, value in labels.items()},
-        "stations": str(len(plan["stations"])) if plan.get("stations") else "",
+        "stations": f"{at_most}{len(plan['stations'])}" if plan.get("stations") else "",
         "depth": _with_unit(plan.get("indentation_mm"), "mm"),
         "ramp": _with_unit(plan.get("ramp_s"), "s"),
         "hold": _with_unit(plan.get("hold_s"), "s"),

@@ -14,12 +14,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from drivers import Clock, DeviceFault, Sensor, Stage
-from probe.core.events import (
-    Finish,
-    Phase,
-    RunEnded,
-    RunStarted,
-)
+from probe.core.events import Event, Finish, Phase, RunEnded, RunStarted
 from probe.core.states import ALLOWED
 from probe.guards.commands import STOPPED, Control, RunCommand
 from probe.guards.interface import Guards, WayOut
@@ -30,8 +25,11 @@ from probe.guards.readings import STAGE, STAGE_CHANNELS
 from probe.guards.retreat import UP_M
 from probe.guards.stopping import STOP_AGAIN_S
 from probe.planning.limits import Limits
-from probe.planning.plan import Place, Plan
+from probe.planning.plan import Plan
+from probe.planning.planner import Done, Planner, Press, Raster
+from probe.scan.choosing import Chooser
 from probe.scan.event_bus import EventBus, EventSink
+from probe.scan.holding import hold
 from probe.scan.indenting import indent, note_the_ramp
 from probe.scan.lifting import begin_lift
 from probe.scan.readiness import planned_poses
@@ -58,6 +56,7 @@ def run_scan(
     control: Control | None = None,
     observers: Sequence[EventSink] = (),
     config: Mapping[str, Any] | None = None,
+    planner: Planner | None = None,
     completed: Collection[int] = (),
     attempts: Mapping[int, int] | None = None,
 ) -> RunEnded:
@@ -84,6 +83,8 @@ def run_scan(
         Get every event, too; one that raises is noted and not called again.
     config
         Everything the run depends on, kept in its first event.
+    planner
+        What chooses among the stations of the plan; by default each is pressed in turn.
     completed
         Stations of a resumed run that are skipped.
     attempts
@@ -111,8 +112,8 @@ def run_scan(
     control = control or Control()
     guards = monitor_for(stage, sensors, clock, plan, limits, control)
     return run_guarded(
-        guards, plan, clock, sink, limits, control, observers, config or {}, completed,
-        attempts or {},
+        guards, plan, clock, sink, limits, control, observers, config or {},
+        Chooser(planner or Raster(plan), plan, completed, attempts),
     )  # fmt: skip
 
 
@@ -125,14 +126,17 @@ def run_guarded(
     control: Control,
     observers: Sequence[EventSink],
     config: Mapping[str, Any],
-    completed: Collection[int],
-    attempts: Mapping[int, int],
+    chooser: Chooser,
 ) -> RunEnded:
     """`run_scan` on devices that ``guards`` have, in this process or in another."""
-    bus = EventBus(clock, sink, observers, threaded=guards.threaded)
+
+    def kept(event: Event) -> None:
+        sink(event)
+        chooser.hear(event)
+
+    bus = EventBus(clock, kept, observers, threaded=guards.threaded)
     try:
-        scan = _Scan(plan, clock, limits, guards, control, bus)
-        return scan.run(config, completed, dict(attempts))
+        return _Scan(plan, clock, limits, guards, control, bus).run(config, chooser)
     finally:
         bus.close()
 
@@ -140,15 +144,13 @@ def run_guarded(
 class _Scan(RunLoop):
     """The order of a scan: connect, then at every station travel, tare, press, lift."""
 
-    def run(
-        self, config: Mapping[str, Any], completed: Collection[int], attempts: dict[int, int]
-    ) -> RunEnded:
-        finish, reason = Finish.COMPLETED, "every station is complete"
+    def run(self, config: Mapping[str, Any], chooser: Chooser) -> RunEnded:
+        finish, reason, self.chooser = Finish.COMPLETED, "", chooser
         try:
             self._connect(config)
-            for place in self.plan.places:
-                if place.index not in completed:
-                    self._visit(place, attempts)
+            while isinstance(choice := self._choose(), Press):
+                self._visit(choice)
+            reason = choice.reason
             if self.known_levels is not None:
                 note_last_drift(self)
         except Interrupted as why:
@@ -237,14 +239,26 @@ class _Scan(RunLoop):
             reason = STOPPED if by_user else why.reason
             raise Interrupted(finish, reason, why.device, retract=False) from why
 
-    def _visit(self, place: Place, attempts: dict[int, int]) -> None:
-        """Press at one place, again after every pause that broke it off."""
-        complete, self.jumps = False, 0
-        while not complete:
-            attempts[place.index] = attempts.get(place.index, 0) + 1
-            self.begin_station(place, attempts[place.index])
+    def _choose(self) -> Press | Done:
+        """Ask the planner; a pause meanwhile does not ask again."""
+        choice = self.chooser.choose(threaded=self.monitor.threaded)
+        while True:
             try:
-                self._press(place)
+                self.wait_for(choice)
+                return choice.result()
+            except (Interrupted, DeviceFault) as error:
+                why = self._leave(self._interruption(error))
+                if why.finish is not None:
+                    raise why from error
+            self._pause()
+
+    def _visit(self, press: Press) -> None:
+        """Press at one place, again after every pause that broke it off."""
+        place, complete, self.jumps = press.place, False, 0
+        while not complete:
+            self.begin_station(place, self.chooser.attempts[place.index] + 1)
+            try:
+                self._press(press)
                 complete = self.zero_unseen = True
             except (Interrupted, DeviceFault) as error:
                 why = self._leave(self._interruption(error))
@@ -340,8 +354,9 @@ class _Scan(RunLoop):
             ended = replace(ended, finish=Finish.FAULTED, reason=reason)
         return ended
 
-    def _press(self, place: Place) -> None:
-        plan, above, surface = self.plan, self.plan.above(place), self.plan.at_surface(place)
+    def _press(self, press: Press) -> None:
+        plan, place = self.plan, press.place
+        above, surface = plan.above(place), plan.at_surface(place)
         self.enter(Phase.TRAVELLING)
         here = self.monitor.pose()
         if here.z < above.z:
@@ -356,24 +371,24 @@ class _Scan(RunLoop):
         else:
             surface = find_surface(self, surface, plan.touch_n)
         indenting_s = self.enter(Phase.INDENTING)
-        depth_m = indent(self, surface)
+        depth_m = indent(self, surface, press.depth_m)
         holding_s = self.enter(Phase.HOLDING)
         note_the_ramp(self, place, holding_s - indenting_s)
         self.handle()
-        self._check_contact()
-        self.wait_until(holding_s + plan.hold_s)
-        self._check_contact()
+        self._check_contact(press.depth_m)
+        hold_s = hold(self, self.chooser, press, holding_s)
+        self._check_contact(press.depth_m)
         self.enter(Phase.RETRACTING)
-        begin_lift(self, surface, depth_m)
+        begin_lift(self, surface, depth_m, hold_s)
         self.go(above, plan.travel_m_s)
         self.end_station(complete=True)
 
-    def _check_contact(self) -> None:
+    def _check_contact(self, depth_m: float) -> None:
         if self.in_the_air:
             return
         levels = self.monitor.levels(self.status.seen_s - LEVEL_S)
         rates_hz = {sensor.name: sensor.rate_hz for sensor in self.sensors}
-        if (why := no_contact(levels, rates_hz, self.most_n, self.plan.indentation_m)) is not None:
+        if (why := no_contact(levels, rates_hz, self.most_n, depth_m)) is not None:
             raise why
         if not self.noted_little and (soft := little(levels, self.most_n)) is not None:
             self.noted_little = True

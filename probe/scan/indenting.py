@@ -15,18 +15,18 @@ DEEP_ENOUGH_M = 5e-6
 RAMP_SHARE, RAMP_LATE_S = 0.1, 0.1
 
 
-def indent(loop: RunLoop, surface: Pose) -> float:
+def indent(loop: RunLoop, surface: Pose, depth_m: float) -> float:
     """Go in along the normal, then on by what the rig itself has yielded; how far [m]."""
-    plan, depth = loop.plan, loop.plan.indentation_m
+    plan, depth = loop.plan, depth_m
     bottom = pressed(surface, depth)
     speed = math.dist(loop.monitor.pose()[:3], bottom[:3]) / plan.ramp_s
     loop.go(bottom, speed)
     for _ in range(TOP_UPS if plan.compliance_m_per_n else 0):
         yielded_m = max(plan.compliance_m_per_n * loop.status.force_n, 0.0)
         yielded_m = min(yielded_m, plan.max_deflection_m)
-        if abs(plan.indentation_m + yielded_m - depth) < DEEP_ENOUGH_M:
+        if abs(depth_m + yielded_m - depth) < DEEP_ENOUGH_M:
             break
-        depth = plan.indentation_m + yielded_m
+        depth = depth_m + yielded_m
         loop.go(pressed(surface, depth), speed)
     return depth
 

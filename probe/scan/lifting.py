@@ -16,12 +16,13 @@ from probe.scan.taring import next_level
 RELEASED_SHARE = 0.03  # of the way in: what clips within it hides hardly more than that
 
 
-def begin_lift(loop: RunLoop, surface: Pose, depth_m: float) -> None:
-    """Lift by `RELEASED_SHARE` of ``depth_m``, see whether the force fell, and note it if not."""
+def begin_lift(loop: RunLoop, surface: Pose, depth_m: float, hold_s: float) -> None:
+    """Lift by `RELEASED_SHARE` of ``depth_m`` after a hold of ``hold_s``, see whether the force
+    fell, and note it if not."""
     way_m = max(RELEASED_SHARE * depth_m, WAY_M)
     if loop.in_the_air or way_m > depth_m:
         return
-    held_s = max(min(MAX_LEVEL_S, loop.plan.hold_s / 2), LEVEL_S)
+    held_s = max(min(MAX_LEVEL_S, hold_s / 2), LEVEL_S)
     held = loop.monitor.levels(loop.status.seen_s - held_s)
     loop.go(pressed(surface, depth_m - way_m), loop.plan.travel_m_s)
     lifted = next_level(loop)

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable
 
 from probe.core.events import Event, RunEnded, RunStarted, StationEnded, StationStarted
-from probe.core.places import place_words, plans_rows
+from probe.core.places import place_words, plans_rows, presses_all
 from sim_backend import notebook_line
 
 
@@ -20,11 +20,13 @@ class StationCount:
         self._each_s: float | None = None
         self._measured = 0
         self._in_grid = False
+        self._at_most = ""
         self._began_s: float | None = None
 
     def started(self, run: RunStarted) -> None:
-        """The run begins: a grid's stations are named by x and y."""
+        """The run begins: a grid's stations are named by x and y; a planner may leave out some."""
         self._in_grid = plans_rows(run.config)
+        self._at_most = "" if presses_all(run.config) else "at most "
 
     def ended(self) -> None:
         """A station is complete."""
@@ -44,16 +46,16 @@ class StationCount:
         place = place_words(station.x_m, station.y_m, in_grid=self._in_grid)
         number, nth = station.station + 1, self.done + 1
         which = f"station {number}" if number == nth else f"station {number}, {nth}"
-        return f"{which} of {self._total}, {place}"
+        return f"{which} of {self._at_most}{self._total}, {place}"
 
     def left(self) -> str:
         """The time that the rest will take; empty while nothing is known of it."""
         if self._each_s is None:
             return ""
         left_s = round(self._each_s * (self._total - self.done))
-        return (
-            f"about {left_s // 60} min {left_s % 60} s left" if left_s > 99 else f"{left_s} s left"
-        )
+        if left_s > 99:
+            return f"{self._at_most or 'about '}{left_s // 60} min {left_s % 60} s left"
+        return f"{self._at_most}{left_s} s left"
 
 
 def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:

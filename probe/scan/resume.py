@@ -17,9 +17,10 @@ from pydantic import ValidationError
 from drivers.core.files import path_of
 from probe.checks.run_size import need_room
 from probe.config.changed_rig import changed
-from probe.config.rig import Fallback, Rig
+from probe.config.rig import RASTER, Fallback, Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.config.scan_planner import planner_for
 from probe.config.snapshot import run_config, this_computer
 from probe.core.errors import RunFileError
 from probe.core.events import Finish, RunStarted, Samples, StationEnded, StationStarted
@@ -28,6 +29,8 @@ from probe.guards.guard_process import Order
 from probe.guards.opening import opened_devices
 from probe.guards.prepare import prepare
 from probe.planning.plan import Plan
+from probe.planning.planner import Told
+from probe.scan.choosing import Chooser
 from probe.scan.event_bus import EventSink
 from probe.scan.remote import listening
 from probe.scan.session import ScanResult, clock_for, run_prepared
@@ -58,6 +61,7 @@ class Unfinished:
     scene: Scene | None
     seed: int
     completed: frozenset[int]
+    redo: frozenset[int]
     attempts: dict[int, int]
     start_s: float
     files: tuple[Any, Any]
@@ -118,6 +122,7 @@ def unfinished(
         scene_of_run,
         seed + NOISE_STEP * sessions,
         frozenset(completed - again),
+        frozenset(again),
         dict(attempts),
         last_s + PAUSE_S,
         _files(run.config),
@@ -186,8 +191,14 @@ def resume(
     'completed'
     """
     left = unfinished(path, redo, settings)
-    if not left.missing and open_run(path).finish is Finish.COMPLETED:
-        raise RunFileError(f"{left.path}: all {len(left.completed)} stations are complete")
+    run, all_asked = open_run(path), left.rig.scan.planner == RASTER
+    if run.finish is Finish.COMPLETED and not left.redo and not (left.missing and all_asked):
+        raise RunFileError(
+            f"{left.path}: all {len(left.completed)} stations are complete"
+            if not left.missing
+            else f"{left.path}: its planner is done; to press all stations that it left out, say "
+            "--set scan.planner=raster"
+        )
     if not trust:
         _check_origin(left)
     config = run_config(left.rig, left.scene, left.plan, left.seed)
@@ -214,10 +225,13 @@ def resume(
         missing = tuple(p for p in prepared.plan.places if p.index in left.missing)
         need_room(left.path.parent, replace(prepared.plan, places=missing), ready.devices.sensors)
         opened(left.path, prepared.notes)
-        labels = open_run(left.path).config.get("labels", {})
+        planner = planner_for(left.rig, prepared.plan)
+        chooser = Chooser(planner, prepared.plan, left.completed, left.attempts, left.redo)
+        if isinstance(planner, Told):
+            chooser.catch_up(run.events())
         return run_prepared(
-            ready, prepared, clock, sink, control, observers, labels,
-            completed=left.completed, attempts=left.attempts,
+            ready, prepared, clock, sink, control, observers, run.config.get("labels", {}),
+            chooser, len(left.completed),
         )  # fmt: skip
 
 

@@ -5,6 +5,8 @@
 
 import math
 from collections.abc import Callable
+from concurrent.futures import Future
+from typing import Any
 
 from drivers import Clock, DeviceFault, MotionFault, Pose
 from probe.core.events import (
@@ -149,6 +151,12 @@ class RunLoop:
         """At rest, where a force changes as slowly as a lumen beats."""
         while (now := self.clock.now()) < time_s:
             self._look_at(min(now + self.rest_s, time_s))
+
+    def wait_for(self, answer: Future[Any], until_s: float = math.inf) -> bool:
+        """At rest, while a planner thinks; whether it has answered."""
+        while not answer.done() and (now := self.clock.now()) < until_s:
+            self._look_at(min(now + self.rest_s, until_s))
+        return answer.done()
 
     def tick(self, until_s: float) -> None:
         """Let time pass, at most one tick; read, publish, and obey guards and commands."""

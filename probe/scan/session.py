@@ -1,6 +1,6 @@
 """A scan from a rig to a run file: the one call behind ``palpate scan`` and notebooks."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from operator import index
@@ -13,6 +13,7 @@ from probe.config.load_rig import load_rig
 from probe.config.rig import Fallback, Rig, SceneChoice, default_rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
+from probe.config.scan_planner import planner_for
 from probe.config.snapshot import check_text
 from probe.core.errors import StoreError
 from probe.core.events import Event, Finish, Note, RunEnded
@@ -21,6 +22,7 @@ from probe.guards.commands import Control
 from probe.guards.guard_process import Order
 from probe.guards.opening import OpenedRig, opened_devices
 from probe.guards.prepare import Prepared, prepare
+from probe.scan.choosing import Chooser
 from probe.scan.engine import run_guarded
 from probe.scan.event_bus import EventSink
 from probe.scan.progress import in_notebook
@@ -162,7 +164,10 @@ def scan(
         path = new_run_path(Path(out), name)
         with create_store(path) as sink, listening(control, path):
             opened(path, prepared.notes)
-            return run_prepared(ready, prepared, clock, sink, control, observers, labels or {})
+            chooser = Chooser(planner_for(rig, prepared.plan), prepared.plan)
+            return run_prepared(
+                ready, prepared, clock, sink, control, observers, labels or {}, chooser
+            )
 
 
 def run_prepared(
@@ -173,11 +178,10 @@ def run_prepared(
     control: Control,
     observers: Sequence[EventSink],
     labels: Mapping[str, str],
-    *,
-    completed: Collection[int] = (),
-    attempts: Mapping[int, int] | None = None,
+    chooser: Chooser,
+    completed: int = 0,
 ) -> ScanResult:
-    """Run what was prepared, to its end. ``completed`` and ``attempts`` as `run_scan` has them."""
+    """Run what was prepared, to its end; ``completed`` stations are there already."""
     notes, reason = list(prepared.notes), "the scan did not end"
 
     def keep(event: Event) -> None:
@@ -189,7 +193,7 @@ def run_prepared(
         if isinstance(event, Note) and event.level == "warning":
             notes.append(event.words)
 
-    shown = in_notebook(len(prepared.plan.places), len(completed))
+    shown = in_notebook(len(prepared.plan.places), completed)
     try:
         ended = run_guarded(
             ready.guards(prepared),
@@ -200,8 +204,7 @@ def run_prepared(
             control,
             (log_event, *shown, *observers),
             prepared.config | {"labels": {k: str(v) for k, v in labels.items()}},
-            completed,
-            attempts or {},
+            chooser,
         )
     except KeyboardInterrupt:
         raise KeyboardInterrupt(f"{reason}; {to_go_on(sink.path)} goes on") from None

@@ -24,7 +24,7 @@ from probe.core.events import (
     StationEnded,
     StationStarted,
 )
-from probe.core.places import planned
+from probe.core.places import planned, presses_all
 from probe.core.states import ALLOWED, PRESSING
 
 TAIL_S = 0.25  # a press must be measured to within this of its end
@@ -61,6 +61,7 @@ class Audit:
     more: int = 0
     _pressed: set[int] = field(default_factory=set)  # complete since the run was last begun
     _started: RunStarted | None = None
+    _presses_all: bool = True
     _phase: Phase = Phase.IDLE
     _last_s: float = -math.inf
     _sampled_s: dict[str, float] = field(default_factory=dict)
@@ -87,7 +88,8 @@ class Audit:
         whole = list(self._judge_unlabelled())
         if self._started is None:
             whole.append("the run has no beginning")
-        if self.finish is Finish.COMPLETED and (missing := set(self.planned) - self.complete):
+        missing = set(self.planned) - self.complete if self._presses_all else set()
+        if self.finish is Finish.COMPLETED and missing:
             numbers = sorted(index + 1 for index in missing)  # as people count them
             whole.append(f"ended as completed without stations {numbers}")
         self.problems[:0] = whole
@@ -130,6 +132,7 @@ class Audit:
         elif dict(event.channels) != dict(self._started.channels):
             yield "goes on with other channels than it began with"
         self.sessions += 1
+        self._presses_all = presses_all(event.config)
         self._phase, self._open, self.finish, self._pressed = Phase.IDLE, None, None, set()
 
     def _start_station(self, event: StationStarted) -> Iterator[str]:

@@ -28,6 +28,8 @@ DEFINED = {
     "vessel's wall": "def layers",
     "simulated noise": "class VirtualSensor",
     "stop rule": "RULES: tuple[Rule, ...]",
+    "planner have to do": "class Planner(Protocol)",
+    "planner that fails": "def _guarded(",
     "hold has a pulse": "def which_pulse",
     "breathing and no pulse": "def is_no_pulse",
     "beside a movement": "def calm_half(",
