@@ -10,6 +10,7 @@ from sim_backend.models.response import Station, StationResponse
 from sim_backend.models.second_process import SecondProcess
 from sim_backend.models.station_response import is_known, learn, station
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.taxels import TaxelArray
 
 
 class SolvedAhead:
@@ -23,17 +24,16 @@ class SolvedAhead:
         self._numbers = {one: number for number, one in enumerate(to_solve)}
         self._other = SecondProcess(station_response.respond, list(to_solve))
 
-    def __call__(self, scene: Scene, x_m: float, max_depth_m: float) -> StationResponse:
-        """The answer of ``scene`` at ``x_m`` [m] down to ``max_depth_m`` [m].
-
-        Raises what `respond` raises.
-        """
-        one = station(scene, x_m, max_depth_m)
+    def __call__(
+        self, scene: Scene, x_m: float, max_depth_m: float, array: TaxelArray | None = None
+    ) -> StationResponse:
+        """The answer of `respond`, and raises what that raises."""
+        one = station(scene, x_m, max_depth_m, array)
         if one in self._numbers and not is_known(one):
             found = self._other.answer(self._numbers[one])
             if found is not None:
                 learn(one, found)
-        return station_response.respond(scene, x_m, max_depth_m)
+        return station_response.respond(scene, x_m, max_depth_m, array)
 
     def close(self) -> None:
         """End the second process, whatever it is doing."""

@@ -1,7 +1,7 @@
 """A force model of one place, as curves over depth and lumen pressure, for the phantom; and which
 station it is of."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -12,8 +12,10 @@ from sim_backend.arrays import Array
 from sim_backend.models.curve import HermiteCurve
 from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.kept_tables import table_file
+from sim_backend.models.taxel_shares import TaxelShares
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.symmetry import symmetric_parts
+from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG
 
 PRESSURE_SLACK = 0.02
@@ -23,7 +25,8 @@ WAY = 6
 
 
 class Station(NamedTuple):
-    """What is solved: a place [m] of a scene down to a depth [m]. Of places that are each other's
+    """What is solved: a place [m] of a scene down to a depth [m], with the ``array``'s taxels if
+    there is one. Of places that are each other's
     mirror images it is the left one, and along a solid the one at larger z.
 
     Where nothing but a solid's ends varies along z, a place beside the middle is solved as two
@@ -35,15 +38,20 @@ class Station(NamedTuple):
     scene: Scene
     x_m: float
     max_depth_m: float
+    array: TaxelArray | None = None
 
     @property
     def parts(self) -> list[tuple["Station", Path]]:
         """The stations whose mean is the answer, and where on disk each one's is kept."""
         return [
             (part, table_file("solid", [part.scene.model_dump(mode="json", exclude={"name"}),
-                                        part.x_m, part.max_depth_m, WAY]))
+                                        part.x_m, part.max_depth_m, WAY, *self._array_key]))
             for scene in symmetric_parts(self.scene) for part in [self._replace(scene=scene)]
         ]  # fmt: skip
+
+    @property
+    def _array_key(self) -> list[dict[str, object]]:
+        return [] if self.array is None else [asdict(self.array)]
 
 
 class Left(NamedTuple):
@@ -70,6 +78,7 @@ class StationResponse:
     force: "Curve"
     stress: "Curve"
     left: "Left"
+    taxels: TaxelShares | None = None
 
     @property
     def range(self) -> Range:
@@ -87,6 +96,13 @@ class StationResponse:
     def von_mises_pa(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         """Von Mises stress [Pa] at the surface under the finger."""
         return self._at(self.stress, x_m, depth_m, pressure_pa)
+
+    def shares(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        """What each taxel takes of the force (n, rows, columns) at depths and pressures (n,)."""
+        assert self.taxels is not None  # nobody asks what has not been solved
+        self.range.check(x_m, depth_m, pressure_pa)
+        sunk = np.asarray(depth_m, dtype=float) + self.bulge_m
+        return self.taxels(sunk, np.asarray(pressure_pa) - self.force.rest_pa)
 
     def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
         touched = self.force_n(x_m, depth_m, pressure_pa) > 0

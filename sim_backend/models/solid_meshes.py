@@ -24,7 +24,7 @@ vessel: within 0.1 % of force and 0.4 % of pulse, both 1.7 and 2.0 % above a fin
 of 24 x 20 mm the third mesh's pulse, like CalculiX', is 1.6 % above the second's.
 """
 TAXEL_ELEMENTS = 1.5
-"""Narrowest taxel of a solid over the elements of its second mesh. Under a ball of 4 mm on a block
+"""Narrowest taxel of a solid over its elements. Under a ball of 4 mm on a block
 of 24 x 24 x 12 mm, 1 mm deep, taxels of 1.5 to 3 elements are within 3.3 % of the largest of those
 of the body of revolution, and of 1 element they are 4.4 % lopsided."""
 
@@ -72,11 +72,12 @@ class SolidMeshes:
         return 0.0
 
 
-def need_wide_taxels(scene: Scene, taxels: TaxelArray) -> None:
-    """Raise `SceneError` for taxels narrower than a solid's elements can tell apart."""
+def need_wide_taxels(scene: Scene, taxels: TaxelArray, share: float) -> None:
+    """Raise `SceneError` for taxels narrower than a solid's elements of this `SHARES` can tell
+    apart."""
     across_m, along_m = taxels.edges_m(scene.indenter)
     narrowest_m = min(float(across_m[1] - across_m[0]), float(along_m[1] - along_m[0]))
-    least_m = TAXEL_ELEMENTS * SHARES[1] * half_width_m(scene)
+    least_m = TAXEL_ELEMENTS * share * half_width_m(scene)
     if narrowest_m < least_m:
         raise SceneError(
             f"{scene.name}: taxels of {1e3 * narrowest_m:.2g} mm are finer than a solid's elements "

@@ -22,7 +22,7 @@ from sim_backend.models.quick import solve_quick
 from sim_backend.models.refine import Meshed, Solving, refine
 from sim_backend.models.round_press import holds_a_round_block, refine_axisymmetric
 from sim_backend.models.section_meshes import SectionMeshes
-from sim_backend.models.solid_meshes import SolidMeshes, need_wide_taxels
+from sim_backend.models.solid_meshes import SHARES, SolidMeshes, need_wide_taxels
 from sim_backend.models.solved import Solved
 from sim_backend.scene.inclusion import Artery, Inclusion
 from sim_backend.scene.scene_file import Scene, SceneError
@@ -296,7 +296,7 @@ def _refined_solid(
     asked: Asked, choice: Choice, left_pct: Array
 ) -> tuple[Body, Sequence[Solution], Array]:
     if asked.taxels:
-        need_wide_taxels(asked.scene, asked.taxels)
+        need_wide_taxels(asked.scene, asked.taxels, SHARES[1])
     meshes = SolidMeshes(choice.scene, asked.x_m, asked.depth_m, asked.pressures_pa)
     refined = refine(meshes, left_pct, solving=asked.solving)
     return *refined.solved, refined.error_pct

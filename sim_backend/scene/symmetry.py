@@ -1,21 +1,33 @@
 """Which presses are each other's mirror images, and which blocks stand for one that is not."""
 
+from typing import NamedTuple
+
 from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.scene_file import Scene, mirrored
 from sim_backend.scene.slicing import images_along
 
 
-def alike(scene: Scene, x_m: float) -> tuple[Scene, float]:
-    """One scene and place [m] of all that are each other's mirror images: the left one, and along a
+class Image(NamedTuple):
+    """A scene and place [m], seen from the other side ``across`` the vessels, ``along`` them, both
+    or neither."""
+
+    scene: Scene
+    x_m: float
+    across: bool
+    along: bool
+
+
+def alike(scene: Scene, x_m: float) -> Image:
+    """One scene and place of all that are each other's mirror images: the left one, and along a
     solid the one at larger z."""
-    along = images_along(scene)
-    places = [(image, x_m) for image in along]
+    along = list(enumerate(images_along(scene)))
+    places = [Image(image, x_m, False, bool(turned)) for turned, image in along]
     if scene.tissue is not None:
         across_m = round(1e-3 * scene.tissue.width_mm - x_m, 9)
-        places += [(mirrored(image), across_m) for image in along]
-    first = min((_z_mm(image), x) for image, x in places)
-    leftmost = [(image, x) for image, x in places if (_z_mm(image), x) == first]
-    return min(leftmost, key=lambda place: place[0].model_dump_json())
+        places += [Image(mirrored(image), across_m, True, bool(turned)) for turned, image in along]
+    first = min((_z_mm(image.scene), image.x_m) for image in places)
+    leftmost = [image for image in places if (_z_mm(image.scene), image.x_m) == first]
+    return min(leftmost, key=lambda image: image.scene.model_dump_json())
 
 
 def _z_mm(scene: Scene) -> float:

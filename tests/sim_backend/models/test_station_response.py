@@ -8,11 +8,13 @@ from soft_walls import soft_walled
 
 from sim_backend.fem.continuation import continuation
 from sim_backend.fem.newton import CannotSolve, Load, unloaded
+from sim_backend.models.place import place
 from sim_backend.models.press import press
 from sim_backend.models.response import levels_pa
 from sim_backend.models.station_response import respond
 from sim_backend.models.stations import section_for
 from sim_backend.scene.scene_file import load_scene
+from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import PA_PER_MMHG
 
 DEPTH_M = 2.5e-3
@@ -44,6 +46,29 @@ def test_at_the_edge_of_a_lone_vessel_the_first_steps_are_in_the_air() -> None:
     force = edge.force_n(edge.x_m, np.linspace(0.0, 2.5e-3, 26), np.array(100.0 * PA_PER_MMHG))
     assert force[0] == 0.0 < force[-1]
     assert (np.diff(force) >= 0).all()
+
+
+def test_between_solved_states_taxels_are_the_elements_own() -> None:
+    """At rest within 2 % of the largest of the deepest press, whose pulses are within 2 % of the
+    largest. The force is that without an array."""
+    scene, x_m, array = load_scene("TIHA"), 28e-3, TaxelArray(1, 8)
+    found, plain = respond(scene, x_m, DEPTH_M, array), respond(scene, x_m, DEPTH_M)
+    rest, low, high = levels_pa(scene)
+    depths = DEPTH_M * np.array([0.3, 0.47, 0.92, 1.0])
+    exact = [solved.taxels_n(array)[:, 0] for solved in
+             place(scene, x_m).ramp(list(depths), [rest, low, high])]  # fmt: skip
+    taxels = np.array([
+        [found.force_n(x_m, depth, p) * found.shares(x_m, np.array([depth]), np.array([p]))[0, 0]
+         for p in (rest, low, high)] for depth in depths
+    ])  # fmt: skip
+    off = np.abs(taxels - exact)[:, 0].max(axis=1)
+    assert (off[:3] < 0.02 * np.max(exact)).all()
+    assert off[3] < 1e-6 * np.max(exact)
+    pulse, pulse_there = (each[3, 2] - each[3, 1] for each in (taxels, np.array(exact)))
+    assert np.abs(pulse - pulse_there).max() < 0.02 * np.abs(pulse_there).max()
+    for depth in depths:
+        force = plain.force_n(x_m, depth, [rest, low, high])
+        np.testing.assert_allclose(found.force_n(x_m, depth, [rest, low, high]), force, rtol=1e-6)
 
 
 def test_between_solved_states_little_is_missed() -> None:
