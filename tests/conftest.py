@@ -17,6 +17,7 @@ from hypothesis import settings
 from drivers.core.arrays import Array
 from drivers.core.errors import MissingExtra
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.taxels import TaxelArray
 
 settings.register_profile("busy machine", deadline=None)
 settings.load_profile("busy machine")
@@ -91,6 +92,7 @@ class Winkler:
 
     stiffness_n_m: float
     area_m2: float
+    array: TaxelArray | None = None
 
     def force_n(self, _x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
         depth = np.maximum(depth_m, 0.0)
@@ -99,10 +101,19 @@ class Winkler:
     def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array:
         return self.force_n(x_m, depth_m, pressure_pa) / 1e-4
 
+    def shares(self, _x_m: float, depth_m: Array, _pressure_pa: Array) -> Array:
+        """More to the right in each row."""
+        assert self.array is not None
+        row = np.arange(1.0, self.array.columns + 1)
+        one = np.tile(row / (row.sum() * self.array.rows), (self.array.rows, 1))
+        return np.broadcast_to(one, (*np.shape(depth_m), *one.shape))
 
-def respond_winkler(scene: Scene, x_m: float, _max_depth_m: float) -> Winkler:
+
+def respond_winkler(
+    scene: Scene, x_m: float, _max_depth_m: float, array: TaxelArray | None = None
+) -> Winkler:
     near = np.exp(-(((x_m - 0.032) / 0.006) ** 2)) if scene.inclusion else 0.0
-    return Winkler(400.0 * (1 + 0.2 * near), 2e-6 * near if scene.arteries else 0.0)
+    return Winkler(400.0 * (1 + 0.2 * near), 2e-6 * near if scene.arteries else 0.0, array)
 
 
 @pytest.fixture(scope="session")

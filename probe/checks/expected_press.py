@@ -120,6 +120,8 @@ def known_noise(device: Device) -> SensorNoise:
     """By the rig's settings or the known table."""
     noise_n, rate_hz = KNOWN_NOISE.get(device.driver, (math.nan, 100.0))
     noise_n = 1e-3 * float(device.settings.get("noise_mn", 1e3 * noise_n))
+    if "array" in device.settings:
+        noise_n = math.nan  # of a taxel, in pascals
     rate_hz = float(device.settings.get("rate_hz", rate_hz))
     return SensorNoise(device.driver, noise_n, rate_hz, _advice(device.driver))
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:  # commands import what they need when they run
     from sim_backend.emulators.serving import Served
     from sim_backend.phantom.phantom import Response
     from sim_backend.scene.scene_file import Scene
+    from sim_backend.scene.taxels import TaxelArray
 
 
 def register(app: typer.Typer) -> None:
@@ -88,11 +89,13 @@ def emulate(
             threading.Event().wait()  # standard input has ended; serve on
 
 
-def solve_here(scene: "Scene", x_m: float, max_depth_m: float) -> "Response":
+def solve_here(
+    scene: "Scene", x_m: float, max_depth_m: float, array: "TaxelArray | None" = None
+) -> "Response":
     """A section that no stage has asked for, such as one that the tip is dragged through."""
     from sim_backend.models.station_response import respond
 
-    return respond(scene, x_m, max_depth_m)
+    return respond(scene, x_m, max_depth_m, array)
 
 
 def obey(served: "Mapping[str, Served]") -> None:

@@ -65,8 +65,14 @@ def check_text(where: str, kept: Any) -> None:
 
 
 def face_mm2_of(rig: Rig, scene: Scene | None) -> float | None:
-    """The probe's face: the rig's, or the indenter's of a simulated scene, or None."""
-    return rig.face_mm2 or (scene.face_mm2 if scene is not None else None)
+    """The probe's face: the rig's, or that of a simulated array with a pitch, or the indenter's of
+    a simulated scene, or None."""
+    if rig.face_mm2 is not None:
+        return rig.face_mm2
+    match rig.sensor[0].settings.get("array"):
+        case {"rows": int(rows), "columns": int(columns), "pitch_mm": float() | int() as pitch_mm}:
+            return float(rows * columns * pitch_mm**2)
+    return scene.face_mm2 if scene is not None else None
 
 
 def this_computer() -> str:

@@ -51,7 +51,7 @@ class Solver:
             return True
         if self._asked.get(place, -math.inf) < depth_m:
             self._asked[place] = depth_m
-            self._child.pipes[0].send((place, depth_m))
+            self._child.pipes[0].send((place, depth_m, self._phantom.array))
         if self._why_not:
             raise RuntimeError(self._why_not)
         return self._phantom.in_air(target)
@@ -74,16 +74,16 @@ class Solver:
 
 
 def solve(scene: Scene, pipe: "Connection[Any, Any]") -> None:
-    """Body of the process: places and depths in, responses out."""
+    """Body of the process: places, depths and arrays in, responses out."""
     from sim_backend.models.station_response import respond
 
     with suppress(AttributeError, OSError):  # what is served, scanned and guarded comes first
         os.setpriority(os.PRIO_PROCESS, 0, AFTER_OTHERS)
     try:
         while True:
-            (x_m, y_m), depth_m = pipe.recv()
+            (x_m, y_m), depth_m, array = pipe.recv()
             try:
-                found: Any = respond(section_at(scene, 1e3 * y_m), x_m, depth_m)
+                found: Any = respond(section_at(scene, 1e3 * y_m), x_m, depth_m, array)
                 pipe.send(((x_m, y_m), depth_m, found, ""))
             except Exception as error:  # noqa: BLE001 - whatever it is, the controller must know
                 pipe.send(((x_m, y_m), depth_m, None, f"{type(error).__name__}: {error}"))

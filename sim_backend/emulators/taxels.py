@@ -1,4 +1,4 @@
-"""A tactile array over serial: each taxel feels its share of the mean contact stress.
+"""A tactile array over serial: what the elements say is on each taxel.
 
 A frame is ``AA 55``, a counter byte, the taxels row by row as big-endian u16 in 10 Pa, and the
 Modbus CRC16 of all before it.
@@ -12,29 +12,24 @@ from pymodbus.framer import FramerRTU
 
 from sim_backend.arrays import Array
 from sim_backend.emulators.serving import Served, served
+from sim_backend.phantom.array import Taxels, VirtualArray
 from sim_backend.phantom.phantom import Phantom
 
 HEADER = b"\xaa\x55"
 COUNT_PA = 10.0
 
 
-class TaxelArray:
-    """Bytes out; the stress falls off towards the edges as under a round finger (Hertz)."""
+class SerialArray:
+    """Bytes out."""
 
-    def __init__(
-        self, phantom: Phantom, rows: int, columns: int, rate_hz: float, noise_pa: float, seed: int
-    ) -> None:
+    def __init__(self, phantom: Phantom, array: VirtualArray, rate_hz: float, seed: int) -> None:
         self._phantom = phantom
         self._period_s = 1 / rate_hz
-        self._noise_pa = noise_pa
+        self._taxels = Taxels(phantom, array, "taxels", seed)
         self._rng = np.random.default_rng(seed)
         self._next_s = phantom.clock.now() + self._period_s
         self._counter = 0
-        self._face_m2 = 1e-6 * phantom.scene.face_mm2
-        x = (np.arange(columns) + 0.5) / columns * 2 - 1
-        row: Array = np.sqrt(1 - x**2)
-        self._whole = np.tile(row / row.mean(), rows)
-        self.mend()
+        self._dead = False
 
     @property
     def faults(self) -> tuple[str, ...]:
@@ -43,11 +38,11 @@ class TaxelArray:
 
     def fail(self, _fault: str) -> None:
         """Lose the first taxel; `Served.fail` refuses any other fault."""
-        self._share[0] = 0.0
+        self._dead = True
 
     def mend(self) -> None:
         """Have all taxels read."""
-        self._share = self._whole.copy()
+        self._dead = False
 
     def received(self, _data: bytes) -> bytes:
         """It only speaks."""
@@ -55,16 +50,18 @@ class TaxelArray:
 
     def due(self) -> bytes:
         """The frames that are due."""
-        now, frames = self._phantom.clock.now(), b""
-        while self._next_s <= now:
-            frames += self._frame(self._next_s)
-            self._next_s += self._period_s
-        return frames
+        count = int((self._phantom.clock.now() - self._next_s) // self._period_s) + 1
+        if count < 1:
+            return b""
+        time_s = self._next_s + self._period_s * np.arange(count, dtype=np.float64)
+        self._next_s += self._period_s * count
+        noise = self._taxels.noise * self._rng.standard_normal((count, len(self._taxels.noise)))
+        stress, _ = self._taxels.read(time_s, time_s, noise)
+        if self._dead:
+            stress[:, 0] = 0.0
+        return b"".join(map(self._frame, stress))
 
-    def _frame(self, time_s: float) -> bytes:
-        force = self._phantom.force_at(time_s)
-        noise = self._noise_pa * self._rng.standard_normal(len(self._share))
-        stress = force / self._face_m2 * self._share + noise
+    def _frame(self, stress: Array) -> bytes:
         counts = np.clip(np.round(stress / COUNT_PA), 0, 65535).astype(int)
         self._counter = (self._counter + 1) % 256
         body = HEADER + struct.pack(f">B{len(counts)}H", self._counter, *counts)
@@ -75,11 +72,10 @@ def emulate(
     phantom: Phantom,
     *,
     at: str = "pty",
-    rows: int = 4,
-    columns: int = 7,
+    array: VirtualArray | None = None,
     rate_hz: float = 100.0,
-    noise_pa: float = 20.0,
     seed: int = 0,
 ) -> AbstractContextManager[Served]:
-    """Serve an array of ``rows`` x ``columns`` taxels."""
-    return served(TaxelArray(phantom, rows, columns, rate_hz, noise_pa, seed), at, "taxels")
+    """Serve an ``array``, by default of 4 x 7 taxels."""
+    array = array or VirtualArray(rows=4, columns=7)
+    return served(SerialArray(phantom, array, rate_hz, seed), at, "taxels")

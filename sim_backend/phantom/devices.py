@@ -1,10 +1,11 @@
-"""A simulated stage and a simulated force sensor, with its noise, in one phantom.
+"""A simulated stage and a simulated sensor, with its noise, in one phantom.
 
 The default sensor is a good laboratory load cell: 0.5 mN rms at 500 Hz, 0.1 mN steps, 10 N full
 scale. A Robotiq FT300 would be ``rate_hz = 100, noise_mn = 100, quantum_mn = 10``.
 """
 
 import math
+from typing import Protocol
 from zlib import crc32
 
 import numpy as np
@@ -14,11 +15,14 @@ from drivers.core.protocols import MAX_RATE_HZ
 from drivers.core.settings import NonNegative, Positive
 from drivers.core.stage_limits import Limits, check_speed, check_target
 from sim_backend.arrays import Array, Bools, Ints
+from sim_backend.phantom.array import Taxels, VirtualArray
+from sim_backend.phantom.load_cell import LoadCell
 from sim_backend.phantom.phantom import Phantom
 
 AHEAD_S = 0.25  # samples are computed this far ahead; a new command discards what it changes
 TARE_S = 0.1  # a tare is the mean over this long
 NOISE_CHUNK = 4096
+KEYS = tuple(f"array.{key}" for key in VirtualArray.model_fields)
 WIDE: Limits = ((-500.0, 500.0), (-500.0, 500.0), (-100.0, 500.0))
 
 
@@ -70,50 +74,47 @@ class VirtualStage:
         self.stop()
 
 
-class VirtualSensor:
-    """A force sensor on the phantom's tip, and the paper's surface stress beside it.
+class Feeling(Protocol):
+    """What a sensor is made of: `LoadCell`, `Taxels`. ``noise`` (m,) is that of the first m
+    channels, the ones that a device measures: they are noisy and can be tared."""
 
-    Reading = quantised(clipped(gain force(t - latency) + bias + drift t + noise)) - tare. Noise
-    belongs to the sample's index, so a seed gives the same bytes however the samples are read. The
-    stress channel is exact: no device measures it.
+    @property
+    def channels(self) -> tuple[Channel, ...]: ...
+    @property
+    def noise(self) -> Array: ...
+    def read(self, time_s: Array, since_start_s: Array, noise: Array) -> tuple[Array, Bools]: ...
+
+
+class VirtualSensor:
+    """A sensor on the phantom's tip: what is ``felt`` a latency ago, less the tare.
+
+    Noise belongs to the sample's index, so a seed gives the same bytes however the samples are
+    read.
     """
 
     def __init__(
         self,
         clock: Clock,
         phantom: Phantom,
+        felt: Feeling,
         *,
         name: str,
         rate_hz: float,
-        noise_n: float,
-        quantum_n: float,
-        full_scale_n: float,
-        gain: float,
-        bias_n: float,
-        drift_n_s: float,
         latency_s: float,
         seed: int,
         follow: Stage | None,
     ) -> None:
         self.name = name
         self.rate_hz = rate_hz
-        self.channels = (
-            Channel("force", "N", "force", simulated=True, full_scale=full_scale_n),
-            Channel("von_mises", "Pa", "other", simulated=True),
-        )
+        self.channels = felt.channels
         self._clock = clock
         self._phantom = phantom
-        self._noise_n = noise_n
-        self._quantum_n = quantum_n
-        self._full_scale_n = full_scale_n
-        self._gain = gain
-        self._bias_n = bias_n
-        self._drift_n_s = drift_n_s
+        self._felt = felt
         self._latency_s = latency_s
         self._key = (seed, crc32(name.encode()))
         self._follow = follow
-        self._chunk = (-1, np.empty(0))
-        self._zero = np.zeros(2)
+        self._chunk: tuple[int, Array] = (-1, np.empty(0))
+        self._zero = np.zeros(len(self.channels))
         self._running = False
         self._first = self._next = 1
         self._begin(clock.now())
@@ -142,9 +143,10 @@ class VirtualSensor:
     def tare(self) -> None:
         """The mean of the last tenth of a second becomes zero."""
         newest = self._next - self._first
-        recent = self._values[max(newest - round(TARE_S * self.rate_hz), 0) : newest, 0]
+        recent = self._values[max(newest - round(TARE_S * self.rate_hz), 0) : newest]
         if len(recent):
-            self._zero = np.array([float(recent.mean()), 0.0])
+            measured = len(self._felt.noise)
+            self._zero[:measured] = recent[:, :measured].mean(axis=0)
 
     def stop(self) -> None:
         """End sampling."""
@@ -160,8 +162,8 @@ class VirtualSensor:
         self._next = 1  # index of the next sample to hand out
         self._revision = self._phantom.tip.revision
         self._times: Array = np.empty(0)
-        self._values: Array = np.empty((0, 2))
-        self._saturated: Bools = np.empty((0, 2), dtype=bool)
+        self._values: Array = np.empty((0, len(self.channels)))
+        self._saturated: Bools = np.empty((0, len(self.channels)), dtype=bool)
 
     def _compute_to(self, end: int) -> None:
         """Have samples up to index ``end`` (exclusive), valid for the tip's present course."""
@@ -184,26 +186,23 @@ class VirtualSensor:
 
     def _sample(self, index: Ints) -> tuple[Array, Array, Bools]:
         time_s = self._start_s + index / self.rate_hz
-        pressed_s = time_s - self._latency_s
-        noise = self._noise(index) if self._noise_n else 0.0
-        force_n, stress = self._phantom.force_and_stress(pressed_s)
-        force = self._gain * force_n + self._bias_n + noise
-        force += self._drift_n_s * (time_s - self._start_s)
-        clipped = np.clip(force, -self._full_scale_n, self._full_scale_n)
-        if self._quantum_n:
-            clipped = np.round(clipped / self._quantum_n) * self._quantum_n
-        saturated = np.zeros((len(index), 2), dtype=bool)
-        saturated[:, 0] = np.abs(force) >= self._full_scale_n
-        return time_s, np.column_stack([clipped, stress]), saturated
+        read, saturated = self._felt.read(
+            time_s - self._latency_s, time_s - self._start_s, self._noise(index)
+        )
+        return time_s, read, saturated
 
     def _noise(self, index: Ints) -> Array:
-        """Noise (n,) [N] of the samples of these ascending numbers (n,)."""
-        noise = np.empty(len(index))
+        """Noise (n, m) of the samples of these ascending numbers (n,)."""
+        deviation = self._felt.noise
+        noise = np.zeros((len(index), len(deviation)))
+        if not deviation.any():
+            return noise
         chunks, offsets = np.divmod(index, NOISE_CHUNK)
         for chunk in range(chunks[0], chunks[-1] + 1):
             if chunk != self._chunk[0]:
                 rng = np.random.default_rng([*self._key, chunk])
-                self._chunk = (chunk, self._noise_n * rng.standard_normal(NOISE_CHUNK))
+                drawn = rng.standard_normal((NOISE_CHUNK, len(deviation)))
+                self._chunk = (chunk, deviation * drawn)
             here = chunks == chunk
             noise[here] = self._chunk[1][offsets[here]]
         return noise
@@ -231,7 +230,7 @@ def virtual_sensor(
     clock: Clock,
     *,
     phantom: Phantom,
-    name: str = "force",
+    name: str | None = None,
     rate_hz: Positive = 500.0,
     noise_mn: NonNegative = 0.5,
     quantum_mn: NonNegative = 0.1,
@@ -242,26 +241,33 @@ def virtual_sensor(
     latency_ms: NonNegative = 0.0,
     seed: int = 0,
     follow: Stage | None = None,
+    array: VirtualArray | None = None,
 ) -> VirtualSensor:
-    """A force sensor in the phantom.
+    """A force sensor in the phantom, or an array of taxels.
 
     ``gain``: newtons read per newton. ``follow``: a real stage whose reported pose carries the
-    phantom's tip. Raises `ConfigError` for a rate above `MAX_RATE_HZ`.
+    phantom's tip. ``array``: taxels take the load cell's place; its keys may not be given then.
+    ``name``: ``force``, or ``taxels``. Raises `ConfigError` for a rate above `MAX_RATE_HZ`.
     """
     if rate_hz > MAX_RATE_HZ:
         raise ConfigError(f"rate_hz = {rate_hz:g}: must be at most {MAX_RATE_HZ:g}")
+    name = name or ("force" if array is None else "taxels")
+    if array is None:
+        felt: Feeling = LoadCell(
+            phantom, 1e-3 * noise_mn, 1e-3 * quantum_mn, full_scale_n, gain, 1e-3 * bias_mn,
+            1e-3 * drift_mn_s,
+        )  # fmt: skip
+    else:
+        usual = virtual_sensor.__kwdefaults__ or {}
+        own = {"noise_mn": noise_mn, "quantum_mn": quantum_mn, "full_scale_n": full_scale_n,
+               "gain": gain, "bias_mn": bias_mn, "drift_mn_s": drift_mn_s}  # fmt: skip
+        for key, value in own.items():
+            if value != usual[key]:
+                raise ConfigError(
+                    f"{key} = {value:g}: is a load cell's key; an array's are {', '.join(KEYS)}"
+                )
+        felt = Taxels(phantom, array, name, seed)
     return VirtualSensor(
-        clock,
-        phantom,
-        name=name,
-        rate_hz=rate_hz,
-        noise_n=1e-3 * noise_mn,
-        quantum_n=1e-3 * quantum_mn,
-        full_scale_n=full_scale_n,
-        gain=gain,
-        bias_n=1e-3 * bias_mn,
-        drift_n_s=1e-3 * drift_mn_s,
-        latency_s=1e-3 * latency_ms,
-        seed=seed,
+        clock, phantom, felt, name=name, rate_hz=rate_hz, latency_s=1e-3 * latency_ms, seed=seed,
         follow=follow,
-    )
+    )  # fmt: skip

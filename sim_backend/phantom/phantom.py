@@ -6,20 +6,21 @@ pieces gives the same numbers.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from drivers import Clock
-from sim_backend.arrays import Array
+from sim_backend.arrays import Array, Bools
 from sim_backend.models.ahead import SolvedAhead
 from sim_backend.models.station_response import station
 from sim_backend.phantom.trajectory import Leg, Point, Rest, Trajectory
-from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.slicing import section_at
+from sim_backend.scene.taxels import TaxelArray
 from sim_backend.scene.waves import load_wave
 
 Surface = Callable[[float, float], float]
@@ -43,7 +44,15 @@ class Response(Protocol):
     def von_mises_pa(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array: ...
 
 
-Respond = Callable[[Scene, float, float], Response]  # scene, x [m], greatest depth [m]
+class TaxelResponse(Response, Protocol):
+    """That of a place whose taxels are known: their shares (n, rows, columns) of the force."""
+
+    def shares(self, x_m: float, depth_m: Array, pressure_pa: Array) -> Array: ...
+
+
+Respond = Callable[..., Response]
+"""Of a scene, x [m], the greatest depth [m], and ``array=`` a `TaxelArray` where there is one: then
+it gives a `TaxelResponse`."""
 Quantity = Callable[[Response], Callable[..., Array]]
 
 
@@ -80,6 +89,7 @@ class Phantom:
         self._lead_s = np.random.default_rng(seed).uniform(0, self._wave.period_s)
         self._responses: dict[tuple[float, float], tuple[float, Response]] = {}
         self._ahead: SolvedAhead | None = None
+        self.array: TaxelArray | None = None
         if scene.tissue is not None and scene.tissue.relaxation:
             import_module("scipy.linalg")  # now: later a reading would wait for it
 
@@ -96,6 +106,30 @@ class Phantom:
         """Force as `force_n`, and von Mises stress [Pa] at the surface under the finger, the
         paper's criterion: (2, n)."""
         return self._answer(time_s, lambda r: r.force_n, lambda r: r.von_mises_pa)
+
+    def feel_with(self, array: TaxelArray) -> None:
+        """Have the finger carry an array. Raises `SceneError` if it carries another, or if its
+        taxels are too fine for a solid's elements."""
+        if self.array not in (None, array):
+            raise SceneError(f"taxels: a finger carries one array; this has {self.array}")
+        if self.scene.plane == "solid":
+            from sim_backend.models.solid_meshes import SHARES, need_wide_taxels
+
+            need_wide_taxels(self.scene, array, SHARES[0])
+        self.array = array
+
+    def taxels_n(self, time_s: Array) -> Array:
+        """Force (n, rows, columns) [N] on each taxel at ascending ``time_s`` (n,): its share of
+        `force_n`, so that relaxation takes the same part from all."""
+        assert self.array is not None
+        force, pressure = self.force_n(time_s), self.pressure_pa(time_s)
+        taxels = np.zeros((len(time_s), self.array.rows, self.array.columns))
+        for leg, _, span in self.tip.legs(time_s):
+            points = leg.points(time_s[span])
+            depth = self._depth(points, leg.point(math.inf))
+            for here, x_m, section, sunk in self._touched(leg, points, depth, pressure[span]):
+                taxels[span][here] = section.shares(x_m, sunk, pressure[span][here])
+        return taxels * force[:, None, None]
 
     def depth_m(self, time_s: Array) -> Array:
         """Indentation (n,) [m] at ascending ``time_s`` (n,), negative in the air."""
@@ -136,7 +170,7 @@ class Phantom:
         depth_m = _up_to_grid(self._depth_m)
         snapped = [self.place_of((x, y, 0.0)) for x, y in places]
         self._ahead = SolvedAhead(
-            station(section_at(self.scene, 1e3 * y), x, depth_m) for x, y in snapped
+            station(section_at(self.scene, 1e3 * y), x, depth_m, self.array) for x, y in snapped
         )
         self._respond = self._ahead
 
@@ -190,22 +224,29 @@ class Phantom:
         pressure: Array,
         quantities: Sequence[Quantity],
     ) -> Array:
-        """The answers without relaxation: each place in contact by its own section."""
+        """The answers without relaxation."""
+        values = np.zeros((len(quantities), len(points)))
+        for here, x_m, section, sunk in self._touched(leg, points, depth, pressure):
+            for answer, quantity in zip(values, quantities, strict=True):
+                answer[here] = quantity(section)(x_m, sunk, pressure[here])
+        return values
+
+    def _touched(
+        self, leg: Leg, points: Array, depth: Array, pressure: Array
+    ) -> Iterator[tuple[Bools, float, Any, Array]]:
+        """Of each place in contact which points (n,) are over it, where it is, its own section,
+        and how deep the tip is there."""
         sideways = math.hypot(*leg.direction[:2])
         grid = INCLINED_GRID_M if sideways < STEEP else DRAG_GRID_M
         if sideways < 1e-6:  # no more than rounding
             grid = PLACE_GRID_M
         places = np.round(points[:, :2] / grid)
-        values = np.zeros((len(quantities), len(points)))
         touching = depth > -BULGE_M
         for x, y in _distinct(places[touching]):
             here = touching & (places[:, 0] == x) & (places[:, 1] == y)
             x_m, y_m = float(x * grid), float(y * grid)
             section = self._response(x_m, y_m, float(depth[here].max()))
-            sunk = self._sunk(section, x_m, depth[here], pressure[here])
-            for answer, quantity in zip(values, quantities, strict=True):
-                answer[here] = quantity(section)(x_m, sunk, pressure[here])
-        return values
+            yield here, x_m, section, self._sunk(section, x_m, depth[here], pressure[here])
 
     def _sunk(self, section: Response, x_m: float, depth: Array, pressure: Array) -> Array:
         """True depth (n,): what is left when the rig has given way, d + F(d) / k = ``depth``."""
@@ -279,7 +320,8 @@ class Phantom:
         if response is None or _up_to_grid(depth_m) > known_m:
             known_m = max(self._depth_m, depth_m if response is None else 1.25 * depth_m)
             known_m = _up_to_grid(known_m)
-            response = self._respond(section_at(self.scene, 1e3 * y), x, known_m)
+            more = {} if self.array is None else {"array": self.array}
+            response = self._respond(section_at(self.scene, 1e3 * y), x, known_m, **more)
             self._responses[x, y] = (known_m, response)
         return response
 

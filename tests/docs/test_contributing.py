@@ -27,6 +27,7 @@ DEFINED = {
     "the press?": "def pressed_n",
     "vessel's wall": "def layers",
     "simulated noise": "class VirtualSensor",
+    "simulated taxel": "class Taxels",
     "stop rule": "RULES: tuple[Rule, ...]",
     "planner have to do": "class Planner(Protocol)",
     "planner that fails": "def _guarded(",
