@@ -8,6 +8,7 @@ from typing import Literal
 
 import numpy as np
 
+from drivers.core.array_layout import taxel_names
 from drivers.core.errors import ConfigError
 from drivers.core.frame_cutter import Check, FrameCutter
 from drivers.core.ports import PortName, open_port, read_some
@@ -120,9 +121,7 @@ def open_sensor(
     layout = f"{order}{'B' if counter else ''}{rows * columns}{CODES[number]}"
     full_pa = None if full_scale is None else factor * full_scale
     channels = tuple(
-        Channel(f"r{row}c{column}", "Pa", "taxel", full_scale=full_pa)
-        for row in range(rows)
-        for column in range(columns)
+        Channel(name, "Pa", "taxel", full_scale=full_pa) for name in taxel_names(rows, columns)
     )
 
     def open_source() -> TaxelSource:

@@ -1,7 +1,6 @@
 """The tactile map while it grows: a line for a row, a heat map for a grid, an image for taxels."""
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,6 +8,7 @@ import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QLabel, QStackedWidget, QVBoxLayout, QWidget
 
+from drivers.core.array_layout import taxel_places
 from drivers.core.arrays import Array
 from probe.core.courses import courses_mm
 from probe.gui.heat_map import HeatMap
@@ -18,8 +18,6 @@ from probe.gui.style import head, label
 
 NO_PULSE_PA = 1.0
 """The end of the scale where no pulse is seen."""
-TAXEL = re.compile(r"r(\d+)c(\d+)")
-"""What `drivers.taxels` calls the taxel of a row and a column."""
 
 
 class MapPanel(QStackedWidget):
@@ -159,11 +157,10 @@ class GridMap:
 
 def taxel_table(values: Array, names: Sequence[str]) -> Array | None:
     """Taxels (n,) in the rows and columns that their ``names`` say; None where they say none."""
-    places = [TAXEL.fullmatch(name) for name in names]
-    known = [(int(place[1]), int(place[2])) for place in places if place]
-    if len(known) < len(values):
+    places = taxel_places(names)
+    if places is None:
         return None
-    rows, columns = np.array(known).T
+    rows, columns = places.T
     table = np.full((rows.max() + 1, columns.max() + 1), np.nan)
     table[rows, columns] = values
     return table

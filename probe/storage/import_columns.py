@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from drivers import Channel
+from drivers.core.array_layout import taxel_names
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.units import SI
@@ -341,11 +342,8 @@ def _taxels(
         raise CsvError(
             f"--layout {rows}x{columns}: {rows * columns} taxels, but {array.name} has {count}"
         )
-    return tuple(
-        Channel(f"r{row}c{column}", ARRAYS[array.target], "taxel")
-        for row in range(rows)
-        for column in range(columns)
-    )
+    unit = ARRAYS[array.target]
+    return tuple(Channel(name, unit, "taxel") for name in taxel_names(rows, columns))
 
 
 def _shared(a: str, b: str) -> int:

@@ -10,6 +10,7 @@ from zlib import crc32
 import numpy as np
 from pydantic import Field, model_validator
 
+from drivers.core.array_layout import taxel_names
 from drivers.core.protocols import Channel
 from drivers.core.settings import NonNegative, Positive
 from drivers.core.table import Table
@@ -61,9 +62,9 @@ class Taxels:
         phantom.feel_with(keys.layout)
         full_pa = 1e3 * keys.full_scale_kpa if keys.full_scale_kpa else None
         self.channels = tuple(
-            Channel(f"r{row}c{column}", "Pa", "taxel", simulated=True, full_scale=full_pa)
-            for row in range(keys.rows) for column in range(keys.columns)
-        )  # fmt: skip
+            Channel(name, "Pa", "taxel", simulated=True, full_scale=full_pa)
+            for name in taxel_names(keys.rows, keys.columns)
+        )
         alive = np.ones((keys.rows, keys.columns))
         for place in keys.dead:
             alive[place] = 0.0

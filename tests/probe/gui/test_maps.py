@@ -10,6 +10,7 @@ from PySide6.QtWidgets import QApplication
 from run_windows import FINDING, LEFT, Make, Shoot, measured, window_on
 
 from drivers import Channel
+from drivers.core.array_layout import taxel_names
 from probe.core.events import RunStarted, Samples, StationEnded
 from probe.gui.body import BodyPanel
 from probe.gui.maps import MapPanel
@@ -98,6 +99,22 @@ def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
     assert shown.shape == (4, 7)
     assert shown[3, 6] == pytest.approx(1.5 * shown[0, 0], rel=1e-6)  # as the finger presses them
     assert shown.mean() > 1.0, "the hold is shown, and not the air after it"
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 8), (4, 7), (8, 8), (16, 16)])
+def test_each_taxel_is_drawn_in_its_row_and_column(rows: int, columns: int, make_run: Make) -> None:
+    """Row 0 at the bottom, as y grows upwards: the pixel over (column, row) is that taxel's."""
+    count = rows * columns
+    begun, *events = make_run(columns=1, taxels=count)
+    assert isinstance(begun, RunStarted)
+    named = tuple(Channel(name, "N", "taxel", True) for name in taxel_names(rows, columns))
+    window = window_on([replace(begun, channels={**begun.channels, "virtual": named}), *events])
+    window.frame()
+    image = window.maps.taxels.image
+    wanted = np.linspace(0.8, 1.2, count).reshape(rows, columns)  # as the finger presses them
+    np.testing.assert_allclose(image.image / image.image[0, 0], wanted / wanted[0, 0], rtol=1e-6)
+    middle = image.mapFromParent(QPointF(columns - 0.5, 0.5))  # the last column of row 0
+    assert image.image[int(middle.y()), int(middle.x())] == image.image[0, -1]
 
 
 def test_a_pulse_that_was_not_seen_is_not_drawn_as_0(make_run: Make, shoot: Shoot) -> None:
