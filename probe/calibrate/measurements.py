@@ -263,7 +263,7 @@ def _pulse(run: Run, _sensor: str, _station: int | None) -> dict[str, Array]:
     for device, channels in run.channels.items():
         for channel in channels:
             if channel.role == "reference":
-                samples = run.samples(device)
+                samples = run.channel_samples(device)
                 values = np.array(samples[channel.name], float)
                 return {"time_s": np.array(samples["time_s"], float), "reference": values}
     raise CalibrationError(f"{run.path}: it has no channel of role reference (PPG, ECG)")

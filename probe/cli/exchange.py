@@ -27,7 +27,7 @@ def export_run(
         str,
         typer.Option(
             metavar="LIST",
-            help="One or several of csv, hdf5, netcdf, parquet, mcap.",
+            help="One or several of csv, hdf5, netcdf, parquet, mcap, mat, lerobot.",
             autocompletion=export_formats,
         ),
     ] = "csv",
@@ -36,7 +36,7 @@ def export_run(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Write a run as CSV, HDF5, netCDF, Parquet or MCAP."""
+    """Write a run as CSV, HDF5, netCDF, Parquet, MCAP, MATLAB or a dataset of lerobot."""
     from probe.storage.export import WRITERS, export
 
     formats = [name.strip() for name in to.split(",")]

@@ -1,8 +1,10 @@
-"""``palpate export RUN --to csv,hdf5,netcdf,parquet,mcap``: a run for other programs, with units.
+"""``palpate export RUN --to csv,hdf5,…``: a run for other programs, with units.
 
 CSV and Parquet: one file per device (``-simulated`` if it is), one of stations, the configuration
 as JSON. HDF5 and netCDF: one file with a group per device; units are attributes, as the CF
-conventions have them. MCAP: see `probe.storage.export_mcap`.
+conventions have them. An array of taxels is one variable over time, row and column there, and a
+column for each taxel in CSV and Parquet. MCAP, MATLAB and lerobot: see `probe.storage.export_mcap`,
+`export_mat` and `export_lerobot`.
 """
 
 import errno
@@ -11,6 +13,7 @@ import os
 from collections.abc import Callable, Iterable, Sequence
 from os import PathLike
 from pathlib import Path
+from shutil import rmtree
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
@@ -48,7 +51,8 @@ def export(
     run_path
         The run file.
     formats
-        csv, hdf5, netcdf, parquet, mcap: a list, or text as in the shell, ``"csv,mcap"``.
+        csv, hdf5, netcdf, parquet, mcap, mat, lerobot: a list, or text as in the shell,
+        ``"csv,mcap"``.
     out_dir
         Where to. Files of an earlier export are replaced once all new ones are whole.
     finding
@@ -88,13 +92,21 @@ def export(
     try:
         with TemporaryDirectory(dir=out_dir, prefix=".export-") as drafts:  # half a file is none
             made = [path for name in formats for path in WRITERS[name](run, Path(drafts))]
-            return tuple(path.replace(out_dir / path.name) for path in made)
+            return tuple(_moved(path, out_dir) for path in made)
     except (OSError, RuntimeError) as error:  # HDF5 tells a full disk in words of its own
         full = "No space left" in str(error)
         number = errno.ENOSPC if full else getattr(error, "errno", None)
         if number is None:
             raise
         raise OSError(number, os.strerror(number), str(out_dir)) from None
+
+
+def _moved(made: Path, out_dir: Path) -> Path:
+    """Where it now is, in place of what an earlier export left."""
+    path = out_dir / made.name
+    if made.is_dir() and path.is_dir():
+        rmtree(path)
+    return made.replace(path)
 
 
 def _csv(run: Run, out_dir: Path) -> list[Path]:
@@ -137,6 +149,22 @@ def _mcap(run: Run, out_dir: Path) -> list[Path]:
 
     path = out_dir / f"{run.path.stem}.mcap"
     write_mcap(run, path)
+    return [path]
+
+
+def _mat(run: Run, out_dir: Path) -> list[Path]:
+    from probe.storage.export_mat import write_mat
+
+    path = out_dir / f"{run.path.stem}.mat"
+    write_mat(run, path, _about(run))
+    return [path]
+
+
+def _lerobot(run: Run, out_dir: Path) -> list[Path]:
+    from probe.storage.export_lerobot import write_lerobot
+
+    path = out_dir / f"{run.path.stem}-lerobot"
+    write_lerobot(run, path, _about(run))
     return [path]
 
 
@@ -191,6 +219,8 @@ WRITERS: dict[str, Callable[[Run, Path], list[Path]]] = {
     "netcdf": _netcdf,
     "parquet": _parquet,
     "mcap": _mcap,
+    "mat": _mat,
+    "lerobot": _lerobot,
 }
 
 
@@ -220,7 +250,7 @@ def _frame(
 
     The last are where the station is, NaN between stations.
     """
-    data = run.samples(device)
+    data = run.channel_samples(device)
     variables = [(str(name), variable) for name, variable in data.variables.items()]
     names = distinct(
         {

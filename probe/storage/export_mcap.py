@@ -112,7 +112,8 @@ def write_mcap(run: "Run", path: Path) -> None:
         stations = run.stations().to_csv(index=False).encode()
         writer.add_attachment(at, at, "stations.csv", "text/csv", stations)
         for device, topic in topics.items():
-            _write_device(writer, device, topic, run.channels[device], run.samples(device), clock)
+            _write_device(writer, device, topic, run.channels[device],
+                          run.channel_samples(device), clock)  # fmt: skip
         _write_events(writer, notable, clock)
         writer.finish()  # type: ignore[no-untyped-call]
 

@@ -27,6 +27,7 @@ from probe.storage.import_device import (
     placed,
 )
 from probe.storage.import_table import PER_STATION, PHASE, REFERENCE, SIGNALS, CsvError, Table
+from probe.storage.taxel_arrays import ENDINGS, cells
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -163,25 +164,40 @@ def own_hdf5(source: Path) -> Table | None:
 
 
 def _device(group: Any) -> Device:
-    channels = {
-        name: Channel(
+    channels: dict[str, Channel] = {}
+    cell_of: dict[str, tuple[str, int, int]] = {}
+    for name, data in group.items():
+        if "role" not in data.attrs:
+            continue
+        own = Channel(
             name,
             _text(data.attrs.get("units", "")),
             _text(data.attrs["role"]),
             simulated=bool(data.attrs.get("simulated", 0)),
         )
-        for name, data in group.items()
-        if "role" in data.attrs
-    }
+        if data.ndim == 1:
+            channels[name] = own
+            continue
+        try:
+            listed = cells(_text(data.attrs.get("channels", "")), data.shape)
+        except ValueError as error:
+            raise CsvError(f"{name}: {error}; export the run again") from None
+        for taxel, place in listed.items():
+            channels[taxel] = replace(own, name=taxel)
+            for ending in ENDINGS:
+                cell_of[taxel + ending] = (name + ending, *place)
 
     def read(name: str) -> Array:
         if name == PHASE:
             return phase_numbers(
                 pd.Series([_text(phase) for phase in group["phase"][:]], dtype=str)
             )
+        if name in cell_of:
+            array, row, column = cell_of[name]
+            return np.asarray(group[array][:, row, column], np.float64)
         return np.asarray(group[name][:], np.float64)
 
-    return Device(channels, {*group, PHASE}, read)
+    return Device(channels, {*group, *cell_of, PHASE}, read)
 
 
 def _text(value: object) -> str:

@@ -116,8 +116,9 @@ class Run:
     ) -> Recording:
         """What detection works on; ``face_mm2`` where the run does not know the probe's face.
 
-        ``samples``: what `samples` gave, as you changed it (filtered, with rows left out, also as
-        a pandas table), in place of what was stored. Places, phases and depths are the run's.
+        ``samples``: what `samples` gave, as you changed it (filtered, with rows left out; that of
+        `channel_samples` also as a pandas table), in place of what was stored. Places, phases and
+        depths are the run's.
 
         Examples
         --------
@@ -163,9 +164,19 @@ class Run:
     def samples(self, device: str | None = None, station: int | None = None) -> "xr.Dataset":
         """The samples of one device, by default the one that feels: see `probe.storage.tables`.
 
-        ``depth_mm`` is how deep the tip was at each, where the stage tells its position.
+        ``depth_mm`` is how deep the tip was at each, where the stage tells its position. An array
+        whose layout is known is ``taxels`` (time_s, row, column), and ``taxels_saturated``.
         """
-        from probe.storage.tables import samples, with_depth  # here: events need no xarray
+        from probe.storage.taxel_arrays import gathered  # here: events need no xarray
+
+        along = self.channel_samples(device, station)
+        return gathered(along, self.channels[along.attrs["device"]])
+
+    def channel_samples(
+        self, device: str | None = None, station: int | None = None
+    ) -> "xr.Dataset":
+        """As `samples`, with a variable for each channel, taxels too: a table's columns."""
+        from probe.storage.tables import samples, with_depth  # here: as in `samples`
 
         try:
             along = samples(self.started, self.events(), device, station)

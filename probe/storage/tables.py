@@ -22,6 +22,7 @@ from probe.core.events import (
 from probe.core.finding_words import reach
 from probe.core.recording import Station
 from probe.storage.distinct_names import channel_names
+from probe.storage.taxel_arrays import scattered
 
 with needs("data", "a run as tables and arrays"):
     import pandas as pd
@@ -206,7 +207,7 @@ def with_samples(
     if device not in run.channels:
         raise RunFileError(f"samples of {device!r}: the run has {', '.join(run.channels)}")
     names = channel_names(run.channels[device])
-    table = changed.reset_index() if isinstance(changed, pd.DataFrame) else changed
+    table = changed.reset_index() if isinstance(changed, pd.DataFrame) else scattered(changed)
     needed = ["time_s", "station", "attempt", *names, *(f"{name}_saturated" for name in names)]
     if lacking := [name for name in needed if name not in table]:
         raise RunFileError(f"samples of {device!r}: no {', '.join(lacking)}")

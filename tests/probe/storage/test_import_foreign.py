@@ -139,7 +139,7 @@ def test_each_stream_keeps_its_rate_and_an_array_its_layout(tmp_path: Path) -> N
     assert [len(run.samples(device)["time_s"]) for device in run.channels] == [200, 50, 20]
     skin = run.samples("taxels")
     np.testing.assert_allclose(skin["time_s"], slow_s)
-    np.testing.assert_allclose(skin["r1c2"], 1e3 * taxels[:, 5])
+    np.testing.assert_allclose(skin["taxels"][:, 1, 2], 1e3 * taxels[:, 5])
     names = " ".join(channel.name for channel in run.channels["taxels"])
     assert names == "r0c0 r0c1 r0c2 r1c0 r1c1 r1c2"
     (station,) = run.recording().stations
