@@ -1,20 +1,20 @@
-"""The tactile map while it grows: a line for a row, a heat map for a grid, an image for taxels."""
+"""The tactile map while it grows: a line for a row, with an array's image below it, or a heat map
+for a grid."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from PySide6.QtCore import Qt, Signal
 from PySide6.QtWidgets import QLabel, QStackedWidget, QVBoxLayout, QWidget
 
-from drivers.core.array_layout import taxel_places
-from drivers.core.arrays import Array
 from probe.core.courses import courses_mm
 from probe.gui.heat_map import HeatMap
 from probe.gui.line_map import Levels, LineMap
 from probe.gui.state import Measured, ViewState
-from probe.gui.style import head, label
+from probe.gui.style import label
+from probe.gui.taxel_panel import TaxelPanel
 
 NO_PULSE_PA = 1.0
 """The end of the scale where no pulse is seen."""
@@ -45,11 +45,16 @@ class MapPanel(QStackedWidget):
         self.meaning = QLabel("\N{WHITE DOWN-POINTING TRIANGLE} no pulse seen in this cell")
         self.meaning.setAlignment(Qt.AlignmentFlag.AlignCenter)
         both.addWidget(self.meaning)
-        self.taxels = HeatMap("", "stress [kPa]")
+        self.taxels = TaxelPanel()
+        self.row = QWidget()
+        below = QVBoxLayout(self.row)
+        below.setContentsMargins(0, 0, 0, 0)
+        for part in (self.line, self.taxels):
+            below.addWidget(part)
         self.unknown = QLabel("The places of this recording are unknown: there is no map.")
         self.unknown.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self.unknown.setWordWrap(True)
-        for each in (self.line, self.area, self.taxels, self.unknown):
+        for each in (self.row, self.area, self.unknown):
             self.addWidget(each)
         for each in (self.line, self.grid, self.grid_pulse):
             each.clicked.connect(self._clicked)
@@ -79,25 +84,20 @@ class MapPanel(QStackedWidget):
             if said is not self._said:
                 self._said = said
                 self.grid_pulse.show_courses(courses_mm(said) if said else ())
-        elif len(state.taxels_pa) > 1 and len(state.plan) < 2:
-            self.setCurrentWidget(self.taxels)
-            self._show_taxels(state)
+        elif len(state.taxel_names()) > 1 and state.images and len(state.plan) < 2:
+            self._show_row(state, None)
         elif not np.isfinite([p.x_mm for p in state.plan]).all():
             self.setCurrentWidget(self.unknown)
         elif state.plan:
-            self.setCurrentWidget(self.line)
-            self.line.show_state(state, levels, self.chosen)
+            self._show_row(state, levels)
 
-    def _show_taxels(self, state: ViewState) -> None:
-        """As the array has them, or in a line where its layout is not known."""
-        table = taxel_table(state.taxels_pa, state.taxel_names())
-        known = table is not None
-        head(self.taxels.plot, "Taxels, mean of the hold")
-        if table is None:
-            table = state.taxels_pa[None]
-        column, row = ("taxel column", "taxel row") if known else ("channel", "layout not known:")
-        label(self.taxels.plot, (column, "number"), (row, "number" if known else "one row"))
-        self.taxels.show_table(table / 1e3, (0, 0, table.shape[1], table.shape[0]))
+    def _show_row(self, state: ViewState, levels: Levels | None) -> None:
+        """A press alone has no line, and no array no image."""
+        self.setCurrentWidget(self.row)
+        self.line.setVisible(len(state.plan) > 1 or not state.images)
+        if self.line.isVisibleTo(self.row):
+            self.line.show_state(state, levels, self.chosen)
+        self.taxels.show_state(state, self.chosen)
 
     def _show_grid(self, state: ViewState, levels: Levels | None) -> None:
         """Large grids take long to draw: only when something is new."""
@@ -153,17 +153,6 @@ class GridMap:
             changed |= not np.array_equal(before, self.state.maps[index], equal_nan=True)
         self._read = len(self.state.pressed)
         return bool(changed)
-
-
-def taxel_table(values: Array, names: Sequence[str]) -> Array | None:
-    """Taxels (n,) in the rows and columns that their ``names`` say; None where they say none."""
-    places = taxel_places(names)
-    if places is None:
-        return None
-    rows, columns = places.T
-    table = np.full((rows.max() + 1, columns.max() + 1), np.nan)
-    table[rows, columns] = values
-    return table
 
 
 def common_levels(states: tuple[ViewState, ...]) -> Levels | None:

@@ -1,14 +1,45 @@
-"""The signal of one press, thinned, so that a window can show any station's again."""
+"""The signal of one press: of all taxels in its hold, and thinned, so that a window can show any
+station's again."""
 
 import numpy as np
 
 from drivers.core.arrays import Array, Bools
+from probe.core.taxel_image import beat_ends
 
 MAX_POINTS = 2000
 """What a plot can show beside each other; a station then takes at most 32 kB."""
 
 NEAR_TOP_SHARE = 0.9
 """To draw only: detection finds the hold more carefully, see `probe.detection`."""
+
+
+class HeldTaxels:
+    """What each taxel read in the hold of the press that is under way: nothing of the air."""
+
+    def __init__(self) -> None:
+        self._time_s: list[Array] = []
+        self._stress_pa: list[Array] = []
+        self._count = 0
+        self._total: Array | float = 0.0
+
+    def add(self, time_s: Array, stress_pa: Array) -> None:
+        """Take in the next samples of the hold: times (n,) and stresses (n, k) [Pa]."""
+        self._time_s.append(time_s)
+        self._stress_pa.append(stress_pa)
+        self._count += len(time_s)
+        self._total = self._total + stress_pa.sum(axis=0)
+
+    @property
+    def mean_pa(self) -> Array:
+        """Of each taxel (k,)."""
+        return np.asarray(self._total / max(self._count, 1))
+
+    def pulse_pa(self, period_s: float) -> Array:
+        """From the lowest to the highest of each taxel's mean beat (k,); NaN before a whole one."""
+        if not self._count:
+            return np.empty(0)
+        ends = beat_ends(np.concatenate(self._time_s), np.concatenate(self._stress_pa), period_s)
+        return np.asarray(ends[1] - ends[0])
 
 
 class PressTrace:

@@ -28,7 +28,7 @@ from probe.core.events import (
 )
 from probe.core.places import plans_rows
 from probe.gui.averaged_beat import averaged_beat
-from probe.gui.press_trace import PressTrace
+from probe.gui.press_trace import HeldTaxels, PressTrace
 
 TRACE_S = 12.0
 MIN_HOLD_SAMPLES = 8
@@ -85,10 +85,11 @@ class ViewState:
 
     ``maps`` hold what is measured at each station: by ``finding``, the latest JSON of detection,
     where the station is complete; before that the hold's mean and the height of its mean beat.
-    ``presses`` hold each station's signal. ``faults`` are those since the run was last started or
-    resumed. ``seen`` counts what came in: what has not changed need not be drawn again. ``late_s``
-    is how long ago this was the latest. ``trouble`` is why nothing later can be read, ``unjudged``
-    why there is no newer finding.
+    ``presses`` hold each station's signal, ``images`` what each channel read in its hold (k,) [Pa],
+    and ``held`` the channels in the latest hold. ``faults`` are those since the run was last
+    started or resumed. ``seen`` counts what came in: what has not changed need not be drawn again.
+    ``late_s`` is how long ago this was the latest. ``trouble`` is why nothing later can be read,
+    ``unjudged`` why there is no newer finding.
     """
 
     config: Mapping[str, Any] = field(default_factory=dict)
@@ -106,7 +107,8 @@ class ViewState:
     unjudged: str = ""
     pressed: list[int] = field(default_factory=list)  # stations of the maps, in order, repeats too
     complete: set[int] = field(default_factory=set)
-    taxels_pa: Array = field(default_factory=lambda: np.empty(0))
+    images: dict[int, Array] = field(default_factory=dict)
+    held: HeldTaxels = field(default_factory=HeldTaxels)
     notes: list[Note] = field(default_factory=list)
     faults: list[Note] = field(default_factory=list)
     finish: Finish | None = None
@@ -130,6 +132,7 @@ class ViewState:
             case StationStarted(time_s, station):
                 self.station, self._began_s = station, time_s
                 self.presses[station] = PressTrace()
+                self.held = HeldTaxels()
                 self._tick(time_s)
             case PhaseEntered(time_s, phase, _):
                 if self.station is not None and phase is Phase.HOLDING:
@@ -219,7 +222,8 @@ class ViewState:
         # A block may reach over either end of the hold, and come after the phase has changed.
         held = press.held(event.block.time_s)
         if held.any():
-            self.taxels_pa = pressed[held].mean(axis=0)
+            self.held.add(event.block.time_s[held], pressed[held])
+            self.images[event.station] = self.held.mean_pa
             self._map(event.station)
 
     def _map(self, station: int) -> None:
@@ -273,7 +277,7 @@ class ViewState:
         return None if self.station is None else self._places.get(self.station)
 
     def taxel_names(self) -> tuple[str, ...]:
-        """The channels of `taxels_pa`, in its order."""
+        """The channels of `images`, in their order."""
         found = self._conversions.get(self.signal_device)
         channels = self.traces[self.signal_device].channels if found else ()
         return tuple(channels[n].name for n in found.columns) if found else ()

@@ -31,6 +31,8 @@ QPushButton:disabled { color: #8c959f; }
 QPushButton#stop { font-size: 20pt; font-weight: 700; color: #ffffff; background: #a40e26;
   min-height: 64px; border: 3px solid #6d0919; }
 """
+PLOT_PX = 210
+"""The least height of a plot that can be read, before `scale`."""
 
 
 def application(enlarge: float | None = None) -> QApplication:

@@ -13,13 +13,13 @@ from probe.gui.controls import Ask, SidePanel
 from probe.gui.maps import MapPanel
 from probe.gui.picture import Picture
 from probe.gui.state import ViewState
-from probe.gui.style import open_at, scale, scrolling
+from probe.gui.style import PLOT_PX, open_at, scale, scrolling
 from probe.gui.traces import TracePanel
 
 FRAME_MS = 33
 NARROW_PX = 1000
 """Of a window below which plots have less than their titles beside each other."""
-PLOTS, PLOT_PX = 5, 210
+PLOTS = 5
 """One below the other, and what each needs for its axes and a curve."""
 
 MAP_TITLE = "Tactile map (click a place)"

@@ -15,6 +15,7 @@ from probe.core.courses import courses_mm
 from probe.core.finding_words import reach
 from probe.core.places import has_rows, rows_of
 from probe.core.recording import Recording, Station
+from probe.core.taxel_image import beat_ends
 from probe.report.look import (
     BLUE,
     GREEN,
@@ -38,7 +39,6 @@ with needs("report", "a report"):
 SCALE_TICKS = 6  # of five digits: more run into each other
 MAP_IN = 2.8  # a map's width within a column of PAPER_WIDTH_IN
 UNSEEN = "not seen: below this"
-HARMONICS = 6  # those above hold 0.5 % of the variance of `sim_backend.scene.waves`' measured beat
 STYLE: Any = {
     "font.size": 8,
     "axes.spines.top": False,
@@ -72,30 +72,19 @@ def style() -> Iterator[None]:
 
 
 def diastole_and_systole(station: Station, period_s: float) -> tuple[float, float]:
-    """Lowest and highest stress [Pa] of the mean beat of a station's hold.
-
-    A straight line (relaxation is no pulse) and `HARMONICS` of the beat are fitted together to the
-    hold, mean over the channels: over a single beat a line fitted alone would take a fifth of a
-    sine with it. A heart that runs free of the scan is read as one that waits for it. NaN where
-    less than a whole beat was held.
-    """
-    time_s, signal = _hold(station)
-    if len(time_s) < 4 * (2 * HARMONICS + 2) or time_s[-1] - time_s[0] < 0.97 * period_s:
-        return float("nan"), float("nan")
-    angle = 2 * np.pi * np.outer(time_s - time_s[0], np.arange(1, HARMONICS + 1)) / period_s
-    waves = np.hstack([np.cos(angle), np.sin(angle)])
-    straight = np.stack([np.ones_like(time_s), time_s - time_s.mean()], axis=1)
-    fitted, *_ = np.linalg.lstsq(np.hstack([straight, waves]), signal, rcond=None)
-    beat = waves @ fitted[2:]
-    return float(signal.mean() + beat.min()), float(signal.mean() + beat.max())
+    """Lowest and highest stress [Pa] of the mean beat of a station's hold, mean over the channels:
+    see `probe.core.taxel_image.beat_ends`."""
+    time_s, signal = hold(station)
+    low, high = beat_ends(time_s, signal.mean(axis=1)[:, None], period_s)
+    return float(low[0]), float(high[0])
 
 
-def _hold(station: Station) -> tuple[Array, Array]:
-    """Time [s] and mean stress over the channels [Pa] while the press is held."""
+def hold(station: Station) -> tuple[Array, Array]:
+    """Time (n,) [s] and stress (n, channels) [Pa] while the press is held."""
     begin = station.hold_s if np.isfinite(station.hold_s) else -np.inf
     end = station.retract_s if np.isfinite(station.retract_s) else np.inf
     held = (station.time_s >= begin) & (station.time_s < end)
-    return station.time_s[held], station.signal_pa[held].mean(axis=1)
+    return station.time_s[held], station.signal_pa[held]
 
 
 def is_grid(recording: Recording) -> bool:

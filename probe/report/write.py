@@ -15,6 +15,7 @@ from probe.core.recording import Recording, Station
 from probe.report import figures
 from probe.report.anonymous import anonymous
 from probe.report.page import Picture, page
+from probe.report.taxel_figure import taxels
 from sim_backend.scene.scene_file import Scene
 
 if TYPE_CHECKING:
@@ -151,6 +152,9 @@ def _pictures(
     caption = f"Force against time of {pressed}, {why}."
     trace = figures.force_trace(best, recording.face_m2, pressed)
     pictures.append(Picture("force", caption, trace))
+    if (image := taxels(recording, best, beats)) is not None:
+        caption = f"The array in the hold of {pressed}, row 0 below; a triangle: no taxel is there."
+        pictures.append(Picture("taxels", caption, image))
     scene = started.config.get("scene")
     if scene is not None:
         drawn = _section(Scene.model_validate(scene), best, started.config, place)

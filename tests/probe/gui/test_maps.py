@@ -87,18 +87,50 @@ def test_an_array_shows_its_taxels(make_run: Make, shoot: Shoot) -> None:
     events = make_run(columns=1, taxels=28)
     window = window_on(events)
     window.frame()
-    assert window.maps.currentWidget() is window.maps.taxels
-    assert window.maps.taxels.image.image.shape == (1, 28)
+    assert window.maps.currentWidget() is window.maps.row
+    assert not window.maps.line.isVisible()
+    assert window.maps.taxels.level.image.image.shape == (1, 28)
     begun = events[0]
     assert isinstance(begun, RunStarted)
     named = [Channel(f"r{n // 7}c{n % 7}", "N", "taxel", True) for n in range(28)]
     begun = replace(begun, channels={**begun.channels, "virtual": tuple(named)})
     window = window_on([begun, *events[1:]])
     shoot(window, "live_taxels")
-    shown = window.maps.taxels.image.image
+    shown = window.maps.taxels.level.image.image
     assert shown.shape == (4, 7)
     assert shown[3, 6] == pytest.approx(1.5 * shown[0, 0], rel=1e-6)  # as the finger presses them
     assert shown.mean() > 1.0, "the hold is shown, and not the air after it"
+    pulse = window.maps.taxels.pulse.image.image
+    assert pulse.shape == (4, 7)
+    assert pulse[3, 6] == pytest.approx(1.5 * pulse[0, 0], rel=1e-6)
+
+
+def test_each_press_of_a_row_has_its_image_with_a_dead_taxel_as_not_seen(
+    make_run: Make, shoot: Shoot
+) -> None:
+    """The latest press's, or that of the station that is chosen; a calibration left out r1c1."""
+    begun, *events = make_run(columns=3, taxels=6)
+    assert isinstance(begun, RunStarted)
+    named = [Channel(name, "N", "taxel", True) for name in taxel_names(2, 3)]
+    named[4] = replace(named[4], role="other")
+    window = window_on(
+        [replace(begun, channels={**begun.channels, "virtual": tuple(named)}), *events]
+    )
+    window.frame()
+    shoot(window, "live_row_of_an_array")
+    panel = window.maps.taxels
+    assert window.maps.line.isVisible()
+    assert panel.isVisible()
+    last = panel.level.image.image.copy()
+    np.testing.assert_equal(np.isnan(last), [[False] * 3, [False, True, False]])
+    assert np.column_stack(panel.level.unseen.getData()).tolist() == [[1.5, 1.5]]
+    held = window.state().images
+    assert sorted(held) == [0, 1, 2]
+    window.maps.chosen = 0
+    window.maps.show_state(window.state())
+    np.testing.assert_allclose(panel.level.image.image[0, 0], held[0][0] / 1e3)
+    assert not np.array_equal(panel.level.image.image, last, equal_nan=True)
+    assert not panel.pulse.isVisible()  # it is known of the latest only
 
 
 @pytest.mark.parametrize(("rows", "columns"), [(1, 8), (4, 7), (8, 8), (16, 16)])
@@ -110,7 +142,7 @@ def test_each_taxel_is_drawn_in_its_row_and_column(rows: int, columns: int, make
     named = tuple(Channel(name, "N", "taxel", True) for name in taxel_names(rows, columns))
     window = window_on([replace(begun, channels={**begun.channels, "virtual": named}), *events])
     window.frame()
-    image = window.maps.taxels.image
+    image = window.maps.taxels.level.image
     wanted = np.linspace(0.8, 1.2, count).reshape(rows, columns)  # as the finger presses them
     np.testing.assert_allclose(image.image / image.image[0, 0], wanted / wanted[0, 0], rtol=1e-6)
     middle = image.mapFromParent(QPointF(columns - 0.5, 0.5))  # the last column of row 0

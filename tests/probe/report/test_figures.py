@@ -8,9 +8,11 @@ import pytest
 from matplotlib.figure import Figure
 from recordings import FACE_M2, finding, grid, row, station
 
+from drivers.core.array_layout import taxel_names
 from probe.core.recording import Recording, Station
 from probe.report import figures
 from probe.report.page import page, svg
+from probe.report.taxel_figure import taxels
 
 
 def test_diastole_and_systole_are_those_of_the_beat() -> None:
@@ -183,3 +185,34 @@ def test_every_axis_names_its_unit() -> None:
             labels = [axis.get_label_text() for axis in shown]
             assert labels
             assert all(re.search(r"\[(mm|s|N|Pa|kPa)\]", label) for label in labels), labels
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(1, 8), (4, 7), (8, 8), (16, 16)])
+def test_an_array_is_drawn_as_it_lies_with_its_pulse(rows: int, columns: int) -> None:
+    """Of the hold and not of the air about it; r0c1 is dead, and not seen."""
+    count = rows * columns
+    level = np.add.outer(100.0 * np.arange(rows), np.arange(columns)).ravel() + 1000.0
+    time_s = np.arange(0.0, 4.0, 0.01)
+    held = (time_s >= 1.0) & (time_s < 3.0)
+    beat = np.sin(2 * np.pi * time_s / 0.825)[:, None] * np.linspace(1.0, 2.0, count)
+    signal = held[:, None] * (level + 40 * beat)
+    alive = np.arange(count) != 1
+    press = Station(
+        0, 0.0, 0.0, time_s, signal[:, alive], np.zeros((len(time_s), count - 1), bool), 0.0, 1.0,
+        3.0, np.zeros(len(time_s)),
+    )  # fmt: skip
+    names = tuple(f"skin.{name}" for name in taxel_names(rows, columns) if name != "r0c1")
+    with figures.style():
+        drawn = taxels(Recording((press,), names, (), FACE_M2), press, 60 / 0.825)
+    assert drawn is not None
+    images = [axes.collections[0].get_array() for axes in drawn.axes[:2]]
+    mean, pulse = (np.ma.filled(image, np.nan) for image in images)
+    assert mean.shape == pulse.shape == (rows, columns)
+    np.testing.assert_allclose(1e3 * mean.ravel()[alive], level[alive], atol=20)
+    np.testing.assert_allclose(
+        pulse.ravel()[alive], 80 * np.linspace(1, 2, count)[alive], rtol=0.02
+    )
+    for axes in drawn.axes[:2]:
+        assert axes.lines[0].get_xydata().tolist() == [[1, 0]]
+    no_array = Recording((press,), ("cell.force",) * (count - 1), (), FACE_M2)
+    assert taxels(no_array, press, None) is None
