@@ -53,6 +53,7 @@ from sim_backend.emulators import (
 from sim_backend.models.station_response import respond
 from sim_backend.phantom.devices import virtual_sensor, virtual_stage
 from sim_backend.phantom.phantom import Phantom, Response
+from sim_backend.scene.taxels import TaxelArray
 
 KEPT = ROOT / "docs" / "results" / "device-faults.csv"
 PHASES = (Phase.TRAVELLING, Phase.APPROACHING, Phase.INDENTING, Phase.HOLDING, Phase.RETRACTING)
@@ -227,15 +228,15 @@ def outcomes() -> dict[tuple[str, ...], Outcome]:
 
 
 @cache
-def solved() -> Response:
+def solved(array: TaxelArray | None = None) -> Response:
     """The one station's section."""
-    return respond(load_scene("TIHA"), 0.032, 3e-3)
+    return respond(load_scene("TIHA"), 0.032, 3e-3, array)
 
 
 def strike(name: str, fault: str, phase: str) -> Outcome:
     """One scan."""
     device, clock = DEVICES[name], WallClock()
-    phantom = Phantom(load_scene("TIHA"), clock, lambda *_: solved(), home=HOME)
+    phantom = Phantom(load_scene("TIHA"), clock, lambda *_, array=None: solved(array), home=HOME)
     phantom.prepare([(0.032, 0.0)])
     struck: list[float] = []
     events: list[Event] = []
@@ -319,7 +320,8 @@ def main() -> int:
     given = parser.parse_args()
     jobs = [(n, "", "") for n in given.devices]
     jobs += [(n, f, str(p)) for n in given.devices for f in DEVICES[n].faults for p in PHASES]
-    solved()  # once, for all that are forked from here
+    for array in (None, TaxelArray(4, 7)):  # once, for all that are forked from here
+        solved(array)
     fill(KEPT, ("device", "fault", "phase"),
          ("ended_s", "rest_s", "finish", "reason", "samples", "deepest_mm"), jobs, judge,
          given.workers)  # fmt: skip

@@ -116,6 +116,8 @@ class Phantom:
             from sim_backend.models.solid_meshes import SHARES, need_wide_taxels
 
             need_wide_taxels(self.scene, array, SHARES[0])
+        if self.array is None:
+            self._responses.clear()  # what was solved before knows no taxels
         self.array = array
 
     def taxels_n(self, time_s: Array) -> Array:

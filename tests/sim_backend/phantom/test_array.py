@@ -122,6 +122,16 @@ def test_a_load_cell_and_an_array_on_one_finger_feel_one_press() -> None:
     np.testing.assert_allclose(mean_pa * 1e-6 * scene.face_mm2, force_n, rtol=1e-9, atol=1e-9)
 
 
+def test_an_array_may_come_onto_a_finger_whose_places_are_solved(winkler: Any) -> None:
+    clock = SimulatedClock()
+    phantom = Phantom(load_scene("TI"), clock, winkler, home=(0.032, 0.0, -1e-3))
+    phantom.prepare([(0.032, 0.0)])
+    sensor = virtual_sensor(clock, phantom=phantom, array=VirtualArray.model_validate(IDEAL))
+    sensor.start()
+    clock.sleep_until(0.1)
+    assert (sensor.read().values[-1] > 0).all()
+
+
 def matrix(winkler: Any, **keys: Any) -> Array:
     """From forces [N] to readings [N]."""
     phantom = Phantom(load_scene("TI"), SimulatedClock(), winkler)
