@@ -12,6 +12,7 @@ from sim_backend.emulators.solving import Solver
 from sim_backend.models.station_response import respond
 from sim_backend.phantom.phantom import Phantom, Respond, Response
 from sim_backend.scene.scene_file import Scene
+from sim_backend.scene.taxels import TaxelArray
 
 OFF_THE_RASTER = (0.0223, 0.0, -0.0015)
 
@@ -47,6 +48,17 @@ def test_a_place_is_solved_elsewhere_and_to_the_digit(solver: Solver) -> None:
     here.tip.move(0.0, OFF_THE_RASTER, 1.0, 100.0)
     assert felt == here.force_n(np.array([1.0]))
     assert felt[0] > 0.1
+
+
+def test_an_array_s_taxels_are_solved_elsewhere_too(solver: Solver) -> None:
+    phantom, array = solver._phantom, TaxelArray(1, 5)
+    phantom.feel_with(array)
+    wait_for(solver, OFF_THE_RASTER)
+    phantom.tip.move(phantom.clock.now(), OFF_THE_RASTER, 1.0, 100.0)
+    at = np.array([phantom.clock.now() + 1.0])
+    taxels = phantom.taxels_n(at)
+    assert taxels.shape == (1, 1, 5)
+    assert taxels.sum() == pytest.approx(phantom.force_n(at)[0], rel=1e-9)
 
 
 def test_the_air_needs_no_solution_but_asks_for_it(solver: Solver) -> None:
