@@ -265,6 +265,7 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
     """Say what the run found and how it ended; the exit status."""
     from probe.cli.finding import finding_json, show_finding
     from probe.core.events import Finish
+    from probe.planning.planner import ALL
     from probe.storage.run import open_run
 
     path, ended, shown = scanned.path, scanned.ended, False
@@ -297,6 +298,8 @@ def print_result(scanned: "ScanResult", began_s: float, *, report: bool, as_json
                        "and begin a new scan.")  # fmt: skip
         elif not shown:
             inform(what_is_left(path))
+        elif ended.reason != ALL:  # a planner left out some
+            inform(f"The scan is done: {ended.reason}.")
     return {Finish.FAULTED: FAULT, Finish.ABORTED: ABORTED}.get(ended.finish, 0)
 
 

@@ -30,6 +30,7 @@ DEFINED = {
     "simulated taxel": "class Taxels",
     "stop rule": "RULES: tuple[Rule, ...]",
     "planner have to do": "class Planner(Protocol)",
+    "coarse-to-fine press": "def levels(",
     "planner that fails": "def _guarded(",
     "hold has a pulse": "def which_pulse",
     "breathing and no pulse": "def is_no_pulse",

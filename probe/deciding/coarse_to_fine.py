@@ -1,0 +1,176 @@
+"""Coarse to fine: press far apart first, then beside what shows, and stop when it is decided.
+
+A level of `Lattice` is pressed, then the stations beside what detection finds in it; if that does
+not decide, the level with half the gaps is. A hold ends when its pulse is known, or when a pulse
+that matters would have shown. That nothing lies beneath is only said of all stations.
+"""
+
+from dataclasses import replace
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field
+
+from probe.core.recording import Recording, Station
+from probe.deciding.lattice import Lattice
+from probe.detection.finding import Finding, ObjectFinding
+from probe.detection.pulse.estimate import SHORTEST_TRAIN_S
+from probe.detection.pulse.least_pulse import chance_each, least_pulse_pa
+from probe.detection.pulse.presses import presses_of
+from probe.detection.scan import detect
+from probe.planning.plan import Place, Plan
+from probe.planning.planner import ALL, Done, Press
+
+PULSE_N = 2.55e-3
+"""Pulse of the paper's stenotic artery, between 80 and 120 mmHg (`palpate press TISA --x 32 --depth
+2.5 --pressure 80 --pressure 120`): the smallest of its scenes."""
+KNOWN = 0.2
+"""Half the 95 % interval of a pulse that is known, over the pulse."""
+NONE = ("nothing", "one press that differs", "an uneven row")
+"""What explains a place without anything beneath it."""
+Chance = Annotated[float, Field(gt=0, lt=0.5)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+class CoarseToFine:
+    """Far apart first, then finer where something shows.
+
+    Parameters
+    ----------
+    plan
+        The stations to choose among, and the longest hold.
+    false_alarm
+        The chance that the scan stops for something where there is nothing.
+    misses
+        The chance that it stops for a healthy artery where there is disease.
+    presses, contact_s, dose_n_s
+        Where it stops in any case: presses, seconds of contact, and the force times its time
+        [N s]. By default only the plan limits them.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        *,
+        false_alarm: Chance = 0.01,
+        misses: Chance = 0.05,
+        presses: Annotated[int, Field(ge=1)] | None = None,
+        contact_s: Positive | None = None,
+        dose_n_s: Positive | None = None,
+    ) -> None:
+        self._plan, self._lattice = plan, Lattice(plan.places)
+        levels = list(self._lattice.levels())
+        self._levels = iter(levels)
+        self._false_alarm = false_alarm / max(2 * (len(levels) - 1), 1)  # two looks at each level
+        self._misses = misses
+        self._presses = presses or len(plan.places)
+        self._contact_s, self._dose_n_s = contact_s or np.inf, dose_n_s or np.inf
+        self._holds_s = _holds_s(plan.hold_s)
+        each = chance_each(false_alarm, len(plan.places))
+        self._each = each / max(len(self._holds_s) - 1, 1)
+        self._stations: dict[int, Station] = {}
+        self._recording: Recording | None = None
+        self._queue: list[Place] = []
+        self._besides = True  # of this level have been pressed
+
+    def tell(self, reading: Recording) -> None:
+        """Keep the press."""
+        (station,) = reading.stations
+        self._recording = self._recording or reading
+        self._stations[station.index] = station
+
+    def enough(self, reading: Recording) -> bool:
+        """The pulse is known, or one that matters would have shown."""
+        (press,) = presses_of(reading, self._each)
+        pulse = press.pulse
+        if pulse is None or (press.cause is not None and not press.pulsing):
+            return False
+        if press.pulsing:
+            return 1.96 * pulse.size_sd_pa <= KNOWN * pulse.size_pa
+        if pulse.search is None:
+            return False
+        return least_pulse_pa(pulse.search, self._each) <= PULSE_N / reading.face_m2
+
+    def ask(self) -> Press | Done:
+        """The next of what was chosen last; after these, what they show chooses anew."""
+        while not (queue := self._missing(self._queue)):
+            if (done := self._choose()) is not None:
+                return done
+        if (why := self._spent()) is not None:
+            return Done(why)
+        self._queue = queue[1:]
+        return Press(queue[0], self._plan.indentation_m, self._holds_s)
+
+    def _missing(self, places: list[Place]) -> list[Place]:
+        return [place for place in places if place.index not in self._stations]
+
+    def _choose(self) -> Done | None:
+        """Queue the stations beside what was found, or the next level; or it is done."""
+        missing = self._missing(list(self._plan.places))
+        if not missing:
+            return Done(ALL)
+        if self._recording is not None:
+            found = self._look(self._recording)
+            if not self._besides:
+                self._besides = True
+                points_m = [point for one in found.objects for point in self._points_m(one)]
+                self._queue = self._missing(self._lattice.beside(points_m))
+                if self._queue:
+                    return None
+            if found.objects and all(self._decided(one) for one in found.objects):
+                best = max(one.confidence for one in found.objects)
+                return Done(
+                    f"decided after {len(self._stations)} of {len(self._plan.places)} stations: "
+                    f"{found.finding}, {100 * best:.0f} %"
+                )
+        self._queue, self._besides = next(self._levels), False
+        return None
+
+    def _look(self, reading: Recording) -> Finding:
+        stations = tuple(self._stations[n] for n in sorted(self._stations))
+        whole = replace(reading, stations=stations, finish="completed")
+        return detect(whole, false_alarm=self._false_alarm)
+
+    def _decided(self, one: ObjectFinding) -> bool:
+        if one.kind not in ("artery", "stenotic artery", "tumour"):
+            return False
+        none = sum(one.chances.get(name, 0.0) for name in NONE)
+        return none <= self._false_alarm and (one.kind != "artery" or one.diseased <= self._misses)
+
+    def _points_m(self, one: ObjectFinding) -> list[tuple[float, float]]:
+        """Where it lies: along its course, or in each row."""
+        rows_m = dict.fromkeys(station.y_m for station in self._stations.values())
+        points_m = one.course or [(one.position_m, y_m) for y_m in rows_m]
+        return [point for point in points_m if np.isfinite(point).all()]
+
+    def _spent(self) -> str | None:
+        """Which limit the next press would exceed."""
+        spent = [_spent(s, self._recording) for s in self._stations.values()]
+        longest_s = self._plan.ramp_s + self._plan.hold_s
+        contact_s = sum(seconds for seconds, _ in spent)
+        dose_n_s = sum(dose for _, dose in spent)
+        force_n = max((dose / seconds for seconds, dose in spent), default=0.0)
+        if len(spent) >= self._presses:
+            return f"{len(spent)} presses are made, as many as planner.presses allows"
+        if contact_s + longest_s > self._contact_s:
+            return f"{contact_s:.1f} s of contact, and planner.contact_s allows no further press"
+        if dose_n_s + force_n * longest_s > self._dose_n_s:
+            return f"a dose of {dose_n_s:.1f} N s, and planner.dose_n_s allows no further press"
+        return None
+
+
+def _holds_s(longest_s: float) -> tuple[float, ...]:
+    """Halves, quarters ... of the longest hold in which a train of beats can be told from what else
+    moves, ascending."""
+    holds_s = [longest_s]
+    while holds_s[0] / 2 > SHORTEST_TRAIN_S:
+        holds_s.insert(0, holds_s[0] / 2)
+    return tuple(holds_s)
+
+
+def _spent(station: Station, recording: Recording | None) -> tuple[float, float]:
+    """Seconds of contact of a press, and its force times its time [N s]."""
+    pressed = (station.time_s >= station.indent_s) & (station.time_s < station.retract_s)
+    seconds = station.retract_s - station.indent_s
+    face_m2 = recording.face_m2 if recording is not None else np.nan
+    return seconds, float(station.signal_pa[pressed].mean()) * face_m2 * seconds
