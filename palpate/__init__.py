@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from sim_backend.models.press import CannotSolve, Press, press
     from sim_backend.scene.scene_file import Scene, SceneError, load_scene, scene_names
     from sim_backend.scene.taxels import TaxelArray
+    from sim_backend.touch.touch import Touch, touch
 
 __all__ = [
     "Calibration",
@@ -69,6 +70,7 @@ __all__ = [
     "Station",
     "StationFinding",
     "TaxelArray",
+    "Touch",
     "WallClock",
     "calibrate",
     "compare",
@@ -91,6 +93,7 @@ __all__ = [
     "scan",
     "scene_names",
     "sweep",
+    "touch",
     "verify",
     "write_report",
 ]
@@ -123,6 +126,7 @@ _HOMES = {
     "sim_backend.models.press": ("CannotSolve", "Press", "press"),
     "sim_backend.scene.scene_file": ("Scene", "SceneError", "load_scene", "scene_names"),
     "sim_backend.scene.taxels": ("TaxelArray",),
+    "sim_backend.touch.touch": ("Touch", "touch"),
 }
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 

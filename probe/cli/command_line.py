@@ -29,6 +29,7 @@ GROUPS = (
     "finding",
     "press",
     "scenes",
+    "touch",
     "rig",
     "teach",
     "files",

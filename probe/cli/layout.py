@@ -30,6 +30,7 @@ SECTIONS: dict[str, dict[str, str]] = {
         "press": "palpate press TIHA --x 32 --depth 2.5",
         "feel": "palpate feel --scene TISA",
         "scenes": "palpate scenes TIHA",
+        "touch": "palpate touch TIHA",
         "emulate": "palpate emulate ur ft300 --scene TIHA",
     },
     "Calibration": {

@@ -11,6 +11,10 @@ PLURAL = {
     "tumour": "tumours",
     "undecided": "undecided",
 }
+AT_AN_END = (
+    "its signal is largest where the stations end: it lies here or beyond, or the tissue itself "
+    "changes there; press beyond it too, until the signal falls"
+)
 
 
 def headline(found: Mapping[str, Any]) -> str:

@@ -6,7 +6,7 @@ from math import isfinite, nan
 from typing import Any, Literal
 
 from probe.core.finding_words import summary
-from probe.detection.beneath.sizes import Sizes
+from probe.detection.sizes import Sizes
 from sim_backend import html
 
 Kind = Literal["nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see"]

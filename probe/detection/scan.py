@@ -10,8 +10,7 @@ from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
 from probe.core.finding_words import NORMAL_95, percent, plain
 from probe.core.recording import Recording
-from probe.detection.beneath.explain import sizes
-from probe.detection.beneath.sizes import unknown
+from probe.detection.beneath.explain import with_sizes
 from probe.detection.finding import Finding, Kind, ObjectFinding, StationFinding, stated
 from probe.detection.heart_rate import heart_rate
 from probe.detection.lone_vessel import beside, lone_vessel, pulsing_place
@@ -119,14 +118,7 @@ def detect(
     else:
         objects = pulsing_place(presses, unfinished, recording.face_m2)
     objects = [*objects, *_disturbed(presses)]
-    alone = len(objects) == 1
-    objects = [
-        replace(
-            one,
-            sizes=sizes(recording, presses, one.kind) if alone else unknown("it is not alone"),
-        )
-        for one in objects
-    ]
+    objects = with_sizes(recording, presses, objects)
     objects = [replace(one, confidence=stated(one.confidence)) for one in objects]
     objects.sort(key=lambda one: (np.isnan(one.position_m), one.position_m))
     beats = heart_rate(presses)

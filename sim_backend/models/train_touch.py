@@ -4,11 +4,14 @@ Each press is solved at a few depths, over a vessel at diastole and systole, wit
 derivatives of its force by every number of its scene.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy.optimize import minimize
 
 from sim_backend.arrays import Array
 from sim_backend.fem.newton import CannotSolve
@@ -18,15 +21,12 @@ from sim_backend.models.solved import Solved
 from sim_backend.scene.numbers import numbers
 from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
-from sim_backend.touch.basis import Basis
-from sim_backend.touch.kinds import KINDS, LUMP, VESSEL, Kind
-from sim_backend.touch.table import Ratios, TouchTable, about_block
+from sim_backend.touch.kinds import BARE, KINDS, LUMP, VESSEL, Kind
+from sim_backend.touch.table import Ratios, TouchTable, about_finger
 
-SUNK = np.array([0.1, 0.2, 0.35, 0.5])
+SUNK = np.array([0.06, 0.15, 0.3, 0.5])
 """Depths that are solved, over the finger's half width."""
-PRESSES = {"lump": 600, "vessel": 900}
-"""With half as many a table of lumps misses 1.3 times as much, with twice as many 0.9 times."""
-BARE_PLACES = 24
+PRESSES = 1000
 WEIGHT_OF_SLOPES = 0.3
 """Of a slope times its parameter's spread, beside a value; 0.1 and 1 fit lumps alike."""
 RIDGE = 1e-7
@@ -34,78 +34,108 @@ RIDGE = 1e-7
 HELD_OUT = 5
 """Every fifth press is not trained on, but says what the table is off by."""
 STEP = 1e-5
+SEED = 0
 ASIDE = 1.7
 """Exponent by which places crowd about a body, where its bump is."""
+REACH = 6.0
+"""How far aside of a body is pressed at most; there its bump has fallen to 1 or 2 %."""
+OFF_SIDE = 0.4
+"""How near to a side of its block is pressed at most."""
 
 
 class Samples(NamedTuple):
-    """Solved states over a kind of body: where (n,), how deep (n,) and over what (n, p); the
-    force of the bare block there (n,); bump and pulse over that (n, 2), and their derivatives
-    (p + 1, n, 2) by each parameter and by depth, NaN where unknown. ``press`` (n,) numbers the
-    presses, of each of which several depths are solved."""
+    """Solved states over a kind of body: where (n,), how deep (n,) and over what (n, p); force and
+    pulse (n, 2), and their derivatives (p + 1, n, 2) by each parameter and by depth, NaN where
+    unknown. ``press`` (n,) numbers the presses, of each of which several depths are solved.
+
+    Of a bare block the first value is the logarithm of its force over its depth.
+    """
 
     x: Array
     sunk: Array
     theta: Array
-    bare: Array
     value: Array
     slope: Array
     press: Array
 
     def where(self, chosen: Array) -> "Samples":
         return Samples(
-            self.x[chosen], self.sunk[chosen], self.theta[chosen], self.bare[chosen],
-            self.value[chosen], self.slope[:, chosen], self.press[chosen],
+            self.x[chosen], self.sunk[chosen], self.theta[chosen], self.value[chosen],
+            self.slope[:, chosen], self.press[chosen],
         )  # fmt: skip
+
+    def over(self, bare: Ratios) -> "Samples":
+        """Bump and pulse over the ``bare`` block's force."""
+
+        def force(x: Array, sunk: Array, block: Array) -> Array:
+            return np.asarray(sunk[:, None] * np.exp(bare(x, sunk, block)[:, :1]))
+
+        block = self.theta[:, -2:]
+        below = force(self.x, self.sunk, block)
+        slope = np.zeros_like(self.slope)
+        slope[-3:] = _slopes(force, self.x, self.sunk, block)
+        value = self.value / below
+        slope = (self.slope - value * slope) / below
+        return self._replace(value=value - [1.0, 0.0], slope=slope)
 
 
 def touch_table(
-    block: Scene, seed: int = 0, solving: Callable[[str, int, int], None] | None = None
+    block: Scene,
+    presses: int = PRESSES,
+    mapping: Callable[..., Iterable[tuple[Samples, Samples]]] = map,
+    counting: Callable[[int, int], None] = lambda _done, _total: None,
 ) -> TouchTable:
-    """The table of a plane ``block`` of tissue, under its finger; what lies in it does not matter.
+    """The table of plane blocks of any size on the support of ``block``, under its finger; what
+    lies in it does not matter.
 
-    ``solving`` hears of each press: which kind, how many are solved, of how many. Raises
-    `CannotSolve` where even the bare block cannot be pressed.
+    ``presses`` are solved over bodies of each kind. ``mapping`` is `map` or that of a pool of
+    processes; ``counting`` hears how many presses are done, of how many.
     """
-    bare = block.model_copy(update={"inclusion": ()})
-    units = Units(bare)
-    middle = np.linspace(0.0, units.half_width - 0.4, BARE_PLACES)
-    force = np.array([
-        [solved.force_n_per_m[0] for solved in ramp(bare, units.place_m(x))] for x in middle
-    ]) / units.force_n_per_m  # fmt: skip
-    table = TouchTable(about_block(bare), SUNK, middle, force.T, {})
-    rng = np.random.default_rng(seed)
-    ratios = {
-        kind.name: trained(kind, _samples(kind, units, table, rng, solving)) for kind in KINDS
-    }
-    return replace(table, ratios=ratios)
+    bodies: dict[str, Samples] = {}
+    blocks: list[Samples] = []
+    for n, kind in enumerate(KINDS):
+        solved = []
+        for pair in mapping(partial(random_press, kind.name, block), range(presses)):
+            solved.append(pair)
+            counting(n * presses + len(solved), len(KINDS) * presses)
+        of_body, of_block = zip(*solved, strict=True)
+        bodies[kind.name] = joined(of_body)
+        blocks += of_block
+    bare = trained(BARE, joined(blocks))
+    ratios = {kind.name: trained(kind, bodies[kind.name].over(bare)) for kind in KINDS}
+    return TouchTable(about_finger(block), {BARE.name: bare, **ratios})
 
 
 class Units:
-    """Of finger, tissue and block: what a table's numbers are over."""
+    """Of finger and tissue: what a table's numbers are over."""
 
-    def __init__(self, bare: Scene) -> None:
-        assert bare.tissue is not None
-        self.bare, self.tissue = bare, bare.tissue
-        self.length_mm = bare.indenter.width_mm_projected / 2
-        self.force_n_per_m = 1e3 * self.tissue.modulus_kpa * 1e-3 * self.length_mm
-        self.half_width = self.tissue.width_mm / 2 / self.length_mm
-        self.height = self.tissue.height_mm / self.length_mm
+    def __init__(self, block: Scene) -> None:
+        assert block.tissue is not None
+        self.block, self.modulus_kpa = block, block.tissue.modulus_kpa
+        self.length_mm = block.indenter.width_mm_projected / 2
+        self.force_n_per_m = 1e3 * self.modulus_kpa * 1e-3 * self.length_mm
 
-    def place_m(self, x: float) -> float:
-        return 1e-3 * (self.tissue.width_mm / 2 + x * self.length_mm)
+    def place_mm(self, x: float, theta: Array) -> float:
+        """From the block's side on."""
+        return float((np.exp(theta[-1]) + x) * self.length_mm)
 
     def scene(self, kind: Kind, theta: Array) -> Scene:
-        """The block with a body in it; pressures are the wave's ends."""
-        of = dict(zip(kind.parameters, (float(one) for one in theta), strict=True))
-        modulus_kpa, length_mm = self.tissue.modulus_kpa, self.length_mm
-        body = {
-            "x_mm": self.tissue.width_mm / 2 + of["x"] * length_mm,
-            "depth_mm": of["depth"] * length_mm,
-            "modulus_kpa": np.exp(of["log_ratio"]) * modulus_kpa,
-            "poisson": self.tissue.poisson,
+        """A block with a body in it, if the kind has one; pressures are the wave's ends."""
+        of = dict(zip(kind.parameters, (float(value) for value in theta), strict=True))
+        modulus_kpa, length_mm = self.modulus_kpa, self.length_mm
+        file = self.block.model_dump(exclude_none=True)
+        file["inclusion"] = []
+        file["tissue"] |= {
+            "height_mm": np.exp(of["log_height"]) * length_mm,
+            "width_mm": 2 * np.exp(of["log_half_width"]) * length_mm,
         }
-        update: dict[str, object] = {}
+        if kind is BARE:
+            return Scene.model_validate(file)
+        body = {
+            "x_mm": self.place_mm(of["x"], theta), "depth_mm": of["depth"] * length_mm,
+            "modulus_kpa": np.exp(of["log_ratio"]) * modulus_kpa,
+            "poisson": file["tissue"]["poisson"],
+        }  # fmt: skip
         if kind is LUMP:
             body |= {"kind": "tumour", "diameter_mm": np.exp(of["log_diameter"]) * length_mm}
         else:
@@ -119,93 +149,107 @@ class Units:
                     "fraction": of["narrowing"],
                     "modulus_kpa": np.exp(of["log_plaque"]) * body["modulus_kpa"],
                 }
-            mmhg = 1e3 * modulus_kpa / PA_PER_MMHG
-            update["pulse"] = {
-                "diastolic_mmhg": of["pressure"] * mmhg,
-                "systolic_mmhg": (of["pressure"] + of["swing"]) * mmhg,
-            }
-        file = self.bare.model_dump(exclude_none=True) | update | {"inclusion": [body]}
+            low_mmhg = np.exp(of["log_pressure"]) * 1e3 * modulus_kpa / PA_PER_MMHG
+            file["pulse"] = {
+                "diastolic_mmhg": low_mmhg, "systolic_mmhg": low_mmhg * (1 + of["swing"]),
+            }  # fmt: skip
+        file["inclusion"] = [body]
         return Scene.model_validate(file)
 
+    def numbers(self, kind: Kind, theta: Array, sunk: float) -> dict[str, float]:
+        """The press's numbers that depend on ``theta`` and on how deep it is."""
+        of_scene = numbers(self.scene(kind, theta))
+        moved = {
+            key: value for key, value in of_scene.items()
+            if key == "tissue.height_mm"
+            or (key.startswith("inclusion.0") and not key.endswith("poisson"))
+        }  # fmt: skip
+        return {"depth_mm": sunk * self.length_mm} | moved
 
-def _samples(
-    kind: Kind, units: Units, table: TouchTable, rng: np.random.Generator,
-    solving: Callable[[str, int, int], None] | None,
-) -> Samples:  # fmt: skip
-    found: list[Samples] = []
-    count = PRESSES[kind.name]
+
+def random_press(name: str, block: Scene, number: int) -> tuple[Samples, Samples]:
+    """The ``number``-th press over a random body, and over the same block with nothing in it; what
+    cannot be solved is drawn again."""
+    kind = next(kind for kind in KINDS if kind.name == name)
+    rng, units = np.random.default_rng([SEED, len(name), number]), Units(block)
     low, high = np.array(kind.low), np.array(kind.high)
-    while len(found) < count:
+    while True:
         theta = low + (high - low) * rng.random(len(low))
         if kind is VESSEL and rng.random() < 0.5:
             theta[kind.parameters.index("narrowing")] = 0.0
-        x = theta[0] + 6 * np.sign(rng.random() - 0.5) * rng.random() ** ASIDE
-        if not kind.fits(theta[None], units.height)[0] or abs(x) > units.half_width - 0.4:
+        x = theta[0] + REACH * np.sign(rng.random() - 0.5) * rng.random() ** ASIDE
+        if not kind.fits(theta[None])[0] or abs(x) > np.exp(theta[-1]) - OFF_SIDE:
             continue
-        try:
-            found.append(_sample(kind, units, table, theta, x, len(found)))
-        except (CannotSolve, ValueError):  # no room, or beyond what can be solved
-            continue
-        if solving is not None:
-            solving(kind.name, len(found), count)
+        with suppress(CannotSolve, ValueError):  # no room, or beyond what can be solved
+            return sample(kind, units, theta, x, number)
+
+
+def joined(parts: Sequence[Samples]) -> Samples:
+    """All of them; presses of several kinds over the bare block have other numbers each."""
+    first = np.cumsum([0, *(len(np.unique(part.press)) for part in parts)])
+    parts = [part._replace(press=part.press - part.press[0] + first[n])
+             for n, part in enumerate(parts)]  # fmt: skip
     return Samples(*(
-        np.concatenate(parts, axis=1 if name == "slope" else 0)
-        for name, parts in zip(Samples._fields, zip(*found, strict=True), strict=True)
+        np.concatenate(columns, axis=1 if name == "slope" else 0)
+        for name, columns in zip(Samples._fields, zip(*parts, strict=True), strict=True)
     ))  # fmt: skip
 
 
-def _sample(
-    kind: Kind, units: Units, table: TouchTable, theta: Array, x: float, number: int
-) -> Samples:
-    """One press at all depths."""
-    scene = units.scene(kind, theta)
-    keys, by_theta = _numbers_by_theta(kind, units, theta)
-    places = np.full(len(SUNK), x)
-    bare = table.bare_force(places, SUNK)
-    bare_slope = (table.bare_force(places, SUNK + STEP) - table.bare_force(places, SUNK - STEP)) / (
-        2 * STEP
-    )
-    force, slope = np.zeros((2, len(SUNK))), np.zeros((2, len(theta) + 1, len(SUNK)))
-    unit = units.force_n_per_m
-    for k, solved in enumerate(ramp(scene, units.place_m(x))):
-        for end, state in enumerate(solved.states[: 1 + kind.beats]):
-            force[end, k] = state.force / unit
-            by = gradients(solved.body, state, scene, [*keys, "depth_mm", *_pressed(kind)])
-            slope[end, :-1, k] = by_theta @ np.array([by[key] for key in keys]) / unit
-            slope[end, -1, k] = by["depth_mm"] * units.length_mm / unit
-            if kind.beats:
-                mmhg = 1e3 * units.tissue.modulus_kpa / PA_PER_MMHG
-                for name in ("pressure", "swing")[: 1 + end]:
-                    at = kind.parameters.index(name)
-                    slope[end, at, k] += by["pressure_mmhg"] * mmhg / unit
-    pulse = force[1] - force[0] if kind.beats else np.zeros(len(SUNK))
-    by_pulse = slope[1] - slope[0] if kind.beats else np.zeros_like(slope[0])
-    value = np.stack([force[0] / bare - 1, pulse / bare], axis=1)
-    by_value = np.stack([slope[0] / bare, by_pulse / bare], axis=2)
-    by_value[-1] -= (np.stack([force[0], pulse], axis=1) * bare_slope[:, None]) / bare[:, None] ** 2
+def sample(
+    kind: Kind, units: Units, theta: Array, x: float, number: int
+) -> tuple[Samples, Samples]:
+    """One press at all depths, over the body and over the bare block."""
+    block, count = theta[-2:], len(SUNK)
+    of_body, by_body = _pressed(kind, units, theta, x)
     if kind is VESSEL and theta[kind.parameters.index("narrowing")] == 0:
-        by_value[kind.parameters.index("narrowing")] = np.nan  # a ring of no thickness has no mesh
-    return Samples(
-        places, SUNK, np.tile(theta, (len(SUNK), 1)), bare, value, by_value,
-        np.full(len(SUNK), number),
-    )  # fmt: skip
+        by_body[kind.parameters.index("narrowing")] = np.nan  # a ring of no thickness has no mesh
+    of_bare, by_bare = _pressed(BARE, units, block, x)
+    force = of_bare[:, :1]
+    log_force, by_log = of_bare * 0, by_bare / force
+    log_force[:, :1] = np.log(force / SUNK[:, None])
+    by_log[-1, :, 0] -= 1 / SUNK
+    where, press = np.full(count, x), np.full(count, number)
+    return (
+        Samples(where, SUNK, np.tile(theta, (count, 1)), of_body, by_body, press),
+        Samples(where, SUNK, np.tile(block, (count, 1)), log_force, by_log, press),
+    )
 
 
-def _pressed(kind: Kind) -> tuple[str, ...]:
-    return ("pressure_mmhg",) if kind.beats else ()
+def _pressed(kind: Kind, units: Units, theta: Array, x: float) -> tuple[Array, Array]:
+    """Force at diastole and pulse (d, 2) at each depth, and their derivatives (p + 1, d, 2) by each
+    parameter and by depth."""
+    scene, count = units.scene(kind, theta), 1 + kind.beats
+    keys = list(units.numbers(kind, theta, 0.0))
+    by_number = _by_parameters(kind, units, theta)
+    unit, mmhg = units.force_n_per_m, 1e3 * units.modulus_kpa / PA_PER_MMHG
+    force, slope = np.zeros((count, len(SUNK))), np.zeros((count, len(theta) + 1, len(SUNK)))
+    for k, solved in enumerate(ramp(scene, 1e-3 * units.place_mm(x, theta))):
+        for end, state in enumerate(solved.states[:count]):
+            force[end, k] = state.force / unit
+            loads = ("pressure_mmhg",) if kind.beats else ()
+            by = gradients(solved.body, state, scene, [*keys, *loads])
+            slope[end, :, k] = by_number @ np.array([by[key] for key in keys]) / unit
+            if kind.beats:
+                pressure, swing = (kind.parameters.index(n) for n in ("log_pressure", "swing"))
+                low_mmhg, beat = np.exp(theta[pressure]) * mmhg, theta[swing] * end
+                slope[end, pressure, k] += by["pressure_mmhg"] * low_mmhg * (1 + beat) / unit
+                slope[end, swing, k] += by["pressure_mmhg"] * low_mmhg * end / unit
+    # a width moves all nodes along the finger, and its slope is mostly that of the mesh's own error
+    slope[:, kind.parameters.index("log_half_width")] = np.nan
+    pulse = np.array([[1.0, 0.0], [-1.0, 1.0]] if kind.beats else [[1.0], [0.0]])
+    return (pulse @ force).T, np.moveaxis(np.tensordot(pulse, slope, 1), 0, 2)
 
 
-def _numbers_by_theta(kind: Kind, units: Units, theta: Array) -> tuple[list[str], Array]:
-    """Keys of the body's numbers, and their derivatives (p, k) by the kind's parameters."""
-    here = numbers(units.scene(kind, theta))
-    keys = [key for key in here if key.startswith("inclusion.0") and not key.endswith("poisson")]
+def _by_parameters(kind: Kind, units: Units, theta: Array) -> Array:
+    """Derivatives (p + 1, k) of the press's numbers by the kind's parameters and by depth."""
     rows = []
-    for k in range(len(theta)):
-        step = np.zeros(len(theta))
-        step[k] = STEP * (1 if kind.parameters[k] != "narrowing" or theta[k] > 0 else 0)
-        ahead, behind = (numbers(units.scene(kind, theta + s * step)) for s in (1, -1))
-        rows.append([(ahead[key] - behind[key]) / (2 * STEP) for key in keys])
-    return keys, np.array(rows)
+    for k in range(len(theta) + 1):
+        step = STEP * np.eye(len(theta) + 1)[k]
+        if k < len(theta) and kind.parameters[k] == "narrowing" and theta[k] == 0:
+            step *= 0
+        ahead, behind = (units.numbers(kind, theta + s * step[:-1], s * step[-1]) for s in (1, -1))
+        rows.append([(ahead[key] - behind[key]) / (2 * STEP) for key in ahead])
+    return np.array(rows)
 
 
 def ramp(scene: Scene, x_m: float) -> list[Solved]:
@@ -220,43 +264,63 @@ def trained(kind: Kind, samples: Samples) -> Ratios:
     held_out = samples.press % HELD_OUT == 0
     test = samples.where(held_out)
     ratios = _fit(kind, samples.where(~held_out))
-    central = kind.central(test.theta)
-    off = (ratios(test.x, test.sunk, test.theta) - test.value) / np.where(central, central, 1.0)
-    return replace(_fit(kind, samples), error=np.sqrt((off**2).mean(axis=0)))
+    off = ratios(test.x, test.sunk, test.theta) - test.value
+    there, over = kind.size(test.x, test.theta), kind.central(test.theta)
+    error = np.zeros((2, 2))
+    for output in range(1 + kind.beats):
+        error[:, output] = _most_likely_error(off[:, output], there[:, output], over[:, output])
+    return replace(_fit(kind, samples), error=error)
+
+
+def _most_likely_error(off: Array, there: Array, over: Array) -> Array:
+    """Parts (2,) of sizes ``there`` (n,) and ``over`` a body (n,), of which squares sum up to the
+    variance of what is ``off`` (n,), as of Gaussian errors."""
+
+    def unlikely(log_parts: Array) -> float:
+        variance = (there * np.exp(log_parts[0])) ** 2 + (over * np.exp(log_parts[1])) ** 2
+        return float((np.log(variance) + off**2 / variance).sum())
+
+    first = np.log(np.sqrt((off**2).mean() / (over**2).mean())) * np.ones(2)
+    return np.asarray(np.exp(minimize(unlikely, first, method="Nelder-Mead").x))
 
 
 def _fit(kind: Kind, samples: Samples) -> Ratios:
-    x, sunk, theta, bare, value, slope, _ = samples
-    coordinates = kind.coordinates(x, sunk, theta)
+    x, sunk, theta, value, slope, _ = samples
+    coordinates = kind.at(x, sunk, theta)
     low, high = coordinates.min(axis=0), coordinates.max(axis=0)
-    basis = Basis(coordinates.shape[1], kind.degree)
-    scaled = 2 * (coordinates - low) / (high - low) - 1
+    high[: kind.mirrored] = np.abs(coordinates[:, : kind.mirrored]).max(axis=0)
+    low[: kind.mirrored] = -high[: kind.mirrored]
+    ratios = Ratios(kind, low, high, np.zeros((0, 2)), np.zeros((2, 2)))
+    basis = ratios.basis
+    scaled = ratios.scaled(coordinates)
     terms = basis.values(scaled)
     by_coordinate = basis.derivatives(scaled) * (2 / (high - low))[:, None, None]
-    turned = _slopes(kind.coordinates, x, sunk, theta)
+    turned = _slopes(kind.at, x, sunk, theta)
     size = kind.size(x, theta)
     turned_size = _slopes(lambda x, _, theta: kind.size(x, theta), x, sunk, theta)
     spread = np.append(theta.std(axis=0), sunk.std())
     coefficients = np.zeros((terms.shape[1], 2))
     for output in range(1 + kind.beats):
         ratio = value[:, output] / size[:, output]
-        weight = np.sqrt(size[:, output] * bare)  # small bumps need not be known as well
-        rows, wanted = [terms * weight[:, None]], [ratio * weight]
+        weight = np.sqrt(size[:, output] * sunk)  # small bumps need not be known as well
+        rows = terms * weight[:, None]
+        normal, right = rows.T @ rows, rows.T @ (ratio * weight)
         for k, one_turned in enumerate(turned):
             along = (slope[k, :, output] - ratio * turned_size[k, :, output]) / size[
                 :, output
             ]  # the quotient's rule
             known = np.isfinite(along)
             scale = WEIGHT_OF_SLOPES * spread[k] * weight[known]
-            row = np.einsum("nc,cnt->nt", one_turned[known], by_coordinate[:, known])
-            rows.append(row * scale[:, None])
-            wanted.append(along[known] * scale)
-        matrix, right = np.vstack(rows), np.concatenate(wanted)
-        normal = matrix.T @ matrix
+            rows = np.zeros((int(known.sum()), terms.shape[1]))
+            for turn, by in zip(one_turned[known].T, by_coordinate, strict=True):
+                if turn.any():
+                    rows += (turn * scale)[:, None] * by[known]
+            normal += rows.T @ rows
+            right += rows.T @ (along[known] * scale)
         ridge = RIDGE * np.trace(normal) / len(normal)
         normal += ridge * np.diag(1.0 + basis.exponents.sum(axis=1) ** 2)
-        coefficients[:, output] = np.linalg.solve(normal, matrix.T @ right)
-    return Ratios(kind, low, high, coefficients, np.zeros(2))
+        coefficients[:, output] = np.linalg.solve(normal, right)
+    return replace(ratios, coefficients=coefficients)
 
 
 def _slopes(

@@ -1,3 +1,3 @@
-"""What a finger meets over a body, in microseconds: `kinds` of bodies, polynomials of a `basis`,
-put together in a `table`; `kept` finds one.
+"""What a finger meets over bodies, in microseconds: `kinds` of bodies, polynomials of a `basis`,
+put together in a `table`; `kept` finds one, and `touch` is for everybody's simulator.
 """

@@ -1,7 +1,7 @@
 """Products of Chebyshev polynomials up to a total degree, and their derivatives."""
 
+from collections.abc import Sequence
 from functools import cached_property
-from itertools import product
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -10,24 +10,27 @@ from sim_backend.arrays import Array, Ints
 
 
 class Basis:
-    """All products of Chebyshev polynomials of ``dimensions`` coordinates up to a total degree.
+    """Products of Chebyshev polynomials of some coordinates, up to a total ``degree`` to which each
+    coordinate's own counts by its ``weights`` (dimensions,); of those, the ones that stay as they
+    are where the first ``odd`` coordinates change sign together.
 
     Coordinates are meant to lie within -1 and 1.
     """
 
-    def __init__(self, dimensions: int, degree: int) -> None:
-        self.dimensions, self.degree = dimensions, degree
+    def __init__(self, degree: int, weights: Sequence[float], odd: int = 0) -> None:
+        self.degree, self.weights, self.odd = degree, weights, odd
 
     @cached_property
     def exponents(self) -> Ints:
         """The degree (terms, dimensions) of each factor of each product."""
         found: list[tuple[int, ...]] = [()]
-        for _ in range(self.dimensions):
+        for weight in self.weights:
             found = [
-                (*head, k) for head, k in product(found, range(self.degree + 1))
-                if sum(head) + k <= self.degree
+                (*head, k) for head in found for k in range(self.degree + 1)
+                if np.dot(head, self.weights[: len(head)]) + k * weight <= self.degree
             ]  # fmt: skip
-        return np.array(found)
+        products = np.array(found)
+        return np.asarray(products[products[:, : self.odd].sum(axis=1) % 2 == 0])
 
     def values(self, coordinates: Array) -> Array:
         """The products (n, terms) at ``coordinates`` (n, dimensions)."""
@@ -42,7 +45,7 @@ class Basis:
         factors = self._factors(coordinates)
         slopes = factors @ _differentiation(self.degree)
         found = []
-        for k in range(self.dimensions):
+        for k in range(len(self.weights)):
             one_slope = factors.copy()
             one_slope[k] = slopes[k]
             found.append(_products(one_slope, self.exponents))

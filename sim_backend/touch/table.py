@@ -11,10 +11,11 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from sim_backend.arrays import Array, Ints
 from sim_backend.touch.basis import Basis
-from sim_backend.touch.kinds import KINDS, Kind
+from sim_backend.touch.kinds import BARE, KINDS, OF_ROW, Kind, aside
 
 
 @dataclass(frozen=True)
@@ -22,8 +23,8 @@ class Ratios:
     """Of one kind: polynomials of ``coefficients`` (terms, 2), bump and pulse over the force of the
     bare block and over `Kind.size`, of coordinates between ``low`` and ``high`` (c,).
 
-    ``error`` (2,): root mean square of what they are off by over `Kind.central`, in states that
-    they were not trained on.
+    ``error`` (2, 2): what they are off by in states that they were not trained on, a part over
+    `Kind.size` there and a part over that right over the body, and of each bump and pulse.
     """
 
     kind: Kind
@@ -34,31 +35,43 @@ class Ratios:
 
     @cached_property
     def basis(self) -> Basis:
-        return Basis(len(self.low), self.kind.degree)
+        return Basis(self.kind.degree, self.kind.weights, self.kind.mirrored)
 
     def scaled(self, coordinates: Array) -> Array:
         """Coordinates between -1 and 1; beyond its ends a polynomial is worth nothing."""
         return np.clip(2 * (coordinates - self.low) / (self.high - self.low) - 1, -1.1, 1.1)
 
+    def scaled_last(self, of_depth: Array) -> Array:
+        """The last coordinate (n,) between -1 and 1."""
+        low, high = self.low[-1], self.high[-1]
+        return np.asarray(np.clip(2 * (of_depth - low) / (high - low) - 1, -1.1, 1.1))
+
+    def scaled_across(self, across: Array) -> Array:
+        """The first coordinate (n,) between -1 and 1."""
+        return np.asarray(across / self.high[0])
+
     def __call__(self, x: Array, sunk: Array, theta: Array) -> Array:
         """Bump and pulse (n, 2) over the bare block's force."""
-        coordinates = self.scaled(self.kind.coordinates(x, sunk, theta))
+        coordinates = self.scaled(self.kind.at(x, sunk, theta))
         return self.kind.size(x, theta) * (self.basis.values(coordinates) @ self.coefficients)
 
-    def off_by(self, theta: Array) -> Array:
-        """What bump and pulse (n, 2) may be off by, over the bare block's force."""
-        return self.kind.central(theta) * self.error
+    def off_by(self, x: Array, theta: Array) -> Array:
+        """What bump and pulse (n, 2) may be off by at places (n,), over the bare block's force: a
+        standard deviation."""
+        there, over = self.kind.size(x, theta), self.kind.central(theta)
+        return np.asarray(np.hypot(there * self.error[0], over * self.error[1]))
 
-    def at_depths(self, sunk: Array) -> "AtDepths":
-        """The same at some depths (d,), for many bodies and places: what is of the depth alone, the
-        last coordinate, is summed over once."""
-        last = np.zeros((len(sunk), len(self.low)))
-        last[:, -1] = sunk
-        along = np.polynomial.chebyshev.chebvander(self.scaled(last)[:, -1], self.basis.degree)
+    def at_depths(self, sunk: Array, block: Array) -> "AtDepths":
+        """The same at some depths (d,) over one ``block`` (2,), for many bodies and places: what is
+        of block and depth alone, the last coordinates, is summed over once."""
+        some_body = np.mean([self.kind.low, self.kind.high], axis=0)[: -len(block)]
+        here = np.tile(np.concatenate([some_body, block]), (len(sunk), 1))
+        of_row = self.scaled(self.kind.at(here[:, 0], sunk, here))[:, -OF_ROW:]
         exponents = self.basis.exponents
-        of_body, row = np.unique(exponents[:, 1:-1], axis=0, return_inverse=True)
+        along = self.basis.products(of_row, exponents[:, -OF_ROW:])
+        of_body, row = np.unique(exponents[:, 1:-OF_ROW], axis=0, return_inverse=True)
         summed = np.zeros((len(of_body), self.basis.degree + 1, len(sunk), 2))
-        weighted = along.T[exponents[:, -1], :, None] * self.coefficients[:, None, :]
+        weighted = along.T[:, :, None] * self.coefficients[:, None, :]
         np.add.at(summed, (row.ravel(), exponents[:, 0]), weighted)
         return AtDepths(self, sunk, of_body, summed)
 
@@ -66,7 +79,8 @@ class Ratios:
 @dataclass(frozen=True)
 class AtDepths:
     """`Ratios` at depths (d,): ``summed`` (terms, degree + 1, d, 2) of products of the body's own
-    coordinates with ``exponents`` (terms, c - 2), and of powers of the first one, the place's."""
+    coordinates with ``exponents`` (terms, c - 1 - `OF_ROW`), and of powers of the first one, the
+    place's."""
 
     ratios: Ratios
     sunk: Array
@@ -76,50 +90,56 @@ class AtDepths:
     def __call__(self, x: Array, theta: Array) -> Array:
         """Bump and pulse (m, n, d, 2) at places ``x`` (n,) over bodies ``theta`` (m, p)."""
         kind, ratios, count = self.ratios.kind, self.ratios, len(x)
-        here = ratios.scaled(kind.coordinates(theta[:, 0], np.zeros(len(theta)), theta))[:, 1:-1]
-        terms = ratios.basis.products(here, self.exponents)
+        scaled = ratios.scaled(kind.at(theta[:, 0], np.ones(len(theta)), theta))
+        terms = ratios.basis.products(scaled[:, 1:-OF_ROW], self.exponents)
         of_body = np.tensordot(terms, self.summed, axes=1)
         places, bodies = np.tile(x, len(theta)), np.repeat(theta, count, axis=0)
-        aside = kind.coordinates(places, np.zeros(len(places)), bodies)[:, :1]
-        scaled = np.clip(
-            2 * (aside[:, 0] - ratios.low[0]) / (ratios.high[0] - ratios.low[0]) - 1, -1.1, 1.1
-        )
-        powers = np.polynomial.chebyshev.chebvander(scaled, ratios.basis.degree)
-        powers = powers.reshape(len(theta), count, -1)
+        across = ratios.scaled_across(aside(places, bodies)[0])
+        powers = chebyshev.chebvander(across, ratios.basis.degree).reshape(len(theta), count, -1)
         found = np.einsum("mnk,mkde->mnde", powers, of_body, optimize=True)
         return np.asarray(found * kind.size(places, bodies).reshape(len(theta), count, 1, 2))
 
 
 @dataclass(frozen=True)
 class TouchTable:
-    """Of one shape of finger over a block of one height, all over the finger's half width.
-
-    ``bare`` (d, m) is the bare block's force at the depths ``sunk`` (d,) and the places ``middle``
-    (m,) from the block's middle on, over modulus, half width and length; the block is even.
-    """
+    """Of one shape of finger over blocks of any size, lengths over the finger's half width."""
 
     about: Mapping[str, Any]
-    sunk: Array
-    middle: Array
-    bare: Array
     ratios: Mapping[str, Ratios]
 
-    def bare_force(self, x: Array, sunk: Array) -> Array:
-        """Force (n,) of the bare block, by cubics through its solved states."""
-        there = np.array([_cubic(self.middle, row, np.abs(x)) for row in self.bare])
-        powers = _lagrange(np.append(0.0, self.sunk), sunk)[:, 1:]
-        return np.asarray((powers * there.T).sum(axis=1))
+    def said(self) -> dict[str, Any]:
+        """What it is of, in words too, and its `Ratios.error` of each kind."""
+        about = self.about
+        support = "a bonded support" if about["bonded"] else "a sliding support"
+        held = {kind.name: self.ratios[kind.name].error.tolist() for kind in (BARE, *KINDS)}
+        words = f"{about['shape']} on {support}, plane {about['plane']}"
+        return {**about, "errors": held, "words": words}
+
+    @property
+    def depths(self) -> tuple[float, float]:
+        """The least and the greatest that was trained on."""
+        bare = self.ratios[BARE.name]
+        return float(np.exp(bare.low[-1])), float(np.exp(bare.high[-1]))
+
+    def knows(self, scene: Any) -> bool:
+        """Whether a scene's block is one of those that the table was trained on."""
+        block = block_of(scene)
+        return bool(((block >= BARE.low) & (block <= BARE.high)).all())
+
+    def bare_force(self, x: Array, sunk: Array, block: Array) -> Array:
+        """Force (n,) of a bare ``block`` (2,) over modulus, half width and length."""
+        theta = np.tile(block, (len(x), 1))
+        return np.asarray(sunk * np.exp(self.ratios[BARE.name](x, sunk, theta)[:, 0]))
 
     def save(self, path: Path) -> None:
         """As one file of numpy's."""
         flat = {
-            f"{name}.{key}": getattr(one, key)
-            for name, one in self.ratios.items()
+            f"{name}.{key}": getattr(ratios, key)
+            for name, ratios in self.ratios.items()
             for key in ("low", "high", "coefficients", "error")
         }
         about = {f"about.{key}": np.array(value) for key, value in self.about.items()}
-        own = {"sunk": self.sunk, "middle": self.middle, "bare": self.bare}
-        np.savez_compressed(path, allow_pickle=False, **own, **flat, **about)
+        np.savez_compressed(path, allow_pickle=False, **flat, **about)
 
     @classmethod
     def load(cls, path: Path) -> Self:
@@ -130,46 +150,28 @@ class TouchTable:
                     kind, file[f"{kind.name}.low"], file[f"{kind.name}.high"],
                     file[f"{kind.name}.coefficients"], file[f"{kind.name}.error"],
                 )
-                for kind in KINDS
-                if f"{kind.name}.low" in file
+                for kind in (BARE, *KINDS)
             }  # fmt: skip
             about = {
                 key.removeprefix("about."): file[key].item()
                 for key in file.files
                 if key.startswith("about.")
             }
-            return cls(about, file["sunk"], file["middle"], file["bare"], ratios)
+            return cls(about, ratios)
 
 
-def about_block(block: Any) -> dict[str, Any]:
-    """What a table depends on: the shapes of finger and block, over the finger's half width."""
-    finger, tissue = block.indenter, block.tissue
+def about_finger(scene: Any) -> dict[str, Any]:
+    """What a table depends on: the finger's shape over its half width, and how it meets a block."""
+    finger = scene.indenter
     half_mm = finger.width_mm_projected / 2
     edge_mm = getattr(finger, "edge_radius_mm", None) or half_mm
     return {
-        "shape": finger.shape, "edge": edge_mm / half_mm, "plane": block.plane,
-        "width": tissue.width_mm / half_mm, "height": tissue.height_mm / half_mm,
-        "poisson": tissue.poisson, "bonded": block.bonded_support, "sticks": finger.bonded,
+        "shape": finger.shape, "edge": edge_mm / half_mm, "plane": scene.plane,
+        "poisson": scene.tissue.poisson, "bonded": scene.bonded_support, "sticks": finger.bonded,
     }  # fmt: skip
 
 
-def _lagrange(nodes: Array, at: Array) -> Array:
-    """Weights (n, nodes) of the values at ``nodes`` of the polynomial through them all."""
-    weights = np.ones((len(at), len(nodes)))
-    for i, node in enumerate(nodes):
-        for other in np.delete(nodes, i):
-            weights[:, i] *= (at - other) / (node - other)
-    return weights
-
-
-def _cubic(nodes: Array, values: Array, at: Array) -> Array:
-    """Cubics (n,) through values and central slopes; level at the first node, where all is even."""
-    slope = np.gradient(values, nodes)
-    slope[0] = 0.0
-    i = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
-    width = nodes[i + 1] - nodes[i]
-    t = np.clip((at - nodes[i]) / width, 0.0, 1.0)
-    return np.asarray(
-        (2 * t**3 - 3 * t**2 + 1) * values[i] + (t**3 - 2 * t**2 + t) * width * slope[i]
-        + (3 * t**2 - 2 * t**3) * values[i + 1] + (t**3 - t**2) * width * slope[i + 1]
-    )  # fmt: skip
+def block_of(scene: Any) -> Array:
+    """The block (2,) of a scene, as `sim_backend.touch.kinds.BLOCK` has it."""
+    half_mm = scene.indenter.width_mm_projected / 2
+    return np.log([scene.tissue.height_mm / half_mm, scene.tissue.width_mm / 2 / half_mm])

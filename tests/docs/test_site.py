@@ -181,7 +181,7 @@ def test_the_settings_that_a_device_s_page_shows_are_taken(page: Path) -> None:
     rig = Rig.model_validate(rest | tables)
     devices = [("stages", rig.stage), *(("sensors", sensor) for sensor in rig.sensor)]
     shown = [(kind, device) for kind, device in devices if device.driver != "virtual"]
-    assert shown
+    assert shown or page.stem == "virtual"  # whose keys the rig's own schema has taken
     for kind, device in shown:
         taken = settings_of(kind, device.driver).model_validate(device.settings)
         assert taken.model_dump(by_alias=True, exclude_unset=True).keys() >= device.settings.keys()

@@ -1,22 +1,30 @@
 """How deep, how large and how stiff a named object is, from a whole row: ramps, levels, pulses."""
 
-from typing import Any
+from dataclasses import replace
+from itertools import product
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
 
-from drivers.core.arrays import Array
 from probe.core.recording import Recording
-from probe.detection.beneath.hypotheses import HYPOTHESES, Likelihood, names_of
-from probe.detection.beneath.posterior import Posterior, most_likely, sample
+from probe.detection.beneath.hypotheses import Bodies, Likelihood
+from probe.detection.beneath.posterior import Posterior, sample
+from probe.detection.beneath.rivals import (
+    Likeliest,
+    decided,
+    likeliest,
+    may_be,
+    object_of,
+    pairs_with,
+)
 from probe.detection.beneath.row_data import row_data
-from probe.detection.beneath.sizes import Sizes, unknown
+from probe.detection.finding import ObjectFinding
 from probe.detection.pulse.presses import Press
 from probe.detection.repeats import MIN_NAMED
+from probe.detection.sizes import Sizes, unknown
 from sim_backend.scene.scene_file import Scene
 from sim_backend.touch.kept import table_for
-from sim_backend.touch.kinds import Kind
-from sim_backend.touch.table import TouchTable
 
 WORST = 0.01
 """Chance of a greater misfit, below which the body in the table is not what lies there."""
@@ -31,69 +39,92 @@ AT_THE_END = 0.5
 """Density of a marginal at an end of its range over its greatest, from which that end is the
 range's and not the data's."""
 BINS = 10
+MOST = 2
+"""Bodies of a row whose sizes are asked for."""
 ONE_ROW = (
     "one row cannot tell a narrowing from a stiff wall: scan a second row over a healthy stretch "
     "of the same vessel"
 )
 
 
-def sizes(recording: Recording, presses: tuple[Press, ...], kind: str) -> Sizes:
-    """Of the only object of a scan of one row, named ``kind``."""
-    found = table_of(recording)
-    if isinstance(found, str):
-        return unknown(found)
-    if kind not in HYPOTHESES:
-        return unknown("it has no kind yet")
-    if len(recording.rows()) > 1:
-        return unknown("depth and size are known of single rows: detect each row of a grid alone")
-    data = row_data(presses, recording.face_m2)
-    if data is None:
-        return unknown("the run holds no ramps with places and depths")
-    if len(np.unique(data.x_m)) < MIN_NAMED:
-        return unknown(f"a row of at least {MIN_NAMED} stations is needed")
-    table, half_width_m, length_m, middle_m = found
-    if data.sunk_m[-1] > 1.01 * table.sunk[-1] * half_width_m:
-        deepest_mm = 1e3 * table.sunk[-1] * half_width_m
-        return unknown(f"the table of this finger ends at {deepest_mm:.3g} mm: press less deep")
-    return stated(kind, Likelihood(data, table, half_width_m, length_m, middle_m))
+def with_sizes(
+    recording: Recording, presses: tuple[Press, ...], objects: list[ObjectFinding]
+) -> list[ObjectFinding]:
+    """The objects of a scan with their sizes; in place of a single one that no single body
+    explains, the two that do."""
+    likelihood = likelihood_of(recording, presses)
+    if isinstance(likelihood, str):
+        return [replace(one, sizes=unknown(likelihood)) for one in objects]
+    objects = sorted(objects, key=lambda one: one.position_m)
+    may = [may_be(one, likelihood.data.x_m) for one in objects]
+    if not 0 < len(objects) <= MOST or not all(may):
+        why = "it has no kind yet" if len(objects) == 1 else "what lies beside it is not known"
+        return [replace(one, sizes=unknown(why)) for one in objects]
+    found = likeliest(product(*may), likelihood)
+    posterior = explained(found, likelihood)
+    if isinstance(posterior, Misfit) and len(objects) == 1:
+        pair = likeliest(pairs_with(may[0]), likelihood)
+        of_pair = explained(pair, likelihood)
+        if isinstance(of_pair, Posterior):
+            found, posterior = pair, of_pair
+            objects = [object_of(n, pair, of_pair, likelihood, recording.face_m2) for n in range(2)]
+    elif isinstance(posterior, Posterior):
+        objects = [decided(one, float(p)) for one, p in zip(objects, found.vessel, strict=True)]
+    return [
+        replace(one, sizes=sizes(found.bodies, n, posterior, likelihood))
+        for n, one in enumerate(objects)
+    ]
 
 
-def stated(kind: str, likelihood: Likelihood) -> Sizes:
-    """What a row says of the one body of this kind beneath it."""
-    body = HYPOTHESES[kind]
-    mode = most_likely(likelihood.model(body))
-    model = likelihood.model(body, mode)
-    freedom = len(likelihood.measured) - len(mode)
+def explained(found: Likeliest, likelihood: Likelihood) -> "Posterior | Misfit | None":
+    """The posterior of a row's bodies; None where it could not be sampled well enough."""
     for seed in range(SAMPLERS):
-        posterior = sample(model, np.random.default_rng(seed))
+        posterior = sample(found.model, np.random.default_rng(seed))
+        freedom = len(likelihood.measured) - len(posterior.best)
         if chdtrc(freedom, posterior.chi2) < WORST:
-            return unknown(
-                f"no single {kind} in an even block explains this row (misfit "
-                f"{posterior.chi2:.0f} of {freedom}): several objects, layers, a bone, or another "
-                "support"
-            )
+            return Misfit(posterior.chi2, freedom)
         if posterior.effective >= FEWEST:
-            return _intervals(body, posterior, model.low, model.high, likelihood.half_width_m)
-    return unknown("its posterior could not be sampled well enough to state intervals")
+            return posterior
+    return None
 
 
-def _intervals(
-    body: Kind, posterior: Posterior, low: Array, high: Array, half_width_m: float
+class Misfit(NamedTuple):
+    """Bodies in an even block leave more of a row unexplained than `WORST` allows."""
+
+    chi2: float
+    freedom: int
+
+
+def sizes(
+    bodies: Bodies, n: int, posterior: Posterior | Misfit | None, likelihood: Likelihood
 ) -> Sizes:
-    names = names_of(body)
-    column = {name: posterior.points[:, k] for k, name in enumerate(names)}
-    diameter = "log_diameter" if "log_diameter" in column else "log_inner"
+    """What a row says of its ``n``-th body."""
+    if posterior is None:
+        return unknown("its posterior could not be sampled well enough to state intervals")
+    if isinstance(posterior, Misfit):
+        how_many = "no single body" if len(bodies.kinds) == 1 else f"no {len(bodies.kinds)} bodies"
+        return unknown(
+            f"{how_many} in an even block explain{'s' * (len(bodies.kinds) == 1)} this row (misfit "
+            f"{posterior.chi2:.0f} of {posterior.freedom}): more objects, layers, a bone, or "
+            "another support"
+        )
+    half_width_m = likelihood.half_width_m
+    diameter = "log_inner" if bodies.kinds[n].beats else "log_diameter"
+    depth, across, ratio = (
+        posterior.points[:, bodies.column(n, name)] for name in ("depth", diameter, "log_ratio")
+    )
     values = {
-        "depth": ("depth", half_width_m * column["depth"]),
-        "diameter": (diameter, half_width_m * np.exp(column[diameter])),
-        "modulus": ("log_ratio", np.exp(column["log_modulus"] + column["log_ratio"])),
+        "depth": ("depth", half_width_m * depth),
+        "diameter": (diameter, half_width_m * np.exp(across)),
+        "modulus": ("log_ratio", np.exp(posterior.points[:, 0] + ratio)),
     }
+    ranges = bodies.ranges(likelihood.x)
     said: dict[str, Any] = {}
-    why = {"stenosis": ONE_ROW} if diameter == "log_inner" else {}
+    why = {"stenosis": ONE_ROW} if bodies.kinds[n].beats else {}
     for name, (parameter, value) in values.items():
-        at = names.index(parameter)
+        at = bodies.column(n, parameter)
         left, middle, right = posterior.quantiles(value)
-        from_low, from_high = _ends(posterior, at, low[at], high[at])
+        from_low, from_high = _ends(posterior, at, *ranges[:, at])
         bounds = (-np.inf if from_low else float(left), np.inf if from_high else float(right))
         unit = "pa" if name == "modulus" else "m"
         if from_low and from_high:
@@ -117,9 +148,8 @@ def _ends(posterior: Posterior, at: int, low: float, high: float) -> tuple[bool,
     return bool(first), bool(last)
 
 
-def table_of(recording: Recording) -> tuple[TouchTable, float, float, float] | str:
-    """The table of a recording's finger and block, the finger's half width and length [m] and
-    where the block's middle is; or why there is none."""
+def likelihood_of(recording: Recording, presses: tuple[Press, ...]) -> Likelihood | str:
+    """Of what a scan of one row measured, or why there is none."""
     if recording.block is None:
         return (
             "finger and block are not known: give a scene with them as [scene] in the rig file, or "
@@ -127,11 +157,22 @@ def table_of(recording: Recording) -> tuple[TouchTable, float, float, float] | s
         )
     if not recording.block.get("tissue"):
         return "depth and size are known of what lies in a block of tissue"
-    block = Scene.model_validate({"name": "block", **recording.block})
-    table = table_for(block)
-    if table is None or block.tissue is None:
-        return f'there is no table for this finger over this block of plane = "{block.plane}"'
-    return (
-        table, 0.5e-3 * block.indenter.width_mm_projected, 1e-3 * block.indenter.length_mm,
-        0.5e-3 * block.tissue.width_mm,
-    )  # fmt: skip
+    scene = Scene.model_validate({"name": "block", **recording.block})
+    table = table_for(scene)
+    if table is None:
+        return f'there is no table for this finger on this support in plane = "{scene.plane}"'
+    if not table.knows(scene):
+        return "the block is flatter, higher, narrower or wider than those of this finger's table"
+    if len(recording.rows()) > 1:
+        return "depth and size are known of single rows: detect each row of a grid alone"
+    data = row_data(presses, recording.face_m2)
+    if data is None:
+        return "the run holds no ramps with places and depths"
+    if len(np.unique(data.x_m)) < MIN_NAMED:
+        return f"a row of at least {MIN_NAMED} stations is needed"
+    likelihood = Likelihood(data, table, scene)
+    deepest = table.depths[1]
+    if likelihood.sunk[-1] > 1.01 * deepest:
+        deepest_mm = 1e3 * deepest * likelihood.half_width_m
+        return f"the table of this finger ends at {deepest_mm:.3g} mm: press less deep"
+    return likelihood

@@ -4,18 +4,25 @@ A parameter of a `sim_backend.touch` kind is in units of finger and tissue; pres
 here, since the tissue's modulus is a parameter too.
 """
 
+from dataclasses import dataclass, replace
+from functools import cached_property
+
 import numpy as np
 
 from drivers.core.arrays import Array, Bools
 from probe.detection.beneath.posterior import Model
 from probe.detection.beneath.row_data import RowData
-from sim_backend.touch.kinds import LUMP, VESSEL, Kind
-from sim_backend.touch.table import AtDepths, TouchTable
+from sim_backend.scene.scene_file import Scene
+from sim_backend.touch.kinds import BLOCK, KINDS, LUMP, VESSEL, Kind
+from sim_backend.touch.table import AtDepths, TouchTable, block_of
 
 PA_PER_MMHG = 133.322387415
 PRESSURES = {"pressure": (60.0, 100.0), "swing": (20.0, 62.0)}
 """Diastole and pulse pressure of most adults [mmHg], each evenly (ESC/ESH 2018, table 3, from
 optimal to grade 2)."""
+OF_PRESSURES = ("log_pressure", "swing")
+"""What follows from those for a vessel: diastole over the tissue's modulus, and pulse pressure over
+diastole."""
 TISSUE_PA = (2e3, 500e3)
 """Fat to tight muscle (Wells & Liang 2011, table 1), each decade alike."""
 TILT, BOW_M, OFFSET_M = 0.01, 50e-6, 50e-6
@@ -28,10 +35,12 @@ GAIN = 0.3
 in proportion to its stiffness (117 curves on meat lose 28 % in 0.8 s)."""
 MODEL, MODEL_OF_BUMP, MODEL_OF_PULSE = 0.002, 0.015, 0.08
 """What finite elements are off by, of the force, of a bump, and of a pulse from beat to beat."""
-REACH, REACH_SUNK = 0.6, 0.25
-"""Half widths, along the row and in depth, over which a table's errors are alike: in 60 rows over
-random bodies their correlation is 0.4 at 0.8 and 0 at 1.6 along it, 0.6 at 0.25 in depth."""
-
+REACH, REACH_SUNK = 1.5, 0.25
+"""Half widths, along the row and in depth, over which a table's errors are alike: in 20 rows over
+random bodies their correlation is 0.63 at 0.8, 0.33 at 1.6 and 0.18 at 2.4 along it, as an
+exponential's, and 0.84 at 0.2 and 0.28 at 0.44 in depth, as a Gaussian's."""
+DRAWN, STARTS = 2000, 6
+"""Points of the prior that are tried for each body, and the best ones that a fit starts from."""
 
 HYPOTHESES: dict[str, Kind] = {
     "tumour": LUMP,
@@ -40,106 +49,142 @@ HYPOTHESES: dict[str, Kind] = {
 }
 """By the name of an object. Every vessel may be narrowed, by as little as nothing: one row hardly
 tells, and a depth that relies on a healthy one is wrong over a narrowed one."""
+APART = 1.6
+"""Half widths between two bodies at least: 8 mm for a finger of 5 mm radius. Bumps add there: two
+lumps at 8, 12 and 16 mm are off by 1.7, 0.5 and 0.1 % of the force, vessels by 0.04 % at most."""
 
 
-def names_of(kind: Kind) -> tuple[str, ...]:
-    """Of the parameters of a point: the tissue's modulus, and those of the body."""
-    return ("log_modulus", *kind.parameters)
+@dataclass(frozen=True)
+class Bodies:
+    """The bodies of a row and the parameters of a point: the tissue's modulus, the pressures that
+    all vessels have in common, and each body's own."""
+
+    kinds: tuple[Kind, ...]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """``log_modulus``, ``pressure``, ``0.depth``, ..."""
+        beating = any(kind.beats for kind in self.kinds)
+        own = [
+            f"{n}.{name}" for n, kind in enumerate(self.kinds) for name in kind.parameters
+            if name not in (*BLOCK, *OF_PRESSURES)
+        ]  # fmt: skip
+        return ("log_modulus", *(PRESSURES if beating else ()), *own)
+
+    def column(self, n: int, name: str) -> int:
+        """Where a parameter of the ``n``-th body is in a point."""
+        return self.names.index(f"{n}.{name}")
+
+    def of(self, theta: Array, n: int, block: Array) -> Array:
+        """The ``n``-th body's parameters (m, p) in its units, and its ``block``'s (2,)."""
+        columns = {name: theta[:, k] for k, name in enumerate(self.names)}
+        if "pressure" in columns:
+            pressure, swing = columns["pressure"], columns["swing"]
+            columns[f"{n}.log_pressure"] = np.log(PA_PER_MMHG * pressure) - theta[:, 0]
+            columns[f"{n}.swing"] = swing / pressure
+        own = [columns[f"{n}.{name}"] for name in self.kinds[n].parameters[: -len(BLOCK)]]
+        return np.hstack([np.stack(own, axis=1), np.tile(block, (len(theta), 1))])
+
+    def ranges(self, row: Array) -> Array:
+        """Ends (2, p) of each parameter; bodies lie under the ``row`` (n,)."""
+        ends = {"log_modulus": (np.log(TISSUE_PA[0]), np.log(TISSUE_PA[1])), **PRESSURES}
+        for n, kind in enumerate(self.kinds):
+            for name, low, high in zip(kind.parameters, kind.low, kind.high, strict=True):
+                ends[f"{n}.{name}"] = (low, high)
+            ends[f"{n}.x"] = (float(row.min()), float(row.max()))
+        return np.array([ends[name] for name in self.names]).T
 
 
 class Likelihood:
-    """Of the data of one row over a known block, for any kind of body.
+    """Of the data of one row over a known block, for any bodies in it.
 
     It compares logarithms of forces, and pulses over forces: what relaxes takes the same share of
-    all of them. ``middle_m`` is the block's middle in the scan's frame. What nobody knows of
-    surface, zero and relaxation enters as columns with a Gaussian prior each, which makes the noise
-    correlated.
+    all of them. What nobody knows of surface, zero and relaxation enters as columns with a Gaussian
+    prior each, which makes the noise correlated.
     """
 
-    def __init__(
-        self, data: RowData, table: TouchTable, half_width_m: float, length_m: float,
-        middle_m: float,
-    ) -> None:  # fmt: skip
+    def __init__(self, data: RowData, table: TouchTable, scene: Scene) -> None:
+        assert scene.tissue is not None
         self.data, self.table = data, table
-        self.half_width_m, self.length_m = half_width_m, length_m
-        self.x = (data.x_m - middle_m) / half_width_m
-        self.sunk = data.sunk_m / half_width_m
+        self.half_width_m = 0.5e-3 * scene.indenter.width_mm_projected
+        self.middle_m = 0.5e-3 * scene.tissue.width_mm
+        self.x = (data.x_m - self.middle_m) / self.half_width_m
+        self.sunk = data.sunk_m / self.half_width_m
+        self.block = block_of(scene)
         places, depths = np.meshgrid(self.x, self.sunk, indexing="ij")
-        bare = table.bare_force(places.ravel(), depths.ravel()).reshape(places.shape)
-        self.bare = bare * half_width_m * length_m  # over a modulus
+        bare = table.bare_force(places.ravel(), depths.ravel(), self.block)
+        self.area_m2 = self.half_width_m * 1e-3 * scene.indenter.length_mm
+        self.bare = bare.reshape(places.shape) * self.area_m2  # over a modulus
         self.at_depths: dict[str, AtDepths] = {
-            name: ratios.at_depths(self.sunk) for name, ratios in table.ratios.items()
+            kind.name: table.ratios[kind.name].at_depths(self.sunk, self.block) for kind in KINDS
         }
         self.measured = np.append(np.log(data.force_n).ravel(), data.pulse_n / data.force_n[:, -1])
 
-    def predicted(self, kind: Kind, theta: Array) -> Array:
-        """Logarithms of forces, and pulses over forces (m, n d + n), of ``theta`` (m, 1 + free)."""
-        bump, pulse = self._ratios(kind, theta)
-        log_force = theta[:, 0][:, None, None] + np.log(self.bare) + np.log(np.maximum(bump, 1e-3))
-        return np.hstack([log_force.reshape(len(theta), -1), (pulse / bump)[..., -1]])
+    def predicted(self, bodies: Bodies, theta: Array) -> Array:
+        """Logarithms of forces, and pulses over forces (m, n d + n), of ``theta`` (m, p)."""
+        ratios = np.sum(self.ratios(bodies, theta), axis=0)
+        whole = np.maximum(1 + ratios[..., 0], 1e-3)
+        log_force = theta[:, 0][:, None, None] + np.log(self.bare) + np.log(whole)
+        pulse = (ratios[..., 1] / whole)[..., -1]
+        return np.hstack([log_force.reshape(len(theta), -1), pulse])
 
-    def _ratios(self, kind: Kind, theta: Array) -> tuple[Array, Array]:
-        """Force with a body and its pulse over the bare block's force (m, n, d)."""
-        ratio = self.at_depths[kind.name](self.x, self.body(kind, theta))
-        return 1 + ratio[..., 0], ratio[..., 1]
+    def ratios(self, bodies: Bodies, theta: Array) -> list[Array]:
+        """Bump and pulse (m, n, d, 2) of each body over the bare block's force."""
+        return [
+            self.at_depths[kind.name](self.x, bodies.of(theta, n, self.block))
+            for n, kind in enumerate(bodies.kinds)
+        ]
 
-    def body(self, kind: Kind, theta: Array) -> Array:
-        """The kind's parameters (m, p), in its units."""
-        body = theta[:, 1:].copy()
-        for name in PRESSURES:
-            if name in kind.parameters:
-                body[:, kind.parameters.index(name)] *= PA_PER_MMHG / np.exp(theta[:, 0])
-        return body
+    def over(self, bodies: Bodies, n: int, points: Array) -> tuple[Array, Array, Array]:
+        """Right over the ``n``-th body, as deep as a hold is, for points (m, p): the bare block's
+        force [N], and the body's bump and pulse over that (m,)."""
+        kind, own = bodies.kinds[n], bodies.of(points, n, self.block)
+        sunk = np.full(len(points), self.sunk[-1])
+        bare = self.table.bare_force(own[:, 0], sunk, self.block)
+        bump, pulse = self.table.ratios[kind.name](own[:, 0], sunk, own).T
+        return np.exp(points[:, 0]) * bare * self.area_m2, bump, pulse
 
-    def model(self, kind: Kind, about: Array | None = None) -> Model:
-        """With the errors that a table has ``about`` some point (1 + free,)."""
-        root, log_det = self._root(kind, about)
+    def model(self, bodies: Bodies, about: Array | None = None) -> Model:
+        """With the errors that a table has ``about`` some point (p,)."""
+        root, log_det = self._root(bodies, about)
         count = len(self.measured)
-        low, high = self._box(kind)
-        height = float(self.table.about["height"])
+        low, high = bodies.ranges(self.x)
 
         def misfit(theta: Array) -> Array:
-            return (self.measured - self.predicted(kind, theta)) @ root.T
+            return (self.measured - self.predicted(bodies, theta)) @ root.T
 
         def allowed(theta: Array) -> Bools:
-            return kind.fits(self.body(kind, theta), height)
+            each = [kind.fits(bodies.of(theta, n, self.block))
+                    for n, kind in enumerate(bodies.kinds)]  # fmt: skip
+            at = theta[:, [bodies.column(n, "x") for n in range(len(bodies.kinds))]]
+            return np.asarray(np.all(each, axis=0) & (np.diff(at, axis=1) >= APART).all(axis=1))
 
-        starts = self._starts(kind, low, high) if about is None else about[None]
         log_norm = -0.5 * (log_det + count * np.log(2 * np.pi))
-        return Model(low, high, misfit, allowed, log_norm, starts)
+        model = Model(low, high, misfit, allowed, log_norm, np.empty((0, len(low))))
+        starts = self._starts(bodies, model) if about is None else about[None]
+        return replace(model, starts=starts)
 
-    def _box(self, kind: Kind) -> tuple[Array, Array]:
-        low, high = (np.log(end) for end in TISSUE_PA)
-        ranges = [(low, high)]
-        for name, first, last in zip(kind.parameters, kind.low, kind.high, strict=True):
-            if name == "x":
-                first, last = max(first, self.x.min()), min(last, self.x.max())
-            ranges.append(PRESSURES.get(name, (first, last)))
-        return np.array(ranges).T[0], np.array(ranges).T[1]
-
-    def _starts(self, kind: Kind, low: Array, high: Array) -> Array:
-        """Under the station that is farthest above its neighbours, shallow and deep, small and
-        large."""
-        force = self.data.force_n[:, -1]
-        over = force / np.median(force) - 1 + 3 * self.data.pulse_n / np.median(force)
-        modulus = np.log(np.median(self.data.force_n[:, -1] / self.bare[:, -1]))
-        starts = []
-        shares = (0.2, 0.6)
-        for depth_share in shares:
-            for size_share in shares:
-                start = 0.5 * (low + high)
-                start[0] = np.clip(modulus, low[0], high[0])
-                for k, name in enumerate(names_of(kind)):
-                    if name == "x":
-                        start[k] = self.x[int(np.argmax(over))]
-                    if name == "depth":
-                        start[k] = low[k] + depth_share * (high[k] - low[k])
-                    if name.endswith(("diameter", "inner")):
-                        start[k] = low[k] + size_share * (high[k] - low[k])
-                starts.append(start)
+    def _starts(self, bodies: Bodies, model: Model) -> Array:
+        """Of many points of the prior, each with the modulus that suits it, those of least misfit
+        that have their bodies at different places."""
+        rng = np.random.default_rng(0)
+        points = rng.uniform(model.low, model.high, (DRAWN * len(bodies.kinds), len(model.low)))
+        at = [bodies.column(n, "x") for n in range(len(bodies.kinds))]
+        points[:, at] = np.sort(points[:, at], axis=1)
+        points = points[model.allowed(points)]
+        forces = slice(0, self.bare.size)
+        off = self.measured[forces] - self.predicted(bodies, points)[:, forces]
+        points[:, 0] = np.clip(points[:, 0] + np.median(off, axis=1), model.low[0], model.high[0])
+        chi2 = (model.misfit(points) ** 2).sum(axis=1)
+        starts: list[Array] = []
+        for point in points[np.argsort(chi2)]:
+            if all(np.abs(point[at] - other[at]).max() > APART / 2 for other in starts):
+                starts.append(point)
+            if len(starts) == STARTS:
+                break
         return np.array(starts)
 
-    def _root(self, kind: Kind, about: Array | None) -> tuple[Array, float]:
+    def _root(self, bodies: Bodies, about: Array | None) -> tuple[Array, float]:
         """The inverse of the covariance's Cholesky factor, and the covariance's log determinant."""
         data, n = self.data, len(self.x)
         slope, force = data.slope_n_per_m, data.force_n
@@ -163,21 +208,24 @@ class Likelihood:
         )
         covariance = np.diag(variance) + known @ known.T
         if about is not None:
-            covariance += self._of_table(kind, about)
+            covariance += self._of_table(bodies, about)
         lower = np.linalg.cholesky(covariance)
         root = np.linalg.inv(lower)
         return root, 2 * float(np.log(np.diag(lower)).sum())
 
-    def _of_table(self, kind: Kind, about: Array) -> Array:
+    def _of_table(self, bodies: Bodies, about: Array) -> Array:
         """Covariance of a table's errors about a point: alike over `REACH` and at all depths."""
-        off = self.table.ratios[kind.name].off_by(self.body(kind, about[None]))[0]
-        near = np.exp(-0.5 * ((self.x[:, None] - self.x) / REACH) ** 2)
+        near = np.exp(-np.abs(self.x[:, None] - self.x) / REACH)
         near_sunk = np.exp(-0.5 * ((self.sunk[:, None] - self.sunk) / REACH_SUNK) ** 2)
-        ratio = self._ratios(kind, about[None])[0][0]
-        bump = (np.hypot(off[0], MODEL_OF_BUMP * (ratio - 1)) / ratio).ravel()
-        pulse = off[1] / ratio[:, -1]
+        ratios = [ratio[0] for ratio in self.ratios(bodies, about[None])]
+        whole = 1 + np.sum(ratios, axis=0)[..., 0]
         n, depths = self.bare.shape
         found = np.zeros((n * depths + n, n * depths + n))
-        found[: n * depths, : n * depths] = bump[:, None] * bump * np.kron(near, near_sunk)
-        found[n * depths :, n * depths :] = pulse[:, None] * pulse * near
+        for k, (kind, ratio) in enumerate(zip(bodies.kinds, ratios, strict=True)):
+            own = bodies.of(about[None], k, self.block)
+            off = self.table.ratios[kind.name].off_by(self.x, own)
+            bump = (np.hypot(off[:, :1], MODEL_OF_BUMP * ratio[..., 0]) / whole).ravel()
+            pulse = off[:, 1] / whole[:, -1]
+            found[: n * depths, : n * depths] += bump[:, None] * bump * np.kron(near, near_sunk)
+            found[n * depths :, n * depths :] += pulse[:, None] * pulse * near
         return found

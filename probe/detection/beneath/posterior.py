@@ -8,6 +8,7 @@ et al. 2012). The mean weight is the evidence.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -90,9 +91,23 @@ def sample(model: Model, rng: np.random.Generator) -> Posterior:
     )  # fmt: skip
 
 
-def most_likely(model: Model) -> Array:
-    """The point (p,) of least misfit."""
-    return np.asarray(model.at(_modes(model)[0][1][None])[0])
+class Fit(NamedTuple):
+    """The point (p,) of least misfit, and the log of the evidence as of Gaussians about all
+    modes."""
+
+    best: Array
+    log_evidence: float
+
+
+def laplace(model: Model) -> Fit:
+    """The posterior as Gaussians about its modes (Laplace's approximation)."""
+    modes = _modes(model)
+    heights = [
+        model.log_norm - 0.5 * chi2 + _log_prior(mode[None])[0]
+        - 0.5 * np.linalg.slogdet(curvature / (2 * np.pi))[1]
+        for chi2, mode, curvature in modes
+    ]  # fmt: skip
+    return Fit(model.at(modes[0][1][None])[0], float(logsumexp(heights)))
 
 
 Component = tuple[Array, Array]
@@ -156,9 +171,14 @@ def _log_density(logits: Array, mixture: list[Component]) -> Array:
     return np.asarray(logsumexp(each, axis=0) - np.log(len(mixture)))
 
 
+def _log_prior(logits: Array) -> Array:
+    """Of logits (m, p) of a point that is anywhere in the box."""
+    return np.asarray((log_expit(logits) + log_expit(-logits)).sum(axis=1))
+
+
 def _log_posterior(model: Model, logits: Array) -> Array:
     """Log likelihood and prior (m,) of logits; minus infinity where nothing can be."""
-    prior = (log_expit(logits) + log_expit(-logits)).sum(axis=1)  # even in the box
+    prior = _log_prior(logits)
     points = model.at(logits)
     found = np.where(model.allowed(points), prior, -np.inf)
     can_be = np.isfinite(found)

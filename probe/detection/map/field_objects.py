@@ -7,6 +7,7 @@ import numpy as np
 
 from drivers.core.arrays import Array
 from probe.core.false_alarm import DEFAULT_FALSE_ALARM
+from probe.core.finding_words import AT_AN_END
 from probe.core.recording import Station
 from probe.detection.classify.kinds import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
@@ -14,7 +15,6 @@ from probe.detection.map.area import MIN_PRESSES, among, map_of, spacing_m
 from probe.detection.map.bumps import MIN_DISTANCE, MIN_STATIONS, Bump, at_places, find_bumps
 from probe.detection.map.ridge import Ridge, find_ridge, on_ridge, with_course
 from probe.detection.map.row_objects import (
-    AT_AN_END,
     BEAT_SCATTER,
     MIN_SHARE,
     NO_LEVEL,

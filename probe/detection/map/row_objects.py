@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from drivers.core.arrays import Array
-from probe.core.finding_words import NORMAL_95
+from probe.core.finding_words import AT_AN_END, NORMAL_95
 from probe.detection.classify.kinds import SIZES, Judged, Seen, judge
 from probe.detection.finding import ObjectFinding
 from probe.detection.map.bumps import (
@@ -36,10 +36,6 @@ MOST_SIGMAS, LEAST_TAIL = 30.0, 0.1
 MIN_SHARE = 0.3
 """Stations that feel less than this share of a pulse are not asked about it."""
 
-AT_AN_END = (
-    "its signal is largest where the stations end: it lies here or beyond, or the tissue itself "
-    "changes there; press beyond it too, until the signal falls"
-)
 NO_LEVEL = Judged(
     "undecided", float("nan"),
     "the force there or beside it is not above zero, so that nothing can be compared with it: take "

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 
 import palpate
+from sim_backend.models.train_touch import Units, random_press, sample, touch_table
+from sim_backend.touch import kept
 from sim_backend.touch.basis import Basis
 from sim_backend.touch.kept import table_for
 from sim_backend.touch.kinds import LUMP, VESSEL
-from sim_backend.touch.table import TouchTable
+from sim_backend.touch.table import TouchTable, block_of
 
 R_MM = 5.0
 
@@ -21,8 +23,13 @@ def table() -> TouchTable:
     return found
 
 
+def other_block(name: str, **changed: float) -> palpate.Scene:
+    scene = palpate.load_scene(name)
+    return scene.model_copy(update={"tissue": scene.tissue.model_copy(update=changed)})
+
+
 def test_derivatives_of_the_basis_are_those_of_its_values() -> None:
-    basis, step = Basis(3, 4), 1e-6
+    basis, step = Basis(4, (1, 1, 1)), 1e-6
     at = np.random.default_rng(0).uniform(-1, 1, (5, 3))
     for k, by in enumerate(basis.derivatives(at)):
         ahead, behind = (basis.values(at + s * step * np.eye(3)[k]) for s in (1, -1))
@@ -30,58 +37,37 @@ def test_derivatives_of_the_basis_are_those_of_its_values() -> None:
     assert len(basis.exponents) == 35  # all products of three up to the fourth degree
 
 
-def test_the_bare_block_is_that_of_the_finite_elements(table: TouchTable) -> None:
-    for x_mm, depth_mm in ((32.0, 2.5), (50.0, 1.2)):
-        pressed = palpate.press("TI", x_mm, depth_mm, accuracy_pct=1)
-        unit_n = 50e3 * R_MM * 1e-3 * 10e-3
-        force_n = unit_n * table.bare_force(
-            np.array([(x_mm - 32) / R_MM]), np.array([depth_mm / R_MM])
-        )
-        assert force_n[0] == pytest.approx(pressed.states[0].force_n, rel=0.01)
+def test_a_basis_has_the_symmetry_and_the_weights_that_it_is_given() -> None:
+    basis, at = Basis(4, (1, 2, 1), odd=2), np.array([[0.3, -0.7, 0.2]])
+    np.testing.assert_allclose(basis.values(at), basis.values(at * [-1, -1, 1]))
+    assert basis.exponents[:, 1].max() == 2
 
 
-@pytest.mark.parametrize(("name", "x_mm"), [("TIT", 32.0), ("TIT", 24.0)])
-def test_a_lump_is_that_of_the_finite_elements(name: str, x_mm: float, table: TouchTable) -> None:
-    scene = palpate.load_scene(name)
-    lump, at, sunk = scene.inclusion[0], np.array([(x_mm - 32) / R_MM]), np.array([0.5])
-    assert lump.kind == "tumour" and scene.tissue is not None
-    theta = np.array([[
-        (lump.x_mm - 32) / R_MM, lump.depth_mm / R_MM, np.log(lump.diameter_mm / R_MM),
-        np.log(lump.modulus_kpa / scene.tissue.modulus_kpa),
-    ]])  # fmt: skip
-    bump = table.ratios["lump"](at, sunk, theta)[0, 0]
-    with_lump, bare = (
-        palpate.press(one, x_mm, 2.5, accuracy_pct=0.5).states[0].force_n for one in (name, "TI")
-    )
-    stated = table.ratios["lump"].off_by(theta)[0, 0]
-    assert abs(bump - (with_lump / bare - 1)) < 3 * stated + 0.003
-
-
-def test_a_vessel_pulses_as_the_finite_elements_do(table: TouchTable) -> None:
-    scene = palpate.load_scene("TIHA")
-    one = scene.arteries[0]
+@pytest.mark.parametrize(
+    "size_mm", [{}, {"height_mm": 12.0}, {"height_mm": 24.0, "width_mm": 50.0}]
+)
+@pytest.mark.parametrize(("aside_mm", "depth_mm"), [(0.0, 2.5), (14.0, 1.2)])
+def test_a_bare_block_is_that_of_the_finite_elements(
+    size_mm: dict[str, float], aside_mm: float, depth_mm: float, table: TouchTable
+) -> None:
+    scene = other_block("TI", **size_mm)
     assert scene.tissue is not None
-    pa = 1e3 * scene.tissue.modulus_kpa
-    theta = np.array([[
-        0.0, one.depth_mm / R_MM, np.log(one.inner_diameter_mm / R_MM),
-        np.log(one.wall_mm / one.inner_diameter_mm),
-        np.log(one.modulus_kpa / scene.tissue.modulus_kpa), 80 * 133.322 / pa, 40 * 133.322 / pa,
-        0.0, 1.0,
-    ]])  # fmt: skip
-    pulse = table.ratios["vessel"](np.zeros(1), np.array([0.5]), theta)[0, 1]
-    pressed, bare = palpate.press("TIHA", 32, 2.5), palpate.press("TI", 32, 2.5)
-    assert pressed.pulse_n is not None
-    true = pressed.pulse_n / bare.states[0].force_n
-    assert abs(pulse - true) < 2 * table.ratios["vessel"].off_by(theta)[0, 1] + 0.02 * true
+    x_mm = scene.tissue.width_mm / 2 + aside_mm
+    pressed = palpate.press(scene, x_mm, depth_mm, accuracy_pct=1)
+    unit_n = 50e3 * R_MM * 1e-3 * 10e-3
+    at = np.array([aside_mm / R_MM]), np.array([depth_mm / R_MM])
+    force_n = unit_n * table.bare_force(*at, block_of(scene))
+    assert force_n[0] == pytest.approx(pressed.states[0].force_n, rel=0.01)
 
 
 def test_many_bodies_at_once_are_each_alone(table: TouchTable) -> None:
     rng = np.random.default_rng(1)
-    x, sunk = np.array([-2.0, 0.0, 1.5]), np.array([0.2, 0.5])
+    x, sunk, block = np.array([-2.0, 0.0, 1.5]), np.array([0.2, 0.5]), np.log([3.0, 6.0])
     for kind in (LUMP, VESSEL):
         low, high = np.array(kind.low), np.array(kind.high)
         theta = low + (high - low) * rng.uniform(0.3, 0.7, (4, len(low)))
-        at_once = table.ratios[kind.name].at_depths(sunk)(x, theta)
+        theta[:, -2:] = block
+        at_once = table.ratios[kind.name].at_depths(sunk, block)(x, theta)
         for m, body in enumerate(theta):
             for n, place in enumerate(x):
                 bodies = np.tile(body, (len(sunk), 1))
@@ -93,13 +79,43 @@ def test_a_table_is_read_as_it_was_written(table: TouchTable, tmp_path: Path) ->
     table.save(tmp_path / "t.npz")
     again = TouchTable.load(tmp_path / "t.npz")
     assert again.about == dict(table.about)
-    x, sunk = np.array([1.0]), np.array([0.3])
-    assert again.bare_force(x, sunk) == table.bare_force(x, sunk)
+    at = np.array([1.0]), np.array([0.3]), np.log([3.0, 6.0])
+    assert again.bare_force(*at) == table.bare_force(*at)
     assert again.ratios.keys() == table.ratios.keys()
 
 
-def test_another_finger_has_no_table() -> None:
+def test_a_press_is_trained_on_with_its_exact_slopes() -> None:
+    """Of what moves no mesh, a modulus and a pressure: presses beside it are solved again."""
     block = palpate.load_scene("TI")
+    over, bare = random_press("vessel", block, 3)
+    kind, units, step = VESSEL, Units(block), 1e-4
+    for name in ("log_ratio", "log_pressure", "swing"):
+        along = step * np.eye(len(kind.parameters))[kind.parameters.index(name)]
+        ahead, behind = (
+            sample(kind, units, over.theta[0] + s * along, over.x[0], 0)[0].value for s in (1, -1)
+        )
+        slope = over.slope[kind.parameters.index(name)]
+        np.testing.assert_allclose(slope, (ahead - behind) / (2 * step), rtol=1e-3, atol=1e-5)
+    assert np.isfinite(bare.value).all()
+
+
+def test_another_shape_has_no_table() -> None:
+    block = palpate.load_scene("TI")
+    assert table_for(block.model_copy(update={"plane": "strain"})) is None
     other = block.model_copy(update={"indenter": block.indenter.model_copy(
         update={"radius_mm": 7.0})})  # fmt: skip
-    assert table_for(other) is None
+    assert table_for(other) is not None, "one table serves every size"
+
+
+def test_a_few_presses_make_a_table_that_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block = palpate.load_scene("TI").model_copy(update={"plane": "strain"})
+    monkeypatch.setattr(kept, "KEPT", tmp_path)
+    counted: list[tuple[int, int]] = []
+    table = touch_table(block, 5, counting=lambda done, total: counted.append((done, total)))
+    assert counted[-1] == (10, 10)
+    kept.kept_as(table)
+    found = table_for(block)
+    assert found is not None and found.about == dict(table.about)
+    kept.table_for.cache_clear()

@@ -1,0 +1,92 @@
+"""Which bodies lie beneath a row: their evidences, and what the likeliest ones are named."""
+
+from collections.abc import Iterable
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import softmax
+
+from drivers.core.arrays import Array
+from probe.core.finding_words import AT_AN_END
+from probe.detection.beneath.hypotheses import HYPOTHESES, Bodies, Likelihood
+from probe.detection.beneath.posterior import Model, Posterior, laplace
+from probe.detection.classify.kinds import MIN_POSTERIOR, Seen, by_body, judge
+from probe.detection.finding import ObjectFinding
+from sim_backend.touch.kinds import KINDS, Kind
+
+MORE_THAN_ONE = "more than one thing lies here: two bodies explain the row, and no single one does"
+
+
+class Likeliest(NamedTuple):
+    """Of some rivals the bodies with the most evidence, their posterior's model, and the chance
+    that each of them is a vessel (n,)."""
+
+    bodies: Bodies
+    model: Model
+    vessel: Array
+
+
+def likeliest(rivals: Iterable[tuple[Kind, ...]], likelihood: Likelihood) -> Likeliest:
+    """Compare bodies of some kinds, all alike beforehand, by the evidence of a row."""
+    each = [Bodies(kinds) for kinds in rivals]
+    models, evidence = [], []
+    for bodies in each:
+        model = likelihood.model(bodies, laplace(likelihood.model(bodies)).best)
+        models.append(model)
+        evidence.append(laplace(model).log_evidence if len(each) > 1 else 0.0)
+    beats = np.array([[kind.beats for kind in bodies.kinds] for bodies in each])
+    best = int(np.argmax(evidence))
+    return Likeliest(each[best], models[best], softmax(evidence) @ beats)
+
+
+def may_be(one: ObjectFinding, row_m: Array) -> tuple[Kind, ...]:
+    """The kinds of body that an object may be: that of its name, or each where only its chances are
+    too even to name it; none where it is undecided for another reason, as at an end of the row."""
+    if one.kind in HYPOTHESES:
+        return (HYPOTHESES[one.kind],)
+    even = bool(one.chances) and max(one.chances.values()) < MIN_POSTERIOR
+    return KINDS if even and not _at_an_end(one.position_m, row_m) else ()
+
+
+def _at_an_end(x_m: float, row_m: Array) -> bool:
+    return int(np.argmin(np.abs(np.sort(row_m) - x_m))) in (0, len(row_m) - 1)
+
+
+def pairs_with(kinds: tuple[Kind, ...]) -> list[tuple[Kind, ...]]:
+    """Two bodies, one of them of one of these kinds."""
+    return [pair for pair in product(KINDS, KINDS) if set(pair) & set(kinds)]
+
+
+def decided(one: ObjectFinding, vessel: float) -> ObjectFinding:
+    """An undecided object, where the chance that it is a ``vessel`` decides its kind."""
+    said = by_body(one.chances, vessel) if one.kind == "undecided" else None
+    if said is None:
+        return one
+    kind, confidence, chances = said
+    return replace(one, kind=kind, confidence=confidence, chances=chances, reason="")
+
+
+def object_of(
+    n: int, found: Likeliest, posterior: Posterior, likelihood: Likelihood, face_m2: float
+) -> ObjectFinding:
+    """The ``n``-th of several bodies, named by its own bump and pulse."""
+    at = likelihood.half_width_m * posterior.points[:, found.bodies.column(n, "x")]
+    low_m, at_m, high_m = likelihood.middle_m + posterior.quantiles(at)
+    bare_n, bump, pulse = likelihood.over(found.bodies, n, posterior.points)
+
+    def known(values: Array) -> tuple[float, float]:
+        mean = float(posterior.weights @ values)
+        return mean, float(np.sqrt(posterior.weights @ (values - mean) ** 2))
+
+    contrast, share = known(bump), known(pulse / (1 + bump))
+    said = judge(Seen(*share, *contrast, moving=float(found.vessel[n])))
+    if _at_an_end(float(at_m), likelihood.data.x_m):
+        said = replace(said, kind="undecided", reason=AT_AN_END)
+    return ObjectFinding(
+        said.kind, float(at_m), (float(low_m), float(high_m)), known(bump * bare_n)[0] / face_m2,
+        known(pulse * bare_n)[0] / face_m2, said.confidence, said.reason or MORE_THAN_ONE,
+        diseased=said.diseased, p_stiff=said.stiff, chances=said.chances, contrast=contrast,
+        pulse_share=share,
+    )  # fmt: skip
