@@ -61,11 +61,13 @@ def with_sizes(
         why = "it has no kind yet" if len(objects) == 1 else "what lies beside it is not known"
         return [replace(one, sizes=unknown(why)) for one in objects]
     found = likeliest(product(*may), likelihood)
+    if found is None:
+        return [replace(one, sizes=unknown("the row has no room for it")) for one in objects]
     posterior = explained(found, likelihood)
     if isinstance(posterior, Misfit) and len(objects) == 1:
         pair = likeliest(pairs_with(may[0]), likelihood)
-        of_pair = explained(pair, likelihood)
-        if isinstance(of_pair, Posterior):
+        of_pair = explained(pair, likelihood) if pair else None
+        if pair and isinstance(of_pair, Posterior):
             found, posterior = pair, of_pair
             objects = [object_of(n, pair, of_pair, likelihood, recording.face_m2) for n in range(2)]
     elif isinstance(posterior, Posterior):
@@ -131,7 +133,8 @@ def sizes(
             why[name] = "this row does not tell it"
             continue
         if not (from_low or from_high) and (right - left) / 2 > KNOWN * middle:
-            why[name] = f"known only from {left:.3g} to {right:.3g} {unit}"
+            per, shown = (1e3, "mm") if unit == "m" else (1e-3, "kPa")
+            why[name] = f"known only from {per * left:.3g} to {per * right:.3g} {shown}"
             continue
         said[f"{name}_ci_{unit}"] = bounds
         if np.isfinite(bounds).all():

@@ -172,6 +172,8 @@ class Likelihood:
         at = [bodies.column(n, "x") for n in range(len(bodies.kinds))]
         points[:, at] = np.sort(points[:, at], axis=1)
         points = points[model.allowed(points)]
+        if not len(points):
+            return points
         forces = slice(0, self.bare.size)
         off = self.measured[forces] - self.predicted(bodies, points)[:, forces]
         points[:, 0] = np.clip(points[:, 0] + np.median(off, axis=1), model.low[0], model.high[0])

@@ -12,7 +12,7 @@ from drivers.core.arrays import Array
 from probe.core.finding_words import AT_AN_END
 from probe.detection.beneath.hypotheses import HYPOTHESES, Bodies, Likelihood
 from probe.detection.beneath.posterior import Model, Posterior, laplace
-from probe.detection.classify.kinds import MIN_POSTERIOR, Seen, by_body, judge
+from probe.detection.classify.kinds import EVEN, Seen, by_body, judge
 from probe.detection.finding import ObjectFinding
 from sim_backend.touch.kinds import KINDS, Kind
 
@@ -28,14 +28,16 @@ class Likeliest(NamedTuple):
     vessel: Array
 
 
-def likeliest(rivals: Iterable[tuple[Kind, ...]], likelihood: Likelihood) -> Likeliest:
-    """Compare bodies of some kinds, all alike beforehand, by the evidence of a row."""
-    each = [Bodies(kinds) for kinds in rivals]
-    models, evidence = [], []
-    for bodies in each:
-        model = likelihood.model(bodies, laplace(likelihood.model(bodies)).best)
-        models.append(model)
-        evidence.append(laplace(model).log_evidence if len(each) > 1 else 0.0)
+def likeliest(rivals: Iterable[tuple[Kind, ...]], likelihood: Likelihood) -> Likeliest | None:
+    """Compare bodies of some kinds, all alike beforehand, by the evidence of a row; None where it
+    has room for none of them."""
+    firsts = [(bodies, likelihood.model(bodies)) for bodies in map(Bodies, rivals)]
+    firsts = [(bodies, model) for bodies, model in firsts if len(model.starts)]
+    if not firsts:
+        return None
+    each = [bodies for bodies, _ in firsts]
+    models = [likelihood.model(bodies, laplace(model).best) for bodies, model in firsts]
+    evidence = [laplace(model).log_evidence for model in models] if len(each) > 1 else [0.0]
     beats = np.array([[kind.beats for kind in bodies.kinds] for bodies in each])
     best = int(np.argmax(evidence))
     return Likeliest(each[best], models[best], softmax(evidence) @ beats)
@@ -46,8 +48,8 @@ def may_be(one: ObjectFinding, row_m: Array) -> tuple[Kind, ...]:
     too even to name it; none where it is undecided for another reason, as at an end of the row."""
     if one.kind in HYPOTHESES:
         return (HYPOTHESES[one.kind],)
-    even = bool(one.chances) and max(one.chances.values()) < MIN_POSTERIOR
-    return KINDS if even and not _at_an_end(one.position_m, row_m) else ()
+    even = one.reason.startswith(EVEN) and not _at_an_end(one.position_m, row_m)
+    return KINDS if even else ()
 
 
 def _at_an_end(x_m: float, row_m: Array) -> bool:

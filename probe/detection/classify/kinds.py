@@ -27,6 +27,8 @@ pulse and of the apparent modulus. They stand for what the scenes leave out (lay
 vessels); solved fingers are 10 mm long, and one of 5 or 20 mm moves the modulus by 0.35."""
 ELSE = "something else"
 ONE_PRESS, UNEVEN_ROW = "one press that differs", "an uneven row"
+EVEN = "between "
+"""How the reason begins of what is undecided because its chances are too even, and for no other."""
 MIN_REASON = 0.1
 """Least probability of one of these to say what would decide about it."""
 REASONS = {
@@ -118,7 +120,7 @@ def judge(seen: Seen, advice: str = "") -> Judged:
         )
     elif best == ELSE:
         advice = "no solved vessel or lump is so: check the zero, the unit and face_mm2"
-    reason = f"between {chances}; " + (
+    reason = f"{EVEN}{chances}; " + (
         advice or "press deeper, or hold for more beats, to know the pulse and the peak better"
     )
     return Judged("undecided", stated(share[best]), reason, diseased, stiff, share)

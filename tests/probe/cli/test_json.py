@@ -210,10 +210,10 @@ def test_detect_says_why_a_run_has_no_station(
 def test_what_cannot_be_solved(
     palpate, winkler: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def respond(scene: Any, x_m: float, depth_m: float) -> Any:
+    def respond(scene: Any, x_m: float, *given: Any) -> Any:
         if x_m > 0.02:
             raise CannotSolve("fold", "the surface folds at 2.1 mm")
-        return winkler(scene, x_m, depth_m)
+        return winkler(scene, x_m, *given)
 
     monkeypatch.setattr("sim_backend.models.station_response.respond", respond)
     monkeypatch.setattr("sim_backend.models.second_process.processors", lambda: 1)

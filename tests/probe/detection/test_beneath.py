@@ -9,11 +9,14 @@ import pytest
 
 import palpate
 from probe.detection.beneath import explain
-from probe.detection.beneath.explain import with_sizes
+from probe.detection.beneath.explain import likelihood_of, with_sizes
 from probe.detection.beneath.posterior import Model, Posterior, laplace, sample
+from probe.detection.beneath.rivals import likeliest
+from probe.detection.finding import ObjectFinding
 from probe.detection.pulse.presses import presses_of
 from probe.storage.run import recording_of
 from sim_backend.scene.scene_file import Scene
+from sim_backend.touch.kinds import LUMP, VESSEL
 
 
 def scanned(scene: Scene, folder: Path, noise_mn: float = 0.5) -> palpate.Finding:
@@ -117,6 +120,46 @@ def test_two_bodies_are_stated_where_one_explains_nothing(tmp_path: Path) -> Non
     assert [round(1e3 * body.position_m) for body in found] == [26, 36]
     assert all("more than one thing" in body.reason or body.kind == "tumour" for body in found)
     assert with_sizes(recording, presses, []) == []
+
+
+def test_a_short_row_has_no_room_for_two_bodies(tmp_path: Path) -> None:
+    scene = palpate.load_scene("TIT")
+    rig = palpate.default_rig(scene)
+    short = rig.scan.model_copy(update={"start_mm": 30.0, "pitch_mm": 0.5, "stations": 9})
+    run = palpate.scan(rig.model_copy(update={"scan": short}), scene, tmp_path, seed=3)
+    recording = recording_of(run.path)
+    presses = presses_of(recording, 0.005)
+    likelihood = likelihood_of(recording, presses)
+    assert not isinstance(likelihood, str)
+    assert likeliest([(LUMP, VESSEL)], likelihood) is None
+    (one, *_) = palpate.detect(recording).objects or [found_at(32e-3)]
+    two = [replace(one, kind="tumour", position_m=x_m) for x_m in (31e-3, 33e-3)]
+    assert [body.sizes.undecided["depth"] for body in with_sizes(recording, presses, two)] == [
+        "the row has no room for it"
+    ] * 2
+
+
+@pytest.mark.parametrize(
+    ("reason", "kind"),
+    [("between tumour 51 %, artery 3 %, stenotic artery 44 %; hold longer", "tumour"),
+     ("repeat it, and press beside it", "undecided")],
+)  # fmt: skip
+def test_only_what_is_undecided_for_even_chances_is_decided_by_its_body(
+    reason: str, kind: str, tmp_path: Path
+) -> None:
+    scene = palpate.load_scene("TIT")
+    palpate.scan(palpate.default_rig(scene), scene, tmp_path, seed=3)
+    recording = recording_of(next(tmp_path.glob("*.run")))
+    even = {"tumour": 0.51, "artery": 0.03, "stenotic artery": 0.44, "something else": 0.02}
+    one = replace(found_at(32e-3), reason=reason, chances=even)
+    (said,) = with_sizes(recording, presses_of(recording, 0.005), [one])
+    assert said.kind == kind
+    if kind == "tumour":
+        assert 0.85 < said.confidence < 1 and sum(said.chances.values()) == pytest.approx(1)
+
+
+def found_at(x_m: float) -> ObjectFinding:
+    return ObjectFinding("undecided", x_m, (x_m - 1e-3, x_m + 1e-3), 100.0, 0.0, 0.5)
 
 
 def test_one_table_knows_blocks_and_fingers_of_any_size(tmp_path: Path) -> None:
