@@ -69,7 +69,10 @@ def with_sizes(
         of_pair = explained(pair, likelihood) if pair else None
         if pair and isinstance(of_pair, Posterior):
             found, posterior = pair, of_pair
-            objects = [object_of(n, pair, of_pair, likelihood, recording.face_m2) for n in range(2)]
+            name = objects[0].kind
+            objects = [
+                object_of(n, pair, of_pair, likelihood, recording.face_m2, name) for n in range(2)
+            ]
     elif isinstance(posterior, Posterior):
         objects = [decided(one, float(p)) for one, p in zip(objects, found.vessel, strict=True)]
     return [

@@ -71,9 +71,11 @@ def decided(one: ObjectFinding, vessel: float) -> ObjectFinding:
 
 
 def object_of(
-    n: int, found: Likeliest, posterior: Posterior, likelihood: Likelihood, face_m2: float
-) -> ObjectFinding:
-    """The ``n``-th of several bodies, named by its own bump and pulse."""
+    n: int, found: Likeliest, posterior: Posterior, likelihood: Likelihood, face_m2: float,
+    named: str,
+) -> ObjectFinding:  # fmt: skip
+    """The ``n``-th of two bodies in place of an object ``named`` so, judged by its own bump and
+    pulse: no other name is given, since a bone or a layer may be taken for a second body."""
     at = likelihood.half_width_m * posterior.points[:, found.bodies.column(n, "x")]
     low_m, at_m, high_m = likelihood.middle_m + posterior.quantiles(at)
     bare_n, bump, pulse = likelihood.over(found.bodies, n, posterior.points)
@@ -84,6 +86,8 @@ def object_of(
 
     contrast, share = known(bump), known(pulse / (1 + bump))
     said = judge(Seen(*share, *contrast, moving=float(found.vessel[n])))
+    if said.kind != named:
+        said = replace(said, kind="undecided", reason=MORE_THAN_ONE)
     if _at_an_end(float(at_m), likelihood.data.x_m):
         said = replace(said, kind="undecided", reason=AT_AN_END)
     return ObjectFinding(

@@ -120,6 +120,9 @@ def test_two_bodies_are_stated_where_one_explains_nothing(tmp_path: Path) -> Non
     assert [round(1e3 * body.position_m) for body in found] == [26, 36]
     assert all("more than one thing" in body.reason or body.kind == "tumour" for body in found)
     assert with_sizes(recording, presses, []) == []
+    even = replace(one, kind="undecided", reason="between tumour 60 %, artery 40 %; hold longer")
+    said = with_sizes(recording, presses, [even])
+    assert [body.kind for body in said] == ["undecided"] * 2, "an undecided one names no two"
 
 
 def test_a_short_row_has_no_room_for_two_bodies(tmp_path: Path) -> None:
