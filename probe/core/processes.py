@@ -15,10 +15,17 @@ from drivers.core.child import no_ctrl_c
 
 
 class Workers(ProcessPoolExecutor):
-    """A pool of ``count`` fresh interpreters."""
+    """A pool of ``count`` fresh interpreters, as a context: what they compute when it is left by
+    an exception is for nobody, and they are killed."""
 
     def __init__(self, count: int) -> None:
         super().__init__(count, mp_context=get_context("spawn"), initializer=leave_with_parent)
+
+    def __exit__(self, kind: type[BaseException] | None, *raised: Any) -> bool | None:
+        if kind is not None:  # as `kill_workers` of Python 3.14
+            for process in list((self._processes or {}).values()):
+                process.kill()
+        return super().__exit__(kind, *raised)
 
     def submit(self, do: Callable[..., Any], /, *arguments: Any, **keywords: Any) -> Future[Any]:
         """As `ProcessPoolExecutor.submit`."""

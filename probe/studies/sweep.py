@@ -232,8 +232,6 @@ def _on_this_machine(todo: list[Job], workers: int | None) -> Iterator[Solved]:
             raise ConfigError(
                 "a worker process ended; memory may have run out: sweep with fewer workers"
             ) from None
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
 
 
 def _on_cluster(todo: list[Job], scheduler: str) -> Iterator[Solved]:

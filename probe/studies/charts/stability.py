@@ -95,11 +95,8 @@ def chart(out: Path, quick: bool = False, progress: Callable[[str], None] = prin
 def judged(left: Sequence[Cell], workers: int) -> Generator[dict[str, Any]]:
     """Rows of the cells that are ``left``, as they come; closed, it begins no more of them."""
     with Workers(workers) as pool:
-        try:
-            for solved in as_completed([pool.submit(judge, cell) for cell in left]):
-                yield solved.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        for solved in as_completed([pool.submit(judge, cell) for cell in left]):
+            yield solved.result()
 
 
 def judge(cell: Cell) -> dict[str, Any]:

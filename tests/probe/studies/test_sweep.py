@@ -170,13 +170,18 @@ def test_ctrl_c_while_workers_start_is_without_a_traceback(tmp_path: Path, begun
     psutil = pytest.importorskip("psutil", reason="the extra `cluster` is not installed")
     command = [sys.executable, "-m", "probe.cli", "sweep", "TIHA", "--vary", "wall_mm=0.4..0.8:200",
                "--workers", "2", "--out", str(tmp_path / "t.csv")]  # fmt: skip
-    sweeping = psutil.Popen(command, stderr=subprocess.PIPE, text=True, start_new_session=True)
+    sweeping = psutil.Popen([sys.executable, "-X", "faulthandler", *command[1:]], text=True,
+                            stderr=subprocess.PIPE, start_new_session=True)  # fmt: skip
     while len(sweeping.children()) < begun:  # one keeps track of semaphores
         assert sweeping.poll() is None
         time.sleep(0.005)
     time.sleep(0.1 * (begun - 2))
     os.killpg(sweeping.pid, signal.SIGINT)
-    _, err = sweeping.communicate(timeout=60)
+    try:
+        _, err = sweeping.communicate(timeout=60)
+    except subprocess.TimeoutExpired:
+        os.killpg(sweeping.pid, signal.SIGABRT)  # each says where it stands
+        pytest.fail(sweeping.communicate()[1])
     assert sweeping.returncode == 5
     (said,) = err.splitlines()
     assert re.fullmatch(
