@@ -41,11 +41,6 @@ class Ratios:
         """Coordinates between -1 and 1; beyond its ends a polynomial is worth nothing."""
         return np.clip(2 * (coordinates - self.low) / (self.high - self.low) - 1, -1.1, 1.1)
 
-    def scaled_last(self, of_depth: Array) -> Array:
-        """The last coordinate (n,) between -1 and 1."""
-        low, high = self.low[-1], self.high[-1]
-        return np.asarray(np.clip(2 * (of_depth - low) / (high - low) - 1, -1.1, 1.1))
-
     def scaled_across(self, across: Array) -> Array:
         """The first coordinate (n,) between -1 and 1."""
         return np.asarray(across / self.high[0])
