@@ -10,13 +10,14 @@ from typing import Any
 
 import pytest
 
-from drivers import DeviceFault, WallClock
+from drivers import DeviceFault, Pose, WallClock
 from drivers.testing.awake import AwakeTime
 from drivers.ur.sensor import UrForce, open_sensor
 from drivers.ur.settings import UrSensorSettings, UrStageSettings
 from drivers.ur.stage import UrStage, open_stage
 from sim_backend import load_scene
 from sim_backend.emulators import ur
+from sim_backend.emulators.ur.robot import Robot
 from sim_backend.phantom.phantom import Phantom, Respond, Surface
 
 pytest.importorskip(
@@ -38,41 +39,58 @@ def lowest_m(phantom: Phantom) -> float:
     return min(leg.point(end_s)[2] for leg, end_s in zip(legs, ends_s, strict=True))
 
 
-class Rig:
-    """A phantom, and a stage and a sensor for a robot in it; not connected."""
+class Arm:
+    """A phantom, and a stage and a sensor for the robot in it; not connected."""
+
+    controller: ur.UrController
+    """What a test makes fail; there once it is emulated."""
 
     def __init__(
         self, respond: Respond, host: str, surface: Surface = lambda _x, _y: 0.0, **keys: Any
     ) -> None:
-        self.clock = WallClock()
-        self.host = host
-        home = (0.03, 0.0, 0.004)
-        scene = load_scene("TIHA")
-        self.phantom = Phantom(scene, self.clock, respond, surface=surface, home=home)
-        usual = {
-            "host": host,
-            "origin_mm": ORIGIN_MM,
-            "silence_s": PATIENT_S,
-            "watchdog_s": PATIENT_S,
-            "answer_s": PATIENT_S,
-        }
-        stage = UrStageSettings(**(usual | keys))
-        self.stage: UrStage = open_stage(self.clock, stage)
-        self.sensor: UrForce = open_sensor(
-            self.clock, UrSensorSettings(host=host, silence_s=PATIENT_S)
+        self.clock, self.host = WallClock(), host
+        self.phantom = Phantom(
+            load_scene("TIHA"), self.clock, respond, surface=surface, home=(0.03, 0.0, 0.004)
         )
+        patient = dict.fromkeys(("silence_s", "watchdog_s", "answer_s"), PATIENT_S)
+        stage = UrStageSettings(**({"host": host, "origin_mm": ORIGIN_MM} | patient | keys))
+        self.stage: UrStage = open_stage(self.clock, stage)
+        sensor = UrSensorSettings(host=host, silence_s=PATIENT_S)
+        self.sensor: UrForce = open_sensor(self.clock, sensor)
+
+    @property
+    def robot(self) -> Robot:
+        """The inside of the controller."""
+        return self.controller.robot
+
+    @property
+    def tip_m(self) -> tuple[float, float, float]:
+        """Where the tip truly is."""
+        return self.phantom.tip.point(self.clock.now())
+
+    @property
+    def tip_moves(self) -> bool:
+        return self.phantom.tip.moving(self.clock.now())
 
     @property
     def deepest_m(self) -> float:
         """The lowest that the tip has been."""
         return lowest_m(self.phantom)
 
-    def arrive(self, timeout_s: float = 3.0) -> None:
+    def fail(self, fault: str | None) -> None:
+        self.controller.fail(fault)
+
+    def arrive(self, timeout_s: float = PATIENT_S) -> None:
         with AwakeTime() as awake:
             end = awake.now() + timeout_s
             while self.stage.moving():
                 assert awake.now() < end
                 time.sleep(0.003)
+
+    def go(self, target: Pose, speed_m_s: float) -> None:
+        """Move and arrive."""
+        self.stage.move(target, speed_m_s)
+        self.arrive()
 
     def trouble(self) -> str:
         """What the stage says is wrong; empty while it gives its pose."""
@@ -81,6 +99,10 @@ class Rig:
         except DeviceFault as fault:
             return str(fault)
         return ""
+
+    def until_said(self, words: str) -> None:
+        """Until the driver says that this is wrong."""
+        until(lambda: words in self.trouble())
 
     def close(self) -> None:
         self.sensor.close()
@@ -95,23 +117,23 @@ def until(true: Callable[[], bool]) -> None:
         time.sleep(0.0005)
 
 
-def until_said(made: Rig, words: str) -> None:
-    """Until the driver says that this is wrong."""
-    until(lambda: words in made.trouble())
-
-
 @contextmanager
 def connected(
     respond: Respond, *, surface: Surface = lambda _x, _y: 0.0, keys: dict[str, Any] | None = None,
     **emulated: Any,
-) -> Iterator[tuple[Rig, ur.UrController]]:  # fmt: skip
-    """Both, connected for reading. ``emulated``: of `sim_backend.emulators.ur.emulate`."""
-    made = Rig(respond, fresh_host(), surface, **(keys or {}))
+) -> Iterator[Arm]:  # fmt: skip
+    """Connected for reading. ``emulated``: of `sim_backend.emulators.ur.emulate`."""
+    made = Arm(respond, fresh_host(), surface, **(keys or {}))
     settings = {"origin_mm": ORIGIN_MM, "noise_n": 0.001, **emulated}
-    with ur.emulate(made.phantom, at=made.host, **settings) as robot:
+    with ur.emulate(made.phantom, at=made.host, **settings) as made.controller:
         try:
             made.stage.connect()
             made.sensor.connect()
-            yield made, robot
+            yield made
         finally:
             made.close()
+
+
+def arm_with(**how: Any) -> pytest.MarkDecorator:
+    """The fixture `arm` is `connected` so."""
+    return pytest.mark.parametrize("arm", [how], indirect=True, ids=[""])

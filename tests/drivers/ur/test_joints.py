@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from emulated_ur import Rig, connected
+from emulated_ur import connected
 from scipy.spatial.transform import Rotation
 
 from drivers import Pose
@@ -84,17 +84,13 @@ def test_a_row_is_judged_by_its_joints_before_moving(
     winkler: Respond, origin_mm: tuple[float, ...], limit_deg: float, why: str | None
 ) -> None:
     emulated = {"origin_mm": origin_mm, "inverse": ur5e, "joint_limit_deg": limit_deg}
-    with connected(winkler, keys={"origin_mm": origin_mm, "answer_s": 60.0}, **emulated) as (
-        made,
-        _,
-    ):
-        assert isinstance(made, Rig)
+    with connected(winkler, keys={"origin_mm": origin_mm, "answer_s": 60.0}, **emulated) as made:
         made.stage.enable()
-        before = made.phantom.tip.point(made.clock.now())
+        before = made.tip_m
         found = made.stage.unreachable(ROW)
         assert set(found.values()) == (set() if why is None else {why})
         assert len(found) == (0 if why is None else len(ROW))
-        assert made.phantom.tip.point(made.clock.now()) == before
+        assert made.tip_m == before
 
 
 def test_neighbours_of_a_row_need_little_of_the_joints() -> None:

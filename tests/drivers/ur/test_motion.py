@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import cast
 
 import pytest
-from emulated_ur import Rig, connected, until_said
+from emulated_ur import Arm, arm_with, until
 
 from drivers import DeviceFault, MotionFault, Pose, SimulatedClock
 from drivers.core.reader import LineSensor
@@ -17,140 +17,130 @@ from drivers.ur.link import Link
 from drivers.ur.sensor import open_sensor
 from drivers.ur.settings import UrSensorSettings, UrStageSettings
 from drivers.ur.stage import UrStage
-from sim_backend.phantom.phantom import Respond
 
 
 @pytest.mark.parametrize(("slider", "fault"), [(1.0, ""), (0.2, ""), (1.0, "late readings")])
-def test_a_slow_press_is_no_rest(winkler: Respond, slider: float, fault: str) -> None:
+def test_a_slow_press_is_no_rest(arm: Arm, slider: float, fault: str) -> None:
     """0.2 mm/s moves the pose by 4 um in the 20 ms over which it was once called still; and moves
     are told of by another stream than poses, which may be the earlier one."""
-    with connected(winkler) as (made, robot):
-        made.stage.enable()
-        robot.robot.slide(slider)
-        if fault:
-            robot.fail(fault)
-        target = Pose(0.03, 0.0, 0.004 - 1e-4)
-        began_s = made.clock.now()
-        made.stage.move(target, 0.2e-3)
-        made.arrive(8.0)
-        assert made.clock.now() - began_s > 0.9 * 0.5 / slider
-        assert math.dist(made.stage.pose()[:3], target[:3]) < 1e-5
+    arm.robot.slide(slider)
+    if fault:
+        arm.fail(fault)
+    target = Pose(0.03, 0.0, 0.004 - 1e-4)
+    began_s = arm.clock.now()
+    arm.stage.move(target, 0.2e-3)
+    arm.arrive(8.0)
+    assert arm.clock.now() - began_s > 0.9 * 0.5 / slider
+    assert math.dist(arm.stage.pose()[:3], target[:3]) < 1e-5
 
 
-def test_a_slider_at_zero_is_no_rest_and_no_fault(winkler: Respond) -> None:
-    with connected(winkler) as (made, robot):
-        made.stage.enable()
-        made.stage.move(Pose(0.03, 0.0, 0.002), 2e-3)
-        time.sleep(0.2)
-        robot.robot.slide(0.0)
-        time.sleep(0.1)
-        assert made.stage.pace == 0.0
-        end_s = made.clock.now() + 0.8
-        while made.clock.now() < end_s:
-            assert made.stage.moving()
-            time.sleep(0.01)
-        robot.robot.slide(1.0)
-        made.arrive()
-        assert made.stage.pose().z == pytest.approx(0.002, abs=1e-5)
+def test_a_slider_at_zero_is_no_rest_and_no_fault(arm: Arm) -> None:
+    arm.stage.move(Pose(0.03, 0.0, 0.002), 2e-3)
+    time.sleep(0.2)
+    arm.robot.slide(0.0)
+    time.sleep(0.1)
+    assert arm.stage.pace == 0.0
+    end_s = arm.clock.now() + 0.8
+    while arm.clock.now() < end_s:
+        assert arm.stage.moving()
+        time.sleep(0.01)
+    arm.robot.slide(1.0)
+    arm.arrive()
+    assert arm.stage.pose().z == pytest.approx(0.002, abs=1e-5)
 
 
-def test_an_arm_that_rests_elsewhere_can_still_be_lifted(winkler: Respond) -> None:
-    with connected(winkler) as (made, _):
-        made.stage.enable()
-        made.stage.move(Pose(0.03, 0.0, -0.002), 2e-3)
-        time.sleep(0.3)
-        made.phantom.tip.halt(made.clock.now(), 10.0)
-        with pytest.raises(MotionFault, match="came to rest"):
-            made.arrive()
-        assert not made.stage.moving()  # told once: it rests, and may be lifted
-        made.stage.move(Pose(0.03, 0.0, 0.004), 0.02)
-        made.arrive()
+def test_an_arm_that_rests_elsewhere_can_still_be_lifted(arm: Arm) -> None:
+    arm.stage.move(Pose(0.03, 0.0, -0.002), 2e-3)
+    time.sleep(0.3)
+    arm.phantom.tip.halt(arm.clock.now(), 10.0)
+    with pytest.raises(MotionFault, match="came to rest"):
+        arm.arrive()
+    assert not arm.stage.moving()  # told once: it rests, and may be lifted
+    arm.go(Pose(0.03, 0.0, 0.004), 0.02)
 
 
-def test_the_robot_stops_when_nobody_checks_the_force(winkler: Respond) -> None:
-    with connected(winkler, keys={"watchdog_s": 0.5}) as (made, robot):
-        made.stage.enable()
-        made.stage.move(Pose(0.05, 0.0, 0.004), 0.01)
-        for _ in range(30):
-            made.stage.keep_alive()
-            time.sleep(0.02)
-        assert robot.robot.playing
-        checked_s = made.clock.now()
-        while robot.robot.playing:  # this process lives on, and its client too
-            assert made.clock.now() - checked_s < 2.0
-            time.sleep(0.005)
-        time.sleep(0.1)
-        assert not made.phantom.tip.moving(made.clock.now())
+@arm_with(keys={"watchdog_s": 0.5})
+def test_the_robot_stops_when_nobody_checks_the_force(arm: Arm) -> None:
+    arm.stage.move(Pose(0.05, 0.0, 0.004), 0.01)
+    for _ in range(30):
+        arm.stage.keep_alive()
+        time.sleep(0.02)
+    assert arm.robot.playing
+    checked_s = arm.clock.now()
+    while arm.robot.playing:  # this process lives on, and its client too
+        assert arm.clock.now() - checked_s < 2.0
+        time.sleep(0.005)
+    time.sleep(0.1)
+    assert not arm.tip_moves
 
 
-def until_moved(made: Rig, to: Pose) -> None:
+def until_moved(made: Arm, to: Pose) -> None:
     """Ask until the driver has heard that the other program has ended."""
-    end_s = time.monotonic() + 5.0
-    while True:
+
+    def moved() -> bool:
         try:
-            return made.stage.move(to, 0.01)
+            made.stage.move(to, 0.01)
         except DeviceFault as fault:
             assert "another program runs" in str(fault)
-            assert time.monotonic() < end_s
-        time.sleep(0.01)
+            return False
+        return True
+
+    until(moved)
 
 
 @pytest.mark.parametrize(
-    ("keys", "ends"),
+    ("arm", "ends"),
     [
-        ({"watchdog_s": 0.5}, lambda stage: stage.keep_alive()),  # and then no more
+        ({"keys": {"watchdog_s": 0.5}}, UrStage.keep_alive),  # and then no more
         # a robot that does not answer is stopped by the dashboard, which ends the program
-        ({"stop_s": 1e-6}, lambda stage: stage.stop()),
+        ({"keys": {"stop_s": 1e-6}}, UrStage.stop),
     ],
+    indirect=["arm"],
     ids=["by the watchdog", "by the driver"],
 )
 def test_a_program_that_was_ended_from_here_is_started_again_for_the_lift(
-    keys: dict[str, float], ends: Callable[[UrStage], None], winkler: Respond
+    arm: Arm, ends: Callable[[UrStage], None]
 ) -> None:
-    with connected(winkler, keys=keys) as (made, _):
-        made.stage.enable()
-        ends(made.stage)
-        until_said(made, "control program has stopped")
-        made.stage.start_again()
-        made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)
-        made.arrive()
-        assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
+    ends(arm.stage)
+    arm.until_said("control program has stopped")
+    arm.stage.start_again()
+    arm.go(Pose(0.03, 0.0, 0.006), 0.01)
+    assert arm.stage.pose().z == pytest.approx(0.006, abs=1e-4)
 
 
+@arm_with(enable=False)
 @pytest.mark.parametrize(("ended", "cut"), [(True, False), (True, True), (False, True)])
 def test_what_a_person_ended_or_what_was_only_read_is_left_alone(
-    ended: bool, cut: bool, winkler: Respond
+    ended: bool, cut: bool, arm: Arm
 ) -> None:
     """Also after a connection that was cut."""
-    with connected(winkler) as (made, robot):
-        if ended:
-            made.stage.enable()
-            made.stage.keep_alive()
-            robot.fail("lost program")
-            until_said(made, "control program has stopped")
-        if cut:
-            robot.fail("blink")
-            until_said(made, "connection lost")
-        else:
-            made.stage.stop()  # by the dashboard, for the program does not answer
-        made.stage.start_again()
-        until_said(made, "connection lost" if cut else "control program has stopped")
-        assert robot.robot.uploads == ended
+    if ended:
+        arm.stage.enable()
+        arm.stage.keep_alive()
+        arm.fail("lost program")
+        arm.until_said("control program has stopped")
+    if cut:
+        arm.fail("blink")
+        arm.until_said("connection lost")
+    else:
+        arm.stage.stop()  # by the dashboard, for the program does not answer
+    arm.stage.start_again()
+    arm.until_said("connection lost" if cut else "control program has stopped")
+    assert arm.robot.uploads == ended
 
 
-def test_a_connection_that_was_cut_is_made_again_for_the_lift(winkler: Respond) -> None:
-    with connected(winkler, keys={"watchdog_s": 60.0}) as (made, robot):
-        made.stage.enable()
-        made.stage.keep_alive()
-        robot.fail("blink")
-        until_said(made, "connection lost")
-        made.stage.start_again()
-        with pytest.raises(DeviceFault, match="another program runs"):
-            made.stage.move(Pose(0.03, 0.0, 0.006), 0.01)  # ours from before the cut
-        robot.robot.end_program()  # as its watchdog does in the end
-        until_moved(made, Pose(0.03, 0.0, 0.006))
-        made.arrive()
-        assert made.stage.pose().z == pytest.approx(0.006, abs=1e-4)
+@arm_with(keys={"watchdog_s": 60.0})
+def test_a_connection_that_was_cut_is_made_again_for_the_lift(arm: Arm) -> None:
+    arm.stage.keep_alive()
+    arm.fail("blink")
+    arm.until_said("connection lost")
+    arm.stage.start_again()
+    with pytest.raises(DeviceFault, match="another program runs"):
+        arm.stage.move(Pose(0.03, 0.0, 0.006), 0.01)  # ours from before the cut
+    arm.robot.end_program()  # as its watchdog does in the end
+    until_moved(arm, Pose(0.03, 0.0, 0.006))
+    arm.arrive()
+    assert arm.stage.pose().z == pytest.approx(0.006, abs=1e-4)
 
 
 STILL = (0.0,) * 6

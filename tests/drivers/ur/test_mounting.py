@@ -20,21 +20,18 @@ def test_any_mounting_moves_and_feels_in_the_scan_frame(
     winkler: Respond, turned: tuple[float, float, float]
 ) -> None:
     keys = dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), turned, strict=True))
-    with connected(winkler, keys=keys, rotation_deg=turned) as (made, _):
-        made.stage.enable()
-        made.sensor.tare()
-        made.sensor.start()
-        made.stage.move(Pose(0.031, 0.0, -0.002), 0.02)
-        made.arrive()
-        assert made.phantom.tip.point(made.clock.now()) == pytest.approx(
-            (0.031, 0.0, -0.002), abs=1e-6
-        )
-        assert made.stage.pose() == pytest.approx((0.031, 0.0, -0.002, 0, 0, 0), abs=1e-5)
-        began_s = made.clock.now()
+    with connected(winkler, keys=keys, rotation_deg=turned) as arm:
+        arm.stage.enable()
+        arm.sensor.tare()
+        arm.sensor.start()
+        arm.go(Pose(0.031, 0.0, -0.002), 0.02)
+        assert arm.tip_m == pytest.approx((0.031, 0.0, -0.002), abs=1e-6)
+        assert arm.stage.pose() == pytest.approx((0.031, 0.0, -0.002, 0, 0, 0), abs=1e-5)
+        began_s = arm.clock.now()
         time.sleep(0.3)
-        block = made.sensor.read()
+        block = arm.sensor.read()
         felt_n = block.values[block.time_s > began_s, 0].mean()
-        true_n = made.phantom.force_n(np.array([began_s + 0.15]))[0]
+        true_n = arm.phantom.force_n(np.array([began_s + 0.15]))[0]
         assert felt_n == pytest.approx(true_n, rel=0.02)
 
 
@@ -45,23 +42,21 @@ def test_force_on_a_slope_is_the_one_along_the_press(winkler: Respond, slope_deg
     def surface(x: float, _y: float) -> float:
         return slope * (x - 0.03)
 
-    with connected(winkler, surface=surface) as (made, _):
-        made.stage.enable()
+    with connected(winkler, surface=surface) as arm:
+        arm.stage.enable()
         tilt = Rotation.from_euler("y", -slope_deg, degrees=True)
         turn = tilt.as_rotvec()
         start = Pose(0.03, 0.0, 0.004, *turn)
-        made.stage.move(start, 0.02)
-        made.arrive()
-        made.sensor.tare()
-        made.sensor.start()
+        arm.go(start, 0.02)
+        arm.sensor.tare()
+        arm.sensor.start()
         x, y, z = np.array([0.03, 0.0, 0.0]) - 2e-3 * tilt.apply([0.0, 0.0, 1.0])
-        made.stage.move(Pose(x, y, z, *turn), 0.02)
-        made.arrive()
-        began_s = made.clock.now()
+        arm.go(Pose(x, y, z, *turn), 0.02)
+        began_s = arm.clock.now()
         time.sleep(0.3)
-        block = made.sensor.read()
+        block = arm.sensor.read()
         held = block.values[block.time_s > began_s]
-        true_n = made.phantom.force_n(np.array([began_s + 0.15]))[0]
+        true_n = arm.phantom.force_n(np.array([began_s + 0.15]))[0]
         assert true_n > 0.2
         assert held[:, 0].mean() == pytest.approx(true_n, rel=0.02)
         upward_n = held[:, 3].mean()  # what was once taken for the force

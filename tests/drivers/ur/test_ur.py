@@ -6,12 +6,12 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
-from emulated_ur import ORIGIN_MM, Rig, connected, fresh_host
+from emulated_ur import ORIGIN_MM, Arm, arm_with, fresh_host, until
 
 from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.testing.awake import AwakeTime
@@ -29,12 +29,7 @@ def host() -> str:
     return fresh_host()
 
 
-@pytest.fixture
-def rig(winkler: Respond) -> Iterator[tuple[Rig, ur.UrController]]:
-    keys = {"silence_s": 1.0, "stop_s": 1.0, "acceleration_mm_s2": 2000.0}  # rests in 10 ms
-    with connected(winkler, keys=keys) as (made, robot):
-        made.stage.enable()
-        yield made, robot
+QUICK = {"silence_s": 1.0, "stop_s": 1.0, "acceleration_mm_s2": 2000.0}  # rests in 10 ms
 
 
 def test_every_sample_is_whole(
@@ -49,55 +44,47 @@ def test_every_sample_is_whole(
         return sent.setdefault(reported["timestamp"], reported)
 
     monkeypatch.setattr(Robot, "outputs", noted)
-    clock = WallClock()
-    phantom = Phantom(load_scene("TIHA"), clock, winkler, home=(0.03, 0.0, 0.004))
-    with ur.emulate(phantom, at=host, noise_n=0.001):
+    made = Arm(winkler, host)
+    with ur.emulate(made.phantom, at=host, noise_n=0.001):
         link = take_link("ur", host, 500.0, 1.0)
-        phantom.tip.move(clock.now(), (0.03, 0.0, -0.002), 0.003, 0.1)
+        made.phantom.tip.move(made.clock.now(), (0.03, 0.0, -0.002), 0.003, 0.1)
         time.sleep(2.0)
         got = link.samples(1.0)
         leave_link(link)
     assert len(got) > 200  # of 1000; how many depends on what else this machine does
     for state in got:
         reported = sent[state.timestamp_s]
-        assert (state.wrench, state.pose) == (
-            reported["actual_TCP_force"],
-            reported["actual_TCP_pose"],
-        )
+        assert state.wrench == reported["actual_TCP_force"]
+        assert state.pose == reported["actual_TCP_pose"]
 
 
-def test_stop_halts_within_100_ms_from_another_thread(rig: tuple[Rig, ur.UrController]) -> None:
-    made, _ = rig
-    made.stage.move(Pose(0.06, 0.0, 0.004), 0.02)
+@arm_with(keys=QUICK)
+def test_stop_halts_within_100_ms_from_another_thread(arm: Arm) -> None:
+    arm.stage.move(Pose(0.06, 0.0, 0.004), 0.02)
     time.sleep(0.3)
     with AwakeTime() as awake:
         began_s = awake.now()
-        threads = [threading.Thread(target=made.stage.stop) for _ in range(3)]
+        threads = [threading.Thread(target=arm.stage.stop) for _ in range(3)]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-        while made.phantom.tip.moving(made.clock.now()):
+        while arm.tip_moves:
             time.sleep(0.001)
         assert awake.now() - began_s < 0.1
-    assert made.phantom.tip.point(made.clock.now())[0] < 0.055
+    assert arm.tip_m[0] < 0.055
 
 
-def test_a_stop_is_as_hard_as_the_rig_says(winkler: Respond) -> None:
+@arm_with(keys=QUICK | {"acceleration_mm_s2": 40.0})
+def test_a_stop_is_as_hard_as_the_rig_says(arm: Arm) -> None:
     """From 20 mm/s at 40 mm/s2 the tip goes on for 5 mm, as a robot's would."""
-    keys = {"silence_s": 1.0, "stop_s": 1.0, "acceleration_mm_s2": 40.0}
-    with connected(winkler, keys=keys) as (made, _):
-        made.stage.enable()
-        made.stage.move(Pose(0.06, 0.0, 0.004), 0.02)
-        tip, clock = made.phantom.tip, made.clock
-        set_off_m = tip.point(clock.now())[0]
-        while tip.point(clock.now())[0] < set_off_m + 0.007:  # at speed after 5 mm
-            time.sleep(0.005)
-        there_m = tip.point(clock.now())[0]
-        made.stage.stop()
-        while tip.moving(clock.now()) and tip.point(clock.now())[0] < there_m + 0.02:
-            time.sleep(0.005)
-        assert 0.0048 < tip.point(clock.now())[0] - there_m < 0.02
+    arm.stage.move(Pose(0.06, 0.0, 0.004), 0.02)
+    set_off_m = arm.tip_m[0]
+    until(lambda: arm.tip_m[0] > set_off_m + 0.007)  # at speed after 5 mm
+    there_m = arm.tip_m[0]
+    arm.stage.stop()
+    until(lambda: not arm.tip_moves)
+    assert 0.0048 < arm.tip_m[0] - there_m < 0.02
 
 
 @pytest.mark.parametrize(
@@ -110,44 +97,41 @@ def test_a_stop_is_as_hard_as_the_rig_says(winkler: Respond) -> None:
         ("drop", "sent nothing|connection lost"),
     ],
 )
-def test_faults_are_seen_soon_in_the_robots_words(
-    rig: tuple[Rig, ur.UrController], fault: str, words: str
-) -> None:
-    made, robot = rig
-    made.stage.move(Pose(0.05, 0.0, 0.004), 0.01)
+@arm_with(keys=QUICK)
+def test_faults_are_seen_soon_in_the_robots_words(arm: Arm, fault: str, words: str) -> None:
+    arm.stage.move(Pose(0.05, 0.0, 0.004), 0.01)
     time.sleep(0.1)
     with AwakeTime() as awake:
         began_s = awake.now()
-        robot.fail(fault)
+        arm.fail(fault)
         with pytest.raises(DeviceFault, match=words):
             while awake.now() < began_s + 3:
-                made.stage.pose()
+                arm.stage.pose()
                 time.sleep(0.002)
         took_s = awake.now() - began_s
     assert took_s < (0.3 if "stop" in fault or "lost" in fault else 1.5)
-    made.stage.stop()
+    arm.stage.stop()
 
 
+@arm_with(keys=QUICK)
 def test_connects_again_after_a_protective_stop_was_cleared(
-    rig: tuple[Rig, ur.UrController],
+    arm: Arm,
 ) -> None:
-    made, robot = rig
-    robot.fail("protective stop")
+    arm.fail("protective stop")
     time.sleep(0.05)
-    made.sensor.close()
-    made.stage.close()
-    made.stage.connect()
+    arm.sensor.close()
+    arm.stage.close()
+    arm.stage.connect()
     with pytest.raises(DeviceFault, match="protective stop"):
-        made.stage.enable()
-    robot.fail(None)
+        arm.stage.enable()
+    arm.fail(None)
     time.sleep(0.05)
-    made.stage.enable()
-    made.stage.move(Pose(0.031, 0.0, 0.004), 0.02)
-    made.arrive()
+    arm.stage.enable()
+    arm.go(Pose(0.031, 0.0, 0.004), 0.02)
 
 
 def test_nobody_there(winkler: Respond, host: str) -> None:
-    made = Rig(winkler, host)
+    made = Arm(winkler, host)
     with AwakeTime() as awake:
         with pytest.raises(DeviceAbsent, match=r"30004.*refused"):
             made.stage.connect()
@@ -288,21 +272,21 @@ def test_a_client_outlives_neither_its_scan_nor_its_robot(winkler: Respond, host
                 time.sleep(0.05)
 
 
-def test_a_client_that_hangs_holds_up_nobody(rig: tuple[Rig, ur.UrController]) -> None:
+@arm_with(keys=QUICK)
+def test_a_client_that_hangs_holds_up_nobody(arm: Arm) -> None:
     """A guard that keeps telling it of checked forces, and a stop, go on without it."""
-    made, _ = rig
-    made.stage.move(Pose(0.05, 0.0, 0.004), 0.002)
+    arm.stage.move(Pose(0.05, 0.0, 0.004), 0.002)
     ours = ["pgrep", "-P", str(os.getpid()), "-f", "drivers.core.child"]
     (client,) = subprocess.run(ours, capture_output=True, text=True, check=True).stdout.split()
     os.kill(int(client), signal.SIGSTOP)
     with AwakeTime() as awake:
         for _ in range(20_000):
-            made.stage.keep_alive()
-        made.stage.stop()
+            arm.stage.keep_alive()
+        arm.stage.stop()
         assert awake.now() < 5.0
     with pytest.raises(DeviceFault, match=r"sent nothing for .* allowed: silence_s = "):
-        while made.stage.moving():
+        while arm.stage.moving():
             time.sleep(0.01)
-    there = made.phantom.tip.point(made.clock.now())
+    there = arm.tip_m
     time.sleep(0.1)
-    assert made.phantom.tip.point(made.clock.now()) == there
+    assert arm.tip_m == there

@@ -8,7 +8,7 @@ from threading import Timer
 from typing import Any
 
 import pytest
-from emulated_ur import PATIENT_S, connected
+from emulated_ur import PATIENT_S, Arm, connected
 from waiting import first_of_all
 
 from probe.core.events import Event, Finish, Phase, PhaseEntered, RunEnded
@@ -16,7 +16,6 @@ from probe.guards.safety_monitor import SafetyMonitor
 from probe.planning.limits import Limits
 from probe.planning.plan import Place, Plan
 from probe.scan.engine import run_scan
-from sim_backend.emulators.ur import UrController
 from sim_backend.phantom.phantom import Respond
 
 PLAN = Plan(
@@ -34,20 +33,20 @@ def stiff(winkler: Callable[..., Any]) -> Respond:
 
 
 @contextmanager
-def rig(respond: Respond, contact_n: float) -> Iterator[tuple[Any, UrController]]:
+def rig(respond: Respond, contact_n: float) -> Iterator[Arm]:
     keys = {"contact": "controller", "stop_s": PATIENT_S, "watchdog_s": 0.5}
-    with first_of_all(), connected(respond, keys=keys, contact_n=contact_n) as (made, robot):
-        yield made, robot
+    with first_of_all(), connected(respond, keys=keys, contact_n=contact_n) as made:
+        yield made
 
 
-def scan(made: Any, plan: Plan = PLAN) -> tuple[RunEnded, list[Event]]:
+def scan(made: Arm, plan: Plan = PLAN) -> tuple[RunEnded, list[Event]]:
     """One press."""
     events: list[Event] = []
     return run_scan(plan, made.stage, [made.sensor], made.clock, events.append, LIMITS), events
 
 
-def lifted(made: Any) -> bool:
-    return bool(made.phantom.tip.point(made.clock.now())[2] > PLAN.travel_z_m - 1e-4)
+def lifted(made: Arm) -> bool:
+    return made.tip_m[2] > PLAN.travel_z_m - 1e-4
 
 
 @pytest.fixture
@@ -59,7 +58,7 @@ def blind(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("blind")
 def test_the_press_begins_where_contact_began(stiff: Respond) -> None:
     """Of 2 N, which the scan has not seen, the arm goes back; that is no fault of the sensor's."""
-    with rig(stiff, 2.0) as (made, _):
+    with rig(stiff, 2.0) as made:
         ended, events = scan(made)
         assert ended.finish is Finish.COMPLETED, ended.reason
         pressing_s = next(
@@ -72,14 +71,14 @@ def test_the_press_begins_where_contact_began(stiff: Respond) -> None:
 
 
 def test_the_scans_own_touch_comes_first_where_the_controller_feels_less(winkler: Respond) -> None:
-    with rig(winkler, 3.0) as (made, _):
+    with rig(winkler, 3.0) as made:
         ended, _ = scan(made)
         assert ended.finish is Finish.COMPLETED, ended.reason
         assert not made.stage.touched
 
 
 def test_no_contact_at_all_ends_at_the_search_depth(winkler: Respond) -> None:
-    with rig(winkler, 3.0) as (made, _):
+    with rig(winkler, 3.0) as made:
         ended, _ = scan(made, replace(PLAN, touch_n=2.0))
         assert ended.finish is Finish.FAULTED
         assert "no touch of 2 N down to 1 mm below" in ended.reason
@@ -103,8 +102,8 @@ def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.Mon
     """
     for _ in range(5):
         heard: list[float] = []
-        with rig(winkler, 3.0) as (made, robot):
-            contact = robot.robot.contact
+        with rig(winkler, 3.0) as made:
+            contact = made.robot.contact
             monkeypatch.setattr(contact, "stop", noting(contact.stop, heard))
             contact.misled = True
             ended, _ = scan(made)
@@ -137,14 +136,14 @@ def test_a_fault_in_a_search_ends_the_scan_as_without_the_option(
 ) -> None:
     if not up:  # it will never answer
         monkeypatch.setattr("probe.guards.retreat.PATIENCE_S", 2.0)
-    with rig(winkler, 3.0) as (made, robot):
-        begin = robot.robot.contact.start
+    with rig(winkler, 3.0) as made:
+        begin = made.robot.contact.start
 
         def strike(now: float) -> None:
             begin(now)
-            Timer(0.05, robot.fail, (fault,)).start()
+            Timer(0.05, made.fail, (fault,)).start()
 
-        robot.robot.contact.start = strike
+        made.robot.contact.start = strike
         ended, _ = scan(made)
         assert ended.finish is Finish.FAULTED
         assert said in ended.reason

@@ -71,10 +71,9 @@ def test_a_robot_holds_its_move_and_goes_on_telling(winkler: Respond) -> None:
     from emulated_ur import connected  # here: it skips where the robot's client is not
 
     solved = [False]
-    with connected(winkler, ready=lambda target: solved[0] or target[2] > 0) as (made, _):
+    with connected(winkler, ready=lambda target: solved[0] or target[2] > 0) as made:
         made.stage.enable()
-        made.stage.move(Pose(0.031, 0.0, 0.002), 0.02)
-        made.arrive()
+        made.go(Pose(0.031, 0.0, 0.002), 0.02)
         made.stage.move(Pose(0.031, 0.0, -0.002), 0.02)
         end_s = made.clock.now() + 1.0
         while made.clock.now() < end_s:
