@@ -31,17 +31,14 @@ def tare(rng: Rng, lag: float) -> tuple[Fit, list[float]]:
     return fit_tare(TIME_S, value).fit, [0.3, 2e-3]
 
 
-@pytest.mark.parametrize(
-    ("draw", "lag", "least", "most"),
-    [
-        (stiffness, 0.0, 0.93, 0.975),
-        (stiffness, 0.9, 0.92, 0.98),
-        (stiffness, 0.99, 0.85, 0.98),
-        (tare, 0.0, 0.93, 0.975),
-        (tare, 0.9, 0.92, 0.98),
-        (tare, 0.99, 0.85, 0.98),
-    ],
-)
+@pytest.mark.parametrize("draw, lag, least, most", [
+    (stiffness, 0.0, 0.93, 0.975),
+    (stiffness, 0.9, 0.92, 0.98),
+    (stiffness, 0.99, 0.85, 0.98),
+    (tare, 0.0, 0.93, 0.975),
+    (tare, 0.9, 0.92, 0.98),
+    (tare, 0.99, 0.85, 0.98),
+])  # fmt: skip
 def test_intervals_hold_as_often_as_they_say(
     draw: Callable[[Rng, float], tuple[Fit, list[float]]], lag: float, least: float, most: float
 ) -> None:

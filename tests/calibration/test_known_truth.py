@@ -196,14 +196,11 @@ def test_a_sensor_that_warms_up_is_bent_and_lags() -> None:
     assert warmer == pytest.approx(10.0, abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("load", "reading", "gap"),
-    [
-        ([0, 1, 2, 1, 0], [0, 1, 2, 1.2, 0.3], 0.1),  # zero was not come to from below
-        ([0, 1, 2, 2, 1, 1, 2], [0, 1, 2, 2, 1.2, 1.2, 2], 0.1),
-        ([0, 1, 2, 3], [0, 1, 2, 3.3], 0.0),
-    ],
-)
+@pytest.mark.parametrize("load, reading, gap", [
+    ([0, 1, 2, 1, 0], [0, 1, 2, 1.2, 0.3], 0.1),  # zero was not come to from below
+    ([0, 1, 2, 2, 1, 1, 2], [0, 1, 2, 2, 1.2, 1.2, 2], 0.1),
+    ([0, 1, 2, 3], [0, 1, 2, 3.3], 0.0),
+])  # fmt: skip
 def test_hysteresis_is_between_a_load_s_two_sides(
     load: list[float], reading: list[float], gap: float
 ) -> None:

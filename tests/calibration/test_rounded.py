@@ -133,15 +133,12 @@ def missed(late_s: float, *movement: np.ndarray) -> tuple[float, float]:
     return abs(found.delay_s - late_s), (high - low) / 2
 
 
-@pytest.mark.parametrize(
-    ("draw", "widest_s"),
-    [
-        (lambda rng: press(rng, 125, 1e-3, 0.05), 1e-3),
-        (lambda rng: press(rng, 125, 1e-3, 0.02), 1e-3),
-        (lambda rng: press(rng, 20, 2e-3, 0), 1.2e-3),
-        (lambda rng: tap(rng, 20e-6), 0.15e-3),
-    ],
-)
+@pytest.mark.parametrize("draw, widest_s", [
+    (lambda rng: press(rng, 125, 1e-3, 0.05), 1e-3),
+    (lambda rng: press(rng, 125, 1e-3, 0.02), 1e-3),
+    (lambda rng: press(rng, 20, 2e-3, 0), 1.2e-3),
+    (lambda rng: tap(rng, 20e-6), 0.15e-3),
+])  # fmt: skip
 def test_a_delay_holds_where_errors_repeat_from_tap_to_tap(
     draw: Callable[[Rng], tuple[float, float]], widest_s: float
 ) -> None:

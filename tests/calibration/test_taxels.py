@@ -23,16 +23,13 @@ def array(seed: int, sign: int = 1, step: float = 0.0, **end: Any) -> tuple[np.n
     return (np.round(raw / step) * step if step else raw), gain
 
 
-@pytest.mark.parametrize(
-    ("sign", "end", "seen"),
-    [
-        (1, {"min": 60}, ("floor", "dead_zone_pa")),
-        (1, {"max": 150}, ("ceiling", "clips_pa")),
-        (-1, {"max": 380}, ("ceiling", "dead_zone_pa")),
-        (-1, {"min": 280}, ("floor", "clips_pa")),
-        (1, {"min": 60, "max": 150}, ("floor", "dead_zone_pa")),
-    ],
-)
+@pytest.mark.parametrize("sign, end, seen", [
+    (1, {"min": 60}, ("floor", "dead_zone_pa")),
+    (1, {"max": 150}, ("ceiling", "clips_pa")),
+    (-1, {"max": 380}, ("ceiling", "dead_zone_pa")),
+    (-1, {"min": 280}, ("floor", "clips_pa")),
+    (1, {"min": 60, "max": 150}, ("floor", "dead_zone_pa")),
+])  # fmt: skip
 @pytest.mark.parametrize("step", [0.0, 2.0])
 def test_readings_that_stand_still_are_left_out(
     sign: int, end: dict[str, float], seen: tuple[str, str], step: float

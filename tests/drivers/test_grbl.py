@@ -59,17 +59,14 @@ def test_a_target_outside_the_travel_is_refused_in_words(stage: GrblStage) -> No
     assert not stage.moving()
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("alarm", "emergency stop"),
-        ("limit", "hard limit switch"),
-        ("restart", "restarted by itself|alarm"),
-        ("silence", "no status|silent"),
-        ("drop", "connection lost"),
-        ("garbage", "no status|silent"),
-    ],
-)
+@pytest.mark.parametrize("fault, words", [
+    ("alarm", "emergency stop"),
+    ("limit", "hard limit switch"),
+    ("restart", "restarted by itself|alarm"),
+    ("silence", "no status|silent"),
+    ("drop", "connection lost"),
+    ("garbage", "no status|silent"),
+])  # fmt: skip
 def test_a_fault_in_a_move_is_reported_in_words(
     board: Served, phantom: Phantom, clock: WallClock, fault: str, words: str
 ) -> None:
@@ -214,15 +211,12 @@ def test_a_work_zero_changes_no_pose(phantom: Phantom, clock: WallClock) -> None
         made.close()
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("feed hold", "feed hold is active"),
-        ("other program", "runs another program"),
-        ("check mode", "check mode"),
-        ("switch pressed", "limit switch of z"),
-    ],
-)
+@pytest.mark.parametrize("fault, words", [
+    ("feed hold", "feed hold is active"),
+    ("other program", "runs another program"),
+    ("check mode", "check mode"),
+    ("switch pressed", "limit switch of z"),
+])  # fmt: skip
 def test_who_else_commands_the_board_is_reported_before_the_first_move(
     stage: GrblStage, board: Served, fault: str, words: str
 ) -> None:

@@ -112,15 +112,12 @@ def test_a_mistake_while_listening_is_said_as_what_it_is() -> None:
     talk.close()
 
 
-@pytest.mark.parametrize(
-    ("number", "words"),
-    [
-        (8, "only possible when idle"),
-        (9, "locked by an alarm or a jog"),
-        (15, "outside the machine's travel"),
-        (99, "see the controller manual"),
-    ],
-)
+@pytest.mark.parametrize("number, words", [
+    (8, "only possible when idle"),
+    (9, "locked by an alarm or a jog"),
+    (15, "outside the machine's travel"),
+    (99, "see the controller manual"),
+])  # fmt: skip
 def test_why_the_board_refuses_is_said_in_words(number: int, words: str) -> None:
     talk = Conversation("mine", Answers(f"error:{number}\n".encode()), 0.1)
     with pytest.raises(DeviceFault, match=f"refused: error {number}: .*{words}"):
@@ -150,13 +147,10 @@ def test_settings_of_any_kind_are_read() -> None:
     talk.close()
 
 
-@pytest.mark.parametrize(
-    ("report", "words"),
-    [
-        ("<Idle|MPos:0.000,0.000|Bf:15,128>", "two axes, x and y, and the probe is pressed along"),
-        ("<Idle,MPos:0.000,0.000,0.000,WPos:0.000,0.000,0.000>", r"GRBL 0\.9 or older.*no jogs"),
-    ],
-)
+@pytest.mark.parametrize("report, words", [
+    ("<Idle|MPos:0.000,0.000|Bf:15,128>", "two axes, x and y, and the probe is pressed along"),
+    ("<Idle,MPos:0.000,0.000,0.000,WPos:0.000,0.000,0.000>", r"GRBL 0\.9 or older.*no jogs"),
+])  # fmt: skip
 def test_a_board_that_answers_and_cannot_be_used_is_told_why(
     line: Served, board: Board, report: str, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,17 +169,14 @@ def test_one_damaged_report_is_no_other_board(stage: GrblStage, board: Board) ->
     assert stage.pose().z == 0.0
 
 
-@pytest.mark.parametrize(
-    ("numbers", "at_mm", "to_mm", "refused"),
-    [
-        ({20: 1, 22: 1, 132: 60}, -10.0, -61.0, r"z = -61 mm in machine.*\$132 = 60"),
-        ({20: 1, 22: 1, 132: 60}, -10.0, 1.0, "error 15: the target is outside"),
-        ({20: 1, 22: 1, 132: 60}, 10.0, 59.0, None),  # built to count from 0 upwards
-        ({20: 1, 22: 1, 132: 60}, 10.0, -1.0, "error 15"),
-        ({20: 0, 22: 1, 132: 60}, -10.0, -61.0, None),
-        ({}, -10.0, -1e4, None),
-    ],
-)
+@pytest.mark.parametrize("numbers, at_mm, to_mm, refused", [
+    ({20: 1, 22: 1, 132: 60}, -10.0, -61.0, r"z = -61 mm in machine.*\$132 = 60"),
+    ({20: 1, 22: 1, 132: 60}, -10.0, 1.0, "error 15: the target is outside"),
+    ({20: 1, 22: 1, 132: 60}, 10.0, 59.0, None),  # built to count from 0 upwards
+    ({20: 1, 22: 1, 132: 60}, 10.0, -1.0, "error 15"),
+    ({20: 0, 22: 1, 132: 60}, -10.0, -61.0, None),
+    ({}, -10.0, -1e4, None),
+])  # fmt: skip
 def test_what_a_board_would_refuse_in_mid_move_is_known_before(
     numbers: dict[int, float], at_mm: float, to_mm: float, refused: str | None
 ) -> None:

@@ -250,16 +250,13 @@ def test_no_more_lines_are_missing_than_can_have_been_sent(
     assert [s.lost for s in source.read()] == [lost]
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"pattern": "("}, "pattern = '\\('"),
-        ({"pattern": "(?P<f>.*)"}, r"has groups \['f'\]"),
-        ({"pattern": r"(?P<force>[0-9]+)(?=N)"}, "no look-around"),
-        ({"pattern": "(?P<force>([0-9.]{1,30}){1,30})"}, "at most 500 are allowed"),
-        ({"decimal": ",", "thousands": ","}, "must differ from decimal"),
-    ],
-)
+@pytest.mark.parametrize("keys, words", [
+    ({"pattern": "("}, "pattern = '\\('"),
+    ({"pattern": "(?P<f>.*)"}, r"has groups \['f'\]"),
+    ({"pattern": r"(?P<force>[0-9]+)(?=N)"}, "no look-around"),
+    ({"pattern": "(?P<force>([0-9.]{1,30}){1,30})"}, "at most 500 are allowed"),
+    ({"decimal": ",", "thousands": ","}, "must differ from decimal"),
+])  # fmt: skip
 def test_wrong_keys_are_named(clock: WallClock, keys: dict[str, Any], words: str) -> None:
     good = {"port": "x", "pattern": "(?P<force>.*)", "channel": [FORCE], "rate_hz": 10.0}
     with pytest.raises(ConfigError, match=words):
@@ -277,32 +274,26 @@ def test_a_damaged_line_cannot_hold_up_the_guards(pattern: str) -> None:
         assert time.process_time() - began_s < 0.1
 
 
-@pytest.mark.parametrize(
-    ("decimal", "thousands", "text", "value"),
-    [
-        (".", "", "-1234.5e-1", -123.45),
-        (",", "", "3,25", 3.25),
-        (",", ".", "1.234,5", 1234.5),
-        (".", ",", "12,345,678.25", 12345678.25),
-        (".", "'", "1'234", 1234.0),
-        (",", " ", "-1 234,5", -1234.5),
-        (".", ",", "1234.5", 1234.5),
-    ],
-)
+@pytest.mark.parametrize("decimal, thousands, text, value", [
+    (".", "", "-1234.5e-1", -123.45),
+    (",", "", "3,25", 3.25),
+    (",", ".", "1.234,5", 1234.5),
+    (".", ",", "12,345,678.25", 12345678.25),
+    (".", "'", "1'234", 1234.0),
+    (",", " ", "-1 234,5", -1234.5),
+    (".", ",", "1234.5", 1234.5),
+])  # fmt: skip
 def test_numbers_as_they_are_written_elsewhere(
     decimal: str, thousands: str, text: str, value: float
 ) -> None:
     assert number_reader(decimal, thousands)(text.encode()) == value
 
 
-@pytest.mark.parametrize(
-    ("decimal", "thousands", "text"),
-    [
-        (".", "", "3,25"), (",", "", "3.25"), (".", ",", "1,5"), (",", ".", "1.5"),
-        (".", ",", "1,2345"), (".", "", "nan"), (".", "", ""), (".", "", "1.2.3"),
-        (".", "", "\xb2"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("decimal, thousands, text", [
+    (".", "", "3,25"), (",", "", "3.25"), (".", ",", "1,5"), (",", ".", "1.5"),
+    (".", ",", "1,2345"), (".", "", "nan"), (".", "", ""), (".", "", "1.2.3"),
+    (".", "", "\xb2"),
+])  # fmt: skip
 def test_a_number_written_otherwise_is_none(decimal: str, thousands: str, text: str) -> None:
     """1,5 with a comma of thousands is not 15."""
     with pytest.raises(ValueError):
@@ -346,13 +337,10 @@ def test_what_does_not_match_is_shown(
         connect_while(sensor, says, b"F= 1,0 kN\n")
 
 
-@pytest.mark.parametrize(
-    ("pattern", "words"),
-    [
-        ("(?P<force>[-0-9.]+) (?P<unit>[a-zA-Z]+)", "sends lbf now, not unit = 'N'"),
-        ("(?P<force>[-0-9.]+) N", "do not match the pattern; the last is '1.0 lbf'"),
-    ],
-)
+@pytest.mark.parametrize("pattern, words", [
+    ("(?P<force>[-0-9.]+) (?P<unit>[a-zA-Z]+)", "sends lbf now, not unit = 'N'"),
+    ("(?P<force>[-0-9.]+) N", "do not match the pattern; the last is '1.0 lbf'"),
+])  # fmt: skip
 def test_a_gauge_that_is_switched_to_another_unit_is_a_fault(
     clock: WallClock, line: tuple[Says, Served], pattern: str, words: str
 ) -> None:

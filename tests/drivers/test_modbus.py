@@ -121,18 +121,15 @@ def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
                     time.sleep(0.01)
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"register": REGISTERS}, "port or host"),
-        ({"host": "a", "port": "b", "register": REGISTERS}, "port or host"),
-        ({"host": "a", "register": []}, "at least 1 item"),
-        (
-            {"host": "a", "register": [*REGISTERS, Register(name="z", address=900, unit="N")]},
-            "span 801",
-        ),
-    ],
-)
+@pytest.mark.parametrize("keys, words", [
+    ({"register": REGISTERS}, "port or host"),
+    ({"host": "a", "port": "b", "register": REGISTERS}, "port or host"),
+    ({"host": "a", "register": []}, "at least 1 item"),
+    (
+        {"host": "a", "register": [*REGISTERS, Register(name="z", address=900, unit="N")]},
+        "span 801",
+    ),
+])  # fmt: skip
 def test_wrong_keys_are_named(keys: dict[str, Any], words: str) -> None:
     with pytest.raises(ValidationError, match=words):
         opened(**keys)
@@ -333,13 +330,10 @@ def test_a_busy_device_is_waited_for_but_not_for_long() -> None:
             until(lambda: sensor.read() is None, 20.0)
 
 
-@pytest.mark.parametrize(
-    ("answer", "words"),
-    [
-        (ECHO, "what is sent comes back: switch off the adapter's echo"),
-        (b"\x00\xff" + READING, r"00 ff 01 03 02 00 07 .* is no answer: see baud, parity"),
-    ],
-)
+@pytest.mark.parametrize("answer, words", [
+    (ECHO, "what is sent comes back: switch off the adapter's echo"),
+    (b"\x00\xff" + READING, r"00 ff 01 03 02 00 07 .* is no answer: see baud, parity"),
+])  # fmt: skip
 def test_what_comes_instead_of_an_answer_is_reported(
     answer: bytes, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

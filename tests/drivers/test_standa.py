@@ -80,15 +80,12 @@ def test_a_stop_reaches_the_axes_behind_one_that_is_lost(
     assert stage.pose().z < 0.0035
 
 
-@pytest.mark.parametrize(
-    ("target", "speed", "words"),
-    [
-        (Pose(0.03, 0, 0), 0.01, "x = 30 mm; allowed: -1 to 20 mm"),
-        (Pose(0, 0.001, 0), 0.01, "there is no y axis"),
-        (Pose(0.001, 0, 0), 0.02, "speed 20 mm/s; allowed: above 0 up to max_speed_mm_s = 10"),
-        (Pose(0.001, 0, 0, rx=0.1), 0.01, "no axes to tilt"),
-    ],
-)
+@pytest.mark.parametrize("target, speed, words", [
+    (Pose(0.03, 0, 0), 0.01, "x = 30 mm; allowed: -1 to 20 mm"),
+    (Pose(0, 0.001, 0), 0.01, "there is no y axis"),
+    (Pose(0.001, 0, 0), 0.02, "speed 20 mm/s; allowed: above 0 up to max_speed_mm_s = 10"),
+    (Pose(0.001, 0, 0, rx=0.1), 0.01, "no axes to tilt"),
+])  # fmt: skip
 def test_what_it_cannot_do_it_refuses(
     stage: StandaStage, target: Pose, speed: float, words: str
 ) -> None:

@@ -81,15 +81,12 @@ def test_a_frame_that_is_not_a_number_is_a_lost_one(
     assert samples[gone[0]].lost == len(gone)
 
 
-@pytest.mark.parametrize(
-    ("keys", "words"),
-    [
-        ({"header": "xyz"}, "header = 'xyz': must be hexadecimal"),
-        ({"header": ""}, "header = ''"),
-        ({"rows": 0}, "rows = 0"),
-        ({"unit": "N"}, "taxels measure a pressure"),
-    ],
-)
+@pytest.mark.parametrize("keys, words", [
+    ({"header": "xyz"}, "header = 'xyz': must be hexadecimal"),
+    ({"header": ""}, "header = ''"),
+    ({"rows": 0}, "rows = 0"),
+    ({"unit": "N"}, "taxels measure a pressure"),
+])  # fmt: skip
 def test_wrong_keys_are_named(clock: WallClock, keys: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         open_sensor(clock, port="x", **(ARRAY | keys))

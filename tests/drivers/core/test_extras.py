@@ -53,16 +53,13 @@ sys.exit(main({arguments!r}))
 """
 
 
-@pytest.mark.parametrize(
-    ("absent", "extra", "arguments"),
-    [
-        (["meshio"], "mesh", ["press", "TI", "--x", "20", "--depth", "1", "--vtu", "x.vtu"]),
-        (["pandas", "xarray"], "data", ["sweep", "TI", "--vary", "modulus_kpa=10,20"]),
-        (["matplotlib"], "report", ["paper"]),
-        (["matplotlib"], "report", ["scan", "--scene", "TI", "--report"]),
-        (["pandas", "xarray"], "data", ["calibrate", "tare", "x.csv", "--device", "d"]),
-    ],
-)
+@pytest.mark.parametrize("absent, extra, arguments", [
+    (["meshio"], "mesh", ["press", "TI", "--x", "20", "--depth", "1", "--vtu", "x.vtu"]),
+    (["pandas", "xarray"], "data", ["sweep", "TI", "--vary", "modulus_kpa=10,20"]),
+    (["matplotlib"], "report", ["paper"]),
+    (["matplotlib"], "report", ["scan", "--scene", "TI", "--report"]),
+    (["pandas", "xarray"], "data", ["calibrate", "tare", "x.csv", "--device", "d"]),
+])  # fmt: skip
 def test_a_command_without_its_library_is_one_line(
     absent: list[str], extra: str, arguments: list[str]
 ) -> None:
@@ -92,13 +89,10 @@ def test_a_dry_run_checks_without_the_library_that_draws(tmp_path: Path) -> None
     assert done.stdout.endswith("The scan can go on.\n")
 
 
-@pytest.mark.parametrize(
-    ("kind", "driver", "keys", "modules"),
-    [
-        ("sensors", "netft", {}, ["pynetft"]),
-        ("stages", "standa", {"x_uri": "x"}, ["libximc", "libximc.highlevel"]),
-    ],
-)
+@pytest.mark.parametrize("kind, driver, keys, modules", [
+    ("sensors", "netft", {}, ["pynetft"]),
+    ("stages", "standa", {"x_uri": "x"}, ["libximc", "libximc.highlevel"]),
+])  # fmt: skip
 def test_a_driver_without_its_library_gives_the_line_to_type(
     kind: Kind, driver: str, keys: dict[str, str], modules: list[str],
     monkeypatch: pytest.MonkeyPatch,

@@ -95,14 +95,11 @@ def test_an_old_reading_is_no_zero(sensor: LineSensor) -> None:
         sensor.tare()
 
 
-@pytest.mark.parametrize(
-    ("error", "words"),
-    [
-        (OSError("unplugged"), "connection lost (unplugged)"),
-        (DeviceFault("cell", "overheated"), "overheated"),
-        (ZeroDivisionError("oops"), "driver: ZeroDivisionError: oops"),
-    ],
-)
+@pytest.mark.parametrize("error, words", [
+    (OSError("unplugged"), "connection lost (unplugged)"),
+    (DeviceFault("cell", "overheated"), "overheated"),
+    (ZeroDivisionError("oops"), "driver: ZeroDivisionError: oops"),
+])  # fmt: skip
 def test_a_line_that_ends_is_reported_after_the_last_sample(
     error: Exception, words: str, feed: Feed, sensor: LineSensor
 ) -> None:

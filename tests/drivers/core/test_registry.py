@@ -68,24 +68,21 @@ def test_a_keyword_may_be_called_as_a_method_of_the_model_is(
     assert open_driver("sensors", "mine", WallClock(), {"copy": 2}).keys == 2
 
 
-@pytest.mark.parametrize(
-    ("kind", "driver", "keys"),
-    [
-        ("sensors", "lines", {"rate_hz": 0.0}),
-        ("sensors", "lines", {"time_unit_s": -1.0}),
-        ("sensors", "lines", {"latency_ms": -50.0}),
-        ("sensors", "taxels", {"baud": -3}),
-        ("sensors", "taxels", {"latency_ms": -50.0}),
-        ("sensors", "lsl", {"latency_ms": -50.0}),
-        ("sensors", "virtual", {"noise_mn": -1.0}),
-        ("stages", "virtual", {"stiffness_n_mm": 0.0}),
-        ("stages", "standa", {"steps_per_mm": [400.0, -1.0, 400.0]}),
-        ("stages", "ur", {"frequency_hz": 1000.0}),
-        ("stages", "ur", {"frequency_hz": 0.0}),
-        ("stages", "ur", {"max_speed_mm_s": -1.0}),
-        ("sensors", "modbus", {"rate_hz": 0.0}),
-    ],
-)
+@pytest.mark.parametrize("kind, driver, keys", [
+    ("sensors", "lines", {"rate_hz": 0.0}),
+    ("sensors", "lines", {"time_unit_s": -1.0}),
+    ("sensors", "lines", {"latency_ms": -50.0}),
+    ("sensors", "taxels", {"baud": -3}),
+    ("sensors", "taxels", {"latency_ms": -50.0}),
+    ("sensors", "lsl", {"latency_ms": -50.0}),
+    ("sensors", "virtual", {"noise_mn": -1.0}),
+    ("stages", "virtual", {"stiffness_n_mm": 0.0}),
+    ("stages", "standa", {"steps_per_mm": [400.0, -1.0, 400.0]}),
+    ("stages", "ur", {"frequency_hz": 1000.0}),
+    ("stages", "ur", {"frequency_hz": 0.0}),
+    ("stages", "ur", {"max_speed_mm_s": -1.0}),
+    ("sensors", "modbus", {"rate_hz": 0.0}),
+])  # fmt: skip
 def test_numbers_that_no_device_has_are_refused(
     kind: registry.Kind, driver: str, keys: dict[str, Any]
 ) -> None:

@@ -217,15 +217,12 @@ def test_a_paused_program_is_ended_and_does_not_go_on(going_down: Arm) -> None:
     assert going_down.robot.uploads == 1
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("paused", "paused on the pendant"),
-        ("freedrive", "freedrive"),
-        ("local", "switched to local control"),
-        ("lost program", "somebody has ended it"),
-    ],
-)
+@pytest.mark.parametrize("fault, words", [
+    ("paused", "paused on the pendant"),
+    ("freedrive", "freedrive"),
+    ("local", "switched to local control"),
+    ("lost program", "somebody has ended it"),
+])  # fmt: skip
 def test_it_is_said_why_the_program_does_not_run(arm: Arm, fault: str, words: str) -> None:
     arm.fail(fault)
     arm.until_said(words)

@@ -48,15 +48,11 @@ def test_the_emulated_arm_s_joints_put_the_flange_where_it_was_asked_to_be() -> 
         assert flange(found) == pytest.approx(flange((a, b, c, d, e, f)), abs=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("joints", "why"),
-    [
-        (POSTURE, ""),
-        ((0.0, -1.57, 1.57, -1.57, math.radians(-4.0), 0.0), IN_LINE),
-        ((0.0, -1.2, math.radians(4.0), -1.57, -1.57, 0.0), OUTSTRETCHED),
-    ],
-    ids=["usual", "wrist", "elbow"],
-)
+@pytest.mark.parametrize("joints, why", [
+    (POSTURE, ""),
+    ((0.0, -1.57, 1.57, -1.57, math.radians(-4.0), 0.0), IN_LINE),
+    ((0.0, -1.2, math.radians(4.0), -1.57, -1.57, 0.0), OUTSTRETCHED),
+], ids=["usual", "wrist", "elbow"])  # fmt: skip
 def test_a_singular_posture_is_reported_by_name(joints: Six, why: str) -> None:
     assert hindrances(Ur5e(), [pose_of(joints)], 0.1) == [why]
 
@@ -71,15 +67,11 @@ def test_a_way_from_above_the_base_is_too_fast_for_a_joint() -> None:
     assert hindrances(Ur5e(), way, 0.02) == [""] * len(way)
 
 
-@pytest.mark.parametrize(
-    ("origin_mm", "limit_deg", "why"),
-    [
-        ((400.0, -20.0, 150.0), 360.0, None),
-        ((400.0, -20.0, 150.0), 80.0, AT_LIMIT),
-        ((930.0, -20.0, 150.0), 360.0, OUT_OF_REACH),
-    ],
-    ids=["usual", "joint limit", "reach"],
-)
+@pytest.mark.parametrize("origin_mm, limit_deg, why", [
+    ((400.0, -20.0, 150.0), 360.0, None),
+    ((400.0, -20.0, 150.0), 80.0, AT_LIMIT),
+    ((930.0, -20.0, 150.0), 360.0, OUT_OF_REACH),
+], ids=["usual", "joint limit", "reach"])  # fmt: skip
 def test_a_row_is_judged_by_its_joints_before_moving(
     winkler: Respond, origin_mm: tuple[float, ...], limit_deg: float, why: str | None
 ) -> None:

@@ -94,14 +94,10 @@ def test_a_clock_that_stood_is_anchored_anew() -> None:
     assert all(b > a for a, b in pairwise(times))
 
 
-@pytest.mark.parametrize(
-    "late",
-    [
-        lambda at, _: max(at, 1.0) if 0.7 < at < 1.0 else at,  # what waited comes at once
-        lambda at, rng: at + (0.02 + rng.exponential(0.03) if 1.0 < at < 3.0 else 0.0),
-    ],
-    ids=["once", "for long"],
-)
+@pytest.mark.parametrize("late", [
+    lambda at, _: max(at, 1.0) if 0.7 < at < 1.0 else at,  # what waited comes at once
+    lambda at, rng: at + (0.02 + rng.exponential(0.03) if 1.0 < at < 3.0 else 0.0),
+], ids=["once", "for long"])  # fmt: skip
 def test_a_machine_that_is_late_itself_moves_no_time(
     late: Callable[[float, np.random.Generator], float],
 ) -> None:

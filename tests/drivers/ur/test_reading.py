@@ -99,18 +99,15 @@ def test_polyscope_x_is_reported_by_name(arm: Arm) -> None:
     assert arm.robot.uploads == 0
 
 
-@pytest.mark.parametrize(
-    ("safety", "robot", "words"),
-    [
-        (1, 7, None),
-        (3, 7, "protective stop"),
-        (9, 7, "safety fault"),
-        (1, 3, "power off"),
-        (1, 5, "release the brakes"),
-        (1, 6, "back-drive"),
-        (1, 99, "(99)"),
-    ],
-)
+@pytest.mark.parametrize("safety, robot, words", [
+    (1, 7, None),
+    (3, 7, "protective stop"),
+    (9, 7, "safety fault"),
+    (1, 3, "power off"),
+    (1, 5, "release the brakes"),
+    (1, 6, "back-drive"),
+    (1, 99, "(99)"),
+])  # fmt: skip
 def test_why_a_robot_does_not_work_is_said_in_words(
     safety: int, robot: int, words: str | None
 ) -> None:

@@ -87,16 +87,13 @@ def test_a_stop_is_as_hard_as_the_rig_says(arm: Arm) -> None:
     assert 0.0048 < arm.tip_m[0] - there_m < 0.02
 
 
-@pytest.mark.parametrize(
-    ("fault", "words"),
-    [
-        ("protective stop", "protective stop"),
-        ("emergency stop", "emergency stop"),
-        ("lost program", "control program has stopped"),
-        ("silence", "sent nothing"),
-        ("drop", "sent nothing|connection lost"),
-    ],
-)
+@pytest.mark.parametrize("fault, words", [
+    ("protective stop", "protective stop"),
+    ("emergency stop", "emergency stop"),
+    ("lost program", "control program has stopped"),
+    ("silence", "sent nothing"),
+    ("drop", "sent nothing|connection lost"),
+])  # fmt: skip
 @arm_with(keys=QUICK)
 def test_faults_are_seen_soon_in_the_robots_words(arm: Arm, fault: str, words: str) -> None:
     arm.stage.move(Pose(0.05, 0.0, 0.004), 0.01)

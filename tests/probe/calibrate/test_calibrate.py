@@ -69,19 +69,16 @@ def test_a_run_gives_stiffness_and_modulus(
     assert found["tissue"]["modulus_pa"]["value"][0] == pytest.approx(50e3, rel=2e-3)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "reported"),
-    [
-        (["force", "RUN"], "a run has no readings for force; a run gives latency, compliance"),
-        (["heart", "RUN"], "no channel of role reference"),
-        (["tissue", "RUN", "--station", "99"], "no such complete station"),
-        (["latency", "RUN"], "too short to tell a delay from a clock's drift; record a chirp"),
-        (["force", "gone.csv"], "gone.csv: no such file"),
-        (["force", "."], ".: a folder, pipe or device; a file is needed"),
-        (["heart", "RUN", "--cuff", "high"], "--cuff 'high': say it as 120/80"),
-        (["wood", "RUN"], "kind 'wood': allowed are force"),
-    ],
-)
+@pytest.mark.parametrize("arguments, reported", [
+    (["force", "RUN"], "a run has no readings for force; a run gives latency, compliance"),
+    (["heart", "RUN"], "no channel of role reference"),
+    (["tissue", "RUN", "--station", "99"], "no such complete station"),
+    (["latency", "RUN"], "too short to tell a delay from a clock's drift; record a chirp"),
+    (["force", "gone.csv"], "gone.csv: no such file"),
+    (["force", "."], ".: a folder, pipe or device; a file is needed"),
+    (["heart", "RUN", "--cuff", "high"], "--cuff 'high': say it as 120/80"),
+    (["wood", "RUN"], "kind 'wood': allowed are force"),
+])  # fmt: skip
 def test_what_cannot_be_is_explained(
     run: Path, arguments: list[str], reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

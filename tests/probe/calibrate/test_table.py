@@ -20,17 +20,14 @@ def written(path: Path, head: str, rows: list[str]) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("head", "rows", "reported"),
-    [
-        ("depth_mm,force_n", ["0,0.1,0.2", "1,0.2,0.3"],
-         r"t.csv: row 1 has 3 values, and the header 2 names \(depth_mm, force_n\): name every"),
-        ("depth_mm,force_n", ["0,0.1", "1,0.2", "2,0.3,0.4"], "t.csv: row 3 has 3 values"),
-        ("depth_mm,force_n", ["0,211,0", "1,508,1"], "row 1 .*: are these decimal commas"),
-        ("depth_mm,force_n", ["0,1", "# a remark", "", "1,2,"], "row 2 .*: take the comma from"),
-        ("depth_mm,force_n", [], "t.csv: no rows below the column names"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("head, rows, reported", [
+    ("depth_mm,force_n", ["0,0.1,0.2", "1,0.2,0.3"],
+     r"t.csv: row 1 has 3 values, and the header 2 names \(depth_mm, force_n\): name every"),
+    ("depth_mm,force_n", ["0,0.1", "1,0.2", "2,0.3,0.4"], "t.csv: row 3 has 3 values"),
+    ("depth_mm,force_n", ["0,211,0", "1,508,1"], "row 1 .*: are these decimal commas"),
+    ("depth_mm,force_n", ["0,1", "# a remark", "", "1,2,"], "row 2 .*: take the comma from"),
+    ("depth_mm,force_n", [], "t.csv: no rows below the column names"),
+])  # fmt: skip
 def test_a_row_that_is_longer_than_the_header_is_refused(
     tmp_path: Path, head: str, rows: list[str], reported: str
 ) -> None:

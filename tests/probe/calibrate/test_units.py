@@ -128,14 +128,11 @@ def test_a_force_that_does_not_rise_is_no_tissue() -> None:
         pressed(0.0, lambda mm: 1.0 + 0.01 * mm)
 
 
-@pytest.mark.parametrize(
-    ("text", "reported"),
-    [
-        ("raw;load_n\n0,2;1\n0,4;2\n", "separated by semicolons; save it with commas"),
-        ("raw,load_n\n0.2,1\ninf,2\n", "column raw, row 2: 'inf' is not a number"),
-        ("time_s,value\n" + "".join(f"{n},1\n" for n in range(20)), "the readings never change"),
-    ],
-)
+@pytest.mark.parametrize("text, reported", [
+    ("raw;load_n\n0,2;1\n0,4;2\n", "separated by semicolons; save it with commas"),
+    ("raw,load_n\n0.2,1\ninf,2\n", "column raw, row 2: 'inf' is not a number"),
+    ("time_s,value\n" + "".join(f"{n},1\n" for n in range(20)), "the readings never change"),
+])  # fmt: skip
 def test_a_table_says_what_is_wrong_with_it(tmp_path: Path, text: str, reported: str) -> None:
     file = tmp_path / "t.csv"
     file.write_text(text)

@@ -52,20 +52,17 @@ def test_what_lies_beside_the_stations_is_said(
         assert "x = 4 to 20 mm; the artery at x = 32 mm lies beside them" in text
 
 
-@pytest.mark.parametrize(
-    ("name", "keys", "said"),
-    [
-        ("TIHA", {"start_mm": -3.0}, r"station 1 presses at x = -3 mm, .*between 0 and 64 mm"),
-        ("TIHA", {"start_mm": 60.0, "stations": 3}, r"station 3 presses at x = 68 mm"),
-        ("TIHA-solid", {"start_mm": [32.0, 20.0]}, r"at y = 20 mm, .*between -20 and 20 mm"),
-        # leaning outwards over a slope, the tip goes on beyond the side
-        (
-            "TIHA",
-            {"start_mm": 0.5, "surface_mm": [[0, 0, 0], [10, 0, -4], [0, 10, 0]]},
-            r"station 1 presses at x = -0.4",
-        ),
-    ],
-)
+@pytest.mark.parametrize("name, keys, said", [
+    ("TIHA", {"start_mm": -3.0}, r"station 1 presses at x = -3 mm, .*between 0 and 64 mm"),
+    ("TIHA", {"start_mm": 60.0, "stations": 3}, r"station 3 presses at x = 68 mm"),
+    ("TIHA-solid", {"start_mm": [32.0, 20.0]}, r"at y = 20 mm, .*between -20 and 20 mm"),
+    # leaning outwards over a slope, the tip goes on beyond the side
+    (
+        "TIHA",
+        {"start_mm": 0.5, "surface_mm": [[0, 0, 0], [10, 0, -4], [0, 10, 0]]},
+        r"station 1 presses at x = -0.4",
+    ),
+])  # fmt: skip
 def test_a_press_beside_a_simulated_block_is_refused_before_it_is_made(
     name: str, keys: dict[str, Any], said: str, tmp_path: Path, winkler: Any
 ) -> None:
@@ -152,21 +149,17 @@ def test_what_a_rig_is_judged_to_be(
     assert level != "fault" or not report.can_scan
 
 
-@pytest.mark.parametrize(
-    ("keys", "where", "text"),
-    [
-        ({"sensor": [{"driver": "netft", "host": "x"}]}, "sensor[0]", "pip install 'palpate"),
-        ({"stage": {"driver": "standa", "x_uri": "x"}}, "stage", "pip install 'palpate[standa]'"),
-        ({}, "stage", "scene.name is missing"),
-        ({"sensor": [{"driver": "lines", "port": "x"}]}, "sensor[0]", "pattern"),
-        (
-            {"sensor": [{"driver": "ft300", "port": "x"}], "scan": {"indentation_mm": 20.0}},
-            "stage",
-            "only 16.83 mm thick",
-        ),
-    ],
-    ids=["no netft", "no standa", "no scene", "no pattern", "through the block"],
-)
+@pytest.mark.parametrize("keys, where, text", [
+    ({"sensor": [{"driver": "netft", "host": "x"}]}, "sensor[0]", "pip install 'palpate"),
+    ({"stage": {"driver": "standa", "x_uri": "x"}}, "stage", "pip install 'palpate[standa]'"),
+    ({}, "stage", "scene.name is missing"),
+    ({"sensor": [{"driver": "lines", "port": "x"}]}, "sensor[0]", "pattern"),
+    (
+        {"sensor": [{"driver": "ft300", "port": "x"}], "scan": {"indentation_mm": 20.0}},
+        "stage",
+        "only 16.83 mm thick",
+    ),
+], ids=["no netft", "no standa", "no scene", "no pattern", "through the block"])  # fmt: skip
 def test_what_would_stop_a_scan_is_a_fault_of_the_dry_run(
     keys: dict[str, Any], where: str, text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -202,16 +195,13 @@ def test_a_stage_outside_its_workspace_is_a_fault(winkler: Any) -> None:
     assert "x is outside the workspace, which allows 30 to 90 mm" in here[0].text
 
 
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"noise_mn": 0.0}, "the last 101 readings are all 0: stuck or clipped"),
-        ({"noise_mn": 0.01}, "safety.same_readings"),  # a tenth of its step
-        ({"noise_mn": 0.1}, None),
-        ({"bias_mn": 6000.0}, "force 6.0.. N; the limit is 5 N"),
-        ({"bias_mn": 11000.0, "full_scale_n": 10.0}, "the sensor is saturated"),
-    ],
-)
+@pytest.mark.parametrize("keys, said", [
+    ({"noise_mn": 0.0}, "the last 101 readings are all 0: stuck or clipped"),
+    ({"noise_mn": 0.01}, "safety.same_readings"),  # a tenth of its step
+    ({"noise_mn": 0.1}, None),
+    ({"bias_mn": 6000.0}, "force 6.0.. N; the limit is 5 N"),
+    ({"bias_mn": 11000.0, "full_scale_n": 10.0}, "the sensor is saturated"),
+])  # fmt: skip
 def test_a_sensor_that_would_end_the_scan_at_rest_is_said_before_and_by_the_doctor(
     keys: dict[str, float], said: str | None, tmp_path: Path, winkler: Any
 ) -> None:
@@ -230,16 +220,13 @@ def test_a_sensor_that_would_end_the_scan_at_rest_is_said_before_and_by_the_doct
     assert (scan(rig, out=tmp_path, respond=winkler).ended.finish == "completed") == (said is None)
 
 
-@pytest.mark.parametrize(
-    ("travel_mm_s", "allowed", "said"),
-    [
-        (20.0, 25.0, None),
-        (20.0, 20.0, None),
-        (20.0, 19.0, "scan.travel_mm_s = 20 mm/s: stage 'virtual' allows at most 19"),
-        (20.0, 9.0, "scan.travel_mm_s = 20"),
-        (5.0, 9.0, "scan.approach_mm_s = 10 mm/s: stage 'virtual' allows at most 9"),
-    ],
-)
+@pytest.mark.parametrize("travel_mm_s, allowed, said", [
+    (20.0, 25.0, None),
+    (20.0, 20.0, None),
+    (20.0, 19.0, "scan.travel_mm_s = 20 mm/s: stage 'virtual' allows at most 19"),
+    (20.0, 9.0, "scan.travel_mm_s = 20"),
+    (5.0, 9.0, "scan.approach_mm_s = 10 mm/s: stage 'virtual' allows at most 9"),
+])  # fmt: skip
 def test_a_scan_that_is_too_fast_for_its_stage_is_a_fault(
     travel_mm_s: float, allowed: float, said: str | None, tmp_path: Path, winkler: Any
 ) -> None:

@@ -19,16 +19,13 @@ def said(rig: Rig, scene: str, out: Path, respond: Any, name: str) -> Check:
     return check
 
 
-@pytest.mark.parametrize(
-    ("scene", "most_n", "level", "finish"),
-    [
-        ("TIHA", 5.0, "ok", "completed"),
-        ("TIHA", 1.4, "warning", "completed"),
-        ("TIHA", 1.1, "fault", "faulted"),
-        ("TIT", 1.1, "fault", "faulted"),
-        ("TI", 1.1, "warning", "completed"),
-    ],
-)
+@pytest.mark.parametrize("scene, most_n, level, finish", [
+    ("TIHA", 5.0, "ok", "completed"),
+    ("TIHA", 1.4, "warning", "completed"),
+    ("TIHA", 1.1, "fault", "faulted"),
+    ("TIT", 1.1, "fault", "faulted"),
+    ("TI", 1.1, "warning", "completed"),
+])  # fmt: skip
 def test_a_press_that_the_force_limit_would_end_is_said(
     scene: str, most_n: float, level: str, finish: str, tmp_path: Path, winkler: Any
 ) -> None:
@@ -43,15 +40,12 @@ def test_a_press_that_the_force_limit_would_end_is_said(
     assert scan(rig, out=tmp_path, respond=winkler).ended.finish == finish
 
 
-@pytest.mark.parametrize(
-    "keys",
-    [
-        {"scene": {"name": "TIHA", "surface_mm": -1.0}},
-        {"stage": {"driver": "virtual", "stiffness_n_mm": 2.0}},
-        {"sensor": [{"driver": "virtual", "gain": 0.5}]},
-        {"sensor": [{"driver": "lines", "port": "x"}]},
-    ],
-)
+@pytest.mark.parametrize("keys", [
+    {"scene": {"name": "TIHA", "surface_mm": -1.0}},
+    {"stage": {"driver": "virtual", "stiffness_n_mm": 2.0}},
+    {"sensor": [{"driver": "virtual", "gain": 0.5}]},
+    {"sensor": [{"driver": "lines", "port": "x"}]},
+])  # fmt: skip
 def test_a_force_that_may_not_be_measured_as_solved_is_a_warning(
     keys: dict[str, Any], tmp_path: Path, winkler: Any
 ) -> None:

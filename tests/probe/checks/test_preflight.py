@@ -34,19 +34,16 @@ def cell(unit: str, role: str, **more: float) -> dict[str, Any]:
     return CELL | {"channel": [{"name": "f", "unit": unit, "role": role, **more}]}
 
 
-@pytest.mark.parametrize(
-    ("sensors", "limit_n", "said"),
-    [
-        ([{"driver": "ft300", "port": "x"}], 300, None),
-        ([{"driver": "ft300", "port": "x"}], 5000, "ft300 reads up to 300 N"),
-        ([cell("N", "force", full_scale=10.0)], 10, None),
-        ([cell("N", "force", full_scale=10.0)], 12, "lines reads up to 10 N"),
-        ([cell("kPa", "pressure", full_scale=100.0)], 12, "lines reads up to 10 N"),
-        ([cell("N", "force")], 300, None),
-        ([cell("N", "force")], 301, "lines reads up to 300 N"),
-        ([cell("N", "force", full_scale=10.0), {"driver": "ft300", "port": "x"}], 12, None),
-    ],
-)
+@pytest.mark.parametrize("sensors, limit_n, said", [
+    ([{"driver": "ft300", "port": "x"}], 300, None),
+    ([{"driver": "ft300", "port": "x"}], 5000, "ft300 reads up to 300 N"),
+    ([cell("N", "force", full_scale=10.0)], 10, None),
+    ([cell("N", "force", full_scale=10.0)], 12, "lines reads up to 10 N"),
+    ([cell("kPa", "pressure", full_scale=100.0)], 12, "lines reads up to 10 N"),
+    ([cell("N", "force")], 300, None),
+    ([cell("N", "force")], 301, "lines reads up to 300 N"),
+    ([cell("N", "force", full_scale=10.0), {"driver": "ft300", "port": "x"}], 12, None),
+])  # fmt: skip
 def test_a_limit_that_no_sensor_reads_up_to_is_said(
     sensors: list[dict[str, Any]], limit_n: float, said: str | None, tmp_path: Path
 ) -> None:

@@ -87,15 +87,12 @@ class Untimely(FunctionSensor):
         return replace(block, time_s=self.stamp(block.time_s))
 
 
-@pytest.mark.parametrize(
-    ("stamp", "why"),
-    [
-        (lambda t: 1e3 * t, "sample times jump"),  # milliseconds
-        (lambda t: 1.8e9 + t, "the scan's clock says"),  # since 1970
-        (lambda t: t - 1e4, "late by their own times"),  # of a device that was just switched on
-        (lambda t: -t, "sample times jump"),
-    ],
-)
+@pytest.mark.parametrize("stamp, why", [
+    (lambda t: 1e3 * t, "sample times jump"),  # milliseconds
+    (lambda t: 1.8e9 + t, "the scan's clock says"),  # since 1970
+    (lambda t: t - 1e4, "late by their own times"),  # of a device that was just switched on
+    (lambda t: -t, "sample times jump"),
+])  # fmt: skip
 def test_times_that_are_not_the_scans_are_a_fault(stamp, why):
     clock = SimulatedClock(50.0)
     odd, good = Untimely(clock, np.sin), FunctionSensor(clock, np.sin)

@@ -18,13 +18,10 @@ COARSE = [0, 2, 4, 5, 7, 9, 10, 12, 14]
 BESIDE = [6, 8]
 
 
-@pytest.mark.parametrize(
-    ("columns", "rows", "sizes"),
-    [
-        (15, 1, [9, 15]), (60, 1, [9, 17, 33, 60]), (9, 1, [9]), (4, 1, [4]), (1, 1, [1]),
-        (17, 5, [27, 85]), (9, 3, [27]),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize("columns, rows, sizes", [
+    (15, 1, [9, 15]), (60, 1, [9, 17, 33, 60]), (9, 1, [9]), (4, 1, [4]), (1, 1, [1]),
+    (17, 5, [27, 85]), (9, 3, [27]),
+])  # fmt: skip
 def test_each_level_halves_the_gaps(columns: int, rows: int, sizes: list[int]) -> None:
     places = grid((0.004, 0.0), (0.001, 0.002), (columns, rows))
     levels = list(Lattice(places).levels())
@@ -74,14 +71,11 @@ def test_nothing_is_said_of_all_stations_only(winkler: Any, tmp_path: Path) -> N
     assert detect(run).finding == "nothing"
 
 
-@pytest.mark.parametrize(
-    ("keys", "count", "said"),
-    [
-        ({"presses": 3}, 3, "3 presses are made"),
-        ({"contact_s": 21}, 5, "17.5 s of contact"),  # a sixth press may take 6 s
-        ({"dose_n_s": 10}, 2, "a dose of"),  # of about 1 N, and for 6 s at most
-    ],
-)
+@pytest.mark.parametrize("keys, count, said", [
+    ({"presses": 3}, 3, "3 presses are made"),
+    ({"contact_s": 21}, 5, "17.5 s of contact"),  # a sixth press may take 6 s
+    ({"dose_n_s": 10}, 2, "a dose of"),  # of about 1 N, and for 6 s at most
+])  # fmt: skip
 def test_it_keeps_its_limits(
     winkler: Any, tmp_path: Path, keys: dict[str, float], count: int, said: str
 ) -> None:

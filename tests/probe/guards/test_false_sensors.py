@@ -96,15 +96,12 @@ def test_what_is_harder_than_was_said_is_not_pressed() -> None:
     assert ran.lifted
 
 
-@pytest.mark.parametrize(
-    ("says", "rate_hz", "stiffness_n_m", "said", "most_n"),
-    [
-        ("stuck", 500.0, HARD_N_M, "stuck or clipped", 0.0),
-        # has said less than a hundred equal things when the tare changes what it says
-        ("stuck", 100.0, HARD_N_M, "stuck or clipped", 0.3),
-        ("clipped, and its noise", 500.0, HARD_N_M, "stuck or clipped", LIMIT_N),
-    ],
-)
+@pytest.mark.parametrize("says, rate_hz, stiffness_n_m, said, most_n", [
+    ("stuck", 500.0, HARD_N_M, "stuck or clipped", 0.0),
+    # has said less than a hundred equal things when the tare changes what it says
+    ("stuck", 100.0, HARD_N_M, "stuck or clipped", 0.3),
+    ("clipped, and its noise", 500.0, HARD_N_M, "stuck or clipped", LIMIT_N),
+])  # fmt: skip
 def test_a_sensor_that_does_not_feel_is_found_out(
     says: str, rate_hz: float, stiffness_n_m: float, said: str, most_n: float
 ) -> None:
@@ -180,13 +177,10 @@ def test_no_zero_is_taken_while_something_knocks_against_the_probe(lasts_s: floa
 
 
 @pytest.mark.parametrize("stiffness_n_m", [SOFT_N_M, HARD_N_M])
-@pytest.mark.parametrize(
-    ("at_n", "most_m"),
-    [
-        (0.03, 0.65e-3),  # a fiftieth of the limit
-        (0.012, 1.1e-3),  # 24 standard deviations of its noise
-    ],
-)
+@pytest.mark.parametrize("at_n, most_m", [
+    (0.03, 0.65e-3),  # a fiftieth of the limit
+    (0.012, 1.1e-3),  # 24 standard deviations of its noise
+])  # fmt: skip
 def test_a_sensor_that_clips_far_below_the_limit_does_not_pass_for_soft_tissue(
     at_n: float, most_m: float, stiffness_n_m: float
 ) -> None:
@@ -208,18 +202,15 @@ def test_a_sensor_that_clips_at_the_end_of_a_press_is_found_out_in_the_hold() ->
     assert ran.lifted
 
 
-@pytest.mark.parametrize(
-    ("says", "stiffness_n_m", "rig"),
-    [
-        ("as it is", SOFT_N_M, spring_rig()),
-        ("a tenth more with each beat", SOFT_N_M, spring_rig(scan={"stations": 12})),
-        ("so noisy that contact is known at half of the force", SOFT_N_M, SLOW),
-        ("so noisy that contact is known at half of the force", SOFT_N_M, spring_rig()),
-        ("in twentieths of a newton, its noise far less", 60.0, COARSE),
-        ("in twentieths of a newton, its noise far less", SOFT_N_M, COARSE),
-        ("drifting", SOFT_N_M, spring_rig(scan={"stations": 2})),
-    ],
-)
+@pytest.mark.parametrize("says, stiffness_n_m, rig", [
+    ("as it is", SOFT_N_M, spring_rig()),
+    ("a tenth more with each beat", SOFT_N_M, spring_rig(scan={"stations": 12})),
+    ("so noisy that contact is known at half of the force", SOFT_N_M, SLOW),
+    ("so noisy that contact is known at half of the force", SOFT_N_M, spring_rig()),
+    ("in twentieths of a newton, its noise far less", 60.0, COARSE),
+    ("in twentieths of a newton, its noise far less", SOFT_N_M, COARSE),
+    ("drifting", SOFT_N_M, spring_rig(scan={"stations": 2})),
+])  # fmt: skip
 def test_an_honest_sensor_is_believed(says: str, stiffness_n_m: float, rig: palpate.Rig) -> None:
     """A drift is taken as zero once it is seen to be one; what falls or what noise hides is not
     taken for a sensor that clips."""

@@ -79,16 +79,13 @@ def block(values: Any, saturated: Any = False) -> Block:
     return Block(np.arange(1.0, 1.0 + len(values)), values, np.full(values.shape, saturated))
 
 
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
-        ([0.6, 0.0, 0.0, 0.6, 0.0], None),
-        ([0.6, 0.7, 0.6, 0.6, 0.0], "force in all directions 1.100 N; the limit is 1 N"),
-        ([0.0, 150.0, 0.0, 0.0, 0.0], "force in all directions 150.000 N"),
-        ([0.0, float("nan"), 0.0, 0.0, 0.0], "force in all directions nan N"),
-        ([0.6, 0.0, 0.0, 0.6, 0.4], "torque 0.400 Nm; the limit is 0.3 Nm"),
-    ],
-)
+@pytest.mark.parametrize("row, said", [
+    ([0.6, 0.0, 0.0, 0.6, 0.0], None),
+    ([0.6, 0.7, 0.6, 0.6, 0.0], "force in all directions 1.100 N; the limit is 1 N"),
+    ([0.0, 150.0, 0.0, 0.0, 0.0], "force in all directions 150.000 N"),
+    ([0.0, float("nan"), 0.0, 0.0, 0.0], "force in all directions nan N"),
+    ([0.6, 0.0, 0.0, 0.6, 0.4], "torque 0.400 Nm; the limit is 0.3 Nm"),
+])  # fmt: skip
 def test_sideways_force_and_torque_are_limited(row: list[float], said: str | None) -> None:
     guard = SensorGuard(FT, LIMITS)
     guard.tare()

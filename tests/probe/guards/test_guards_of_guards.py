@@ -200,13 +200,10 @@ class Unplugged(SpringSensor):
         raise self.error
 
 
-@pytest.mark.parametrize(
-    ("error", "said"),
-    [
-        (DeviceFault("cell", "connection lost (unplugged)"), "connection lost (unplugged)"),
-        (ValueError("no such mode"), "driver: ValueError: no such mode"),
-    ],
-)
+@pytest.mark.parametrize("error, said", [
+    (DeviceFault("cell", "connection lost (unplugged)"), "connection lost (unplugged)"),
+    (ValueError("no such mode"), "driver: ValueError: no such mode"),
+])  # fmt: skip
 def test_a_sensor_that_dies_before_the_guards_begin_has_the_probe_lifted(
     error: Exception, said: str
 ) -> None:

@@ -135,20 +135,17 @@ def block(*force_n: float, start_s: float = 1.0, clipped: bool = False) -> Block
     return Block(time_s, values, np.full(values.shape, clipped))
 
 
-@pytest.mark.parametrize(
-    ("reading", "said"),
-    [
-        (block(0.1, 0.2, 0.3), None),
-        (block(0.1, 1.2, 0.3), "force 1.200 N; the limit is 1 N"),
-        (block(-1.2), "force 1.200 N"),
-        (block(0.1, float("nan")), "force nan N"),
-        (block(0.5, clipped=True), "saturated"),
-        (replace(block(0.5, 0.4), saturated=np.array([[True], [False]])), "saturated"),
-        (block(0.1, start_s=0.4), "sample times jump"),
-        (block(0.1, start_s=3.0), "sample times jump"),
-        (block(0.1, start_s=float("nan")), "sample times jump"),
-    ],
-)
+@pytest.mark.parametrize("reading, said", [
+    (block(0.1, 0.2, 0.3), None),
+    (block(0.1, 1.2, 0.3), "force 1.200 N; the limit is 1 N"),
+    (block(-1.2), "force 1.200 N"),
+    (block(0.1, float("nan")), "force nan N"),
+    (block(0.5, clipped=True), "saturated"),
+    (replace(block(0.5, 0.4), saturated=np.array([[True], [False]])), "saturated"),
+    (block(0.1, start_s=0.4), "sample times jump"),
+    (block(0.1, start_s=3.0), "sample times jump"),
+    (block(0.1, start_s=float("nan")), "sample times jump"),
+])  # fmt: skip
 def test_what_a_sensor_guard_objects_to(reading: Block, said: str | None) -> None:
     guard = SensorGuard((Channel("f", "N", "force"),), LIMITS)
     assert guard.times.check(block(0.0, start_s=0.5), 1.0) is None
@@ -174,15 +171,12 @@ def test_pressure_is_guarded_as_force_on_the_face() -> None:
     assert guard.check(hard) is not None
 
 
-@pytest.mark.parametrize(
-    ("pose", "said"),
-    [
-        (Pose(0.05, 0.0, -2.9e-3), None),
-        (Pose(0.05, 0.0, -3.2e-3), "3.200 mm below the surface"),
-        (Pose(0.11, 0.0, 0.0), "x = 110.000 mm; the workspace is 0 to 100 mm"),
-        (Pose(0.05, float("nan"), 0.0), "not a number"),
-    ],
-)
+@pytest.mark.parametrize("pose, said", [
+    (Pose(0.05, 0.0, -2.9e-3), None),
+    (Pose(0.05, 0.0, -3.2e-3), "3.200 mm below the surface"),
+    (Pose(0.11, 0.0, 0.0), "x = 110.000 mm; the workspace is 0 to 100 mm"),
+    (Pose(0.05, float("nan"), 0.0), "not a number"),
+])  # fmt: skip
 def test_what_a_pose_guard_objects_to(pose: Pose, said: str | None) -> None:
     why = PoseGuard(flat, LIMITS).check(pose, 1.0)
     assert why is None if said is None else why is not None and said in why[0]

@@ -212,20 +212,17 @@ def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() ->
     assert not stage.moving()
 
 
-@pytest.mark.parametrize(
-    ("levels", "felt"),
-    [
-        ({"cell": (1.0, 0.01)}, True),
-        ({"cell": (-1.0, 0.01)}, False),  # a probe that presses is never pulled
-        ({"cell": (0.01, 0.01)}, False),
-        ({"cell": (0.01, 0.001)}, False),  # 3 standard deviations of a reading, 0.2 % of the limit
-        ({"cell": (0.06, 0.001)}, True),  # 19 of them
-        ({"cell": (0.15, 0.01)}, True),  # 3 % of the limit
-        ({"cell": (float("nan"), float("inf"))}, True),  # too few readings say nothing
-        ({"cell": (-1.0, 0.01), "other": (1.0, 0.01)}, True),
-        ({}, True),  # nothing that could feel: refused elsewhere
-    ],
-)
+@pytest.mark.parametrize("levels, felt", [
+    ({"cell": (1.0, 0.01)}, True),
+    ({"cell": (-1.0, 0.01)}, False),  # a probe that presses is never pulled
+    ({"cell": (0.01, 0.01)}, False),
+    ({"cell": (0.01, 0.001)}, False),  # 3 standard deviations of a reading, 0.2 % of the limit
+    ({"cell": (0.06, 0.001)}, True),  # 19 of them
+    ({"cell": (0.15, 0.01)}, True),  # 3 % of the limit
+    ({"cell": (float("nan"), float("inf"))}, True),  # too few readings say nothing
+    ({"cell": (-1.0, 0.01), "other": (1.0, 0.01)}, True),
+    ({}, True),  # nothing that could feel: refused elsewhere
+])  # fmt: skip
 def test_a_press_is_felt_as_a_push(levels: dict[str, tuple[float, float]], felt: bool) -> None:
     assert (no_force(levels, {"cell": 100.0, "other": 100.0}, 5.0) is None) == felt
 

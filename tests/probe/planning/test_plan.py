@@ -42,16 +42,13 @@ def test_travel_clears_the_highest_station() -> None:
     assert plan.at_surface(plan.places[2]).z == pytest.approx(2e-3)
 
 
-@pytest.mark.parametrize(
-    ("plan", "said"),
-    [
-        (Plan(row(4e-3, 4e-3, 30)), "station 18 .* needs x = 72 mm"),
-        (Plan(row(4e-3, 4e-3, 2), indentation_m=4e-3), "needs z = -4 mm"),
-        (Plan(row(4e-3, 4e-3, 2), clearance_m=20e-3), "needs z = 20 mm"),
-        (Plan(row(4e-3, 4e-3, 2), touch_n=0.01), "needs z = -4.5 mm"),
-        (Plan(()), "no stations"),
-    ],
-)
+@pytest.mark.parametrize("plan, said", [
+    (Plan(row(4e-3, 4e-3, 30)), "station 18 .* needs x = 72 mm"),
+    (Plan(row(4e-3, 4e-3, 2), indentation_m=4e-3), "needs z = -4 mm"),
+    (Plan(row(4e-3, 4e-3, 2), clearance_m=20e-3), "needs z = 20 mm"),
+    (Plan(row(4e-3, 4e-3, 2), touch_n=0.01), "needs z = -4.5 mm"),
+    (Plan(()), "no stations"),
+])  # fmt: skip
 def test_what_is_out_of_reach_is_refused(plan: Plan, said: str) -> None:
     with pytest.raises(ConfigError, match=said):
         check_reach(plan, BOX)

@@ -54,18 +54,15 @@ class Wrong:
         return replace(whole_press(self.plan, place), **self.mistake.get("press", {}))
 
 
-@pytest.mark.parametrize(
-    ("mistake", "said"),
-    [
-        ({"instead": None}, "not for Press or Done"),
-        ({"press": {"depth_m": 3e-3}}, "depth_m = 0.003"),
-        ({"press": {"holds_s": (1.0, math.inf)}}, "holds_s"),
-        ({"press": {"place": Place(3, 0.5, 0.0)}}, "none of the plan's stations"),
-        ({"stays": True}, "nothing but stations that are complete"),
-        ({"random": True}, "chooses otherwise"),
-        ({"reason": ""}, "needs a reason"),
-    ],
-)
+@pytest.mark.parametrize("mistake, said", [
+    ({"instead": None}, "not for Press or Done"),
+    ({"press": {"depth_m": 3e-3}}, "depth_m = 0.003"),
+    ({"press": {"holds_s": (1.0, math.inf)}}, "holds_s"),
+    ({"press": {"place": Place(3, 0.5, 0.0)}}, "none of the plan's stations"),
+    ({"stays": True}, "nothing but stations that are complete"),
+    ({"random": True}, "chooses otherwise"),
+    ({"reason": ""}, "needs a reason"),
+])  # fmt: skip
 def test_a_mistake_is_named(mistake: dict[str, Any], said: str, recording: Recording) -> None:
     with pytest.raises(AssertionError, match=said):
         check_planner(lambda plan: Wrong(plan, **mistake), PLAN, recording)

@@ -130,24 +130,21 @@ def fails() -> None:
     raise ZeroDivisionError("of its own")
 
 
-@pytest.mark.parametrize(
-    ("asked", "said"),
-    [
-        (fails, "ZeroDivisionError: of its own"),
-        (None, "asked for None"),
-        (press(1, place=Place(1, math.nan, 0.0)), "none of the stations"),
-        (press(1, place=Place(1, 0.5, 0.0)), "none of the stations"),
-        (press(1, place=Place(7, 0.028, 0.0)), "none of the stations"),
-        (press(1, depth_m=2.6e-3), "depth_m = 0.0026"),
-        (press(1, depth_m=math.nan), "depth_m = nan"),
-        (press(1, depth_m=-1e-3), "depth_m = -0.001"),
-        (press(1, depth_m="deep"), "TypeError"),
-        (press(1, holds_s=(0.5, 60.0)), "holds_s = (0.5, 60.0)"),
-        (press(1, holds_s=(0.8, 0.5)), "holds_s = (0.8, 0.5)"),
-        (press(1, holds_s=(math.nan,)), "holds_s = (nan,)"),
-        (press(1, holds_s=()), "holds_s = ()"),
-    ],
-)
+@pytest.mark.parametrize("asked, said", [
+    (fails, "ZeroDivisionError: of its own"),
+    (None, "asked for None"),
+    (press(1, place=Place(1, math.nan, 0.0)), "none of the stations"),
+    (press(1, place=Place(1, 0.5, 0.0)), "none of the stations"),
+    (press(1, place=Place(7, 0.028, 0.0)), "none of the stations"),
+    (press(1, depth_m=2.6e-3), "depth_m = 0.0026"),
+    (press(1, depth_m=math.nan), "depth_m = nan"),
+    (press(1, depth_m=-1e-3), "depth_m = -0.001"),
+    (press(1, depth_m="deep"), "TypeError"),
+    (press(1, holds_s=(0.5, 60.0)), "holds_s = (0.5, 60.0)"),
+    (press(1, holds_s=(0.8, 0.5)), "holds_s = (0.8, 0.5)"),
+    (press(1, holds_s=(math.nan,)), "holds_s = (nan,)"),
+    (press(1, holds_s=()), "holds_s = ()"),
+])  # fmt: skip
 def test_nonsense_ends_the_run_and_what_was_read_stays(winkler: Any, asked: Any, said: str) -> None:
     ended, events, z_m = made(Listed(press(0), asked), winkler)
     assert ended.finish is Finish.FAULTED
@@ -276,17 +273,14 @@ def test_a_resumed_scan_goes_on_from_what_was_read(
     assert verify(begun.path).ok
 
 
-@pytest.mark.parametrize(
-    ("name", "keys", "said"),
-    [
-        ("nobody", {}, "scan.planner = 'nobody': no such planner; known: .*every-other"),
-        ("broken", {}, "scan.planner = 'broken': the plug-in 'skipping:Nobody' is broken"),
-        ("every-other", {"stop": 2}, "planner.*stop"),
-        ("every-other", {"step": "two"}, "planner.*step"),
-        ("every-other", {"step": 0}, "scan.planner = 'every-other': ValueError"),
-        ("raster", {"step": 2}, "planner.*step"),
-    ],
-)
+@pytest.mark.parametrize("name, keys, said", [
+    ("nobody", {}, "scan.planner = 'nobody': no such planner; known: .*every-other"),
+    ("broken", {}, "scan.planner = 'broken': the plug-in 'skipping:Nobody' is broken"),
+    ("every-other", {"stop": 2}, "planner.*stop"),
+    ("every-other", {"step": "two"}, "planner.*step"),
+    ("every-other", {"step": 0}, "scan.planner = 'every-other': ValueError"),
+    ("raster", {"step": 2}, "planner.*step"),
+])  # fmt: skip
 def test_one_that_cannot_be_is_named_before_anything_moves(
     every_other: Rig, name: str, keys: dict[str, Any], said: str
 ) -> None:

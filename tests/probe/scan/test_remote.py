@@ -18,14 +18,11 @@ from probe.guards.commands import Control, RunCommand
 from probe.scan.remote import DOOR, NotRunning, ask, control_path, listening
 
 
-@pytest.mark.parametrize(
-    ("word", "command"),
-    [
-        ("pause", RunCommand.PAUSE_AFTER_STATION),
-        ("abort", RunCommand.ABORT),
-        ("stop", RunCommand.STOP),
-    ],
-)
+@pytest.mark.parametrize("word, command", [
+    ("pause", RunCommand.PAUSE_AFTER_STATION),
+    ("abort", RunCommand.ABORT),
+    ("stop", RunCommand.STOP),
+])  # fmt: skip
 def test_each_word_is_heard(word: str, command: RunCommand, tmp_path: Path) -> None:
     control = Control()
     with listening(control, tmp_path / "a.run"):

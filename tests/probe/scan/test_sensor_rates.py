@@ -43,16 +43,13 @@ def read(count: int, span_s: float, lost: int = 0, jumped_s: float = 0.0) -> Blo
     return Block(time_s, values, values.astype(bool), lost, jumped_s)
 
 
-@pytest.mark.parametrize(
-    ("count", "lost", "said"),
-    [
-        (101, 0, []),
-        (85, 0, []),
-        (85, 15, []),
-        (75, 0, [("cell", "gives 74 readings a second")]),
-        (8, 92, [("cell", "or 92 of 100 readings were lost")]),
-    ],
-)
+@pytest.mark.parametrize("count, lost, said", [
+    (101, 0, []),
+    (85, 0, []),
+    (85, 15, []),
+    (75, 0, [("cell", "gives 74 readings a second")]),
+    (8, 92, [("cell", "or 92 of 100 readings were lost")]),
+])  # fmt: skip
 def test_what_does_not_come_is_slow_or_lost(
     count: int, lost: int, said: list[tuple[str, str]]
 ) -> None:

@@ -20,15 +20,12 @@ from sim_backend.phantom.devices import VirtualStage
 REAL_CELL = {"driver": "ft300", "port": "/dev/null"}
 
 
-@pytest.mark.parametrize(
-    ("tables", "real_time", "clock"),
-    [
-        ({}, False, SimulatedClock),
-        ({}, True, WallClock),
-        ({"sensor": [REAL_CELL]}, False, WallClock),
-        ({"stage": {"driver": "grbl", "port": "/dev/null"}}, False, WallClock),
-    ],
-)
+@pytest.mark.parametrize("tables, real_time, clock", [
+    ({}, False, SimulatedClock),
+    ({}, True, WallClock),
+    ({"sensor": [REAL_CELL]}, False, WallClock),
+    ({"stage": {"driver": "grbl", "port": "/dev/null"}}, False, WallClock),
+])  # fmt: skip
 def test_a_device_that_is_real_has_the_time_it_takes(
     tables: dict[str, Any], real_time: bool, clock: type
 ) -> None:
@@ -90,14 +87,11 @@ def _is_empty(_: object) -> Any:
     return shutil._ntuple_diskusage(0, 0, 0)
 
 
-@pytest.mark.parametrize(
-    ("asked", "answer", "why"),
-    [
-        ("shutil.disk_usage", _is_broken, "Input/output error"),
-        ("shutil.disk_usage", _is_empty, "it says that it is 0 bytes large"),
-        ("pathlib.Path.exists", _is_broken, "Input/output error"),
-    ],
-)
+@pytest.mark.parametrize("asked, answer, why", [
+    ("shutil.disk_usage", _is_broken, "Input/output error"),
+    ("shutil.disk_usage", _is_empty, "it says that it is 0 bytes large"),
+    ("pathlib.Path.exists", _is_broken, "Input/output error"),
+])  # fmt: skip
 def test_a_disk_that_does_not_say_its_room_is_warned_of_and_stops_no_scan(
     asked: str, answer: Any, why: str, tmp_path: Path, winkler: Any, monkeypatch: Any
 ) -> None:

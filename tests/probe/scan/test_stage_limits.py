@@ -33,15 +33,12 @@ def rig_of(**stage: Any) -> Rig:
 
 
 @pytest.mark.parametrize("stage", [{}, GRBL, TMCL])
-@pytest.mark.parametrize(
-    ("axis", "limits", "said"),
-    [
-        (2, [-1.0, 500.0], "station 1 needs z = -2.5 mm; allowed: -1 to 500 mm"),
-        (2, [-5.0, 1.0], "station 1 needs z = 2 mm; allowed: -5 to 1 mm"),
-        (2, [-5.0, 3.0], "station 1 needs z = 4 mm; allowed: -5 to 3 mm"),  # to see it in the air
-        (0, [-500.0, 30.0], "station 8 needs x = 32 mm; allowed: -500 to 30 mm"),
-    ],
-)
+@pytest.mark.parametrize("axis, limits, said", [
+    (2, [-1.0, 500.0], "station 1 needs z = -2.5 mm; allowed: -1 to 500 mm"),
+    (2, [-5.0, 1.0], "station 1 needs z = 2 mm; allowed: -5 to 1 mm"),
+    (2, [-5.0, 3.0], "station 1 needs z = 4 mm; allowed: -5 to 3 mm"),  # to see it in the air
+    (0, [-500.0, 30.0], "station 8 needs x = 32 mm; allowed: -500 to 30 mm"),
+])  # fmt: skip
 def test_a_scan_beyond_a_stages_limits_is_refused(
     stage: dict[str, Any], axis: int, limits: list[float], said: str, winkler: Any
 ) -> None:
@@ -70,15 +67,12 @@ def test_a_scan_beyond_a_stages_limits_moves_nothing_and_writes_no_run(
 
 
 @pytest.mark.parametrize("stage", [GRBL, TMCL])
-@pytest.mark.parametrize(
-    ("keys", "said"),
-    [
-        ({"limits_mm": [*WIDE[:2], [-5.0, 40.0]]}, "z = 45 mm; allowed: -5 to 40 mm"),
-        ({"park_mm": [0.0, 0.0, 60.0]}, "z = 60 mm; allowed: -4 to 50 mm (safety.workspace_mm)"),
-        ({"home": False, "park_mm": [0.0, 0.0, 60.0]}, None),
-        ({}, None),
-    ],
-)
+@pytest.mark.parametrize("keys, said", [
+    ({"limits_mm": [*WIDE[:2], [-5.0, 40.0]]}, "z = 45 mm; allowed: -5 to 40 mm"),
+    ({"park_mm": [0.0, 0.0, 60.0]}, "z = 60 mm; allowed: -4 to 50 mm (safety.workspace_mm)"),
+    ({"home": False, "park_mm": [0.0, 0.0, 60.0]}, None),
+    ({}, None),
+])  # fmt: skip
 def test_a_park_out_of_bounds_is_refused(
     stage: dict[str, Any], keys: dict[str, Any], said: str | None, winkler: Any
 ) -> None:

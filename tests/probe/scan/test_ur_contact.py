@@ -123,14 +123,11 @@ def test_contact_in_the_air_is_a_fault(winkler: Respond, monkeypatch: pytest.Mon
     pytest.fail("the program dropped each contact")
 
 
-@pytest.mark.parametrize(
-    ("fault", "said", "up"),
-    [
-        ("protective stop", "protective stop", False),
-        ("lost program", "control program has stopped", False),
-        ("blink", "connection lost", True),
-    ],
-)
+@pytest.mark.parametrize("fault, said, up", [
+    ("protective stop", "protective stop", False),
+    ("lost program", "control program has stopped", False),
+    ("blink", "connection lost", True),
+])  # fmt: skip
 def test_a_fault_in_a_search_ends_the_scan_as_without_the_option(
     winkler: Respond, fault: str, said: str, up: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
