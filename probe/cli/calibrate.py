@@ -26,11 +26,6 @@ UNITS: dict[str, dict[str, str]] = {
 """What is printed behind a value, by the beginning of its name; nothing for pure numbers."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(calibrate)
-
-
 def calibrate(
     kind: Annotated[str, typer.Argument(help=", ".join(GUIDE), autocompletion=calibration_kinds)],
     readings: Annotated[

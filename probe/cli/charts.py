@@ -7,17 +7,11 @@ import typer
 
 from probe.cli.say import Json, answer, answer_json, inform, plain
 
+chart = typer.Typer(no_args_is_help=True, help="Chart the models: cost, error, limits.")
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Where the picture and its table go.")]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    group = typer.Typer(no_args_is_help=True, help="Chart the models: cost, error, limits.")
-    group.command()(speed_accuracy)
-    group.command()(stability)
-    app.add_typer(group, name="chart")
-
-
+@chart.command()
 def speed_accuracy(
     out: Out = Path("charts"),
     scene: Annotated[str, typer.Option(metavar="NAME|FILE", help="Which scene.")] = "TIHA",
@@ -28,9 +22,9 @@ def speed_accuracy(
     json: Json = False,
 ) -> None:
     """Error against time for every model, element and mesh, beside CalculiX and FElupe."""
-    from probe.studies.charts.speed_accuracy import chart
+    from probe.studies.charts.speed_accuracy import chart as measure
 
-    table = chart(out, scene, repeats, inform, plane)
+    table = measure(out, scene, repeats, inform, plane)
     shown = table[table.reason == ""].sort_values("processor_s")
     if json:
         answer_json(plain({"out": out, "rows": table.fillna("").to_dict("records")}))
@@ -42,6 +36,7 @@ def speed_accuracy(
     answer(f"{out / 'speed-accuracy.png'}")
 
 
+@chart.command()
 def stability(
     out: Out = Path("charts"),
     quick: Annotated[bool, typer.Option("--quick", help="Every fifth cell only.")] = False,
@@ -52,9 +47,9 @@ def stability(
     Each cell is stored in stability.csv when it is solved. An interrupted run continues from
     there; take another DIR, or delete the table, to begin again.
     """
-    from probe.studies.charts.stability import chart
+    from probe.studies.charts.stability import chart as solve
 
-    table = chart(out, quick, inform)
+    table = solve(out, quick, inform)
     counts = table.verdict.value_counts().to_dict()
     if json:
         answer_json(plain({"out": out, "cells": len(table), **counts}))

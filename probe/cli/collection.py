@@ -18,12 +18,7 @@ WIDTHS = {"date": 10, "scene": 5, "how": 9, "finish": 9, "who and what": 12, "fi
 By = Literal["date", "scene", "operator", "specimen", "finding", "name"]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command("runs")(list_all)
-
-
-def list_all(
+def runs(
     folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where the runs are.")] = Path(
         "runs"
     ),

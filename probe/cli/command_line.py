@@ -1,14 +1,13 @@
 """The command line with all its commands, and what runs one of them.
 
-A group is a module with ``register(app)``. It imports at its top only what its options need;
-the work itself is imported by the command that does it, so that ``palpate --help`` is quick.
+A file of commands imports at its top only what its options need; the work itself is imported by
+the command that does it, so that ``palpate --help`` is quick.
 """
 
 import os
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -16,31 +15,31 @@ import typer
 
 from probe.cli import say, undisturbed
 from probe.cli.errors import status_of
-from probe.cli.layout import Grouped, add_examples
+from probe.cli.layout import EXAMPLES, Grouped
 from probe.cli.logs import log_to
 
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 """The solves are small: threads that wait for each other cost up to four times what they save."""
-GROUPS = (
-    "scan",
-    "runs",
-    "collection",
-    "exchange",
-    "finding",
-    "press",
-    "scenes",
-    "touch",
-    "rig",
-    "teach",
-    "files",
-    "emulate",
-    "record",
-    "watch",
-    "calibrate",
-    "studies",
-    "charts",
-)
-
+COMMANDS = {
+    "scan": ("scan", "resume"),
+    "runs": ("replay", "live", "report", "verify"),
+    "collection": ("runs",),
+    "exchange": ("export", "import_"),
+    "finding": ("detect", "compare"),
+    "press": ("press",),
+    "scenes": ("scenes", "feel"),
+    "touch": ("touch",),
+    "rig": ("doctor", "plan"),
+    "teach": ("teach",),
+    "files": ("init", "schema"),
+    "emulate": ("emulate",),
+    "record": ("record",),
+    "watch": ("watch",),
+    "calibrate": ("calibrate",),
+    "studies": ("sweep", "fleet", "paper"),
+    "charts": ("chart",),
+}
+"""By file: the functions that are commands. ``import_`` is `palpate import`."""
 
 HELP = frozenset(("-h", "--help"))
 
@@ -59,10 +58,14 @@ def build() -> typer.Typer:
         "5 aborted or stopped by the user, 70 a mistake of palpate itself.",
     )
     app.callback()(_options)
-    for name in GROUPS:
-        if find_spec(f"probe.cli.{name}") is not None:
-            import_module(f"probe.cli.{name}").register(app)
-    add_examples(app)
+    for file, names in COMMANDS.items():
+        for name in names:
+            command = getattr(import_module(f"probe.cli.{file}"), name)
+            name = name.rstrip("_")
+            if isinstance(command, typer.Typer):
+                app.add_typer(command, name=name)
+            else:
+                app.command(name, epilog=f"Example: {EXAMPLES[name]}")(command)
     return app
 
 

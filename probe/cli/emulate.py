@@ -21,11 +21,6 @@ if TYPE_CHECKING:  # commands import what they need when they run
     from sim_backend.scene.taxels import TaxelArray
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(emulate)
-
-
 def emulate(
     devices: Annotated[
         list[str],

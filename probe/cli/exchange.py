@@ -15,13 +15,7 @@ if TYPE_CHECKING:
 MAX_MAP_BYTES = 1 << 16  # of a file with a mapping
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command("export")(export_run)
-    app.command("import")(import_run)
-
-
-def export_run(
+def export(
     runs: RunFiles,
     to: Annotated[
         str,
@@ -37,7 +31,8 @@ def export_run(
     json: Json = False,
 ) -> None:
     """Write a run as CSV, HDF5, netCDF, Parquet, MCAP, MATLAB or a dataset of lerobot."""
-    from probe.storage.export import WRITERS, export
+    from probe.storage.export import WRITERS
+    from probe.storage.export import export as write_export
 
     formats = [name.strip() for name in to.split(",")]
     if unknown := [name for name in formats if name not in WRITERS]:
@@ -45,7 +40,7 @@ def export_run(
         raise typer.BadParameter(f"--to {to}: {unknown[0]!r} is not known; allowed: {allowed}")
 
     def write(run: Path) -> dict[str, Any]:
-        files = export(run, formats, out or run.parent, _finding(run))
+        files = write_export(run, formats, out or run.parent, _finding(run))
         for file in () if json else files:
             answer(str(file))
         return {"run": run, "files": files}
@@ -67,7 +62,7 @@ def _finding(run: Path) -> "Finding | None":
         return None
 
 
-def import_run(
+def import_(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Any format; a text may be gzipped.")
     ],

@@ -19,12 +19,6 @@ NEXT = {
 }
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(init)
-    app.command()(schema)
-
-
 def init(
     kind: Annotated[Literal["rig", "scene", "driver"], typer.Argument(help="What to begin.")],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Where; made if need be.")],

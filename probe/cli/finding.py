@@ -18,12 +18,6 @@ from probe.core.places import has_rows
 MAX_LINES = 40
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(detect)
-    app.command()(compare)
-
-
 def detect(
     runs: RunFiles,
     false_alarm: Annotated[

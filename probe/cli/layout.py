@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import typer
 from typer.core import TyperGroup
 
 from probe.cli.errors import Stopped
@@ -52,6 +51,7 @@ SECTIONS: dict[str, dict[str, str]] = {
     },
 }
 """Every command under its section, with one example."""
+EXAMPLES = {name: line for each in SECTIONS.values() for name, line in each.items()}
 
 
 KINDS = {
@@ -118,11 +118,3 @@ def _without_types(command: Any) -> None:
 
 def _nothing(ctx: Any) -> str:  # noqa: ARG001 - typer names it
     return ""
-
-
-def add_examples(app: typer.Typer) -> None:
-    """Put each command's example under its help."""
-    examples = {name: line for each in SECTIONS.values() for name, line in each.items()}
-    for info in app.registered_commands:
-        name = str(info.name or getattr(info.callback, "__name__", ""))
-        info.epilog = f"Example: {examples[name]}"

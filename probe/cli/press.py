@@ -9,11 +9,6 @@ from probe.cli.arguments import scene_names
 from probe.cli.say import Json, answer, answer_json, inform, plain
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command of this file."""
-    app.command()(press)
-
-
 def press(
     scene: Annotated[
         str, typer.Argument(help="A built-in scene or a scene file.", autocompletion=scene_names)

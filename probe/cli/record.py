@@ -13,11 +13,6 @@ if TYPE_CHECKING:  # commands import what they need when they run
     from probe.config.rig import Device
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(record)
-
-
 def record(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="The rig with the devices.")],
     out: Annotated[Path, typer.Option(metavar="DIR", help="Where the files go.")] = Path(),

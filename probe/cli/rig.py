@@ -19,12 +19,6 @@ if TYPE_CHECKING:  # commands import what they need when they run
 MARKS = {"ok": "ok     ", "warning": "warning", "fault": "FAULT  "}
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(doctor)
-    app.command()(plan)
-
-
 def doctor(
     rig: Annotated[
         Path | None,

@@ -12,14 +12,6 @@ from probe.cli.several import of_each
 from probe.cli.windows import need_windows
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(replay)
-    app.command()(live)
-    app.command()(report)
-    app.command()(verify)
-
-
 def replay(
     run: RunFile,
     live: Annotated[bool, typer.Option("--live", help="Replay in a window.")] = False,

@@ -55,12 +55,6 @@ AFTER_A_SCAN = ("probe.detection", "probe.storage.run", "rich.table")
 """What a finding needs: 0.3 s to import, in which simulated stations are solved elsewhere."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(scan)
-    app.command()(resume)
-
-
 def scan(
     rig: RigFile = None,
     scene: SceneName = None,

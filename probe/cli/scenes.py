@@ -11,12 +11,6 @@ from probe.cli.say import Json, answer, answer_json
 from probe.cli.windows import need_windows
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(scenes)
-    app.command()(feel)
-
-
 def scenes(
     name: Annotated[
         str | None,

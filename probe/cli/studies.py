@@ -21,13 +21,6 @@ Scheduler = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(sweep)
-    app.command()(fleet)
-    app.command()(paper)
-
-
 def sweep(
     scene: Annotated[str, typer.Argument(help="A built-in scene or a scene file.")],
     vary: Annotated[

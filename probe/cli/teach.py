@@ -19,11 +19,6 @@ POINTS = (
 DECIMALS_MM, DECIMALS_DEG, DECIMALS_RAD = 3, 4, 6
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(teach)
-
-
 def teach(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="The rig with the arm.")],
     point: Annotated[

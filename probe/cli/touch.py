@@ -10,11 +10,6 @@ from probe.cli.arguments import scene_names
 from probe.cli.say import Json, answer, answer_json
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command of this file."""
-    app.command()(touch)
-
-
 def touch(
     scene: Annotated[
         str | None,

@@ -18,11 +18,6 @@ SAID_EVERY_S = 1.0
 """Where standard output is no terminal, as lines."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this file."""
-    app.command()(watch)
-
-
 def watch(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="The rig with the sensors.")],
     scene: Annotated[

@@ -12,10 +12,8 @@ from paths import ROOT
 from drivers.core.registry import settings_of
 from probe.cli import main
 from probe.cli.command_line import build
-from probe.cli.layout import SECTIONS
+from probe.cli.layout import EXAMPLES, SECTIONS
 from probe.config.load_rig import load_rig
-
-EXAMPLES = {name: line for each in SECTIONS.values() for name, line in each.items()}
 
 
 def test_every_command_stands_in_one_section() -> None:
