@@ -14,7 +14,6 @@ import numpy as np
 
 from calibration import (
     AxesCalibration,
-    Calibration,
     ComplianceCalibration,
     ForceCalibration,
     LatencyCalibration,
@@ -61,13 +60,13 @@ class CalibratedSensor:
             _check_count(sensor, "force", force.sensitivity.shape, len(where))
             gains = np.asarray(np.linalg.inv(force.sensitivity).T, float)
             self._gains.append((where, gains))
-            self.channels = _in_newtons(self.channels, where, gains)
+            self.channels = _measuring("force", "N", self.channels, where, np.diag(gains))
         if taxels is not None:
             self._where = _of_role(sensor, ("taxel",))
             _check_count(sensor, "taxel", taxels.gain.shape, len(self._where))
             dead = ~np.isfinite(taxels.gain)
             self._gains.append((self._where, np.diag(np.where(dead, 1.0, taxels.gain))))
-            self.channels = _as_pressures(self.channels, self._where, taxels.gain)
+            self.channels = _measuring("taxel", "Pa", self.channels, self._where, taxels.gain)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._sensor, name)
@@ -145,7 +144,7 @@ def calibrated(
     them. Raises `CalibrationError` where a file belongs to none of the rig's devices.
     """
     notes: list[str] = []
-    found: dict[str, dict[str, Calibration]] = {}
+    found: dict[str, dict[str, Any]] = {}
     for key, name in files.items():
         device = owner(key, Path(name), stage.name, [s.name for s in sensors], stand_ins)
         if device in stand_ins:
@@ -157,10 +156,10 @@ def calibrated(
             raise CalibrationError(f"calibration.{key}: {device} has two of {one.KIND}; keep one")
         found[device][one.KIND] = one
     for device, own in found.items():
-        if isinstance(axes := own.get("axes"), AxesCalibration):
-            stage = CalibratedStage(stage, axes)
-        if own.keys() & set(SENSOR_KINDS):
-            sensors = [_with(s, own) if s.name == device else s for s in sensors]
+        if "axes" in own:
+            stage = CalibratedStage(stage, own["axes"])
+        if of_sensor := {kind: own[kind] for kind in SENSOR_KINDS if kind in own}:
+            sensors = [CalibratedSensor(s, **of_sensor) if s.name == device else s for s in sensors]
     return stage, tuple(sensors), tuple(notes)
 
 
@@ -222,16 +221,6 @@ def compliance_of(file: str) -> float:
     return 1 / one.stiffness_n_m
 
 
-def _with(sensor: Sensor, own: Mapping[str, Calibration]) -> Sensor:
-    force, latency, taxels = (own.get(kind) for kind in ("force", "latency", "taxels"))
-    return CalibratedSensor(
-        sensor,
-        force if isinstance(force, ForceCalibration) else None,
-        latency if isinstance(latency, LatencyCalibration) else None,
-        taxels if isinstance(taxels, TaxelCalibration) else None,
-    )
-
-
 def _of_role(sensor: Sensor, roles: tuple[str, ...]) -> list[int]:
     return [n for n, channel in enumerate(sensor.channels) if channel.role in roles]
 
@@ -246,36 +235,19 @@ def _check_count(sensor: Sensor, role: str, shape: tuple[int, ...], channels: in
         )
 
 
-def _in_newtons(
-    channels: tuple[Channel, ...], where: list[int], gains: Array
+def _measuring(
+    role: str, unit: str, channels: tuple[Channel, ...], where: list[int], gains: Array
 ) -> tuple[Channel, ...]:
-    """Channels as a force calibration leaves them: its loads are forces in N.
-
-    A full scale, where one is known, is that of the channel's own gain.
-    """
+    """Channels as a calibration leaves those of ``where`` (k,), with their own ``gains`` (k,): in
+    ``unit``, a full scale too. One without a gain (NaN) is dead, and measures nothing."""
     changed = list(channels)
-    for n, gain in zip(where, np.abs(np.diag(gains)).tolist(), strict=True):
-        full = channels[n].full_scale
-        changed[n] = replace(
-            channels[n], unit="N", role="force", full_scale=None if full is None else gain * full
-        )
-    return tuple(changed)
-
-
-def _as_pressures(
-    channels: tuple[Channel, ...], taxels: list[int], gain: Array
-) -> tuple[Channel, ...]:
-    """Channels as a calibration of taxels leaves them, a full scale in Pa too; dead ones (NaN) are
-    none."""
-    changed = list(channels)
-    for n, own in zip(taxels, np.abs(gain).tolist(), strict=True):
-        if np.isnan(own):
+    for n, gain in zip(where, np.abs(gains).tolist(), strict=True):
+        if np.isnan(gain):
             changed[n] = replace(channels[n], role="other")
             continue
         full = channels[n].full_scale
-        changed[n] = replace(
-            channels[n], unit="Pa", full_scale=None if full is None else own * full
-        )
+        full_scale = None if full is None else gain * full
+        changed[n] = replace(channels[n], unit=unit, role=role, full_scale=full_scale)
     return tuple(changed)
 
 

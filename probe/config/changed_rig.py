@@ -4,14 +4,8 @@ import tomllib
 from collections.abc import Mapping
 from typing import Any
 
-from pydantic import ValidationError
-
-from drivers import ConfigError
+from probe.config.load_rig import checked_rig
 from probe.config.rig import Rig, RigError
-from probe.config.scan_limits import limits_for
-from probe.config.scan_plan import plan_for
-from probe.config.scan_planner import planner_for
-from sim_backend.scene.explain import explain
 
 
 def changed(rig: Rig, settings: Mapping[str, str]) -> Rig:
@@ -32,17 +26,7 @@ def changed(rig: Rig, settings: Mapping[str, str]) -> Rig:
         if not isinstance(at, dict):
             raise RigError(f"--set {key}: {'.'.join(tables)} is no table of keys")
         at[last] = _value(text)
-    said = "; ".join(f"--set {key}={text}" for key, text in settings.items())
-    try:
-        new = Rig.model_validate(raw)
-        plan = plan_for(new)
-        limits_for(new, plan)
-        planner_for(new, plan)
-    except ValidationError as error:
-        raise RigError("\n".join(f"{said}: {line}" for line in explain(error, Rig))) from None
-    except (RigError, ConfigError) as error:
-        raise RigError(f"{said}: {error}") from None
-    return new
+    return checked_rig(raw, "; ".join(f"--set {key}={text}" for key, text in settings.items()))
 
 
 def _entry(at: Any, name: str, key: str) -> Any:

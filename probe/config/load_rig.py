@@ -51,16 +51,7 @@ def load_rig(path: str | Path) -> Rig:
         raise RigError(f"{error}{hint}") from None
     except ValueError as error:
         raise RigError(f"{path}: {error}") from None
-    try:
-        _find_calibrations(raw, path)
-        rig = Rig.model_validate(raw)
-        plan = plan_for(rig)
-        limits_for(rig, plan)
-        planner_for(rig, plan)
-    except ValidationError as error:
-        raise RigError("\n".join(f"{path}: {line}" for line in explain(error, Rig))) from None
-    except (RigError, ConfigError, CalibrationError) as error:
-        raise RigError(f"{path}: {error}") from None
+    rig = checked_rig(raw, str(path), path.parent)
     update: dict[str, Any] = {}
     if rig.scene is not None and rig.scene.name not in scene_names():
         name = str(path.parent / rig.scene.name)
@@ -68,12 +59,30 @@ def load_rig(path: str | Path) -> Rig:
     return rig.model_copy(update=update)
 
 
-def _find_calibrations(raw: dict[str, Any], path: Path) -> None:
-    """Make the paths of calibrations relative to the rig file's folder, in place.
+def checked_rig(raw: dict[str, Any], said_by: str, folder: Path = Path()) -> Rig:
+    """The rig of a file's tables, of which a plan, limits and a planner can be made.
+
+    The files of calibrations are relative to ``folder``. Raises `RigError` that begins with
+    ``said_by``.
+    """
+    try:
+        _find_calibrations(raw.get("calibration"), folder)
+        rig = Rig.model_validate(raw)
+        plan = plan_for(rig)
+        limits_for(rig, plan)
+        planner_for(rig, plan)
+    except ValidationError as error:
+        raise RigError("\n".join(f"{said_by}: {line}" for line in explain(error, Rig))) from None
+    except (RigError, ConfigError, CalibrationError) as error:
+        raise RigError(f"{said_by}: {error}") from None
+    return rig
+
+
+def _find_calibrations(files: Any, folder: Path) -> None:
+    """Make the paths of calibrations relative to ``folder``, in place.
 
     Raises `RigError`, and `CalibrationError` for a kind that no scan applies.
     """
-    files = raw.get("calibration")
     if not isinstance(files, dict):
         return  # validation says what is wrong
     for kind, name in files.items():
@@ -81,7 +90,7 @@ def _find_calibrations(raw: dict[str, Any], path: Path) -> None:
         if isinstance(name, str):
             if not name:
                 raise RigError(f"calibration.{kind} = '': name its file, or leave the line out")
-            file = path.parent / name
+            file = folder / name
             if not file.is_file():
                 why = "a folder; name the file in it" if file.is_dir() else "no such file"
                 raise RigError(f"calibration.{kind} = {str(file)!r}: {why}")
