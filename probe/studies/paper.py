@@ -4,7 +4,7 @@ The paper: "Tactile detection of simulated arteries", six phantoms pressed at 15
 criterion, von Mises stress under the finger, stands beside the mean contact stress that scans use.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from drivers.core.extras import needs
 from probe.core.processes import Workers
 from probe.studies.paper_figures import draw
 from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA
+from probe.studies.vary import applied
 from sim_backend.fem.small_strain import solve_small
 from sim_backend.fem.stress import under_finger_pa
 from sim_backend.models.press import CannotSolve, press
@@ -67,7 +68,7 @@ class Task:
 
 def answer(task: Task) -> dict[str, Any]:
     """A row: contact stress and von Mises stress [Pa] at each level; ``reason`` if unsolved."""
-    scene = changed(load_scene(task.scene), task.changes)
+    scene = applied(load_scene(task.scene), dict(task.changes))
     row: dict[str, Any] = {
         "scene": task.scene, "x_mm": task.x_mm, "indentation_mm": task.indentation_mm,
         "model": task.model, "plane": scene.plane, "reading": task.reading, "reason": "",
@@ -111,13 +112,6 @@ def _small(scene: Scene, task: Task) -> tuple[Array, Array, dict[str, float | bo
         changes.append(abs(np.ptp(before) / np.ptp(forces) - 1))
     mises = np.array([under_finger_pa(section, s.displacement) for s in fine])
     return forces, mises, {"error_estimate_pct": 100 * float(max(changes))}
-
-
-def changed(scene: Scene, changes: Sequence[tuple[str, Any]]) -> Scene:
-    """The scene with values at dotted keys."""
-    from probe.studies.vary import applied
-
-    return applied(scene, dict(changes))
 
 
 def tasks() -> dict[str, list[Task]]:

@@ -11,13 +11,15 @@ import shutil
 import signal
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 
 from drivers.core.extras import needs
+from probe.studies.charts.cells import ELEMENTS
 from probe.studies.charts.kept_rows import kept_rows
 from probe.studies.charts.peers import felupe_forces, has_felupe
 from sim_backend.fem.finite_strain import solve_finite
@@ -38,7 +40,6 @@ X_MM, DEPTH_MM, LEVELS_MMHG = 32.0, 2.5, (80.0, 120.0)
 SIZES_MM = (2.0, 1.4, 1.0, 0.7, 0.5, 0.35)
 REFERENCE_MM = 0.12
 ACCURACIES_PCT = (5.0, 2.0, 1.0, 0.5)
-ELEMENTS = {"stress": ("T6", "Q8R", "Q4", "Q4R"), "strain": ("T6", "T6M", "Q8R", "Q4M", "Q4R")}
 NAMES = {
     ("Q4R", "stress"): "CPS4R", ("Q4", "stress"): "CPS4", ("Q8R", "stress"): "CPS8R",
     ("T6", "stress"): "CPS6", ("Q4R", "strain"): "CPE4R", ("Q4M", "strain"): "CPE4 mean dilatation",
@@ -69,60 +70,42 @@ def chart(
     progress("Solving the reference …")
     force, pulse, _ = _ours(scene, "finite", "T6", REFERENCE_MM)
     with kept_rows(out / "speed-accuracy.csv", progress) as rows:
-
-        def add(
-            solver: str, element: str, size_mm: float, solve: Callable[[], Answer], n: int
-        ) -> None:
+        for solver, element, size_mm, times, solve in _solvers(scene, repeats):
+            progress(f"{solver}, {element}" + (f", {size_mm:g} mm" if size_mm else ""))
             row = {"solver": solver, "element": element, "size_mm": size_mm}
             try:
-                processor_s, answer = _timed(solve, n)
+                processor_s, answer = _timed(solve, times)
             except CannotSolve as error:
                 rows.append(row | {"reason": str(error)})
-                return
+                continue
             rows.append(row | {
                 "dofs": answer[2], "processor_s": processor_s, "reason": "",
                 "force_error_pct": 100 * abs(answer[0] / force - 1),
                 "pulse_error_pct": 100 * abs(answer[1] / pulse - 1),
             })  # fmt: skip
-
-        for model in ("finite", "small"):
-            for element in ELEMENTS[scene.plane]:
-                for size in SIZES_MM:
-                    progress(f"{model} strain, {NAMES[element, scene.plane]}, {size} mm")
-                    add(
-                        f"{model} strain",
-                        NAMES[element, scene.plane],
-                        size,
-                        partial(_ours, scene, model, element, size),
-                        repeats,
-                    )
-        for pct in ACCURACIES_PCT:
-            progress(f"by itself, {pct:g} %")
-            add(
-                f"palpate, accuracy {pct:g} %",
-                "by itself",
-                0.0,
-                partial(_by_itself, scene, pct),
-                repeats,
-            )
-        if shutil.which("ccx"):
-            for size in PEER_SIZES_MM:
-                progress(f"CalculiX, {size} mm")
-                add(
-                    "CalculiX",
-                    "CPS6" if scene.plane == "stress" else "CPE6",
-                    size,
-                    partial(calculix, scene, size),
-                    1,
-                )
-        if scene.plane == "strain" and has_felupe():
-            for size in PEER_SIZES_MM:
-                progress(f"FElupe, {size} mm")
-                add("FElupe", NAMES["Q4M", "strain"], size, partial(_felupe, scene, size), 1)
-
     table = pd.DataFrame(rows)
     draw(table, scene_name).savefig(out / "speed-accuracy.png", dpi=150, facecolor="white")
     return table
+
+
+def _solvers(
+    scene: Scene, repeats: int
+) -> Iterator[tuple[str, str, float, int, Callable[[], Answer]]]:
+    """Solver, element, its size [mm], how often it is timed, and what solves; of those that are
+    installed."""
+    plane = scene.plane
+    for model, element, size in product(("finite", "small"), ELEMENTS[plane], SIZES_MM):
+        solve = partial(_ours, scene, model, element, size)
+        yield f"{model} strain", NAMES[element, plane], size, repeats, solve
+    for pct in ACCURACIES_PCT:
+        solver = f"palpate, accuracy {pct:g} %"
+        yield solver, "by itself", 0.0, repeats, partial(_by_itself, scene, pct)
+    if shutil.which("ccx"):
+        for size in PEER_SIZES_MM:
+            yield "CalculiX", NAMES["T6", plane], size, 1, partial(calculix, scene, size)
+    if plane == "strain" and has_felupe():
+        for size in PEER_SIZES_MM:
+            yield "FElupe", NAMES["Q4M", plane], size, 1, partial(_felupe, scene, size)
 
 
 def _timed(solve: Callable[[], Answer], repeats: int) -> tuple[float, Answer]:

@@ -15,10 +15,10 @@ from probe.studies.paper import (
     _pulse_of_tisa,
     _trend,
     answer,
-    changed,
     tasks,
 )
 from probe.studies.paper_values import FIGURES, LEVELS_MMHG, PAPER_PULSE_PA, TIMES_S
+from probe.studies.vary import applied
 from sim_backend import load_scene
 from sim_backend.scene.waves import PA_PER_MMHG, load_wave
 
@@ -51,7 +51,7 @@ def test_every_figure_has_its_presses() -> None:
     assert set(tasks()) == {"3", "4", "5", "6", "7", "8", "9", "readings"}
     assert {task.scene for task in tasks()["5"]} >= {"HAOT", "SAOT"}
     for changes, _ in READINGS.values():
-        changed(load_scene("TISA"), changes)
+        applied(load_scene("TISA"), dict(changes))
 
 
 def test_levels_are_the_waves_at_the_papers_times() -> None:
