@@ -10,7 +10,8 @@ column for each taxel in CSV and Parquet. MCAP, MATLAB and lerobot: see `probe.s
 import errno
 import json
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib import import_module
 from os import PathLike
 from pathlib import Path
 from shutil import rmtree
@@ -144,28 +145,15 @@ def _parquet(run: Run, out_dir: Path) -> list[Path]:
     return written
 
 
-def _mcap(run: Run, out_dir: Path) -> list[Path]:
-    from probe.storage.export_mcap import write_mcap
+def _by(module: str, ending: str) -> Callable[[Run, Path], list[Path]]:
+    """A format that has a module of its own, imported when it is asked for: one path."""
 
-    path = out_dir / f"{run.path.stem}.mcap"
-    write_mcap(run, path)
-    return [path]
+    def write(run: Run, out_dir: Path) -> list[Path]:
+        path = out_dir / f"{run.path.stem}{ending}"
+        import_module(f"probe.storage.{module}").write(run, path, _about(run))
+        return [path]
 
-
-def _mat(run: Run, out_dir: Path) -> list[Path]:
-    from probe.storage.export_mat import write_mat
-
-    path = out_dir / f"{run.path.stem}.mat"
-    write_mat(run, path, _about(run))
-    return [path]
-
-
-def _lerobot(run: Run, out_dir: Path) -> list[Path]:
-    from probe.storage.export_lerobot import write_lerobot
-
-    path = out_dir / f"{run.path.stem}-lerobot"
-    write_lerobot(run, path, _about(run))
-    return [path]
+    return write
 
 
 def _hdf5(run: Run, out_dir: Path) -> list[Path]:
@@ -175,12 +163,9 @@ def _hdf5(run: Run, out_dir: Path) -> list[Path]:
     path = out_dir / f"{run.path.stem}.h5"
     with h5py.File(path, "w", track_order=True) as file:
         file["config"] = _about(run)  # a dataset: attributes hold only 64 KiB
-        file.attrs["Conventions"] = CONVENTIONS
-        file.attrs["started_utc"] = run.started.started_utc
-        file.attrs["simulated"] = ", ".join(run.simulated)
-        _columns(file.create_group("stations"), run.stations())
         groups = _groups(run)
-        file.attrs["tactile"] = groups.get(tactile_or_none(run.channels) or "", "")
+        file.attrs.update(_attributes(run, groups))
+        _columns(file.create_group("stations"), run.stations())
         for device, name in groups.items():
             data = run.samples(device)
             group = file.create_group(name, track_order=True)
@@ -196,14 +181,8 @@ def _netcdf(run: Run, out_dir: Path) -> list[Path]:
     table = run.stations()
     stations = xr.Dataset({name: ("press", table[name].to_numpy()) for name in table})
     groups = _groups(run)
-    stations.attrs = {
-        "Conventions": CONVENTIONS,
-        "title": f"palpate run {run.path.stem}",
-        "config": _about(run),
-        "started_utc": run.started.started_utc,
-        "simulated": ", ".join(run.simulated),
-        "tactile": groups.get(tactile_or_none(run.channels) or "", ""),
-    }
+    own = {"title": f"palpate run {run.path.stem}", "config": _about(run)}
+    stations.attrs = {**_attributes(run, groups), **own}
     for name in stations:
         if unit := unit_of(str(name)):
             stations[name].attrs["units"] = unit
@@ -218,9 +197,9 @@ WRITERS: dict[str, Callable[[Run, Path], list[Path]]] = {
     "hdf5": _hdf5,
     "netcdf": _netcdf,
     "parquet": _parquet,
-    "mcap": _mcap,
-    "mat": _mat,
-    "lerobot": _lerobot,
+    "mcap": _by("export_mcap", ".mcap"),
+    "mat": _by("export_mat", ".mat"),
+    "lerobot": _by("export_lerobot", "-lerobot"),
 }
 
 
@@ -234,6 +213,16 @@ def _file_parts(run: Run) -> dict[str, str]:
 def _groups(run: Run) -> dict[str, str]:
     """What each device's group is called."""
     return distinct({device: _plain(device) for device in run.channels}, OURS)
+
+
+def _attributes(run: Run, groups: Mapping[str, str]) -> dict[str, str]:
+    """What HDF5 and netCDF say of the whole file."""
+    return {
+        "Conventions": CONVENTIONS,
+        "started_utc": run.started.started_utc,
+        "simulated": ", ".join(run.simulated),
+        "tactile": groups.get(tactile_or_none(run.channels) or "", ""),
+    }
 
 
 def unit_of(column: str) -> str:

@@ -37,7 +37,7 @@ Frames = dict[str, Any]
 """By feature (n, ...): floats, and whole numbers of `OWN`."""
 
 
-def write_lerobot(run: "Run", folder: Path, about: str) -> None:
+def write(run: "Run", folder: Path, about: str) -> None:
     """Write the whole run, with what is said ``about`` it as JSON in ``meta/palpate.json``.
 
     Raises `RunFileError` for a run without a complete press.

@@ -23,7 +23,7 @@ LONGEST = 60
 """Letters of a name: MATLAB takes 63, and a number may be added."""
 
 
-def write_mat(run: "Run", path: Path, about: str) -> None:
+def write(run: "Run", path: Path, about: str) -> None:
     """Write the whole run, with what is said ``about`` it as JSON.
 
     Raises `RunFileError` for a device with more than MATLAB's version 5 holds.

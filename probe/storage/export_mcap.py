@@ -11,7 +11,6 @@ Layout of a message: OMG CDR 1 (XCDR1), little-endian, as ROS 2 serialises; afte
 the encapsulation each number is aligned to its own size.
 """
 
-import json
 import re
 from collections.abc import Iterator, Sequence
 from datetime import datetime
@@ -89,8 +88,8 @@ AXES = (("fx", "fy", "fz"), ("mx", "my", "mz"))
 NO_ROTATION = (0.0, 0.0, 0.0, 1.0)
 
 
-def write_mcap(run: "Run", path: Path) -> None:
-    """Write the whole run; an existing file is replaced."""
+def write(run: "Run", path: Path, about: str) -> None:
+    """Write the whole run, with what is said ``about`` it as JSON; an existing file is replaced."""
     notable = [e for e in run.events() if isinstance(e, RunStarted | Note | RunEnded)]
     clock = WallClock([e for e in notable if isinstance(e, RunStarted)])
     topics = distinct({device: field(device) for device in run.channels})
@@ -98,17 +97,16 @@ def write_mcap(run: "Run", path: Path) -> None:
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile="ros2", library="palpate")
-        about = {
+        said = {
             "started_utc": run.started.started_utc,
             "simulated": ", ".join(run.simulated),
             "tactile": f"/{topics[tactile]}/sample" if tactile else "",
             "finish": str(run.finish or ""),
             "clock_zero_unix_s": repr(float(clock.zeros_s[0])),
         }
-        writer.add_metadata("palpate", about)
-        config = json.dumps(run.config, indent=1, default=str).encode()
+        writer.add_metadata("palpate", said)
         at = int(clock.ns(np.array([run.started.time_s]))[0])
-        writer.add_attachment(at, at, "config.json", "application/json", config)
+        writer.add_attachment(at, at, "config.json", "application/json", about.encode())
         stations = run.stations().to_csv(index=False).encode()
         writer.add_attachment(at, at, "stations.csv", "text/csv", stations)
         for device, topic in topics.items():
