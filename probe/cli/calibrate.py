@@ -8,7 +8,7 @@ import typer
 
 from probe.cli.arguments import calibration_kinds, storable
 from probe.cli.guide import GUIDE
-from probe.cli.say import Json, answer, answer_json, inform, plain
+from probe.cli.say import Json, answer, answer_json, inform
 
 UNITS: dict[str, dict[str, str]] = {
     "force": {"offset": "raw", "sensitivity": "raw/N", "temperature": "raw/K"},
@@ -149,7 +149,7 @@ def calibrate(
     one = record(result, r.device, raw_columns(r), note=note)
     save(one, path)
     if json:
-        answer_json(plain(_as_json(path, one)))
+        answer_json(_as_json(path, one))
     else:
         _show(result, path, one)
     for doubt in doubts(result):

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-from probe.cli.say import Json, answer, answer_json, inform, plain
+from probe.cli.say import Json, answer, answer_json, inform
 
 chart = typer.Typer(no_args_is_help=True, help="Chart the models: cost, error, limits.")
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Where the picture and its table go.")]
@@ -27,7 +27,7 @@ def speed_accuracy(
     table = measure(out, scene, repeats, inform, plane)
     shown = table[table.reason == ""].sort_values("processor_s")
     if json:
-        answer_json(plain({"out": out, "rows": table.fillna("").to_dict("records")}))
+        answer_json({"out": out, "rows": table.fillna("").to_dict("records")})
         return
     for row in shown.itertuples():
         errors = f"force {row.force_error_pct:.3f} %, pulse {row.pulse_error_pct:.2f} %"
@@ -52,7 +52,7 @@ def stability(
     table = solve(out, quick, inform)
     counts = table.verdict.value_counts().to_dict()
     if json:
-        answer_json(plain({"out": out, "cells": len(table), **counts}))
+        answer_json({"out": out, "cells": len(table), **counts})
         return
     for row in table[table.verdict == "refused"].itertuples():
         inform(f"{row.family} {row.value}: {row.reason}")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from probe.cli.errors import UNSOLVED
-from probe.cli.say import Json, answer, answer_json, inform, plain
+from probe.cli.say import Json, answer, answer_json, inform
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,7 +83,7 @@ def sweep(
             + what_is_finer(model)
         )
     if json:
-        answer_json(plain(summary))
+        answer_json(summary)
     else:
         answer(f"{len(table)} rows, {len(failed)} without an answer: {out}")
     if len(failed) == len(table):
@@ -129,7 +129,7 @@ def fleet(
     failed = int((table["reason"] != "").sum())
     if json:
         seconds = time.perf_counter() - began_s
-        answer_json(plain({"table": out, "rows": len(table), "failed": failed, "seconds": seconds}))
+        answer_json({"table": out, "rows": len(table), "failed": failed, "seconds": seconds})
         return
     answer(f"{len(table)} rows, {failed} without an answer: {out}")
 
@@ -146,15 +146,9 @@ def paper(
     began_s = time.perf_counter()
     statements = redo(out, inform)
     if json:
-        answer_json(
-            plain(
-                {
-                    "out": out,
-                    "statements": [one.as_json() for one in statements],
-                    "seconds": time.perf_counter() - began_s,
-                }
-            )
-        )
+        found = [one.as_json() for one in statements]
+        seconds = time.perf_counter() - began_s
+        answer_json({"out": out, "statements": found, "seconds": seconds})
         return
     for one in statements:
         answer(f"{one.verdict}: {one.text}\n    {one.ours}")

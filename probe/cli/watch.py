@@ -1,6 +1,7 @@
 """``palpate watch``: what every channel reads now, in the terminal or in a window."""
 
 import sys
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -76,11 +77,11 @@ def _in_terminal(
     widths: list[int] = []
     last: list[Reading] = watched.readings()
     try:
-        with Live(auto_refresh=False, transient=False) if live else _Nothing() as screen:
+        with Live(auto_refresh=False, transient=False) if live else nullcontext() as screen:
             while ends_s is None or clock.now() < ends_s:
                 clock.sleep_until(clock.now() + REFRESH_S)
                 last = watched.readings()
-                if live:
+                if screen is not None:
                     screen.update(_table(last), refresh=True)
                 elif not quiet and clock.now() - said_s >= SAID_EVERY_S:
                     said_s = clock.now()
@@ -109,14 +110,6 @@ def _say(readings: "list[Reading]", widths: list[int]) -> list[int] | None:
         if not answer("  ".join((name.ljust(widths[0]), *padded, cells[-1])).rstrip()):
             return None
     return widths
-
-
-class _Nothing:
-    def __enter__(self) -> Any:
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        pass
 
 
 def _table(readings: "list[Reading]") -> Any:

@@ -2,7 +2,7 @@
 
 import sqlite3
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -52,19 +52,8 @@ class Report:
 
     def as_json(self) -> dict[str, Any]:
         """For ``--json``."""
-        return {
-            "run": str(self.path),
-            "ok": self.ok,
-            "problems": list(self.problems),
-            "events": self.events,
-            "samples": self.samples,
-            "lost": self.lost,
-            "stations_complete": self.stations_complete,
-            "stations_planned": self.stations_planned,
-            "attempts": self.attempts,
-            "sessions": self.sessions,
-            "finish": self.finish,
-        }
+        found = asdict(self)
+        return {"run": str(found.pop("path")), "ok": self.ok, **found}
 
 
 def verify(path: str | PathLike[str]) -> Report:
