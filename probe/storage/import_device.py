@@ -1,8 +1,10 @@
-"""Of an exported run's devices, the samples of those channels that the run was judged on."""
+"""Of an exported run's devices, the samples of those channels that the run was judged on.
+
+A device is a Dataset as `probe.storage.tables.samples` gives it, its phases as numbers.
+"""
 
 import json
 from collections.abc import Callable, Collection, Mapping
-from typing import NamedTuple
 
 import numpy as np
 
@@ -26,52 +28,80 @@ from probe.storage.import_table import (
 
 with needs("data", "palpate import"):
     import pandas as pd
+    import xarray as xr
 
 LABELS = ["time_s", "station", "attempt"]
 SHOWN = 8  # channels named in an error: an array has hundreds
 
 
-class Device(NamedTuple):
-    """A device's ``channels`` by their names, the ``columns`` that it has beside and how to
-    ``read`` one (n,)."""
+def device_of(
+    channels: Mapping[str, Channel], columns: Collection[str], read: Callable[[str], Array]
+) -> xr.Dataset:
+    """The device of a table: its ``channels`` by their columns, and what of the other ``columns``
+    is known; ``read`` gives a column (n,)."""
+    marks = [f"{channel.name}_saturated" for channel in channels.values()]
+    others = [name for name in (*LABELS, *PER_STATION, *marks) if name in columns]
+    data = xr.Dataset({name: ("time_s", read(name)) for name in others})
+    if "phase" in columns:
+        data = data.assign({PHASE: ("time_s", phase_numbers(read("phase")))})
+    return data.assign(
+        {
+            channel.name: ("time_s", read(column), attributes(channel))
+            for column, channel in channels.items()
+        }
+    )
 
-    channels: Mapping[str, Channel]
-    columns: Collection[str]
-    read: Callable[[str], Array]
+
+def attributes(channel: Channel) -> dict[str, str | int]:
+    """What a variable says of its channel."""
+    return {"units": channel.unit, "role": channel.role, "simulated": int(channel.simulated)}
 
 
-def phase_numbers(phases: "pd.Series[str]") -> Array:
-    """Phases by their names as numbers, NaN for words of others."""
+def channels_of(data: xr.Dataset) -> list[Channel]:
+    """The channels among a device's variables."""
+    return [
+        Channel(
+            str(name),
+            str(said.get("units", "")),
+            str(said["role"]),
+            simulated=bool(said.get("simulated", 0)),
+        )
+        for name, said in ((name, one.attrs) for name, one in data.data_vars.items())
+        if "role" in said
+    ]
+
+
+def phase_numbers(phases: Array) -> Array:
+    """Phases by their names as numbers, NaN for words of others; numbers as they are."""
+    if phases.dtype.kind in "iuf":
+        return phases.astype(np.float64)
     numbers = {str(phase): n for n, phase in enumerate(Phase)}
-    return np.asarray(phases.astype(str).map(numbers), np.float64)
+    return np.asarray(pd.Series(phases).astype(str).map(numbers), np.float64)
 
 
-def judged(devices: Mapping[str, Device], tactile: str | None) -> Table:
+def judged(devices: Mapping[str, xr.Dataset], tactile: str | None) -> Table:
     """The last attempts at each station, of the ``tactile`` device where the file says which it is.
 
     Forces before pressures, these before taxels, as the run's own rule has it; with the first
     reference. Raises `CsvError`.
     """
-    device = devices[name := _chosen(devices, tactile)]
-    listed = list(device.channels.items())
+    data = devices[name := _chosen(devices, tactile)]
+    listed = channels_of(data)
     try:
-        picked = [listed[n] for n in stress_conversion([c for _, c in listed], 1.0).columns]
+        picked = [listed[n] for n in stress_conversion(listed, 1.0).columns]
     except RunFileError as error:
         raise CsvError(f"{name}: {error}") from None
     added: dict[str, Array | float] = {}
-    for n, (column, _) in enumerate(picked):
-        added[signal(n)] = _readings(name, device, column)
-        clipped = f"{column}_saturated"
-        added[saturated(n)] = device.read(clipped) if clipped in device.columns else 0.0
-    added |= {
-        other: device.read(other) for other in (PHASE, *PER_STATION) if other in device.columns
-    }
-    labels = _labelled(device)
+    for n, channel in enumerate(picked):
+        added[signal(n)] = _readings(name, data, channel)
+        clipped = f"{channel.name}_saturated"
+        added[saturated(n)] = _numbers(data, clipped) if clipped in data else 0.0
+    added |= {other: _numbers(data, other) for other in (PHASE, *PER_STATION) if other in data}
+    labels = _labelled(data)
     rows = pd.concat([labels, pd.DataFrame(added, labels.index)], axis=1)
     rows = _with_reference(rows, name, devices)
     merged = len(rows) > len(labels)
-    own = {DEVICE: tuple(channel for _, channel in picked)}
-    return placed(Table(_last_attempts(rows), own, merged=merged))
+    return placed(Table(_last_attempts(rows), {DEVICE: tuple(picked)}, merged=merged))
 
 
 def placed(table: Table, places: Mapping[str, Mapping[int, float]] | None = None) -> Table:
@@ -94,14 +124,11 @@ def face_mm2_of(config: str | bytes) -> float | None:
     return float(face_mm2) if face_mm2 else None
 
 
-def _chosen(devices: Mapping[str, Device], tactile: str | None) -> str:
+def _chosen(devices: Mapping[str, xr.Dataset], tactile: str | None) -> str:
     """The device that the run was judged on."""
-    feels = [
-        name
-        for name, device in devices.items()
-        if any(c.role in FORCE_ROLES for c in device.channels.values())
-    ]
-    there = "; ".join(f"{name} ({_some(device.channels)})" for name, device in devices.items())
+    channels = {name: channels_of(data) for name, data in devices.items()}
+    feels = [name for name, own in channels.items() if any(c.role in FORCE_ROLES for c in own)]
+    there = "; ".join(f"{name} ({_some([c.name for c in own])})" for name, own in channels.items())
     if not feels:
         raise CsvError(
             f"no force, pressure or taxel channel is in it, so nothing was measured; it has {there}"
@@ -125,38 +152,38 @@ def _some(names: Collection[str]) -> str:
     return ", ".join([*list(names)[:SHOWN], *more])
 
 
-def _labelled(device: Device) -> pd.DataFrame:
-    rows = pd.DataFrame({one: device.read(one) for one in LABELS if one in device.columns})
+def _numbers(data: xr.Dataset, name: str) -> Array:
+    return data[name].to_numpy().astype(np.float64)
+
+
+def _labelled(data: xr.Dataset) -> pd.DataFrame:
+    rows = pd.DataFrame({name: data[name].to_numpy() for name in LABELS if name in data})
     check_size(rows["time_s"].to_numpy(np.float64), "time_s", "s")
     return rows
 
 
-def _readings(name: str, device: Device, column: str) -> Array:
+def _readings(device: str, data: xr.Dataset, channel: Channel) -> Array:
     """A channel's readings; an infinite one is none."""
-    values = np.array(device.read(column), np.float64)
+    values = _numbers(data, channel.name)
     values[np.isinf(values)] = np.nan
-    check_size(values, f"{name}/{column}".lstrip("/"), device.channels[column].unit)
+    check_size(values, f"{device}/{channel.name}".lstrip("/"), channel.unit)
     return values
 
 
 def _with_reference(
-    rows: pd.DataFrame, tactile: str, devices: Mapping[str, Device]
+    rows: pd.DataFrame, tactile: str, devices: Mapping[str, xr.Dataset]
 ) -> pd.DataFrame:
     """Both in one table, in time: the reference may be of another device with times of its own."""
-    beside = (
-        (name, column)
-        for name, device in devices.items()
-        for column, channel in device.channels.items()
-        if channel.role == REFERENCE
-    )
-    if (found := next(beside, None)) is None:
-        return rows
-    name, column = found
-    reference = {REFERENCE: _readings(name, devices[name], column)}
-    if name == tactile:
-        return rows.assign(**reference)
-    other = _labelled(devices[name]).assign(**reference)
-    return rows.merge(other, on=LABELS, how="outer").sort_values("time_s", kind="stable")
+    for name, data in devices.items():
+        for channel in channels_of(data):
+            if channel.role == REFERENCE:
+                reference = {REFERENCE: _readings(name, data, channel)}
+                if name == tactile:
+                    return rows.assign(**reference)
+                other = _labelled(data).assign(**reference)
+                merged = rows.merge(other, on=LABELS, how="outer")
+                return merged.sort_values("time_s", kind="stable")
+    return rows
 
 
 def _last_attempts(rows: pd.DataFrame) -> pd.DataFrame:

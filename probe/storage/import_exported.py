@@ -20,17 +20,18 @@ from probe.storage.csv_columns import first_line, numbers
 from probe.storage.csv_table import read_csv
 from probe.storage.import_device import (
     LABELS,
-    Device,
+    device_of,
     face_mm2_of,
     judged,
     phase_numbers,
     placed,
 )
 from probe.storage.import_table import PER_STATION, PHASE, REFERENCE, SIGNALS, CsvError, Table
-from probe.storage.taxel_arrays import ENDINGS, cells
+from probe.storage.taxel_arrays import DIMENSIONS, scattered
 
 with needs("data", "palpate import"):
     import pandas as pd
+    import xarray as xr
 
 SIMULATED = "-simulated"  # ends the name of a table of simulated samples
 INFINITE = ["inf", "-inf"]
@@ -50,19 +51,14 @@ def _csv(source: Path) -> Table:
     kinds: defaultdict[str, type] = defaultdict(lambda: str, station=int, attempt=int)
     text = pd.read_csv(source, dtype=kinds)
     _check_places(text)
-    channels, column_of = _by_name(text, source)
 
     def read(name: str) -> Array:
-        if name == PHASE:
-            return phase_numbers(text["phase"])
-        if name in ("station", "attempt"):
-            return text[name].to_numpy(np.float64)
-        column = text[column_of.get(name, name)].replace(INFINITE, np.nan).fillna("")
-        return (
-            _clipped(column) if name.endswith("_saturated") else numbers(column, str(column.name))
-        )
+        if name in ("station", "attempt", "phase"):
+            return text[name].to_numpy()
+        column = text[name].replace(INFINITE, np.nan).fillna("")
+        return _clipped(column) if name.endswith("_saturated") else numbers(column, name)
 
-    return judged({"": Device(channels, {*text, PHASE}, read)}, None)
+    return judged({"": device_of(_by_name(text, source), list(map(str, text)), read)}, None)
 
 
 def _check_places(table: pd.DataFrame) -> None:
@@ -84,9 +80,9 @@ def _clipped(column: "pd.Series[str]") -> Array:
     return found
 
 
-def _by_name(table: pd.DataFrame, source: Path) -> tuple[dict[str, Channel], dict[str, str]]:
-    """The signal and the reference where nothing but the columns' names says what they are, and
-    the column of each."""
+def _by_name(table: pd.DataFrame, source: Path) -> dict[str, Channel]:
+    """The signal and the reference by their columns, where nothing but the columns' names says what
+    they are."""
     lower = {str(name).lower(): str(name) for name in reversed(list(table))}
     if (found := next((name for name in SIGNALS if name in lower), None)) is None:
         raise CsvError(
@@ -95,11 +91,10 @@ def _by_name(table: pd.DataFrame, source: Path) -> tuple[dict[str, Channel], dic
             "Parquet or MCAP export, which say what their channels are"
         )
     simulated = source.name.partition(".")[0].endswith(SIMULATED)
-    channel = SIGNALS[found]
-    channels = {channel.name: replace(channel, simulated=simulated)}
+    channels = {lower[found]: replace(SIGNALS[found], simulated=simulated)}
     if REFERENCE in table:
         channels[REFERENCE] = Channel(REFERENCE, "", REFERENCE)
-    return channels, {channel.name: lower[found]}
+    return channels
 
 
 def own_parquet(source: Path) -> Table | None:
@@ -110,32 +105,23 @@ def own_parquet(source: Path) -> Table | None:
     with source.open("rb") as file:  # pyarrow takes no name that is not UTF-8
         held = parquet.read_table(file)
     table, schema = held.to_pandas(), held.schema
-    about = [(field.name, field.metadata or {}) for field in schema]
-    if any(b"role" in said for _, said in about):
-        column_of = {said[b"channel"].decode(): n for n, said in about if b"role" in said}
-        channels = {
-            said[b"channel"].decode(): Channel(
-                said[b"channel"].decode(),
-                said.get(b"units", b"").decode(),
-                said[b"role"].decode(),
-                simulated=said[b"simulated"] == b"1",
-            )
-            for _, said in about
-            if b"role" in said
-        }
-    elif "time_s" in table:
-        channels, column_of = _by_name(table, source)
-    else:
+    about = {field.name: field.metadata for field in schema if b"role" in (field.metadata or {})}
+    if not about and "time_s" not in table:
         return None
-
-    def read(name: str) -> Array:
-        if name == PHASE:
-            return phase_numbers(table["phase"])
-        return np.asarray(table[column_of.get(name, name)], np.float64)
-
-    phase = {PHASE} if "phase" in table else set()
-    found = judged({source.stem: Device(channels, {*table, *phase}, read)}, None)
-    return found._replace(face_mm2=face_mm2_of((schema.metadata or {}).get(b"palpate", b"")))
+    channels = {
+        column: Channel(
+            said[b"channel"].decode(),
+            said.get(b"units", b"").decode(),
+            said[b"role"].decode(),
+            simulated=said[b"simulated"] == b"1",
+        )
+        for column, said in about.items()
+    }
+    device = device_of(
+        channels or _by_name(table, source), list(table), lambda name: table[name].to_numpy()
+    )
+    face_mm2 = face_mm2_of((schema.metadata or {}).get(b"palpate", b""))
+    return judged({source.stem: device}, None)._replace(face_mm2=face_mm2)
 
 
 def own_hdf5(source: Path) -> Table | None:
@@ -163,41 +149,24 @@ def own_hdf5(source: Path) -> Table | None:
         return placed(table, places)._replace(face_mm2=face_mm2_of(_text(config)))
 
 
-def _device(group: Any) -> Device:
-    channels: dict[str, Channel] = {}
-    cell_of: dict[str, tuple[str, int, int]] = {}
-    for name, data in group.items():
-        if "role" not in data.attrs:
-            continue
-        own = Channel(
-            name,
-            _text(data.attrs.get("units", "")),
-            _text(data.attrs["role"]),
-            simulated=bool(data.attrs.get("simulated", 0)),
-        )
-        if data.ndim == 1:
-            channels[name] = own
-            continue
-        try:
-            listed = cells(_text(data.attrs.get("channels", "")), data.shape)
-        except ValueError as error:
-            raise CsvError(f"{name}: {error}; export the run again") from None
-        for taxel, place in listed.items():
-            channels[taxel] = replace(own, name=taxel)
-            for ending in ENDINGS:
-                cell_of[taxel + ending] = (name + ending, *place)
+def _device(group: Any) -> xr.Dataset:
+    """Channels and what is known of their samples, each taxel on its own."""
+    variables = {
+        name: (DIMENSIONS[: item.ndim], item[:], {key: _said(item, key) for key in item.attrs})
+        for name, item in group.items()
+        if "role" in item.attrs or name.endswith("_saturated") or name in (*LABELS, *PER_STATION)
+    }
+    phases = np.array([_text(phase) for phase in group["phase"][:]], str)
+    data = xr.Dataset(variables).assign({PHASE: ("time_s", phase_numbers(phases))})
+    try:
+        return scattered(data)
+    except ValueError as error:
+        raise CsvError(f"{error}; export the run again") from None
 
-    def read(name: str) -> Array:
-        if name == PHASE:
-            return phase_numbers(
-                pd.Series([_text(phase) for phase in group["phase"][:]], dtype=str)
-            )
-        if name in cell_of:
-            array, row, column = cell_of[name]
-            return np.asarray(group[array][:, row, column], np.float64)
-        return np.asarray(group[name][:], np.float64)
 
-    return Device(channels, {*group, *cell_of, PHASE}, read)
+def _said(item: Any, key: str) -> object:
+    value = item.attrs[key]
+    return value.decode() if isinstance(value, bytes) else value
 
 
 def _text(value: object) -> str:

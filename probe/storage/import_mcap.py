@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from functools import cache
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -10,20 +9,15 @@ from typing import Any
 import numpy as np
 
 from drivers import Channel
-from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from probe.core.contact_stress import tactile_or_none
 from probe.core.places import planned
-from probe.storage.import_device import Device, face_mm2_of, judged, placed
-from probe.storage.import_table import (
-    DEPTH,
-    PHASE,
-    PLACES,
-    Table,
-)
+from probe.storage.import_device import channels_of, device_of, face_mm2_of, judged, placed
+from probe.storage.import_table import DEPTH, PLACES, Table
 
 with needs("data", "palpate import"):
     import pandas as pd
+    import xarray as xr
 
 SAMPLE = "palpate_msgs/msg/"
 ROLE = "role of "
@@ -53,7 +47,7 @@ def _own_samples(reader: Any, summary: Any, topics: list[str]) -> Table:
     channels = {c.topic: c for c in summary.channels.values()}
     devices = {topic: _device(reader, summary, channels[topic]) for topic in topics}
     said = {one.name: one.metadata for one in reader.iter_metadata()}.get("palpate", {})
-    first = tactile_or_none({t: tuple(own.channels.values()) for t, own in devices.items()})
+    first = tactile_or_none({topic: tuple(channels_of(own)) for topic, own in devices.items()})
     table = judged(devices, said.get("tactile") or first)
     attached = {a.name: a.data for a in reader.iter_attachments()}
     config = attached.get("config.json", b"{}")
@@ -68,27 +62,20 @@ def _own_samples(reader: Any, summary: Any, topics: list[str]) -> Table:
     return placed(table, at_mm)._replace(face_mm2=face_mm2_of(config))
 
 
-def _device(reader: Any, summary: Any, channel: Any) -> Device:
+def _device(reader: Any, summary: Any, channel: Any) -> xr.Dataset:
     layout = _layout(summary.schemas[channel.schema_id].data.decode())
     said = channel.metadata
-
-    @cache
-    def samples() -> Any:
-        topics = [channel.topic]
-        bodies = (m.data[4:][: layout.itemsize] for _, _, m in reader.iter_messages(topics))
-        return np.frombuffer(b"".join(bodies), layout)
-
-    def read(name: str) -> Array:
-        return np.asarray(samples()["phase" if name == PHASE else name], np.float64)
-
+    messages = reader.iter_messages([channel.topic])
+    samples = np.frombuffer(b"".join(m.data[4:][: layout.itemsize] for *_, m in messages), layout)
+    columns = layout.names or ()
     channels = {
         name: Channel(
             name, said.get(f"unit of {name}", ""), role, simulated=bool(said.get("simulated"))
         )
-        for name in layout.names or ()
+        for name in columns
         if (role := said.get(ROLE + name)) is not None
     }
-    return Device(channels, {*(layout.names or ()), PHASE}, read)
+    return device_of(channels, columns, lambda name: samples[name].copy())
 
 
 def _layout(text: str) -> np.dtype[np.void]:

@@ -1,13 +1,12 @@
 """The taxels of a device as one array over time, row and column, and back as channels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from drivers import Channel
 from drivers.core.array_layout import taxel_places
-from drivers.core.arrays import Ints
 from drivers.core.extras import needs
 from probe.storage.distinct_names import channel_names
 
@@ -54,13 +53,18 @@ def gathered(data: xr.Dataset, channels: Sequence[Channel]) -> xr.Dataset:
 
 
 def scattered(data: xr.Dataset) -> xr.Dataset:
-    """The reverse of `gathered`: each taxel a variable with its own name."""
+    """The reverse of `gathered`: each taxel a variable with its own name.
+
+    Raises ValueError where the attribute ``channels`` does not fit the array.
+    """
     if TAXELS not in data or data[TAXELS].dims != DIMENSIONS:
         return data
     said = dict(data[TAXELS].attrs)
-    names = str(said.pop("channels")).split()
+    listed = str(said.pop("channels", ""))
+    names, shape = listed.split(), data[TAXELS].shape
     places = taxel_places(names)
-    assert places is not None  # `gathered` wrote the names
+    if places is None or (places.max(axis=0) >= shape[1:]).any():
+        raise ValueError(f"{TAXELS} of shape {shape} have channels {listed[:40]!r}")
     each: dict[str, Any] = {}
     for name, (row, column) in zip(names, places, strict=True):
         for ending in ENDINGS:
@@ -68,15 +72,3 @@ def scattered(data: xr.Dataset) -> xr.Dataset:
             each[f"{name}{ending}"] = ("time_s", values, said if not ending else {})
     gone = [f"{TAXELS}{ending}" for ending in ENDINGS]
     return data.drop_vars(gone).drop_vars(["row", "column"], errors="ignore").assign(each)
-
-
-def cells(names: str, shape: Sequence[int]) -> Mapping[str, tuple[int, int]]:
-    """Row and column of each of the ``names`` of an array (n, rows, columns) that a file has.
-
-    Raises ValueError where they do not fit into it.
-    """
-    listed = names.split()
-    places: Ints | None = taxel_places(listed)
-    if places is None or len(shape) != 3 or (places.max(axis=0) >= shape[1:]).any():
-        raise ValueError(f"taxels of shape {tuple(shape)} have channels {names[:40]!r}")
-    return {name: (int(r), int(c)) for name, (r, c) in zip(listed, places, strict=True)}
