@@ -2,10 +2,10 @@
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtWidgets import QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from probe.gui.state import ViewState
-from probe.gui.style import head, pen, plot
+from probe.gui.style import box, head, pen, plot
 from probe.report.look import GREEN, INK, PURPLE, VERMILLION
 from sim_backend.scene.inclusion import Artery
 from sim_backend.scene.indenter import Cylinder, Indenter
@@ -66,9 +66,7 @@ class BodyPanel(QWidget):
         super().__init__()
         self.area = plot("", ("x", "mm"), ("height", "mm"))
         self.area.setAspectLocked(True)
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        layout.addWidget(self.area)
+        box(self, self.area)
         self.finger = self.area.plot([], [], pen=pen(GREEN, 3))
         self._started_utc = ""
         self._scene: Scene | None = None

@@ -5,7 +5,7 @@ from typing import Any
 
 from PySide6.QtCore import QCoreApplication, QEvent, QObject, Qt
 from PySide6.QtGui import QKeyEvent
-from PySide6.QtWidgets import QGridLayout, QLabel, QPushButton, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QGridLayout, QPushButton, QVBoxLayout, QWidget
 
 from probe.core.events import Finish, Phase
 from probe.core.finding_words import (
@@ -17,7 +17,7 @@ from probe.core.finding_words import (
 )
 from probe.core.places import presses_all
 from probe.gui.state import ViewState
-from probe.gui.style import scrolling
+from probe.gui.style import box, scrolling, text
 from probe.report.look import GREEN, VERMILLION
 from probe.scan.remote import NotRunning
 
@@ -57,21 +57,14 @@ class SidePanel(QWidget):
         super().__init__()
         self._ask = ask
         layout = QVBoxLayout(self)
-        words = QWidget()
-        said = QVBoxLayout(words)
-        said.setContentsMargins(0, 0, 0, 0)
-        self.simulated, self.fault = _label("simulated"), _label("fault")
-        self.finding, self.objects = _label("finding"), _label("objects")
-        self.progress, self.devices, self.answer = (
-            _label("progress"),
-            _label("devices"),
-            _label("answer"),
-        )
+        self.simulated, self.fault = text(look="simulated"), text(look="fault")
+        self.finding, self.objects = text(look="finding"), text(look="objects")
+        self.progress, self.devices = text(look="progress"), text(look="devices")
+        self.answer = text(look="answer")
         for each in (self.simulated, self.fault):  # never scrolled away
             layout.addWidget(each)
-        for each in (self.finding, self.objects, self.progress, self.devices):
-            said.addWidget(each)
-        said.addStretch(1)
+        words = QWidget()
+        box(words, self.finding, self.objects, self.progress, self.devices).addStretch(1)
         layout.addWidget(scrolling(words), 1)
         layout.addWidget(self.answer)
         self.buttons: dict[str, QPushButton] = {}
@@ -90,8 +83,8 @@ class SidePanel(QWidget):
         self._space = SpaceBar(lambda: self.press("stop"), self)
         return grid
 
-    def _button(self, word: str, text: str) -> None:
-        button = QPushButton(text)
+    def _button(self, word: str, words: str) -> None:
+        button = QPushButton(words)
         button.setObjectName(word)
         button.setAccessibleName(word)
         button.clicked.connect(lambda: self.press(word))
@@ -165,10 +158,3 @@ def progress_line(state: ViewState) -> str:
         else f"time left: {at_most}{left:.0f} s"
     )
     return f"{done}\n{state.phase}{station}\n{time}"
-
-
-def _label(name: str) -> QLabel:
-    label = QLabel()
-    label.setObjectName(name)
-    label.setWordWrap(True)
-    return label

@@ -8,12 +8,12 @@ from time import perf_counter
 import numpy as np
 from PySide6.QtCore import QEvent, QObject, Qt, QTimer
 from PySide6.QtGui import QKeyEvent, QMouseEvent, QPainter
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QHBoxLayout, QVBoxLayout, QWidget
 
 from probe.core.processes import Workers
 from probe.gui.body import draw_scene, finger_outline, frame_scene
 from probe.gui.heat_map import HeatMap
-from probe.gui.style import application, label, open_at, pen, plot, until_closed
+from probe.gui.style import application, label, open_at, pen, plot, text, until_closed
 from probe.gui.table import Table, solve
 from probe.report.look import BLUE, GREEN, VERMILLION
 from sim_backend.scene.scene_file import Scene
@@ -56,17 +56,12 @@ class FeelWindow(QWidget):
         self.timer.start(FRAME_MS)
 
     def _build(self, scene: Scene) -> None:
-        head = QLabel("SIMULATED: the phantom " + scene.name)
-        head.setObjectName("simulated")
-        help_text = QLabel(
+        head = text("SIMULATED: the phantom " + scene.name, "simulated")
+        help_text = text(
             "Hold the left mouse button and drag over the section, or use the arrow keys: "
             "left and right move, down presses, up lifts."
         )
-        help_text.setWordWrap(True)
-        self.readout, self.status = QLabel(), QLabel()
-        self.readout.setObjectName("finding")
-        for each in (self.readout, self.status):
-            each.setWordWrap(True)
+        self.readout, self.status = text(look="finding"), text()
         self.section = HeatMap("", "von Mises [kPa]")
         self.section.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         label(self.section.plot, ("x", "mm"), ("height", "mm"))

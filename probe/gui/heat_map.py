@@ -9,7 +9,7 @@ from PySide6.QtGui import QFont
 from PySide6.QtWidgets import QApplication
 
 from drivers.core.arrays import Array
-from probe.gui.style import clicks_on, head, heat, pen, scale, symbol_size
+from probe.gui.style import clicks_on, head, heat, only_shows, pen, scale, symbol_size
 from probe.report.look import INK, ON_HEAT
 
 
@@ -24,11 +24,9 @@ class HeatMap(pg.GraphicsLayoutWidget):  # type: ignore[misc]  # pyqtgraph ships
     def __init__(self, title: str, unit: str) -> None:
         super().__init__()
         self.plot = self.addPlot()
+        only_shows(self.plot)
         head(self.plot, title)
         self.plot.setAspectLocked(True)
-        self.plot.setMouseEnabled(x=False, y=False)
-        self.plot.setMenuEnabled(False)
-        self.plot.hideButtons()
         self._box: tuple[float, float, float, float] | None = None
         self.courses: list[pg.PlotDataItem] = []
         self.image = pg.ImageItem(axisOrder="row-major")

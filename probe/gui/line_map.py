@@ -5,11 +5,11 @@ from typing import NamedTuple
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QWidget
 
 from probe.gui.state import ViewState
-from probe.gui.style import clicks_on, pen, plot, symbol_size
+from probe.gui.style import box, clicks_on, pen, plot, symbol_size, text
 from probe.report.look import BLUE, INK, VERMILLION
 
 
@@ -38,8 +38,6 @@ class LineMap(QWidget):
 
     def __init__(self, title: str) -> None:
         super().__init__()
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
         self.base = plot(title, ("x", "mm"), ("baseline", "kPa"))
         self.beat = plot("", ("x", "mm"), ("pulse", "Pa"))
         self.beat.setXLink(self.base)
@@ -54,13 +52,11 @@ class LineMap(QWidget):
             symbolPen=pen(VERMILLION, 1.5),
         )  # fmt: skip
         self.marks = [pg.InfiniteLine(pen=pen(INK, 1)) for _ in range(2)]
-        self.meaning = QLabel(PULSE_LEGEND)
-        self.meaning.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.meaning = text(PULSE_LEGEND, centred=True)
+        box(self, self.base, self.beat, self.meaning)
         for each, mark in zip((self.base, self.beat), self.marks, strict=True):
-            layout.addWidget(each)
             each.addItem(mark, ignoreBounds=True)
             clicks_on(each.getPlotItem(), lambda x_mm, _: self.clicked.emit(x_mm, math.nan))
-        layout.addWidget(self.meaning)
 
     def show_state(self, state: ViewState, levels: Levels | None, chosen: int | None) -> None:
         rows = [(p.x_mm, *state.maps[p.index]) for p in state.plan if p.index in state.maps]

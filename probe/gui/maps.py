@@ -6,14 +6,14 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QLabel, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtCore import Signal
+from PySide6.QtWidgets import QStackedWidget, QWidget
 
 from probe.core.courses import courses_mm
 from probe.gui.heat_map import HeatMap
 from probe.gui.line_map import Levels, LineMap
 from probe.gui.state import Measured, ViewState
-from probe.gui.style import label
+from probe.gui.style import box, label, text
 from probe.gui.taxel_panel import TaxelPanel
 
 NO_PULSE_PA = 1.0
@@ -36,24 +36,16 @@ class MapPanel(QStackedWidget):
         self.line = LineMap(title)
         self.grid = HeatMap(title, "baseline [kPa]")
         self.grid_pulse = HeatMap("", "pulse [Pa]")
-        self.area = QWidget()
-        both = QVBoxLayout(self.area)
-        both.setContentsMargins(0, 0, 0, 0)
         for image in (self.grid, self.grid_pulse):
             label(image.plot, ("x", "mm"), ("y", "mm"))
-            both.addWidget(image)
-        self.meaning = QLabel("\N{WHITE DOWN-POINTING TRIANGLE} no pulse seen in this cell")
-        self.meaning.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        both.addWidget(self.meaning)
+        unseen = "\N{WHITE DOWN-POINTING TRIANGLE} no pulse seen in this cell"
+        self.meaning = text(unseen, centred=True)
         self.taxels = TaxelPanel()
-        self.row = QWidget()
-        below = QVBoxLayout(self.row)
-        below.setContentsMargins(0, 0, 0, 0)
-        for part in (self.line, self.taxels):
-            below.addWidget(part)
-        self.unknown = QLabel("The places of this recording are unknown: there is no map.")
-        self.unknown.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.unknown.setWordWrap(True)
+        self.area, self.row = QWidget(), QWidget()
+        box(self.area, self.grid, self.grid_pulse, self.meaning)
+        box(self.row, self.line, self.taxels)
+        nowhere = "The places of this recording are unknown: there is no map."
+        self.unknown = text(nowhere, centred=True)
         for each in (self.row, self.area, self.unknown):
             self.addWidget(each)
         for each in (self.line, self.grid, self.grid_pulse):

@@ -3,8 +3,9 @@
 import logging
 from collections.abc import Callable
 
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QStackedWidget, QWidget
+from PySide6.QtWidgets import QStackedWidget, QWidget
+
+from probe.gui.style import text
 
 LOG = logging.getLogger(__name__)
 
@@ -15,10 +16,7 @@ class Picture(QStackedWidget):
     def __init__(self, name: str, widget: QWidget) -> None:
         super().__init__()
         self._name, self._widget = name, widget
-        self.why = QLabel()
-        self.why.setObjectName("empty")
-        self.why.setWordWrap(True)
-        self.why.setAlignment(Qt.AlignmentFlag.AlignCenter)
+        self.why = text(look="empty", centred=True)
         self.addWidget(widget)
         self.addWidget(self.why)
 

@@ -11,7 +11,6 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtWidgets import (
     QComboBox,
     QGridLayout,
-    QHBoxLayout,
     QLabel,
     QPushButton,
     QSlider,
@@ -25,7 +24,7 @@ from probe.gui.controls import SpaceBar
 from probe.gui.maps import MapPanel, common_levels
 from probe.gui.picture import Picture
 from probe.gui.state import ViewState
-from probe.gui.style import open_at
+from probe.gui.style import box, open_at, text
 from probe.gui.window import FRAME_MS, Found, RunWindow, judge
 
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 20.0, 100.0)
@@ -81,12 +80,8 @@ class TimeBar(QWidget):
         self.slider.setAccessibleName("time")
         self.slider.valueChanged.connect(self._moved)
         self.clock = QLabel()
-        layout = QHBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
-        for each in (self.play, self.speed):
-            layout.addWidget(each)
-        layout.addWidget(self.slider, 1)
-        layout.addWidget(self.clock)
+        layout = box(self, self.play, self.speed, self.slider, self.clock, across=True)
+        layout.setStretchFactor(self.slider, 1)
 
     def toggle(self) -> None:
         """Play or pause; at the end, play from the start."""
@@ -147,13 +142,12 @@ class PairWindow(QWidget):
         self.players = tuple(Player(events) for events in runs)
         self.panels = (MapPanel(), MapPanel())
         self.pictures = tuple(Picture("map", panel) for panel in self.panels)
-        self.heads = (QLabel(names[0]), QLabel(names[1]))
+        self.heads = (text(names[0]), text(names[1]))
         self.names, self.found = names, found
         self.bar = TimeBar(max(p.length_s for p in self.players))
         sides = QGridLayout()
         sides.setRowStretch(1, 1)
         for column, (head, picture) in enumerate(zip(self.heads, self.pictures, strict=True)):
-            head.setWordWrap(True)
             sides.addWidget(head, 0, column)
             sides.addWidget(picture, 1, column)
         layout = QVBoxLayout(self)

@@ -12,7 +12,12 @@ import numpy as np
 
 from drivers import Block, Channel
 from drivers.core.arrays import Array
-from probe.core.contact_stress import StressConversion, face_m2_of, stress_conversion
+from probe.core.contact_stress import (
+    StressConversion,
+    face_m2_of,
+    simulated_channels,
+    stress_conversion,
+)
 from probe.core.errors import RunFileError
 from probe.core.events import (
     Event,
@@ -265,12 +270,7 @@ class ViewState:
     @property
     def simulated(self) -> tuple[str, ...]:
         """Names of the simulated channels, ``device.channel``."""
-        return tuple(
-            f"{name}.{c.name}"
-            for name, trace in self.traces.items()
-            for c in trace.channels
-            if c.simulated
-        )
+        return simulated_channels({name: trace.channels for name, trace in self.traces.items()})
 
     def place(self) -> Place | None:
         """Where the plan has the station that is pressed; None before the first."""

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pyqtgraph as pg
-from PySide6.QtCore import QEvent, QSize, QTimer
+from PySide6.QtCore import QEvent, QSize, Qt, QTimer
 from PySide6.QtGui import QColor, QFont, QPen
-from PySide6.QtWidgets import QApplication, QFrame, QScrollArea, QWidget
+from PySide6.QtWidgets import QApplication, QBoxLayout, QFrame, QLabel, QScrollArea, QWidget
 
 from probe.report.look import HEAT, INK
 
@@ -98,6 +98,26 @@ def scrolling(inner: QWidget) -> QScrollArea:
     return area
 
 
+def box(parent: QWidget, *parts: QWidget, across: bool = False) -> QBoxLayout:
+    """``parts`` one below the other in ``parent``, or beside each other, without margins."""
+    way = QBoxLayout.Direction.LeftToRight if across else QBoxLayout.Direction.TopToBottom
+    layout = QBoxLayout(way, parent)
+    layout.setContentsMargins(0, 0, 0, 0)
+    for part in parts:
+        layout.addWidget(part)
+    return layout
+
+
+def text(words: str = "", look: str = "", *, centred: bool = False) -> QLabel:
+    """Words, in as many lines as they need; ``look`` is one of `SHEET`."""
+    made = QLabel(words)
+    made.setObjectName(look)
+    made.setWordWrap(True)
+    if centred:
+        made.setAlignment(Qt.AlignmentFlag.AlignCenter)
+    return made
+
+
 def heat() -> pg.ColorMap:
     """The colour map of every heat map."""
     return pg.colormap.get(HEAT)
@@ -109,12 +129,17 @@ def plot(title: str, x: tuple[str, str], y: tuple[str, str]) -> pg.PlotWidget:
     No grid: pyqtgraph takes longer to draw one than everything else of a frame together.
     """
     widget = pg.PlotWidget()
+    only_shows(widget.getPlotItem())
     head(widget.getPlotItem(), title)
     label(widget.getPlotItem(), x, y)
-    widget.setMouseEnabled(x=False, y=False)
-    widget.hideButtons()
-    widget.setMenuEnabled(False)
     return widget
+
+
+def only_shows(area: pg.PlotItem) -> None:
+    """No mouse and no menu changes what a plot shows."""
+    area.setMouseEnabled(x=False, y=False)
+    area.hideButtons()
+    area.setMenuEnabled(False)
 
 
 def head(area: pg.PlotItem, title: str) -> None:

@@ -1,13 +1,13 @@
 """A press as an array saw it: the mean of its hold, and how each taxel pulsed."""
 
 import numpy as np
-from PySide6.QtWidgets import QHBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from drivers.core.arrays import Array
 from probe.core.taxel_image import taxel_image
 from probe.gui.heat_map import HeatMap
 from probe.gui.state import ViewState
-from probe.gui.style import PLOT_PX, head, label, scale
+from probe.gui.style import PLOT_PX, box, head, label, scale
 
 
 class TaxelPanel(QWidget):
@@ -20,10 +20,7 @@ class TaxelPanel(QWidget):
         self.level = HeatMap("", "stress [kPa]")
         self.pulse = HeatMap("Pulse", "pulse [Pa]")
         self.setMinimumHeight(round(PLOT_PX * scale()))
-        beside = QHBoxLayout(self)
-        beside.setContentsMargins(0, 0, 0, 0)
-        for image in (self.level, self.pulse):
-            beside.addWidget(image)
+        box(self, self.level, self.pulse, across=True)
 
     def show_state(self, state: ViewState, chosen: int | None) -> None:
         """As the array has them, or in a line where its layout is not known."""

@@ -4,15 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 import pyqtgraph as pg
-from PySide6.QtCore import Qt
-from PySide6.QtWidgets import QLabel, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QWidget
 
 from drivers.core.arrays import Array
 from probe.gui.averaged_beat import averaged_beat
 from probe.gui.picture import Picture
 from probe.gui.press_trace import PressTrace
 from probe.gui.state import TRACE_S, ViewState
-from probe.gui.style import head, label, pen, plot, shade, symbol_size
+from probe.gui.style import box, head, label, pen, plot, shade, symbol_size, text
 from probe.report.look import BLUE, GREEN, INK, PHASE_COLOURS, PURPLE, SKY, VERMILLION
 
 MAX_POINTS = 3000
@@ -35,11 +34,7 @@ class TracePanel(QWidget):
     def __init__(self) -> None:
         super().__init__()
         self.chosen: int | None = None
-        layout = QVBoxLayout(self)
-        layout.setContentsMargins(0, 0, 0, 0)
         self.trace = plot("Signal", ("time before now", "s"), ("contact stress", "kPa"))
-        shades = QLabel(LEGEND)
-        shades.setAlignment(Qt.AlignmentFlag.AlignCenter)
         self._title: tuple[str, tuple[float, float]] | None = None
         self._shown: tuple[str, ...] | None = None  # the names of the curves
         self.names = self.trace.addLegend(offset=(10, 5), labelTextColor=INK)
@@ -55,9 +50,10 @@ class TracePanel(QWidget):
             pen=pen(VERMILLION, 2), symbol="o", symbolSize=symbol_size(), symbolBrush=VERMILLION
         )
         self.pictures = Picture("signal", self.trace), Picture("pulse", self.beat)
-        layout.addWidget(self.pictures[0], 3)
-        layout.addWidget(shades)
-        layout.addWidget(self.pictures[1], 2)
+        signal, pulse = self.pictures
+        layout = box(self, signal, text(LEGEND, centred=True), pulse)
+        layout.setStretchFactor(signal, 3)
+        layout.setStretchFactor(pulse, 2)
 
     def show_state(self, state: ViewState) -> None:
         """Draw the latest signal, or that of the ``chosen`` station if it was pressed."""

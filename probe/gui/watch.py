@@ -6,7 +6,6 @@ from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QColor, QShortcut
 from PySide6.QtWidgets import (
     QHeaderView,
-    QLabel,
     QPushButton,
     QTableWidget,
     QTableWidgetItem,
@@ -15,7 +14,7 @@ from PySide6.QtWidgets import (
 )
 
 from probe.checks.watch import HEAD, Reading, Watch
-from probe.gui.style import application, open_at, until_closed
+from probe.gui.style import application, open_at, text, until_closed
 
 FRAME_MS = 100
 AROUND_PX, ROW_PX = 150, 30
@@ -42,12 +41,8 @@ class WatchWindow(QWidget):
         QShortcut(Qt.Key.Key_Space, self).activated.connect(watched.tare)
         layout = QVBoxLayout(self)
         if any(one.channel.simulated for one in self.last):
-            head = QLabel("SIMULATED channels are among these")
-            head.setObjectName("simulated")
-            layout.addWidget(head)
-        self.fault = QLabel()
-        self.fault.setObjectName("fault")
-        self.fault.setWordWrap(True)
+            layout.addWidget(text("SIMULATED channels are among these", "simulated"))
+        self.fault = text(look="fault")
         layout.addWidget(self.fault)
         layout.addWidget(self.table)
         layout.addWidget(self.tare)
@@ -64,8 +59,8 @@ class WatchWindow(QWidget):
         self.fault.setVisible(bool(faults))
         self.fault.setText("\n".join(faults))
         for row, one in enumerate(self.last):
-            for column, text in enumerate(one.row()):
-                cell = QTableWidgetItem(text)
+            for column, words in enumerate(one.row()):
+                cell = QTableWidgetItem(words)
                 if one.fault or one.clipped:
                     cell.setForeground(QColor(FAULT_INK))
                 self.table.setItem(row, column, cell)

@@ -6,14 +6,14 @@ from typing import Any
 
 from PySide6.QtCore import Qt, QTimer
 from PySide6.QtGui import QResizeEvent
-from PySide6.QtWidgets import QLabel, QSplitter, QStackedWidget, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QSplitter, QStackedWidget, QVBoxLayout, QWidget
 
 from probe.gui.body import BodyPanel
 from probe.gui.controls import Ask, SidePanel
 from probe.gui.maps import MapPanel
 from probe.gui.picture import Picture
 from probe.gui.state import ViewState
-from probe.gui.style import PLOT_PX, open_at, scale, scrolling
+from probe.gui.style import PLOT_PX, open_at, scale, scrolling, text
 from probe.gui.traces import TracePanel
 
 FRAME_MS = 33
@@ -57,13 +57,12 @@ class RunWindow(QWidget):
         self.maps.setToolTip("Click a place to see its signal; click it again for the latest.")
         self.maps.choice.connect(self._redraw)
         self.side = SidePanel(ask)
-        self.empty = QLabel(
+        self.empty = text(
             f"Waiting for {run_path}\n\nStart a scan with  palpate scan --live\n"
-            "or open a finished run with  palpate replay RUN --live"
+            "or open a finished run with  palpate replay RUN --live",
+            "empty",
+            centred=True,
         )
-        self.empty.setObjectName("empty")
-        self.empty.setAlignment(Qt.AlignmentFlag.AlignCenter)
-        self.empty.setWordWrap(True)
         self.pages = QStackedWidget()
         self.pages.addWidget(self.empty)
         self.pages.addWidget(self._panels())
