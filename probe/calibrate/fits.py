@@ -18,15 +18,10 @@ from calibration.errors import CalibrationError
 from calibration.low_pass import fit_low_pass
 from calibration.touch import find_contact
 from drivers.core.arrays import Array
-from probe.calibrate.measurements import Measurements, read
+from probe.calibrate.measurements import COLUMNS, Measurements, read
 from probe.calibrate.tissue_force import KNOWN, force_of_modulus
 from probe.calibrate.units import check_units
 from sim_backend.scene.scene_file import Scene, as_scene
-
-KINDS = (
-    "force", "taxels", "gravity", "tare", "tool", "axes", "surface", "latency", "compliance",
-    "tissue", "heart",
-)  # fmt: skip
 
 HALF = 0.5
 """Of the block: a surface that a fit puts further above the deepest reading is none."""
@@ -100,8 +95,8 @@ def calibrate(
     >>> isinstance(fitted, palpate.Calibration)
     True
     """
-    if kind not in KINDS:
-        raise CalibrationError(f"kind = {kind!r}: allowed are {', '.join(KINDS)}")
+    if kind not in COLUMNS:
+        raise CalibrationError(f"kind = {kind!r}: allowed are {', '.join(COLUMNS)}")
     chosen = Choices(surface_model, as_scene(scene), tuple(relaxation_s), cuff_mmhg)
     taken = read(Path(measurements), kind, device, station)
     for note in taken.notes:

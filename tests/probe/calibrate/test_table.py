@@ -7,8 +7,8 @@ import pytest
 from paths import ROOT
 
 from calibration.errors import CalibrationError
-from probe.calibrate.fits import KINDS, Choices, fit_measurements
-from probe.calibrate.measurements import read
+from probe.calibrate.fits import Choices, fit_measurements
+from probe.calibrate.measurements import COLUMNS, read
 from probe.calibrate.table import read_table
 from probe.cli import main
 
@@ -44,7 +44,7 @@ def test_a_comma_at_the_end_of_every_row_is_none(tmp_path: Path) -> None:
         assert measured.left_out == ()
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COLUMNS)
 def test_a_header_alone_is_no_table(kind: str, tmp_path: Path) -> None:
     table = written(tmp_path / "t.csv", "time_s,raw,load_n,depth_mm,force_n,x_mm,y_mm,z_mm", [])
     assert main(["calibrate", kind, str(table), "--device", "d"]) == 2
@@ -72,7 +72,7 @@ def test_words_beside_the_readings_are_left_out(
         read(table, "tare").column("value")
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", COLUMNS)
 def test_every_kind_takes_the_columns_that_its_page_names(kind: str, tmp_path: Path) -> None:
     """A column that was left out by mistake would be missing from the fit without a word."""
     page = (ROOT / "docs" / "how-to" / "calibration.md").read_text(encoding="utf-8")
