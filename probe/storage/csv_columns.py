@@ -4,6 +4,8 @@ import csv
 import gzip
 import io
 import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from hashlib import sha256
 from pathlib import Path
 from typing import BinaryIO, cast
@@ -13,14 +15,12 @@ import numpy as np
 from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.files import FileRefused, open_file
-from probe.storage.import_table import PER_STATION, SIGNALS, CsvError, check_size
+from probe.storage.import_table import ARRAYS, UNITS, CsvError, check_size
 
 with needs("data", "palpate import"):
     import pandas as pd
 
-COLUMNS = ("time_s", *SIGNALS, *PER_STATION, "station", "reference")
-UNITS = {name: one.unit for name, one in SIGNALS.items()} | {"time_s": "s"}
-UNITS |= dict.fromkeys(PER_STATION, "mm")
+COLUMNS = tuple(name for name in UNITS if name not in ARRAYS)
 NOTHING = ("", "nan", "na", "n/a", "null", "none", "-")
 MAX_BYTES = 256 * 1024**2
 MAX_LINE_BYTES = 4096
@@ -31,28 +31,13 @@ MAX_RATIO, RATIO_FROM_BYTES = 100, 4 * 1024**2
 ROWS = 10_000  # parsed at a time: 40 MB of the longest lines
 
 
-def first_line(source: Path) -> str:
-    """The beginning of the first line; empty where that is no text. Raises `CsvError`."""
+@contextmanager
+def text_of(source: Path, max_line_bytes: int = MAX_LINE_BYTES) -> "Iterator[Bounded]":
+    """The text in a file (or .gz). What is wrong with it within raises `CsvError`."""
     try:
         with open_file(source) as packed:
             plain = gzip.GzipFile(fileobj=packed) if source.suffix == ".gz" else packed
-            return plain.read(MAX_LINE_BYTES).partition(b"\n")[0].decode("utf-8-sig", "replace")
-    except FileRefused as error:
-        raise CsvError(str(error)) from None
-    except (OSError, EOFError, zlib.error) as error:
-        raise CsvError(f"{source}: cannot be read ({error})") from None
-
-
-def read_columns(source: Path) -> tuple[pd.DataFrame, list[str], str]:
-    """The known columns as float64 (NaN: nothing there), the others' names, the text's SHA-256.
-
-    Raises `CsvError` naming column and row (1 is the header's).
-    """
-    try:
-        with open_file(source) as packed:
-            plain = gzip.GzipFile(fileobj=packed) if source.suffix == ".gz" else packed
-            text = Bounded(cast(BinaryIO, plain), packed)
-            return *_parsed(io.BufferedReader(text, 2**16)), text.digest.hexdigest()
+            yield Bounded(cast(BinaryIO, plain), packed, max_line_bytes)
     except FileRefused as error:
         raise CsvError(str(error)) from None
     except UnicodeDecodeError:
@@ -61,12 +46,26 @@ def read_columns(source: Path) -> tuple[pd.DataFrame, list[str], str]:
         raise CsvError(f"cannot be read ({error})") from None
 
 
+def first_line(source: Path) -> str:
+    """The beginning of the first line; empty where that is no text. Raises `CsvError`."""
+    with text_of(source, MAX_BYTES) as text:
+        begin = text.read(MAX_LINE_BYTES) or b""
+    return begin.partition(b"\n")[0].decode("utf-8-sig", "replace")
+
+
+def read_columns(source: Path) -> tuple[pd.DataFrame, list[str], str]:
+    """The known columns as float64 (NaN: nothing there), the others' names, the text's SHA-256.
+
+    Raises `CsvError` naming column and row (1 is the header's).
+    """
+    with text_of(source) as text:
+        return *_parsed(io.BufferedReader(text, 2**16)), text.digest.hexdigest()
+
+
 class Bounded(io.RawIOBase):
     """A text that is refused where it becomes too long, too wide or unpacks beyond reason."""
 
-    def __init__(
-        self, plain: BinaryIO, packed: BinaryIO, max_line_bytes: int = MAX_LINE_BYTES
-    ) -> None:
+    def __init__(self, plain: BinaryIO, packed: BinaryIO, max_line_bytes: int) -> None:
         self.digest = sha256()
         self._max_line_bytes = max_line_bytes
         self._plain, self._packed = plain, packed
@@ -123,9 +122,7 @@ def _parsed(text: io.BufferedReader) -> tuple[pd.DataFrame, list[str]]:
             if empty > MAX_EMPTY_ROWS:
                 raise CsvError(f"row {row - empty}: more than {MAX_EMPTY_ROWS} rows are empty")
             parts.append(part)
-    except UnicodeDecodeError:
-        raise
-    except CsvError:
+    except (UnicodeDecodeError, CsvError):
         raise
     except (ValueError, OverflowError) as error:  # pandas' own errors are ValueErrors
         raise CsvError(

@@ -6,6 +6,7 @@ See `probe.storage.csv_import` for what is allowed.
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -188,57 +189,54 @@ def _presses(whole: Table, notes: list[str]) -> tuple[dict[str, tuple[Channel, .
         notes.append(f"{left_out} rows between stations ({BETWEEN}) are left out")
     first_number = min(int(at_stations.min()), 1)  # what is printed counts from 1, a run from 0
     starts = np.flatnonzero(np.diff(labels, prepend=labels[0] - 1))
+    fresh = np.diff(time_s, prepend=-np.inf) > 0
+    fresh[starts] = True
+    known = {
+        device: fresh & np.isfinite(values).any(axis=1)
+        for device, (_, values, _) in streams.items()
+    }
     presses: dict[int, Press] = {}
-    lost = doubled = only_beside = 0
-    for first, end in zip(starts.tolist(), [*starts[1:].tolist(), len(labels)], strict=True):
-        number, rows, times = int(labels[first]), table.iloc[first:end], time_s[first:end]
+    for first, end in pairwise([*starts.tolist(), len(labels)]):
+        number, part = int(labels[first]), slice(first, end)
         if number == BETWEEN:
             continue
+        rows, times, readings = table.iloc[part], time_s[part], int(known[DEVICE][part].sum())
         if number in presses:
             raise CsvError(
                 f"row {first + 2}: station {number} again; its rows must follow each other"
             )
-        steps = np.diff(times)
-        fresh = np.append(True, steps > 0)
-        known = {
-            device: fresh & np.isfinite(values[first:end]).any(axis=1)
-            for device, (_, values, _) in streams.items()
-        }
-        read = known[DEVICE]
-        doubled += int((~fresh).sum())
-        if read.sum() < MIN_READINGS:
+        if readings < MIN_READINGS:
             how = (
                 "sort the rows by station and time"
                 if "station" in table
                 else "a column 'station' says which rows belong together"
             )
             raise CsvError(
-                f"row {first + 2}: station {number} has only {int(read.sum())} readings, at least "
+                f"row {first + 2}: station {number} has only {readings} readings, at least "
                 f"{MIN_READINGS} are needed; {how}"
             )
-        beside = known.get(REFERENCE, np.zeros(len(times), bool))
-        lost += int((fresh & ~read & ~beside).sum())
-        only_beside += int((~read & beside).sum())
+        steps = np.diff(times)
         presses[number] = Press(
             number - first_number,
             1e-3 * _middle(rows, "x_mm"),
             1e-3 * _middle(rows, "y_mm"),
             {
-                device: Stream(times[at], values[first:end][at], clipped[first:end][at])
-                for (device, (_, values, clipped)), at in zip(
-                    streams.items(), known.values(), strict=True
-                )
+                device: Stream(time_s[at], values[at], clipped[at])
+                for device, (_, values, clipped) in streams.items()
+                for at in [first + np.flatnonzero(known[device][part])]
             },
             float(times[0]),
             float(times[-1] + np.median(steps[steps > 0])),
             _phases(rows, times) if PHASE in rows else _phases_by_depth(rows, times),
         )
-    counted = [
-        (lost, "rows without a reading are left out"),
-        (only_beside, "rows have a reference and no reading"),
-    ]
-    notes += [f"{count} {what}" for count, what in counted if count and not whole.merged]
-    if doubled:
+    read, beside = known[DEVICE], known.get(REFERENCE, np.zeros(len(labels), bool))
+    for without, what in (
+        (fresh & ~read & ~beside, "rows without a reading are left out"),
+        (~read & beside, "rows have a reference and no reading"),
+    ):
+        if (count := int(without[labels != BETWEEN].sum())) and not whole.merged:
+            notes.append(f"{count} {what}")
+    if doubled := int((~fresh)[labels != BETWEEN].sum()):
         why = ": are two streams in one table?" if 3 * doubled > len(at_stations) else ""
         notes.append(f"{doubled} rows with the time of the row before are left out{why}")
     return {device: channels for device, (channels, _, _) in streams.items()}, [*presses.values()]

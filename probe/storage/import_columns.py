@@ -17,11 +17,11 @@ from drivers.core.arrays import Array
 from drivers.core.extras import needs
 from drivers.core.units import SI
 from probe.storage.import_table import (
+    ARRAYS,
     DEVICE,
-    PER_STATION,
-    REFERENCE,
     SIGNALS,
     TAXELS,
+    UNITS,
     CsvError,
     Table,
     check_size,
@@ -32,15 +32,6 @@ from probe.storage.import_table import (
 with needs("data", "palpate import"):
     import pandas as pd
 
-ARRAYS = {"taxels_n": "N", "taxels_pa": "Pa"}
-UNITS = (
-    {"time_s": "s"}
-    | {name: channel.unit for name, channel in SIGNALS.items()}
-    | ARRAYS
-    | dict.fromkeys(PER_STATION, "mm")
-    | {"station": "", REFERENCE: ""}
-)
-"""What a column may be, and in which unit."""
 MAX_RATE_OFF = 0.01
 """Share that a rate may be off its times: a heart rate is said to a whole beat, 1 of 100."""
 MAX_TAXELS = 10_000  # as many as `drivers.taxels` takes

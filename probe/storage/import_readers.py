@@ -63,7 +63,11 @@ def read_recording(source: Path, asked: Asked) -> Table:
     try:
         table = reader.own(source) if reader.own is not None and asked == Asked() else None
         if table is None:
-            table = _mapped(reader.read(source), asked)
+            recording = reader.read(source)
+            try:
+                table = mapped(recording, asked)
+            except CsvError as error:  # it may be for what of the file was lost
+                raise CsvError("; ".join([str(error), *recording.notes])) from None
         if not table.sha256:
             with source.open("rb") as file:
                 table = table._replace(sha256=file_digest(file, "sha256").hexdigest())
@@ -74,14 +78,6 @@ def read_recording(source: Path, asked: Asked) -> Table:
         raise CsvError(str(error)) from None
     except Exception as error:  # noqa: BLE001 -- theirs, at a damaged file
         raise CsvError(f"not a whole file of {reader.name} ({error})") from None
-
-
-def _mapped(recording: Recording, asked: Asked) -> Table:
-    """As `mapped`; an error says too what of the file was lost."""
-    try:
-        return mapped(recording, asked)
-    except CsvError as error:
-        raise CsvError("; ".join([str(error), *recording.notes])) from None
 
 
 def _reader(source: Path) -> Reader:

@@ -26,6 +26,15 @@ PLACES = ("x_mm", "y_mm")
 DEPTH = "depth_mm"
 REFERENCE = "reference"
 PER_STATION = (*PLACES, DEPTH)
+ARRAYS = {"taxels_n": "N", "taxels_pa": "Pa"}
+UNITS = (
+    {"time_s": "s"}
+    | {name: channel.unit for name, channel in SIGNALS.items()}
+    | ARRAYS
+    | dict.fromkeys(PER_STATION, "mm")
+    | {"station": "", REFERENCE: ""}
+)
+"""What a column may be, and in which unit."""
 PHASE = "phase_number"  # which of `Phase`, from 0
 LARGEST = {
     "s": 2**52 / MAX_RATE_HZ,  # beyond, the times of the fastest sensor's samples are the same

@@ -4,21 +4,19 @@ Columns are separated by tab, ``;``, ``,`` or spaces; a comma may be the decimal
 """
 
 import csv
-import gzip
 import io
 import re
 from collections import Counter
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import BinaryIO, NamedTuple, cast
+from typing import NamedTuple
 
 import numpy as np
 
 from drivers.core.arrays import Array
-from drivers.core.files import open_file
 from drivers.core.units import SI
-from probe.storage.csv_columns import Bounded
+from probe.storage.csv_columns import text_of
 from probe.storage.import_columns import Column, Recording
 from probe.storage.import_table import CsvError
 
@@ -93,9 +91,7 @@ def _column(parts: list[list[str]], comma: bool, unit: str) -> Column:
 
 def _decoded(source: Path) -> str:
     """As UTF-8 or UTF-16, or as Windows of western Europe writes."""
-    with open_file(source) as packed:
-        plain = gzip.GzipFile(fileobj=packed) if source.suffix == ".gz" else packed
-        text = Bounded(cast(BinaryIO, plain), packed, MAX_LINE_BYTES)
+    with text_of(source, MAX_LINE_BYTES) as text:
         content = io.BufferedReader(text, 2**16).read()
     if content.startswith((b"\xff\xfe", b"\xfe\xff")):
         return content.decode("utf-16", "replace")
