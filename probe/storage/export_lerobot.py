@@ -150,14 +150,12 @@ def _column(values: Array, feature: Feature) -> Any:
     """A scalar, a list of a fixed length, or a list of lists, as the format stores 1 or 2 axes."""
     import pyarrow as pa
 
-    flat = pa.array(values.ravel().astype(feature["dtype"]))
-    if values.ndim == 1:
-        return flat
+    kind = pa.from_numpy_dtype(np.dtype(feature["dtype"]))
     if values.ndim == 2:
-        return pa.FixedSizeListArray.from_arrays(flat, values.shape[1])
-    frames, rows, columns = values.shape
-    each = pa.ListArray.from_arrays(np.arange(frames * rows + 1, dtype=np.int32) * columns, flat)
-    return pa.ListArray.from_arrays(np.arange(frames + 1, dtype=np.int32) * rows, each)
+        kind = pa.list_(kind, values.shape[1])
+    elif values.ndim == 3:
+        kind = pa.list_(pa.list_(kind))
+    return pa.array(values.tolist(), kind)
 
 
 def _write_episodes(
