@@ -1,10 +1,39 @@
 """Arguments that several commands share, with what a shell can complete in them."""
 
+from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import typer
 
+
+def _beginning(module: str, name: str) -> Callable[[str], list[str]]:
+    """What a shell completes from the names that a ``module`` has, or gives when it is called."""
+
+    def complete(begun: str) -> list[str]:
+        names = getattr(import_module(module), name)
+        return [one for one in (names() if callable(names) else names) if one.startswith(begun)]
+
+    return complete
+
+
+scene_names = _beginning("sim_backend.scene.scene_file", "scene_names")
+"""The built-in ones; the shell adds files itself."""
+calibration_kinds = _beginning("probe.cli.guide", "GUIDE")
+emulated_devices = _beginning("sim_backend.emulators", "DEVICES")
+SCENE = typer.Argument(help="A built-in scene or a scene file.", autocompletion=scene_names)
+SceneName = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|FILE", help="What simulated devices press into.", autocompletion=scene_names
+    ),
+]
+Fallback = Annotated[
+    Literal["virtual"] | None,
+    typer.Option(help="Let simulated devices take the place of absent ones."),
+]
+Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per processor.")]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
 RunFiles = Annotated[
     list[Path], typer.Argument(metavar="RUN...", help="One run file or several, say runs/*.run.")
@@ -42,11 +71,12 @@ def station_numbers(text: str, option: str) -> list[int]:
     return sorted(numbers)
 
 
-def scene_names(begun: str) -> list[str]:
-    """Built-in scenes that begin so; the shell adds files itself."""
-    from sim_backend.scene.scene_file import scene_names as built_in
-
-    return [name for name in built_in() if name.startswith(begun)]
+def rows_columns(text: str, option: str) -> tuple[int, int]:
+    """``4x7``, of an array of taxels. Raises `typer.BadParameter`."""
+    rows, mark, columns = text.lower().partition("x")
+    if not (mark and rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
+        raise typer.BadParameter(f"{option} {text}: must be rows x columns, such as 1x8 or 4x7")
+    return int(rows), int(columns)
 
 
 def planner_names(begun: str) -> list[str]:
@@ -62,17 +92,3 @@ def export_formats(begun: str) -> list[str]:
 
     done, comma, last = begun.rpartition(",")
     return [f"{done}{comma}{name}" for name in WRITERS if name.startswith(last)]
-
-
-def calibration_kinds(begun: str) -> list[str]:
-    """Kinds of calibration that begin so."""
-    from probe.cli.guide import GUIDE
-
-    return [kind for kind in GUIDE if kind.startswith(begun)]
-
-
-def emulated_devices(begun: str) -> list[str]:
-    """Devices that can be emulated and begin so."""
-    from sim_backend.emulators import DEVICES
-
-    return [name for name in DEVICES if name.startswith(begun)]

@@ -50,7 +50,7 @@ def stability(
     from probe.studies.charts.stability import chart as solve
 
     table = solve(out, quick, inform)
-    counts = table.verdict.value_counts().to_dict()
+    counts = {str(verdict): int(n) for verdict, n in table.verdict.value_counts().items()}
     if json:
         answer_json({"out": out, "cells": len(table), **counts})
         return

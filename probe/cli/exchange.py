@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from probe.cli.arguments import RunFiles, export_formats, scene_names
+from probe.cli.arguments import RunFiles, export_formats, rows_columns, scene_names
 from probe.cli.say import Json, answer, answer_json, inform, next_command
 from probe.cli.several import of_each
 
@@ -123,7 +123,7 @@ def import_(
     }  # fmt: skip
     settings = _settings(maps or []) | {name: v for name, v in given.items() if v is not None}
     if isinstance(said := settings.get("layout"), str):
-        settings["layout"] = _rows_columns(said)
+        settings["layout"] = rows_columns(said, "--layout")
     sources = [one for file in files for one in _globbed(file)]
     several = len(sources) > 1 or out.is_dir()
     if several and out.suffix == ".run":
@@ -208,10 +208,3 @@ def _kept(file: str) -> dict[str, Any]:
                 "is wanted"
             )
     return kept
-
-
-def _rows_columns(layout: str) -> tuple[int, int]:
-    rows, mark, columns = layout.lower().partition("x")
-    if not (mark and rows.isdecimal() and columns.isdecimal() and int(rows) and int(columns)):
-        raise typer.BadParameter(f"--layout {layout}: rows and columns are wanted, as 4x7")
-    return int(rows), int(columns)

@@ -5,14 +5,12 @@ from typing import Annotated, Any
 
 import typer
 
-from probe.cli.arguments import scene_names
+from probe.cli.arguments import SCENE, rows_columns
 from probe.cli.say import Json, answer, answer_json, inform, plain
 
 
 def press(
-    scene: Annotated[
-        str, typer.Argument(help="A built-in scene or a scene file.", autocompletion=scene_names)
-    ],
+    scene: Annotated[str, SCENE],
     x: Annotated[float, typer.Option(metavar="MM", help="Where along the surface [mm].")],
     depth: Annotated[float, typer.Option(metavar="MM", help="How deep [mm].")],
     pressure: Annotated[
@@ -189,10 +187,7 @@ def taxel_array(text: str | None, pitch_mm: float | None) -> Any:
         if pitch_mm is not None:
             raise SceneError(f"--pitch {pitch_mm:g}: of which taxels? Say --taxels 1x8, too")
         return None
-    rows, times, columns = text.lower().partition("x")
-    if not (times and rows.isdecimal() and columns.isdecimal()):
-        raise SceneError(f"--taxels {text}: must be rows x columns, such as 1x8 or 4x4")
-    return TaxelArray(int(rows), int(columns), pitch_mm)
+    return TaxelArray(*rows_columns(text, "--taxels"), pitch_mm)
 
 
 def describe_taxels(found: dict[str, Any]) -> list[str]:

@@ -4,10 +4,11 @@ from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from probe.cli.arguments import Fallback, SceneName
 from probe.cli.errors import BAD_INPUT, FAULT
 from probe.cli.say import Json, answer, answer_json, next_command
 
@@ -24,13 +25,8 @@ def doctor(
         Path | None,
         typer.Argument(metavar="[RIG.toml]", help="A rig whose devices to listen to."),
     ] = None,
-    scene: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE", help="What simulated devices press into.")
-    ] = None,
-    fallback: Annotated[
-        Literal["virtual"] | None,
-        typer.Option(help="Let simulated devices take the place of absent ones."),
-    ] = None,
+    scene: SceneName = None,
+    fallback: Fallback = None,
     json: Json = False,
 ) -> None:
     """Look at this machine and, with a rig, listen to its devices; nothing is moved."""

@@ -7,12 +7,19 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from probe.cli import ABORTED
-from probe.cli.arguments import RunFile, planner_names, scene_names, station_numbers, storable
+from probe.cli.arguments import (
+    Fallback,
+    RunFile,
+    SceneName,
+    planner_names,
+    station_numbers,
+    storable,
+)
 from probe.cli.errors import FAULT
 from probe.cli.logs import already_reported
 from probe.cli.say import Json, answer, answer_json, inform, key_values, next_command
@@ -27,22 +34,12 @@ RigFile = Annotated[
     Path | None,
     typer.Argument(metavar="[RIG.toml]", help="A rig file; without one, the simulated rig."),
 ]
-SceneName = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME|FILE", help="What simulated devices press into.", autocompletion=scene_names
-    ),
-]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder for the run file.")]
 Live = Annotated[bool, typer.Option("--live", help="Open a window; runs in real time.")]
 RealTime = Annotated[
     bool, typer.Option("--real-time", help="Let a simulated rig take as long as a real one.")
 ]
 Report = Annotated[bool, typer.Option("--report", help="Write the report too.")]
-Fallback = Annotated[
-    Literal["virtual"] | None,
-    typer.Option(help="Let simulated devices take the place of absent ones."),
-]
 Settings = Annotated[
     list[str] | None,
     typer.Option(

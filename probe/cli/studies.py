@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from probe.cli.arguments import SCENE, Workers
 from probe.cli.errors import UNSOLVED
 from probe.cli.say import Json, answer, answer_json, inform
 
@@ -15,14 +16,13 @@ if TYPE_CHECKING:
 Table = Annotated[
     Path, typer.Option(metavar="FILE", help="The table to write: .parquet, .csv or .h5.")
 ]
-Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per processor.")]
 Scheduler = Annotated[
     str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler: many machines.")
 ]
 
 
 def sweep(
-    scene: Annotated[str, typer.Argument(help="A built-in scene or a scene file.")],
+    scene: Annotated[str, SCENE],
     vary: Annotated[
         list[str],
         typer.Option(metavar="KEY=VALUES", help="Values: 10,12,14 or 10..14:5 or 10..14 (random)."),

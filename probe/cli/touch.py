@@ -6,15 +6,12 @@ from typing import Annotated
 
 import typer
 
-from probe.cli.arguments import scene_names
+from probe.cli.arguments import SCENE, Workers
 from probe.cli.say import Json, answer, answer_json
 
 
 def touch(
-    scene: Annotated[
-        str | None,
-        typer.Argument(help="A built-in scene or a scene file.", autocompletion=scene_names),
-    ] = None,
+    scene: Annotated[str | None, SCENE] = None,
     make: Annotated[
         bool, typer.Option("--make", help="Solve its presses and keep the table here.")
     ] = False,
@@ -22,9 +19,7 @@ def touch(
         int,
         typer.Option(metavar="N", min=20, help="Presses over lumps, and as many over vessels."),
     ] = 1000,
-    workers: Annotated[
-        int | None, typer.Option(metavar="N", min=1, help="Processes; as many as processors.")
-    ] = None,
+    workers: Workers = None,
     json: Json = False,
 ) -> None:
     """List the touch tables: by one of the finger that scanned, detect knows depth and size.

@@ -3,10 +3,11 @@
 import sys
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from probe.cli.arguments import Fallback, SceneName
 from probe.cli.errors import FAULT
 from probe.cli.say import Json, answer, answer_json, inform, visible
 from probe.cli.windows import need_windows
@@ -21,13 +22,8 @@ SAID_EVERY_S = 1.0
 
 def watch(
     rig: Annotated[Path, typer.Argument(metavar="RIG.toml", help="The rig with the sensors.")],
-    scene: Annotated[
-        str | None, typer.Option(metavar="NAME|FILE", help="What simulated sensors measure in.")
-    ] = None,
-    fallback: Annotated[
-        Literal["virtual"] | None,
-        typer.Option(help="Let simulated sensors take the place of absent ones."),
-    ] = None,
+    scene: SceneName = None,
+    fallback: Fallback = None,
     seconds: Annotated[
         float | None, typer.Option(min=0.1, help="End by itself. Without: until Ctrl-C.")
     ] = None,

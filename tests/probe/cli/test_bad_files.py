@@ -149,7 +149,7 @@ def test_a_right_rig_and_scene_are_taken(palpate, tmp_path: Path) -> None:
         ([*PRESS, "--gradient", "--model", "axisymmetric"], ["gradients are of finite strain"]),
         ([*PRESS, "--taxels", "8"], ["must be rows x columns"]),
         ([*PRESS, "--pitch", "1"], ["of which taxels"]),
-        ([*PRESS, "--taxels", "0x3"], ["from 1 x 1"]),
+        ([*PRESS, "--taxels", "0x3"], ["must be rows x columns"]),
         ([*PRESS, "--taxels", "1x3", "--pitch", "-1"], ["must be above 0"]),
         (["press", "TI", "--x", "0.032", "--depth", "0.002"],
          ["less than a thousandth of the finger's 10 mm", "--x 32 --depth 2"]),

@@ -80,7 +80,10 @@ def test_a_folder_takes_a_single_run_too(folder: Path, palpate: Palpate) -> None
     ("arguments", "said"),
     [
         (["*.txt", "--out", "a.run"], "of 2 files the runs go to a folder"),
-        (["first.txt", "--out", "a.run", "--layout", "4-7"], "--layout 4-7: rows and columns"),
+        (
+            ["first.txt", "--out", "a.run", "--layout", "4-7"],
+            "--layout 4-7: must be rows x columns",
+        ),
         (["first.txt", "--out", "a.run", "--map", "none.toml"], "none.toml: NAME=COLUMN or a TOML"),
         (["first.txt", "--out", "a.run", "--map", "bad.toml"], "rate_hz = 'x': a number is wanted"),
         (["first.txt", "--out", "a.run", "--map", "list.toml"], r"force_n = \['a'\]: text"),
