@@ -50,7 +50,7 @@ def teach(
             f"driver = {whole.stage.driver!r}: a frame is taught to an arm; jog to the scan's "
             "(0, 0) on the surface, and give what the stage reads there as origin_mm"
         )
-    world = World(whole, plan_for(whole), WallClock(), None, 0, None)
+    world = World(whole, plan_for(whole), WallClock())
     stage = make_device("stages", "stage", whole.stage, world, {})
     try:
         poses = [_numbers(one) for one in point] if point else _asked(stage)

@@ -1,10 +1,9 @@
 """From a rig to open devices; a simulated stand-in only where the rig or the user says so."""
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import ValidationError
@@ -48,12 +47,7 @@ class Devices:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        _kind: type[BaseException] | None,
-        _error: BaseException | None,
-        _trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         self.stage.close()
         for sensor in self.sensors:
             sensor.close()
@@ -115,16 +109,12 @@ def connect(
     absent: list[str] = []
     plan = plan_for(rig)
     world = World(rig, plan, clock, scene, seed, respond)
-    stage: Stage | None = None
-    sensors: list[Sensor] = []
-    try:
-        stage = _open("stages", "stage", rig.stage, fallback, world, {}, notes, absent)
-        follow = {} if stage.name == "virtual" else {"follow": stage}
-        for n, device in enumerate(rig.sensor):
-            extra = {"seed": seed, **follow}
-            where = f"sensor[{n}]"
-            sensors.append(_open("sensors", where, device, fallback, world, extra, notes, absent))
-        check_names(sensors)
+    with ExitStack() as undo:
+        undo.enter_context(closing(world))
+        stage: Stage = _open("stages", "stage", rig.stage, fallback, world, {}, notes, absent)
+        undo.enter_context(closing(stage))
+        extra = {"seed": seed, **({} if stage.name == "virtual" else {"follow": stage})}
+        sensors = _open_sensors(rig, fallback, world, extra, notes, absent, undo)
         stage, true, remarks = calibrated(stage, sensors, rig.calibration, stand_ins=absent)
         notes += remarks
         check_units(true)
@@ -136,14 +126,7 @@ def connect(
                 world.phantom.solve_ahead([(p.x_m, p.y_m) for p in plan.places if plan.upright(p)])
             if not isinstance(clock, SimulatedClock):
                 world.phantom.prepare([(p.x_m, p.y_m) for p in plan.places])
-    except BaseException:
-        if world.phantom is not None:
-            world.phantom.close()
-        for sensor in sensors:
-            sensor.close()
-        if stage is not None:
-            stage.close()
-        raise
+        undo.pop_all()
     return Devices(stage, true, world.phantom, tuple(notes))
 
 
@@ -155,35 +138,25 @@ def open_sensors(
 
     Simulated ones hang in the air. Raises as `connect` does.
     """
-    world = World(rig, plan_for(rig), clock, scene, 0, None)
-    sensors: list[Sensor] = []
-    try:
-        for n, device in enumerate(rig.sensor):
-            where = f"sensor[{n}]"
-            sensors.append(_open("sensors", where, device, fallback, world, {"seed": 0}, [], []))
-        check_names(sensors)
-        yield tuple(sensors)
-    finally:
-        for sensor in sensors:
-            sensor.close()
+    with closing(World(rig, plan_for(rig), clock, scene)) as world, ExitStack() as opened:
+        yield tuple(_open_sensors(rig, fallback, world, {"seed": 0}, [], [], opened))
 
 
+@dataclass
 class World:
     """The one phantom, made when the first simulated device asks for it."""
 
-    def __init__(
-        self,
-        rig: Rig,
-        plan: Plan,
-        clock: Clock,
-        scene: Scene | None,
-        seed: int,
-        respond: "Respond | None",
-    ) -> None:
-        self.rig, self.plan, self.clock = rig, plan, clock
-        self.seed, self.respond = seed, respond
-        self.scene = scene
-        self.phantom: Phantom | None = None
+    rig: Rig
+    plan: Plan
+    clock: Clock
+    scene: Scene | None = None
+    seed: int = 0
+    respond: "Respond | None" = None
+    phantom: "Phantom | None" = None
+
+    def close(self) -> None:
+        if self.phantom is not None:
+            self.phantom.close()
 
     def get(self) -> "Phantom":
         if self.phantom is not None:
@@ -219,6 +192,25 @@ class World:
             folder=folder,
         )
         return self.phantom
+
+
+def _open_sensors(
+    rig: Rig,
+    fallback: Fallback | None,
+    world: World,
+    extra: dict[str, Any],
+    notes: list[str],
+    absent: list[str],
+    opened: ExitStack,
+) -> list[Sensor]:
+    """All of them, each closed with ``opened``. Raises `RigError` where two have one name."""
+    sensors: list[Sensor] = []
+    for n, device in enumerate(rig.sensor):
+        where = f"sensor[{n}]"
+        sensors.append(_open("sensors", where, device, fallback, world, extra, notes, absent))
+        opened.enter_context(closing(sensors[-1]))
+    check_names(sensors)
+    return sensors
 
 
 def _open(

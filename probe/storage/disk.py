@@ -5,6 +5,7 @@ import os
 import re
 import shutil
 import sqlite3
+from contextlib import ExitStack
 from pathlib import Path
 
 from probe.core.errors import RunFileError, StoreError
@@ -47,39 +48,32 @@ def open_safely(path: Path, *, new: bool) -> tuple[sqlite3.Connection, int]:
             f"store it on a local disk and copy it afterwards"
         )
     try:
-        lock = hold(path)
-    except OSError as error:
-        raise StoreError(f"{path}: {explain(error)}") from None
-    try:
-        connection = sqlite3.connect(
-            path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
-        )
-        try:
+        with ExitStack() as undo:
+            lock = hold(path)
+            undo.callback(release, lock)
+            connection = sqlite3.connect(
+                path, timeout=BUSY_S, isolation_level=None, check_same_thread=False
+            )
+            undo.callback(connection.close)
             if not new:
                 _keep_damaged(log_of(path))
             make_safe(connection, path)
             if new:
                 create(connection)
-            elif (version := version_of(connection)) == 0:
-                raise RunFileError(NOTHING_YET)
-            elif version < VERSION:
-                migrate(connection)
-            if not new:
+            else:
+                if (version := version_of(connection)) == 0:
+                    raise RunFileError(NOTHING_YET)
+                if version < VERSION:
+                    migrate(connection)
                 _check_seal(connection)
             unseal(connection)
-        except BaseException:
-            connection.close()
-            raise
-    except (sqlite3.OperationalError, RunFileError) as error:
-        release(lock)
-        kind_of = RunFileError if isinstance(error, RunFileError) else StoreError
-        raise kind_of(f"{path}: {explain(error)}") from None
+            undo.pop_all()
+    except RunFileError as error:
+        raise RunFileError(f"{path}: {error}") from None
+    except (sqlite3.OperationalError, OSError) as error:
+        raise StoreError(f"{path}: {explain(error)}") from None
     except (sqlite3.Error, UnicodeDecodeError) as error:
-        release(lock)
         raise RunFileError(f"{path}: damaged or not a run file ({error})") from None
-    except BaseException:
-        release(lock)
-        raise
     return connection, lock
 
 

@@ -3,6 +3,7 @@
 import logging
 import struct
 from io import BytesIO
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from drivers.core.extras import needs
 from probe.storage.import_columns import Column, Recording
 from probe.storage.import_table import CsvError
 
+MAX_SAID = 1000  # what the library could not read, before it is forgotten
 LENGTHS = {1: "<B", 4: "<I", 8: "<Q"}
 
 
@@ -27,14 +29,15 @@ def read_xdf(source: Path) -> Recording:
         notes.append(
             f"the file ends within a chunk: {len(content) - end} of {len(content)} bytes are lost"
         )
-    kept = _Kept()
+    kept = BufferingHandler(MAX_SAID)
+    kept.setLevel(logging.ERROR)
     logger = logging.getLogger("pyxdf")
     logger.addHandler(kept)
     try:
         streams, _ = pyxdf.load_xdf(BytesIO(content[:end]))
     finally:
         logger.removeHandler(kept)
-    notes += [f"pyxdf says: {text}" for text in kept.said]
+    notes += [f"pyxdf says: {record.getMessage().strip()}" for record in kept.buffer]
     columns: dict[str, Column] = {}
     names = [stream["info"]["name"][0] or "stream" for stream in streams]
     for name, stream in zip(names, streams, strict=True):
@@ -81,15 +84,3 @@ def _channels(info: Any, count: int) -> tuple[list[str], list[str]]:
     if len(labels) != count or len(set(labels)) != count or not all(labels):
         return [str(n) for n in range(count)], [""] * count
     return labels, [(channel.get("unit") or [""])[0] or "" for channel in channels]
-
-
-class _Kept(logging.Handler):
-    """What the library could not read, to be said as notes."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.ERROR)
-        self.said: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        """Keep what was said."""
-        self.said.append(record.getMessage().strip())

@@ -140,20 +140,16 @@ def seal(connection: sqlite3.Connection) -> None:
     )
 
 
-def is_open(connection: sqlite3.Connection) -> bool:
-    """Whether a scan writes the file, or was killed while it did: it has no seal then."""
-    found = connection.execute("SELECT events, chain FROM seal").fetchone()
-    return bool(found == (None, None))
+def broken_seal(connection: sqlite3.Connection, events: int, chain: bytes) -> str | None:
+    """What is wrong if the last event is not that of when the writer closed the file, or "".
 
-
-def broken_seal(connection: sqlite3.Connection, events: int, chain: bytes) -> str:
-    """What is wrong if the last event is not that of when the writer closed the file; empty if
-    nothing, or while it is open."""
+    None where a scan writes the file, or was killed while it did: it has no seal then.
+    """
     sealed = connection.execute("SELECT events, chain FROM seal").fetchone()
     if sealed is None:
         return "seal: removed"
     if sealed == (None, None):
-        return ""
+        return None
     if sealed[0] != events:
         return f"seal: {events} events, but there were {sealed[0]} when the scan closed the file"
     if sealed[1] != chain:

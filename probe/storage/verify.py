@@ -14,7 +14,7 @@ from probe.storage.audit import MAX_PROBLEMS, Audit
 from probe.storage.log import unreadable_frames
 from probe.storage.reader import NOTHING_YET, NotBegun, judged_rows, log_of, reading
 from probe.storage.rows import from_row
-from probe.storage.schema import broken_seal, is_open
+from probe.storage.schema import broken_seal
 
 WRITING_S = 0.3  # a scan writes its log every 0.05 s: one that rests this long is not being written
 
@@ -158,13 +158,10 @@ def _judge_seal(connection: sqlite3.Connection, events: int, chain: bytes, *, ha
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     if version < 3:
         return ""
-    if not is_open(connection):
-        return broken_seal(connection, events, chain)
+    broken = broken_seal(connection, events, chain)
+    if broken is not None or has_log:
+        return broken or ""
     return (
-        ""
-        if has_log
-        else (
-            "log: the scan did not close this file, and RUN-wal is not beside it: the events "
-            "that were committed last are missing if it was lost (copied without it?)"
-        )
+        "log: the scan did not close this file, and RUN-wal is not beside it: the events that were "
+        "committed last are missing if it was lost (copied without it?)"
     )
