@@ -8,12 +8,12 @@ row before and this ``sha256``, so that no row can be lost or change its place u
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from hashlib import sha256
-from typing import Any, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from pydantic_core import from_json
 
 from drivers import Block
@@ -50,8 +50,23 @@ _KINDS: dict[str, type[Any]] = {
     "run_ended": RunEnded,
 }
 _NAMES = {kind: name for name, kind in _KINDS.items()}
-_ADAPTERS = {name: TypeAdapter(kind) for name, kind in _KINDS.items()}
 SAMPLES = "samples"
+_Count = Annotated[int, Field(strict=True, ge=0, lt=2**31)]
+
+
+@dataclass(frozen=True)
+class _Block:
+    """The body of a block of samples, beside its arrays: ``shape`` is (n, channels)."""
+
+    device: str
+    station: _Count | None
+    attempt: _Count | None
+    shape: tuple[_Count, Annotated[_Count, Field(le=MAX_CHANNELS)]]
+    dtype: Literal["<f8"]
+    lost: _Count
+
+
+_ADAPTERS = {name: TypeAdapter[Any](kind) for name, kind in (_KINDS | {SAMPLES: _Block}).items()}
 
 
 class Row(NamedTuple):
@@ -96,21 +111,19 @@ def from_row(row: Row) -> Event:
     """Raises `RunFileError` for anything `to_row` would not have written."""
     if not (isinstance(row.kind, str) and isinstance(row.body, str)):
         raise RunFileError("an event is not text")
-    if row.kind != SAMPLES and row.kind not in _KINDS:
+    if row.kind not in _ADAPTERS:
         raise RunFileError(f"unknown kind of event {row.kind[:40]!r}")
     body = _loads(row.body)
-    if row.kind == SAMPLES:
-        return _row_to_samples(body, row)
     if row.kind == "station_started":
         for key in ("x_m", "y_m"):
             body[key] = math.nan if body.get(key) is None else body[key]
     try:
-        event: Event = _ADAPTERS[row.kind].validate_python(body)
+        event: Event | _Block = _ADAPTERS[row.kind].validate_python(body)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise RunFileError(f"a {row.kind} event's {where}: {first['msg']}") from None
-    return event
+    return _with_arrays(event, row) if isinstance(event, _Block) else event
 
 
 def bytes_per_s(rate_hz: float, channels: int, blocks_hz: float) -> float:
@@ -140,39 +153,26 @@ def _samples_to_row(event: Samples) -> Row:
     )
 
 
-def _row_to_samples(body: dict[str, Any], row: Row) -> Samples:
-    try:
-        (n, channels), dtype = body["shape"], body["dtype"]
-        device, lost = body["device"], body["lost"]
-        station, attempt = body["station"], body["attempt"]
-    except (KeyError, TypeError, ValueError):
-        raise RunFileError("a block of samples does not say what it holds") from None
-    if not (_count(n) and _count(channels) and _count(lost) and channels <= MAX_CHANNELS):
-        raise RunFileError(f"a block of samples of impossible shape {n} x {channels}")
-    if dtype != FLOAT.str or not isinstance(device, str):
-        raise RunFileError(f"a block of samples of unknown type {dtype!r} from {device!r}")
-    if not (_count(station) and _count(attempt)) and (station, attempt) != (None, None):
-        raise RunFileError(f"a block of samples of station {station!r}, attempt {attempt!r}")
+def _with_arrays(body: _Block, row: Row) -> Samples:
+    (n, channels), station, attempt = body.shape, body.station, body.attempt
+    if (station is None) != (attempt is None):
+        raise RunFileError(f"a block of samples of station {station}, attempt {attempt}")
     wanted = (8 * n, 8 * n * channels, n * channels)
     for part, size in zip((row.times, row.readings, row.saturated), wanted, strict=True):
         if not isinstance(part, bytes) or len(part) != size:
             raise RunFileError(f"a block of samples is not of its shape {n} x {channels}")
     assert row.times is not None and row.readings is not None and row.saturated is not None
     return Samples(
-        device,
+        body.device,
         Block(
             np.frombuffer(row.times, FLOAT).astype(np.float64),
             np.frombuffer(row.readings, FLOAT).astype(np.float64).reshape(n, channels),
             np.frombuffer(row.saturated, FLAG).astype(bool).reshape(n, channels),
-            lost,
+            body.lost,
         ),
         station,
         attempt,
     )
-
-
-def _count(value: object) -> bool:
-    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**31
 
 
 def _json(body: dict[str, Any]) -> str:
