@@ -21,6 +21,7 @@ from probe.core.finding_words import (
 )
 from probe.core.places import has_rows, presses_all
 from probe.report.look import BLUE, INK
+from sim_backend import html
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,13 +182,5 @@ def _pascal(value: float | None) -> str:
 
 
 def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top = "".join(f"<th scope='col'>{escape(h)}</th>" for h in head)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{_cell(str(cell))}</td>" for cell in row) + "</tr>" for row in rows
-    )
-    return f"<div class='scroll'><table><tr>{top}</tr>{body}</table></div>"
-
-
-def _cell(text: str) -> str:
-    """Escaped; a bound and its sign stay in one line."""
-    return escape(text).replace("&lt; ", "&lt;&nbsp;")
+    """A bound and its sign stay in one line."""
+    return f"<div class='scroll'>{html.table(rows, head).replace('&lt; ', '&lt;&nbsp;')}</div>"
