@@ -78,8 +78,14 @@ def unknown_words(one: Mapping[str, Any]) -> list[str]:
 def summary(found: Mapping[str, Any]) -> list[str]:
     """The finding in lines: the headline, what it is made of, why, and what was assumed."""
     objects = [line for one in found["objects"] for line in (object_line(one), *unknown_words(one))]
-    more = (heart_rate_line(found), found.get("reason"), assumption(found))
-    return [f"Finding: {headline(found)}", *(f"  {line}" for line in (*objects, *more) if line)]
+    lines = (*objects, *remarks(found))
+    return [f"Finding: {headline(found)}", *(f"  {line}" for line in lines)]
+
+
+def remarks(found: Mapping[str, Any]) -> list[str]:
+    """The heart rate, why the finding is what it is, and what was assumed."""
+    lines = (heart_rate_line(found), found.get("reason"), assumption(found))
+    return [line for line in lines if line]
 
 
 def _along_rows(one: Mapping[str, Any]) -> bool:

@@ -8,13 +8,7 @@ from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import QGridLayout, QPushButton, QVBoxLayout, QWidget
 
 from probe.core.events import Finish, Phase
-from probe.core.finding_words import (
-    assumption,
-    headline,
-    heart_rate_line,
-    object_line,
-    simulated_words,
-)
+from probe.core.finding_words import headline, object_line, remarks, simulated_words
 from probe.core.places import presses_all
 from probe.gui.state import ViewState
 from probe.gui.style import box, scrolling, text
@@ -116,7 +110,8 @@ class SidePanel(QWidget):
         if state.trouble:
             found = f"{found}\nNothing newer can be read: {state.trouble}"
         self.finding.setText(found)
-        self.objects.setText("\n".join(_details(finding)) if finding else "")
+        objects = [object_line(one) for one in finding["objects"]] if finding else []
+        self.objects.setText("\n".join([*objects, *remarks(finding)]) if finding else "")
         self.progress.setText(progress_line(state))
         rows = (
             f"<span style='color:{GREEN if s in ('ok', 'closed') else VERMILLION}'>&#9679;</span> "
@@ -133,13 +128,6 @@ class SidePanel(QWidget):
             self.buttons["resume"].setEnabled(
                 state.phase is Phase.PAUSED or "pause" in self.answer.text()
             )
-
-
-def _details(finding: Mapping[str, Any]) -> list[str]:
-    """Each object, and what the finding rests on."""
-    lines = [object_line(one) for one in finding["objects"]]
-    more = (heart_rate_line(finding), finding.get("reason"), assumption(finding))
-    return lines + [line for line in more if line]
 
 
 def progress_line(state: ViewState) -> str:

@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 from drivers import Channel
 from probe.core.finding_words import (
-    assumption,
     headline,
-    heart_rate_line,
     number_words,
     over_rows,
     percent,
     simulated_words,
     size_words,
 )
+from probe.core.finding_words import remarks as said_of
 from probe.core.places import has_rows, presses_all
 from probe.report.look import BLUE, INK
 from sim_backend import html
@@ -64,11 +63,7 @@ def page(
         )
     parts.append(_about(config))
     parts.append(f"<p class='finding'>Finding: {escape(headline(finding))}</p>")
-    parts += [
-        f"<p>{escape(line)}</p>"
-        for line in (heart_rate_line(finding), finding.get("reason"), assumption(finding))
-        if line
-    ]
+    parts += [f"<p>{escape(line)}</p>" for line in said_of(finding)]
     parts.append(_objects(finding["objects"]))
     parts += [f"<p class='bad' role='note'>{escape(text)}</p>" for text in remarks]
     parts.append("<h2>Maps and traces</h2><div class='figures'>")
