@@ -34,6 +34,9 @@ Fallback = Annotated[
     typer.Option(help="Let simulated devices take the place of absent ones."),
 ]
 Workers = Annotated[int | None, typer.Option(min=1, help="Processes; default: one per processor.")]
+Accuracy = Annotated[
+    float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
+]
 RunFile = Annotated[Path, typer.Argument(metavar="RUN", help="A run file.")]
 RunFiles = Annotated[
     list[Path], typer.Argument(metavar="RUN...", help="One run file or several, say runs/*.run.")

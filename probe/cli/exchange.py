@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from probe.cli.arguments import RunFiles, export_formats, rows_columns, scene_names
-from probe.cli.say import Json, answer, answer_json, inform, next_command
+from probe.cli.say import Json, answer, inform, next_command
 from probe.cli.several import of_each
 
 if TYPE_CHECKING:
@@ -45,9 +45,7 @@ def export(
             answer(str(file))
         return {"run": run, "files": files}
 
-    written, status = of_each(runs, write)
-    if json:
-        answer_json(written[0] if len(written) == 1 else {"runs": written})
+    _, status = of_each(runs, write, json=json)
     raise typer.Exit(status)
 
 
@@ -146,10 +144,8 @@ def import_(
 
     if several:
         out.mkdir(parents=True, exist_ok=True)
-    made, status = of_each(sources, read)
-    if json:
-        answer_json(made[0] if not several else {"runs": made})
-    elif not status:
+    _, status = of_each(sources, read, json=json, together="runs" if several else "")
+    if not (json or status):
         runs = f"palpate detect {out}/*.run" if several else next_command("detect", out)
         answer(f"What it means: {runs}")
     raise typer.Exit(status)

@@ -50,9 +50,7 @@ def detect(
             show_finding(one)
         return one
 
-    found, status = of_each(runs, look)
-    if json:
-        answer_json(found[0] if len(runs) == 1 else {"runs": found})
+    _, status = of_each(runs, look, json=json)
     raise typer.Exit(status)
 
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from probe.cli.arguments import SCENE, rows_columns
+from probe.cli.arguments import SCENE, Accuracy, rows_columns
 from probe.cli.say import Json, answer, answer_json, inform, plain
 
 
@@ -21,9 +21,7 @@ def press(
             "diastolic and systolic.",
         ),
     ] = None,
-    accuracy: Annotated[
-        float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
-    ] = 1.0,
+    accuracy: Accuracy = 1.0,
     model: Annotated[
         str | None,
         typer.Option(

@@ -7,7 +7,7 @@ import typer
 
 from probe.cli.arguments import RunFile, RunFiles
 from probe.cli.errors import BAD_INPUT
-from probe.cli.say import Json, answer, answer_json, inform
+from probe.cli.say import Json, answer, inform
 from probe.cli.several import of_each
 from probe.cli.windows import need_windows
 
@@ -80,9 +80,7 @@ def report(
             answer(f"Report: {page}")
         return {"run": run, "report": page}
 
-    written, status = of_each(runs, write)
-    if json:
-        answer_json(written[0] if len(written) == 1 else {"reports": written})
+    _, status = of_each(runs, write, json=json, together="reports" if len(runs) > 1 else "")
     raise typer.Exit(status)
 
 
@@ -96,9 +94,7 @@ def verify(runs: RunFiles, json: Json = False) -> None:
             _show_check(run, found)
         return {"run": run, **found.as_json()}
 
-    found, status = of_each(runs, look)
-    if json:
-        answer_json(found[0] if len(found) == 1 else {"runs": found})
+    found, status = of_each(runs, look, json=json)
     raise typer.Exit(status if all(one.get("ok") for one in found) else BAD_INPUT)
 
 

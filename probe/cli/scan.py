@@ -126,7 +126,7 @@ def scan(
     from probe.scan.session import scan as scan_with
 
     began_s = time.perf_counter()
-    labels = labels_of(operator, specimen, note or [])
+    labels = {"operator": operator, "specimen": specimen, **key_values(note or [])}
     whole = changed(resolve_rig(rig, scene)[0], changes)
     control = Control()
     shown = ScanProgress(len(plan_for(whole).places))
@@ -135,7 +135,7 @@ def scan(
             whole,
             out=out,
             seed=seed,
-            labels=labels,
+            labels={key: value for key, value in labels.items() if value},
             fallback=fallback,
             real_time=real_time or live,
             control=control,
@@ -153,12 +153,6 @@ def publishers(lsl: bool) -> "list[EventSink]":
     from probe.scan.lsl_publisher import LslPublisher
 
     return [LslPublisher()]
-
-
-def labels_of(operator: str | None, specimen: str | None, notes: Sequence[str]) -> dict[str, str]:
-    """What the user says of a run. Raises `typer.BadParameter` for a note without a value."""
-    labels = {"operator": operator, "specimen": specimen, **key_values(notes)}
-    return {key: value for key, value in labels.items() if value}
 
 
 def resume(

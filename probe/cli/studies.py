@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from probe.cli.arguments import SCENE, Workers
+from probe.cli.arguments import SCENE, Accuracy, Workers
 from probe.cli.errors import UNSOLVED
 from probe.cli.say import Json, answer, answer_json, inform
 
@@ -36,9 +36,7 @@ def sweep(
         str, typer.Option(metavar="MM", help="Places, 32 or 4..60:15; default: over the inclusion.")
     ] = "",
     depth: Annotated[float, typer.Option(metavar="MM", help="Indentation [mm].")] = 2.5,
-    accuracy: Annotated[
-        float, typer.Option(metavar="PCT", help="Wanted accuracy of force and pulse [%].")
-    ] = 1.0,
+    accuracy: Accuracy = 1.0,
     model: Annotated[
         Literal["auto", "finite", "small", "quick", "fast"],
         typer.Option(
