@@ -12,12 +12,12 @@ from probe.core.errors import RunFileError, StoreError
 from probe.storage.lock import hold, release
 from probe.storage.log import unreadable_frames
 from probe.storage.reader import NOTHING_YET, log_of
-from probe.storage.rows import FIRST
 from probe.storage.schema import (
     BUSY_S,
     VERSION,
     broken_seal,
     create,
+    last_event,
     migrate,
     unseal,
     version_of,
@@ -82,8 +82,7 @@ def _check_seal(connection: sqlite3.Connection) -> None:
 
     A run that has no seal was killed, and goes on with what its log kept.
     """
-    query = "SELECT id, chain FROM event ORDER BY id DESC LIMIT 1"
-    if why := broken_seal(connection, *(connection.execute(query).fetchone() or (0, FIRST))):
+    if why := broken_seal(connection, *last_event(connection)):
         raise RunFileError(
             f"{why}; nothing is added to a run whose end is lost: begin a new scan, and "
             "`palpate detect` reads what is left of this one"

@@ -140,6 +140,12 @@ def seal(connection: sqlite3.Connection) -> None:
     )
 
 
+def last_event(connection: sqlite3.Connection) -> tuple[int, bytes]:
+    """Number and chain of the last event; 0 and `FIRST` without any."""
+    query = "SELECT id, chain FROM event ORDER BY id DESC LIMIT 1"
+    return connection.execute(query).fetchone() or (0, FIRST)
+
+
 def broken_seal(connection: sqlite3.Connection, events: int, chain: bytes) -> str | None:
     """What is wrong if the last event is not that of when the writer closed the file, or "".
 

@@ -14,7 +14,7 @@ from probe.storage.audit import MAX_PROBLEMS, Audit
 from probe.storage.log import unreadable_frames
 from probe.storage.reader import NOTHING_YET, NotBegun, judged_rows, log_of, reading
 from probe.storage.rows import from_row
-from probe.storage.schema import broken_seal
+from probe.storage.schema import broken_seal, last_event
 
 WRITING_S = 0.3  # a scan writes its log every 0.05 s: one that rests this long is not being written
 
@@ -95,8 +95,14 @@ def verify(path: str | PathLike[str]) -> Report:
         except sqlite3.Error as error:  # what the run holds may be whole nevertheless
             audit.add(f"database: {error}")
         try:
-            chain = _audit(connection, audit)
-            sealed = _judge_seal(connection, audit.events, chain, has_log=log.exists())
+            for number, row, fault in judged_rows(connection):
+                if fault:
+                    audit.add(fault)
+                try:
+                    audit.take(from_row(row))
+                except RunFileError as error:
+                    audit.add(f"event {number}: {error}")
+            sealed = _judge_seal(connection, audit.events, has_log=log.exists())
         except (sqlite3.Error, UnicodeDecodeError) as error:  # say so, and what came before
             audit.add(f"database: {error}")
             sealed = ""
@@ -120,21 +126,6 @@ def verify(path: str | PathLike[str]) -> Report:
     )
 
 
-def _audit(connection: sqlite3.Connection, audit: Audit) -> bytes:
-    """Judge every event; the chain of the last."""
-    for number, row, fault in judged_rows(connection):
-        if fault:
-            audit.add(fault)
-        try:
-            audit.take(from_row(row))
-        except RunFileError as error:
-            audit.add(f"event {number}: {error}")
-    query = "SELECT chain FROM event ORDER BY id DESC LIMIT 1"
-    (version,) = connection.execute("PRAGMA user_version").fetchone()
-    found = connection.execute(query).fetchone() if version > 1 else None
-    return found[0] if found else b""
-
-
 def _judge_log(log: Path) -> str:
     """What a log beside the file has lost; empty if nothing, or while a scan writes it."""
     while log.exists():
@@ -153,12 +144,12 @@ def _judge_log(log: Path) -> str:
     return ""
 
 
-def _judge_seal(connection: sqlite3.Connection, events: int, chain: bytes, *, has_log: bool) -> str:
+def _judge_seal(connection: sqlite3.Connection, events: int, *, has_log: bool) -> str:
     """Whether the last events are there, and the log of a file that nobody closed."""
     (version,) = connection.execute("PRAGMA user_version").fetchone()
     if version < 3:
         return ""
-    broken = broken_seal(connection, events, chain)
+    broken = broken_seal(connection, events, last_event(connection)[1])
     if broken is not None or has_log:
         return broken or ""
     return (

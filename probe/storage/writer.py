@@ -21,8 +21,8 @@ from probe.core.events import Event, RunEnded, RunStarted
 from probe.storage.disk import explain, open_safely
 from probe.storage.lock import release
 from probe.storage.moved_away import InPlace, rescue
-from probe.storage.rows import FIRST, Row, from_row, link, to_row
-from probe.storage.schema import seal
+from probe.storage.rows import Row, from_row, link, to_row
+from probe.storage.schema import last_event, seal
 
 __all__ = ["Store", "StoreError", "create_store", "reopen_store"]
 
@@ -53,9 +53,7 @@ class Store:
         self._lock = lock
         self._in_place = InPlace(path, lock, connection)
         self._whole = True
-        last = connection.execute("SELECT id, chain FROM event ORDER BY id DESC LIMIT 1").fetchone()
-        self._id: int = last[0] if last else 0
-        self._chain: bytes = last[1] if last else FIRST
+        self._id, self._chain = last_event(connection)
         (self._last_s,) = connection.execute("SELECT max(time_s) FROM event").fetchone()
         self._channels = _channels(connection)
         self._waiting: deque[tuple[float, Event]] = deque()
