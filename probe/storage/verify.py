@@ -53,7 +53,8 @@ class Report:
     def as_json(self) -> dict[str, Any]:
         """For ``--json``."""
         found = asdict(self)
-        return {"run": str(found.pop("path")), "ok": self.ok, **found}
+        run = str(found.pop("path"))
+        return {"run": run, "ok": self.ok, **found, "problems": list(self.problems)}
 
 
 def verify(path: str | PathLike[str]) -> Report:
