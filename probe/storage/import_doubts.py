@@ -1,9 +1,10 @@
 """What of a recording from elsewhere is possible, but hardly meant: each in a sentence."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from drivers.core.arrays import Array
 from drivers.core.units import to_si
 from probe.core.contact_stress import PRESSED_N
 from probe.core.places import SAME_PLACE_M
@@ -19,34 +20,31 @@ TELLING = 100  # readings: noise goes up and down in turn in two of three, never
 
 def doubts(read: CsvRecording) -> Iterator[str]:
     """Sentences."""
-    if _mostly_negative(read):
+    means = [np.nanmean(press.signal.values, axis=1) for press in read.presses]
+    if _most(mean[np.abs(mean).argmax()] < 0 for mean in means):
         what = read.devices[DEVICE][0].role
         yield f"{what} is negative where it is largest: here pressed is positive"
     else:
-        yield from _untared(read)
+        yield from _untared(read, means)
     if _never_below(read):
         yield "depth_mm is never above 0: here it is positive below the surface"
     yield from _in_another_unit(read)
-    if _alternates(read):
+    if _most(map(_alternates, means)):
         yield (
             "every other row is of another level: are two sensors in one table? Import the rows "
             "of one of them"
         )
 
 
-def _mostly_negative(read: CsvRecording) -> bool:
-    """Whether most presses read less than nothing where they read most."""
-    means = [np.nanmean(press.signal.values, axis=1) for press in read.presses]
-    down = [bool(mean[np.abs(mean).argmax()] < 0) for mean in means]
-    return bool(sum(down) > len(down) / 2)
+def _most(presses: Iterable[bool]) -> bool:
+    return bool(np.mean(list(presses)) > 0.5)
 
 
-def _untared(read: CsvRecording) -> Iterator[str]:
+def _untared(read: CsvRecording, means: list[Array]) -> Iterator[str]:
     """Where most presses begin at a level far from 0, and rise from it: without a rise they may
     have been recorded in contact only."""
     far = []
-    for press in read.presses:
-        mean = np.nanmean(press.signal.values, axis=1)
+    for press, mean in zip(read.presses, means, strict=True):
         step_s = np.median(np.diff(press.signal.time_s))
         size = min(max(MIN_OF_LEVEL, round(LEVEL_S / step_s)), len(mean))
         levels = mean[: len(mean) // size * size].reshape(-1, size)
@@ -63,15 +61,11 @@ def _untared(read: CsvRecording) -> Iterator[str]:
         )
 
 
-def _alternates(read: CsvRecording) -> bool:
-    """Whether the readings of most presses go up and down in turn by much."""
-    in_turn = []
-    for press in read.presses:
-        mean = np.nanmean(press.signal.values, axis=1)
-        steps = np.diff(mean)
-        apart = abs(mean[::2].mean() - mean[1::2].mean()) > SHARE * np.abs(mean).max()
-        in_turn.append(len(mean) >= TELLING and apart and (steps[1:] * steps[:-1] < 0).all())
-    return bool(sum(in_turn) > len(in_turn) / 2)
+def _alternates(mean: Array) -> bool:
+    """Whether readings (n,) go up and down in turn by much."""
+    steps = np.diff(mean)
+    apart = abs(mean[::2].mean() - mean[1::2].mean()) > SHARE * np.abs(mean).max()
+    return bool(len(mean) >= TELLING and apart and (steps[1:] * steps[:-1] < 0).all())
 
 
 def _in_another_unit(read: CsvRecording) -> Iterator[str]:
