@@ -3,8 +3,8 @@
 Each function returns a `Figure` with units on every axis; nothing here reads files.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
@@ -63,12 +63,9 @@ STYLE: Any = {
 }
 
 
-@contextmanager
-def style() -> Iterator[None]:
+def style() -> AbstractContextManager[None]:
     """The look of every figure; drawing and saving both belong inside."""
-    with mpl.rc_context():
-        mpl.rcParams.update(STYLE)
-        yield
+    return mpl.rc_context(STYLE)
 
 
 def diastole_and_systole(station: Station, period_s: float) -> tuple[float, float]:
@@ -122,8 +119,7 @@ def tactile_map(recording: Recording, heart_rate_bpm: float | None = None) -> Fi
     if is_grid(recording):
         y = np.array([1e3 * s.y_m for s in recording.stations])
         return heat_maps(x, y, [m / 1e3 for m in maps.values()], list(maps), "stress [kPa]")
-    figure = _figure()
-    axes = figure.add_subplot()
+    figure, axes = _figure("position x [mm]", "contact stress [kPa]")
     looks = {
         "diastole": (BLUE, "s--"),
         "mean of the hold": (INK, "o-"),
@@ -134,7 +130,7 @@ def tactile_map(recording: Recording, heart_rate_bpm: float | None = None) -> Fi
         axes.plot(x, values / 1e3, mark, color=colour, label=name)
     if len(maps) > 1:
         _legend(figure)
-    return _labelled(figure, axes, "position x [mm]", "contact stress [kPa]")
+    return figure
 
 
 def heat_maps(
@@ -182,8 +178,7 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
         if figure.axes[0].get_legend_handles_labels()[1]:
             _legend(figure)
         return figure
-    figure = _figure()
-    axes = figure.add_subplot()
+    figure, axes = _figure("position x [mm]", "pulse [Pa]")
     x = np.array([_number(s["x_mm"]) for s in stations])
     reaches = np.array([_number(reach(s["pulse_sd_pa"])) for s in stations])
     if seen.any():
@@ -211,7 +206,7 @@ def pulse_map(finding: Mapping[str, Any], recording: Recording) -> Figure:
         )
     _legend(figure)
     axes.set_ylim(bottom=0)
-    return _labelled(figure, axes, "position x [mm]", "pulse [Pa]")
+    return figure
 
 
 def _draw_courses(figure: Figure, finding: Mapping[str, Any]) -> None:
@@ -236,8 +231,7 @@ def best_station(recording: Recording, finding: Mapping[str, Any]) -> tuple[Stat
 
 def force_trace(station: Station, face_m2: float, title: str) -> Figure:
     """Force against time of one station, its phases shaded."""
-    figure = _figure()
-    axes = figure.add_subplot()
+    figure, axes = _figure("time since first contact [s]", "force [N]")
     zero = station.indent_s if np.isfinite(station.indent_s) else station.time_s[0]
     axes.plot(station.time_s - zero, station.signal_pa.mean(axis=1) * face_m2, color=BLUE, lw=0.9)
     marks = [
@@ -252,7 +246,7 @@ def force_trace(station: Station, face_m2: float, title: str) -> Figure:
     if axes.get_legend_handles_labels()[1]:
         _legend(figure)
     axes.set_title(title, fontsize=8)
-    return _labelled(figure, axes, "time since first contact [s]", "force [N]")
+    return figure
 
 
 def section(nodes_m: Array, displacement_m: Array, triangles: Ints, von_mises_pa: Array) -> Figure:
@@ -264,10 +258,10 @@ def section(nodes_m: Array, displacement_m: Array, triangles: Ints, von_mises_pa
     picture = axes.tripcolor(mesh, von_mises_pa / 1e3, cmap=HEAT, shading="gouraud")
     picture.set_clim(0, float(np.percentile(von_mises_pa, 99.5)) / 1e3)
     picture.set_rasterized(True)
-    axes.set(aspect="equal")
+    axes.set(aspect="equal", xlabel="x [mm]", ylabel="height [mm]")
     axes.grid(False)
     _scale_below(figure, picture, axes, "von Mises [kPa]")
-    return _labelled(figure, axes, "x [mm]", "height [mm]")
+    return figure
 
 
 def _scale_below(figure: Figure, picture: Any, panels: Any, unit: str) -> None:
@@ -291,11 +285,7 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def _figure() -> Figure:
-    return Figure(figsize=(PAPER_WIDTH_IN, 2.4))
-
-
-def _labelled(figure: Figure, axes: Axes, x: str, y: str) -> Figure:
-    axes.set_xlabel(x)
-    axes.set_ylabel(y)
-    return figure
+def _figure(x: str, y: str) -> tuple[Figure, Axes]:
+    """One plot, its axes named."""
+    figure = Figure(figsize=(PAPER_WIDTH_IN, 2.4))
+    return figure, figure.add_subplot(xlabel=x, ylabel=y)
