@@ -8,6 +8,7 @@ import os
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
 from importlib import import_module
+from keyword import iskeyword
 from pathlib import Path
 from typing import Annotated
 
@@ -15,32 +16,11 @@ import typer
 
 from probe.cli import say, undisturbed
 from probe.cli.errors import status_of
-from probe.cli.layout import EXAMPLES, Grouped
+from probe.cli.layout import COMMANDS, Grouped
 from probe.cli.logs import log_to
 
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 """The solves are small: threads that wait for each other cost up to four times what they save."""
-COMMANDS = {
-    "scan": ("scan", "resume"),
-    "runs": ("replay", "live", "report", "verify"),
-    "collection": ("runs",),
-    "exchange": ("export", "import_"),
-    "finding": ("detect", "compare"),
-    "press": ("press",),
-    "scenes": ("scenes", "feel"),
-    "touch": ("touch",),
-    "rig": ("doctor", "plan"),
-    "teach": ("teach",),
-    "files": ("init", "schema"),
-    "emulate": ("emulate",),
-    "record": ("record",),
-    "watch": ("watch",),
-    "calibrate": ("calibrate",),
-    "studies": ("sweep", "fleet", "paper"),
-    "charts": ("chart",),
-}
-"""By file: the functions that are commands. ``import_`` is `palpate import`."""
-
 HELP = frozenset(("-h", "--help"))
 
 
@@ -58,14 +38,13 @@ def build() -> typer.Typer:
         "5 aborted or stopped by the user, 70 a mistake of palpate itself.",
     )
     app.callback()(_options)
-    for file, names in COMMANDS.items():
-        for name in names:
-            command = getattr(import_module(f"probe.cli.{file}"), name)
-            name = name.rstrip("_")
-            if isinstance(command, typer.Typer):
-                app.add_typer(command, name=name)
-            else:
-                app.command(name, epilog=f"Example: {EXAMPLES[name]}")(command)
+    for name, (file, example) in COMMANDS.items():
+        function = f"{name}_" if iskeyword(name) else name
+        command = getattr(import_module(f"probe.cli.{file}"), function)
+        if isinstance(command, typer.Typer):
+            app.add_typer(command, name=name)
+        else:
+            app.command(name, epilog=f"Example: {example}")(command)
     return app
 
 

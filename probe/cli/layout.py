@@ -8,50 +8,54 @@ from typer.core import TyperGroup
 
 from probe.cli.errors import Stopped
 
-SECTIONS: dict[str, dict[str, str]] = {
+SECTIONS: dict[str, dict[str, tuple[str, str]]] = {
     "Scan": {
-        "scan": "palpate scan rigs/ur5e.toml --dry-run",
-        "resume": "palpate resume runs/TIHA-20260101-120000.run",
-        "plan": "palpate plan --scene TISA --can-i-see",
-        "live": "palpate live runs/TIHA-20260101-120000.run",
+        "scan": ("scan", "palpate scan rigs/ur5e.toml --dry-run"),
+        "resume": ("scan", "palpate resume runs/TIHA-20260101-120000.run"),
+        "plan": ("rig", "palpate plan --scene TISA --can-i-see"),
+        "live": ("runs", "palpate live runs/TIHA-20260101-120000.run"),
     },
     "Runs": {
-        "detect": "palpate detect runs/*.run",
-        "compare": "palpate compare HEALTHY.run STENOTIC.run",
-        "report": "palpate report runs/TIHA-20260101-120000.run --anonymous",
-        "runs": "palpate runs runs --finding artery --sort scene",
-        "replay": "palpate replay runs/TIHA-20260101-120000.run --live",
-        "verify": "palpate verify runs/*.run",
-        "export": "palpate export runs/*.run --to csv,mcap --out shared",
-        "import": "palpate import FORCE.csv --out FORCE.run --face-mm2 100",
+        "detect": ("finding", "palpate detect runs/*.run"),
+        "compare": ("finding", "palpate compare HEALTHY.run STENOTIC.run"),
+        "report": ("runs", "palpate report runs/TIHA-20260101-120000.run --anonymous"),
+        "runs": ("collection", "palpate runs runs --finding artery --sort scene"),
+        "replay": ("runs", "palpate replay runs/TIHA-20260101-120000.run --live"),
+        "verify": ("runs", "palpate verify runs/*.run"),
+        "export": ("exchange", "palpate export runs/*.run --to csv,mcap --out shared"),
+        "import": ("exchange", "palpate import FORCE.csv --out FORCE.run --face-mm2 100"),
     },
     "Phantom": {
-        "press": "palpate press TIHA --x 32 --depth 2.5",
-        "feel": "palpate feel --scene TISA",
-        "scenes": "palpate scenes TIHA",
-        "touch": "palpate touch TIHA",
-        "emulate": "palpate emulate ur ft300 --scene TIHA",
+        "press": ("press", "palpate press TIHA --x 32 --depth 2.5"),
+        "feel": ("scenes", "palpate feel --scene TISA"),
+        "scenes": ("scenes", "palpate scenes TIHA"),
+        "touch": ("touch", "palpate touch TIHA"),
+        "emulate": ("emulate", "palpate emulate ur ft300 --scene TIHA"),
     },
     "Calibration": {
-        "calibrate": "palpate calibrate force LOADS.csv --device ft300",
+        "calibrate": ("calibrate", "palpate calibrate force LOADS.csv --device ft300"),
     },
     "Studies": {
-        "sweep": "palpate sweep TIHA --vary wall_mm=0.3..0.9:7 --out walls.csv",
-        "fleet": "palpate fleet 20 --seed 1 --out fleet.csv",
-        "paper": "palpate paper --out paper",
-        "chart": "palpate chart stability --quick",
+        "sweep": ("studies", "palpate sweep TIHA --vary wall_mm=0.3..0.9:7 --out walls.csv"),
+        "fleet": ("studies", "palpate fleet 20 --seed 1 --out fleet.csv"),
+        "paper": ("studies", "palpate paper --out paper"),
+        "chart": ("charts", "palpate chart stability --quick"),
     },
     "Rig": {
-        "init": "palpate init rig mylab",
-        "schema": "palpate schema rig",
-        "doctor": "palpate doctor rigs/ur5e.toml",
-        "teach": "palpate teach rigs/ur5e.toml --write",
-        "watch": "palpate watch rigs/ur5e.toml",
-        "record": "palpate record rigs/modbus_taxels.toml --out tests/drivers/exchanges",
+        "init": ("files", "palpate init rig mylab"),
+        "schema": ("files", "palpate schema rig"),
+        "doctor": ("rig", "palpate doctor rigs/ur5e.toml"),
+        "teach": ("teach", "palpate teach rigs/ur5e.toml --write"),
+        "watch": ("watch", "palpate watch rigs/ur5e.toml"),
+        "record": (
+            "record",
+            "palpate record rigs/modbus_taxels.toml --out tests/drivers/exchanges",
+        ),
     },
 }
-"""Every command under its section, with one example."""
-EXAMPLES = {name: line for each in SECTIONS.values() for name, line in each.items()}
+"""Every command under its section: the file that has it, and one example."""
+COMMANDS = {name: said for each in SECTIONS.values() for name, said in each.items()}
+EXAMPLES = {name: example for name, (_, example) in COMMANDS.items()}
 
 
 KINDS = {
@@ -81,10 +85,10 @@ class Grouped(TyperGroup):
     # What click gives it: click itself or the copy in typer, by typer's version.
     def format_commands(self, _ctx: Any, formatter: Any) -> None:
         widest = max(len(name) for name in self.commands)
-        for title, examples in SECTIONS.items():
+        for title, commands in SECTIONS.items():
             rows = [
                 (name.ljust(widest), self.commands[name].get_short_help_str(200))
-                for name in examples
+                for name in commands
                 if name in self.commands
             ]
             if rows:
