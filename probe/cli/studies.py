@@ -1,6 +1,7 @@
 """``palpate sweep``, ``fleet`` and ``paper``: many presses or scans, and the paper's figures."""
 
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -144,7 +145,7 @@ def paper(
     began_s = time.perf_counter()
     statements = redo(out, inform)
     if json:
-        found = [one.as_json() for one in statements]
+        found = [asdict(one) for one in statements]
         seconds = time.perf_counter() - began_s
         answer_json({"out": out, "statements": found, "seconds": seconds})
         return

@@ -25,6 +25,7 @@ from probe.storage.import_table import (
     saturated,
     signal,
 )
+from probe.storage.tables import attributes
 
 with needs("data", "palpate import"):
     import pandas as pd
@@ -50,11 +51,6 @@ def device_of(
             for column, channel in channels.items()
         }
     )
-
-
-def attributes(channel: Channel) -> dict[str, str | int]:
-    """What a variable says of its channel."""
-    return {"units": channel.unit, "role": channel.role, "simulated": int(channel.simulated)}
 
 
 def channels_of(data: xr.Dataset) -> list[Channel]:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from drivers import Block
+from drivers import Block, Channel
 from drivers.core.extras import needs
 from probe.core.contact_stress import simulated_channels, tactile_device, tactile_or_none
 from probe.core.errors import RunFileError
@@ -132,7 +132,9 @@ def samples(
                 phases.append((entered_s, str(phase)))
             case StationStarted(_, number):
                 known.add(number + 1)
-            case Samples(name, block, at) if name == device and station in (None, _number(at)):
+            case Samples(name, block, at) if name == device and (
+                station is None or at == station - 1
+            ):
                 if block.values.shape[1] != len(channels):
                     raise RunFileError(f"a block of {device} lacks a channel")
                 parts.append(event)
@@ -146,23 +148,25 @@ def samples(
     empty = np.empty((0, len(channels)))
     values = np.concatenate([p.block.values for p in parts] or [empty])
     saturated = np.concatenate([p.block.saturated for p in parts] or [empty.astype(bool)])
-    lengths = [len(p.block.time_s) for p in parts]
+    labels = np.array(
+        [
+            (-1 if p.station is None else p.station + 1, -1 if p.attempt is None else p.attempt)
+            for p in parts
+        ],
+        np.int64,
+    ).reshape(-1, 2)
+    number, attempt = np.repeat(labels, [len(p.block.time_s) for p in parts], axis=0).T
     names = np.array([name for _, name in phases])
     entered = np.searchsorted([at for at, _ in phases], time_s, side="right") - 1
     variables: dict[str, tuple[Any, ...]] = {}
     for n, (name, channel) in enumerate(zip(channel_names(channels), channels, strict=True)):
-        attrs = {
-            "units": channel.unit,
-            "role": channel.role,
-            "simulated": int(channel.simulated),  # netCDF knows no booleans
-        }
-        variables[name] = ("time_s", values[:, n], attrs)
+        variables[name] = ("time_s", values[:, n], attributes(channel))
         variables[f"{name}_saturated"] = ("time_s", saturated[:, n])
     along = xr.Dataset(
         coords={
             "time_s": ("time_s", time_s, {"units": "s", "long_name": "time on the scan's clock"}),
-            "station": ("time_s", _labels([_number(p.station) for p in parts], lengths)),
-            "attempt": ("time_s", _labels([p.attempt for p in parts], lengths)),
+            "station": ("time_s", number),
+            "attempt": ("time_s", attempt),
             "phase": ("time_s", names[entered]),
         },
         attrs={
@@ -229,13 +233,6 @@ def with_samples(
             yield event
 
 
-def _number(index: int | None) -> int | None:
-    """What people call a station: events count from 0."""
-    return None if index is None else index + 1
-
-
-def _labels(
-    labels: list[int | None], lengths: list[int]
-) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    numbers = np.array([-1 if label is None else label for label in labels], np.int64)
-    return np.repeat(numbers, lengths)
+def attributes(channel: Channel) -> dict[str, str | int]:
+    """What a variable says of its channel; netCDF knows no booleans."""
+    return {"units": channel.unit, "role": channel.role, "simulated": int(channel.simulated)}

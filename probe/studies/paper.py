@@ -49,9 +49,6 @@ class Statement:
     ours: str
     verdict: str
 
-    def as_json(self) -> dict[str, str]:
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class Task:
@@ -174,7 +171,7 @@ def paper(out: Path, progress: Callable[[str], None] = print, workers: int = 2) 
     shown = readings.drop(columns="reason").to_string(index=False, float_format="{:.1f}".format)
     (out / "sensitivity.txt").write_text(shown + "\n", encoding="utf-8")
     found = statements(table)
-    pd.DataFrame([one.as_json() for one in found]).to_csv(out / "statements.csv", index=False)
+    pd.DataFrame([asdict(one) for one in found]).to_csv(out / "statements.csv", index=False)
     draw(table, out)
     return found
 
