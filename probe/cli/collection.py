@@ -12,7 +12,7 @@ from probe.cli.say import Json, answer, answer_json, answer_table, key_values
 if TYPE_CHECKING:  # commands import what they need when they run
     from probe.storage.collection import Listed
 
-FINDINGS = ("nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see")
+Finding = Literal["nothing", "tumour", "artery", "stenotic artery", "undecided", "cannot see"]
 WIDTHS = {"date": 10, "scene": 5, "how": 9, "finish": 9, "who and what": 12, "finding": 15}
 """Characters that each column of the table of runs needs."""
 By = Literal["date", "scene", "operator", "specimen", "finding", "name"]
@@ -22,9 +22,7 @@ def runs(
     folder: Annotated[Path, typer.Argument(metavar="[DIR]", help="Where the runs are.")] = Path(
         "runs"
     ),
-    finding: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Only runs with this finding, say artery.")
-    ] = None,
+    finding: Annotated[Finding | None, typer.Option(help="Only runs with this finding.")] = None,
     scene: Annotated[
         str | None, typer.Option(metavar="NAME", help="Only runs of this scene.")
     ] = None,
@@ -55,8 +53,6 @@ def runs(
     if not folder.is_dir():
         what = "a file; give the folder it is in" if folder.exists() else "no such folder"
         raise typer.BadParameter(f"{folder}: {what}")
-    if finding is not None and finding not in FINDINGS:
-        raise typer.BadParameter(f"--finding {finding}: allowed are {', '.join(FINDINGS)}")
     if since is not None and not _is_date(since):
         raise typer.BadParameter(f"--since {since}: say it as 2026-01-31")
     wanted = {"operator": operator, "specimen": specimen, **key_values(note or [])}
