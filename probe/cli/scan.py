@@ -70,7 +70,7 @@ def scan(
             callback=storable,
         ),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the simulated sensors' noise.")] = 0,
     operator: Annotated[
         str | None,
         typer.Option(metavar="NAME", help="Who scans; kept in the run.", callback=storable),
@@ -105,8 +105,6 @@ def scan(
 
     Ctrl-C lifts the probe and ends the run; a second one stops where it is.
     """
-    if seed < 0:
-        raise typer.BadParameter(f"--seed {seed}: must be 0 or more")
     if stations:
         numbers = station_numbers(stations, "--stations")
         settings = [*(settings or []), f"scan.only={numbers}"]
