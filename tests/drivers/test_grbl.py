@@ -4,11 +4,12 @@ import math
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from typing import Any
 
 import numpy as np
 import pytest
-from waiting import until
+from waiting import OnlyWaits, until
 
 from drivers import DeviceAbsent, DeviceFault, MotionFault, Pose, WallClock
 from drivers.core.ports import READ_S
@@ -32,12 +33,23 @@ def stage_at(board: Served, **keys: Any) -> GrblStage:
     return open_stage(WallClock(), GrblSettings(**keys))
 
 
+@contextmanager
+def connected(board: Served, **keys: Any) -> Iterator[GrblStage]:
+    with closing(stage_at(board, **keys)) as made:
+        made.connect()
+        yield made
+
+
 @pytest.fixture
 def stage(board: Served) -> Iterator[GrblStage]:
-    made = stage_at(board)
-    made.connect()
-    yield made
-    made.close()
+    with connected(board) as made:
+        yield made
+
+
+def go(stage: GrblStage, target: Pose) -> None:
+    """Move and arrive."""
+    stage.move(target, 0.02)
+    until(lambda: not stage.moving())
 
 
 def test_closing_ends_a_move(stage: GrblStage, phantom: Phantom, clock: WallClock) -> None:
@@ -71,16 +83,14 @@ def test_a_fault_in_a_move_is_reported_in_words(
     board: Served, phantom: Phantom, clock: WallClock, fault: str, words: str
 ) -> None:
     quiet = fault in ("silence", "garbage")
-    stage = stage_at(board, silent_s=0.25 if quiet else 3.0)
-    stage.connect()
-    stage.move(Pose(0.012, 0.0, 0.004), 0.02)
-    board.fail(fault)
-    with pytest.raises(DeviceFault, match=words):
-        until(lambda: stage.pose() is None, 0.6)
-    if fault not in ("drop",):
-        stage.stop()  # never raises; the board still hears
-        until(lambda: not phantom.tip.moving(clock.now()), 0.5)
-    stage.close()
+    with connected(board, silent_s=0.25 if quiet else 3.0) as stage:
+        stage.move(Pose(0.012, 0.0, 0.004), 0.02)
+        board.fail(fault)
+        with pytest.raises(DeviceFault, match=words):
+            until(lambda: stage.pose() is None, 0.6)
+        if fault != "drop":
+            stage.stop()  # never raises; the board still hears
+            until(lambda: not phantom.tip.moving(clock.now()), 0.5)
 
 
 def test_probing_latches_where_the_contact_closed(stage: GrblStage) -> None:
@@ -100,24 +110,22 @@ def test_a_probe_can_be_stopped(stage: GrblStage) -> None:
 
 def test_a_locked_board_must_be_homed(phantom: Phantom, clock: WallClock) -> None:
     with grbl.emulate(phantom) as board:
-        locked = stage_at(board)
         with pytest.raises(DeviceFault, match="home = true"):
-            locked.connect()
-        homing = stage_at(board, home=True)
-        homing.connect()
-        assert phantom.tip.point(clock.now()) == pytest.approx(HOME)  # connecting moves nothing
-        homing.home()
-        assert homing.pose()[:3] == pytest.approx((0.079, 0.019, 0.051), abs=2e-6)
-        homing.close()
+            stage_at(board).connect()
+        with connected(board, home=True) as homing:
+            assert phantom.tip.point(clock.now()) == pytest.approx(HOME)  # connecting moves nothing
+            homing.home()
+            assert homing.pose()[:3] == pytest.approx((0.079, 0.019, 0.051), abs=2e-6)
 
 
 @pytest.mark.parametrize("after_s", [0.05, 0.4, 1.2])
 def test_homing_can_be_stopped_at_any_instant(
     after_s: float, phantom: Phantom, clock: WallClock
 ) -> None:
-    with grbl.emulate(phantom) as board:
-        homing = stage_at(board, home=True, park_mm=(0.0, 0.0, 40.0))
-        homing.connect()
+    with (
+        grbl.emulate(phantom) as board,
+        connected(board, home=True, park_mm=(0.0, 0.0, 40.0)) as homing,
+    ):
         threading.Timer(after_s, homing.stop).start()
         with pytest.raises(DeviceFault, match=r"reset|stopped on the way"):
             homing.home()
@@ -125,20 +133,16 @@ def test_homing_can_be_stopped_at_any_instant(
         rests = phantom.tip.point(clock.now())
         time.sleep(0.2)
         assert phantom.tip.point(clock.now()) == rests
-        homing.close()
 
 
 def test_inches_are_understood(board: Served) -> None:
-    made = stage_at(board)
-    made.connect()
-    made._line()[0].command("$13=1", 5.0)
-    made.close()
-    made.connect()
-    assert made.pose()[:3] == pytest.approx(HOME, abs=2e-5)
-    made.move(Pose(0.031, 0.0, 0.004), 0.02)
-    until(lambda: not made.moving())
-    assert made.pose().x == pytest.approx(0.031, abs=2e-5)
-    made.close()
+    with connected(board) as made:
+        made._line()[0].command("$13=1", 5.0)
+        made.close()
+        made.connect()
+        assert made.pose()[:3] == pytest.approx(HOME, abs=2e-5)
+        go(made, Pose(0.031, 0.0, 0.004))
+        assert made.pose().x == pytest.approx(0.031, abs=2e-5)
 
 
 def test_an_absent_port_names_what_there_is(clock: WallClock) -> None:
@@ -148,18 +152,16 @@ def test_an_absent_port_names_what_there_is(clock: WallClock) -> None:
 
 def test_something_else_at_the_port_is_no_stage(board: Served) -> None:
     board.fail("garbage")
-    made = stage_at(board)
     with pytest.raises(DeviceAbsent, match="no GRBL answers"):
-        made.connect()
+        stage_at(board).connect()
     assert not [t for t in threading.enumerate() if t.name == "palpate grbl"]
 
 
 def test_a_slow_axis_is_reported_at_connection(
     board: Served, caplog: pytest.LogCaptureFixture
 ) -> None:
-    made = stage_at(board, max_speed_mm_s=60.0)
-    made.connect()
-    made.close()
+    with connected(board, max_speed_mm_s=60.0):
+        pass
     assert "the board moves z at 50 mm/s at most ($112)" in caplog.text
     assert "moves x" not in caplog.text
 
@@ -176,16 +178,12 @@ def test_a_board_after_a_limit_alarm_can_be_connected_and_homed(phantom: Phantom
     with grbl.emulate(phantom, homed=True) as board:
         board.fail("limit")
         time.sleep(0.05)
-        idle = stage_at(board)
         with pytest.raises(DeviceFault, match=r"home = true"):
-            idle.connect()
-        homing = stage_at(board, home=True)
-        homing.connect()
-        homing.home()
-        assert homing.pose().z == pytest.approx(0.051, abs=2e-6)
-        homing.move(Pose(0.078, 0.019, 0.05), 0.02)
-        until(lambda: not homing.moving())
-        homing.close()
+            stage_at(board).connect()
+        with connected(board, home=True) as homing:
+            homing.home()
+            assert homing.pose().z == pytest.approx(0.051, abs=2e-6)
+            go(homing, Pose(0.078, 0.019, 0.05))
 
 
 @pytest.mark.parametrize("mask", [0.0, 2.0])
@@ -194,21 +192,19 @@ def test_work_positions_alone_are_no_place(
 ) -> None:
     """With the work zero 7 mm aside, "4 mm down" would go 7 mm sideways."""
     monkeypatch.setitem(grbl.SETTINGS, 10, mask)
-    with grbl.emulate(phantom, homed=True, work_mm=(7.0, 0.0, -10.0)) as board:
-        made = stage_at(board)
-        with pytest.raises(DeviceFault, match=rf"work positions only.*\$10={mask:g}.*set \$10=1"):
-            made.connect()
+    with (
+        grbl.emulate(phantom, homed=True, work_mm=(7.0, 0.0, -10.0)) as board,
+        pytest.raises(DeviceFault, match=rf"work positions only.*\$10={mask:g}.*set \$10=1"),
+    ):
+        stage_at(board).connect()
 
 
 def test_a_work_zero_changes_no_pose(phantom: Phantom, clock: WallClock) -> None:
-    with grbl.emulate(phantom, homed=True, work_mm=(7.0, 0.0, -10.0)) as board:
-        made = stage_at(board)
-        made.connect()
+    aside = {"homed": True, "work_mm": (7.0, 0.0, -10.0)}
+    with grbl.emulate(phantom, **aside) as board, connected(board) as made:
         assert made.pose()[:3] == pytest.approx(HOME, abs=1e-6)
-        made.move(Pose(0.03, 0.0, 0.001), 0.02)
-        until(lambda: not made.moving())
+        go(made, Pose(0.03, 0.0, 0.001))
         assert phantom.tip.point(clock.now()) == pytest.approx((0.03, 0.0, 0.001), abs=1e-6)
-        made.close()
 
 
 @pytest.mark.parametrize("fault, words", [
@@ -236,11 +232,8 @@ def test_a_feed_hold_in_a_move_is_a_fault_of_motion(stage: GrblStage, board: Ser
 
 def test_an_unhomed_board_is_reported(phantom: Phantom, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(grbl.SETTINGS, 22, 0.0)
-    with grbl.emulate(phantom, homed=True) as board:
-        made = stage_at(board)
-        made.connect()
+    with grbl.emulate(phantom, homed=True) as board, connected(board) as made:
         assert any("$22=0" in note for note in made.enable())
-        made.close()
 
 
 def test_homing_forgives_an_earlier_restart(stage: GrblStage, board: Served) -> None:
@@ -251,41 +244,28 @@ def test_homing_forgives_an_earlier_restart(stage: GrblStage, board: Served) -> 
     stage.pose()
 
 
-class SlowTime:
-    """Time that goes on only where a driver waits."""
-
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-    def sleep(self, wait_s: float) -> None:
-        self.now_s += wait_s
-
-
 class CountingLine:
     """Answers each `?` after 12 ms, as grblHAL does; reads wait as a serial port's do."""
 
-    def __init__(self, clock: SlowTime) -> None:
+    def __init__(self, clock: OnlyWaits) -> None:
         self.asked: list[float] = []
         self._clock = clock
         self._answers_s = math.inf
 
     @property
     def in_waiting(self) -> int:
-        return int(self._answers_s <= self._clock.now_s) and 40
+        return int(self._answers_s <= self._clock.monotonic()) and 40
 
     def write(self, data: bytes, /) -> int:
-        self.asked.append(self._clock.now_s)
-        self._answers_s = self._clock.now_s + 0.012
+        self.asked.append(self._clock.monotonic())
+        self._answers_s = self._clock.monotonic() + 0.012
         return len(data)
 
     def read(self, _size: int = 1, /) -> bytes:
-        if self._answers_s > self._clock.now_s + READ_S:
+        if self._answers_s > self._clock.monotonic() + READ_S:
             self._clock.sleep(READ_S)
             return b""
-        self._clock.sleep(max(self._answers_s - self._clock.now_s, 0.0))
+        self._clock.sleep(max(self._answers_s - self._clock.monotonic(), 0.0))
         self._answers_s = math.inf
         return b"<Idle|MPos:0.000,0.000,0.000|Bf:100,1023|FS:0,0>\r\n"
 
@@ -295,7 +275,7 @@ class CountingLine:
 
 def test_status_is_asked_for_as_often_as_set(monkeypatch: pytest.MonkeyPatch) -> None:
     """A read that waits 20 ms must not delay the next question."""
-    clock = SlowTime()
+    clock = OnlyWaits()
     monkeypatch.setattr("drivers.grbl.line.time", clock)
     line = CountingLine(clock)
     talk = Conversation("grbl", line, 0.02)

@@ -6,9 +6,11 @@ The press is 2.4 mm at 1.2 mm/s; places are the emulated machine's own, not what
 import re
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from true_tip import HasTip
 from waiting import until
 
 from drivers import DeviceFault, MotionFault, Pose, SimulatedClock, WallClock
@@ -45,25 +47,15 @@ def stage(board: Served) -> Iterator[GrblStage]:
     made.close()
 
 
-class Tip:
+@dataclass
+class Tip(HasTip):
     """Where the machine truly is."""
 
-    def __init__(self, phantom: Phantom) -> None:
-        self._phantom = phantom
+    phantom: Phantom
 
     @property
     def z(self) -> float:
-        return self._phantom.tip.point(self._phantom.clock.now())[2]
-
-    @property
-    def moving(self) -> bool:
-        return self._phantom.tip.moving(self._phantom.clock.now())
-
-    def rests(self, within_s: float = 3.0) -> float:
-        until(lambda: not self.moving, within_s)
-        time.sleep(0.1)
-        assert not self.moving
-        return self.z
+        return self.tip_m[2]
 
 
 @pytest.fixture
@@ -101,7 +93,7 @@ def test_a_board_that_is_left_alone_comes_to_rest(fault: str, board: Served, tip
     """Nothing is heard of it, or not where it is."""
     before = tip.z
     board.fail(fault)
-    assert before - tip.rests() < BOUND_M + BUSY_M
+    assert before - tip.rests_m() < BOUND_M + BUSY_M
 
 
 NOT_OBEYED = {"seven bits": 1, "ignores 0x85": 1, "ignores 0x85 and !": 2}
@@ -119,9 +111,9 @@ def test_where_a_stop_is_not_obeyed_the_next_means_is(
     for means in deaf:
         means.call()
         time.sleep(means.within_s)
-        assert tip.moving
+        assert tip.tip_moves
     heard.call()
-    assert until(lambda: not tip.moving, 1.0) < heard.within_s + 0.1
+    assert until(lambda: not tip.tip_moves, 1.0) < heard.within_s + 0.1
     until(lambda: at_rest(stage))
     if "reset" in heard.name:
         for refused in (lambda: stage.move(TOP, SPEED_M_S), stage.enable):
@@ -137,7 +129,7 @@ def test_a_press_whose_stop_is_not_obeyed_ends_soon_and_is_lifted(
     board.fail(fault)
     before = tip.z
     pressing.stop()
-    assert before - tip.rests() < BOUND_M + BUSY_M
+    assert before - tip.rests_m() < BOUND_M + BUSY_M
     lift(pressing, tip)
 
 

@@ -5,11 +5,10 @@ import re
 import socket
 import time
 from collections.abc import Iterator
-from types import SimpleNamespace
 
 import pytest
 from peer import Peer
-from waiting import until
+from waiting import OnlyWaits, until
 
 from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.grbl.board import BoardSettings
@@ -201,21 +200,15 @@ def test_a_long_way_to_the_park_is_given_its_time(
     arrives_s: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """100 mm at 10 mm/s."""
-    now_s = [0.0]
-
-    def sleep(seconds: float) -> None:
-        now_s[0] += max(seconds, 0.1)
-
-    clock = SimpleNamespace(monotonic=lambda: now_s[0], sleep=sleep)
-    keys = GrblSettings(port="-", park_mm=(100.0, 0.0, 0.0), max_speed_mm_s=10.0)
-    stage = GrblStage(keys)
+    clock = OnlyWaits(least_s=0.1)
+    stage = GrblStage(GrblSettings(port="-", park_mm=(100.0, 0.0, 0.0), max_speed_mm_s=10.0))
     monkeypatch.setattr("drivers.grbl.stage.time", clock)
     monkeypatch.setattr(stage, "pose", lambda: Pose(0.0, 0.0, 0.0))
     monkeypatch.setattr(stage, "move", lambda _target, _speed_m_s: None)
-    monkeypatch.setattr(stage, "moving", lambda: now_s[0] < arrives_s)
+    monkeypatch.setattr(stage, "moving", lambda: clock.monotonic() < arrives_s)
     if arrives_s < math.inf:
         stage._park(0)
-        assert now_s[0] >= arrives_s
+        assert clock.monotonic() >= arrives_s
     else:
         with pytest.raises(DeviceFault, match="has not reached park_mm"):
             stage._park(0)

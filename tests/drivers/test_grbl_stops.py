@@ -6,6 +6,7 @@ stop that came over the wire.
 
 import time
 from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 from campaign.board import ORIGIN_MM, Board
@@ -26,8 +27,8 @@ LIMITS_MM = ((-5.0, 70.0), (-5.0, 5.0), (-4.0, 50.0))
 class Bench(Peer):
     """The board as a device of `served`."""
 
-    def __init__(self) -> None:
-        self.board = Board(World(Bed(), time.monotonic(), HOME))
+    def __init__(self, board: Board) -> None:
+        self.board = board
 
     def received(self, data: bytes) -> bytes:
         self.board.received(data)
@@ -40,26 +41,24 @@ class Bench(Peer):
 
 @pytest.fixture
 def board() -> Board:
-    return Bench().board
+    return Board(World(Bed(), time.monotonic(), HOME))
 
 
 @pytest.fixture
 def line(board: Board) -> Iterator[Served]:
-    bench = Bench()
-    bench.board = board
-    with served(bench, "pty", "grbl") as device:
+    with served(Bench(board), "pty", "grbl") as device:
         yield device
 
 
 @pytest.fixture
-def stage(line: Served) -> Iterator[GrblStage]:
+def stage(line: Served, request: pytest.FixtureRequest) -> Iterator[GrblStage]:
     settings = GrblSettings(
-        port=line.address, origin_mm=ORIGIN_MM, limits_mm=LIMITS_MM, status_hz=100.0, **PATIENT
-    )
-    made = open_stage(WallClock(), settings)
-    made.connect()
-    yield made
-    made.close()
+        port=line.address, origin_mm=ORIGIN_MM, limits_mm=LIMITS_MM,
+        status_hz=getattr(request, "param", 100.0), **PATIENT,
+    )  # fmt: skip
+    with closing(open_stage(WallClock(), settings)) as made:
+        made.connect()
+        yield made
 
 
 def set_off(stage: GrblStage, board: Board) -> None:
@@ -67,18 +66,11 @@ def set_off(stage: GrblStage, board: Board) -> None:
     until(lambda: board.world.speed_m_s > 0)
 
 
-def test_a_stop_does_not_wait_for_the_next_status(line: Served, board: Board) -> None:
-    settings = GrblSettings(
-        port=line.address, origin_mm=ORIGIN_MM, limits_mm=LIMITS_MM, status_hz=5.0, **PATIENT
-    )
-    made = open_stage(WallClock(), settings)
-    made.connect()
-    try:
-        set_off(made, board)
-        made.stop()
-        assert until(lambda: bool(board.stops)) < 0.1  # of 0.2 s from status to status
-    finally:
-        made.close()
+@pytest.mark.parametrize("stage", [5.0], indirect=True)
+def test_a_stop_does_not_wait_for_the_next_status(stage: GrblStage, board: Board) -> None:
+    set_off(stage, board)
+    stage.stop()
+    assert until(lambda: bool(board.stops)) < 0.1  # of 0.2 s from status to status
 
 
 def test_a_board_without_homing_that_restarted_is_not_believed(

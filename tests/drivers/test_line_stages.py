@@ -3,11 +3,13 @@ every stage does with nobody there GRBL does too."""
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from true_tip import HasTip
 from waiting import until
 
 import drivers.pi
@@ -26,18 +28,33 @@ from sim_backend.phantom.phantom import Phantom, Respond
 EMULATORS: dict[str, Any] = {"zaber": zaber, "pi": pi, "tmcl": tmcl}
 HOME = (0.032, 0.0, 0.002)
 GRBL_BETWEEN_S = 0.01
+TOP, BOTTOM = Pose(*HOME), Pose(0.032, 0.0, -0.0024)
+PRESS_M_S = 1.2e-3
+BUSY_M = 0.1e-3  # 80 ms in which a busy machine looks late at what has happened
 PATIENT = {"silent_s": 2.0, "answer_s": 1.0}  # the emulator shares this machine with other tests
 
 
-class Rig:
-    def __init__(self, name: str, stage: LineStage, served: Served, phantom: Phantom) -> None:
-        self.name, self.stage, self.served, self.phantom = name, stage, served, phantom
+@dataclass
+class Rig(HasTip):
+    """A stage, and the phantom with its tip."""
+
+    stage: LineStage
+    served: Served
+    phantom: Phantom
 
     def arrive(self) -> None:
-        self.wait_for(lambda: not self.stage.moving())
+        until(lambda: not self.stage.moving(), 5.0)
 
-    def wait_for(self, ready: Callable[[], bool]) -> None:
-        until(ready, 5.0)
+    def go(self, target: Pose, speed_m_s: float) -> None:
+        self.stage.move(target, speed_m_s)
+        self.arrive()
+
+    def press(self) -> float:
+        """Half a millimetre deep, which it returns [m]."""
+        enable(self.stage)
+        self.stage.move(BOTTOM, PRESS_M_S)
+        until(lambda: self.tip_m[2] < -0.5e-3, 5.0)
+        return self.tip_m[2]
 
 
 @contextmanager
@@ -53,9 +70,15 @@ def rig_of(name: str, winkler: Respond, *, homed: bool = True, **keys: Any) -> I
         stage = open_driver("stages", name, clock, {**usual, "port": served.address, **keys})
         try:
             stage.connect()
-            yield Rig(name, stage, served, phantom)
+            yield Rig(stage, served, phantom)
         finally:
             stage.close()
+
+
+@pytest.fixture
+def rig(name: str, winkler: Respond) -> Iterator[Rig]:
+    with rig_of(name, winkler) as made:
+        yield made
 
 
 each = pytest.mark.parametrize("name", EMULATORS)
@@ -63,19 +86,15 @@ each_and_grbl = pytest.mark.parametrize("name", [*EMULATORS, "grbl"])
 
 
 @each
-def test_it_moves_all_axes_in_the_scan_frame_and_they_arrive_together(
-    name: str, winkler: Respond
-) -> None:
-    with rig_of(name, winkler) as rig:
-        enable(rig.stage)
-        assert rig.stage.pose()[:3] == pytest.approx(HOME, abs=1e-6)
-        target = Pose(0.036, -0.002, 0.006)
-        rig.stage.move(target, 8e-3)
-        rig.arrive()
-        assert rig.stage.pose()[:3] == pytest.approx(target[:3], abs=2e-6)
-        assert rig.phantom.tip.point(rig.phantom.clock.now()) == pytest.approx(target[:3], abs=2e-6)
-        straight = rig.phantom.tip.all_legs()[-1]
-        assert straight.speed == pytest.approx(8e-3, rel=0.01)  # 6 mm at 8 mm/s
+def test_it_moves_all_axes_in_the_scan_frame_and_they_arrive_together(rig: Rig) -> None:
+    enable(rig.stage)
+    assert rig.stage.pose()[:3] == pytest.approx(HOME, abs=1e-6)
+    target = Pose(0.036, -0.002, 0.006)
+    rig.go(target, 8e-3)
+    assert rig.stage.pose()[:3] == pytest.approx(target[:3], abs=2e-6)
+    assert rig.tip_m == pytest.approx(target[:3], abs=2e-6)
+    straight = rig.phantom.tip.all_legs()[-1]
+    assert straight.speed == pytest.approx(8e-3, rel=0.01)  # 6 mm at 8 mm/s
 
 
 @each
@@ -118,7 +137,7 @@ def test_a_stop_on_the_way_home_ends_it(name: str, winkler: Respond) -> None:
     with rig_of(name, winkler, homed=False, home=True) as rig:
 
         def stop() -> None:
-            while not rig.phantom.tip.moving(rig.phantom.clock.now()):
+            while not rig.tip_moves:
                 pass
             rig.stage.stop()
 
@@ -127,7 +146,7 @@ def test_a_stop_on_the_way_home_ends_it(name: str, winkler: Respond) -> None:
         with pytest.raises(DeviceFault, match="stopped on the way"):
             rig.stage.home()
         stopper.join()
-        assert rig.phantom.tip.point(rig.phantom.clock.now())[2] < 0.038
+        assert rig.tip_m[2] < 0.038
 
 
 FAULTS = [
@@ -142,33 +161,30 @@ FAULTS = [
 
 @pytest.mark.parametrize(("name", "fault", "words", "kind", "then"), FAULTS, ids=lambda v: str(v))
 def test_a_fault_is_reported_in_its_words(
-    name: str, fault: str, words: str, kind: type[DeviceFault], then: str, winkler: Respond
+    fault: str, words: str, kind: type[DeviceFault], then: str, rig: Rig
 ) -> None:
     """After one of motion that leaves the axis its power it lifts."""
-    with rig_of(name, winkler) as rig:
-        enable(rig.stage)
-        rig.stage.move(Pose(*HOME)._replace(z=-0.002), 1e-3)
-        rig.wait_for(lambda: rig.stage.pose().z < 0.0019)
-        rig.served.fail(fault)
-        with pytest.raises(kind, match=words):
-            rig.arrive()
-        if then == "lifts":
-            rig.stage.move(Pose(*HOME), 5e-3)
-            rig.arrive()
-            assert rig.stage.pose().z == pytest.approx(HOME[2], abs=2e-6)
+    enable(rig.stage)
+    rig.stage.move(Pose(*HOME)._replace(z=-0.002), 1e-3)
+    until(lambda: rig.stage.pose().z < 0.0019, 5.0)
+    rig.served.fail(fault)
+    with pytest.raises(kind, match=words):
+        rig.arrive()
+    if then == "lifts":
+        rig.go(Pose(*HOME), 5e-3)
+        assert rig.stage.pose().z == pytest.approx(HOME[2], abs=2e-6)
 
 
 @each
-def test_what_a_controller_refuses_is_said(name: str, winkler: Respond) -> None:
-    with rig_of(name, winkler) as rig:
-        enable(rig.stage)
-        if name != "tmcl":  # a module does not know its travel
-            with pytest.raises(DeviceFault, match=r"out of (range|limits)"):
-                rig.stage.move(Pose(*HOME)._replace(x=0.2), 5e-3)
-        with pytest.raises(DeviceFault, match="max_speed_mm_s = 10"):
-            rig.stage.move(Pose(*HOME), 0.02)
-        with pytest.raises(DeviceFault, match="no axes to tilt"):
-            rig.stage.move(Pose(*HOME, 0.1), 5e-3)
+def test_what_a_controller_refuses_is_said(name: str, rig: Rig) -> None:
+    enable(rig.stage)
+    if name != "tmcl":  # a module does not know its travel
+        with pytest.raises(DeviceFault, match=r"out of (range|limits)"):
+            rig.stage.move(Pose(*HOME)._replace(x=0.2), 5e-3)
+    with pytest.raises(DeviceFault, match="max_speed_mm_s = 10"):
+        rig.stage.move(Pose(*HOME), 0.02)
+    with pytest.raises(DeviceFault, match="no axes to tilt"):
+        rig.stage.move(Pose(*HOME, 0.1), 5e-3)
 
 
 @each
@@ -187,97 +203,62 @@ def test_no_axis_at_all_is_a_wrong_rig_file(name: str) -> None:
         open_driver("stages", name, WallClock(), {"port": "pty"})
 
 
-TOP, BOTTOM = Pose(0.032, 0.0, 0.002), Pose(0.032, 0.0, -0.0024)
-PRESS_M_S = 1.2e-3
-BUSY_M = 0.1e-3  # 80 ms in which a busy machine looks late at what has happened
-
-
-def tip_m(rig: Rig) -> float:
-    return rig.phantom.tip.point(rig.phantom.clock.now())[2]
-
-
-def still_m(rig: Rig) -> float:
-    """Where the tip comes to rest, as the emulator's side has it."""
-    rig.wait_for(lambda: not rig.phantom.tip.moving(rig.phantom.clock.now()))
-    rests_m = tip_m(rig)
-    time.sleep(0.2)
-    assert tip_m(rig) == rests_m
-    return rests_m
-
-
 def between_s(rig: Rig) -> float:
     return getattr(rig.stage, "_between_s", GRBL_BETWEEN_S)
 
 
-def press(rig: Rig) -> float:
-    """Half a millimetre deep."""
+@each_and_grbl
+def test_a_controller_that_is_left_alone_comes_to_rest(rig: Rig) -> None:
+    """The plug is pulled, or everything that could send dies."""
+    before_m = rig.press()
+    bound_m = PRESS_M_S * (AHEAD_S + between_s(rig) + 0.01)
+    rig.served.fail("drop")
+    assert before_m - rig.rests_m() < bound_m + BUSY_M
+
+
+@each_and_grbl
+def test_a_lift_is_finished_with_nobody_there(rig: Rig) -> None:
+    rig.press()
+    rig.stage.stop()
+    rig.arrive()
+    rig.stage.move(TOP, PRESS_M_S)
+    until(lambda: rig.tip_m[2] > 0.0, 5.0)
+    rig.served.fail("drop")
+    assert rig.rests_m() == pytest.approx(TOP.z, abs=5e-6)
+
+
+@each_and_grbl
+def test_a_press_is_not_gone_on_with_when_nobody_checks_the_force(rig: Rig) -> None:
     enable(rig.stage)
     rig.stage.move(BOTTOM, PRESS_M_S)
-    rig.wait_for(lambda: tip_m(rig) < -0.5e-3)
-    return tip_m(rig)
-
-
-@each_and_grbl
-def test_a_controller_that_is_left_alone_comes_to_rest(name: str, winkler: Respond) -> None:
-    """The plug is pulled, or everything that could send dies."""
-    with rig_of(name, winkler) as rig:
-        before_m = press(rig)
-        bound_m = PRESS_M_S * (AHEAD_S + between_s(rig) + 0.01)
-        rig.served.fail("drop")
-        assert before_m - still_m(rig) < bound_m + BUSY_M
-
-
-@each_and_grbl
-def test_a_lift_is_finished_with_nobody_there(name: str, winkler: Respond) -> None:
-    with rig_of(name, winkler) as rig:
-        press(rig)
-        rig.stage.stop()
-        rig.wait_for(lambda: not rig.stage.moving())
-        rig.stage.move(TOP, PRESS_M_S)
-        rig.wait_for(lambda: tip_m(rig) > 0.0)
-        rig.served.fail("drop")
-        assert still_m(rig) == pytest.approx(TOP.z, abs=5e-6)
-
-
-@each_and_grbl
-def test_a_press_is_not_gone_on_with_when_nobody_checks_the_force(
-    name: str, winkler: Respond
-) -> None:
-    with rig_of(name, winkler) as rig:
-        enable(rig.stage)
-        rig.stage.move(BOTTOM, PRESS_M_S)
-        while tip_m(rig) > -0.5e-3:
-            rig.stage.keep_alive()
-            time.sleep(1e-3)
-        before_m = tip_m(rig)
-        rests_m = still_m(rig)
-        assert before_m - rests_m < PRESS_M_S * (2 * AHEAD_S + between_s(rig)) + BUSY_M
+    while rig.tip_m[2] > -0.5e-3:
         rig.stage.keep_alive()
-        rig.wait_for(lambda: tip_m(rig) < rests_m)
+        time.sleep(1e-3)
+    before_m = rig.tip_m[2]
+    rests_m = rig.rests_m()
+    assert before_m - rests_m < PRESS_M_S * (2 * AHEAD_S + between_s(rig)) + BUSY_M
+    rig.stage.keep_alive()
+    until(lambda: rig.tip_m[2] < rests_m, 5.0)
 
 
 @each
 @pytest.mark.parametrize("fault", ["ignores stop", "ignores stops"])
-def test_where_a_stop_is_not_obeyed_the_next_means_is(
-    name: str, fault: str, winkler: Respond
-) -> None:
+def test_where_a_stop_is_not_obeyed_the_next_means_is(fault: str, rig: Rig) -> None:
     """In a lift, of which the controller knows all: 30 mm in 6 s. And it lifts afterwards."""
-    with rig_of(name, winkler) as rig:
-        enable(rig.stage)
-        rig.stage.move(TOP._replace(z=0.032), 5e-3)
-        rig.wait_for(lambda: tip_m(rig) > 3e-3)
-        rig.served.fail(fault)
-        *deaf, heard = rig.stage.stop_means()[: 2 + (fault == "ignores stops")]
-        for means in deaf:
-            means.call()
-            time.sleep(0.3)
-            assert rig.phantom.tip.moving(rig.phantom.clock.now())
-        heard.call()
-        began_s = time.monotonic()
-        still_m(rig)
-        assert time.monotonic() - began_s < heard.within_s + 0.4
-        rig.wait_for(lambda: not rig.stage.moving())
-        top = rig.stage.pose()._replace(z=tip_m(rig) + 2e-3)
-        rig.stage.move(top, 5e-3)
-        rig.arrive()
-        assert tip_m(rig) == pytest.approx(top.z, abs=5e-6)
+    enable(rig.stage)
+    rig.stage.move(TOP._replace(z=0.032), 5e-3)
+    until(lambda: rig.tip_m[2] > 3e-3, 5.0)
+    rig.served.fail(fault)
+    *deaf, heard = rig.stage.stop_means()[: 2 + (fault == "ignores stops")]
+    for means in deaf:
+        means.call()
+        time.sleep(0.3)
+        assert rig.tip_moves
+    heard.call()
+    began_s = time.monotonic()
+    rig.rests_m()
+    assert time.monotonic() - began_s < heard.within_s + 0.4
+    rig.arrive()
+    top = rig.stage.pose()._replace(z=rig.tip_m[2] + 2e-3)
+    rig.go(top, 5e-3)
+    assert rig.tip_m[2] == pytest.approx(top.z, abs=5e-6)

@@ -21,7 +21,7 @@ from drivers import (
     DeviceFault,
     SimulatedClock,
     WallClock,
-)  # fmt: skip
+)
 from drivers.core.reader import LineSensor
 from drivers.lines import LinePattern, LineSource, TextChannel, number_reader, open_sensor
 from drivers.testing.awake import AwakeTime
@@ -50,6 +50,12 @@ class Says(Peer):
 
     def due(self) -> bytes:
         return self._text.popleft() if self._text else b""
+
+
+def opened(clock: WallClock, device: Served, **keys: Any) -> LineSensor:
+    """A cell that prints a force in N, unless ``keys`` say otherwise."""
+    usual = {"pattern": "(?P<force>[-0-9.]+) N", "channel": [FORCE], "rate_hz": 80}
+    return open_sensor(clock, port=device.address, **(usual | keys))
 
 
 def connect_while(sensor: LineSensor, says: Says, text: bytes) -> None:
@@ -107,9 +113,7 @@ def settled(sensor: LineSensor) -> float:
 
 def test_force_and_time_are_the_devices(cell: tuple[Served, Phantom], clock: WallClock) -> None:
     device, phantom = cell
-    sensor = open_sensor(
-        clock, port=device.address, pattern=STAMPED, channel=[FORCE], rate_hz=80, time_unit_s=1e-3
-    )
+    sensor = opened(clock, device, pattern=STAMPED, time_unit_s=1e-3)
     sensor.connect()
     sensor.start()
     settled(sensor)
@@ -127,9 +131,7 @@ def test_missing_lines_and_a_restarted_clock_are_seen(
     cell: tuple[Served, Phantom], clock: WallClock
 ) -> None:
     device, _ = cell
-    sensor = open_sensor(
-        clock, port=device.address, pattern=STAMPED, channel=[FORCE], rate_hz=80, time_unit_s=1e-3
-    )
+    sensor = opened(clock, device, pattern=STAMPED, time_unit_s=1e-3)
     sensor.connect()
     sensor.start()
     times, lost = [settled(sensor)], 0
@@ -160,14 +162,10 @@ def test_a_gauge_that_speaks_when_asked_in_grams(
     clock: WallClock, line: tuple[Says, Served]
 ) -> None:
     says, device = line
-    sensor = open_sensor(
-        clock, port=device.address, rate_hz=50, ask="?\r",
-        pattern=r"Load: (?P<load>[-+0-9.]+) g; (?P<battery>[0-9.]+) V",
-        channel=[
-            TextChannel(name="load", unit="g", role="force", scale=-1.0, full_scale=12.0),
-            TextChannel(name="battery", unit="V", full_scale=12.0),
-        ],
-    )  # fmt: skip
+    load = TextChannel(name="load", unit="g", role="force", scale=-1.0, full_scale=12.0)
+    battery = TextChannel(name="battery", unit="V", full_scale=12.0)
+    pattern = r"Load: (?P<load>[-+0-9.]+) g; (?P<battery>[0-9.]+) V"
+    sensor = opened(clock, device, rate_hz=50, ask="?\r", pattern=pattern, channel=[load, battery])
     assert [c.unit for c in sensor.channels] == ["N", "V"]
     with running(sensor):
         while not len((block := gather(sensor, 0.01)).time_s):
@@ -182,9 +180,7 @@ def test_half_lines_wait_for_the_rest_and_chatter_is_counted(
     clock: WallClock, line: tuple[Says, Served]
 ) -> None:
     says, device = line
-    sensor = open_sensor(
-        clock, port=device.address, pattern="(?P<force>[-0-9.e]+)", channel=[FORCE], rate_hz=10
-    )
+    sensor = opened(clock, device, pattern="(?P<force>[-0-9.e]+)", rate_hz=10)
     connect_while(sensor, says, b"7.7\n1.0\n")  # the first may be half a line
     sensor.start()
     says.say(b"0.5\n")
@@ -275,29 +271,23 @@ def test_a_damaged_line_cannot_hold_up_the_guards(pattern: str) -> None:
 
 
 @pytest.mark.parametrize("decimal, thousands, text, value", [
-    (".", "", "-1234.5e-1", -123.45),
-    (",", "", "3,25", 3.25),
-    (",", ".", "1.234,5", 1234.5),
-    (".", ",", "12,345,678.25", 12345678.25),
-    (".", "'", "1'234", 1234.0),
-    (",", " ", "-1 234,5", -1234.5),
-    (".", ",", "1234.5", 1234.5),
+    (".", "", "-1234.5e-1", -123.45), (",", "", "3,25", 3.25), (",", ".", "1.234,5", 1234.5),
+    (".", ",", "12,345,678.25", 12345678.25), (".", "'", "1'234", 1234.0),
+    (",", " ", "-1 234,5", -1234.5), (".", ",", "1234.5", 1234.5),
+    (".", "", "3,25", None), (",", "", "3.25", None), (".", ",", "1,5", None),
+    (",", ".", "1.5", None), (".", ",", "1,2345", None), (".", "", "nan", None),
+    (".", "", "", None), (".", "", "1.2.3", None), (".", "", "\xb2", None),
 ])  # fmt: skip
 def test_numbers_as_they_are_written_elsewhere(
-    decimal: str, thousands: str, text: str, value: float
+    decimal: str, thousands: str, text: str, value: float | None
 ) -> None:
-    assert number_reader(decimal, thousands)(text.encode()) == value
-
-
-@pytest.mark.parametrize("decimal, thousands, text", [
-    (".", "", "3,25"), (",", "", "3.25"), (".", ",", "1,5"), (",", ".", "1.5"),
-    (".", ",", "1,2345"), (".", "", "nan"), (".", "", ""), (".", "", "1.2.3"),
-    (".", "", "\xb2"),
-])  # fmt: skip
-def test_a_number_written_otherwise_is_none(decimal: str, thousands: str, text: str) -> None:
-    """1,5 with a comma of thousands is not 15."""
-    with pytest.raises(ValueError):
-        number_reader(decimal, thousands)(text.encode("latin-1"))
+    """One that is written otherwise is none: 1,5 with a comma of thousands is not 15."""
+    read = number_reader(decimal, thousands)
+    if value is None:
+        with pytest.raises(ValueError):
+            read(text.encode("latin-1"))
+    else:
+        assert read(text.encode()) == value
 
 
 def test_a_board_that_starts_when_its_port_is_opened_is_waited_for(
@@ -305,9 +295,7 @@ def test_a_board_that_starts_when_its_port_is_opened_is_waited_for(
 ) -> None:
     """An Arduino is silent while it starts, prints what it is, tares, and then prints readings."""
     says, device = line
-    sensor = open_sensor(
-        clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
-    )
+    sensor = opened(clock, device)
     with ThreadPoolExecutor(1) as other:
         connected = other.submit(sensor.connect)
         time.sleep(1.3)
@@ -330,9 +318,7 @@ def test_what_does_not_match_is_shown(
 ) -> None:
     monkeypatch.setattr("drivers.lines.GREETING_S", 0.1)
     says, device = line
-    sensor = open_sensor(
-        clock, port=device.address, pattern="(?P<force>[-0-9.]+) N", channel=[FORCE], rate_hz=80
-    )
+    sensor = opened(clock, device)
     with pytest.raises(DeviceAbsent, match="do not match the pattern; the last is 'F= 1,0"):
         connect_while(sensor, says, b"F= 1,0 kN\n")
 
@@ -345,7 +331,7 @@ def test_a_gauge_that_is_switched_to_another_unit_is_a_fault(
     clock: WallClock, line: tuple[Says, Served], pattern: str, words: str
 ) -> None:
     says, device = line
-    sensor = open_sensor(clock, port=device.address, pattern=pattern, channel=[FORCE], rate_hz=80)
+    sensor = opened(clock, device, pattern=pattern)
     connect_while(sensor, says, b"1.0 N\n")
     sensor.start()
     says.say(b"1.0 N\n")  # all that was said before is read by now

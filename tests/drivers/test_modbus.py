@@ -71,6 +71,13 @@ def opened(**keys: Any) -> LineSensor:
     return open_sensor(WallClock(), ModbusSettings.model_validate(keys))
 
 
+ONE = Register(name="n", address=0, unit="-")
+
+
+def on_register(device: Served, **keys: Any) -> LineSensor:
+    return opened(port=device.address, **({"register": [ONE]} | keys))
+
+
 def first_row(sensor: LineSensor) -> list[float]:
     with running(sensor):
         while not len((block := sensor.read()).time_s):
@@ -91,10 +98,8 @@ def test_every_type_and_unit_of_an_independent_server(server_port: int) -> None:
 
 
 def test_a_register_that_is_not_there_is_named(server_port: int) -> None:
-    sensor = opened(
-        host="127.0.0.1", tcp_port=server_port, device_id=7,
-        register=[Register(name="x", address=5000, unit="N")],
-    )  # fmt: skip
+    register = [Register(name="x", address=5000, unit="N")]
+    sensor = opened(host="127.0.0.1", tcp_port=server_port, device_id=7, register=register)
     with pytest.raises(DeviceAbsent, match=r"refuses registers 5000 to 5000 \(Modbus exception 2"):
         sensor.connect()
 
@@ -109,16 +114,17 @@ def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
     """Each answer counts up: one that is read late would show a number too small for its time."""
     counted = itertools.count(1)
     slave = ModbusSlave({0: lambda: next(counted)}, 1, "rtu")
-    with served(slave, "socket://127.0.0.1:0", "modbus") as device:
-        register = [Register(name="n", address=0, unit="-")]
-        with running(opened(port=device.address, register=register)) as sensor:
-            device.fail("late")
-            time.sleep(0.05)  # what was already on its way
-            sensor.read()
-            with pytest.raises(DeviceFault, match="3 polls in a row failed"):
-                while True:
-                    assert len(sensor.read().time_s) == 0, "a late reply was accepted"
-                    time.sleep(0.01)
+    with (
+        served(slave, "socket://127.0.0.1:0", "modbus") as device,
+        running(on_register(device)) as sensor,
+    ):
+        device.fail("late")
+        time.sleep(0.05)  # what was already on its way
+        sensor.read()
+        with pytest.raises(DeviceFault, match="3 polls in a row failed"):
+            while True:
+                assert len(sensor.read().time_s) == 0, "a late reply was accepted"
+                time.sleep(0.01)
 
 
 @pytest.mark.parametrize("keys, words", [
@@ -135,9 +141,6 @@ def test_wrong_keys_are_named(keys: dict[str, Any], words: str) -> None:
         opened(**keys)
 
 
-ORDERS = {"ABCD": [0, 1, 2, 3], "BADC": [1, 0, 3, 2], "CDAB": [2, 3, 0, 1], "DCBA": [3, 2, 1, 0]}
-
-
 def slave_of(number: bytes, order: str) -> ModbusSlave:
     """Holding registers from 0 on whose bytes spell ``number`` in an order (of 4 or 8 bytes)."""
     pairs = [number[n : n + 2] for n in range(0, len(number), 2)]
@@ -149,20 +152,17 @@ def slave_of(number: bytes, order: str) -> ModbusSlave:
     return ModbusSlave({n: lambda w=w: w for n, w in enumerate(words)}, 1, "rtu")  # type: ignore[misc]
 
 
-@pytest.mark.parametrize("order", ORDERS)
+@pytest.mark.parametrize("order", ["ABCD", "BADC", "CDAB", "DCBA"])
 @pytest.mark.parametrize(
     ("kind", "form", "value"),
     [("float32", ">f", -1234.5), ("int32", ">i", -70000), ("uint32", ">I", 4_000_000_000),
      ("float64", ">d", 1e-7), ("int64", ">q", -(2**40)), ("uint64", ">Q", 2**50)],
 )  # fmt: skip
 def test_every_order_of_bytes(order: str, kind: str, form: str, value: float) -> None:
-    sent = struct.pack(form, value)
-    assert struct.pack(">f", 1.0)[::-1] == bytes(struct.pack(">f", 1.0)[n] for n in ORDERS["DCBA"])
-    with served(slave_of(sent, order), "socket://127.0.0.1:0", "modbus") as device:
-        sensor = opened(
-            port=device.address, byte_order=order,
-            register=[Register(name="n", address=0, unit="-", type=kind)],  # type: ignore[arg-type]
-        )  # fmt: skip
+    slave = slave_of(struct.pack(form, value), order)
+    with served(slave, "socket://127.0.0.1:0", "modbus") as device:
+        register = [ONE.model_copy(update={"type": kind})]
+        sensor = on_register(device, byte_order=order, register=register)
         assert first_row(sensor) == [pytest.approx(value, rel=1e-7)]
 
 
@@ -175,8 +175,8 @@ def test_not_a_number_is_a_lost_reading_and_then_a_fault(odd: float) -> None:
 
     slave = ModbusSlave({0: lambda: word(0), 1: lambda: word(1)}, 1, "rtu")
     with served(slave, "socket://127.0.0.1:0", "modbus") as device:
-        keys = {"register": [{"name": "n", "address": 0, "unit": "N", "type": "float32"}]}
-        with running(opened(port=device.address, timeout_ms=1000, **keys)) as sensor:
+        register = [ONE.model_copy(update={"type": "float32"})]
+        with running(on_register(device, timeout_ms=1000, register=register)) as sensor:
             time.sleep(0.2)
             assert (sensor.read().values == 2.5).all()
             reported[0] = odd
@@ -198,12 +198,9 @@ class TwoOnALine(Peer):
 
 def test_two_sensors_on_one_line_take_turns() -> None:
     with served(TwoOnALine(), "pty", "modbus") as device:
-        register = [Register(name="n", address=0, unit="-")]
         sensors = [
-            opened(port=device.address, name=f"s{n}", device_id=n, register=register,
-                   timeout_ms=1000.0)
-            for n in (1, 2)
-        ]  # fmt: skip
+            on_register(device, name=f"s{n}", device_id=n, timeout_ms=1000.0) for n in (1, 2)
+        ]
         for sensor in sensors:
             sensor.connect()
             sensor.start()
@@ -272,7 +269,7 @@ def test_two_tables_on_one_port_never_have_each_others_numbers(late_s: float) ->
         bus = rtu_bus(device.address, 19200, "N", 1, 0.3)
         tables = {
             value: ModbusSource(
-                WallClock(), "m", bus, [Register(name="n", address=at, unit="-")], 1, "holding",
+                WallClock(), "m", bus, [ONE.model_copy(update={"address": at})], 1, "holding",
                 "ABCD", 0.02, 0.0,
             )
             for at, value in ((0, 1.0), (10, 7.0))
@@ -294,18 +291,13 @@ READING, ECHO = frame(b"\x01\x03\x02\x00\x07"), b""
 BUSY = frame(b"\x01\x83\x06")
 
 
-def on_register(device: Served, **keys: Any) -> LineSensor:
-    register = [Register(name="n", address=0, unit="-")]
-    return opened(port=device.address, register=register, timeout_ms=1000.0, **keys)
-
-
 @pytest.mark.parametrize("wrong", [
     frame(b"\x01\x04\x02\x22\x22"), frame(b"\x01\x03\x04\x22\x22\x22\x22"), frame(b"\x01\x83\x05"),
 ])  # fmt: skip
 def test_an_answer_to_another_question_is_no_reading(wrong: bytes) -> None:
     with (
         served(Answers(READING, READING, wrong), "pty", "modbus") as device,
-        running(on_register(device)) as sensor,
+        running(on_register(device, timeout_ms=1000.0)) as sensor,
     ):
         values: set[float] = set()
         lost, end_s = 0, time.monotonic() + 20.0
@@ -322,7 +314,7 @@ def test_a_busy_device_is_waited_for_but_not_for_long() -> None:
     peer = Answers(READING, BUSY, BUSY, BUSY, BUSY)
     with (
         served(peer, "pty", "modbus") as device,
-        running(on_register(device, rate_hz=50.0)) as sensor,
+        running(on_register(device, rate_hz=50.0, timeout_ms=1000.0)) as sensor,
     ):
         until(lambda: sensor.read().lost >= 4, 20.0)  # four in a row, 80 ms
         peer.answers = [BUSY]
@@ -338,11 +330,11 @@ def test_what_comes_instead_of_an_answer_is_reported(
     answer: bytes, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("drivers.modbus.LATE_S", 0.0)
-    with served(Answers(answer), "pty", "modbus") as device:
-        register = [Register(name="n", address=0, unit="-")]
-        sensor = opened(port=device.address, register=register, timeout_ms=200.0)
-        with pytest.raises(DeviceAbsent, match=words):
-            sensor.connect()
+    with (
+        served(Answers(answer), "pty", "modbus") as device,
+        pytest.raises(DeviceAbsent, match=words),
+    ):
+        on_register(device, timeout_ms=200.0).connect()
 
 
 def test_what_a_serial_line_does_not_answer_is_not_asked_again() -> None:

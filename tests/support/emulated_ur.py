@@ -1,6 +1,5 @@
 """An emulated UR in a phantom, and the drivers for it."""
 
-import math
 import os
 import time
 from collections.abc import Callable, Iterator
@@ -9,6 +8,7 @@ from itertools import count
 from typing import Any
 
 import pytest
+from true_tip import HasTip
 
 from drivers import DeviceFault, Pose, WallClock
 from drivers.testing.awake import AwakeTime
@@ -33,13 +33,7 @@ def fresh_host() -> str:
     return f"127.{1 + os.getpid() % 250}.{os.getpid() // 250 % 250}.{next(_numbers)}"
 
 
-def lowest_m(phantom: Phantom) -> float:
-    legs = phantom.tip.all_legs()
-    ends_s = [*(leg.start_s for leg in legs[1:]), math.inf]
-    return min(leg.point(end_s)[2] for leg, end_s in zip(legs, ends_s, strict=True))
-
-
-class Arm:
+class Arm(HasTip):
     """A phantom, and a stage and a sensor for the robot in it; not connected."""
 
     controller: ur.UrController
@@ -62,20 +56,6 @@ class Arm:
     def robot(self) -> Robot:
         """The inside of the controller."""
         return self.controller.robot
-
-    @property
-    def tip_m(self) -> tuple[float, float, float]:
-        """Where the tip truly is."""
-        return self.phantom.tip.point(self.clock.now())
-
-    @property
-    def tip_moves(self) -> bool:
-        return self.phantom.tip.moving(self.clock.now())
-
-    @property
-    def deepest_m(self) -> float:
-        """The lowest that the tip has been."""
-        return lowest_m(self.phantom)
 
     def fail(self, fault: str | None) -> None:
         self.controller.fail(fault)

@@ -28,8 +28,11 @@ from drivers.core.arrays import Array
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
-from probe.core.events import Event, Note, RunEnded, StationEnded
+from probe.core.events import Event, Finish, Note, RunEnded, StationEnded
 from probe.guards.commands import Control
+from probe.guards.safety_monitor import SafetyMonitor
+from probe.planning.limits import Limits
+from probe.planning.surfaces import flat
 from probe.scan.engine import run_scan
 from sim_backend.phantom.trajectory import Trajectory
 
@@ -174,6 +177,10 @@ class Ran:
     force_n: Array = field(default_factory=lambda: np.empty(0))
 
     @property
+    def finish(self) -> Finish | None:
+        return None if self.ended is None else self.ended.finish
+
+    @property
     def reason(self) -> str:
         return "" if self.ended is None else self.ended.reason
 
@@ -226,6 +233,18 @@ def run_springs(
     thread.join(timeout_s)
     ran.height_m, ran.force_n = bed.truth()
     return ran
+
+
+def monitor_of(
+    stage: SpringStage, sensor: Sensor, *, threaded: bool = False, lift_z_m: float | None = None,
+    limits: Limits | None = None,
+) -> SafetyMonitor:  # fmt: skip
+    """Guards that have not begun, of the rig above."""
+    rig = spring_rig()
+    return SafetyMonitor(
+        stage, [sensor], stage.bed.clock, flat, limits or limits_for(rig, plan_for(rig)),
+        Control(), threaded=threaded, lift_z_m=lift_z_m,
+    )  # fmt: skip
 
 
 def on_springs(clock: Clock | None = None, **bed: Any) -> tuple[Bed, SpringStage, SpringSensor]:

@@ -28,3 +28,16 @@ def first_of_all() -> Iterator[None]:
     finally:
         with suppress(AttributeError, OSError):
             os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
+class OnlyWaits:
+    """Stands for the module `time`: it goes on only where somebody sleeps, ``least_s`` or more."""
+
+    def __init__(self, least_s: float = 0.0) -> None:
+        self._now_s, self._least_s = 0.0, least_s
+
+    def monotonic(self) -> float:
+        return self._now_s
+
+    def sleep(self, wait_s: float) -> None:
+        self._now_s += max(wait_s, self._least_s)

@@ -9,14 +9,17 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import pytest
-from emulated_ur import ORIGIN_MM, Arm, arm_with, connected, fresh_host, lowest_m, until
+from emulated_ur import ORIGIN_MM, Arm, arm_with, connected, fresh_host, until
+from true_tip import HasTip
 
 from drivers import DeviceAbsent, DeviceFault, Pose, WallClock
 from drivers.ur.settings import LOST_SEGMENT_S, SILENCE_S, WATCHDOG_S
 from sim_backend import load_scene
 from sim_backend.emulators import ur
+from sim_backend.emulators.ur.robot import Robot
 from sim_backend.phantom.phantom import Phantom, Respond
 
 X_M, TOP_M, SPEED_M_S = 0.03, 4e-3, 1.2e-3
@@ -44,19 +47,13 @@ while True:
 """
 
 
-class Press:
+@dataclass
+class Press(HasTip):
     """A process that presses, and the world it presses in."""
 
-    def __init__(self, phantom: Phantom, robot: ur.UrController, process: subprocess.Popen[str]):
-        self._phantom, self.robot, self.process = phantom, robot.robot, process
-
-    @property
-    def z_m(self) -> float:
-        return self._phantom.tip.point(self._phantom.clock.now())[2]
-
-    @property
-    def deepest_m(self) -> float:
-        return lowest_m(self._phantom)
+    phantom: Phantom
+    robot: Robot
+    process: subprocess.Popen[str]
 
     def client(self) -> int:
         found = subprocess.run(
@@ -81,8 +78,8 @@ def press(winkler: Respond, request: pytest.FixtureRequest) -> Iterator[Press]:
             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
         try:
-            made = Press(phantom, robot, process)
-            until(lambda: process.poll() is not None or made.z_m < -1e-3)
+            made = Press(phantom, robot.robot, process)
+            until(lambda: process.poll() is not None or made.tip_m[2] < -1e-3)
             assert process.poll() is None, made.last_words()
             yield made
         finally:
@@ -91,10 +88,10 @@ def press(winkler: Respond, request: pytest.FixtureRequest) -> Iterator[Press]:
 
 
 def test_the_client_lifts_where_the_process_that_guards_dies(press: Press) -> None:
-    before_m = press.z_m
+    before_m = press.tip_m[2]
     press.process.send_signal(signal.SIGKILL)
     until(lambda: not press.robot.playing)
-    assert press.z_m == pytest.approx(TOP_M, abs=2e-4)
+    assert press.tip_m[2] == pytest.approx(TOP_M, abs=2e-4)
     assert before_m - press.deepest_m < BUSY_S * SPEED_M_S
     assert "what guards the robot has died; the probe was lifted by" in press.last_words()
 
@@ -104,7 +101,7 @@ def test_a_client_that_was_not_told_where_to_lifts_nothing(press: Press) -> None
     press.process.send_signal(signal.SIGKILL)
     until(lambda: not press.robot.playing)
     time.sleep(0.3)
-    assert -2e-3 < press.z_m < -1e-3
+    assert -2e-3 < press.tip_m[2] < -1e-3
     assert "it was not said where to lift the probe to" in press.last_words()
 
 
@@ -113,7 +110,7 @@ def test_a_client_that_cannot_lift_says_so(press: Press) -> None:
     press.process.send_signal(signal.SIGKILL)
     until(lambda: not press.robot.playing)
     assert "THE PROBE WAS NOT LIFTED" in press.last_words()
-    assert press.z_m < -1e-3
+    assert press.tip_m[2] < -1e-3
 
 
 def test_a_client_leaves_a_program_alone_that_came_after_its_own(press: Press) -> None:
@@ -129,7 +126,7 @@ def test_a_client_leaves_a_program_alone_that_came_after_its_own(press: Press) -
 
 
 def test_where_nobody_is_left_the_watchdog_halts_the_arm(press: Press) -> None:
-    before_m, client = press.z_m, press.client()
+    before_m, client = press.tip_m[2], press.client()
     for process in (client, press.process.pid):
         os.kill(process, signal.SIGKILL)
     until(lambda: not press.robot.playing)

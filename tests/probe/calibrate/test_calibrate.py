@@ -2,6 +2,8 @@
 
 import json
 import re
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +34,34 @@ def run(tmp_path_factory: pytest.TempPathFactory, winkler: Any) -> Path:
         }
     )
     return scan(rig, out=tmp_path_factory.mktemp("runs"), respond=winkler).path
+
+
+@dataclass
+class Fit:
+    """What ``palpate calibrate`` made of a table: its exit code, its words, its file."""
+
+    code: int
+    out: str
+    err: str
+    file: Path
+
+    @property
+    def values(self) -> dict[str, Any]:
+        return {k: v["value"] for k, v in json.loads(self.file.read_text())["values"].items()}
+
+
+@pytest.fixture
+def calibrate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., Fit]:
+    """Of rows under a head, of device ``s``; the file stays from one to the next."""
+
+    def fitted(kind: str, head: str, rows: Iterable[Iterable[float]], *more: str) -> Fit:
+        table, file = tmp_path / "table.csv", tmp_path / f"{kind}.json"
+        lines = [head, *(",".join(map(str, row)) for row in rows)]
+        table.write_text("\n".join(lines) + "\n")
+        command = ["calibrate", kind, str(table), "--device", "s", "--out", str(file), *more]
+        return Fit(main(command), *capsys.readouterr(), file)
+
+    return fitted
 
 
 @pytest.mark.parametrize("kind", GUIDE)
@@ -94,89 +124,73 @@ def test_a_table_says_not_whose_it_is_nor_what_a_word_means(tmp_path: Path) -> N
     assert main(["calibrate", "force", str(table)]) == 2
 
 
-def test_readings_without_any_noise_may_be_taken_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_readings_without_any_noise_may_be_taken_again(calibrate: Any, tmp_path: Path) -> None:
     """The second table was compared with no residual at all, and ended in a division by 0."""
-    table = tmp_path / "loads.csv"
-    for zero, holds in ((0.2, True), (0.2, True), (0.3, True)):
-        rows = [f"{zero + 1.25 * load},{load}" for load in range(1, 5)]
-        table.write_text("\n".join(["raw,load_n", *rows]) + "\n")
-        command = ["calibrate", "force", str(table), "--device", "a/b", "--out"]
-        assert main([*command, str(tmp_path / "force.json")]) == 0
-        assert ("no longer" in capsys.readouterr().err) != holds
-    assert main([*command, str(tmp_path / "none" / "force.json")]) == 2
-    assert "there is no folder" in capsys.readouterr().err
+    for zero in (0.2, 0.2, 0.3):
+        rows = [(zero + 1.25 * load, load) for load in range(1, 5)]
+        fit = calibrate("force", "raw,load_n", rows, "--device", "a/b")
+        assert fit.code == 0
+        assert "no longer" not in fit.err
+    nowhere = str(tmp_path / "none" / "force.json")
+    fit = calibrate("force", "raw,load_n", rows, "--device", "a/b", "--out", nowhere)
+    assert fit.code == 2
+    assert "there is no folder" in fit.err
 
 
-def test_a_sensor_that_clips_is_no_straight_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    table, noise = tmp_path / "loads.csv", np.random.default_rng(3)
-    for most, warned in ((4.0, True), (9.0, False)):
-        loads = [*range(5), *range(3, -1, -1)] * 2
-        rows = [f"{min(0.2 + 1.25 * f, most) + 1e-3 * noise.normal()},{f}" for f in loads]
-        table.write_text("\n".join(["raw,load_n", *rows]) + "\n")
-        out = str(tmp_path / f"force-{most}.json")
-        assert main(["calibrate", "force", str(table), "--device", "s", "--out", out]) == 0
-        said = capsys.readouterr()
-        assert ("does the sensor clip" in said.err) == warned
-        assert "off a straight line by" in said.out
+@pytest.mark.parametrize(("most", "warned"), [(4.0, True), (9.0, False)])
+def test_a_sensor_that_clips_is_no_straight_line(calibrate: Any, most: float, warned: bool) -> None:
+    noise, loads = np.random.default_rng(3), [*range(5), *range(3, -1, -1)] * 2
+    rows = [(min(0.2 + 1.25 * f, most) + 1e-3 * noise.normal(), f) for f in loads]
+    fit = calibrate("force", "raw,load_n", rows)
+    assert fit.code == 0
+    assert ("does the sensor clip" in fit.err) == warned
+    assert "off a straight line by" in fit.out
 
 
-def test_taxels_that_stand_still_or_bend_are_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_taxels_that_stand_still_or_bend_are_named(calibrate: Any) -> None:
     """A good one, one of a dead zone to 4 kPa, one that falls and clips at 12 kPa, a bent one."""
-    table, noise = tmp_path / "taxels.csv", np.random.default_rng(4)
+    noise = np.random.default_rng(4)
     pressure = np.repeat(1e3 * np.array([0, 2, 4, 6, 8, 10, 15, 20]), 3)
     line = 0.01 * np.outer(pressure, [1, 1, -1, 1]) + [20, 20, 400, 20]
     line[:, 3] += 1e-7 * pressure**2
     raw = line + 0.5 * noise.standard_normal(line.shape)
     raw = np.clip(raw, [-1e3, 61, 280, -1e3], 1e4)
-    rows = [",".join(map(str, [*r, p])) for r, p in zip(raw, pressure, strict=True)]
-    table.write_text("\n".join(["raw_0,raw_1,raw_2,raw_3,pressure_pa", *rows]) + "\n")
-    out = ["--device", "skin", "--out", str(tmp_path / "t.json")]
-    assert main(["calibrate", "taxels", str(table), *out]) == 0
-    said = capsys.readouterr().err
-    assert re.search(r"readings of raw_1 stand still up to 4\.?\d* kPa and were left out", said)
-    assert re.search(r"readings of raw_2 stand still from 1[12]\.?\d* kPa on and were left", said)
-    assert re.search(r"no straight line fits raw_3, off it by up to \d\.?\d* %", said)
-    assert "raw_0" not in said
-    values = json.loads((tmp_path / "t.json").read_text())["values"]
-    assert values["floor"]["value"][1:3] == [61, 280]
-    assert values["bent"]["value"][0] == 0
+    fit = calibrate("taxels", "raw_0,raw_1,raw_2,raw_3,pressure_pa", np.c_[raw, pressure])
+    assert fit.code == 0
+    assert re.search(r"readings of raw_1 stand still up to 4\.?\d* kPa and were left out", fit.err)
+    assert re.search(r"readings of raw_2 stand still from 1[12]\.?\d* kPa on and were", fit.err)
+    assert re.search(r"no straight line fits raw_3, off it by up to \d\.?\d* %", fit.err)
+    assert "raw_0" not in fit.err
+    assert fit.values["floor"][1:3] == [61, 280]
+    assert fit.values["bent"][0] == 0
 
 
-def test_a_rig_that_stiffens_is_said_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("bend", "said"), [(0.15, True), (0.0, False)])
+def test_a_rig_that_stiffens_is_said_to(calibrate: Any, bend: float, said: bool) -> None:
     """From 2000 N/m at the touch to 3200 at 2 mm; 20 to 29 % off what it is at small load."""
-    table, noise = tmp_path / "press.csv", np.random.default_rng(4)
-    for bend, said in ((0.15, True), (0.0, False)):
-        rows = [f"{d},{0.03 + 2 * max(d, 0) * (1 + bend * max(d, 0)) + 5e-3 * noise.normal()}"
-                for d in np.linspace(-1, 2, 200)]  # fmt: skip
-        table.write_text("\n".join(["depth_mm,force_n", *rows]))
-        out = ["--device", "stage", "--out", str(tmp_path / f"c{bend}.json")]
-        assert main(["calibrate", "compliance", str(table), *out]) == 0
-        found = re.search(r"warning: the rig stiffens: from (\d+) N/m at the touch to (\d+) at 5",
-                          capsys.readouterr().err)  # fmt: skip
-        assert (found is not None) == said
-        if found is not None:
-            assert [float(k) for k in found.groups()] == pytest.approx([2000, 3200], rel=0.02)
+    noise, at_mm = np.random.default_rng(4), np.linspace(-1, 2, 200)
+    way = np.maximum(at_mm, 0)
+    force_n = 0.03 + 2 * way * (1 + bend * way) + 5e-3 * noise.standard_normal(200)
+    fit = calibrate("compliance", "depth_mm,force_n", np.c_[at_mm, force_n])
+    assert fit.code == 0
+    warning = r"warning: the rig stiffens: from (\d+) N/m at the touch to (\d+) at 5"
+    found = re.search(warning, fit.err)
+    assert (found is not None) == said
+    if found is not None:
+        assert [float(k) for k in found.groups()] == pytest.approx([2000, 3200], rel=0.02)
 
 
 @pytest.mark.parametrize(("stiffness_n_mm", "said"), [(0.288, True), (40.0, False)])
 def test_a_rig_softer_than_a_lump_is_doubted(
-    stiffness_n_mm: float, said: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    calibrate: Any, stiffness_n_mm: float, said: bool
 ) -> None:
     """Tissue in place of the rigid block became the rig's compliance without a word."""
-    table, noise = tmp_path / "press.csv", np.random.default_rng(4)
-    most_mm = 1.0 / stiffness_n_mm  # to a newton
-    rows = [f"{d * most_mm},{stiffness_n_mm * max(d, 0) * most_mm + 2e-3 * noise.normal()}"
-            for d in np.linspace(-0.5, 1, 200)]  # fmt: skip
-    table.write_text("\n".join(["depth_mm,force_n", *rows]))
-    out = ["--device", "stage", "--out", str(tmp_path / "c.json")]
-    assert main(["calibrate", "compliance", str(table), *out]) == 0
-    warned = " ".join(capsys.readouterr().err.split())
+    at_mm = np.linspace(-0.5, 1, 200) / stiffness_n_mm  # to a newton
+    noise_n = 2e-3 * np.random.default_rng(4).standard_normal(200)
+    rows = np.c_[at_mm, stiffness_n_mm * np.maximum(at_mm, 0) + noise_n]
+    fit = calibrate("compliance", "depth_mm,force_n", rows)
+    assert fit.code == 0
+    warned = " ".join(fit.err.split())
     doubt = "gives way by 3.5 mm at 1 N, softer than a hard lump in tissue (10 N/mm): was the block"
     assert (doubt in warned) == said
     assert ("was the block rigid" in warned) == said
@@ -225,70 +239,52 @@ def test_samples_of_stage_and_sensor_may_alternate_or_differ_in_number(tmp_path:
     assert read_as.filled("sensor_time_s", "force_n").tolist() == [[0.5, 2], [1.5, 5]]
 
 
-def loads(path: Path, gain: float) -> Path:
-    rows = [f"{gain * n + 1e-3 * (n % 3 - 1)},{n}" for n in range(12)]
-    path.write_text("\n".join(["raw,load_n", *rows]))
-    return path
+def test_a_calibration_that_no_longer_holds_is_reported(calibrate: Any) -> None:
+    for gain, worn, held in ((1.3, False, False), (1.3, False, True), (1.31, True, False)):
+        rows = [(gain * n + 1e-3 * (n % 3 - 1), n) for n in range(12)]
+        fit = calibrate("force", "raw,load_n", rows)
+        assert fit.code == 0
+        assert fit.values["sensitivity"][0][0] == pytest.approx(gain, rel=1e-3)
+        assert ("times what its residuals allow" in fit.err) is worn
+        assert ("it still holds" in fit.err) is held
+        assert "valid for 90 days:" in fit.out
+    fit = calibrate("force", "raw,load_n", rows, "--device", "other")
+    assert fit.code == 2
+    assert "holds a calibration of force of 's'" in fit.err
 
 
-def test_a_calibration_that_no_longer_holds_is_reported(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = ["--device", "cell", "--out", str(tmp_path / "f.json")]
-    tested = False  # the first has none before it
-    for gain, worn in ((1.3, False), (1.3, False), (1.31, True)):
-        table = loads(tmp_path / "loads.csv", gain)
-        assert main(["calibrate", "force", str(table), *out]) == 0
-        values = json.loads((tmp_path / "f.json").read_text())["values"]
-        assert values["sensitivity"]["value"][0][0] == pytest.approx(gain, rel=1e-3)
-        said = capsys.readouterr()
-        assert ("times what its residuals allow" in said.err) is worn
-        assert ("it still holds" in said.err) is (tested and not worn)
-        assert "valid for 90 days:" in said.out
-        tested = True
-    assert main(["calibrate", "force", str(table), "--device", "other", *out[2:]]) == 2
-    assert "holds a calibration of force of 'cell'" in capsys.readouterr().err
-
-
+@pytest.mark.parametrize("kind, counts, reported", [
+    ("force", (1, 3), "holds a calibration of 1 x 1 channels x loads, "),
+    ("taxels", (4, 6), "holds a calibration of 4 taxels, "),
+])  # fmt: skip
 def test_readings_of_more_channels_do_not_replace_a_calibration(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    calibrate: Any, kind: str, counts: tuple[int, int], reported: str
 ) -> None:
     """They ended in numpy's words about matmul and broadcasting."""
-    table, noise = tmp_path / "t.csv", np.random.default_rng(5)
-    for kind, counts, reported in (
-        ("force", (1, 3), "holds a calibration of 1 x 1 channels x loads, "),
-        ("taxels", (4, 6), "holds a calibration of 4 taxels, "),
-    ):
-        out = tmp_path / f"{kind}.json"
-        for count in counts:
-            before = out.read_text() if out.exists() else ""
-            loads = np.eye(3)[:, :count] if kind == "force" else np.ones((3, 1))
-            loads = np.concatenate([f * loads for f in (0, 1, 2, 3, 4, 1)])
-            raw = loads @ np.full((loads.shape[1], count), 0.2) + loads
-            raw = raw + 1e-3 * noise.standard_normal(raw.shape)
-            names = [f"raw_{n}" for n in range(count)]
-            names += [f"load_{n}_n" for n in range(count)] if kind == "force" else ["pressure_pa"]
-            rows = np.hstack([raw, loads * (1 if kind == "force" else 1e3)])
-            np.savetxt(table, rows, delimiter=",", header=",".join(names), comments="")
-            done = main(["calibrate", kind, str(table), "--device", "s", "--out", str(out)])
-            assert done == (2 if before else 0)
-            said = capsys.readouterr().err
-        assert f"{out}: {reported}{table} has readings of" in said
-        assert "Give another --out, or move the file" in said
-        assert out.read_text() == before
+    noise, before = np.random.default_rng(5), ""
+    for count in counts:
+        loads = np.eye(3)[:, :count] if kind == "force" else np.ones((3, 1))
+        loads = np.concatenate([f * loads for f in (0, 1, 2, 3, 4, 1)])
+        raw = loads @ np.full((loads.shape[1], count), 0.2) + loads
+        raw = raw + 1e-3 * noise.standard_normal(raw.shape)
+        names = [f"raw_{n}" for n in range(count)]
+        names += [f"load_{n}_n" for n in range(count)] if kind == "force" else ["pressure_pa"]
+        rows = np.hstack([raw, loads * (1 if kind == "force" else 1e3)])
+        fit = calibrate(kind, ",".join(names), rows)
+        assert fit.code == (2 if before else 0)
+        before = before or fit.file.read_text()
+    assert f"{fit.file}: {reported}{fit.file.with_name('table.csv')} has readings of" in fit.err
+    assert "Give another --out, or move the file" in fit.err
+    assert fit.file.read_text() == before
 
 
-def test_a_tare_says_how_long_it_is_good_for(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_tare_says_how_long_it_is_good_for(calibrate: Any) -> None:
     """It drifts by 1e-3 a second, and its bias is known to the tenth part of its noise or so."""
     noise = np.random.default_rng(1).normal(0, 0.01, 400)
-    table, out = tmp_path / "quiet.csv", str(tmp_path / "tare.json")
-    rows = [f"{n / 100},{1 + 1e-5 * n + noise[n]}" for n in range(400)]
-    table.write_text("\n".join(["time_s,value", *rows]))
-    assert main(["calibrate", "tare", str(table), "--device", "cell", "--out", out]) == 0
-    said = capsys.readouterr().out
-    (found,) = re.findall(r"good for (\S+) s: then drift alone may exceed (\S+),", said)
+    rows = [(n / 100, 1 + 1e-5 * n + noise[n]) for n in range(400)]
+    fit = calibrate("tare", "time_s,value", rows)
+    assert fit.code == 0
+    (found,) = re.findall(r"good for (\S+) s: then drift alone may exceed (\S+),", fit.out)
     good_s, known_to = map(float, found)
     assert known_to == pytest.approx(2 * 0.01 / 20, rel=0.3)  # 66 batches know it to 9 %
     assert 0.2 < good_s < 1.0

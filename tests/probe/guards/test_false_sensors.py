@@ -107,8 +107,7 @@ def test_a_sensor_that_does_not_feel_is_found_out(
 ) -> None:
     bed, stage, _ = on_simulated_springs(stiffness_n_m=stiffness_n_m)
     ran = run_springs(bed, stage, [SpringSensor(bed, says=SAYS[says], rate_hz=rate_hz)], rig=SLOW)
-    assert ran.ended is not None
-    assert ran.ended.finish is Finish.FAULTED
+    assert ran.finish is Finish.FAULTED
     assert said in ran.reason
     assert ran.force_n.max() <= most_n
     assert ran.lifted
@@ -142,8 +141,7 @@ def test_a_press_whose_zero_is_never_seen_again_is_noted() -> None:
     bed, stage, _ = on_simulated_springs()
     rig = spring_rig(scan={"stations": 2, "travel_mm_s": 2.0})
     ran = run_springs(bed, stage, [DriftsFast(bed)], rig=rig)
-    assert ran.ended is not None
-    assert ran.ended.finish is Finish.FAULTED
+    assert ran.finish is Finish.FAULTED
     assert sum(isinstance(e, StationEnded) and e.complete for e in ran.events) == 1
     assert any("whether its zero moved in the last press is not known" in n for n in ran.notes)
 

@@ -2,21 +2,24 @@
 
 import threading
 import time
-from dataclasses import replace
 
 import pytest
-from springs import LIMIT_N, SpringSensor, SpringStage, on_springs, run_springs, spring_rig
+from springs import (
+    LIMIT_N,
+    SpringSensor,
+    SpringStage,
+    monitor_of,
+    on_springs,
+    run_springs,
+    spring_rig,
+)
 
 from drivers import Block, DeviceFault, Pose
-from probe.config.scan_limits import limits_for
-from probe.config.scan_plan import plan_for
 from probe.guards.clock_guard import ClockGuard
-from probe.guards.commands import Control
 from probe.guards.guard_process import Service
 from probe.guards.interface import Status, WayOut
 from probe.guards.safety_monitor import DEAD_S, SUPERVISOR, SafetyMonitor
 from probe.planning.limits import Limits
-from probe.planning.surfaces import flat
 
 LIMITS = Limits(1.0, 3e-3, ((-1.0, 1.0),) * 3, 25e-3, clock_jump_s=0.25)
 
@@ -34,19 +37,9 @@ def test_a_clock_is_held_to_another(jump_s: float, said: str | None) -> None:
     assert why is None if said is None else why is not None and said in why
 
 
-def monitored(
-    sensor: SpringSensor, stage: SpringStage, lift_z_m: float | None = None
-) -> SafetyMonitor:
-    rig = spring_rig()
-    limits = replace(limits_for(rig, plan_for(rig)), max_force_n=LIMIT_N)
-    return SafetyMonitor(
-        stage, [sensor], sensor.bed.clock, flat, limits, Control(), threaded=True, lift_z_m=lift_z_m
-    )
-
-
 def test_the_engine_misses_a_supervisor_that_died() -> None:
     _, stage, sensor = on_springs()
-    monitor = monitored(sensor, stage)
+    monitor = monitor_of(stage, sensor, threaded=True)
     hangs, go_on = threading.Event(), threading.Event()
 
     def hang() -> None:
@@ -109,7 +102,8 @@ class Astray(SpringStage):
 def test_who_takes_over_amid_a_homing_does_not_lift_for_what_the_pose_says() -> None:
     bed, _, sensor = on_springs()
     stage = Astray(bed)
-    monitor = monitored(sensor, stage, lift_z_m=bed.tip.point(bed.clock.now())[2] + 1e-3)
+    lift_z_m = SpringStage.pose(stage).z + 1e-3
+    monitor = monitor_of(stage, sensor, threaded=True, lift_z_m=lift_z_m)
     start = monitor.start
 
     def start_where_the_guards_look_first(*, homes: bool) -> Status:
@@ -137,7 +131,7 @@ def left(stage: SpringStage, monitor: SafetyMonitor, *, lift: bool) -> Status:
 
 def taken_over(sensor: SpringSensor, stage: SpringStage, *, lift: bool) -> WayOut:
     """How the way out ended, of guards that take over from others."""
-    monitor = monitored(sensor, stage, lift_z_m=stage.pose().z + 1e-3)
+    monitor = monitor_of(stage, sensor, threaded=True, lift_z_m=stage.pose().z + 1e-3)
     status = left(stage, monitor, lift=lift)
     assert status.way_out is not None
     return status.way_out
@@ -175,7 +169,7 @@ def test_a_heartbeat_is_answered_also_when_the_stage_is_lost() -> None:
     """By it the scan learns that the way out is over, and how it ended."""
     bed, _, sensor = on_springs()
     stage = Lost(bed)
-    assert monitored(sensor, stage).look().pace == 1.0
+    assert monitor_of(stage, sensor, threaded=True).look().pace == 1.0
 
 
 @pytest.mark.parametrize("lift", [True, False])
@@ -210,7 +204,7 @@ def test_a_sensor_that_dies_before_the_guards_begin_has_the_probe_lifted(
     """Guards that did not begin carry out no way out, and the stage seems not to answer."""
     _, stage, _ = on_springs(home=(0.0, 0.0, -2.5e-3))
     sensor = Unplugged(stage, error)
-    monitor = monitored(sensor, stage, lift_z_m=2e-3)
+    monitor = monitor_of(stage, sensor, threaded=True, lift_z_m=2e-3)
     try:
         status, end_s = monitor.start(homes=False), time.monotonic() + 10.0
         assert status.trip is not None

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from springs import (
     LIMIT_N,
-    SOFT_N_M,
     Bed,
     SpringSensor,
     SpringStage,
+    monitor_of,
     on_simulated_springs,
     on_springs,
     run_springs,
@@ -24,17 +24,7 @@ from drivers import Block, DeviceFault, Pose, SimulatedClock
 from probe.config.scan_limits import limits_for
 from probe.config.scan_plan import plan_for
 from probe.core.events import Phase, PhaseEntered
-from probe.guards.commands import Control
 from probe.guards.safety_monitor import PAUSE_S, SafetyMonitor
-from probe.planning.surfaces import flat
-
-
-def monitor_of(stage: SpringStage, sensor: SpringSensor, *, threaded: bool) -> SafetyMonitor:
-    rig = spring_rig()
-    return SafetyMonitor(
-        stage, [sensor], stage.bed.clock, flat, limits_for(rig, plan_for(rig)), Control(),
-        threaded=threaded, lift_z_m=5e-3,
-    )  # fmt: skip
 
 
 class SlowToStop(SpringStage):
@@ -125,7 +115,7 @@ class Watched(SpringStage):
 def test_a_watchdog_is_not_fed_while_a_guard_hangs(whose: str) -> None:
     bed, _, _ = on_springs()
     stage, sensor = Watched(bed), HangsAt(bed)
-    monitor = monitor_of(stage, sensor, threaded=True)
+    monitor = monitor_of(stage, sensor, threaded=True, lift_z_m=5e-3)
     device = sensor if whose == "sensor" else stage
     monitor.start()
     try:
@@ -175,7 +165,7 @@ def homed(monitor: SafetyMonitor) -> None:
 @pytest.mark.parametrize("order", [moved, homed])
 def test_nothing_moves_after_a_trip_but_the_way_out(order: Callable[[SafetyMonitor], None]) -> None:
     _, stage, sensor = on_simulated_springs()
-    monitor = monitor_of(stage, sensor, threaded=False)
+    monitor = monitor_of(stage, sensor, threaded=False, lift_z_m=5e-3)
     monitor.start()
     monitor.object("cell", "force 2 N; the limit is 1 N", can_retract=False)
     with pytest.raises(DeviceFault, match="force 2 N"):
@@ -241,10 +231,3 @@ def test_a_lift_is_given_up_ten_seconds_after_twice_its_time() -> None:
     rose_m = 2e-3 - bed.tip.point(bed.clock.now())[2]
     lift_m_s = 0.25 * limits_for(spring_rig(), plan_for(spring_rig())).max_speed_m_s
     assert ran.ended.time_s - tripped_s == pytest.approx(10.0 + 2 * rose_m / lift_m_s, abs=0.2)
-
-
-def test_soft_springs_of_a_whole_press_stay_below_the_limit() -> None:
-    """The bed that other tests here press on by itself trips nothing."""
-    assert SOFT_N_M * 2.5e-3 < LIMIT_N
-    bed, stage, sensor = on_simulated_springs()
-    assert run_springs(bed, stage, [sensor]).reason == "every station is complete"

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from springs import Bed, SpringSensor, SpringStage
+from springs import Bed, SpringSensor, SpringStage, monitor_of, on_simulated_springs
 
-from drivers import Block, Channel, DeviceFault, Pose, SimulatedClock, WallClock
+from drivers import Block, Channel, DeviceFault, Pose, WallClock
 from probe.config.devices import Devices, connect
 from probe.config.rig import Rig
 from probe.config.scan_limits import limits_for
@@ -245,9 +245,7 @@ def test_a_stage_that_becomes_too_fast_is_noticed_as_soon(before_m_s: float) -> 
 
 def alone(stage: SpringStage, sensor: SpringSensor) -> SafetyMonitor:
     """A monitor that lifts to where the bed's tip begins, 5 mm high."""
-    monitor = SafetyMonitor(
-        stage, [sensor], stage.bed.clock, flat, LIMITS, Control(), threaded=False, lift_z_m=5e-3
-    )
+    monitor = monitor_of(stage, sensor, limits=LIMITS, lift_z_m=5e-3)
     monitor.start()
     return monitor
 
@@ -259,14 +257,9 @@ def pass_time(monitor: SafetyMonitor, stage: SpringStage, for_s: float) -> None:
         monitor.step()
 
 
-def simulated_springs() -> tuple[SpringStage, SpringSensor]:
-    bed = Bed(SimulatedClock())
-    return SpringStage(bed), SpringSensor(bed)
-
-
 def test_what_was_to_stay_is_not_lifted_by_the_next_objection() -> None:
     """The user has said stop: where the probe rests, only they know what holds it."""
-    stage, sensor = simulated_springs()
+    _, stage, sensor = on_simulated_springs()
     monitor = alone(stage, sensor)
     monitor.move(Pose(0.0, 0.0, 1e-3), 5e-3)
     pass_time(monitor, stage, 0.2)
@@ -280,7 +273,7 @@ def test_what_was_to_stay_is_not_lifted_by_the_next_objection() -> None:
 
 
 def test_a_tip_that_is_carried_off_after_its_way_out_is_lifted_again() -> None:
-    stage, sensor = simulated_springs()
+    _, stage, sensor = on_simulated_springs()
     monitor = alone(stage, sensor)
     monitor.move(Pose(0.0, 0.0, 1e-3), 5e-3)
     pass_time(monitor, stage, 0.5)
@@ -297,7 +290,7 @@ def test_a_tip_that_was_sent_down_is_lifted_whatever_its_pose_says() -> None:
         def pose(self) -> Pose:
             return Pose(0.0, 0.0, 5e-3)
 
-    stage, sensor = simulated_springs()
+    _, stage, sensor = on_simulated_springs()
     stage = Frozen(stage.bed)
     monitor = alone(stage, sensor)
     monitor.move(Pose(0.0, 0.0, -1e-3), 5e-3)

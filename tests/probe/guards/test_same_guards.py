@@ -7,15 +7,10 @@ from pathlib import Path
 from types import FrameType
 
 import pytest
-from springs import LIMIT_N, on_simulated_springs, on_springs, run_springs, spring_rig
+from springs import LIMIT_N, monitor_of, on_simulated_springs, on_springs, run_springs, spring_rig
 
-from drivers import WallClock
-from probe.guards.commands import Control
 from probe.guards.guard_process import Service
 from probe.guards.interface import Guards
-from probe.guards.safety_monitor import SafetyMonitor
-from probe.planning.limits import Limits
-from probe.planning.surfaces import flat
 
 RULES = {
     "force_limit.check", "sample_times.check", "stuck_sensor.check", "presses.check",
@@ -63,10 +58,7 @@ def test_the_rules_the_stop_and_the_lift_are_the_same_functions(
 
 def test_the_other_process_asks_the_monitor_itself() -> None:
     _, stage, sensor = on_springs()
-    monitor = SafetyMonitor(
-        stage, [sensor], WallClock(), flat, Limits(1.0, 3e-3, ((-1.0, 1.0),) * 3, 25e-3),
-        Control(), threaded=True,
-    )  # fmt: skip
+    monitor = monitor_of(stage, sensor, threaded=True)
     members = {name for name in vars(Guards) if not name.startswith("_")}
     assert {"move", "pose", "levels", "leave", "look"} < members
     for name in members:
