@@ -16,16 +16,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing.connection import Client, Connection, Listener
+from subprocess import PIPE
 from typing import Any
 
 BOOTSTRAP = """
 import gc, pickle, sys
-from importlib import import_module
 try:
-    sys.path[:], thresholds, early = pickle.load(sys.stdin.buffer)
+    sys.path[:], thresholds = pickle.load(sys.stdin.buffer)
     gc.set_threshold(*thresholds)
-    for module in early:
-        import_module(module)
     order = pickle.load(sys.stdin.buffer)
 except EOFError:  # who started it has ended meanwhile: there is nobody to tell
     sys.exit(1)
@@ -50,43 +48,26 @@ def no_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def interpreter(*modules: str) -> "subprocess.Popen[bytes]":
-    """A fresh one that imports ``modules`` and waits to be some `Child`'s; without one it ends
-    with this process. It looks for garbage as often as this one."""
-    process = subprocess.Popen([sys.executable, "-c", BOOTSTRAP], stdin=subprocess.PIPE)
-    _send(process, (sys.path, gc.get_threshold(), modules))
-    return process
-
-
-def _send(process: "subprocess.Popen[bytes]", what: object) -> None:
-    assert process.stdin is not None
-    process.stdin.write(pickle.dumps(what))
-    process.stdin.flush()
-
-
 class Child:
     """``function(*arguments, *pipes)``, running elsewhere; ``pipes`` are this side's ends.
 
-    ``function`` is a module's; ``arguments`` can be pickled. ``process`` is an `interpreter` that
-    was started before. The pipes of a side that has ended raise `EOFError` or `OSError` on the
-    other.
+    ``function`` is a module's; ``arguments`` can be pickled. It looks for garbage as often as this
+    process. The pipes of a side that has ended raise `EOFError` or `OSError` on the other.
     """
 
     def __init__(
-        self,
-        function: Callable[..., None],
-        arguments: tuple[Any, ...],
-        pipes: int,
-        process: "subprocess.Popen[bytes] | None" = None,
+        self, function: Callable[..., None], arguments: tuple[Any, ...], pipes: int
     ) -> None:
         key = os.urandom(KEY_BYTES)
         where = (function.__module__, function.__name__)
         with Listener(authkey=key) as listener:
-            self._process = process or interpreter()
+            order = listener.address, key, pipes, *where, arguments
+            self._process = subprocess.Popen([sys.executable, "-c", BOOTSTRAP], stdin=PIPE)
             try:
                 assert self._process.stdin is not None
-                with self._process.stdin:
-                    _send(self._process, (listener.address, key, pipes, *where, arguments))
+                with self._process.stdin as stdin:
+                    for part in ((sys.path, gc.get_threshold()), order):  # found by that path
+                        stdin.write(pickle.dumps(part))
                 self.pipes = [listener.accept() for _ in range(pipes)]
             except BaseException:  # nobody will hold it, to end it later
                 self._process.kill()

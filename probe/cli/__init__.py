@@ -10,7 +10,6 @@ import sys
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
 
 ABORTED = 5
 """Exit status of what a user stopped."""
@@ -43,13 +42,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # whoever calls this from a program has a way of their own with Ctrl-C
     ours = before is signal.default_int_handler and _in_main_thread()
     if not ours:
-        _begin_early(given)
         from probe.cli.command_line import run
 
         return run(given)
     signal.signal(signal.SIGINT, lambda _number, _frame: _leave("--json" in given))
     try:
-        _begin_early(given)
         from probe.cli.command_line import run
     finally:
         signal.signal(signal.SIGINT, before)
@@ -61,22 +58,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
     finally:
         for number in heard:
             signal.signal(number, signal.SIG_DFL)
-
-
-def _begin_early(given: Sequence[str]) -> None:
-    """Let a second process load the finite elements that a scan on a scene needs, while this one
-    loads all else: each takes 0.3 s.
-
-    Not with a rig's file, which may be a real one. Where a standard stream is closed, the pipe to
-    the process would take that one's place.
-    """
-    streams = (sys.stdin, sys.stdout, sys.stderr)
-    on_a_scene = given[:1] == ["scan"] and "--scene" in given and "--dry-run" not in given
-    has_rig = any(not (a.startswith("-") or b.startswith("-")) for a, b in pairwise(given))
-    if on_a_scene and not has_rig and None not in streams:
-        from sim_backend.models.second_process import start_early
-
-        start_early("sim_backend.models.stations")
 
 
 @contextmanager

@@ -114,7 +114,7 @@ def test_whose_starter_has_ended_meanwhile_it_ends_without_a_word(tmp_path: Path
     nobody = str(tmp_path / "socket"), b"k" * KEY_BYTES, 1, "math", "sqrt", ()
     ended = subprocess.run(
         [sys.executable, "-c", BOOTSTRAP],
-        input=pickle.dumps((sys.path, gc.get_threshold(), ())) + pickle.dumps(nobody),
+        input=pickle.dumps((sys.path, gc.get_threshold())) + pickle.dumps(nobody),
         capture_output=True,
         timeout=60,
     )

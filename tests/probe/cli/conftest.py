@@ -65,5 +65,5 @@ def springs(monkeypatch: pytest.MonkeyPatch, winkler: Callable[..., Any]) -> Non
     """Tissue of springs in place of the finite elements: these tests are about the commands."""
     monkeypatch.setattr("sim_backend.models.station_response.respond", winkler)
     monkeypatch.setattr(
-        "sim_backend.models.second_process.processors", lambda: 1
+        "sim_backend.models.ahead.processors", lambda: 1
     )  # it solves finite elements

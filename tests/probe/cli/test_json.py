@@ -216,7 +216,7 @@ def test_what_cannot_be_solved(
         return winkler(scene, x_m, *given)
 
     monkeypatch.setattr("sim_backend.models.station_response.respond", respond)
-    monkeypatch.setattr("sim_backend.models.second_process.processors", lambda: 1)
+    monkeypatch.setattr("sim_backend.models.ahead.processors", lambda: 1)
     outcome = palpate("scan", "--scene", "TIHA", "--out", tmp_path, "--json")
     assert outcome.status == outcome.json["status"] == 4
     assert "the surface folds at 2.1 mm" in outcome.err

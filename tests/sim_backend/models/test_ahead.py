@@ -1,11 +1,14 @@
 """A second process solves what a scan comes to later: the same answers, and never left behind."""
 
+import os
 import pickle
+import signal
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 from small_block import BLOCK
@@ -13,7 +16,7 @@ from small_block import BLOCK
 from drivers import SimulatedClock
 from palpate import Rig, connect
 from sim_backend import Scene, SceneError
-from sim_backend.models import second_process, station_response
+from sim_backend.models import ahead, station_response
 from sim_backend.models import stations as stations_solved
 from sim_backend.models.ahead import SolvedAhead
 from sim_backend.models.response import Station
@@ -25,7 +28,7 @@ PLACES_M = [9e-3, 10e-3, 11e-3, 12e-3, 13e-3]  # the last is the mirror image of
 
 @pytest.fixture(autouse=True)
 def two_processors(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(second_process, "processors", lambda: 2)
+    monkeypatch.setattr(ahead, "processors", lambda: 2)
     monkeypatch.setattr(station_response, "_kept", {})
 
 
@@ -46,7 +49,7 @@ def solved() -> Iterator[Callable[..., SolvedAhead]]:
         one.close()
 
 
-def wait_for(what: Callable[[], bool]) -> None:
+def wait_for(what: Callable[[], object]) -> None:
     end_s = time.monotonic() + 60
     while not what():
         assert time.monotonic() < end_s
@@ -57,9 +60,8 @@ def test_both_processes_answer_to_the_last_bit(
     solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = solved(stations())
-    wait_for(lambda: len(both._other._solved) > 0)
+    wait_for(lambda: station_response._kept)
     answers = [both(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
-    assert len(both._other._theirs) >= 1 and len(both._other._ours | both._other._theirs) == 4
     monkeypatch.setattr(station_response, "_kept", {})
     alone = [respond(BLOCK, x_m, DEPTH_M) for x_m in PLACES_M]
     assert [pickle.dumps(one) for one in answers] == [pickle.dumps(one) for one in alone]
@@ -69,23 +71,52 @@ def test_what_is_being_solved_elsewhere_is_waited_for(
     solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     both = solved(stations())
-    wait_for(lambda: len(both._other._theirs) > 0)
+    wait_for(lambda: both._theirs)
     monkeypatch.setattr(stations_solved, "solved", None)  # nothing can be solved here
     assert both(BLOCK, PLACES_M[0], DEPTH_M).x_m == PLACES_M[0]
+
+
+def test_meanwhile_the_last_stations_are_solved_here_and_none_twice(
+    solved: Callable[..., SolvedAhead], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both, here = solved(stations()), []
+    wait_for(lambda: both._theirs)
+
+    def solve(one: Station) -> Any:
+        here.append(one.x_m)
+        return of_station(one)
+
+    of_station = stations_solved.solved
+    monkeypatch.setattr(stations_solved, "solved", solve)
+    for x_m in PLACES_M:
+        both(BLOCK, x_m, DEPTH_M)
+    assert len(here) == len(set(here)) < 4  # of four, one is an image
+    assert not here or here[0] in (12e-3, 10e-3)  # the last, unless the first came just then
+
+
+def test_it_goes_on_from_what_was_asked_for_first(solved: Callable[..., SolvedAhead]) -> None:
+    """A resumed scan, of which the first two were complete."""
+    both = solved(stations())
+    both(BLOCK, PLACES_M[2], DEPTH_M)
+    wait_for(lambda: both._theirs is None and not both._waiting)
+    of_last = stations()[3]
+    of_second = stations()[1]
+    order = list(station_response._kept)
+    assert order.index(of_last) < order.index(of_second)
 
 
 @pytest.mark.parametrize(("processors", "places"), [(1, 4), (2, 1)])
 def test_no_process_where_it_would_gain_nothing(
     processors: int, places: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(second_process, "processors", lambda: processors)
-    assert not SolvedAhead(stations()[:places])._other._thread.is_alive()
+    monkeypatch.setattr(ahead, "processors", lambda: processors)
+    assert not SolvedAhead(stations()[:places])._thread.is_alive()
 
 
 def test_no_process_where_everything_is_known() -> None:
     for one in stations():
         station_response.learn(one, respond(*stations()[0]))
-    assert not SolvedAhead(stations())._other._thread.is_alive()
+    assert not SolvedAhead(stations())._thread.is_alive()
 
 
 def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., SolvedAhead]) -> None:
@@ -94,8 +125,8 @@ def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., Solv
     content = BLOCK.model_dump()
     touching = Scene.model_validate(content | {"inclusion": [*content["inclusion"], lump]})
     hopeless = station(touching, PLACES_M[3], DEPTH_M)
-    both = solved([*stations()[:2], hopeless])
-    wait_for(lambda: 2 in both._other._failed)
+    both = solved([hopeless, *stations()[:2]])
+    wait_for(lambda: len(station_response._kept) == 2)
     with pytest.raises(SceneError, match="too little to be meshed"):
         both(*hopeless)
     both(BLOCK, PLACES_M[0], DEPTH_M)
@@ -103,9 +134,11 @@ def test_where_it_cannot_be_solved_the_reason_is_said(solved: Callable[..., Solv
 
 def test_without_the_process_everything_is_solved_here(solved: Callable[..., SolvedAhead]) -> None:
     both = solved(stations())
-    wait_for(lambda: len(both._other._theirs) > 0)
-    both.close()
-    wait_for(lambda: not both._other._thread.is_alive())
+    wait_for(lambda: both._theirs)
+    assert both._child is not None
+    os.kill(both._child.pid, signal.SIGTERM)
+    assert both(BLOCK, PLACES_M[0], DEPTH_M).x_m == PLACES_M[0]
+    wait_for(lambda: not both._thread.is_alive())
     assert both(BLOCK, PLACES_M[3], DEPTH_M).x_m == PLACES_M[3]
 
 
@@ -113,11 +146,11 @@ def test_it_ends_with_a_parent_that_is_killed() -> None:
     start = (
         "import sys, time\n"
         "from palpate import load_scene\n"
-        "from sim_backend.models import ahead, second_process\n"
-        "second_process.processors = lambda: 2\n"
+        "from sim_backend.models import ahead\n"
+        "ahead.processors = lambda: 2\n"
         "scene = load_scene('TIHA-solid')\n"
         "one = ahead.SolvedAhead([ahead.station(scene, 1e-3 * x, 2.51e-3) for x in range(4, 30)])\n"
-        "while not one._other._theirs: time.sleep(0.02)\n"
+        "while not one._theirs: time.sleep(0.02)\n"
         "print('begun', flush=True)\n"
         "time.sleep(600)\n"
     )
