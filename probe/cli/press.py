@@ -145,12 +145,12 @@ def check_out(option: str, path: Path, mark: bytes) -> None:
 
 def describe_press(found: dict[str, Any]) -> list[str]:
     """A press in lines, from its JSON: what was solved and why, each state, the pulse."""
-    model, comma, left_out = found["model"].partition(",")
+    model = found["model"]
     strain = " strain" if model in ("finite", "small") else ""
     lines = [
         f"{found['scene']}, x = {found['x_mm']:g} mm, {found['depth_mm']:g} mm deep",
-        f"  {model}{strain}{comma}{left_out}, {found['element']} elements, {found['dofs']} degrees "
-        f"of freedom, {found['seconds']:.2f} s, error of the force about "
+        f"  {model}{strain}, {found['element']} elements, {found['dofs']} degrees of freedom, "
+        f"{found['seconds']:.2f} s, error of the force about "
         f"{found['force_error_estimate_pct']:.2g} %",
         f"  why: {found['why']}",
     ]

@@ -264,11 +264,10 @@ def press(
         1e-3 * depth_mm, [p * PA_PER_MMHG for p in pressures], model=model,
         accuracy_pct=accuracy_pct, gradient=gradient, taxels=taxels, solving=solving,
     )  # fmt: skip
-    left_out = f", {solved.left_out} far inclusions left out" if solved.left_out else ""
     force_pct, pulse_pct = (float(pct) for pct in solved.error_pct)
     states = _states(solved, pressures, gradient=gradient, taxels=taxels)
     return Press(
-        scene, x_mm, depth_mm, solved.model + left_out, len(solved.body.free),
+        scene, x_mm, depth_mm, solved.model, len(solved.body.free),
         perf_counter() - began, force_pct, pulse_pct if len(pressures) > 1 else None, states,
         solved, solved.kind.element(scene), solved.why,
     )  # fmt: skip

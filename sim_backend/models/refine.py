@@ -87,16 +87,15 @@ def refine(
     budget_pct: Array,
     near: Meshed | None = None,
     *,
-    first: Meshed | None = None,
     solving: Solving = lambda _what: None,
 ) -> Refined:
     """Solve on ever finer ``meshes`` until the errors left are within ``budget_pct`` (force,
     pulse). Where a finer mesh states more than a coarser one, and does not show that to be wrong,
     the coarser one's answer and error are kept.
 
-    The first mesh begins at what was solved ``near`` to it, or is ``first``, where that is known.
-    A mesh too fine to be solved, or to be worth it, ends the refinement too. ``solving`` receives a
-    line about each mesh before it is solved. Raises `CannotSolve`.
+    The first mesh begins at what was solved ``near`` to it, where that is known. A mesh too fine to
+    be solved, or to be worth it, ends the refinement too. ``solving`` receives a line about each
+    mesh before it is solved. Raises `CannotSolve`.
     """
     share, error_pct = meshes.first_share, np.full(2, np.inf)
 
@@ -104,7 +103,7 @@ def refine(
         solving(mesh_in_words(meshes.name, meshes.contact_m(share), error_pct))
         return meshes.solve(share, coarser, stated=bool(np.isfinite(error_pct).all()))
 
-    solved = first or solve(near)
+    solved = solve(near)
     best, finer = Refined(solved, error_pct), None
     while (after := meshes.next_share(share, solved, finer, budget_pct)) is not None:
         ratio, share, coarser = share / after, after, solved

@@ -21,8 +21,8 @@ class Solved:
     """A press into ``scene`` at ``x_m`` [m]: a ``body`` in one state per lumen pressure, n in all.
 
     ``error_pct`` (2,): what force and pulse, their span, may be off by [%]. ``model`` is an entry
-    of `sim_backend.models.table`, ``why`` says why it was taken, and ``left_out`` how many
-    inclusions it does not see. ``derivatives``: those of its forces are known.
+    of `sim_backend.models.table`, and ``why`` says why it was taken. ``derivatives``: those of its
+    forces are known.
     """
 
     scene: Scene
@@ -33,7 +33,6 @@ class Solved:
     states: tuple[Solution, ...]
     error_pct: Array
     why: str
-    left_out: int = 0
     derivatives: bool = True
 
     @property

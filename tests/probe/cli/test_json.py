@@ -264,7 +264,7 @@ def test_a_press_says_its_pulse_its_element_and_why(palpate, tmp_path: Path) -> 
 
 def test_a_press_at_one_pressure_has_no_pulse_to_say(palpate) -> None:
     said = palpate("press", "TI", "--x", "32", "--depth", "0.1", "--accuracy", "20").out
-    assert "why: small strain misses about" in said
+    assert "why: the cheapest model for this scene" in said
     assert "pulse" not in said
 
 

@@ -33,17 +33,10 @@ def test_a_short_wait_is_silent(capsys: pytest.CaptureFixture[str]) -> None:
     assert not capsys.readouterr().err
 
 
-@pytest.mark.parametrize(
-    ("depth_mm", "accuracy_pct", "said"),
-    [
-        (1.0, 0.1, ["finite strain on elements of 0.25 mm", "so far the force is within"]),
-        (0.1, 10.0, ["what finite strain does", "small strain on elements"]),
-    ],
-)
-def test_a_press_says_model_and_mesh(depth_mm: float, accuracy_pct: float, said: list[str]) -> None:
+def test_a_press_says_model_and_mesh() -> None:
     heard: list[str] = []
-    press("TI", 32.0, depth_mm, accuracy_pct=accuracy_pct, solving=heard.append)
-    for words in said:
+    press("TI", 32.0, 1.0, accuracy_pct=0.1, solving=heard.append)
+    for words in ("finite strain on elements of 0.25 mm", "so far the force is within"):
         assert any(words in one for one in heard), heard
 
 
