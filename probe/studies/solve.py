@@ -11,10 +11,10 @@ from pydantic import ValidationError
 
 from probe.studies.vary import Point, applied
 from sim_backend.models.fast import FastModel, fast_model
-from sim_backend.models.force_model import OutOfRange
 from sim_backend.models.press import CannotSolve, Press, press
 from sim_backend.models.press_range import check_press
 from sim_backend.models.refine import SMALL_PULSE
+from sim_backend.models.response import OutOfRange
 from sim_backend.scene.explain import explain
 from sim_backend.scene.scene_file import Scene, SceneError
 from sim_backend.scene.waves import PA_PER_MMHG

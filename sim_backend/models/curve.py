@@ -1,4 +1,4 @@
-"""Smooth curves through a few points, with derivatives where they are known.
+"""Smooth curves through a few points, with slopes where they are known.
 
 (Not scipy.interpolate: importing it takes as long as a press.)
 """
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_backend.arrays import Array, Ints
+from sim_backend.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -19,21 +19,10 @@ class HermiteCurve:
     y: Array
     slope: Array
 
-    def _piece(self, at: Array) -> tuple[Ints, Array, Array]:
-        """Number of the piece, its width, and how far along it, 0 to 1."""
+    def __call__(self, at: Array) -> Array:
         k = np.searchsorted(self.x[1:-1], at, side="right")
         width = self.x[k + 1] - self.x[k]
-        return k, width, (at - self.x[k]) / width
-
-    def derivative(self, at: Array) -> Array:
-        """The slope at ``at``."""
-        k, width, t = self._piece(at)
-        secant = (self.y[k + 1] - self.y[k]) / width
-        begins = (1 - t) * (1 - 3 * t) * self.slope[k]
-        return np.asarray(6 * t * (1 - t) * secant + begins + t * (3 * t - 2) * self.slope[k + 1])
-
-    def __call__(self, at: Array) -> Array:
-        k, width, t = self._piece(at)
+        t = (at - self.x[k]) / width
         s = 1 - t
         return np.asarray(
             s * s * ((1 + 2 * t) * self.y[k] + t * width * self.slope[k])

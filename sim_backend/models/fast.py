@@ -6,7 +6,6 @@ two places one more is solved; where the cubic was off there, so is one in each 
 were off by in the last middles is part of the stated error: it falls by a factor of 4 or more.
 """
 
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -17,9 +16,8 @@ from numpy.typing import ArrayLike
 
 from sim_backend.arrays import Array, Ints
 from sim_backend.models.ahead import SolvedAhead
-from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.press_range import LEAST_SHARE
-from sim_backend.models.response import StationResponse, levels_pa
+from sim_backend.models.response import Range, StationResponse, levels_pa
 from sim_backend.models.station_response import station
 from sim_backend.scene.scene_file import Scene, SceneError
 
@@ -45,8 +43,8 @@ NEAREST = 4
 
 @dataclass(frozen=True)
 class FastModel:
-    """A `sim_backend.models.force_model.ForceModel` between its ``stations`` at places ``x_m``
-    (n,), n > 3. ``off`` are the shares of force and pulse that the cubics were off by."""
+    """The answers of `StationResponse`, between its ``stations`` at places ``x_m`` (n,), n > 3.
+    ``off`` are the shares of force and pulse that the cubics were off by."""
 
     x_m: Array
     stations: tuple[StationResponse, ...]
@@ -61,37 +59,28 @@ class FastModel:
 
     def force_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         """Normal force [N] on the whole finger."""
-        return self._sum(lambda at, *load: at.force_n(at.x_m, *load), x_m, depth_m, pressure_pa)
+        return self._sum("force_n", x_m, depth_m, pressure_pa)
 
     def von_mises_pa(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
         """Von Mises stress [Pa] at the surface under the finger."""
-        load = depth_m, pressure_pa
-        return self._sum(lambda at, *load: at.von_mises_pa(at.x_m, *load), x_m, *load)
-
-    def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
-        return ForceSlope(*(
-            self._sum(lambda at, *load, k=k: at.slope(at.x_m, *load)[k], x_m, depth_m, pressure_pa)
-            for k in (0, 1)
-        ))  # fmt: skip
+        return self._sum("von_mises_pa", x_m, depth_m, pressure_pa)
 
     def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        """What the force may be off by [N]."""
         at = x_m, depth_m, pressure_pa
-        stations = self._sum(lambda at, *load: at.error_n(at.x_m, *load), *at)
-        return np.asarray(stations + self.off[0] * self.force_n(*at))
+        return np.asarray(self._sum("error_n", *at) + self.off[0] * self.force_n(*at))
 
     def pulse_error_n(
         self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
     ) -> Array:
-        at = x_m, depth_m, low_pa, high_pa
-        stations = self._sum(lambda at, *load: at.pulse_error_n(at.x_m, *load), *at)
+        """What the change of force between two pressures may be off by [N]."""
+        stations = self._sum("pulse_error_n", x_m, depth_m, low_pa, high_pa)
         low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
         pulse = np.maximum(np.abs(high - low), SMALL_PULSE * np.maximum(low, high))
         return np.asarray(stations + np.where(low == high, 0.0, self.off[1] * pulse))
 
-    def _sum(
-        self, of: Callable[..., Array], x_m: ArrayLike, depth_m: ArrayLike, *pressures: ArrayLike
-    ) -> Array:
-        """A station's answer ``of`` depth and pressures, summed over the nearest stations."""
+    def _sum(self, of: str, x_m: ArrayLike, depth_m: ArrayLike, *pressures: ArrayLike) -> Array:
+        """What a method of stations answers, summed over the nearest ones."""
         for pressure_pa in pressures:
             self.range.check(x_m, depth_m, pressure_pa)
         x, *load = np.broadcast_arrays(x_m, depth_m, *pressures)
@@ -100,7 +89,8 @@ class FastModel:
         total = np.zeros(len(x))
         for number in np.unique(near):
             at, which = np.nonzero(near == number)
-            total[at] += weight[at, which] * of(self.stations[number], *(one[at] for one in load))
+            here = self.stations[number]
+            total[at] += weight[at, which] * getattr(here, of)(here.x_m, *(a[at] for a in load))
         return total.reshape(shape)
 
 

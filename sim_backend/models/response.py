@@ -1,4 +1,4 @@
-"""A force model of one place, as curves over depth and lumen pressure, for the phantom; and which
+"""What a station answers: force and stress over depth and lumen pressure, as curves; and which
 station it is of."""
 
 from dataclasses import asdict, dataclass
@@ -8,9 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim_backend.arrays import Array
+from sim_backend.arrays import Array, Bools
 from sim_backend.models.curve import HermiteCurve
-from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.kept_tables import table_file
 from sim_backend.models.taxel_shares import TaxelShares
 from sim_backend.scene.scene_file import Scene
@@ -20,8 +19,39 @@ from sim_backend.scene.waves import PA_PER_MMHG
 
 PRESSURE_SLACK = 0.02
 """Share of the wave's span that a pressure may lie outside it: a wave is sampled."""
+SLACK = 1e-8
+"""What a place or depth [m] may lie outside a range, and a pressure over the range's end: the
+rounding of a path."""
 WAY = 6
 """Number of the way of solving; what was kept on disk by another way is solved again."""
+
+
+class OutOfRange(ValueError):
+    """A place, depth or pressure that a model does not know; says which it does."""
+
+
+class Range(NamedTuple):
+    """(low, high) of the places [m], depths [m] and lumen pressures [Pa] that a model knows."""
+
+    x_m: tuple[float, float]
+    depth_m: tuple[float, float]
+    pressure_pa: tuple[float, float]
+
+    def check(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> None:
+        """Raises `OutOfRange` unless all are known; what is not a number is not."""
+        slack_pa = SLACK * abs(self.pressure_pa[1])
+        for what, asked, (low, high), slack, scale, unit in (
+            ("place", x_m, self.x_m, SLACK, 1e3, "mm"),
+            ("depth", depth_m, self.depth_m, SLACK, 1e3, "mm"),
+            ("lumen pressure", pressure_pa, self.pressure_pa, slack_pa, 1e-3, "kPa"),
+        ):
+            values = np.asarray(asked, dtype=float)
+            known: Bools = (values >= low - slack) & (values <= high + slack)
+            if not known.all():
+                raise OutOfRange(
+                    f"a {what} of {scale * values[~known].flat[0]:.4g} {unit} is beyond the "
+                    f"{scale * low:.4g} to {scale * high:.4g} {unit} that this model knows"
+                )
 
 
 class Station(NamedTuple):
@@ -66,9 +96,12 @@ class Left(NamedTuple):
 
 @dataclass(frozen=True)
 class StationResponse:
-    """A `sim_backend.models.force_model.ForceModel` of one place ``x_m`` down to ``max_depth_m``.
+    """The elastic answer of one place ``x_m`` down to ``max_depth_m``.
 
-    ``bulge_m``: how far the resting pressure lifts the surface; contact begins there.
+    ``bulge_m``: how far the resting pressure lifts the surface; contact begins there. All arguments
+    broadcast: ``x_m`` along the surface, ``depth_m`` below it (0 and less: in the air, unless a
+    filled vessel bulges there), ``pressure_pa`` in every lumen. Methods raise `OutOfRange` outside
+    ``range``; none returns NaN.
     """
 
     x_m: float
@@ -104,15 +137,8 @@ class StationResponse:
         sunk = np.asarray(depth_m, dtype=float) + self.bulge_m
         return self.taxels(sunk, np.asarray(pressure_pa) - self.force.rest_pa)
 
-    def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
-        touched = self.force_n(x_m, depth_m, pressure_pa) > 0
-        sunk, pressure = np.broadcast_arrays(np.asarray(depth_m) + self.bulge_m, pressure_pa)
-        return ForceSlope(
-            np.where(touched, self.length_m * self.force.by_depth(sunk, pressure), 0.0),
-            np.where(touched, self.length_m * self.force.by_pressure(sunk, pressure), 0.0),
-        )
-
     def error_n(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> Array:
+        """What the force may be off by [N]."""
         rest_pa, force = self.force.rest_pa, self.force_n(x_m, depth_m, pressure_pa)
         rest = self.force_n(x_m, depth_m, rest_pa)
         deepest = self.force_n(x_m, self.max_depth_m, rest_pa)
@@ -124,8 +150,9 @@ class StationResponse:
     def pulse_error_n(
         self, x_m: ArrayLike, depth_m: ArrayLike, low_pa: ArrayLike, high_pa: ArrayLike
     ) -> Array:
-        """Of the change itself, and of how far it is from that at the full depth, where the curve
-        over pressure is the solved one."""
+        """What the change of force between two pressures may be off by [N]: of the change itself,
+        and of how far it is from that at the full depth, where the curve over pressure is the
+        solved one. What both forces' errors have in common drops out."""
         low, high = (self.force_n(x_m, depth_m, p) for p in (low_pa, high_pa))
         full = (self.force_n(x_m, self.max_depth_m, p) for p in (low_pa, high_pa))
         change = self._steepest(x_m, depth_m, low_pa, high_pa)
@@ -138,9 +165,12 @@ class StationResponse:
         """The change [N] between two pressures, or p dF/dp's if that is more: near the pressure at
         which a wall inflates without bound, a wall that is a share off in stiffness is as much off
         in pressure."""
-        ends = [np.asarray(pressure_pa, dtype=float) for pressure_pa in (low_pa, high_pa)]
+        sunk, *ends = np.broadcast_arrays(np.asarray(depth_m) + self.bulge_m, low_pa, high_pa)
         low, high = (self.force_n(x_m, depth_m, p) for p in ends)
-        by_low, by_high = (p * self.slope(x_m, depth_m, p).by_pressure_n_pa for p in ends)
+        by_low, by_high = (
+            np.where(force > 0, p * self.length_m * self.force.by_pressure(sunk, p), 0.0)
+            for force, p in zip((low, high), ends, strict=True)
+        )
         return np.asarray(np.maximum(np.abs(high - low), np.abs(by_high - by_low)))
 
     def _at(
@@ -167,11 +197,6 @@ class Curve:
         over = pressure_pa - self.rest_pa
         adds = (one(sunk) * over**k for k, one in enumerate(self.powers, 1))
         return np.asarray(self.rest(sunk) + sum(adds))
-
-    def by_depth(self, sunk: Array, pressure_pa: Array) -> Array:
-        over = pressure_pa - self.rest_pa
-        adds = (one.derivative(sunk) * over**k for k, one in enumerate(self.powers, 1))
-        return np.asarray(self.rest.derivative(sunk) + sum(adds))
 
     def by_pressure(self, sunk: Array, pressure_pa: Array) -> Array:
         over = pressure_pa - self.rest_pa

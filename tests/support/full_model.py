@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim_backend.arrays import Array
-from sim_backend.fem.sensitivity import slopes
-from sim_backend.models.force_model import ForceSlope, Range
 from sim_backend.models.press import Press, press
 from sim_backend.models.press_range import MOST_MMHG, reach_mm
-from sim_backend.scene.scene_file import Scene, SceneError
+from sim_backend.models.response import Range
+from sim_backend.scene.scene_file import Scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
 
@@ -53,15 +52,6 @@ class FullModel:
                 found[i] = one.pulse_error_n or 0.0
         return found
 
-    def slope(self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike) -> ForceSlope:
-        """Raises `SceneError` for what is solved at small strain or as a body of revolution."""
-        length_m = 1e-3 * self.scene.indenter.length_mm
-
-        def by(which: int) -> Callable[[Press, int], float]:
-            return lambda one, k: length_m * _slopes(one, k)[which]
-
-        return ForceSlope(*(self._each(x_m, depth_m, pressure_pa, by(which)) for which in (0, 1)))
-
     def _each(
         self, x_m: ArrayLike, depth_m: ArrayLike, pressure_pa: ArrayLike,
         value: Callable[[Press, int], float],
@@ -86,12 +76,3 @@ def _pressed(
 ) -> Press:
     mmhg = [p / PA_PER_MMHG for p in levels_pa]
     return press(scene, 1e3 * x_m, 1e3 * depth_m, mmhg, accuracy_pct=accuracy_pct)
-
-
-def _slopes(one: Press, k: int) -> tuple[float, float]:
-    """Force per length by depth [N/m/m] and by pressure [N/m/Pa] of a state."""
-    solved = one.solved
-    if not solved.derivatives:
-        raise SceneError(f"{one.scene.name}: no slopes are known of what is solved as {one.model}")
-    by_depth, by_pressure = slopes(solved.body, solved.states[k])
-    return by_depth.force, by_pressure.force

@@ -6,8 +6,8 @@ from small_block import BLOCK
 
 from sim_backend.models import fast
 from sim_backend.models.fast import FastModel, fast_model
-from sim_backend.models.force_model import OutOfRange
 from sim_backend.models.place import place
+from sim_backend.models.response import OutOfRange
 from sim_backend.scene.scene_file import Scene, SceneError, load_scene
 from sim_backend.scene.waves import PA_PER_MMHG
 
