@@ -4,7 +4,7 @@ Each press is solved at a few depths, over a vessel at diastole and systole, wit
 derivatives of its force by every number of its scene.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -46,7 +46,7 @@ OFF_SIDE = 0.4
 class Samples(NamedTuple):
     """Solved states over a kind of body: where (n,), how deep (n,) and over what (n, p); force and
     pulse (n, 2), and their derivatives (p + 1, n, 2) by each parameter and by depth, NaN where
-    unknown. ``press`` (n,) numbers the presses, of each of which several depths are solved.
+    unknown. ``press`` (n,) numbers the presses of a kind, of each of which several depths are solved.
 
     Of a bare block the first value is the logarithm of its force over its depth.
     """
@@ -59,10 +59,9 @@ class Samples(NamedTuple):
     press: Array
 
     def where(self, chosen: Array) -> "Samples":
-        return Samples(
-            self.x[chosen], self.sunk[chosen], self.theta[chosen], self.value[chosen],
-            self.slope[:, chosen], self.press[chosen],
-        )  # fmt: skip
+        return Samples(*(
+            column[:, chosen] if column is self.slope else column[chosen] for column in self
+        ))  # fmt: skip
 
     def over(self, bare: Ratios) -> "Samples":
         """Bump and pulse over the ``bare`` block's force."""
@@ -73,7 +72,7 @@ class Samples(NamedTuple):
         block = self.theta[:, -2:]
         below = force(self.x, self.sunk, block)
         slope = np.zeros_like(self.slope)
-        slope[-3:] = _slopes(force, self.x, self.sunk, block)
+        slope[-3:] = list(_slopes(force, self.x, self.sunk, block))
         value = self.value / below
         slope = (self.slope - value * slope) / below
         return self._replace(value=value - [1.0, 0.0], slope=slope)
@@ -91,18 +90,16 @@ def touch_table(
     ``presses`` are solved over bodies of each kind. ``mapping`` is `map` or that of a pool of
     processes; ``counting`` hears how many presses are done, of how many.
     """
-    bodies: dict[str, Samples] = {}
-    blocks: list[Samples] = []
-    for n, kind in enumerate(KINDS):
-        solved = []
-        for pair in mapping(partial(random_press, kind.name, block), range(presses)):
-            solved.append(pair)
-            counting(n * presses + len(solved), len(KINDS) * presses)
-        of_body, of_block = zip(*solved, strict=True)
-        bodies[kind.name] = joined(of_body)
-        blocks += of_block
-    bare = trained(BARE, joined(blocks))
-    ratios = {kind.name: trained(kind, bodies[kind.name].over(bare)) for kind in KINDS}
+    ratios: dict[str, Ratios] = {}
+    solved: dict[str, list[tuple[Samples, Samples]]] = {kind.name: [] for kind in KINDS}
+    for n, name in enumerate(solved):
+        for pair in mapping(partial(random_press, name, block), range(presses)):
+            solved[name].append(pair)
+            counting(n * presses + len(solved[name]), len(KINDS) * presses)
+    bare = trained(BARE, joined([of_block for pairs in solved.values() for _, of_block in pairs]))
+    for kind in KINDS:
+        bodies = joined([of_body for of_body, _ in solved[kind.name]])
+        ratios[kind.name] = trained(kind, bodies.over(bare))
     return TouchTable(about_finger(block), {BARE.name: bare, **ratios})
 
 
@@ -185,10 +182,7 @@ def random_press(name: str, block: Scene, number: int) -> tuple[Samples, Samples
 
 
 def joined(parts: Sequence[Samples]) -> Samples:
-    """All of them; presses of several kinds over the bare block have other numbers each."""
-    first = np.cumsum([0, *(len(np.unique(part.press)) for part in parts)])
-    parts = [part._replace(press=part.press - part.press[0] + first[n])
-             for n, part in enumerate(parts)]  # fmt: skip
+    """All of them."""
     return Samples(*(
         np.concatenate(columns, axis=1 if name == "slope" else 0)
         for name, columns in zip(Samples._fields, zip(*parts, strict=True), strict=True)
@@ -291,45 +285,47 @@ def _fit(kind: Kind, samples: Samples) -> Ratios:
     high[: kind.mirrored] = np.abs(coordinates[:, : kind.mirrored]).max(axis=0)
     low[: kind.mirrored] = -high[: kind.mirrored]
     ratios = Ratios(kind, low, high, np.zeros((0, 2)), np.zeros((2, 2)))
-    basis = ratios.basis
-    scaled = ratios.scaled(coordinates)
-    terms = basis.values(scaled)
-    by_coordinate = basis.derivatives(scaled) * (2 / (high - low))[:, None, None]
-    turned = _slopes(kind.at, x, sunk, theta)
-    size = kind.size(x, theta)
-    turned_size = _slopes(lambda x, _, theta: kind.size(x, theta), x, sunk, theta)
-    spread = np.append(theta.std(axis=0), sunk.std())
-    coefficients = np.zeros((terms.shape[1], 2))
-    for output in range(1 + kind.beats):
-        ratio = value[:, output] / size[:, output]
-        weight = np.sqrt(size[:, output] * sunk)  # small bumps need not be known as well
-        rows = terms * weight[:, None]
-        normal, right = rows.T @ rows, rows.T @ (ratio * weight)
-        for k, one_turned in enumerate(turned):
-            along = (slope[k, :, output] - ratio * turned_size[k, :, output]) / size[
-                :, output
-            ]  # the quotient's rule
+    terms = _at_terms(ratios)(x, sunk, theta)
+    size, spread = kind.size(x, theta), np.append(theta.std(axis=0), sunk.std())
+    outputs, count = range(1 + kind.beats), terms.shape[1]
+    ratio = value / np.where(size, size, 1.0)
+    weight = np.sqrt(size * sunk[:, None])  # small bumps need not be known as well
+    normal, right = np.zeros((len(outputs), count, count)), np.zeros((len(outputs), count))
+
+    def learn(output: int, rows: Array, of: Array) -> None:
+        normal[output] += rows.T @ rows
+        right[output] += rows.T @ of
+
+    for output in outputs:
+        learn(output, terms * weight[:, output, None], (ratio * weight)[:, output])
+    turned_sizes = _slopes(lambda x, _, theta: kind.size(x, theta), x, sunk, theta)
+    for k, (turned, turned_size) in enumerate(
+        zip(_slopes(_at_terms(ratios), x, sunk, theta), turned_sizes, strict=True)
+    ):
+        for output in outputs:  # the quotient's rule
+            along = (slope[k] - ratio * turned_size)[:, output] / size[:, output]
             known = np.isfinite(along)
-            scale = WEIGHT_OF_SLOPES * spread[k] * weight[known]
-            rows = np.zeros((int(known.sum()), terms.shape[1]))
-            for turn, by in zip(one_turned[known].T, by_coordinate, strict=True):
-                if turn.any():
-                    rows += (turn * scale)[:, None] * by[known]
-            normal += rows.T @ rows
-            right += rows.T @ (along[known] * scale)
-        ridge = RIDGE * np.trace(normal) / len(normal)
-        normal += ridge * np.diag(1.0 + basis.exponents.sum(axis=1) ** 2)
-        coefficients[:, output] = np.linalg.solve(normal, right)
+            scale = WEIGHT_OF_SLOPES * spread[k] * weight[known, output]
+            learn(output, turned[known] * scale[:, None], along[known] * scale)
+    coefficients = np.zeros((count, 2))
+    degrees = ratios.basis.exponents.sum(axis=1)
+    for output in outputs:
+        ridge = RIDGE * np.trace(normal[output]) / count
+        whole = normal[output] + ridge * np.diag(1.0 + degrees**2)
+        coefficients[:, output] = np.linalg.solve(whole, right[output])
     return replace(ratios, coefficients=coefficients)
+
+
+def _at_terms(ratios: Ratios) -> Callable[[Array, Array, Array], Array]:
+    """The polynomials' terms (n, terms) at places, depths and parameters."""
+    return lambda x, sunk, theta: ratios.basis.values(ratios.scaled(ratios.kind.at(x, sunk, theta)))
 
 
 def _slopes(
     function: Callable[[Array, Array, Array], Array], x: Array, sunk: Array, theta: Array
-) -> Array:
-    """Derivatives (p + 1, n, outputs) by parameters and depth, by central differences."""
-    found = []
+) -> Iterator[Array]:
+    """Derivatives (n, outputs) by each parameter and by depth, by central differences."""
     for k in range(theta.shape[1]):
         step = STEP * np.eye(theta.shape[1])[k]
-        found.append(function(x, sunk, theta + step) - function(x, sunk, theta - step))
-    found.append(function(x, sunk + STEP, theta) - function(x, sunk - STEP, theta))
-    return np.array(found) / (2 * STEP)
+        yield (function(x, sunk, theta + step) - function(x, sunk, theta - step)) / (2 * STEP)
+    yield (function(x, sunk + STEP, theta) - function(x, sunk - STEP, theta)) / (2 * STEP)

@@ -1,4 +1,4 @@
-"""Products of Chebyshev polynomials up to a total degree, and their derivatives."""
+"""Products of Chebyshev polynomials up to a total degree."""
 
 from collections.abc import Sequence
 from functools import cached_property
@@ -40,17 +40,6 @@ class Basis:
         """Those (n, terms) of ``exponents`` (terms, dimensions)."""
         return _products(self._factors(coordinates), exponents)
 
-    def derivatives(self, coordinates: Array) -> Array:
-        """Their derivatives (dimensions, n, terms) by each coordinate."""
-        factors = self._factors(coordinates)
-        slopes = factors @ _differentiation(self.degree)
-        found = []
-        for k in range(len(self.weights)):
-            one_slope = factors.copy()
-            one_slope[k] = slopes[k]
-            found.append(_products(one_slope, self.exponents))
-        return np.array(found)
-
     def _factors(self, coordinates: Array) -> Array:
         return np.array([chebyshev.chebvander(z, self.degree) for z in coordinates.T])
 
@@ -62,12 +51,3 @@ def _products(factors: Array, exponents: Ints) -> Array:
         if exponent.any():
             result *= factor[:, exponent]
     return result
-
-
-def _differentiation(degree: int) -> Array:
-    """T_k' in terms of T_0 to T_degree, a column each."""
-    matrix = np.zeros((degree + 1, degree + 1))
-    for k in range(1, degree + 1):
-        slope = chebyshev.chebder(np.eye(k + 1)[k])
-        matrix[: len(slope), k] = slope
-    return matrix

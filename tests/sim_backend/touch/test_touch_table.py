@@ -28,16 +28,8 @@ def other_block(name: str, **changed: float) -> palpate.Scene:
     return scene.model_copy(update={"tissue": scene.tissue.model_copy(update=changed)})
 
 
-def test_derivatives_of_the_basis_are_those_of_its_values() -> None:
-    basis, step = Basis(4, (1, 1, 1)), 1e-6
-    at = np.random.default_rng(0).uniform(-1, 1, (5, 3))
-    for k, by in enumerate(basis.derivatives(at)):
-        ahead, behind = (basis.values(at + s * step * np.eye(3)[k]) for s in (1, -1))
-        np.testing.assert_allclose(by, (ahead - behind) / (2 * step), atol=1e-6)
-    assert len(basis.exponents) == 35  # all products of three up to the fourth degree
-
-
 def test_a_basis_has_the_symmetry_and_the_weights_that_it_is_given() -> None:
+    assert len(Basis(4, (1, 1, 1)).exponents) == 35  # all products of three up to the fourth degree
     basis, at = Basis(4, (1, 2, 1), odd=2), np.array([[0.3, -0.7, 0.2]])
     np.testing.assert_allclose(basis.values(at), basis.values(at * [-1, -1, 1]))
     assert basis.exponents[:, 1].max() == 2
