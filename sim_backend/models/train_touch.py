@@ -45,8 +45,8 @@ OFF_SIDE = 0.4
 
 class Samples(NamedTuple):
     """Solved states over a kind of body: where (n,), how deep (n,) and over what (n, p); force and
-    pulse (n, 2), and their derivatives (p + 1, n, 2) by each parameter and by depth, NaN where
-    unknown. ``press`` (n,) numbers the presses of a kind, of each of which several depths are solved.
+    pulse (n, 2), and their derivatives (n, p + 1, 2) by each parameter and by depth, NaN where
+    unknown. ``press`` (n,) numbers a kind's presses, of each of which several depths are solved.
 
     Of a bare block the first value is the logarithm of its force over its depth.
     """
@@ -59,9 +59,7 @@ class Samples(NamedTuple):
     press: Array
 
     def where(self, chosen: Array) -> "Samples":
-        return Samples(*(
-            column[:, chosen] if column is self.slope else column[chosen] for column in self
-        ))  # fmt: skip
+        return Samples(*(column[chosen] for column in self))
 
     def over(self, bare: Ratios) -> "Samples":
         """Bump and pulse over the ``bare`` block's force."""
@@ -72,9 +70,9 @@ class Samples(NamedTuple):
         block = self.theta[:, -2:]
         below = force(self.x, self.sunk, block)
         slope = np.zeros_like(self.slope)
-        slope[-3:] = list(_slopes(force, self.x, self.sunk, block))
+        slope[:, -3:] = np.stack([*_slopes(force, self.x, self.sunk, block)], axis=1)
         value = self.value / below
-        slope = (self.slope - value * slope) / below
+        slope = (self.slope - value[:, None] * slope) / below[:, None]
         return self._replace(value=value - [1.0, 0.0], slope=slope)
 
 
@@ -153,15 +151,18 @@ class Units:
         file["inclusion"] = [body]
         return Scene.model_validate(file)
 
-    def numbers(self, kind: Kind, theta: Array, sunk: float) -> dict[str, float]:
-        """The press's numbers that depend on ``theta`` and on how deep it is."""
-        of_scene = numbers(self.scene(kind, theta))
-        moved = {
-            key: value for key, value in of_scene.items()
+    def numbers(self, kind: Kind, theta: Array, sunk: float, end: int) -> dict[str, float]:
+        """The press's numbers that depend on ``theta`` and on how deep it is; over a vessel the
+        pressure at the beat's ``end``, too: 0 diastole, 1 systole."""
+        scene = self.scene(kind, theta)
+        beat = scene.pulse.diastolic_mmhg, scene.pulse.systolic_mmhg
+        loads = {"depth_mm": sunk * self.length_mm}
+        loads |= {"pressure_mmhg": beat[end]} if kind.beats else {}
+        return loads | {
+            key: value for key, value in numbers(scene).items()
             if key == "tissue.height_mm"
             or (key.startswith("inclusion.0") and not key.endswith("poisson"))
         }  # fmt: skip
-        return {"depth_mm": sunk * self.length_mm} | moved
 
 
 def random_press(name: str, block: Scene, number: int) -> tuple[Samples, Samples]:
@@ -183,10 +184,7 @@ def random_press(name: str, block: Scene, number: int) -> tuple[Samples, Samples
 
 def joined(parts: Sequence[Samples]) -> Samples:
     """All of them."""
-    return Samples(*(
-        np.concatenate(columns, axis=1 if name == "slope" else 0)
-        for name, columns in zip(Samples._fields, zip(*parts, strict=True), strict=True)
-    ))  # fmt: skip
+    return Samples(*map(np.concatenate, zip(*parts, strict=True)))
 
 
 def sample(
@@ -196,12 +194,14 @@ def sample(
     block, count = theta[-2:], len(SUNK)
     of_body, by_body = _pressed(kind, units, theta, x)
     if kind is VESSEL and theta[kind.parameters.index("narrowing")] == 0:
-        by_body[kind.parameters.index("narrowing")] = np.nan  # a ring of no thickness has no mesh
+        by_body[:, kind.parameters.index("narrowing")] = (
+            np.nan
+        )  # a ring of no thickness has no mesh
     of_bare, by_bare = _pressed(BARE, units, block, x)
     force = of_bare[:, :1]
-    log_force, by_log = of_bare * 0, by_bare / force
+    log_force, by_log = of_bare * 0, by_bare / force[:, None]
     log_force[:, :1] = np.log(force / SUNK[:, None])
-    by_log[-1, :, 0] -= 1 / SUNK
+    by_log[:, -1, 0] -= 1 / SUNK
     where, press = np.full(count, x), np.full(count, number)
     return (
         Samples(where, SUNK, np.tile(theta, (count, 1)), of_body, by_body, press),
@@ -210,40 +210,35 @@ def sample(
 
 
 def _pressed(kind: Kind, units: Units, theta: Array, x: float) -> tuple[Array, Array]:
-    """Force at diastole and pulse (d, 2) at each depth, and their derivatives (p + 1, d, 2) by each
+    """Force at diastole and pulse (d, 2) at each depth, and their derivatives (d, p + 1, 2) by each
     parameter and by depth."""
-    scene, count = units.scene(kind, theta), 1 + kind.beats
-    keys = list(units.numbers(kind, theta, 0.0))
-    by_number = _by_parameters(kind, units, theta)
-    unit, mmhg = units.force_n_per_m, 1e3 * units.modulus_kpa / PA_PER_MMHG
-    force, slope = np.zeros((count, len(SUNK))), np.zeros((count, len(theta) + 1, len(SUNK)))
+    scene, unit, count = units.scene(kind, theta), units.force_n_per_m, 1 + kind.beats
+    by_parameters = [_by_parameters(kind, units, theta, end) for end in range(count)]
+    force, slope = np.zeros((len(SUNK), count)), np.zeros((len(SUNK), len(theta) + 1, count))
     for k, solved in enumerate(ramp(scene, 1e-3 * units.place_mm(x, theta))):
         for end, state in enumerate(solved.states[:count]):
-            force[end, k] = state.force / unit
-            loads = ("pressure_mmhg",) if kind.beats else ()
-            by = gradients(solved.body, state, scene, [*keys, *loads])
-            slope[end, :, k] = by_number @ np.array([by[key] for key in keys]) / unit
-            if kind.beats:
-                pressure, swing = (kind.parameters.index(n) for n in ("log_pressure", "swing"))
-                low_mmhg, beat = np.exp(theta[pressure]) * mmhg, theta[swing] * end
-                slope[end, pressure, k] += by["pressure_mmhg"] * low_mmhg * (1 + beat) / unit
-                slope[end, swing, k] += by["pressure_mmhg"] * low_mmhg * end / unit
+            force[k, end] = state.force / unit
+            by = gradients(solved.body, state, scene, list(by_parameters[end]))
+            slope[k, :, end] = sum(by[key] * along for key, along in by_parameters[end].items())
     # a width moves all nodes along the finger, and its slope is mostly that of the mesh's own error
     slope[:, kind.parameters.index("log_half_width")] = np.nan
-    pulse = np.array([[1.0, 0.0], [-1.0, 1.0]] if kind.beats else [[1.0], [0.0]])
-    return (pulse @ force).T, np.moveaxis(np.tensordot(pulse, slope, 1), 0, 2)
+    pulse = np.array([[1.0, -1.0], [0.0, 1.0]] if kind.beats else [[1.0, 0.0]])
+    return force @ pulse, slope @ pulse / unit
 
 
-def _by_parameters(kind: Kind, units: Units, theta: Array) -> Array:
-    """Derivatives (p + 1, k) of the press's numbers by the kind's parameters and by depth."""
+def _by_parameters(kind: Kind, units: Units, theta: Array, end: int) -> dict[str, Array]:
+    """Derivatives (p + 1,) of each of the press's numbers by the kind's parameters and by depth, at
+    that end of the beat."""
     rows = []
     for k in range(len(theta) + 1):
         step = STEP * np.eye(len(theta) + 1)[k]
         if k < len(theta) and kind.parameters[k] == "narrowing" and theta[k] == 0:
             step *= 0
-        ahead, behind = (units.numbers(kind, theta + s * step[:-1], s * step[-1]) for s in (1, -1))
+        ahead, behind = (
+            units.numbers(kind, theta + s * step[:-1], s * step[-1], end) for s in (1, -1)
+        )
         rows.append([(ahead[key] - behind[key]) / (2 * STEP) for key in ahead])
-    return np.array(rows)
+    return dict(zip(ahead, np.transpose(rows), strict=True))
 
 
 def ramp(scene: Scene, x_m: float) -> list[Solved]:
@@ -303,7 +298,7 @@ def _fit(kind: Kind, samples: Samples) -> Ratios:
         zip(_slopes(_at_terms(ratios), x, sunk, theta), turned_sizes, strict=True)
     ):
         for output in outputs:  # the quotient's rule
-            along = (slope[k] - ratio * turned_size)[:, output] / size[:, output]
+            along = (slope[:, k] - ratio * turned_size)[:, output] / size[:, output]
             known = np.isfinite(along)
             scale = WEIGHT_OF_SLOPES * spread[k] * weight[known, output]
             learn(output, turned[known] * scale[:, None], along[known] * scale)

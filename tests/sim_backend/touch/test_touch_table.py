@@ -86,7 +86,7 @@ def test_a_press_is_trained_on_with_its_exact_slopes() -> None:
         ahead, behind = (
             sample(kind, units, over.theta[0] + s * along, over.x[0], 0)[0].value for s in (1, -1)
         )
-        slope = over.slope[kind.parameters.index(name)]
+        slope = over.slope[:, kind.parameters.index(name)]
         np.testing.assert_allclose(slope, (ahead - behind) / (2 * step), rtol=1e-3, atol=1e-5)
     assert np.isfinite(bare.value).all()
 
