@@ -5,11 +5,11 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from threading import Lock, Timer
 from time import monotonic
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING
 
 from probe.cli.say import inform
 from probe.core.events import Event, Phase, PhaseEntered, RunStarted, StationEnded, StationStarted
-from probe.scan.progress import StationCount
+from probe.scan.progress import StationCount, stations_said
 
 if TYPE_CHECKING:  # where there is no terminal, there is no bar to import it for
     from rich.progress import Progress, ProgressColumn
@@ -20,58 +20,41 @@ LINE_EVERY_S = 10.0
 """Between two lines of progress in a log: of an hour 360."""
 
 
-class ScanProgress:
-    """An observer of a scan: a bar in a terminal, one plain line per station elsewhere.
+@contextmanager
+def scan_progress(total: int, done: int = 0) -> Iterator[Callable[[Event], None]]:
+    """Yields an observer of a scan: a bar in a terminal, one plain line per station elsewhere.
 
     ``total`` and ``done`` as `StationCount` has them.
     """
+    count = StationCount(total, done)
+    if not sys.stderr.isatty():
+        yield stations_said(count, inform)
+        return
+    from rich.progress import BarColumn, TextColumn
 
-    def __init__(self, total: int, done: int = 0) -> None:
-        self._count = StationCount(total, done)
-        self._bar: Progress | None = None
-        if sys.stderr.isatty():
-            from rich.progress import BarColumn, TextColumn
+    bar = _bar(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[phase]:<11} {task.fields[left]}"),
+    )
+    task = bar.add_task("starting", total=total, completed=done, phase="", left="")
 
-            self._bar = _bar(
-                TextColumn("{task.description}"),
-                BarColumn(),
-                TextColumn("{task.fields[phase]:<11} {task.fields[left]}"),
-            )
-            self._task = self._bar.add_task(
-                "starting", total=total, completed=done, phase="", left=""
-            )
-
-    def __enter__(self) -> Self:
-        if self._bar is not None:
-            _try(self._bar.start)
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        if self._bar is not None:
-            _try(self._bar.stop)
-
-    def __call__(self, event: Event) -> None:
-        """Take one event of the scan."""
+    def show(event: Event) -> None:
         match event:
             case RunStarted():
-                self._count.started(event)
+                count.started(event)
             case StationStarted():
-                self._show(self._count.begun(event), self._count.left())
+                bar.update(task, description=count.begun(event), left=count.left())
             case StationEnded(complete=True):
-                self._count.ended()
-                if self._bar is not None:
-                    done, left = self._count.done, self._count.left()
-                    self._bar.update(self._task, completed=done, left=left)
-            case PhaseEntered() if self._bar is not None:
-                self._bar.update(self._task, phase=event.phase.value)
-                if event.phase is Phase.PAUSED:
-                    self._bar.update(self._task, left="paused")
+                count.ended()
+                bar.update(task, completed=count.done, left=count.left())
+            case PhaseEntered(phase=phase):
+                bar.update(task, phase=phase.value)
+                if phase is Phase.PAUSED:
+                    bar.update(task, left="paused")
 
-    def _show(self, text: str, left: str) -> None:
-        if self._bar is not None:
-            self._bar.update(self._task, description=text, left=left)
-        else:
-            inform(f"{text}, {left}" if left else text)
+    with _drawn(bar):
+        yield show
 
 
 @contextmanager
@@ -117,11 +100,8 @@ def counting(what: str) -> Iterator[Callable[[int, int], None]]:
     done_words = "{task.completed:.0f} of {task.total:.0f} " + what
     bar = _bar(TextColumn(done_words), BarColumn(), TimeRemainingColumn())
     task = bar.add_task(what)
-    _try(bar.start)
-    try:
+    with _drawn(bar):
         yield lambda done, total: bar.update(task, completed=done, total=total)
-    finally:
-        _try(bar.stop)
 
 
 class _Lines:
@@ -150,6 +130,12 @@ def _bar(*columns: "ProgressColumn") -> "Progress":
     return Progress(*columns, console=Console(stderr=True), transient=True)
 
 
-def _try(draw: Callable[[], None]) -> None:
+@contextmanager
+def _drawn(bar: "Progress") -> Iterator[None]:
     with suppress(OSError):  # the terminal is gone: what was found is still to be said
-        draw()
+        bar.start()
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            bar.stop()

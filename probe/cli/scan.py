@@ -116,7 +116,7 @@ def scan(
 
         raise typer.Exit(show_dry_run(rig, scene, out, json, changes))
     need_report(report)
-    from probe.cli.progress import ScanProgress
+    from probe.cli.progress import scan_progress
     from probe.config.changed_rig import changed
     from probe.config.scan_plan import plan_for
     from probe.guards.commands import Control, ctrl_c
@@ -127,8 +127,13 @@ def scan(
     labels = {"operator": operator, "specimen": specimen, **key_values(note or [])}
     whole = changed(resolve_rig(rig, scene)[0], changes)
     control = Control()
-    shown = ScanProgress(len(plan_for(whole).places))
+    shown = scan_progress(len(plan_for(whole).places))
     with keeping(live) as opened, ctrl_c(control), shown as progress:
+        observers: list[EventSink] = [progress]
+        if lsl:
+            from probe.scan.lsl_publisher import LslPublisher
+
+            observers.append(LslPublisher())
         scanned = scan_with(
             whole,
             out=out,
@@ -137,20 +142,11 @@ def scan(
             fallback=fallback,
             real_time=real_time or live,
             control=control,
-            observers=[progress, *publishers(lsl)],
+            observers=observers,
             opened=opened,
         )
     status = print_result(scanned, began_s, report=report, as_json=json)
     raise typer.Exit(status)
-
-
-def publishers(lsl: bool) -> "list[EventSink]":
-    """Who else follows a scan."""
-    if not lsl:
-        return []
-    from probe.scan.lsl_publisher import LslPublisher
-
-    return [LslPublisher()]
 
 
 def resume(
@@ -174,7 +170,7 @@ def resume(
     --redo presses stations again, with --set scan.indentation_mm=3 deeper.
     """
     need_report(report)
-    from probe.cli.progress import ScanProgress
+    from probe.cli.progress import scan_progress
     from probe.guards.commands import Control, ctrl_c
     from probe.scan.resume import resume as go_on
     from probe.scan.resume import unfinished
@@ -184,7 +180,7 @@ def resume(
     changes = key_values(settings or [], "--set")
     left, control = unfinished(run, again, changes), Control()
     total, done = len(left.plan.places), len(left.completed)
-    with keeping(live) as opened, ctrl_c(control), ScanProgress(total, done) as progress:
+    with keeping(live) as opened, ctrl_c(control), scan_progress(total, done) as progress:
         scanned = go_on(
             run,
             fallback=fallback,

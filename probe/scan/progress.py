@@ -58,11 +58,8 @@ class StationCount:
         return f"{self._at_most}{left_s} s left"
 
 
-def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
-    """An observer that writes over one line below a notebook's cell; none elsewhere."""
-    if not notebook_line.in_notebook():
-        return ()
-    count, say = StationCount(total, done), notebook_line.rewritten()
+def stations_said(count: StationCount, say: Callable[[str], object]) -> Callable[[Event], None]:
+    """An observer that says each station as it begins, and the time left."""
 
     def show(event: Event) -> None:
         match event:
@@ -72,7 +69,18 @@ def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
                 say(", ".join(filter(None, (count.begun(event), count.left()))))
             case StationEnded(complete=True):
                 count.ended()
-            case RunEnded():
-                say(f"{count.done} of {total} stations: {event.finish.value}", "\n")
 
-    return (show,)
+    return show
+
+
+def in_notebook(total: int, done: int) -> tuple[Callable[[Event], None], ...]:
+    """Observers that write over one line below a notebook's cell; none elsewhere."""
+    if not notebook_line.in_notebook():
+        return ()
+    count, say = StationCount(total, done), notebook_line.rewritten()
+
+    def ended(event: Event) -> None:
+        if isinstance(event, RunEnded):
+            say(f"{count.done} of {total} stations: {event.finish.value}", "\n")
+
+    return stations_said(count, say), ended
