@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from emulated_devices import ARRAY
 from running import running
 
 from drivers import ConfigError, WallClock
@@ -22,11 +23,6 @@ from sim_backend.emulators import taxels
 from sim_backend.emulators.serving import Served
 from sim_backend.phantom.array import VirtualArray
 from sim_backend.phantom.phantom import Phantom, Respond
-
-ARRAY: dict[str, Any] = {
-    "rows": 4, "columns": 7, "header": "AA55", "rate_hz": 100.0, "counter": True,
-    "check": "crc16-modbus", "scale": 10.0,
-}  # fmt: skip
 
 
 @pytest.fixture

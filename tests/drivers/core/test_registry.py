@@ -25,10 +25,14 @@ def with_keywords(clock: Clock, *, port: str, rate_hz: float = 100.0) -> Any:
     return SimpleNamespace(clock=clock, keys=SimpleNamespace(port=port, rate_hz=rate_hz))
 
 
-@pytest.fixture(params=["with_model", "with_keywords"])
+def with_a_methods_name(clock: Clock, *, copy: int = 1) -> Any:
+    return SimpleNamespace(clock=clock, keys=copy)
+
+
+@pytest.fixture(params=[with_model, with_keywords], ids=lambda factory: factory.__name__)
 def driver(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
-    point = EntryPoint("mine", f"{__name__}:{request.param}", "palpate.sensors")
-    factory = globals()[request.param]
+    factory = request.param
+    point = EntryPoint("mine", f"{__name__}:{factory.__name__}", "palpate.sensors")
     monkeypatch.setattr(EntryPoint, "load", lambda _self: factory)
     monkeypatch.setattr(registry, "entry_points", lambda group: [point] if group else [])
     return "mine"
@@ -55,17 +59,9 @@ def test_the_schema_is_the_models(driver: str) -> None:
     assert schema["required"] == ["port"]
 
 
-def with_a_methods_name(clock: Clock, *, copy: int = 1) -> Any:
-    return SimpleNamespace(clock=clock, keys=copy)
-
-
-def test_a_keyword_may_be_called_as_a_method_of_the_model_is(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    point = EntryPoint("mine", f"{__name__}:with_a_methods_name", "palpate.sensors")
-    monkeypatch.setattr(EntryPoint, "load", lambda _self: with_a_methods_name)
-    monkeypatch.setattr(registry, "entry_points", lambda group: [point] if group else [])
-    assert open_driver("sensors", "mine", WallClock(), {"copy": 2}).keys == 2
+@pytest.mark.parametrize("driver", [with_a_methods_name], indirect=True)
+def test_a_keyword_may_be_called_as_a_method_of_the_model_is(driver: str) -> None:
+    assert open_driver("sensors", driver, WallClock(), {"copy": 2}).keys == 2
 
 
 @pytest.mark.parametrize("kind, driver, keys", [

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from emulated_devices import ARRAY, PRINTED, REGISTER
 from makers_peers import RATE_HZ, lsl_stream
 
 from drivers import WallClock
@@ -44,7 +45,7 @@ def on_a_line(
 def modbus_tcp(phantom: Phantom, clock: WallClock, _folder: Path) -> Iterator[Bench]:
     with modbus.emulate(phantom, at="socket://127.0.0.1:0", framing="tcp") as served:
         port = int(served.address.rpartition(":")[2])
-        settings = {"host": "127.0.0.1", "tcp_port": port, "register": [FORCE]}
+        settings = {"host": "127.0.0.1", "tcp_port": port, "register": [REGISTER]}
         unplug, replug = partial(served.fail, "drop"), partial(served.fail, None)
         yield Bench("modbus", settings, unplug, replug, clock=clock)
 
@@ -98,19 +99,6 @@ def on_a_robot(
         sys.setswitchinterval(before_s)
 
 
-FORCE = {
-    "name": "force", "address": 100, "unit": "N", "type": "int32", "scale": 0.001, "role": "force",
-}  # fmt: skip
-PRINTED = {
-    "pattern": r"(?P<time>[0-9]+) (?P<force>[-+0-9.eE]+) N",
-    "channel": [{"name": "force", "unit": "N", "role": "force"}],
-    "rate_hz": 80.0,
-    "time_unit_s": 0.001,
-}
-ARRAY = {
-    "rows": 4, "columns": 7, "header": "AA55", "rate_hz": 100.0, "counter": True,
-    "check": "crc16-modbus", "scale": 10.0,
-}  # fmt: skip
 BOARD = {"origin_mm": grbl.ORIGIN_MM}
 PATIENT = dict.fromkeys(("answer_s", "stop_s", "watchdog_s"), 2.0)  # limits have their own tests
 homed = partial(grbl.emulate, homed=True)
@@ -135,7 +123,7 @@ SENSORS: dict[str, Make] = {
     "virtual": virtual,
     "ft300": partial(on_a_line, "ft300", ft300.emulate, "pty", {}),
     "ft300 polled": partial(on_a_line, "ft300", ft300.emulate, "pty", {"mode": "poll"}),
-    "modbus rtu": partial(on_a_line, "modbus", modbus.emulate, "pty", {"register": [FORCE]}),
+    "modbus rtu": partial(on_a_line, "modbus", modbus.emulate, "pty", {"register": [REGISTER]}),
     "modbus tcp": modbus_tcp,
     "netft": net_ft,
     "lines": partial(on_a_line, "lines", lines.emulate, "tcp", PRINTED),

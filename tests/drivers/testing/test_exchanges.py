@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from emulated_devices import ARRAY, PRINTED, REGISTER
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -59,24 +60,10 @@ def overlap(a: Rows, b: Rows) -> int:
 EMULATED: dict[str, tuple[Callable[..., Any], dict[str, Any]]] = {
     "grbl": (partial(grbl.emulate, homed=True), {"origin_mm": grbl.ORIGIN_MM}),
     "ft300": (ft300.emulate, {}),
-    "lines": (
-        lines.emulate,
-        {
-            "pattern": "[0-9]+ (?P<force>[-+0-9.]+) N",
-            "channel": [{"name": "force", "unit": "N", "role": "force"}],
-            "rate_hz": 80.0,
-        },
-    ),
-    "modbus": (
-        modbus.emulate,
-        {"register": [{"name": "f", "address": 100, "unit": "N", "type": "int32"}]},
-    ),
-    "taxels": (
-        taxels.emulate,
-        {"rows": 4, "columns": 7, "header": "AA55", "rate_hz": 100.0, "counter": True,
-         "check": "crc16-modbus", "scale": 10.0},
-    ),
-}  # fmt: skip
+    "lines": (lines.emulate, PRINTED),
+    "modbus": (modbus.emulate, {"register": [REGISTER]}),
+    "taxels": (taxels.emulate, ARRAY),
+}
 
 
 @pytest.mark.parametrize("name", EMULATED)

@@ -221,6 +221,8 @@ def test_a_lift_that_is_forbidden_while_it_is_ordered_ends_where_the_tip_is() ->
     ({"cell": (0.15, 0.01)}, True),  # 3 % of the limit
     ({"cell": (float("nan"), float("inf"))}, True),  # too few readings say nothing
     ({"cell": (-1.0, 0.01), "other": (1.0, 0.01)}, True),
+    ({"cell": (0.0, 0.0)}, False),
+    ({"cell": (0.5, 0.0)}, True),
     ({}, True),  # nothing that could feel: refused elsewhere
 ])  # fmt: skip
 def test_a_press_is_felt_as_a_push(levels: dict[str, tuple[float, float]], felt: bool) -> None:
