@@ -11,7 +11,7 @@ import pytest
 
 import drivers.tmcl
 import drivers.zaber
-from drivers import SimulatedClock, WallClock
+from drivers import SimulatedClock
 from drivers.core.leading import Lead
 from drivers.core.line import NoAnswer
 from drivers.core.segments import AHEAD_S, SegmentedMove
@@ -70,10 +70,9 @@ def flipped(answer: bytes) -> Iterator[bytes]:
 
 @pytest.mark.parametrize("name", ["zaber", "tmcl"])
 def test_no_answer_with_a_flipped_bit_is_taken(
-    name: str, winkler: Respond, monkeypatch: pytest.MonkeyPatch
+    name: str, phantom: Phantom, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each bit of each byte of a position: the sum that goes with it does not match."""
-    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=HOME)
     device = device_in(phantom, name)
     asked: list[bytes] = []
 
@@ -104,9 +103,8 @@ def test_no_answer_with_a_flipped_bit_is_taken(
 
 
 def test_a_reply_that_comes_too_late_is_not_taken_for_the_next(
-    winkler: Respond, monkeypatch: pytest.MonkeyPatch
+    phantom: Phantom, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    phantom = Phantom(load_scene("TIHA"), WallClock(), winkler, home=HOME)
     device = device_in(phantom, "zaber")
     late: list[bytes] = []
 
