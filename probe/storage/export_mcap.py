@@ -12,7 +12,7 @@ the encapsulation each number is aligned to its own size.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -241,25 +241,31 @@ def _write(
 
 def _messages(stamps: Array, columns: Sequence[tuple[str, Array]]) -> Iterator[bytes]:
     """The header (stamp, frame) and one value of each column, each aligned to its size."""
-    frame = FRAME.encode() + b"\0"
-    kinds = ["<i4", "<u4", "<u4", f"S{len(frame)}", *(kind for kind, _ in columns)]
+    layout = layout_of({str(n): kind for n, (kind, _) in enumerate(columns)})
+    rows = np.zeros(len(stamps), layout)
+    rows[".sec"], rows[".nanosec"] = np.divmod(stamps, 1_000_000_000)
+    rows[".length"], rows[".frame"] = len(FRAME) + 1, FRAME
+    for n, (_, values) in enumerate(columns):
+        rows[str(n)] = values
+    whole = rows.tobytes()
+    for at in range(0, len(whole), layout.itemsize):
+        yield ENCAPSULATION + whole[at : at + layout.itemsize]
+
+
+def layout_of(fields: Mapping[str, str]) -> np.dtype[np.void]:
+    """A message behind its encapsulation: header and ``fields``, numbers by their kinds, each
+    aligned to its own size. No field's own name has a dot."""
+    header = {".sec": "<i4", ".nanosec": "<u4", ".length": "<u4", ".frame": f"S{len(FRAME) + 1}"}
+    kinds = {**header, **fields}
     offsets, at = [], 0
-    for kind in kinds:
+    for kind in kinds.values():
         size = np.dtype(kind).itemsize
-        align = 1 if kind.startswith("S") else size
-        at += -at % align
+        at += 0 if kind.startswith("S") else -at % size
         offsets.append(at)
         at += size
-    names = [f"f{n}" for n in range(len(kinds))]
-    layout = np.dtype({"names": names, "formats": kinds, "offsets": offsets, "itemsize": at})
-    rows = np.zeros(len(stamps), layout)
-    seconds, nanoseconds = np.divmod(stamps, 1_000_000_000)
-    first = (seconds, nanoseconds, np.full(len(stamps), len(frame)), np.full(len(stamps), frame))
-    for name, values in zip(names, (*first, *(v for _, v in columns)), strict=True):
-        rows[name] = values
-    whole = rows.tobytes()
-    for n in range(len(stamps)):
-        yield ENCAPSULATION + whole[n * at : (n + 1) * at]
+    return np.dtype(
+        {"names": [*kinds], "formats": [*kinds.values()], "offsets": offsets, "itemsize": at}
+    )
 
 
 def _camel(device: str) -> str:

@@ -21,6 +21,7 @@ with needs("data", "palpate import"):
 
 SAMPLE = "palpate_msgs/msg/"
 ROLE = "role of "
+KINDS = {"float64": "<f8", "int32": "<i4", "uint8": "<u1", "bool": "<u1"}
 
 
 def own_mcap(source: Path) -> Table | None:
@@ -63,7 +64,9 @@ def _own_samples(reader: Any, summary: Any, topics: list[str]) -> Table:
 
 
 def _device(reader: Any, summary: Any, channel: Any) -> xr.Dataset:
-    layout = _layout(summary.schemas[channel.schema_id].data.decode())
+    from probe.storage.export_mcap import layout_of  # here: it needs the extra
+
+    layout = layout_of(dict(_fields(summary.schemas[channel.schema_id].data.decode())))
     said = channel.metadata
     messages = reader.iter_messages([channel.topic])
     samples = np.frombuffer(b"".join(m.data[4:][: layout.itemsize] for *_, m in messages), layout)
@@ -78,25 +81,9 @@ def _device(reader: Any, summary: Any, channel: Any) -> xr.Dataset:
     return device_of(channels, columns, lambda name: samples[name].copy())
 
 
-def _layout(text: str) -> np.dtype[np.void]:
-    """Fields of the message behind its header."""
-    kinds = {"float64": "<f8", "int32": "<i4", "uint8": "<u1", "bool": "<u1"}
-    at, names, formats, offsets = 12 + len("scan") + 1, [], [], []
-    for kind, name in _fields(text):
-        if "=" in name or kind not in kinds:
-            continue
-        size = np.dtype(kinds[kind]).itemsize
-        at += -at % size
-        names.append(name)
-        formats.append(kinds[kind])
-        offsets.append(at)
-        at += size
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": at})
-
-
 def _fields(text: str) -> Iterator[tuple[str, str]]:
-    """Type and name of each field of the first message of a ROS 2 definition."""
+    """Name and kind of each number of the first message of a ROS 2 definition."""
     for line in text.split("=" * 80)[0].splitlines():
         words = line.partition("#")[0].split()
-        if len(words) == 2:
-            yield words[0], words[1]
+        if len(words) == 2 and words[0] in KINDS and "=" not in words[1]:
+            yield words[1], KINDS[words[0]]
