@@ -62,7 +62,7 @@ def runs(
         if (scene is None or one.scene == scene)
         and (simulated is None or one.simulated == simulated)
         and (since is None or one.started_utc >= since)
-        and all(value is None or one.label(key) == value for key, value in wanted.items())
+        and all(value is None or one.labels.get(key) == value for key, value in wanted.items())
     ]
     found: dict[Path, str] = {}
     if findings or finding is not None or sort == "finding":
@@ -70,8 +70,7 @@ def runs(
         kept = [one for one in kept if finding is None or found[one.path] == finding]
     kept.sort(key=lambda one: _place(one, sort, found))
     if json:
-        rows = [asdict(o) | {"labels": dict(o.labels), "finding": found.get(o.path)} for o in kept]
-        answer_json({"runs": rows})
+        answer_json({"runs": [asdict(one) | {"finding": found.get(one.path)} for one in kept]})
         return
     show(kept, found)
 
@@ -102,7 +101,7 @@ def _place(one: "Listed", sort: By, found: dict[Path, str]) -> tuple[str, str, s
         "finding": found.get(one.path, ""),
         "name": one.path.name,
     }
-    return keys.get(sort, one.label(sort)), one.started_utc, str(one.path)
+    return keys.get(sort, one.labels.get(sort, "")), one.started_utc, str(one.path)
 
 
 def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
@@ -123,7 +122,7 @@ def show(runs: "list[Listed]", found: dict[Path, str]) -> None:
         table.add_column(head, overflow="fold", min_width=WIDTHS[head])
     for one in runs:
         labels = ", ".join(v if k in ("operator", "specimen") else f"{k}={v}"
-                           for k, v in one.labels)  # fmt: skip
+                           for k, v in one.labels.items())  # fmt: skip
         cells: list[Any] = [
             str(one.path),
             one.started_utc[:16].replace("T", " "),

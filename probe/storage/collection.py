@@ -1,14 +1,12 @@
 """A folder of runs as a collection: one line of facts for each, cheap enough for hundreds."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from probe.core.errors import RunFileError
 from probe.storage.run import open_run
-
-WORDS = ("operator", "specimen")
 
 
 @dataclass(frozen=True)
@@ -24,12 +22,8 @@ class Listed:
     finish: str | None = None
     stations: int = 0
     simulated: bool = False
-    labels: tuple[tuple[str, str], ...] = ()
+    labels: Mapping[str, str] = field(default_factory=dict)
     problem: str = ""
-
-    def label(self, key: str) -> str:
-        """One label, or nothing."""
-        return dict(self.labels).get(key, "")
 
 
 def list_runs(folder: Path) -> Iterator[Listed]:
@@ -53,5 +47,5 @@ def _facts(path: Path) -> Listed:
         None if finish is None else finish.value,
         len((config.get("plan") or {}).get("stations", ())),
         bool(run.simulated),
-        tuple((config.get("labels") or {}).items()),
+        config.get("labels") or {},
     )
